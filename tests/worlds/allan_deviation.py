@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 
 def line(n: float, b: float, k: float, tau_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Allan deviation of the datasheet."""
+    """Return the Allan deviation of the datasheet."""
     return np.sqrt(n * n / tau_s + 2.0 * math.log(2.0) / math.pi * b * b + k * k * tau_s / 3.0)
 
 
@@ -27,7 +27,7 @@ def white_variance(sigma: float, m: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def walk_variance(step: float, m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`step` is the deviation of one step."""
+    """Return the variance of a random walk; `step` is the deviation of one step."""
     return step * step * (2.0 * m * m + 1.0) / (6.0 * m)
 
 
@@ -44,20 +44,20 @@ def running_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def overlapping_of_sum(s: NDArray[np.float64], m: int) -> float:
-    """Overlapping Allan deviation over m samples from the running sum at every m/16-th place: nearer tell no more."""
+    """Overlapping Allan deviation over m samples from every (m/16)-th running sum: closer ones add nothing."""
     stride = max(1, m // 16)
     d = s[2 * m :: stride] - 2.0 * s[m:-m:stride] + s[: -2 * m : stride]
     return math.sqrt(float(np.mean(d * d)) / 2.0) / m
 
 
 def freedom(count: int, m: int) -> float:
-    """Equivalent degrees of freedom of `overlapping`, from below: those of independent differences of 2m samples, and
+    """Lower bound of the degrees of freedom of `overlapping`: those of independent differences of 2m samples, and
     half as many again for the overlap (Riley, NIST SP 1065, table 5: 1.4 to 3 times for white to random-walk noise)."""
     return max(1.0, 1.4 * (count / (2.0 * m) - 1.0)) if m > 1 else count / 2.0
 
 
 def spread(count: int, m: int) -> float:
-    """Relative standard deviation of the estimate of the deviation."""
+    """Return the relative standard deviation of the estimate of the deviation."""
     return 1.0 / math.sqrt(2.0 * freedom(count, m))
 
 

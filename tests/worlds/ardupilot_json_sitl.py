@@ -40,7 +40,7 @@ def beat(base_mode):
 
 
 class Sitl:
-    """SITL's end: asks, takes one datagram an answer, asks again."""
+    """SITL's end of the link: sends a packet, takes one datagram as the answer, and sends the next packet."""
 
     def __init__(self, *, frame_rate=1200, first=0):
         self.servo = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -55,7 +55,7 @@ class Sitl:
         self.taken = []
 
     def attach(self, inbox, side):
-        """What starts it, once the link's sockets are open."""
+        """Return the function that starts SITL, once the link's sockets are open."""
 
         def start():
             self.to = (LOOPBACK, inbox.port)
@@ -69,7 +69,7 @@ class Sitl:
         self.servo.sendto(encode_servos(packet), self.to)
 
     def take(self):
-        """The oldest answer, as text, and the step it allows."""
+        """Return the oldest answer as text, and count the step that it allows."""
         self.taken.append(self.servo.recv(65536).decode())
         self.count += 1
         return self.taken[-1]
@@ -79,7 +79,7 @@ class Sitl:
         self.ask()
 
     def unread(self):
-        """Answers that were not asked for."""
+        """Return the answers that were not taken."""
         self.servo.setblocking(False)
         found = []
         try:
@@ -91,7 +91,7 @@ class Sitl:
             self.servo.settimeout(10.0)
 
     def reboot(self):
-        """A new instance on a new port, numbers from 0."""
+        """Return a new instance on a new port, whose frame count begins at 0."""
         other = Sitl(frame_rate=self.rate)
         other.to, other.mavlink_to = self.to, self.mavlink_to
         return other
@@ -100,7 +100,7 @@ class Sitl:
         self.mavlink.sendto(self.encoder.frame(message.MSGID, pack(message)), self.mavlink_to)
 
     def heard(self):
-        """MAVLink frames that came so far."""
+        """Return the MAVLink frames that have arrived."""
         data = b""
         try:
             while True:
@@ -122,7 +122,7 @@ def sitl():
 
 @pytest.fixture
 def make(sitl):
-    """Makes links to `sitl`, opened, and closes them."""
+    """Yield a function that makes opened links to `sitl`; close them at the end."""
     links = []
 
     def build(*, far=sitl, mavlink=True, **settings):

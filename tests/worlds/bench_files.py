@@ -1,4 +1,4 @@
-"""Bench files of tests: written, loaded, or refused with what is wrong."""
+"""Bench files for tests: written and loaded, and the problems of those that are refused."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from signals.errors import ConfigError
 
 @pytest.fixture(autouse=True)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Every test works in an empty folder: what it finds comes from the installed rigs."""
+    """Run every test in an empty folder, so that only installed rigs are found."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 def load(text: str, **options: Any) -> Bench:
-    """The bench of b.yaml with this text."""
+    """Write b.yaml with this text and return its bench."""
     Path("b.yaml").write_text(text, encoding="utf-8")
     return load_bench("b.yaml", **options)
 
 
 def refused(text: str, **options: Any) -> list[str]:
-    """What is wrong with it."""
+    """Return the problems for which the bench of this text is refused."""
     with pytest.raises(ConfigError) as caught:
         load(text, **options)
     return [str(problem) for problem in caught.value.problems]

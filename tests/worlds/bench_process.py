@@ -33,14 +33,14 @@ class BenchProcess:
         self._process.wait()
 
     def finish(self, limit_s: float = 60.0) -> dict[str, Any]:
-        """Wait for its end; what run.json says."""
+        """Wait for its end and return its run.json."""
         self._process.wait(limit_s)
         assert (self.out / "run.json").exists(), (self.out / "stderr.txt").read_text()
         return json.loads((self.out / "run.json").read_text())
 
 
 def until(condition: Callable[[], Any], what: str, limit_s: float = 60.0) -> Any:
-    """The first true value of `condition`."""
+    """Wait for `condition` and return its first true value."""
     deadline = time.monotonic() + limit_s
     while not (found := condition()):
         assert time.monotonic() < deadline, f"{what} did not come within {limit_s} s"

@@ -19,7 +19,7 @@ from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from signals.samples import BaroSample, ImageSample, ImuSample
 
-WAIT_S = 10.0  # for what must happen; only a failing test waits so long
+WAIT_S = 10.0  # limit for events that must happen; only a failing test waits so long
 TOPICS = {
     "front/rgb": topic_schema(ImageSample, "rgb"),
     "front/depth": topic_schema(ImageSample, "depth"),

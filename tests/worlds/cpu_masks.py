@@ -20,7 +20,7 @@ ALL = GLIBC | NUMPY
 
 
 def output_of(script: str, environment: dict[str, str] | None = None) -> str:
-    """What a Python script prints, run in a process of its own from the root of the checkout."""
+    """Run a Python script in a process of its own at the root of the checkout and return its output."""
     result = subprocess.run(
         [sys.executable, "-c", script],
         cwd=ROOT,

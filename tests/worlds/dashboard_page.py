@@ -1,4 +1,4 @@
-"""A page without a browser: the other end of a run's connection, in a thread."""
+"""A dashboard page without a browser: the far end of a run's connection, in a thread."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fake ArduPilot with an External AHRS: its driver and its MAVLink, two wires in memory, driven by the tick."""
+"""A fake ArduPilot with an External AHRS: sensor driver and MAVLink on two wires in memory, run tick by tick."""
 
 import time
 
@@ -31,7 +31,7 @@ def truth(tick, **changes):
 
 
 class Board:
-    """ArduPilot's driver and its MAVLink. `tell` and `ask` are what it says next; `loop_us` its main loop."""
+    """ArduPilot's driver and its MAVLink. `tell` and `ask` are its next output; `loop_us` is its main period."""
 
     def __init__(self, *, loop_us=5000, asks=SETUP):
         self.to_bench = {"sensor": b"", "mavlink": b""}
@@ -106,7 +106,7 @@ class Board:
 
 
 class Wire:
-    """One end in the link, the other in the board."""
+    """A wire between the link and the board."""
 
     def __init__(self, board, side):
         self.board, self.side, self.opened = board, side, 0
@@ -157,7 +157,7 @@ class Bench:
             **(usual | settings),
         )
         self.link.open()
-        # Ticks follow one another without waiting: most of what is tested here is no matter of time.
+        # Ticks follow one another without waiting: most tests here do not depend on time.
         self.now_ns = time.monotonic_ns()
         self.link.schedule = DeadlineSchedule(
             period_ns=TICK_NS, lead_ns=0, clock_ns=lambda: self.now_ns, sleep_s=self.sleep
@@ -169,7 +169,7 @@ class Bench:
         self.now_ns += round(for_s * 1e9)
 
     def run(self, ticks=1, *, each=lambda tick: None, extra=b"", **samples):
-        """`ticks` ticks, each with a sample of every sensor unless `samples` has another, or None."""
+        """Run `ticks` ticks, each with a sample of every sensor unless `samples` has another, or None."""
         usual = {"imu": IMU, "mag": MAG, "baro": BARO, "gps": GPS if self.tick % 40 == 0 else None}
         chosen = usual | samples
         for _ in range(ticks):

@@ -1,12 +1,12 @@
-"""A PX4 SITL that is none: the mock behind PX4's own wires, and a script of what goes wrong.
+"""A stand-in for PX4 SITL: the mock on PX4's own TCP and UDP ports, with a script of faults.
 
     TCP client to port 4560 + instance     HIL messages in, HIL_ACTUATOR_CONTROLS out; once a HEARTBEAT, at connecting
-    UDP on port 18570 + instance           everything else, to whoever spoke there last
+    UDP on port 18570 + instance           everything else, to the last sender
 
-One thread, which looks at TCP first: so the order in which the bench's words reach the two wires is the bench's own
-doing. `script` is KIND@N, what happens at the N-th HIL_SENSOR: exit, kill, hang_up, stop (SIGSTOP), slow (answers
-late), lost (does not hear it), silent (answers nothing any more), heartbeat, text (silent, and says why),
-late_heartbeat (says it a second of simulated time later).
+One thread, which looks at TCP first: so the order of the bench's messages on the two wires is the bench's own.
+`script` is KIND@N, the fault at the N-th HIL_SENSOR: exit, kill, hang_up, stop (SIGSTOP), slow (answers
+late), lost (ignores it), silent (answers nothing any more), heartbeat, text (silent, and sends the reason),
+late_heartbeat (sends it a second of simulated time later).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SLOW_S = 2.0
 
 
 class FakePx4:
-    """`order` is what reached it, in this order: ("sensor", time_usec) and ("command", MAV_CMD)."""
+    """`order` lists its inputs in order of arrival: ("sensor", time_usec) and ("command", MAV_CMD)."""
 
     def __init__(self, instance: int, *, airframe: str = "iris", boot_sensors: int = 17, script: str = "") -> None:
         self.mock = MockPixhawk(airframe=airframe, boot_sensors=boot_sensors)
@@ -54,7 +54,7 @@ class FakePx4:
         self.ended = threading.Event()
 
     def serve(self) -> None:
-        """Until the bench hangs up."""
+        """Serve until the bench closes the connection."""
         try:
             self._serve()
         except ConnectionAbortedError:
@@ -88,7 +88,7 @@ class FakePx4:
                     self.on_udp(data)
 
     def _connect(self) -> socket.socket | None:
-        """As PX4: it tries until somebody listens."""
+        """Try until the bench listens, as PX4 does."""
         until_s = time.monotonic() + CONNECT_LIMIT_S
         while time.monotonic() < until_s:
             try:
@@ -98,7 +98,7 @@ class FakePx4:
         return None
 
     def on_tcp(self, unit: bytes) -> bytes:
-        """One HIL message: what is answered on TCP."""
+        """Take one HIL message and return the answer on TCP."""
         if message_id(unit) != HIL_SENSOR:
             return self.route(self.mock.feed(unit)) if not self.silent else b""
         (frame,) = FrameParser().feed(unit)
@@ -113,7 +113,7 @@ class FakePx4:
         return b"" if self.silent else self.route(self.mock.feed(unit))
 
     def misbehave(self, now_us: int) -> bool:
-        """Do what the script says; whether the message is then heard as usual."""
+        """Do the scripted fault; return True if the message is then handled as usual."""
         match self.kind:
             case "exit":
                 print("ERROR [fake] estimator diverged", flush=True)
@@ -149,12 +149,12 @@ class FakePx4:
                 command = unpack(frame).command
                 self.order.append(("command", command))
                 if command == TERMINATE:
-                    self.silent = True  # without a word
+                    self.silent = True  # without a message
         if not self.silent:
             self.route(self.mock.feed(data))
 
     def route(self, out: bytes) -> bytes:
-        """Send what belongs on UDP; what belongs on TCP."""
+        """Send the frames that belong on UDP and return those that belong on TCP."""
         answers = b""
         for unit in FrameSplitter().feed(out):
             if message_id(unit) == HIL_ACTUATOR_CONTROLS:
@@ -170,7 +170,7 @@ class FakePx4:
 
 
 def main() -> None:
-    """As PX4's program: `px4 -i INSTANCE -d DATA`. FAKE_PX4 holds the script; with FAKE_PX4_CHILD it has a child."""
+    """Run as PX4's program: `px4 -i INSTANCE -d DATA`. FAKE_PX4 holds the script; FAKE_PX4_CHILD adds a child."""
     parser = argparse.ArgumentParser()
     parser.add_argument("-i", type=int, default=0)
     parser.add_argument("-d", action="store_true")

@@ -28,17 +28,17 @@ def _frames(count: int) -> tuple[bytes, ...]:
 
 
 def frames(count: int) -> list[bytes]:
-    """Numbered ATTITUDE frames."""
+    """Return numbered ATTITUDE frames."""
     return list(_frames(count))
 
 
 def numbers(data: bytes) -> list[int]:
-    """Which of them are in `data`, in order."""
+    """Return the numbers of the frames in `data`, in order."""
     return [int.from_bytes(frame.payload[:4], "little") for frame in FrameParser().feed(data)]
 
 
 def signed(frame: bytes) -> bytes:
-    """The same frame signed, always with the same time."""
+    """Return the frame signed, always with the same time."""
     return Signer(SigningKey(bytes(32)), 1, SigningClock(lambda: 7)).sign(frame)
 
 
@@ -52,7 +52,7 @@ PIECES = st.lists(
 
 
 class Clock:
-    """Both times, set by the test."""
+    """Simulated time and wall clock, set by the test."""
 
     def __init__(self) -> None:
         self.sim_ns = 0
@@ -63,7 +63,7 @@ class Clock:
 
 
 class Wire:
-    """A transport whose far side is this test. Waiting makes the wall clock pass."""
+    """A transport whose far side is this test. Waiting advances the wall clock."""
 
     name = "wire"
 
@@ -120,11 +120,11 @@ class Rig:
         self.line.open()
 
     def through(self, units: Sequence[bytes], direction: str) -> bytes:
-        """What comes out, in the end, of `units` sent one after the other."""
+        """Send `units` one after the other and return all bytes that come out."""
         if direction == "to_autopilot":
             for unit in units:
                 self.line.write(unit)
-            self.line.read(5.0)  # time for what is held back
+            self.line.read(5.0)  # time for held-back units
             return self.wire.sent
         self.wire.inbox += units
         out = b""

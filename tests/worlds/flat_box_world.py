@@ -82,7 +82,7 @@ class Flat:
         far = ranges_m(self.boxes, float(self.p[0]), float(self.p[1]))
         seen = far < _FAR_M
         level = far[seen, None] * np.stack([np.cos(_ANGLES[seen]), np.sin(_ANGLES[seen])], axis=1)
-        # No two sweeps are equal: equal ones of a moving vehicle would mean that the LiDAR hangs.
+        # No two sweeps are equal: equal sweeps of a moving vehicle would mean a stuck LiDAR.
         ground = (_GROUND_M + 0.002 * (n % 5)) * np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
         points: np.ndarray | None = np.vstack(
             [

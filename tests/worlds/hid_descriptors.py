@@ -2,7 +2,7 @@
 
 
 def item(tag_and_type: int, value: int, size: int | None = None) -> bytes:
-    """A short item. `tag_and_type` is the prefix with size bits zero."""
+    """Return a short item. `tag_and_type` is the prefix with size bits zero."""
     if size is None:
         size = 1 if -128 <= value <= 255 else 2 if -32768 <= value <= 65535 else 4
     code = {0: 0, 1: 1, 2: 2, 4: 3}[size]
@@ -52,6 +52,6 @@ EDGETX = gamepad(buttons(24), axes(0x30, 0x31, 0x32, 0x33, 0x34, 0x35, 0x36, 0x3
 
 
 def simple_report(x: int = 128, y: int = 128, z: int = 128, rz: int = 128, *pressed: int, hat: int = 8) -> bytes:
-    """A report that fits SIMPLE."""
+    """Return a report in the layout of SIMPLE."""
     bits = hat | sum(1 << 3 + button for button in pressed)
     return bytes((x, y, z, rz)) + bits.to_bytes(3, "little")

@@ -1,4 +1,4 @@
-"""A board in HITL for tests: the mock on a pseudo-terminal whose port stays, so that it can be unplugged and come back.
+"""A board in HITL for tests: the mock on a pseudo-terminal that can be unplugged and plugged in again.
 
 The board's program runs on a thread; its clock is the wall clock.
 """
@@ -23,14 +23,14 @@ from firmware_bridge.mock_pixhawk.line import serve
 
 
 class Tap:
-    """The mock, and what it was sent; `mute` names messages that it does not send, or says everything: "all"."""
+    """The mock and its input; `mute` names messages that it does not send, or is "all"."""
 
     def __init__(self, mock: MockPixhawk, mute: Sequence[str]) -> None:
         self.mock = mock
         self.mute = set(mute)
         self.heard: list[int] = []
         self.gone = False
-        self.spoil = 0  # so many of the next commands are no numbers, with good checksums
+        self.spoil = 0  # number of next commands that hold NaN, with valid checksums
         self._in, self._out = FrameSplitter(), FrameSplitter()
 
     @property
@@ -58,7 +58,7 @@ class Tap:
         if self.spoil == 0 or message_id(unit) != MSGID["HIL_ACTUATOR_CONTROLS"]:
             return unit
         self.spoil -= 1
-        # time_usec and flags, then the controls; ten bytes of header before, a checksum behind.
+        # Ten bytes of header, time_usec and flags, the controls, a checksum.
         body = unit[1:26] + b"\0\0\xc0\x7f" + unit[30:-2]
         return (
             unit[:1]
@@ -74,7 +74,7 @@ class HitlBoard:
     """`port` is its serial port."""
 
     def __init__(self, *, params: Sequence[str] = (), mute: Sequence[str] = (), baud: int = DEFAULT_BAUD) -> None:
-        self._near, self._far = pty.openpty()  # the far end stays open: the board outlives the bench's use of its port
+        self._near, self._far = pty.openpty()  # the far end stays open when the bench closes its port
         tty.setraw(self._far)
         self.port = os.ttyname(self._far)
         self.mock = MockPixhawk(board=Board(baud=baud), params=params)
@@ -94,7 +94,7 @@ class HitlBoard:
         return False
 
     def unplug(self) -> None:
-        """Off the line for good: whoever has the port open sees it hang up."""
+        """Hang up for good, as seen by every process that has the port open."""
         self.tap.gone = True
         self._thread.join(30.0)
         assert not self._thread.is_alive()

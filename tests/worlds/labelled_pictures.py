@@ -22,7 +22,7 @@ def picture(rng: np.random.Generator, objects: list[Object], size: tuple[int, in
 
 
 def some_objects(rng: np.random.Generator, count: int = 3) -> list[Object]:
-    """People upright, vehicles lying, each in a column of its own so that none hides another."""
+    """Return tall people and wide vehicles, each in a column of its own so that none hides another."""
     found: list[Object] = []
     for i in range(count):
         label = ("person", "vehicle")[int(rng.integers(2))]
@@ -33,7 +33,7 @@ def some_objects(rng: np.random.Generator, count: int = 3) -> list[Object]:
 
 
 def write_data_set(folder: Path, frames: list[list[Object]], *, seed: int = 1) -> Path:
-    """PNGs, COCO and VOC labels, and a split of three fifths, one and one."""
+    """Write PNGs, COCO and VOC labels, and a split of 3/5, 1/5 and 1/5."""
     rng = np.random.default_rng(seed)
     (folder / "mav0/cam0/data").mkdir(parents=True)
     (folder / "annotations").mkdir()

@@ -1,4 +1,4 @@
-"""A world for tests of rays and LiDARs: any MJCF as native geometry, and what a `FrameSource` gives out about it."""
+"""A world for tests of rays and LiDARs: any MJCF as native geometry, and a `FrameSource` over it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from signals.samples import TruthState
 from sim._kernels import Geometry
 
 ZERO = (0.0, 0.0, 0.0)
-GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # what mj_ray is to see: groups of 3 and above are not looked at
+GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # geom groups that mj_ray sees: below 3
 
 
 def compiled(mjcf: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -57,7 +57,7 @@ def native(model: mujoco.MjModel, data: mujoco.MjData) -> Geometry:
 
 
 def cast(caster: Any, origins: Any, directions: Any, **options: Any) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Range and geom of rays, from t = 0 to 1e6 m unless said otherwise."""
+    """Return range and geom of rays, by default from t = 0 to 1e6 m."""
     directions = np.ascontiguousarray(directions, float).reshape(-1, 3)
     range_m, geom = np.empty(len(directions)), np.empty(len(directions), np.int32)
     t_min, t_max = options.pop("t_min", 0.0), options.pop("t_max", 1e6)
@@ -69,7 +69,7 @@ def cast(caster: Any, origins: Any, directions: Any, **options: Any) -> tuple[ND
 def mujoco_rays(
     model: mujoco.MjModel, data: mujoco.MjData, origins: Any, directions: Any
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The same by mj_ray."""
+    """Return range and geom by mj_ray."""
     directions = np.asarray(directions, float).reshape(-1, 3)
     origins = np.broadcast_to(np.asarray(origins, float).reshape(-1, 3), directions.shape)
     range_m, geom = np.empty(len(directions)), np.empty(len(directions), np.int32)
@@ -104,7 +104,7 @@ class GeometryOf:
 
 @dataclass
 class ModelFrames:
-    """A `FrameSource` over a model. Mover m is mocap body m and goes at `speed_mps[m]` from where the model has it."""
+    """A `FrameSource` over a model. Mover m is mocap body m and moves at `speed_mps[m]` from its place in the model."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -149,7 +149,7 @@ class ModelFrames:
 
 
 def truth_at(t_ns: int, **changes: Any) -> TruthState:
-    """At rest over the origin, level, 2 m up."""
+    """Return the truth of a level vehicle at rest, 2 m above the origin."""
     return TruthState(0, t_ns, (0.0, 0.0, 2.0), (1.0, 0.0, 0.0, 0.0), ZERO, ZERO, ZERO, ZERO, (), False)._replace(
         **changes
     )

@@ -1,4 +1,4 @@
-"""The world of `mock_pixhawk_world` around a mock in HITL: simulated time, arrivals late as a test wants them."""
+"""The world of `mock_pixhawk_world` around a mock in HITL: simulated time, with delays set by the test."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SimulatedTime:
 
 
 class Cable:
-    """Between bench and board: brings each write `delay_us(tick)` late, in order, while the board runs by its clock."""
+    """A cable to the board: delivers writes in order, `delay_us(tick)` late, while the board runs by its clock."""
 
     def __init__(self, board: MockPixhawk, time: SimulatedTime) -> None:
         self.board, self.time = board, time
@@ -38,7 +38,7 @@ class Cable:
         return getattr(self.board, name)
 
     def feed(self, data: bytes) -> bytes:
-        """The bench writes `data` now; what the board writes until the bench's next tick."""
+        """Write `data` as the bench; return the board's output up to the bench's next tick."""
         if not self.cut:
             at_ns = self._start_ns + self.delay_us(self._tick) * 1000
             if self._under_way:
@@ -48,7 +48,7 @@ class Cable:
         return self.wait(TICK_NS)
 
     def wait(self, duration_ns: int) -> bytes:
-        """The board alone goes on, as when the bench's machine is busy; what it writes."""
+        """Run the board alone, as while the bench's machine is busy; return its output."""
         end_ns = self._start_ns = self._start_ns + duration_ns
         out = b""
         while True:
@@ -63,7 +63,7 @@ class Cable:
 
 
 def hitl_world(*, offset_us: int = 0, drift_ppm: float = 0.0, baud: int = DEFAULT_BAUD, **settings: Any) -> World:
-    """A world whose `autopilot` is a `Cable` to a board in HITL."""
+    """Return a world whose `autopilot` is a `Cable` to a board in HITL."""
     time = SimulatedTime()
     clock = BoardClock(time, offset_us=offset_us, drift_ppm=drift_ppm)
     world = World(board=Board(clock, baud), **settings)

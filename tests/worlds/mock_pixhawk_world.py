@@ -76,7 +76,7 @@ class World:
         )
 
     def step(self) -> list[Frame]:
-        """One tick; the frames the autopilot sent in it."""
+        """Run one tick; return the frames that the autopilot sent in it."""
         t_ns = self.tick * TICK_NS
         due: list[Any] = [None, None, None]
         for i, (sensor, rate) in enumerate(self._others):
@@ -104,14 +104,14 @@ class World:
         return self.received
 
     def run(self, seconds: float) -> list[Frame]:
-        """Run on and return all frames but the actuator controls."""
+        """Run and return all frames but the actuator controls."""
         frames: list[Frame] = []
         for _ in range(round(seconds * TICK_HZ)):
             frames += [f for f in self.step() if f.msgid != MSGID["HIL_ACTUATOR_CONTROLS"]]
         return frames
 
     def run_until(self, done: Callable[[World], bool], limit_s: float) -> list[Frame]:
-        """Run until `done(world)`, at most `limit_s`; AssertionError if it never was."""
+        """Run until `done(world)`, at most `limit_s`; AssertionError otherwise."""
         frames: list[Frame] = []
         for _ in range(round(limit_s * TICK_HZ)):
             frames += [f for f in self.step() if f.msgid != MSGID["HIL_ACTUATOR_CONTROLS"]]
@@ -121,12 +121,12 @@ class World:
 
 
 def messages(frames: list[Frame], name: str) -> list[Any]:
-    """All messages of one kind."""
+    """Return all messages of one kind."""
     return [unpack(frame) for frame in frames if frame.msgid == MSGID[name]]
 
 
 def texts(frames: list[Frame]) -> list[str]:
-    """All STATUSTEXTs, chunks joined."""
+    """Return all STATUSTEXTs, chunks joined."""
     found: list[str] = []
     for m in messages(frames, "STATUSTEXT"):
         if m.id and m.chunk_seq:
@@ -137,14 +137,14 @@ def texts(frames: list[Frame]) -> list[str]:
 
 
 def results(frames: list[Frame]) -> list[tuple[int, int]]:
-    """(command, result) of every COMMAND_ACK."""
+    """Return (command, result) of every COMMAND_ACK."""
     return [(m.command, m.result) for m in messages(frames, "COMMAND_ACK")]
 
 
 def sticks(
     world: World, seconds: float, *, x: int = 0, y: int = 0, z: int = 500, r: int = 0, every_s: float = 0.1
 ) -> list[Frame]:
-    """The sticks held so for a while; what the autopilot said."""
+    """Hold the sticks for a while; return the frames of the autopilot."""
     frames: list[Frame] = []
     for _ in range(round(seconds / every_s)):
         world.send("MANUAL_CONTROL", target=1, x=x, y=y, z=z, r=r, buttons=0)

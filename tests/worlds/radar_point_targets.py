@@ -1,4 +1,4 @@
-"""Point targets as a radar records them, straight from the phase of the model; and what tests of its chain share."""
+"""Point targets as a radar records them, from the phase of the model, for tests of the processing chain."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float64]:
 def signal_of(
     targets: Sequence[Target], chirp: Chirp = CHIRP, rx: Sequence[Sequence[float]] = L_ARRAY
 ) -> NDArray[np.float64]:
-    """(receivers, chirps, samples), without noise or offset."""
+    """Return (receivers, chirps, samples), without noise or offset."""
     n, m = np.arange(chirp.samples)[None, :], np.arange(chirp.chirps)[:, None]
     t_n = n / chirp.sample_rate_hz
     t = (m - (chirp.chirps - 1) / 2) * chirp.repetition_s + (n - (chirp.samples - 1) / 2) / chirp.sample_rate_hz
@@ -42,6 +42,6 @@ def signal_of(
 def counts(
     signal: NDArray[np.float64], *, noise: float = 0.0, seed: int = 0, offset: float = 2048.0
 ) -> NDArray[np.uint16]:
-    """Rounded, with white noise."""
+    """Return the signal rounded to counts, with white noise."""
     rng = np.random.default_rng(seed)
     return np.floor(signal + offset + noise * rng.standard_normal(signal.shape) + 0.5).astype(np.uint16)

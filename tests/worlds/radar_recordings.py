@@ -37,7 +37,7 @@ def sweep(rows: list[list[float]], *, hp_cutoff_hz: float | None = 80e3) -> Swep
 
 def truth(receivers: int = 2) -> Impairments:
     """Leakage in bins 1 and 2, a turn-on, noise that falls by half, and a converter with rare odd codes."""
-    # Rounded, so that the C library's last bit, which differs between machines, is no part of the truth.
+    # Rounded, since the C library's last bit differs between machines.
     leak = [
         [round(200.0 * exp(-n / 3.979) + 150.0 * cos(2.0 * pi * 1.3 * n / 64 + k), 3) for n in range(64)]
         for k in range(receivers)
@@ -64,7 +64,7 @@ def digitise(
     receivers: int = 2,
     **options: Any,
 ) -> np.ndarray:
-    """One frame; without a signal of an empty scene."""
+    """Return one frame; without a signal, of an empty scene."""
     shape = (receivers, chirp.chirps, chirp.samples)
     chain = RadarReceiverChain(chirp, impairments, receivers, **({"seed": 1, "name": "radar"} | options))
     out = np.zeros(shape, np.uint16)

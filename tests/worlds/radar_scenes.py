@@ -1,4 +1,4 @@
-"""Small worlds, cameras and radars for tests of what a radar makes of a picture."""
+"""Small worlds, cameras and radars for tests of radar echoes from pictures."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ POWER_SCALE = (
 
 
 def world_of(folder: Path, bodies: str, surface: dict[str, float] | None = None) -> World:
-    """A world of geoms of the material "m", without ground."""
+    """Return a world of geoms of the material "m", without ground."""
     path = folder / "radar_world.xml"
     path.write_text(f'<mujoco><asset><material name="m"/></asset><worldbody>{bodies}</worldbody></mujoco>')
     section: dict[str, Any] = {"mjcf": str(path)}
@@ -47,7 +47,7 @@ def world_of(folder: Path, bodies: str, surface: dict[str, float] | None = None)
 
 
 def picture_of(world: World, camera: CameraModel, channels: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    """From the origin, to the east."""
+    """Return the picture from the origin to the east."""
     renderer = FrameRenderer(FrameGeometry(world), camera)
     picture = renderer.buffers(*channels)
     renderer.render(CameraPose((0.0, 0.0, 0.0), EASTWARDS), picture)

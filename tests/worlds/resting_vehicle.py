@@ -1,4 +1,4 @@
-"""What tests of links share: a vehicle at rest, tick by tick; its truth; a stand-in for the firmware's process."""
+"""Helpers for tests of links: a vehicle at rest, tick by tick; its truth; a stand-in for the firmware's process."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 def truth_at(t_ns: int, tick: int, **changes: Any) -> TruthState:
-    """Level and still, with `changes`."""
+    """Return the truth of a level vehicle at rest, with `changes`."""
     state = TruthState(tick, t_ns, ZERO, (1.0, 0.0, 0.0, 0.0), ZERO, ZERO, ZERO, ZERO, (0.0,) * 4, False)
     return state._replace(**changes)
 
 
 class Process:
-    """Stands for the firmware's process."""
+    """Stand-in for the firmware's process."""
 
     def __init__(self, on_start: Callable[[], object] = lambda: None, *, alive: bool = True) -> None:
         self.pid = None
@@ -46,7 +46,7 @@ class Process:
 
 
 class Drive:
-    """`link`, and ticks of a vehicle at rest: `seen` are the commands that came back, `frames` all that was heard."""
+    """Runs `link` for a vehicle at rest: `seen` holds the commands received, `frames` all frames received."""
 
     def __init__(self, link: AutopilotLink, tick_ns: int) -> None:
         self.link: Any = link

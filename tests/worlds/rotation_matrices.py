@@ -10,6 +10,6 @@ from scipy.spatial.transform import Rotation
 
 
 def rotation(q: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
-    """R of a unit quaternion w-x-y-z."""
+    """Return R of a unit quaternion w-x-y-z."""
     matrix: NDArray[np.float64] = Rotation.from_quat(q, scalar_first=True).as_matrix()
     return matrix

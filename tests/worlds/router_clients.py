@@ -36,7 +36,7 @@ def address_of(router: Router, endpoint: int = 0) -> tuple[str, int]:
 
 
 class UdpClient:
-    """Speaks from a port of its own."""
+    """A client that sends from a UDP port of its own."""
 
     def __init__(self, sysid: int = 245, compid: int = 190) -> None:
         self.encoder = FrameEncoder(sysid, compid)
@@ -51,7 +51,7 @@ class UdpClient:
         self.socket.sendto(data, to)
 
     def hear(self) -> list[Frame]:
-        """Everything that has arrived, since the beginning."""
+        """Return everything that has arrived since the beginning."""
         while True:
             try:
                 self.heard += self.parser.feed(self.socket.recv(65536))
@@ -63,7 +63,7 @@ class UdpClient:
 
 
 class TcpClient(UdpClient):
-    """Connects."""
+    """A client that connects by TCP."""
 
     def __init__(self, to: tuple[str, int], sysid: int = 245, compid: int = 190, receive_buffer: int = 0) -> None:
         self.encoder = FrameEncoder(sysid, compid)
@@ -90,7 +90,7 @@ class TcpClient(UdpClient):
 
 
 class Clock:
-    """A wall clock that the test moves."""
+    """A wall clock that the test advances."""
 
     def __init__(self) -> None:
         self.ns = 10**9
@@ -100,7 +100,7 @@ class Clock:
 
 
 def until(router: Router, done: Callable[[bytes], bool], t_ns: int = 0, limit_s: float = 10.0) -> bytes:
-    """Collect until `done` says of all that was collected that it is enough: loopback takes a moment."""
+    """Collect until `done` is true of everything collected: loopback takes a moment."""
     data = b""
     deadline = time.monotonic() + limit_s
     while True:

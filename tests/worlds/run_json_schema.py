@@ -34,7 +34,7 @@ _RUN = _section(
 
 
 def problems_of(run: Any) -> list[str]:
-    """Everything in which `run` departs from the schema."""
+    """Return every difference of `run` from the schema."""
     try:
         _RUN.model_validate(run)
     except ValidationError as error:

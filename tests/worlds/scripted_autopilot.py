@@ -1,4 +1,4 @@
-"""A scripted far side for the lockstep link: answers as PX4 does, or breaks in one declared way at one tick.
+"""A scripted autopilot for the lockstep link: answers as PX4 does, or fails in one declared way at one tick.
 
 In memory it is a loopback peer (`feed`). As a program (`python scripted_autopilot.py --port PTY ...`) it serves a
 serial port opened with pyserial.
@@ -26,7 +26,7 @@ GARBAGE = bytes(range(256)) * 3 + b"\xfd\xff\xfe\xfd"
 
 
 class FakeAutopilot:
-    """Answers each HIL_SENSOR after the first `boot_sensors`. At answer number `at` it does what `fault` says."""
+    """Answers each HIL_SENSOR after the first `boot_sensors`. At answer number `at` it does `fault`."""
 
     def __init__(self, *, boot_sensors: int = 3, fault: str = "", at: int = 5, greet: bool = True) -> None:
         self.encoder = FrameEncoder(1, 1)
@@ -91,7 +91,7 @@ class FakeAutopilot:
             case "garbage_only":
                 return GARBAGE
             case "damaged_length":
-                # A telemetry frame whose length byte grew: it seems to reach beyond the answer behind it.
+                # A telemetry frame with a raised length byte: it seems to reach beyond the answer after it.
                 broken = bytearray(telemetry)
                 broken[1] = 250
                 return bytes(broken) + self.answer(time_us, controls)

@@ -21,7 +21,7 @@ if str(CLIENT) not in sys.path:
 
 from hil_companion import Client  # noqa: E402
 
-LIMIT_S = 10.0  # a script that waits longer for its client has found a fault
+LIMIT_S = 10.0  # a script that waits longer for its client fails
 SESSION = "0123456789abcdef"
 END = {"k": "end", "status": "PASS", "text": "over"}
 RGB = np.arange(36, dtype="<u1").reshape(3, 4, 3)
@@ -113,7 +113,7 @@ class Bench:
             identity, raw = self.socket.recv_multipart()
             header = msgpack.unpackb(raw)
             if header["k"] == "ping":
-                now_ns = time.monotonic_ns() + 7_000_000_000  # another clock than the client's
+                now_ns = time.monotonic_ns() + 7_000_000_000  # a clock that differs from the client's
                 pong = {"k": "pong", "id": header["id"], "t_client_ns": header["t_client_ns"]}
                 self.send(identity, pong | {"t_bench_received_ns": now_ns, "t_bench_sent_ns": now_ns})
                 continue

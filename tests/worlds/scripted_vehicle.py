@@ -1,4 +1,4 @@
-"""A vehicle that talks MAVLink in simulated time and flies one item of its mission each half second. No physics."""
+"""A vehicle that speaks MAVLink in simulated time and flies one mission item each half second. No physics."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class ScriptedVehicle:
         self.armed, self.armed_at_ns, self.mode, self.landed_state = False, 0, 0, 1
         self.reached = 0 if autopilot == ARDUPILOT else -1  # ArduPilot's item 0 is home
 
-    # ---- what it says and hears
+    # ---- messages
 
     def say(self, name: str, *values: Any, encoder: FrameEncoder | None = None) -> None:
         message = message_class(name)(*values)
         self.out.append((encoder or self.encoder).frame(message.MSGID, pack(message)))
 
     def speak(self, t_ns: int) -> list[Frame]:
-        """What it has to say at `t_ns`."""
+        """Return its messages at `t_ns`."""
         if t_ns % S == 0 and not self.script.get("mute"):
             self.beat()
         if self.telemetry_ns and t_ns % self.telemetry_ns == 0:
@@ -77,11 +77,11 @@ class ScriptedVehicle:
                 handler(t_ns, message, frame.compid)
 
     def sent(self, name: str) -> list[Any]:
-        """The messages of this name that it was sent."""
+        """Return the messages of this name that it received."""
         return [message for _, message in self.heard if type(message).__name__ == name]
 
     def commands(self) -> list[tuple[int, float, float, float]]:
-        """(command, params 1 to 3) without the wishes for telemetry."""
+        """Return (command, params 1 to 3) of commands, without those that ask for telemetry."""
         asked = [(m.command, m.param1, m.param2, m.param3) for m in self.sent("COMMAND_LONG")]
         return [command for command in asked if command[0] not in (511, 512)]
 
@@ -93,7 +93,7 @@ class ScriptedVehicle:
             result = result.pop(0) if len(result) > 1 else result[0]
         if result is None:
             return
-        self.say("COMMAND_ACK", m.command, DENIED, 0, 0, 255, sender - 1)  # an answer to somebody else comes first
+        self.say("COMMAND_ACK", m.command, DENIED, 0, 0, 255, sender - 1)  # an answer to another system comes first
         if result == ACCEPTED:
             result = self.obey(t_ns, m)
         if result in (REJECTED_FOR_NOW, FAILED):
@@ -101,7 +101,7 @@ class ScriptedVehicle:
         self.say("COMMAND_ACK", m.command, result, 0, 0, 255, sender)
 
     def obey(self, t_ns: int, m: Any) -> int:
-        """What comes of a command that it takes."""
+        """Carry out a command that it accepts."""
         copter = self.autopilot == ARDUPILOT
         if m.command == 511:
             self.intervals[int(m.param1)] = m.param2
@@ -109,7 +109,7 @@ class ScriptedVehicle:
             self.mode = int(m.param2) if copter else int(m.param2) << 16 | int(m.param3) << 24
         elif m.command == ARM:
             if copter and self.mode != mode_number(ARDUPILOT, "GUIDED").custom_mode:
-                return FAILED  # "mode not armable": AUTO is none of those in which it arms
+                return FAILED  # "mode not armable": it does not arm in AUTO
             self.armed, self.armed_at_ns = True, t_ns
         elif m.command == MISSION_START:
             if not self.armed:
@@ -146,7 +146,7 @@ class ScriptedVehicle:
                 self.say("MISSION_ACK", 255, 190, 0)
 
     def tell(self, t_ns: int) -> None:
-        """The other telemetry: how its mission goes."""
+        """Return the telemetry of its mission."""
         self.say("MISSION_CURRENT", max(min(self.reached + 1, len(self.items) - 1), 0), len(self.items))
         if not self.armed:
             return
@@ -171,7 +171,7 @@ class ScriptedVehicle:
 
 
 def fly(station: GroundStation, vehicle: ScriptedVehicle, limit_s: float = 60.0) -> list[bytes]:
-    """Fly until DONE or the limit of simulated time; the bytes of every tick."""
+    """Fly until DONE or the limit of simulated time; return the bytes of every tick."""
     log: list[bytes] = []
     while (t_ns := len(log) * TICK_NS) < limit_s * S and station.phase is not Phase.DONE:
         log.append(station.step(t_ns, vehicle.speak(t_ns)))

@@ -1,4 +1,4 @@
-"""A yard known by formula, and what a companion's sensors say of a flight in it: walls, a flat roof, a walker.
+"""A yard in closed form, and a companion's sensor samples of a flight in it: walls, a flat roof, a walker.
 
 Walls are upright rectangles, rays meet them in closed form; the flight is a circle, so gyro and accelerometer are known
 exactly. No noise, unless a test adds some.
@@ -65,7 +65,7 @@ class Circle:
         self.start = (p[0], p[1], p[2], float(np.arctan2(R[1, 0], R[0, 0])))
 
     def angle(self, t: Float64) -> Float64:
-        """Return the angle round the circle [rad]; its speed rises as a half cosine."""
+        """Return the angle along the circle [rad]; its speed rises as a half cosine."""
         s, w = np.maximum(t - self.rest_s, 0.0), self.speed_mps / self.radius_m
         eased = 0.5 * (s - self.ease_s / np.pi * np.sin(np.pi * np.minimum(s, self.ease_s) / self.ease_s))
         return w * np.where(s < self.ease_s, eased, s - 0.5 * self.ease_s)
@@ -96,12 +96,12 @@ class Circle:
         return p[0], R[0]
 
     def velocities(self, t: Float64) -> Float64:
-        """In W."""
+        """Return velocities in W."""
         h = 1e-4
         return (self.places(t + h) - self.places(t - h)) / (2.0 * h)
 
     def velocity(self, t: float) -> Float64:
-        """In W."""
+        """Return the velocity in W."""
         return self.velocities(np.array([t]))[0]
 
     def imu(self, times_ns: list[int]) -> tuple[list[list[float]], list[list[float]]]:

@@ -34,7 +34,7 @@ sensors:
 
 
 def tiny_plan(folder: Path, *, frames: int, bench: str = BENCH, settings: tuple[str, ...] = ()) -> DatasetPlan:
-    """`folder` holds the bench and the course."""
+    """Return a small plan; `folder` holds the bench and the course."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "tiny.yaml"
     path.write_text(bench)
@@ -42,10 +42,10 @@ def tiny_plan(folder: Path, *, frames: int, bench: str = BENCH, settings: tuple[
 
 
 class Inline(Workers):
-    """Does every job in this process, when it is asked for."""
+    """Workers that do every job in this process, on demand."""
 
     def __init__(self, count: int, make_handler: Callable[[], JobHandler], *, crash_at: int = -1) -> None:
-        """`crash_at`: the batch at which everything ends as if it had been killed."""
+        """`crash_at`: the batch at which the process ends as if killed."""
         del count
         self._handler = make_handler()
         self._waiting: list[Job] = []
@@ -68,14 +68,14 @@ class Inline(Workers):
         if not block and self.has_capacity:
             return []
         jobs, self._waiting = self._waiting, []
-        return [self._handler(job) for job in jobs[::-1]]  # not in their order
+        return [self._handler(job) for job in jobs[::-1]]  # out of order
 
     def close(self) -> None:
         self._waiting = []
 
 
 class Crash(BaseException):
-    """Not an Exception: nothing tidies up after a kill either."""
+    """A kill. Not an Exception, since no clean-up follows a kill."""
 
 
 def inline(**more: Any) -> MakeOptions:
@@ -83,7 +83,7 @@ def inline(**more: Any) -> MakeOptions:
 
 
 def journal_of(root: Path) -> list[tuple[BatchRecord, int]]:
-    """Every batch that the journal knows, and where its chunk stands."""
+    """Return every batch of the journal and the place of its chunk."""
     journal = Journal(root / JOURNAL)
     try:
         return list(journal.entries())
@@ -92,7 +92,7 @@ def journal_of(root: Path) -> list[tuple[BatchRecord, int]]:
 
 
 def tree_of(root: Path) -> dict[str, tuple[int, int] | str]:
-    """Every file below `root`: bytes and checksum, or where a link leads; of the journal, what it holds."""
+    """Return size and checksum, link target, or journal content of every file below `root`."""
     found: dict[str, tuple[int, int] | str] = {}
     for folder, folders, names in os.walk(root):
         for name in [*names, *folders]:

@@ -1,7 +1,7 @@
-"""A world simple enough to be drawn by formulas: ground, spheres, and a renderer that is slow and exact.
+"""A world in closed form: ground, spheres, and a slow, exact renderer.
 
-Stands for `sim.frame.source.SharedFrames` in tests of cameras and of what becomes of their pictures, so that they say
-nothing about the raster. Sphere 1 moves at 1 m/s to the east.
+Stands in for `sim.frame.source.SharedFrames` in tests of cameras and of the use of their pictures, so that these do not
+depend on the raster. Sphere 1 moves at 1 m/s to the east.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class FormulaFrames:
         self.options: list[dict[str, Any]] = []
         self.t_ns = 0
         self.posed, self.unposed = 0, 7
-        self.geometry = FrameGeometry(load_world(load_scene("airfield")))  # what a LiDAR sees
+        self.geometry = FrameGeometry(load_world(load_scene("airfield")))  # for LiDARs
 
     def expect(self, t_ns: int) -> None:
         self.expected.append(t_ns)

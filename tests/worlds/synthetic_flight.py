@@ -1,4 +1,4 @@
-"""A made-up flight for tests of the recorder: every field different in every tick."""
+"""A synthetic flight for tests of the recorder: every field differs in every tick."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Tick(NamedTuple):
 
 
 def make_flight(ticks: int, *, seed: int = 1) -> list[Tick]:
-    """`ticks` ticks of random values and real MAVLink frames; IMU samples arrive one tick after capture."""
+    """Return `ticks` ticks of random values and real MAVLink frames; IMU samples arrive one tick after capture."""
     rng = random.Random(seed)
     bench = common.MAVLink(None, srcSystem=255, srcComponent=190)
     autopilot = common.MAVLink(None, srcSystem=1, srcComponent=1)

@@ -1,4 +1,4 @@
-"""A small map for tests: one of every shape that can be hit, told apart by name, and a person who walks to and fro."""
+"""A small map for tests: one named geom of every shape that can be hit, and a person who walks to and fro."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ PERSON = """
 
 
 class Pacer:
-    """To and fro along x at 1 m/s between x0 - 2 and x0 + 2."""
+    """A walk along x at 1 m/s, back and forth between x0 - 2 and x0 + 2."""
 
     name = "person_00"
     bodies = ("person_00_body", "person_00_head")
@@ -75,7 +75,7 @@ class Pacer:
 
 
 def yard(folder: Path, **section: Any) -> Scene:
-    """The yard as a user's own MJCF file."""
+    """Return the yard as a user's own MJCF file."""
     path = folder / "yard.xml"
     path.write_text(YARD.replace("{more}", ""))
     plain = load_scene("airfield").model_dump()
@@ -83,5 +83,5 @@ def yard(folder: Path, **section: Any) -> Scene:
 
 
 def yard_map(actor: Pacer) -> SceneMap:
-    """The yard as a generator would hand it over, with a person in it."""
+    """Return the yard as from a generator, with a person in it."""
     return SceneMap(YARD.replace("{more}", PERSON), {}, {"person": ("person_*",)}, {}, (actor,))
