@@ -1,4 +1,4 @@
-"""The whole chain from the vehicle's pose to a pixel, against MuJoCo's rays: mount, lens, shutter and renderer."""
+"""The chain from the vehicle's pose to a pixel (mount, lens, shutter, renderer) against MuJoCo's rays."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def ray_ranges(frames: SharedFrames, p_WC: Any, R_WC: Any, rays_C: np.ndarray) -
 
 @pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize("readout_s", [0.0, 0.02], ids=["at once", "rolling"])
-def test_every_pixel_is_the_ray_that_it_should_be(frames: SharedFrames, lens: str, readout_s: float) -> None:
+def test_every_pixel_agrees_with_its_ray(frames: SharedFrames, lens: str, readout_s: float) -> None:
     camera = make_sensor(
         Installation("front", rate_hz=10.0, seed=1, scene=SCENE, step_ns=4_000_000, frames=frames),
         preset="camera_320x240",
@@ -90,10 +90,10 @@ def test_every_pixel_is_the_ray_that_it_should_be(frames: SharedFrames, lens: st
         columns = rng.choice(96, 12, replace=False)
         ranges, geoms = ray_ranges(frames, p_WC, R_WC, rays_C[row, columns])
         seen = sample.channels["geom"][row, columns]
-        same = (seen == geoms) & (ranges < 60.0)  # an edge within a hair of a pixel's middle may fall either way
+        same = (seen == geoms) & (ranges < 60.0)  # an edge very close to a pixel's centre may fall either way
         agreed += int(((seen == geoms) | (ranges > 250.0)).sum())
         assert np.abs(sample.channels["range"][row, columns][same] - ranges[same]).max(initial=0.0) < 1e-3
-        # Nothing moves but the camera: the radial velocity is what it loses of its own.
+        # Only the camera moves: the radial velocity is its own, negated along the ray.
         v_WC = np.add(v_WB_W, np.cross(applied(R_WB, w_WB_B), applied(R_WB, MOUNT["mount_m"])))  # type: ignore[arg-type]
         own = [-float(np.dot(v_WC, applied(R_WC, tuple(ray)))) for ray in rays_C[row, columns]]
         assert np.abs(sample.channels["radial_velocity"][row, columns] - own)[same].max(initial=0.0) < 1e-4

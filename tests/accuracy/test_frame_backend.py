@@ -55,7 +55,7 @@ def test_silhouettes_agree_with_the_raster(park: Case, camera: CameraModel) -> N
 def test_planes_are_the_cameras_and_the_shared_model_is_left_alone(park: Case) -> None:
     if egl_problem():
         pytest.skip(egl_problem())
-    camera = CameraModel.from_fov(2000, 150, 90.0)  # wider than the buffers that the map asks for
+    camera = CameraModel.from_fov(2000, 150, 90.0)  # wider than the buffers in the map's settings
     size = park.world.model.vis.global_
     before = (size.offwidth, size.offheight)
     assert camera.width > before[0]
@@ -74,7 +74,7 @@ def test_planes_are_the_cameras_and_the_shared_model_is_left_alone(park: Case) -
             colour.close()
         depth, low, high = out["depth"], planes["near_m"], planes["far_m"]
         assert seen[(depth > 1.01 * low) & (depth < 0.99 * high)].mean() > 0.99
-        # Beyond the near plane something else may stand behind; beyond the far one there is nothing.
+        # Behind a clipped near geom another may be visible; beyond the far plane there is nothing.
         assert not seen[depth > 1.01 * high].any()
     rival = MujocoRenderer(park, camera, shadows=False)
     rival.close()
@@ -85,7 +85,7 @@ def test_planes_are_the_cameras_and_the_shared_model_is_left_alone(park: Case) -
 @pytest.mark.parametrize(
     "said", ["glfw", *(pytest.param(name, marks=pytest.mark.slow) for name in ("disabled", "egl"))]
 )
-def test_the_renderer_is_found_whatever_mujoco_was_told_when_it_was_imported(said: str) -> None:
+def test_the_renderer_is_found_for_every_mujoco_gl_at_import(said: str) -> None:
     if egl_problem():
         pytest.skip(egl_problem())
     script = "from sim.frame.mujoco_backend import egl_problem; print(egl_problem())"
@@ -118,7 +118,7 @@ def test_filament_shows_what_the_classic_renderer_shows(park: Case) -> None:
     assert here > beside + 0.1
 
 
-def test_what_cannot_be_drawn_is_refused_in_words(park: Case) -> None:
+def test_unsupported_drawings_are_refused_with_a_reason(park: Case) -> None:
     bent = CameraModel.from_fov(160, 120, 90.0, BrownConrady(-0.1, 0.0, 0.0, 0.0, 0.0))
     with pytest.raises(ColourBackendError, match="pinhole"):
         MujocoColour(park.world, bent)

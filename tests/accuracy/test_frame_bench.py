@@ -1,4 +1,4 @@
-"""What the benchmarks of raster and LiDAR compare, and that a comparison of nothing meets no check."""
+"""The comparisons of the raster and LiDAR benchmarks, and the failure of an empty comparison."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def good() -> Errors:
 
 
 @pytest.mark.parametrize("last", [False, True])
-def test_a_scene_in_which_nothing_was_compared_meets_no_check(last: bool) -> None:
+def test_a_scene_without_compared_pixels_fails_every_check(last: bool) -> None:
     assert all(check.ok for check in raster._error_checks({"a": good(), "b": good()}))
     scenes = {"a": good(), "b": Errors()} if last else {"a": Errors(), "b": good()}
     with warnings.catch_warnings():

@@ -27,7 +27,7 @@ _SIZES = {"sphere": 1, "box": 3, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "m
 
 
 def shapes_mjcf(seed: int) -> str:
-    """MJCF of 40 random geoms on 20 x 20 m over a plane, a third of them mocap bodies, and a height field."""
+    """Return MJCF of 40 random geoms on 20 x 20 m over a plane, a third of them mocap bodies, and a height field."""
     random = np.random.Generator(np.random.Philox(seed))
     parts = []
     for i in range(40):
@@ -63,7 +63,7 @@ def _text(values: object) -> str:
 def mujoco_hits(
     model: mujoco.MjModel, p_W: Float64, rays_W: Float64, near_m: Float64
 ) -> tuple[NDArray[np.int32], Float64, Float64]:
-    """Geom (-1 without one), range and normal towards the camera by mj_ray, which starts each ray at its near limit."""
+    """Return geom (or -1), range and normal towards the camera by mj_ray, which starts each ray at its near limit."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     geom, found = np.zeros(len(rays_W), np.int32), np.zeros(1, np.int32)

@@ -1,4 +1,4 @@
-"""Every rule of skipping, alone on and off: the same outputs, bit for bit."""
+"""Every skip rule, alone on and off, gives the same outputs bit for bit."""
 
 from __future__ import annotations
 

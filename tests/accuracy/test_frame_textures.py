@@ -35,7 +35,7 @@ THINGS = {
     "cube": '<geom type="box" size="0.7 0.7 0.7" pos="0 0 4" material="faces"/>',
     "ball": '<geom type="sphere" size="0.9" pos="0 0 4" material="faces"/>',
 }
-# From where, and the axis that is up in the picture.
+# Viewpoint, and the axis that is up in the picture.
 TOP, BOTTOM = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)), ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0))
 SIDES = [
     ((1.0, 0, 0), (0, 0, 1.0)),
@@ -48,7 +48,7 @@ CASES += [(name, side) for name in ("cube", "ball") for side in (TOP, BOTTOM, *S
 
 
 def picture(size: int, tint: int) -> np.ndarray:
-    """Four quarters of different colours, others for every tint."""
+    """Return a picture with four quarters of different colours, others for every tint."""
     colours = np.array([[230, 30, 30], [30, 200, 30], [40, 60, 230], [220, 210, 40]], np.uint8)
     colours = np.roll(colours, tint, axis=0)
     quarters = np.kron(np.arange(4).reshape(2, 2), np.ones((size // 2, size // 2), int))

@@ -1,4 +1,4 @@
-"""Point targets through the whole chain: range, speed, angle and amplitude against where they were put."""
+"""Point targets through the whole chain: range, speed, angle and amplitude against their true values."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from sim.radar.processing.processor import Processor
 from tests.worlds.radar_point_targets import CHIRP, L_ARRAY, counts, signal_of
 from tests.worlds.radar_recordings import WIDE
 
-AMPLITUDE = 20_000.0  # so that rounding to counts is no noise
+AMPLITUDE = 20_000.0  # so that rounding to counts is negligible
 
 
 def errors(chirp: Chirp, p: Processing, count: int, *, slowest_bins: float = 0.0) -> NDArray[np.float64]:
-    """(count, 5): range and speed in bins, azimuth and elevation in degrees, amplitude in dB at the cell's peak."""
+    """Return (count, 5): range, speed in bins, azimuth, elevation in degrees, amplitude in dB at the cell's peak."""
     rng = np.random.default_rng(7)
     processor = Processor(chirp, L_ARRAY, p)
     rows = []
     for i in range(count):
         range_m = rng.uniform(3.0, 29.0) * chirp.range_resolution_m
-        # Range migration within the frame smears the peak; of the fine chirp this leaves slow targets.
+        # Range migration within the frame smears the peak, so the fine chirp gets slow targets only.
         fastest = min(0.98 * chirp.max_speed_mps, 0.4 * chirp.range_resolution_m / chirp.frame_s)
         speed = rng.uniform(max(0.0, slowest_bins * chirp.speed_resolution_mps), fastest) * rng.choice([-1.0, 1.0])
         azimuth, elevation = rng.uniform(-60.0, 60.0), rng.uniform(-40.0, 40.0)
@@ -54,7 +54,7 @@ def test_range_speed_and_angle_between_bins(window: str, padding: int) -> None:
     worst = np.abs(errors(CHIRP, Processing.model_validate(changes), 60)).max(axis=0)
     assert worst[0] < 0.02
     assert worst[1] < 0.02
-    # Lobes that do not fall off reach from the mirror image of the real samples into the cell.
+    # Side lobes of the mirror image of the real samples do not decay and reach into the cell.
     limit_deg = 0.3 if window in ("hamming", "taylor") else 0.1
     assert worst[2] < limit_deg
     assert worst[3] < limit_deg
@@ -69,7 +69,7 @@ def test_without_a_window_the_mirror_image_costs_accuracy() -> None:
 
 
 @pytest.mark.parametrize("clutter", ["mean", "mti2", "mti3"])
-def test_clutter_removal_costs_moving_targets_nothing(clutter: str) -> None:
+def test_clutter_removal_does_not_affect_moving_targets(clutter: str) -> None:
     p = Processing.model_validate({"clutter": clutter})
     assert np.abs(errors(CHIRP, p, 40, slowest_bins=4.0)[:, :4]).max() < 0.05
 
@@ -81,7 +81,7 @@ def test_chirps_of_the_real_sensor() -> None:
     assert worst[2] < 0.1
 
 
-def test_speed_and_range_hold_where_bins_meet() -> None:
+def test_speed_and_range_are_accurate_at_bin_boundaries() -> None:
     processor = Processor(CHIRP, L_ARRAY, Processing(clutter="none"))
     for i, off in enumerate(np.linspace(-0.5, 0.5, 41)):
         speed = (12.0 + off) * CHIRP.speed_resolution_mps
@@ -94,7 +94,7 @@ def test_speed_and_range_hold_where_bins_meet() -> None:
 
 
 def test_a_fast_target_is_folded_in_speed() -> None:
-    """It crosses up to two range bins within the frame: the peak leans over and its middle is a little less sure."""
+    """It crosses up to two range bins within the frame, which smears the peak and widens the error slightly."""
     processor = Processor(CHIRP, L_ARRAY, Processing(clutter="none"))
     whole = 2.0 * CHIRP.max_speed_mps
     for i, speed in enumerate((8.0, -14.0, 30.0)):
@@ -106,7 +106,7 @@ def test_a_fast_target_is_folded_in_speed() -> None:
         assert point["range_m"] == pytest.approx(6.0 + short, abs=0.15 * CHIRP.range_resolution_m)
 
 
-def test_noise_at_30_db_leaves_what_theory_allows() -> None:
+def test_noise_at_30_db_gives_the_theoretical_spread() -> None:
     """Peak 30 dB over the map's noise. The spread of d_y is sqrt(1 / SNR) lambda / (2 pi b): 0.57 degrees ahead."""
     noise, trials = 10.0, 120
     map_noise = noise**2 * (2.0 * math.sqrt(0.375 * 64 * 0.375 * 64) / (32.0 * 32.0)) ** 2

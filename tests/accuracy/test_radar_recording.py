@@ -1,7 +1,7 @@
 """A simulated BGT60TR13C beside a real one: fitted on frames 0 to 63 of a recording, judged on frames 64 to 127.
 
 The recording is no part of this project: HIL_RADAR_RECORDING names it, or it lies in ../shared/radar beside the
-checkout. Every correlation is told beside that of two real frames. The scene has reflectors, so they are kept in the
+checkout. Every correlation is compared with that of two real frames. The scene has reflectors, so they are kept in the
 pattern.
 """
 
@@ -60,7 +60,7 @@ def comparison() -> Comparison:
 
 
 def test_noise_power_of_every_bin() -> None:
-    """256 frames simulated, so that most of what is left is the real frames' own spread and change."""
+    """256 frames are simulated, so that most of the remaining error is the spread and drift of the real frames."""
     fitted, judged = (noise_power(recording().adc[slice(*frames)]).mean(axis=0) for frames in (FITTED, JUDGED))
     simulated = noise_power(simulate(calibration().impairments, 256)).mean(axis=0)
     difference, real = decibel(simulated / judged), decibel(fitted / judged)
@@ -96,8 +96,8 @@ def test_correlation_equals_that_of_two_real_frames(variant: str) -> None:
     assert abs(pair.difference) <= 0.02, f"NCC {variant}: {pair}"
 
 
-def test_the_correlations_see_what_is_left_out() -> None:
-    """Or they would prove nothing: without leakage, or without the reflectors, they fall."""
+def test_the_correlations_detect_missing_parts_of_the_model() -> None:
+    """Without leakage, or without the reflectors, the correlations fall."""
     full = calibration().impairments
     real = recording().adc[slice(*JUDGED)]
     bare = correlations(simulate(full.model_copy(update={"leakage": None}), 8), real)
@@ -125,7 +125,7 @@ def test_the_shipped_presets_hold_what_the_recording_gives(preset: str) -> None:
 
 
 def numbers(value: Any) -> Iterator[float]:
-    """All of them, in order."""
+    """Return all numbers, in order."""
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list | tuple):

@@ -1,10 +1,10 @@
 """Allan deviation of every inertial axis of every preset against its datasheet line, tau = 0.01 to 1000 s.
 
-Three links make one chain:
+Three steps:
   1. closed form of the processes that run (white, walk, seven first-order ones, rounding) against the line;
   2. estimates from drawn noise, each axis, against the line;
   3. tests/unit/sim/sensors/test_sim_sensors_imu.py: that noise is, bit for bit, what `sample` adds.
-The estimate has scatter of its own. At the bench's rate 1000 s need hours of noise (marked slow); the fast test takes
+The estimate has scatter. At the bench's rate 1000 s need hours of noise (marked slow); the fast test takes
 0.01 to 1 s at 500 Hz and 1 to 1000 s from the same model at 1 Hz, for one preset unless the slow ones are asked for.
 """
 
@@ -48,7 +48,7 @@ def imu(preset: str, rate_hz: float, seed: int = 1, **overrides: Any) -> Any:
 
 
 def figures(preset: str, axis: int) -> tuple[float, float, float]:
-    """N, B, K of the axis."""
+    """Return N, B, K of the axis."""
     p: Any = PRESETS[preset].parameters
     if axis < 3:
         return p.accel_noise_mps2_per_rthz, p.accel_bias_instability_mps2, p.accel_walk_mps3_per_rthz
@@ -56,7 +56,7 @@ def figures(preset: str, axis: int) -> tuple[float, float, float]:
 
 
 def closed_form(preset: str, axis: int, rate_hz: float, tau_s: np.ndarray) -> np.ndarray:
-    """Exact Allan deviation of the sampled sum, with the rounding error as white noise of its variance."""
+    """Return the exact Allan deviation of the sampled sum, with the rounding error as white noise of its variance."""
     made = imu(preset, rate_hz)
     dt = made.period_ns * 1e-9
     m = np.maximum(1.0, np.round(tau_s / dt))
@@ -91,7 +91,7 @@ def test_flicker_is_flat_within_what_its_module_states() -> None:
 
 
 def worst_deviation(preset: str, noise: np.ndarray, dt: float, low_s: float, high_s: float) -> dict[str, float]:
-    """Largest relative distance of the estimate to the line, per axis."""
+    """Return the largest relative distance of the estimate to the line, per axis."""
     worst = {}
     for axis, name in enumerate(AXES):
         ratios = []
@@ -105,7 +105,7 @@ def worst_deviation(preset: str, noise: np.ndarray, dt: float, low_s: float, hig
 
 
 def output(made: Any, count: int) -> np.ndarray:
-    """The noise as the sensor delivers it, rounded."""
+    """Return the noise as the sensor delivers it, rounded."""
     noise: np.ndarray = made.noise(0, count)[:, :6]
     step = np.array(made.step)
     return np.floor(noise / step + 0.5) * step

@@ -4,7 +4,7 @@ A first-order process of deviation d and time constant T with white noise w has
 
     var = d^2 + w^2,    cov(t) = d^2 e^{-t/T},    var of x(t + dt) - x(t) = 2 w^2 + 2 d^2 (1 - e^{-dt/T})
 
-Means over seeds, not over time: what is tested is the spread between runs, and no estimate has to wait for the drift.
+Means are over seeds, not over time: the spread between runs is tested, and no estimate has to wait for the drift.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def of_kind(kind: str) -> list[str]:
 
 
 def drifting(pairs: np.ndarray, drift: float, white: float, decay: float) -> None:
-    """`pairs` [seed][2]: the error at two instants. Checks mean, spread, covariance and spread of the difference."""
+    """`pairs` [seed][2]: the error at two instants. Check mean, spread, covariance and spread of the difference."""
     total = math.hypot(drift, white)
     assert pairs[:, 0].std() == pytest.approx(total, rel=REL)
     assert pairs[:, 1].std() == pytest.approx(total, rel=REL)
@@ -78,7 +78,7 @@ def test_gps_position_and_velocity(preset: str) -> None:
     v = np.array(velocity)
     expected = [p.horizontal_speed_noise_mps] * 2 + [p.vertical_speed_noise_mps]
     assert v.std(axis=0) == pytest.approx(expected, rel=REL)
-    # What the receiver says of itself is what it does.
+    # The receiver's stated accuracy is its real one.
     assert stated[0][0] == pytest.approx(e[:, 0, :2].std(), rel=REL)
     assert stated[0][1] == pytest.approx(e[:, 0, 2].std(), rel=REL)
     cross = np.corrcoef(np.concatenate([e[:, 0], v], axis=1).T) - np.eye(6)
@@ -181,7 +181,7 @@ def test_flow_past_the_static_port() -> None:
     assert baro.sample(facing_north, 0).pressure_pa - base == pytest.approx(ahead, abs=1e-6)
 
 
-def test_gps_antenna_on_an_arm() -> None:
+def test_gps_antenna_on_a_lever_arm() -> None:
     arm = (0.1, 0.0, 0.3)
     exact = {
         f"{axis}_{what}": 0.0

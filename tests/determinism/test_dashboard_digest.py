@@ -1,4 +1,4 @@
-"""A run that is watched is the run that nobody watches: the same digest with a page open, closed or hammering."""
+"""The dashboard does not alter a run: the same digest without a page and with pages that follow, leave or flood it."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     return result
 
 
-def hammer(page: PageThread, state: dict[str, Any]) -> None:
-    """Everything that must not alter a run, much of it nonsense."""
+def flood(page: PageThread, state: dict[str, Any]) -> None:
+    """Send every message that must not alter a run, many of them invalid."""
     n = len(page.states)
     if n == 1:
         for _ in range(3):
@@ -68,12 +68,12 @@ def hammer(page: PageThread, state: dict[str, Any]) -> None:
     [
         (lambda: PageThread(), {}),
         (lambda: PageThread(["front/rgb", "front/depth"]), {}),
-        (lambda: PageThread(["front/rgb"], hammer), {"paused": True}),
+        (lambda: PageThread(["front/rgb"], flood), {"paused": True}),
         (lambda: PageThread(["front/depth"], closes_after=2), {"pace": 30.0}),
     ],
     ids=["open", "two panes", "hammered", "closed on the way"],
 )
-def test_a_watched_run_is_the_run_alone(
+def test_a_watched_run_has_the_digest_of_the_unwatched_run(
     make_page: Callable[[], PageThread], live: dict[str, Any], alone: RunResult, tmp_path: Path
 ) -> None:
     page = make_page()
@@ -89,8 +89,8 @@ def test_a_watched_run_is_the_run_alone(
     ]
 
 
-def test_a_pane_draws_nothing_in_the_run(tmp_path: Path) -> None:
-    """A camera that nobody consumes stays undrawn however much a page would like to see it."""
+def test_a_pane_makes_the_run_draw_nothing(tmp_path: Path) -> None:
+    """A camera without a consumer in the run stays undrawn, even if a page asks for it."""
     page = PageThread(["front/rgb"])
     watched = fly(tmp_path, page, mcap=False)
     assert watched.run["sensors"]["front"]["samples"] == 0
@@ -106,7 +106,7 @@ def test_the_watched_frames_are_the_runs_own(tmp_path: Path) -> None:
     assert all(frame["shape"] == [24, 32] and len(frame["data"]) == 4 * 24 * 32 for frame in frames)
 
 
-def test_a_command_that_alters_the_run_is_recorded_and_owned_up_to(alone: RunResult, tmp_path: Path) -> None:
+def test_a_command_that_alters_the_run_is_recorded_and_reported(alone: RunResult, tmp_path: Path) -> None:
     def gust(page: PageThread, state: dict[str, Any]) -> None:
         if len(page.states) == 2:
             page.say(kind="wind", velocity_W_mps=[3.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""The determinism contract (docs/determinism.md): same inputs, same digest, whatever else differs."""
+"""The determinism contract (docs/determinism.md): the same inputs give the same digest."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.mark.parametrize("runs", [3, pytest.param(20, marks=pytest.mark.slow)])
-def test_run_after_run(reference: str, tmp_path: Path, runs: int) -> None:
+def test_repeated_runs_have_the_same_digest(reference: str, tmp_path: Path, runs: int) -> None:
     digests = {digest(tmp_path / str(n), LOOPBACK, "record.mcap=false") for n in range(runs)}
     assert digests == {reference}
 
@@ -79,17 +79,17 @@ def test_with_cpu_features_masked(reference: str, tmp_path: Path, environment: d
     assert digest_in_process(tmp_path, environment) == reference
 
 
-def test_another_seed_is_another_flight(reference: str, tmp_path: Path) -> None:
+def test_another_seed_gives_another_digest(reference: str, tmp_path: Path) -> None:
     assert digest(tmp_path, LOOPBACK, seed=2) != reference
 
 
-def test_neither_recorders_nor_a_further_sensor_matter(reference: str, tmp_path: Path) -> None:
-    # The digest covers what every other sensor told the autopilot: one changed draw would show.
+def test_recorders_and_a_further_sensor_do_not_change_the_digest(reference: str, tmp_path: Path) -> None:
+    # The digest covers every other sensor's messages to the autopilot, so one changed draw would show.
     extra = ["sensors.imu2={preset: icm20689}", "sensors.gps2={preset: m8n, rate_hz: 5}"]
     assert digest(tmp_path, LOOPBACK, *extra, "record.tlog=true", "record.mcap=false") == reference
 
 
-def test_skipping_is_free_of_consequences(reference: str, tmp_path: Path) -> None:
+def test_skipping_changes_no_digest(reference: str, tmp_path: Path) -> None:
     settings = ["physics.contact_skipping=false", "sensors.gps2={preset: m8n, rate_hz: 5}", "record.mcap=false"]
     outcome = run_bench(load_bench(settings=[*SETTINGS, LOOPBACK, *settings]), tmp_path, quiet=True)
     assert outcome.run["digest"] == reference

@@ -1,4 +1,4 @@
-"""The `hil` command as a shell sees it: whatever is done to it ends in one message and the right status."""
+"""The `hil` command in a shell: every error ends in one message and the right exit status."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
     bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         wait_for(lambda: "Killed" in (tmp_path / "run.json").read_text())
-        assert status_of(tmp_path) == "ERROR"  # from the first moment on, in case of kill -9
+        assert status_of(tmp_path) == "ERROR"  # from the start on, in case of kill -9
         wait_for(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))  # it flies
         bench.send_signal(getattr(signal, name))
         _, errors = bench.communicate(timeout=60)
@@ -78,7 +78,7 @@ def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_
     assert (done.returncode, done.stderr) == (3, "error: stopped by SIGTERM\n")
 
 
-def test_nobody_reading_does_not_end_a_flight(tmp_path: Path) -> None:
+def test_an_unread_output_does_not_end_a_flight(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
         done = hil("run", "--out", str(tmp_path / "full"), *SHORT, stdout=full)
     assert done.returncode == 1  # 5 s are not enough to fly the mission: FAIL
@@ -99,7 +99,7 @@ def test_the_digest_is_printed_whole_in_plain_ascii(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("make", ["file", "below a file", "dangling link"])
-def test_a_folder_that_cannot_be_used(make: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unusable_folder_is_an_error(make: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     if make == "dangling link":
         out.symlink_to(tmp_path / "nowhere" / "at all")
@@ -137,15 +137,15 @@ def test_replay_never_overwrites_the_recording(tmp_path: Path, capsys: pytest.Ca
         (["replay", "nowhere at all"], 3),
     ],
 )
-def test_usage(arguments: list[str], status: int) -> None:
+def test_usage_errors(arguments: list[str], status: int) -> None:
     assert run_command_line(arguments) == status
 
 
-def test_a_renderer_named_in_the_environment_is_no_obstacle() -> None:
+def test_a_renderer_named_in_the_environment_is_ignored() -> None:
     assert hil("check", env={"MUJOCO_GL": "osmesa"}).returncode == 0
 
 
-def test_a_defect_is_an_error_with_a_message() -> None:
+def test_an_internal_defect_is_an_error_with_a_message() -> None:
     script = "import hil.cli.app, hil.cli.entry; hil.cli.app.run_command_line = lambda a: 1 / 0; hil.cli.entry.main()"
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 3

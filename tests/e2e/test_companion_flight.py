@@ -77,7 +77,7 @@ def test_a_flight_in_latency_true_time_and_again_beside_busy_processors(tmp_path
         again = from_trace(outcome.out, tmp_path / "again")
     assert again.run["error"] is None
     assert again.run["digest"] == outcome.run["digest"]
-    # The time of the answers matters: half a second more on the link gives another flight.
+    # The answers' times matter: half a second more latency on the link gives another flight.
     other = from_trace(outcome.out, tmp_path / "other", "companion.link_delay_s=0.5", "duration_s=15")
     assert other.run["digest"] != again.run["digest"]
 
@@ -112,10 +112,10 @@ def test_every_arrangement_carries_the_same_flight_with_the_keys_of_the_bench(ar
     assert len(_DIGESTS) == 1
 
 
-_DIGESTS: set[str] = set()  # of the flights above: one and the same
+_DIGESTS: set[str] = set()  # of the flights above, all equal
 
 
-def test_what_no_client_wants_is_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_channels_that_no_client_wants_are_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     (tmp_path / "watcher.py").write_text(
         "class Watcher:\n"

@@ -25,7 +25,7 @@ SHORT = ["autopilot.transport=loopback", "record.tlog=false", "record.report=fal
 
 
 def module(path: str, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Import the example of that path, as if its file were there."""
+    """Import the example of that path as a module."""
     (source,) = [source for name, source in BLOCKS if name == path]
     name = path.removesuffix(".py").replace("/", ".")
     made = types.ModuleType(name)
@@ -35,7 +35,7 @@ def module(path: str, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def bench_after(heading: str, folder: Path) -> Path:
-    """Write the bench of the section below that heading."""
+    """Write the bench file of the section with that heading."""
     section = TEXT.partition(f"## {heading}\n")[2].partition("\n## ")[0]
     (bench,) = re.findall(r"```yaml\n(# bench\.yaml\n.*?)```", section, re.DOTALL)
     (folder / "bench.yaml").write_text(bench)

@@ -1,6 +1,6 @@
 """The dashboard in a real browser: start a mission, follow it, fly by hand, inject faults, and replay past runs.
 
-Screenshots are left in the folder that HIL_SCREENSHOTS names, if it does.
+Screenshots are written to the folder in HIL_SCREENSHOTS, if set.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def local(url: str, address: str) -> bool:
 
 
 def picture(page: Any, name: str) -> None:
-    """Take pictures in both themes at the width of a desktop and a tablet. Asserts that nothing sticks out sideways."""
+    """Take pictures in both themes at the width of a desktop and a tablet. Fails if the page scrolls sideways."""
     folder = os.environ.get("HIL_SCREENSHOTS")
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
@@ -147,8 +147,10 @@ def start_and_watch(page: Any) -> None:
     page.wait_for_selector("#start:disabled")
     page.click("[data-stream='front/rgb']")
     until(lambda: colours_in(page, "[data-stream='front/rgb'] canvas") > 20, page=page)  # the run's own camera
-    until(lambda: colours_in(page, "[data-stream='companion/mapper/map'] canvas") > 6, page=page)  # opened by itself
-    page.select_option("#f-pace", "")  # a flight flat out may be over before a slow browser has drawn anything
+    until(
+        lambda: colours_in(page, "[data-stream='companion/mapper/map'] canvas") > 6, page=page
+    )  # opened automatically
+    page.select_option("#f-pace", "")  # a flight without a pace may be over before a slow browser has drawn anything
     until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
     assert page.inner_text("#status") == "PASS"
     log = page.inner_text("#log")
@@ -156,7 +158,7 @@ def start_and_watch(page: Any) -> None:
     assert "Mission finished, landed" in log
     assert "seed 4" in page.inner_text("#headline")
     assert "not deterministic" not in page.inner_text("#headline")
-    until(lambda: colours_in(page, "[data-stream='view/camera/rgb'] canvas") > 20, page=page)  # and the page's
+    until(lambda: colours_in(page, "[data-stream='view/camera/rgb'] canvas") > 20, page=page)
     assert page.is_enabled("#start")
     picture(page, "watched")
 
@@ -165,7 +167,7 @@ def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     until(lambda: page.is_enabled("#start"), page=page)
     page.select_option("#f-pace", "2")  # time enough for a slow browser on a busy machine to draw
     page.click("#start")
-    page.wait_for_selector("#start:disabled")  # until then the log is that of the run before
+    page.wait_for_selector("#start:disabled")  # until then the log shows the previous run
     until(lambda: "Takeoff detected" in page.inner_text("#log"), page=page)
     until(lambda: altitude_m(page) > 1.5, page=page)
     page.keyboard.down("Space")
@@ -246,7 +248,7 @@ def look_back(page: Any) -> None:
 
 
 def test_a_session_at_the_bench(page: Any) -> None:
-    """One test, since each part uses the runs of the part before."""
+    """All steps are one test, since each uses the runs of the step before."""
     start_and_watch(page)
     fly_by_hand_and_break_a_sensor(page)
     look_back(page)

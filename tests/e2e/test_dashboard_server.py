@@ -135,7 +135,7 @@ def test_a_run_is_started_stepped_reset_and_stopped(dash: Hil) -> None:
     assert len(names) == 2
 
 
-def test_a_run_with_a_page_beside_it(tmp_path: Path) -> None:
+def test_a_page_follows_a_run(tmp_path: Path) -> None:
     hil = Hil(tmp_path, "run", "--quiet", "--dash", "--dash-port", "0", "--seed", "9")
     ended = threading.Event()
 

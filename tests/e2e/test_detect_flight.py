@@ -1,4 +1,4 @@
-"""A detector in the loop: what it sees is in the recording and the judgement, live and from the trace alike."""
+"""A detector in the loop: its detections are recorded and judged, live and from the trace alike."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def boxes(out: Path) -> list[tuple[int, bytes, Any]]:
         return [(m.log_time, m.data, ros) for _, _, m, ros in reader.iter_decoded_messages(topics=topics)]
 
 
-def test_somebody_who_walks_is_seen_placed_and_recorded(flown: RunResult) -> None:
+def test_a_walking_person_is_detected_located_and_recorded(flown: RunResult) -> None:
     run = flown.run
     assert run["error"] is None, run["error"]
     search = run["search"]

@@ -1,4 +1,4 @@
-"""Twenty unmapped villages with the shipped bench and SLAM: goal reached, clearance kept, no long detour."""
+"""Twenty unmapped villages with the shipped bench and SLAM: goal reached, clearance kept, no long detours."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUICK = ("autopilot.transport=loopback", "record={mcap: false, tlog: false}")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 21))
-def test_a_village_that_nobody_has_mapped(seed: int, tmp_path: Path) -> None:
+def test_the_goal_in_an_unmapped_village_is_reached(seed: int, tmp_path: Path) -> None:
     bench = load_bench(BENCH, seed=seed, settings=(f"map_seed={seed}", *QUICK))
     run = run_bench(bench, tmp_path, quiet=True).run
     assert run["status"] == "PASS", (run["error"], run["verdict"]["reasons"])

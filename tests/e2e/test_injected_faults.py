@@ -48,7 +48,7 @@ def test_a_lost_rotor_is_recorded_and_brings_the_vehicle_down(tmp_path: Path) ->
     assert min(heights[20 * 250 :]) < 2.0
 
 
-def test_a_gust_front_is_recorded_and_felt(tmp_path: Path) -> None:
+def test_a_gust_front_is_recorded_and_changes_the_flight(tmp_path: Path) -> None:
     calm = fly(tmp_path, "wind: {steady_W_mps: [0, 0, 0]}", seconds=28)
     gust = "{at_s: 22, velocity_W_mps: [0, 8, 0], rise_s: 0.5, hold_s: 4, fall_s: 0.5}"
     gusty = fly(tmp_path, f"wind: {{gusts: [{gust}]}}", seconds=28)
@@ -59,7 +59,7 @@ def test_a_gust_front_is_recorded_and_felt(tmp_path: Path) -> None:
     assert gusty.run["digest"] != calm.run["digest"]
 
 
-def test_sensor_faults_are_recorded_and_felt(tmp_path: Path) -> None:
+def test_sensor_faults_are_recorded_and_change_the_flight(tmp_path: Path) -> None:
     what = """
 sensors:
   imu: {preset: icm20689}
@@ -95,7 +95,7 @@ faults:
     assert result.run["error"] is None
 
 
-def test_what_cannot_be_is_reported_with_its_line(tmp_path: Path) -> None:
+def test_impossible_faults_are_reported_with_their_line(tmp_path: Path) -> None:
     file = tmp_path / "bench.yaml"
     file.write_text(
         "rig: mock\n"

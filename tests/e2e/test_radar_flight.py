@@ -1,4 +1,4 @@
-"""A radar in a run, and `hil radar` over what was recorded: the same bytes live, replayed and offline."""
+"""A radar in a run, and `hil radar` on its recording: the same bytes live, replayed and offline."""
 
 from __future__ import annotations
 
@@ -66,14 +66,14 @@ def few_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """One run with everything on."""
+    """Return a run with all radar outputs on."""
     folder = tmp_path_factory.mktemp("flown")
     return folder / "run", fly(folder, BENCH.replace("REPORT", "true"))
 
 
 @pytest.fixture(scope="module")
 def processed(flown: tuple[Path, dict[str, Any]], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `hil radar` makes of that run."""
+    """Return the output of `hil radar` for that run."""
     folder = tmp_path_factory.mktemp("processed")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(hil.apps.radar.results, "PICTURES", 2)
@@ -81,7 +81,7 @@ def processed(flown: tuple[Path, dict[str, Any]], tmp_path_factory: pytest.TempP
     return folder
 
 
-def test_the_run_tells_what_the_radar_did(flown: tuple[Path, dict[str, Any]]) -> None:
+def test_run_json_reports_the_radar(flown: tuple[Path, dict[str, Any]]) -> None:
     out, run = flown
     assert run["deterministic"]
     assert run["sensors"]["radar"]["samples"] == FRAMES
@@ -95,7 +95,7 @@ def test_the_run_tells_what_the_radar_did(flown: tuple[Path, dict[str, Any]]) ->
     assert (out / "frame_radar.png").read_bytes().startswith(b"\x89PNG")
     assert "What radar saw in its fullest frame" in (out / "report.html").read_text()
     assert not (out / "calibration" / "radar.camera_info.yaml").exists()
-    # It is there half a frame after its middle, and handed on at the next tick.
+    # A frame is complete half a frame after its middle and delivered at the next tick.
     for message in read_messages(out / MCAP_NAME):
         if message.topic == "/radar/raw":
             late_ns = message.publish_time_ns - radar_frame(message).t_capture_ns
@@ -103,7 +103,7 @@ def test_the_run_tells_what_the_radar_did(flown: tuple[Path, dict[str, Any]]) ->
             assert 0 <= message.log_time_ns - message.publish_time_ns < 4_000_000
 
 
-def test_processing_again_gives_what_was_live(flown: tuple[Path, dict[str, Any]], processed: Path) -> None:
+def test_offline_processing_repeats_the_live_result(flown: tuple[Path, dict[str, Any]], processed: Path) -> None:
     out, _ = flown
     found = np.load(processed / "radar.npz")
     for name in ("points", "tracks"):
@@ -124,7 +124,7 @@ def test_processing_again_gives_what_was_live(flown: tuple[Path, dict[str, Any]]
     assert summary["source"] == "run: raw frames of 'radar'"
 
 
-def test_a_part_of_the_time_by_other_settings(
+def test_a_time_span_is_processed_with_other_settings(
     flown: tuple[Path, dict[str, Any]], processed: Path, tmp_path: Path
 ) -> None:
     out, _ = flown
@@ -134,7 +134,7 @@ def test_a_part_of_the_time_by_other_settings(
     assert not np.array_equal(found["range_time"], np.load(processed / "radar.npz")["range_time"][10:20])
     assert np.round(found["t_ns"] * 1e-9, 2).tolist() == [0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95]
     assert len(list(tmp_path.glob("range_doppler_*.png"))) == 2
-    # Beside the maps, what the camera saw at these very instants.
+    # Camera pictures of the same instants stand beside the maps.
     wanted = found["t_ns"][[0, -1]].tolist()
     seen = pictures_at(open_source(out, preset=None, texts=()), {*wanted, 1})
     assert list(seen) == wanted
@@ -142,18 +142,18 @@ def test_a_part_of_the_time_by_other_settings(
     assert not np.array_equal(*seen.values())
 
 
-def test_the_person_is_followed(processed: Path) -> None:
+def test_the_person_is_tracked(processed: Path) -> None:
     found = np.load(processed / "radar.npz")
     ends = np.cumsum(found["tracks_per_frame"])
     path = there_and_back((1.0, 0.0), (7.0, 0.0), 1.2, lane_m=0.5)
     seen, range_errors, frames = 0, [], 0
     for k, t_ns in enumerate(found["t_ns"].tolist()):
-        if t_ns < 300_000_000:  # a track needs some frames to be one
+        if t_ns < 300_000_000:  # a track is confirmed after some frames
             continue
         frames += 1
         tracks = found["tracks"][ends[k] - found["tracks_per_frame"][k] : ends[k]]
         x, y = path.place(path.progress(t_ns)[1])[:2]
-        range_m = np.hypot(np.hypot(x, y), 0.6)  # of the breast, 1.2 m up
+        range_m = np.hypot(np.hypot(x, y), 0.6)  # the chest, 1.2 m up
         errors = np.abs(tracks["range_m"] - range_m)
         if len(errors) and errors.min() < 0.5:
             seen += 1
@@ -162,7 +162,7 @@ def test_the_person_is_followed(processed: Path) -> None:
     assert np.median(range_errors) < 0.2
 
 
-def test_the_same_bytes_whatever_else_is_on(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+def test_frames_do_not_depend_on_other_outputs(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     out, run = flown
     expected = raw_of(out)
     assert len(expected) == FRAMES
@@ -184,14 +184,14 @@ def test_recorded_pictures_give_the_frames_of_a_live_radar(flown: tuple[Path, di
     assert run_command_line(["radar", str(tmp_path / "seen" / "run"), "--out", str(tmp_path / "made")]) == 0
     made = np.load(tmp_path / "made" / "raw.npz")["adc"]
     assert np.array_equal(made, raw_of(out))
-    # What it wrote is a recording like a real sensor's.
+    # Its output is a recording like a real sensor's.
     recording = str(tmp_path / "made" / "raw.npz")
     assert run_command_line(["radar", recording, "--preset", "bgt60tr13c", "--out", str(tmp_path / "twice")]) == 0
     first, second = np.load(tmp_path / "made" / "radar.npz"), np.load(tmp_path / "twice" / "radar.npz")
     assert first["points"].tobytes() == second["points"].tobytes()
 
 
-def test_what_cannot_be_processed_is_said(
+def test_runs_that_cannot_be_processed_are_refused(
     flown: tuple[Path, dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, _ = flown

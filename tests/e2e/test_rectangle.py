@@ -16,7 +16,7 @@ from tests.worlds.run_json_schema import problems_of
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One flight as a user makes it, over the pty."""
+    """Fly the default bench as a user does, over the pty."""
     out = tmp_path_factory.mktemp("run")
     done = hil("run", "--out", str(out))
     assert done.returncode == 0, done.stdout + done.stderr
@@ -51,7 +51,7 @@ def test_the_recording_holds_every_tick_and_every_message(flown: Path) -> None:
     for message in read_messages(flown / "run.mcap"):
         counts[message.topic] = counts.get(message.topic, 0) + 1
     assert counts["/truth/pose"] == counts["/imu"] == ticks
-    assert counts["/gps"] == pytest.approx(ticks / 25, abs=3)  # the last ones were still on their way
+    assert counts["/gps"] == pytest.approx(ticks / 25, abs=3)  # the last messages were still in transit
     assert counts["/baro"] == counts["/mag"] == run["sensors"]["baro"]["samples"]
     assert counts["/mavlink/to_autopilot"] > ticks
     assert counts["/actuators"] == ticks - 20
@@ -60,7 +60,7 @@ def test_the_recording_holds_every_tick_and_every_message(flown: Path) -> None:
     assert recording.metadata["hil_result"]["digest"] == run["digest"]
 
 
-def test_people_get_a_page_with_pictures(flown: Path) -> None:
+def test_the_report_is_a_page_with_pictures(flown: Path) -> None:
     page = (flown / "report.html").read_text()
     assert "PASS" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
@@ -74,7 +74,7 @@ def test_replay_says_identical_and_names_the_first_difference(tmp_path: Path) ->
     done = hil("replay", str(out), "--out", str(tmp_path / "again"))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "identical" in done.stdout
-    # Another seed is another flight: the first sample of a noisy sensor tells.
+    # Another seed gives another flight, from the first sample of a noisy sensor on.
     bench = out / "bench.yaml"
     bench.write_text(bench.read_text().replace("seed: 1\n", "seed: 2\n"))
     done = hil("replay", str(out), "--out", str(tmp_path / "other"))
@@ -84,7 +84,7 @@ def test_replay_says_identical_and_names_the_first_difference(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, *range(3, 11)))])
-def test_ten_seeds_of_ten(seed: int, tmp_path: Path) -> None:
+def test_ten_seeds_pass(seed: int, tmp_path: Path) -> None:
     bench = load_bench(seed=seed, settings=["autopilot.transport=loopback", "record.mcap=false", "record.report=false"])
     outcome = run_bench(bench, tmp_path, quiet=True)
     mission = outcome.run["mission"]

@@ -1,4 +1,4 @@
-"""One number for waypoints: run.json, console, report, picture, `hil check` and dashboard count the same ones."""
+"""Waypoints are counted alike in run.json, console, report, picture, `hil check` and dashboard."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ record: {mcap: false, tlog: false, report: true}
 
 
 def states_of(host: str) -> list[dict[str, Any]]:
-    """The state of every update that a page gets, up to the end of the run."""
+    """Return the state of every update that a page gets, up to the end of the run."""
     states = []
     with connect(f"ws://{host}/live") as page:
         while True:

@@ -1,6 +1,6 @@
-"""Clients that die, stall, lie and flood against a whole bench: a named error, or an undisturbed flight.
+"""Clients that die, stall, flood or send invalid answers in a whole run: a named error, or an undisturbed flight.
 
-Nothing is left of any run: no process, no shared memory, no socket.
+No run leaves a process, shared memory or socket behind.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ MARK = "HIL_TEST_RUN"
 
 @pytest.fixture(autouse=True)
 def nothing_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """No process, no shared memory, no socket of the benches in this process."""
+    """Fail if a process, shared memory or socket of the benches in this process is left."""
     monkeypatch.setenv(MARK, str(tmp_path))
-    monkeypatch.setattr(started, "_END_S", 0.3)  # clients that cannot end are many here
+    monkeypatch.setattr(started, "_END_S", 0.3)  # many clients here cannot end
     made: list[Path] = []
     opened = CompanionServer.open
 
@@ -67,8 +67,8 @@ def port() -> int:
 
 
 @contextmanager
-def beside(act: Callable[[], None]) -> Iterator[list[BaseException]]:
-    """Somebody acts on the link during the flight; what went wrong with that is raised at the end."""
+def alongside(act: Callable[[], None]) -> Iterator[list[BaseException]]:
+    """Run `act` in a thread during the flight and raise its error at the end."""
     failed: list[BaseException] = []
 
     def run() -> None:
@@ -88,7 +88,7 @@ def beside(act: Callable[[], None]) -> Iterator[list[BaseException]]:
 
 
 def run_on(folder: Path, port: int, companion: str, *settings: str) -> RunResult:
-    """On a port that is known beforehand."""
+    """Fly the bench with its companion link on this port."""
     return fly(folder, f"{ONE_PORT}, {companion}", settings=(f"companion.port={port}", *settings))
 
 
@@ -116,7 +116,7 @@ class Cut:
 
 
 def hostile(folder: Path, fault: str, monkeypatch: pytest.MonkeyPatch) -> str:
-    """A pilot of its own with a fault; how `start` names it."""
+    """Write a faulty pilot and return the companion section that starts it."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "hostile.py").write_text(CUT.replace("FAULT", fault))
     monkeypatch.setenv("PYTHONPATH", str(folder))
@@ -141,7 +141,7 @@ def test_a_pilot_that_is_killed_is_a_named_error(
     last_s = max(m.log_time_ns for m in read_messages(outcome.out / "run.mcap") if m.topic == "/truth/pose") * 1e-9
     if kind_of_time == "lockstep":
         assert last_s == pytest.approx(30 / 25, abs=0.005)
-    assert outcome.run["timing"]["total_s"] < 60.0  # a fuse, no measurement
+    assert outcome.run["timing"]["total_s"] < 60.0  # a safety limit, not a measurement
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_a_pilot_that_stalls_or_fails_is_a_named_error(
 
 
 def pilot(port: int, name: str, frames: int, *, wait_s: float = 20.0) -> int:
-    """A raw pilot that hovers for so many frames and goes without a word; the number of its last frame."""
+    """Hover as a raw pilot for `frames` frames, disconnect without a message, and return the last frame's number."""
     with RawClient(f"tcp://127.0.0.1:{port}") as client:
         client.hello(name, topics=["truth"], control=True, shared_memory=False)
         number = -1
@@ -186,20 +186,20 @@ def test_a_pilot_that_dies_and_comes_back_flies_on(tmp_path: Path, port: int) ->
         time.sleep(0.2)
         flown.append(pilot(port, "raw", 10_000))
 
-    with beside(act):
+    with alongside(act):
         outcome = run_on(tmp_path, port, "clients: 1, control: true, rate_hz: 25", *SHORT, "companion.reconnect_s=20")
     assert outcome.run["error"] is None, outcome.run["error"]
     assert flown == [39, 149]
     counts = outcome.run["companion"]["clients"]["raw"]
     assert counts["dropped"] == 0
-    # As if nothing had happened: a flight is its answers.
-    with beside(lambda: flown.append(pilot(port, "raw", 10_000))):
+    # The loss changes nothing: the flight depends on the answers alone.
+    with alongside(lambda: flown.append(pilot(port, "raw", 10_000))):
         whole = run_on(tmp_path / "whole", port, "clients: 1, control: true, rate_hz: 25", *SHORT)
     assert whole.run["digest"] == outcome.run["digest"]
 
 
 def watch(port: int, then: Callable[[RawClient, dict[str, Any]], bool], *, credit: int = 2) -> None:
-    """An observer that does `then` with every frame until that says so; it joins during the flight."""
+    """Join as an observer during the flight and call `then` with every frame until it returns True."""
     with RawClient(f"tcp://127.0.0.1:{port}") as client:
         client.hello("watcher", topics=["truth"], credit=credit, shared_memory=False)
         client.expect("welcome")
@@ -240,18 +240,18 @@ def floods(client: RawClient, header: dict[str, Any]) -> bool:
 
 @pytest.fixture(scope="module")
 def unobserved(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Digest of the flight without observers."""
+    """Return the digest of the flight without observers."""
     outcome = fly(tmp_path_factory.mktemp("alone"), f"{ONE_PORT}, {PILOT}", settings=SHORT)
     assert outcome.run["error"] is None
     return str(outcome.run["digest"])
 
 
 @pytest.mark.parametrize("observer", [stalls, garbles, floods])
-def test_an_observer_changes_nothing_whatever_it_does(
+def test_a_faulty_observer_does_not_change_the_flight(
     observer: Callable[[RawClient, dict[str, Any]], bool], tmp_path: Path, port: int, unobserved: str
 ) -> None:
     companion = "start: [waypoints], clients: 2, control: true, rate_hz: 25"
-    with beside(lambda: watch(port, observer)):
+    with alongside(lambda: watch(port, observer)):
         outcome = run_on(tmp_path, port, companion, *SHORT, "companion.reply_timeout_s=0.5")
     run = outcome.run
     assert run["error"] is None, run["error"]
@@ -261,24 +261,24 @@ def test_an_observer_changes_nothing_whatever_it_does(
     assert watcher["frames"] > 0
 
 
-def test_nobody_comes(tmp_path: Path) -> None:
+def test_missing_clients_are_a_handshake_error(tmp_path: Path) -> None:
     outcome = fly(tmp_path, "clients: 2", settings=("companion.connect_timeout_s=0.3",))
     assert_error(outcome, "HandshakeError", "0 of 2 clients within 0.3 s", "ipc://")
 
 
-def test_a_started_client_that_ends_at_once_has_the_last_word(tmp_path: Path) -> None:
+def test_the_output_of_a_started_client_that_ends_at_once_is_reported(tmp_path: Path) -> None:
     outcome = fly(tmp_path, "start: [waypoints], settings: {warp: 9}, control: true")
     assert_error(outcome, "LinkClosed", "companion waypoints", "status 2", "warp")
     assert "warp" in (outcome.out / "companion_waypoints.log").read_text()
 
 
-def test_a_started_client_that_does_not_exist(tmp_path: Path) -> None:
+def test_a_started_client_that_does_not_exist_is_named(tmp_path: Path) -> None:
     outcome = fly(tmp_path, "start: ['no.such:Cut']")
     assert_error(outcome, "LinkClosed", "companion Cut", "no.such")
 
 
 @pytest.mark.parametrize("arrangement", ["shared_memory", "one_port"])
-def test_a_port_in_use(arrangement: str, tmp_path: Path, port: int) -> None:
+def test_a_port_in_use_is_named(arrangement: str, tmp_path: Path, port: int) -> None:
     with socket.socket(socket.AF_UNIX if arrangement == "shared_memory" else socket.AF_INET) as other:
         path = Path(tempfile.gettempdir()) / f"hil-companion-{port}"
         other.bind(str(path) if arrangement == "shared_memory" else ("127.0.0.1", port))
@@ -336,7 +336,7 @@ def test_a_bench_that_is_killed_takes_its_clients_with_it(tmp_path: Path, port: 
     until(lambda: marked_processes(f"{MARK}={tmp_path}") == set())
     until(lambda: not [ring for ring in rings if ring.exists()])
     assert saved(tmp_path / "run")["error"]["type"] == "Killed"
-    # Its socket lies there still, and is in nobody's way.
+    # The socket file that remains does not disturb the next bench.
     path = Path(tempfile.gettempdir()) / f"hil-companion-{port}"
     assert path.exists()
     outcome = fly(tmp_path / "next", PILOT, settings=(f"companion.port={port}", "duration_s=1"))

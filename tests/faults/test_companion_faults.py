@@ -1,4 +1,4 @@
-"""Companion clients that break, stall, lie and flood: each is named or refused, and the others do not notice.
+"""Companion clients that break, stall, flood or send invalid messages: each is named or refused, others are unaffected.
 
 Every test ends with a healthy client that is served as before.
 """
@@ -26,7 +26,7 @@ DONE = {"k": "done", "frame": 0, "t_received_ns": 1, "t_sent_ns": 2, "t2_ns": 0,
 
 @contextmanager
 def healthy(server: CompanionServer) -> Iterator[Callable[[], None]]:
-    """A client that does everything right; what is yielded makes it fly one more frame, as must be possible."""
+    """Yield a function that serves one more frame to a correct client, before and after the test as well."""
     with RawClient(server.endpoint) as client:
         join(server, client, "healthy", topics=["imu"])
         numbers = iter(range(100_000, 200_000))
@@ -39,7 +39,7 @@ def healthy(server: CompanionServer) -> Iterator[Callable[[], None]]:
         fly()
         stats = server.stats()["healthy"]
         assert (stats.malformed, stats.dropped, stats.returned) == (0, 0, 0)
-        assert client.silent()  # and nobody else's words reached it
+        assert client.silent()  # no other client's messages reached it
 
 
 def test_client_that_vanishes_mid_frame_is_lost_and_comes_back() -> None:
@@ -103,17 +103,17 @@ def test_stalled_client_is_dropped_by_the_caller_and_returns_on_the_same_connect
         ({"shared_memory": None}, "malformed"),
     ],
 )
-def test_hello_that_is_refused(change: dict[str, object], code: str) -> None:
+def test_invalid_hello_is_refused(change: dict[str, object], code: str) -> None:
     with serving() as server, healthy(server), RawClient(server.endpoint) as client:
         client.hello(**{"name": "cut", **change})  # type: ignore[arg-type]
         until(server, lambda: not client.silent(0.0))
         refused = client.expect("refused")
         assert refused["code"] == code, refused
         assert refused["text"]
-        join(server, client)  # a second try, and a right one
+        join(server, client)  # a second, valid hello
 
 
-def test_places_and_control_are_limited() -> None:
+def test_the_number_of_clients_and_of_pilots_is_limited() -> None:
     with serving(max_clients=2) as server, healthy(server), RawClient(server.endpoint) as pilot:
         join(server, pilot, "pilot", control=True)
         with RawClient(server.endpoint) as third:
@@ -153,7 +153,7 @@ def test_places_and_control_are_limited() -> None:
         {"desired": {"a_W": [1e300, 0, 0]}},
     ],
 )
-def test_answer_without_sense_is_refused_and_the_right_one_still_counts(change: dict[str, object]) -> None:
+def test_invalid_answer_is_refused_and_the_valid_one_after_it_counts(change: dict[str, object]) -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client, control=True)
         server.send(frame_of(0))
@@ -188,7 +188,7 @@ def test_commands_need_control_and_credits_have_a_limit() -> None:
 
 
 @pytest.mark.parametrize("key", ["other key", "no key", "wrong bench"])
-def test_wrong_keys_are_turned_away_and_the_right_one_is_served(key: str, tmp_path: Path) -> None:
+def test_wrong_keys_are_refused_and_the_right_one_is_served(key: str, tmp_path: Path) -> None:
     make_keys(tmp_path / "bench", ["cut"])
     make_keys(tmp_path / "other", ["cut"])
     right, other = read_pair(tmp_path / "bench", "cut"), read_pair(tmp_path / "other", "cut")
@@ -244,7 +244,7 @@ def test_close_does_not_wait_for_clients_that_do_not_read() -> None:
         server.close()
 
 
-def test_decoder_never_raises_anything_else() -> None:
+def test_decoder_raises_only_its_own_error() -> None:
     good = [
         DONE,
         {"k": "credit", "n": 3},

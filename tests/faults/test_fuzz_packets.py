@@ -1,6 +1,6 @@
-"""A million broken packets through everything that reads bytes from a wire: named errors only, bounded memory.
+"""A million broken packets through every decoder of received bytes: named errors only, bounded memory.
 
-The parser and the decoders of messages and of ArduPilot's servo packets meet a million each, what is slower fewer. The
+The parser and the decoders of messages and of ArduPilot's servo packets get a million each, slower code fewer. The
 packets are true frames of every known message with random payloads (MAVLink 1 and 2, signed, shorter and longer than
 they should be), then left alone, cut, bit-flipped, given a wrong checksum or another length, or replaced by random
 bytes. No wall-clock time is asserted: the suite's time limit ends what does not end.
@@ -44,12 +44,12 @@ COMMON = [
     "EXTENDED_SYS_STATE HOME_POSITION SET_MODE RC_CHANNELS_OVERRIDE DISTANCE_SENSOR HIL_SENSOR HIL_GPS",
     "HIL_OPTICAL_FLOW HIL_STATE_QUATERNION HIL_ACTUATOR_CONTROLS",
 ]
-# Two packets in three are of the messages that somebody here reads.
+# Two packets in three are of messages that the project reads.
 FAVOURITES = np.array([MSGID[name] for line in COMMON for name in line.split()])
 
 
 def any_frame(rng: np.random.Generator, msgid: int, noise: bytes) -> bytes:
-    """A frame with a true checksum; its length need not be the message's."""
+    """Return a frame with a valid checksum, whose length may differ from the message's."""
     shape = SHAPES[msgid]
     kind, length = rng.integers(0, 10), shape.length
     if kind < 2:
@@ -66,7 +66,7 @@ def any_frame(rng: np.random.Generator, msgid: int, noise: bytes) -> bytes:
 
 
 def fuzzed(count: int, *, seed: int) -> Iterator[bytes]:
-    """`count` packets, a batch at a time as one stream of bytes."""
+    """Yield `count` packets as streams of bytes, a batch at a time."""
     rng = np.random.default_rng(seed)
     for at in range(0, count, BATCH):
         yield _batch(rng, min(BATCH, count - at))
@@ -82,14 +82,14 @@ def _batch(rng: np.random.Generator, count: int) -> bytes:
     chosen = rng.integers(0, len(templates), count)
     packets, lengths = table[chosen].copy(), sizes[chosen]
     rows = np.arange(count)
-    kind = rng.integers(0, 8, count)  # 0 to 2: as it is
+    kind = rng.integers(0, 8, count)  # 0 to 2: unchanged
     flip = kind == 3
     for _ in range(3):
         where = (rng.random(count) * lengths).astype(int)
         packets[rows[flip], where[flip]] ^= (1 << rng.integers(0, 8, count)).astype(np.uint8)[flip]
     cut = kind == 4
     lengths = np.where(cut, (rng.random(count) * lengths).astype(int), lengths)
-    longer = kind == 5  # a length that the frame does not have, often the greatest
+    longer = kind == 5  # a wrong length, often the greatest
     packets[rows[longer], 1] = np.where(rng.random(count) < 0.5, 255, rng.integers(0, 256, count))[longer]
     wrong = (kind == 6) & (lengths > 2)
     packets[rows[wrong], lengths[wrong] - 1] ^= 0x55
@@ -100,7 +100,7 @@ def _batch(rng: np.random.Generator, count: int) -> bytes:
 
 
 def pieces(data: bytes, seed: int) -> Iterator[bytes]:
-    """`data` as a line delivers it: cut anywhere."""
+    """Yield `data` cut at random places, as from a serial line."""
     rng = np.random.default_rng(seed)
     at = 0
     while at < len(data):
@@ -110,7 +110,7 @@ def pieces(data: bytes, seed: int) -> Iterator[bytes]:
 
 
 def decode_all(count: int, seed: int) -> tuple[int, int, int]:
-    """Frames, refusals, messages seen. Any error but CodecError gets out."""
+    """Return frames, refusals and messages seen. Errors other than CodecError are raised."""
     parser, refused, kinds = FrameParser(), 0, set()
     for number, data in enumerate(fuzzed(count, seed=seed)):
         for piece in pieces(data, number):
@@ -129,13 +129,13 @@ def decode_all(count: int, seed: int) -> tuple[int, int, int]:
 
 def test_parser_and_decoders() -> None:
     frames, refused, kinds = decode_all(1_000_000, seed=1)
-    assert frames > 300_000  # they did reach the decoders
+    assert frames > 300_000
     assert refused > 0
     assert kinds > len(IDS) * 0.99
 
 
 def test_memory_stays_bounded() -> None:
-    decode_all(BATCH, seed=2)  # what is made once, on first use
+    decode_all(BATCH, seed=2)  # caches that are filled on first use
     batches = list(fuzzed(3 * BATCH, seed=3))
     parser, splitter, mock = FrameParser(), FrameSplitter(), MockPixhawk()
     tracemalloc.start()
@@ -143,11 +143,11 @@ def test_memory_stays_bounded() -> None:
         for data in batches:
             for piece in pieces(data[: len(data) // 2], 1):
                 for frame in parser.feed(piece):
-                    with suppress(CodecError):  # of a message that only framing knows
+                    with suppress(CodecError):  # of a message known to the framing only
                         unpack(frame)
                 splitter.feed(piece)
                 mock.feed(piece)
-            mock.feed(sensor_frame(mock.steps))  # what waits to be said is said
+            mock.feed(sensor_frame(mock.steps))  # queued texts are sent
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -160,8 +160,8 @@ def sensor_frame(step: int) -> bytes:
 
 
 @pytest.mark.parametrize("boot_sensors", [0, 20])
-def test_the_mock_is_ended_by_nothing(boot_sensors: int) -> None:
-    """Silent it may fall: a HIL_SENSOR of the past does that to PX4 as well. A new one then takes its place."""
+def test_no_packet_makes_the_mock_raise(boot_sensors: int) -> None:
+    """It may fall silent: a HIL_SENSOR of the past silences PX4 as well. A new mock then replaces it."""
     mock = MockPixhawk(boot_sensors=boot_sensors)
     parser, heard, silenced = FrameParser(), 0, 0
     for data in fuzzed(100_000, seed=5):
@@ -177,8 +177,8 @@ def test_the_mock_is_ended_by_nothing(boot_sensors: int) -> None:
     assert silenced > 0
 
 
-def test_the_mock_s_services_while_it_lives() -> None:
-    """As above without HIL_SENSOR among the fuzz: the clock goes on, and it answers every tick."""
+def test_the_mock_answers_every_tick_between_random_packets() -> None:
+    """Without HIL_SENSOR in the random packets, time goes on and it answers every tick."""
     mock, parser = MockPixhawk(boot_sensors=0, offboard_silence=False), FrameParser()
     words = FrameParser()
     for data in fuzzed(20_000, seed=6):
@@ -205,8 +205,8 @@ def test_the_ground_station_takes_any_frame() -> None:
     assert refusals > 0
 
 
-class Babbler:
-    """An autopilot that says a few broken packets before each true answer."""
+class NoisyAutopilot:
+    """An autopilot that sends a few broken packets before each valid answer."""
 
     def __init__(self, noise: Iterator[bytes]) -> None:
         self._noise = noise
@@ -226,13 +226,13 @@ class Babbler:
         return out
 
 
-def test_the_lockstep_link_ends_in_named_errors_only() -> None:
+def test_the_lockstep_link_raises_named_errors_only() -> None:
     caps = LinkCaps("fuzz", lockstep=True, deterministic=True, boot_sensors=0)
     noise = (data[at : at + 256] for data in fuzzed(20_000, seed=8) for at in range(0, len(data), 256))
     imu = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
     ends: dict[str, int] = {}
     for _ in range(400):
-        link = LockstepLink(LoopbackTransport(Babbler(noise)), caps, timeouts=LinkTimeouts(reply_s=0.1))
+        link = LockstepLink(LoopbackTransport(NoisyAutopilot(noise)), caps, timeouts=LinkTimeouts(reply_s=0.1))
         link.open()
         try:
             for tick in range(40):
@@ -246,7 +246,7 @@ def test_the_lockstep_link_ends_in_named_errors_only() -> None:
     assert ends["LockstepLost"] > 10
 
 
-def test_servo_packets_of_ardupilot() -> None:
+def test_servo_packets_of_ardupilot_are_decoded_or_refused() -> None:
     count = 1_000_000
     rng = np.random.default_rng(9)
     pwm = PwmRange()

@@ -1,7 +1,7 @@
 """The mock in HITL flown in real time over a wire with declared faults: it flies well, or ends with a named error.
 
-A flight takes as long as it takes; so all of them fly at once, each in a process of its own, and the tests look at what
-came of them. In each flight 1 % of the units are hit on the way up, and 10 % of them on the way.
+The flights run in real time, so all of them run at once, each in a process of its own, and the tests examine their
+results. In each flight 1 % of the units are hit on the way up, and 10 % of them on the way.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HOP = """QGC WPL 110
 
 
 def rated(kind: str, **more: Any) -> list[dict[str, Any]]:
-    """The fault at both rates: 1 % from boot to take-off, 10 % in the air."""
+    """Return the fault at both rates: 1 % from boot to take-off, 10 % in the air."""
     held = {"delay_s": 0.01} if kind == "delay" else {}
     fault = {"kind": kind, **held, **more}
     return [fault | {"at_s": 0, "for_s": 8, "rate": 0.01}, fault | {"at_s": 8, "for_s": 8, "rate": 0.1}]
@@ -50,7 +50,7 @@ FLIGHTS: dict[str, list[dict[str, Any]]] = {
 
 
 def fly(flights: dict[str, list[dict[str, Any]]], folder: Path) -> dict[str, dict[str, Any]]:
-    """run.json of each, all flown at once."""
+    """Fly all at once and return the run.json of each."""
     (folder / "hop.waypoints").write_text(HOP)
     (folder / "bench.yaml").write_text("")
     started = {}
@@ -93,16 +93,16 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
 
 
 def kept_pace(run: dict[str, Any]) -> bool:
-    """The machine was free enough for this flight's figures to mean something."""
+    """Return True if the machine kept real time, so that the flight's figures are meaningful."""
     timing = run["autopilot"]["realtime"]
     return timing["slips"] == 0 and timing["late_20ms"] == 0 and timing["longest_gap_ms"] < 50.0
 
 
 def judge(run: dict[str, Any], *, hit_at_least: int) -> None:
-    """It flew within its limits, or says by name why not; never a defect of the bench."""
+    """Check that it flew within its limits or ended with a named error."""
     assert run["status"] in ("PASS", "FAIL", "ERROR")
     hits = [fault["hits"] for fault in run["faults"]["links"]]
-    # One that ends early may not have met the fault that was still to come.
+    # A run that ended early may not have reached the later fault.
     assert all(hit >= hit_at_least for hit in (hits[::2] if run["error"] else hits)), hits
     if run["status"] == "ERROR":
         assert run["error"]["type"] in ("LinkError", "LinkClosed", "HandshakeError", "ModelRangeError"), run["error"]
@@ -111,7 +111,7 @@ def judge(run: dict[str, Any], *, hit_at_least: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["lossy", "disorderly"])
-def test_one_and_ten_percent(flown: dict[str, dict[str, Any]], name: str) -> None:
+def test_losses_of_1_and_10_percent(flown: dict[str, dict[str, Any]], name: str) -> None:
     run = flown[name]
     judge(run, hit_at_least=20)
     if kept_pace(run):

@@ -38,12 +38,12 @@ TICK_NS = 4_000_000
 
 @cache
 def bench() -> Bench:
-    """The default bench with its mission."""
+    """Return the default bench with its mission."""
     return load_bench()
 
 
 class NoRecorder:
-    """Takes what a recorder takes; keeps the events."""
+    """A recorder that keeps the events only."""
 
     def __init__(self) -> None:
         self.events: list[tuple[int, str, str]] = []
@@ -97,7 +97,7 @@ class Flight:
         return 0 if self.scheduler is None else self.scheduler.t_ns
 
     def fly(self, limit_s: float) -> None:
-        """To the mission's end or for `limit_s`. Raises what the link raises."""
+        """Fly to the mission's end or for `limit_s`. Raises the link's errors."""
         try:
             self.link.open()
             wiring = Wiring(
@@ -137,7 +137,7 @@ START_S, END_S = 2.0, 15.0  # armed, climbing and on its way
 
 @pytest.fixture(scope="module")
 def undisturbed() -> Flight:
-    """The same flight over a good wire."""
+    """Fly the same mission over a wire without faults."""
     flight = Flight([])
     flight.fly(END_S)
     return flight
@@ -146,11 +146,11 @@ def undisturbed() -> Flight:
 @RATES
 @DIRECTIONS
 @pytest.mark.parametrize("kind", ["drop", "duplicate", "corrupt"])
-def test_what_lockstep_cannot_survive_ends_as_lockstep_lost(kind: str, direction: str, rate: float) -> None:
-    """At 250 messages a second even the lowest rate soon hits a sensor or an answer. Named, at once, no hang."""
+def test_faults_fatal_to_lockstep_end_as_lockstep_lost(kind: str, direction: str, rate: float) -> None:
+    """At 250 messages a second even the lowest rate soon hits a sensor message or an answer."""
     flight = Flight([LinkFault(kind=kind, direction=direction, at_s=START_S, rate=rate)])  # type: ignore[arg-type]
     if kind == "duplicate" and direction == "to_autopilot":
-        flight.fly(END_S)  # PX4 and the mock ignore a time they have had
+        flight.fly(END_S)  # PX4 and the mock ignore a repeated time
         assert flight.now_ns() == END_S * NS_PER_S
     else:
         with pytest.raises(LockstepLost, match="time_usec"):
@@ -170,9 +170,7 @@ def test_what_lockstep_cannot_survive_ends_as_lockstep_lost(kind: str, direction
     ],
 )
 @DIRECTIONS
-def test_what_is_held_below_the_reply_limit_changes_nothing(
-    direction: str, held: dict[str, Any], undisturbed: Flight
-) -> None:
+def test_delays_below_the_reply_limit_change_nothing(direction: str, held: dict[str, Any], undisturbed: Flight) -> None:
     fault = LinkFault(direction=direction, at_s=START_S, **held)  # type: ignore[arg-type]
     flight = Flight([fault], reply_limit_s=60.0)
     flight.fly(END_S)
@@ -192,8 +190,8 @@ def test_reordered_messages_are_flown_through(direction: str, rate: float) -> No
 
 
 @RATES
-def test_messages_that_may_be_lost_cost_no_mission(rate: float) -> None:
-    """The upload asks again, the estimator bridges missing fixes, lost telemetry comes again."""
+def test_the_mission_survives_losses_of_redundant_messages(rate: float) -> None:
+    """The upload repeats requests, the estimator bridges missing fixes, telemetry is periodic."""
     flight = Flight(
         [
             LinkFault(kind="drop", at_s=0, rate=rate, messages=UPLOAD),
@@ -250,7 +248,7 @@ def test_an_unplugged_wire_is_named_and_can_be_opened_again(process: bool) -> No
     assert flight.wire.hits() == {0: 1}
 
 
-def test_the_same_seed_is_hit_at_the_same_places() -> None:
+def test_the_same_seed_hits_the_same_messages() -> None:
     fault = LinkFault(kind="drop", at_s=START_S, rate=0.05, messages=("HIL_GPS", "HEARTBEAT", "ATTITUDE"))
     flights = [Flight([fault], seed=seed) for seed in (1, 1, 2)]
     for flight in flights:
@@ -268,11 +266,11 @@ def test_over_a_serial_line_the_same_hits_and_errors_as_in_memory(kind: str) -> 
     fault = LinkFault(kind=kind, at_s=START_S, rate=0.001)  # type: ignore[arg-type]
     ends = []
     for process in (False, True):
-        # Of the pty, the limit is what a dropped message costs; a loaded machine must not run into it before.
+        # Over a pty a dropped message is found by this time-out; a loaded machine must not reach it earlier.
         flight = Flight([fault], process=process, reply_limit_s=3.0)
         with pytest.raises(LockstepLost):
             flight.fly(END_S)
-        # What the link asks after the loss, to find its cause, may be hit as well, and depends on the clock.
+        # The link's queries after the loss, for its cause, depend on the clock and may be hit as well.
         lost_ns = flight.now_ns()
         before = [event for event in flight.recorder.events if event[0] < lost_ns]
         at_last = [event for event in flight.recorder.events if event[0] == lost_ns]

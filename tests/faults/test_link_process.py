@@ -51,7 +51,7 @@ def fly(link, ticks, extra=b""):
 
 
 def gone(pid):
-    """No such process, not even a zombie of ours."""
+    """Return True if there is no such process, not even a zombie of ours."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -59,7 +59,7 @@ def gone(pid):
     return False
 
 
-def test_exit_in_flight_tells_status_and_last_words(make_link, tmp_path):
+def test_exit_in_flight_reports_status_and_last_output(make_link, tmp_path):
     link = make_link("--fault", "exit", stderr_path=tmp_path / "out" / "autopilot.stderr")
     link.open()
     with pytest.raises(LinkClosed, match=r"(?s)exit status 7.*estimator diverged"):
@@ -68,7 +68,7 @@ def test_exit_in_flight_tells_status_and_last_words(make_link, tmp_path):
     assert link.stats.steps == 8
 
 
-def test_killed_in_flight_tells_the_signal(make_link):
+def test_killed_in_flight_reports_the_signal(make_link):
     link = make_link("--fault", "kill")
     link.open()
     with pytest.raises(LinkClosed, match=r"signal SIGKILL.*said nothing"):
@@ -85,7 +85,7 @@ def test_alive_but_hung_is_lost_lockstep_and_is_ended_by_close(make_link):
     assert gone(pid)
 
 
-def test_a_process_that_ignores_being_asked_is_killed():
+def test_a_process_that_ignores_sigterm_is_killed():
     child = ChildProcess(
         [sys.executable, "-c", "import signal,time; signal.signal(15, signal.SIG_IGN); print(1); time.sleep(60)"]
     )
@@ -96,25 +96,25 @@ def test_a_process_that_ignores_being_asked_is_killed():
     assert gone(pid)
 
 
-def test_never_starting_program(make_link):
+def test_a_program_that_cannot_start_is_named(make_link):
     with pytest.raises(PortNotFound, match="no-such-autopilot"):
         make_link(argv=["/nonexistent/no-such-autopilot"]).open()
 
 
-def test_program_that_ends_at_once(make_link):
+def test_a_program_that_ends_at_once_is_named(make_link):
     link = make_link(argv=[sys.executable, "-c", "raise SystemExit('bad parameter file')"])
     with pytest.raises(LinkClosed, match=r"(?s)before its first heartbeat.*exit status 1.*bad parameter file"):
         link.open()
 
 
-def test_program_that_says_nothing(make_link):
+def test_a_silent_program_is_named(make_link):
     link = make_link("--mute", heartbeat_limit_s=0.6)
     with pytest.raises(HandshakeError, match="no bytes came at all"):
         link.open()
     assert link._process is None
 
 
-def test_program_that_talks_something_else(make_link):
+def test_a_program_with_another_protocol_is_named(make_link):
     code = "import sys,time; f=open(sys.argv[1],'wb',0); f.write(b'NuttShell (NSH)\\n'*20); time.sleep(60)"
     transport = PtyTransport()
     link = LockstepLink(
@@ -127,7 +127,7 @@ def test_program_that_talks_something_else(make_link):
         link.open()
 
 
-def test_big_writes_pass_whole(make_link):
+def test_large_writes_arrive_whole(make_link):
     link = make_link(reply_limit_s=5.0)
     link.open()
     fly(link, 6, extra=bytes(30_000))
@@ -135,7 +135,7 @@ def test_big_writes_pass_whole(make_link):
 
 
 def test_recovery_after_every_kind_of_death(make_link):
-    """The same link object flies again after its process was lost."""
+    """The same link object is opened and flown again after its process was lost."""
     link = make_link(reply_limit_s=2.0)
     link.open()
     fly(link, 10)
@@ -169,7 +169,7 @@ def test_child_dies_with_its_parent(tmp_path):
 
 
 def orphan_ended(pid):
-    """Gone, or a zombie that whoever adopted it has yet to reap."""
+    """Return True if it is gone, or a zombie that its new parent has yet to reap."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] in "ZX"
     except OSError:

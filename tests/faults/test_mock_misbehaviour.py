@@ -1,4 +1,4 @@
-"""How faults are written, and that nothing thrown at the mock makes it fail; its faults in a run: test_run_faults."""
+"""Declared faults of the mock, and random input to it, which raises nothing. Its faults in a run: test_run_faults."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""The mock as a process: its command line, how it ends, what it says when it cannot begin."""
+"""The mock as a process: its command line, its end, and its messages if it cannot start."""
 
 import os
 import pty
@@ -34,7 +34,7 @@ class Process:
         os.close(far)
 
     def wait_for(self, msgid):
-        """Read until a frame of this kind has come."""
+        """Read until a frame of this kind arrives."""
         while True:
             ready, _, _ = select.select([self.fd], [], [], LIMIT_S)
             assert ready, f"nothing came within {LIMIT_S} s"
@@ -49,7 +49,7 @@ class Process:
             self.fd = -1
 
     def end(self):
-        """Exit status and what it said."""
+        """Return exit status and output."""
         _, said = self.child.communicate(timeout=LIMIT_S)
         return self.child.returncode, said
 
@@ -74,7 +74,7 @@ def start():
 
 
 def sensor_writes(ticks):
-    """What the bench writes in each of the first `ticks` ticks."""
+    """Return the bytes that the bench writes in each of the first `ticks` ticks."""
     world = World(boot_sensors=0)
     written = []
     feed = world.autopilot.feed
@@ -107,7 +107,7 @@ def test_it_ends_when_the_line_hangs_up(start, mode):
 
 
 def timesync(process, number):
-    """Ask for the time; the board's answer [ns]."""
+    """Send TIMESYNC and return the board's answer [ns]."""
     message = message_class("TIMESYNC")(tc1=0, ts1=number)
     os.write(process.fd, FrameEncoder(255, 190).frame(message.MSGID, pack(message)))
     while True:
@@ -117,7 +117,7 @@ def timesync(process, number):
                 return unpack(frame).tc1
 
 
-def test_in_hitl_its_clock_and_its_line_are_as_the_command_line_says(start):
+def test_in_hitl_the_command_line_sets_clock_and_baud_rate(start):
     process = start("--hitl", "--clock-offset-us", "5000000000", "--clock-drift-ppm", "50", "--baud", "57600")
     assert 5_000_000_000_000 < timesync(process, 1234) < 5_000_000_000_000 + LIMIT_S * 1e9
     process.wait_for(MSGID["HEARTBEAT"])
@@ -128,7 +128,7 @@ def test_in_hitl_its_clock_and_its_line_are_as_the_command_line_says(start):
 
 def test_in_hitl_a_reader_that_does_not_read_does_not_stop_it(start):
     process = start("--hitl")
-    time.sleep(1.0)  # more than the line holds: it must drop, not wait
+    time.sleep(1.0)  # more than the line holds: the mock must drop, not wait
     assert timesync(process, 77) > 1_000_000_000
     assert process.child.poll() is None
 
@@ -202,7 +202,7 @@ def test_start_up_imports_nothing_heavy():
     assert [name for name in heavy if name in modules] == []
 
 
-def test_what_does_not_fit_is_dropped_whole_and_the_rest_arrives_in_order():
+def test_messages_that_do_not_fit_are_dropped_whole_and_the_rest_arrives_in_order():
     near, far = os.pipe()
     os.set_blocking(far, False)
     os.set_blocking(near, False)

@@ -1,4 +1,4 @@
-"""Whatever breaks, a run ends with one named error, the right status, run.json, and a readable recording."""
+"""Every fault ends a run with one named error, the right status, run.json and a readable recording."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def recorded_until_s(out: Path) -> float:
         ("garbage", "LockstepLost", "damaged"),
     ],
 )
-def test_a_mock_that_fails_in_flight(transport: str, fault: str, error: str, words: str, tmp_path: Path) -> None:
+def test_a_mock_that_fails_in_flight_is_named(
+    transport: str, fault: str, error: str, words: str, tmp_path: Path
+) -> None:
     outcome = fly(tmp_path, f"autopilot.faults.{fault}_at_s=12.5", f"autopilot.transport={transport}")
     assert outcome.status == "ERROR"
     assert outcome.exit_status == 3
@@ -52,11 +54,11 @@ def test_a_mock_that_fails_in_flight(transport: str, fault: str, error: str, wor
     assert run["error"]["type"] == error
     assert re.search(words, run["error"]["message"])
     assert not (tmp_path / "traceback.txt").exists()
-    # Everything up to the tick that got no answer.
+    # Recorded up to the tick without an answer.
     assert recorded_until_s(tmp_path) == pytest.approx(12.5, abs=0.0041)
 
 
-def test_noise_between_frames_ends_nothing(tmp_path: Path) -> None:
+def test_noise_between_frames_does_not_end_a_run(tmp_path: Path) -> None:
     outcome = fly(tmp_path, "autopilot.faults.noise_at_s=12.5")
     assert outcome.run["error"] is None
     assert outcome.run["sim_s"] == 30.0
@@ -65,7 +67,7 @@ def test_noise_between_frames_ends_nothing(tmp_path: Path) -> None:
 
 @contextmanager
 def flying(out: Path, *, pace: int, recorded_bytes: int) -> Iterator[subprocess.Popen[str]]:
-    """`hil run` in a process of its own that has recorded some of its flight; killed at the end."""
+    """Yield `hil run` in a process of its own that has recorded part of its flight; kill it at the end."""
     command = [sys.executable, "-m", "hil.cli", "run", "--out", str(out), "--set", f"pace={pace}"]
     bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -80,7 +82,7 @@ def flying(out: Path, *, pace: int, recorded_bytes: int) -> Iterator[subprocess.
 
 
 def mock_children(parent: int) -> list[int]:
-    """Process ids of the mock flight controllers that `parent` started."""
+    """Return the process ids of the mock flight controllers that `parent` started."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
@@ -88,12 +90,12 @@ def mock_children(parent: int) -> list[int]:
             if ppid == parent and b"mock_pixhawk" in (folder / "cmdline").read_bytes():
                 found.append(int(folder.name))
         except (OSError, ValueError):
-            continue  # it ended while we looked
+            continue  # it has ended meanwhile
     return found
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the mock through /proc")
-def test_a_mock_killed_from_outside(tmp_path: Path) -> None:
+def test_a_mock_killed_from_outside_is_named(tmp_path: Path) -> None:
     with flying(tmp_path, pace=2, recorded_bytes=600_000) as bench:
         os.kill(mock_children(bench.pid)[0], signal.SIGKILL)
         _, errors = bench.communicate(timeout=60)
@@ -152,7 +154,7 @@ def test_bad_input_ends_with_one_clear_message(
     assert len(errors.strip().splitlines()) <= 3
 
 
-def test_a_busy_port_says_so(tmp_path: Path) -> None:
+def test_a_busy_port_is_named(tmp_path: Path) -> None:
     import serial
 
     near, far = pty.openpty()

@@ -17,7 +17,7 @@ SECONDS = 60
 
 @pytest.fixture(scope="module")
 def fuzz_frame() -> Path:
-    # The environment's own cmake; what built the kernels.
+    # The environment's own cmake, which built the kernels.
     cmake = shutil.which("cmake", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
     if cmake is None:
         pytest.skip("no cmake, neither in the environment nor on the PATH")
@@ -35,7 +35,7 @@ def test_random_scenes_neither_crash_nor_write_out_of_bounds(fuzz_frame: Path) -
     first_seed = os.environ.get("FUZZ_FRAME_SEED", "1")
     ran = subprocess.run([str(fuzz_frame), str(SECONDS), first_seed], capture_output=True, text=True, check=False)
     assert ran.returncode == 0, (ran.stdout + ran.stderr)[-6000:]
-    assert int(ran.stdout.split()[0]) >= 20  # scenes, a slow machine's too
+    assert int(ran.stdout.split()[0]) >= 20  # number of scenes, reached by slow machines too
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 """The ArduPilot JSON link against a scripted SITL over real sockets.
 
-Most tests take turns in one thread: the link sends, the fake steps, the link waits. Where the link has to act while it
+Most tests alternate in one thread: the link sends, the fake steps, the link waits. If the link has to act while it
 waits, the fake runs in a thread of its own.
 """
 
@@ -96,7 +96,7 @@ def test_truth_of_another_tick_is_refused(make):
 
 
 def test_repeats_while_the_bench_was_away_get_one_answer(make, sitl):
-    """A breakpoint, a paused bench: SITL has asked once a second, and steps once."""
+    """During a breakpoint or a pause SITL repeats its packet once a second, and steps once."""
     link = make()
     fly(link, sitl, 3)
     for _ in range(5):
@@ -138,8 +138,8 @@ def test_a_lost_answer_is_sent_again_the_same_bytes_without_a_step(make, sitl):
     assert (link.stats.steps, link.stats.answered_again) == (4, 1)
 
 
-def test_an_answer_too_many_is_used_up_at_once(make, sitl):
-    """However it came about: SITL steps on it unasked, and the link answers the newest packet only."""
+def test_an_extra_answer_is_used_up_at_once(make, sitl):
+    """SITL steps on the extra answer, and the link answers the newest packet only."""
     link = make()
     fly(link, sitl, 3)
     data = send(link, 3)

@@ -1,4 +1,4 @@
-"""The ArduPilot JSON link over a flight's life: reboots, words in both directions, silence, an ended process."""
+"""The ArduPilot JSON link in a run: reboots, messages in both directions, silence, an ended process."""
 
 import math
 import socket
@@ -32,7 +32,7 @@ from tests.worlds.resting_vehicle import IMU
 
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_a_reboot_ends_a_mission(make, sitl, when):
-    """Seen before our answer (it hung up, we were computing) and while we wait for its."""
+    """The reboot is seen before our answer (during our computing) or while we wait for the next packet."""
     link = make()
     sitl.say(StatusText(0, b"Crash: Disarming", 0, 0))
     fly(link, sitl, 10)
@@ -52,13 +52,13 @@ def test_a_reboot_ends_a_mission(make, sitl, when):
     new.close()
 
 
-def test_a_server_goes_along_with_reboots(make, sitl):
+def test_with_on_restart_reset_a_reboot_resets_the_run(make, sitl):
     link = make(on_restart="reset", mavlink=False, timeouts=LinkTimeouts(math.inf, math.inf))
     for _ in range(4):
         fly(link, sitl, 20)
         send(link, 20)
         old, sitl = sitl, sitl.reboot()
-        old.ask()  # a last word of the old one, which gets nothing
+        old.ask()  # a last packet of the old instance, which gets no answer
         sitl.ask()
         with pytest.raises(RestartRequested, match=r"at 0\.050 s"):
             link.wait(20, 20 * TICK_NS)
@@ -76,7 +76,7 @@ def test_a_server_goes_along_with_reboots(make, sitl):
     sitl.close()
 
 
-def test_a_reboot_on_the_same_source_port_is_one_too(make, sitl):
+def test_a_reboot_on_the_same_source_port_is_detected(make, sitl):
     link = make(on_restart="reset")
     fly(link, sitl, 7)
     sitl.count = 0
@@ -87,7 +87,7 @@ def test_a_reboot_on_the_same_source_port_is_one_too(make, sitl):
     assert sitl.unread() == []
 
 
-def test_a_reboot_before_the_first_answer_is_nothing_to_speak_of(make, sitl):
+def test_a_reboot_before_the_first_answer_is_not_reported(make, sitl):
     link = make()
     new = sitl.reboot()
     sitl.ask()
@@ -106,7 +106,7 @@ def test_sitl_in_mid_flight_is_not_taken_over(sitl, make):
     assert sitl.unread() == []
 
 
-def test_words_go_before_the_state_and_telemetry_belongs_to_its_tick(make, sitl):
+def test_messages_go_before_the_state_and_telemetry_belongs_to_its_tick(make, sitl):
     link = make()
     sitl.say(beat(81))
     fly(link, sitl, 1)
@@ -114,7 +114,7 @@ def test_words_go_before_the_state_and_telemetry_belongs_to_its_tick(make, sitl)
     data = send(link, 1, extra=command(400))
     assert data.startswith(command(400))
     sitl.take()
-    # The state has come: what was said before it is there without waiting.
+    # The state has arrived, so earlier messages are there without waiting.
     assert [frame.msgid for frame in sitl.heard()] == [MSGID["COMMAND_LONG"]]
     sitl.say(beat(81 | 128))
     sitl.ask()
@@ -124,7 +124,7 @@ def test_words_go_before_the_state_and_telemetry_belongs_to_its_tick(make, sitl)
     assert link.take_frames() == []
 
 
-def test_words_for_an_autopilot_not_heard_yet_wait_for_it(make, sitl):
+def test_messages_for_an_autopilot_not_heard_yet_are_queued(make, sitl):
     link = make()
     send(link, 0, extra=command(1))
     sitl.step()
@@ -146,7 +146,7 @@ def test_motors_that_turn_are_armed_before_the_next_heartbeat(make, sitl):
 
 
 def test_telemetry_is_read_while_waiting(make, sitl):
-    """Before the answer has come: a SITL over TCP stands still if nobody reads, over UDP words would be lost."""
+    """The link reads before the answer arrives: over TCP an unread SITL blocks, over UDP messages would be lost."""
     link = make(timeouts=LinkTimeouts(60.0, connect_s=5.0))
     fly(link, sitl, 1)
     send(link, 1)
@@ -166,8 +166,8 @@ def test_telemetry_is_read_while_waiting(make, sitl):
     assert link.stats.lost_frames == 0
 
 
-def test_words_over_tcp_and_again_after_a_reboot(sitl):
-    """SITL's own way: it listens, and asks nothing before a client has come."""
+def test_messages_over_tcp_and_again_after_a_reboot(sitl):
+    """As SITL does by default: it listens, and sends no packet before a client connects."""
     listener = socket.create_server((LOOPBACK, 0))
     inbox, side = UdpInbox(0), MavlinkChannel(TcpClient(listener.getsockname()[1]))
     link = ArduPilotJsonLink(
@@ -207,7 +207,7 @@ def test_words_over_tcp_and_again_after_a_reboot(sitl):
         listener.close()
 
 
-def test_silence_is_told_with_what_is_still_heard(make, sitl):
+def test_a_silence_error_names_the_messages_still_received(make, sitl):
     link = make(timeouts=LinkTimeouts(0.6, connect_s=5.0))
     fly(link, sitl, 2)
     sitl.say(StatusText(2, b"EKF variance", 0, 0))
@@ -222,7 +222,7 @@ def test_silence_is_told_with_what_is_still_heard(make, sitl):
     assert len(sitl.unread()) == 2
 
 
-def test_a_process_that_ended_is_told_with_its_end(make, sitl):
+def test_an_ended_process_is_reported_with_its_status(make, sitl):
     link = make(timeouts=LinkTimeouts(30.0, connect_s=5.0))
     fly(link, sitl, 2)
     send(link, 2)
@@ -232,23 +232,23 @@ def test_a_process_that_ended_is_told_with_its_end(make, sitl):
     assert caught.value.cause == "crashed"
 
 
-def test_nothing_comes_at_all():
+def test_a_sitl_that_never_sends_is_named():
     link = ArduPilotJsonLink(UdpInbox(0), timeouts=LinkTimeouts(connect_s=0.2))
     with pytest.raises(HandshakeError, match=r"no datagram came.*--sim-port-out \d+"):
         link.open()
 
 
-def test_frame_rate_that_follows_the_tick_is_no_matter(make, sitl):
+def test_frame_rate_that_follows_the_tick_is_not_reported(make, sitl):
     sitl.rate = 401
     link = make()
     fly(link, sitl, 1100)
     assert link.events == []
 
 
-def test_frame_rate_that_stays_elsewhere_is_told_once(make, sitl):
+def test_frame_rate_that_stays_different_is_reported_once(make, sitl):
     link = make(mavlink=False)
     for tick in range(2200):
-        sitl.rate = max(600, 1200 - tick)  # walks by 1 Hz a packet
+        sitl.rate = max(600, 1200 - tick)  # drifts by 1 Hz a packet
         fly(link, sitl, 1, start=tick)
     ((kind, text),) = link.events
     assert kind == "warning"

@@ -1,4 +1,4 @@
-"""How the bench starts ArduCopter's SITL: command line, parameters, and a program that ends at once."""
+"""The start of ArduCopter's SITL by the bench: command line, parameters, and a program that ends at once."""
 
 import pytest
 
@@ -67,7 +67,7 @@ def test_parameters_fit_the_vehicle(tmp_path):
     assert read["FRAME_CLASS"] == read["FRAME_TYPE"] == 1
     assert (read["MOT_SPIN_MIN"], read["MOT_SPIN_MAX"]) == (SPIN_MIN, SPIN_MAX)
     assert (read["LOG_DISARMED"], read["MOT_SPIN_ARM"]) == (1, 0.05)
-    # Hover throttle beyond what ArduPilot allows is held at its end.
+    # Hover throttle is limited to ArduPilot's range.
     assert copter_parameters(hover_control=0.9, thrust_model_factor=1.0, tick_hz=400)["MOT_THST_HOVER"] == 0.6875
     with pytest.raises(LinkError, match="too slow"):
         copter_parameters(hover_control=0.5, thrust_model_factor=1.0, tick_hz=90)
@@ -85,7 +85,7 @@ def test_wrong_settings_are_named(tmp_path):
     assert ardupilot_sitl(mavlink="none", instance=3)._inbox.port == 9032
 
 
-def test_a_program_that_ends_at_once_is_told_with_its_last_words(tmp_path):
+def test_a_program_that_ends_at_once_is_reported_with_its_last_output(tmp_path):
     program = tmp_path / "arducopter"
     program.write_text("#!/bin/sh\necho PANIC: no such frame\nexit 3\n")
     program.chmod(0o755)

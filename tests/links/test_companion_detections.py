@@ -1,4 +1,4 @@
-"""Detections over the real wire: taken from who sees the topic, refused from anybody else, and never too much."""
+"""Detections over the real link: accepted from clients of the topic, refused from others, limited in size."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SEEN: dict[str, Any] = {"topic": "front/rgb", "t_capture_ns": 5, "size_px": [4, 
 
 
 @pytest.mark.parametrize("arrangement", ["one_port", "shared_memory"])
-def test_as_much_as_may_be_goes_through_in_one_message(arrangement: str) -> None:
+def test_the_greatest_number_of_detections_passes_in_one_message(arrangement: str) -> None:
     place = {"bind": "ipc://*", "arrangement": arrangement} if arrangement == "shared_memory" else {}
     one = ["p" * 64, 2**61, [-123456.789] * 3, [-1.23456789] * 3, 10**6, 0.123456789]
     objects = [[i, *one] for i in range(MOST_OBJECTS)]
@@ -37,7 +37,7 @@ def test_as_much_as_may_be_goes_through_in_one_message(arrangement: str) -> None
         SEEN | {"boxes": [[*BOX[:2], float("nan"), *BOX[3:]]]},
     ],
 )
-def test_nonsense_is_refused_and_the_client_goes_on(wrong: Any) -> None:
+def test_invalid_detections_are_refused_and_the_client_goes_on(wrong: Any) -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client, topics=["front/rgb"])
         server.send(frame_of(1))

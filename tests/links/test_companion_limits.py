@@ -1,4 +1,4 @@
-"""What the companion server bears of clients that send legal messages with extreme contents, or too many of them."""
+"""The companion server with clients that send valid messages with extreme contents, or too many of them."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def test_function_cannot_have_taken_longer_than_the_frame_was_away() -> None:
         assert reply.t2_ns == 0
 
 
-def test_poll_of_no_time_leaves_a_flood_for_later() -> None:
-    """By a clock that goes on by 0.1 ms a look, so that it does not depend on the machine."""
+def test_poll_with_zero_timeout_ends_in_spite_of_a_flood() -> None:
+    """The clock advances by 0.1 ms per reading, so that the test does not depend on the machine."""
     looks = itertools.count()
     server = CompanionServer(CompanionSettings(bind="tcp://127.0.0.1:*"), FACTS, clock_ns=lambda: next(looks) * 100_000)
     server.open()
@@ -63,14 +63,14 @@ def test_poll_of_no_time_leaves_a_flood_for_later() -> None:
         with RawClient(server.endpoint) as client:
             for number in range(200):
                 client.say("ping", id=number, t_client_ns=0)
-            time.sleep(0.2)  # for them to arrive; fewer would only make it easier
+            time.sleep(0.2)  # for them to arrive; fewer would make the test easier
             server.poll(0.0)
             assert 0 < server.malformed < 10
     finally:
         server.close()
 
 
-def test_second_hello_is_malformed_and_the_same_once_more_is_passed_over() -> None:
+def test_second_hello_is_malformed_and_a_repeated_one_is_ignored() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client, topics=["imu"])
         client.hello(topics=["imu"])
@@ -85,7 +85,7 @@ def test_second_hello_is_malformed_and_the_same_once_more_is_passed_over() -> No
         join(server, client, topics=["*"])
 
 
-def test_one_connection_has_one_name_and_a_session_256() -> None:
+def test_a_connection_has_one_name_and_a_session_at_most_256() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client, "first")
         client.say("bye", reason="")
@@ -101,7 +101,7 @@ def test_one_connection_has_one_name_and_a_session_256() -> None:
             refused = late.expect("refused")
             assert (refused["code"], "256" in refused["text"]) == ("full", True)
         assert len(server.stats()) == 256
-        join(server, client, "first")  # who has been here may come back
+        join(server, client, "first")  # a known client may reconnect
 
 
 def test_ring_for_which_there_is_no_memory_is_refused_not_touched(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,8 +151,8 @@ def test_a_part_that_is_too_large_ends_the_connection(way: str, parts: int, tmp_
 
 
 @pytest.mark.parametrize("way", ["tcp", "ipc"])
-def test_what_nobody_reads_waits_with_its_sender(way: str, tmp_path: Path) -> None:
-    """Messages of the greatest size, as fast as they are taken, while the bench is busy elsewhere."""
+def test_unread_messages_wait_at_the_sender(way: str, tmp_path: Path) -> None:
+    """The client sends messages of the greatest size, as fast as they are taken, while the bench does not read."""
     bind = f"ipc://{tmp_path}/socket" if way == "ipc" else "tcp://127.0.0.1:*"
     with (
         serving(bind=bind) as server,
@@ -163,10 +163,10 @@ def test_what_nobody_reads_waits_with_its_sender(way: str, tmp_path: Path) -> No
         join(server, other, "other")
         size = server.settings.max_message_bytes
         taken = 0
-        while client.socket.poll(500, zmq.POLLOUT):  # nothing was taken for so long: it is held back
+        while client.socket.poll(500, zmq.POLLOUT):  # nothing was taken for so long: the sender is blocked
             client.socket.send(bytes(size), zmq.NOBLOCK)
             taken += 1
-            assert taken < 4 * RECEIVE_HWM  # the bench holds so many, and the kernel's buffers some more
+            assert taken < 4 * RECEIVE_HWM  # the bench queues so many, the kernel's buffers some more
         step(server, other, 0, "other")
         until(server, lambda: "cut" in server.lost)
         assert server.lost["cut"].startswith("10 malformed messages in a row")

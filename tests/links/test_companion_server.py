@@ -93,7 +93,7 @@ def test_frames_go_against_credits_and_drops_are_told() -> None:
         until(server, lambda: server.clients[0].credit == 1)
         assert server.send(frame_of(6)) == ["cut"]
         assert client.expect("frame")["dropped"] == 0
-        client.done(6)  # 1 and 5 are passed over
+        client.done(6)  # 1 and 5 are skipped
         (reply,) = answered(server)
         assert reply.frame == 6
         stats = server.stats()["cut"]
@@ -106,7 +106,7 @@ def test_several_ports_each_carry_their_sensor() -> None:
         until(server, lambda: server.topics != frozenset())
         ports = client.expect("welcome")["ports"]
         assert ports["front/rgb"] == ports["front/depth"] != ports["baro"]
-        assert server.living == ()  # nobody knows yet who is on those ports
+        assert server.living == ()  # no client is known on those ports yet
         with RawClient(ports["baro"]) as baro, RawClient(ports["front/rgb"]) as front:
             baro.hello(topics=["front/*", "baro"])
             front.hello(topics=["front/*", "baro"])
@@ -147,7 +147,7 @@ def test_shared_memory_is_read_in_place_and_given_back(tmp_path: Path) -> None:
             sent += 1
         headers = [client.receive()[0] for _ in range(sent)]
         size = headers[1]["release"]
-        assert size == 64 + 64 + 128  # as many as fit, one behind the other
+        assert size == 64 + 64 + 128  # as many as fit, one after the other
         assert [h["release"] for h in headers] == [k * size for k in range(8192 // size)]
         for k, header in enumerate(headers):
             seen = other.receive()[0]
@@ -237,17 +237,17 @@ def test_clock_offset_takes_the_exchange_with_the_least_delay() -> None:
         clock.add(t_ns, arrived_ns + 77_000, arrived_ns + 50_000 + 77_000, arrived_ns + 50_000 + back_ns)
     best = clock.best
     assert best is not None
-    assert (best.offset_ns, best.delay_ns) == (77_050, 500)  # wrong by half the difference of the ways
+    assert (best.offset_ns, best.delay_ns) == (77_050, 500)  # wrong by half the difference of the two delays
     clock.add(0, 10, 5, 100)
     clock.add(0, 0, 200, 100)
-    assert clock.best == best  # such times cannot be
+    assert clock.best == best  # impossible times
     clock.add_reading(3_000_000, 77_000, 10)
     again = clock.best
     assert again is not None
     assert again.offset_ns == 77_000
 
 
-def test_surest_reading_is_that_of_the_window_with_drift_counted() -> None:
+def test_best_clock_reading_of_the_window_allows_for_drift() -> None:
     clock = ClockOffset()
     readings: list[tuple[int, int, int]] = []
     rng = np.random.default_rng(3)
@@ -285,7 +285,7 @@ def test_waiting_names_what_is_missing() -> None:
         assert [c.name for c in server.wait_for_clients(1, 5.0)] == ["cut"]
 
 
-def test_planned_topics_bind_those_who_come_later() -> None:
+def test_planned_topics_apply_to_later_clients() -> None:
     with serving() as server, RawClient(server.endpoint) as first, RawClient(server.endpoint) as late:
         join(server, first, topics=["imu", "baro"])
         server.limit_topics(server.topics)
@@ -297,7 +297,7 @@ def test_planned_topics_bind_those_who_come_later() -> None:
         join(server, late, "late", topics=["imu"])
 
 
-def test_close_says_how_it_ended() -> None:
+def test_close_sends_the_result() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client)
         server.close("FAIL", "too late")
@@ -392,7 +392,7 @@ def test_key_files(tmp_path: Path) -> None:
         ({"max_clients": 33}, "1..32"),
     ],
 )
-def test_settings_that_cannot_be_meant(settings: dict[str, object], match: str) -> None:
+def test_contradictory_settings_are_refused(settings: dict[str, object], match: str) -> None:
     with pytest.raises(ConfigError, match=match):
         CompanionSettings(**settings)  # type: ignore[arg-type]
 
@@ -408,7 +408,7 @@ def test_port_in_use_is_named(tmp_path: Path) -> None:
         step(first, client, 0)
 
 
-def test_control_is_refused_where_nothing_desired_is_flown() -> None:
+def test_control_is_refused_if_no_desired_state_is_flown() -> None:
     with serving(facts=replace(FACTS, control=False)) as server, RawClient(server.endpoint) as client:
         client.hello(topics=["imu"], control=True)
         until(server, lambda: bool(server.refused))

@@ -42,11 +42,11 @@ def test_frames_cross_the_wire_whole(endpoints: Endpoints, arrangement: Arrangem
     with open_transfer(endpoints, arrangement, scale=SCALE) as transfer:
         assert transfer.differing == 0
         rates = transfer.measure(in_flight=MAX_IN_FLIGHT, seconds=0.2, least_pairs=1)
-    # No faster than the wire is: else the frames went some other way. A burst may pass at once.
+    # Not faster than the wire, or the frames took another way. A burst may pass at once.
     assert min(rates.link_s + rates.bare_s) > 0.5 * rates.payload_bytes * 8 / 1e9
 
 
-def test_a_key_that_is_not_allowed_stays_outside(endpoints: Endpoints, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_key_that_is_not_allowed_is_refused(endpoints: Endpoints, monkeypatch: pytest.MonkeyPatch) -> None:
     assert endpoints.keys is not None
     (endpoints.keys / "peer.pub").unlink()
     monkeypatch.setattr("hil.apps.bench_suite.link.transfer.LIMIT_S", 5.0)
@@ -57,7 +57,7 @@ def test_a_key_that_is_not_allowed_stays_outside(endpoints: Endpoints, monkeypat
         pass
 
 
-def test_no_keys_no_second_host(endpoints: Endpoints) -> None:
+def test_a_second_host_without_keys_is_refused(endpoints: Endpoints) -> None:
     with (
         pytest.raises(ConfigError, match="make keys"),
         open_transfer(endpoints._replace(keys=None), "one_port", scale=SCALE),

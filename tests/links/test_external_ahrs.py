@@ -1,6 +1,6 @@
-"""The External AHRS link against a fake ArduPilot: two wires in memory, or two pseudo-terminals where that matters.
+"""The External AHRS link against a fake ArduPilot, over two wires in memory or two pseudo-terminals.
 
-The fake is driven by the tick: it is asked in the link's own reads, so that nothing depends on how fast the machine is.
+The fake runs tick by tick inside the link's own reads, so that nothing depends on the machine's speed.
 """
 
 import math
@@ -77,7 +77,7 @@ def test_packets_hold_the_samples_and_the_truth(board):
     assert struct.unpack_from("<3d", gnss, 26) == (47.4, 8.5, 488.0)
 
 
-def test_no_place_before_the_first_fix_and_no_gnss_packet_without_a_new_sample(board):
+def test_no_position_before_the_first_fix_and_no_gnss_packet_without_a_new_sample(board):
     bench = Bench(board)
     bench.run(100, gps=GPS._replace(fix_type=1))
     assert of(board, 0x31) == of(board, 0x49) == []
@@ -221,7 +221,7 @@ def test_garbage_on_both_wires_is_survived(board):
 
     bench.run(50, each=noise)
     board.to_bench["sensor"] += b"\r\n" + sentence("VNRRG,01")
-    for _ in range(8):  # what a false start held back is made good by what follows
+    for _ in range(8):  # bytes held back by a false header are recovered by the frames that follow
         board.beat()
         board.outputs(1500, 1500, 1500, 1500)
     bench.run(20)
@@ -232,7 +232,7 @@ def test_garbage_on_both_wires_is_survived(board):
 
 
 @pytest.mark.parametrize("side", ["sensor", "mavlink"])
-def test_a_wire_that_comes_back(board, side):
+def test_an_unplugged_wire_can_be_plugged_in_again(board, side):
     bench = Bench(board)
     board.beat()
     bench.run(5)
@@ -254,14 +254,14 @@ def silent(bench, **limits):
     return caught.value
 
 
-def test_no_mavlink_at_all(board):
+def test_missing_mavlink_is_named(board):
     error = silent(Bench(board, timeouts=LinkTimeouts(connect_s=0.1)))
     assert (type(error), error.cause) == (HandshakeError, "no_heartbeat")
     assert "did set up its External AHRS" in str(error)
     assert "SERIALn_PROTOCOL 2" in str(error)
 
 
-def test_mavlink_that_falls_silent(board):
+def test_mavlink_that_falls_silent_is_named(board):
     bench = Bench(board, timeouts=LinkTimeouts(reply_s=0.1))
     board.beat()
     bench.run(2)
@@ -269,7 +269,7 @@ def test_mavlink_that_falls_silent(board):
     assert silent(bench).cause == "silent"
 
 
-def test_mavlink_without_outputs(board):
+def test_mavlink_without_outputs_is_named(board):
     bench = Bench(board, timeouts=LinkTimeouts(reply_s=0.2))
     run = bench.link.begin
 
@@ -292,7 +292,7 @@ def test_a_set_up_that_never_ends_and_one_that_is_refused():
     assert caught.value.cause == "setup"
 
 
-def test_more_than_a_tick_or_a_line_can_carry_is_told():
+def test_rates_beyond_the_tick_or_the_line_are_reported():
     asks = tuple(text.replace("75,3,2,", "75,3,1,") for text in SETUP)
     bench = Bench(Board(asks=asks), baud=460_800)
     assert bench.kinds() == ["warning", "warning"]
@@ -355,7 +355,7 @@ def test_two_pseudo_terminals_and_the_real_time_sender():
         assert controls.controls[:4] == (0.5,) * 4
         assert board.requested
         assert [answer[:6] for answer in board.answers] == ["$" + text[:5] for text in SETUP]
-        # A loaded machine may be too late for some, which are then left out; none is invented.
+        # A loaded machine may be late for some packets, which are then left out; none is added.
         assert 1 <= len(of(board, 0x01)) <= 100
         assert stats.pushed == 100
         assert link.reconnects == 0
@@ -390,7 +390,7 @@ def test_the_solution_without_errors_is_the_truth_and_with_errors_has_their_size
     assert all(sum(c * c for c in q) == pytest.approx(1.0) for q, _, _ in rows)
 
 
-def test_errors_wander_slowly_and_the_same_seed_repeats_them():
+def test_errors_drift_slowly_and_the_same_seed_repeats_them():
     one, two = (InsSolution(lambda p: p, InsErrors(seed=5)) for _ in range(2))
     rows = [one.solve(truth(8 * k)) for k in range(500)]
     assert rows == [two.solve(truth(8 * k)) for k in range(500)]

@@ -92,7 +92,7 @@ def test_samples_go_out_by_the_clock_and_the_newest_command_comes_back(board: Bo
     assert time.monotonic_ns() - began_ns >= 249 * TICK_NS - 2_000_000
     assert driven.seen
     assert all(frame.controls == (0.0,) * 16 and not frame.armed for frame in driven.seen)
-    # What is written is what arrives: whole ticks, each once.
+    # Every tick written arrives whole and once.
     link = driven.link
     assert far.wait_for(lambda: link.send_stats().pending == 0)
     sent = link.send_stats()
@@ -134,7 +134,7 @@ def test_the_bytes_of_a_tick_in_their_order(board: Boards, drive: Drives) -> Non
     assert names == ["HEARTBEAT", "DISTANCE_SENSOR", "TIMESYNC", "HIL_GPS", "HIL_SENSOR"]
 
 
-def test_a_bench_that_falls_behind_lets_go_and_says_so(board: Boards, drive: Drives) -> None:
+def test_a_bench_that_falls_behind_slips_and_reports_it(board: Boards, drive: Drives) -> None:
     driven = drive(board())
     driven.run(10)
     driven.events.clear()
@@ -146,7 +146,7 @@ def test_a_bench_that_falls_behind_lets_go_and_says_so(board: Boards, drive: Dri
     (kind, text), *_ = driven.events
     assert kind == "slip"
     assert "behind the wall clock: later ticks move by that" in text
-    assert len(driven.events) <= schedule.slip_count  # each told once
+    assert len(driven.events) <= schedule.slip_count  # each reported once
     assert any("could not keep up" in finding.text for finding in driven.link.findings())
 
 
@@ -172,7 +172,7 @@ def test_unplugged_and_back_by_a_declared_fault(board: Boards, drive: Drives) ->
     driven.run(100)
     kinds = [kind for kind, _ in driven.events if kind != "slip"]
     assert kinds == ["unplugged", "replugged"]
-    assert any(kind == "slip" for kind, _ in driven.events)  # it had to wait meanwhile
+    assert any(kind == "slip" for kind, _ in driven.events)  # it waited meanwhile
     assert driven.link.reconnects == 1
     assert [text for _, _, text in told] == ["link fault 0: unplugged", "link fault 0: plugged in again"]
     assert {t_ns for t_ns, _, _ in told} == {400_000_000}  # simulated time stood still
@@ -201,7 +201,9 @@ def test_a_board_that_is_really_unplugged_and_put_back(board: Boards, drive: Dri
 
 
 @pytest.mark.parametrize("reconnect_s", [0.0, 0.3])
-def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path: Path, reconnect_s: float) -> None:
+def test_a_board_that_stays_unplugged_is_named(
+    board: Boards, drive: Drives, tmp_path: Path, reconnect_s: float
+) -> None:
     far = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(far.port)
@@ -221,7 +223,7 @@ def test_a_board_that_does_not_come_back(board: Boards, drive: Drives, tmp_path:
 # -- silent ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_board_that_says_nothing_any_more(board: Boards, drive: Drives) -> None:
+def test_a_board_that_falls_silent_is_named(board: Boards, drive: Drives) -> None:
     far = board()
     driven = drive(far, timeouts=LinkTimeouts(reply_s=1.0))
     driven.run(50)
@@ -231,7 +233,7 @@ def test_a_board_that_says_nothing_any_more(board: Boards, drive: Drives) -> Non
     assert caught.value.cause == "silent"
 
 
-def test_a_board_that_talks_but_commands_nothing(board: Boards, drive: Drives) -> None:
+def test_a_board_that_sends_no_commands_is_named(board: Boards, drive: Drives) -> None:
     far = board(mute=["HIL_ACTUATOR_CONTROLS"])
     driven = drive(far, timeouts=LinkTimeouts(reply_s=1.5))
     with pytest.raises(HandshakeError, match=r"no HIL_ACTUATOR_CONTROLS for 1\.5 s: is SYS_HITL 1") as caught:
@@ -240,12 +242,12 @@ def test_a_board_that_talks_but_commands_nothing(board: Boards, drive: Drives) -
     assert driven.seen == []
 
 
-def test_commands_that_are_no_numbers(board: Boards, drive: Drives) -> None:
+def test_repeated_invalid_commands_end_the_run(board: Boards, drive: Drives) -> None:
     far = board()
     driven = drive(far)
     driven.run(50)
     far.tap.spoil = 3
-    # Two that come within one tick are one command.
+    # Two outputs within one tick count as one command.
     driven.run_until(lambda: far.tap.spoil == 0 and 1 <= driven.link.stats.bad_controls <= 3)
     seen = len(driven.seen)
     driven.run_until(lambda: len(driven.seen) > seen + 5)  # it goes on
@@ -256,7 +258,7 @@ def test_commands_that_are_no_numbers(board: Boards, drive: Drives) -> None:
         driven.run(5000)
 
 
-def test_no_heartbeat(board: Boards, drive: Drives) -> None:
+def test_a_missing_heartbeat_is_named(board: Boards, drive: Drives) -> None:
     far = board(mute=["HEARTBEAT"])
     driven = drive(far, timeouts=LinkTimeouts(connect_s=0.5), opened=False)
     with pytest.raises(HandshakeError, match=r"no heartbeat within 0.5 s of wall clock; [1-9]\d* other messages"):
@@ -287,7 +289,7 @@ Setup = Callable[..., tuple[HitlBoard, HitlSetup]]
 
 
 def test_parameters_are_set_in_their_own_type(setup: Setup) -> None:
-    """PX4 refuses a value in another type: a whole number for a float, say."""
+    """PX4 refuses a value of another type, such as an integer for a float."""
     far, asked = setup()
     asked.set({"MPC_XY_P": 1.0, "MPC_XY_VEL_MAX": 5.7, "COM_RC_IN_MODE": 4.0})
     assert far.mock.params["MPC_XY_P"] == 1.0
@@ -299,7 +301,7 @@ def test_parameters_are_set_in_their_own_type(setup: Setup) -> None:
     }
 
 
-def test_what_it_does_not_take_or_have_is_named(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refused_and_unknown_parameters_are_named(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.3)
     _, asked = setup()
     assert asked.problems() == []
@@ -309,7 +311,7 @@ def test_what_it_does_not_take_or_have_is_named(setup: Setup, monkeypatch: pytes
         asked.set({"NOT_A_PARAM": 1.0})
 
 
-def test_a_lost_answer_is_no_missing_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_answer_is_not_taken_for_a_missing_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_TRY_S", 2.0)
     far, asked = setup()
     feed, lost = far.mock.feed, []
@@ -345,7 +347,7 @@ def test_a_board_not_set_up_is_refused_with_advice(
     assert caught.value.cause == "setup"
 
 
-def test_one_that_answers_for_no_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_that_answers_for_no_parameter_is_named(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 0.5)
     _, asked = setup(mute=["PARAM_VALUE", "HIL_ACTUATOR_CONTROLS"])
@@ -353,7 +355,7 @@ def test_one_that_answers_for_no_parameter(setup: Setup, monkeypatch: pytest.Mon
         asked.require()
 
 
-def test_one_that_tells_no_parameter_but_sends_commands_is_believed(
+def test_a_board_without_parameters_that_sends_commands_is_accepted(
     setup: Setup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
@@ -367,7 +369,7 @@ def check(port: str, *, fix: bool = False) -> tuple[bool, str]:
     return ready, out.getvalue()
 
 
-def test_a_board_is_checked_and_put_right(board: Boards, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_board_is_checked_and_configured(board: Boards, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)
     far = board(params=["SYS_HITL=0", "HIL_ACT_FUNC4=0"])
     ready, text = check(far.port)
@@ -375,9 +377,9 @@ def test_a_board_is_checked_and_put_right(board: Boards, monkeypatch: pytest.Mon
     assert "SYS_HITL is 0, must be 1" in text
     assert "HIL_ACT_FUNC4 is 0, must be 104" in text
     assert "--fix" in text
-    assert far.mock.params["SYS_HITL"] == 0  # only looked at
+    assert far.mock.params["SYS_HITL"] == 0  # read only
     ready, text = check(far.port, fix=True)
-    assert not ready  # not before it has restarted
+    assert not ready  # only after a restart
     assert "set SYS_HITL, HIL_ACT_FUNC4; the board restarts" in text
     assert far.wait_for(lambda: far.mock.boots == 2)
     ready, text = check(far.port)

@@ -72,16 +72,16 @@ def test_a_whole_flight(autopilot: int, commands: list[Any]) -> None:
     assert [(m.command, m.x, m.y, m.z, m.frame) for m in got] == [
         (i.command, i.lat_degE7, i.lon_degE7, i.alt_m, i.frame) for i in RECTANGLE
     ]
-    # ArduPilot takes no open numbers; what was given is left alone.
+    # ArduPilot accepts no NaN; given values are unchanged.
     assert [math.isnan(m.param4) for m in got] == [autopilot == PX4] * 6
     assert all(math.isnan(i.param4) for i in RECTANGLE)
 
 
-def test_jumps_lead_to_the_item_that_was_meant() -> None:
+def test_jumps_lead_to_the_intended_item() -> None:
     mission = [item(0, 22), item(1, 16, 2.5), item(2, 177, 1.0, 3.0), item(3, 21)]
     copter = Vehicle(ARDUPILOT)
     fly(GroundStation(mission), copter, limit_s=20.0)
-    assert copter.items[2].param1 == 2.5  # a waypoint's hold time is no number of an item
+    assert copter.items[2].param1 == 2.5  # a waypoint's hold time is not an item number
     jump = copter.items[3]
     assert (jump.command, jump.param1, jump.param2) == (177, 2.0, 3.0)
     assert copter.items[int(jump.param1)].command == 16
@@ -91,7 +91,7 @@ def test_jumps_lead_to_the_item_that_was_meant() -> None:
 def test_it_is_a_pure_function_of_time_and_frames(autopilot: int) -> None:
     log = fly(GroundStation(RECTANGLE), Vehicle(autopilot))
     assert log == fly(GroundStation(RECTANGLE), Vehicle(autopilot))
-    assert sum(bool(data) for data in log) < len(log) / 50  # nothing to do says nothing
+    assert sum(bool(data) for data in log) < len(log) / 50  # without a task nothing is sent
 
 
 def test_heartbeat_once_a_simulated_second_without_drift() -> None:
@@ -100,7 +100,7 @@ def test_heartbeat_once_a_simulated_second_without_drift() -> None:
 
 
 @pytest.mark.parametrize("lose", [1, 2, 4])
-def test_lost_messages_are_asked_again(lose: int) -> None:
+def test_lost_messages_are_requested_again(lose: int) -> None:
     station, vehicle = flown(lose=lose)
     assert station._progress.completed
     assert max(m.confirmation for m in vehicle.sent("COMMAND_LONG")) == lose
@@ -109,7 +109,7 @@ def test_lost_messages_are_asked_again(lose: int) -> None:
 @pytest.mark.parametrize(
     "script", [{"old_requests": True}, {"no_prearm_bit": True}, {"silent_landing": True}, {"ready_ns": 7 * S}]
 )
-def test_vehicles_that_do_it_another_way(script: dict[str, Any]) -> None:
+def test_protocol_variants_are_accepted(script: dict[str, Any]) -> None:
     station, vehicle = flown(**script)
     assert station._progress.completed
     assert vehicle.armed_at_ns >= script.get("ready_ns", 0)
@@ -120,7 +120,7 @@ def test_vehicles_that_do_it_another_way(script: dict[str, Any]) -> None:
     [(PX4, ARM, REJECTED_FOR_NOW), (ARDUPILOT, SET_MODE, FAILED), (ARDUPILOT, ARM, FAILED),
      (ARDUPILOT, MISSION_START, FAILED)],
 )  # fmt: skip
-def test_what_is_declined_is_asked_again_a_second_later(autopilot: int, command: int, declines: int) -> None:
+def test_declined_requests_are_repeated_a_second_later(autopilot: int, command: int, declines: int) -> None:
     station, vehicle = flown(autopilot, answers={command: [declines] * 3 + [ACCEPTED]})
     assert station._progress.completed
     asked = [number for number, *_ in vehicle.commands()]
@@ -129,7 +129,7 @@ def test_what_is_declined_is_asked_again_a_second_later(autopilot: int, command:
     assert [text for _, _, text in station.statustexts] == [COMPLAINT] * 3
 
 
-def test_no_room_is_taken_for_not_yet_for_a_while_by_ardupilot() -> None:
+def test_mission_no_space_of_ardupilot_is_retried_for_a_while() -> None:
     station, copter = flown(ARDUPILOT, room_ns=12 * S)
     assert station._progress.completed
     assert 12 <= len(copter.sent("MISSION_COUNT")) <= 15
@@ -174,7 +174,7 @@ def test_each_refusal_is_one_clear_error(
         fly(station, Vehicle(autopilot, **script), limit_s=120.0)
 
 
-def test_a_mission_service_that_is_not_there() -> None:
+def test_a_missing_mission_service_is_named() -> None:
     class NoMissions(Vehicle):
         on_mission_count = None  # type: ignore[assignment]
 
@@ -183,12 +183,12 @@ def test_a_mission_service_that_is_not_there() -> None:
 
 
 @pytest.mark.parametrize(("items", "says"), [(10_000, "10000 items was refused .*NO_SPACE"), (70_000, "65535")])
-def test_missions_that_are_too_long(items: int, says: str) -> None:
+def test_missions_that_are_too_long_are_refused(items: int, says: str) -> None:
     with pytest.raises(HandshakeError, match=says):
         fly(GroundStation([item(0, 16)] * items), Vehicle(), limit_s=30.0)
 
 
-def test_a_mission_of_nothing_is_refused() -> None:
+def test_an_empty_mission_is_refused() -> None:
     with pytest.raises(HandshakeError, match="no items"):
         GroundStation([])
 

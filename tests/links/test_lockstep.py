@@ -43,7 +43,7 @@ def over_pty(*arguments, reply_limit_s=0.3, heartbeat_limit_s=10.0):
 
 @pytest.fixture(params=["memory", "pty"])
 def scripted(request):
-    """Makes an opened link to an autopilot that misbehaves as told; closes it at the end."""
+    """Yield a function that opens a link to an autopilot with the given fault; close it at the end."""
     links = []
 
     def make(fault="", at=5, **limits):
@@ -61,7 +61,7 @@ def scripted(request):
 
 
 def fly(link, ticks, first=0, extra=b""):
-    """Drive `ticks` ticks; (bytes sent, answers, frames) per tick."""
+    """Drive `ticks` ticks; return (bytes sent, answers, frames) per tick."""
     log = []
     for tick in range(first, first + ticks):
         t_ns = tick * TICK_NS
@@ -85,7 +85,7 @@ def test_one_answer_to_each_sensor_after_boot(scripted):
     assert stats.tx_bytes == sum(len(sent) for sent, _, _ in log)
 
 
-def test_the_greeting_is_kept_for_the_first_tick(scripted):
+def test_bytes_received_at_boot_are_kept_for_the_first_tick(scripted):
     log = fly(scripted(), 1)
     assert [frame.msgid for frame in log[0][2]] == [MSGID["COMMAND_LONG"], MSGID["HEARTBEAT"]]
 
@@ -114,7 +114,7 @@ def test_bytes_that_are_no_answer_do_not_end_a_run(scripted, fault):
     log = fly(link, 30)
     assert all(answer is not None for _, answer, _ in log[BOOT:])
     if fault == "trailing":
-        # Behind the answer: belongs to the next tick.
+        # After the answer: belongs to the next tick.
         assert [f.msgid for f in log[BOOT + 4][2]][-1] == ACTUATORS
         assert log[BOOT + 5][2][0].msgid == MSGID["HEARTBEAT"]
     else:
@@ -134,7 +134,7 @@ def test_bytes_that_are_no_answer_do_not_end_a_run(scripted, fault):
         ("range", InvalidControls, "1.5"),
     ],
 )
-def test_what_ends_a_run_says_why(scripted, fault, error, says):
+def test_errors_that_end_a_run_name_the_cause(scripted, fault, error, says):
     link = scripted(fault)
     fly(link, BOOT + 4)
     with pytest.raises(error, match=says):
@@ -148,7 +148,7 @@ def test_a_second_answer_ends_the_next_tick(scripted):
         fly(link, 1, first=BOOT + 5)
 
 
-def test_boot_length_that_the_rig_has_wrong():
+def test_a_wrong_boot_length_in_the_rig_is_named():
     early = LockstepLink(
         LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, timeouts=LinkTimeouts(reply_s=0.1)
     )
@@ -161,7 +161,7 @@ def test_boot_length_that_the_rig_has_wrong():
         fly(late, 10)
 
 
-def test_a_sample_that_is_no_number_is_never_sent(scripted):
+def test_a_sample_of_nan_is_never_sent(scripted):
     link = scripted()
     with pytest.raises(CodecError, match="accel"):
         link.send(0, 0, IMU._replace(accel_mps2=(float("nan"), 0.0, 0.0)), MAG, BARO, None, b"")
@@ -179,14 +179,14 @@ def test_an_open_link_can_be_closed_and_opened_again():
         assert not process.running()
 
 
-def test_no_heartbeat_in_memory():
+def test_a_missing_heartbeat_in_memory_is_named():
     link = in_memory(greet=False)
     with pytest.raises(HandshakeError, match="no bytes came at all"):
         link.open()
 
 
-def test_fifty_thousand_packets_of_rubbish_between_answers():
-    """Noise, damaged copies and false headers around every answer: all counted, none fatal, nothing kept."""
+def test_fifty_thousand_invalid_packets_between_answers():
+    """Noise, damaged copies and false headers around every answer are counted, not fatal, and not kept."""
     rng = random.Random(11)
 
     class Noisy(fake.FakeAutopilot):

@@ -15,7 +15,7 @@ from tests.worlds.bench_process import BenchProcess, free_port, until
 
 @contextmanager
 def connected(out: Path, *settings: str) -> Iterator[tuple[BenchProcess, Any]]:
-    """A bench, and the vehicle in it as MAVSDK finds it."""
+    """Yield a bench and its vehicle as MAVSDK finds it."""
     mavsdk = pytest.importorskip("mavsdk")
     port = free_port()
     client = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(mavsdk.ComponentType.GROUND_STATION))

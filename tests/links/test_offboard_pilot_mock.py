@@ -1,4 +1,4 @@
-"""The offboard pilot flies the mock as a companion wants, by every kind of set-point, judged against the truth."""
+"""The offboard pilot flies the mock by every kind of set-point; the flight is compared with the truth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UP = DesiredState(p_W=(0.0, 0.0, 3.0), yaw_rad=0.0)
 
 
 class Flight:
-    """The mock's world, its pilot, and what was sent and seen."""
+    """The mock's world and its pilot, with the messages sent and received."""
 
     def __init__(self, *, seed: int = 1, autopilot: dict[str, Any] | None = None, **settings: Any) -> None:
         self.world = World(seed=seed, **(autopilot or {}))
@@ -48,7 +48,7 @@ class Flight:
         return self.world.truth
 
     def fly(self, seconds: float, wanted: DesiredState | Callable[[float], DesiredState] | None) -> list[TruthState]:
-        """The truth at every tick; `wanted` may depend on the time since the call [s]."""
+        """Return the truth at every tick; `wanted` may depend on the time since the call [s]."""
         seen = []
         for i in range(round(seconds * TICK_HZ)):
             if wanted is not None and i % WANTED_EVERY == 0:
@@ -93,7 +93,7 @@ def tour(seed: int) -> tuple[list[bytes], list[TruthState], Flight]:
     q_WB = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))
 
     def hover(_t_s: float) -> DesiredState:
-        """A companion that holds its height by thrust."""
+        """Hold the height by thrust, as a companion."""
         z, vz = flight.truth.p_WB[2], flight.truth.v_WB_W[2]
         return DesiredState(q_WB=q_WB, thrust=min(max(0.62 + 0.06 * (4.0 - z) - 0.08 * vz, 0.0), 1.0))
 
@@ -107,14 +107,14 @@ def tour(seed: int) -> tuple[list[bytes], list[TruthState], Flight]:
     return flight.sent, seen, flight
 
 
-def test_a_tour_by_every_kind_of_set_point_is_the_same_every_time() -> None:
+def test_a_flight_by_every_kind_of_set_point_repeats_exactly() -> None:
     sent, seen, flight = tour(1)
     assert not flight.pilot.armed
     assert flight.events == []
     again, seen_again, _ = tour(1)
     assert sent == again
     assert seen == seen_again
-    # Nothing but set-points and heartbeats once it flies: 50 a second.
+    # In flight only set-points and heartbeats are sent: 50 a second.
     in_air = sent[15 * TICK_HZ : 25 * TICK_HZ]
     assert sum(bool(data) for data in in_air) in range(500, 511)
 

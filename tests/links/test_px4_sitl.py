@@ -1,4 +1,4 @@
-"""PX4 SITL as the bench starts, flies and loses it, against a stand-in on PX4's own wires (`fake_px4_sitl`)."""
+"""Start, flight and loss of PX4 SITL, with a stand-in on PX4's own ports (`fake_px4_sitl`)."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ HOP = """QGC WPL 110
 
 @pytest.fixture
 def instance() -> int:
-    """One whose two ports are free."""
+    """Return an instance number whose two ports are free."""
     for number in random.sample(range(20, 100), 80):
         with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
             tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -63,7 +63,7 @@ def instance() -> int:
 
 @pytest.fixture
 def build(tmp_path: Path) -> Path:
-    """PX4's program in a build tree."""
+    """Return PX4's program in a build tree."""
     tree = tmp_path / "build of px4"
     airframes = tree / "etc/init.d-posix/airframes"
     airframes.mkdir(parents=True)
@@ -79,7 +79,7 @@ def build(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def fly(tmp_path: Path, build: Path, instance: int) -> Flights:
-    """A run of the rig px4_sitl with the stand-in."""
+    """Run the rig px4_sitl with the stand-in."""
 
     def run(*settings: str, mission: str | None = HOP, out: str = "out") -> RunResult:
         path = None
@@ -97,7 +97,7 @@ def fly(tmp_path: Path, build: Path, instance: int) -> Flights:
 
 
 def gone(pid: int) -> bool:
-    """Nothing of the process is left that could run."""
+    """Return True if no running process is left of it."""
     for _ in range(200):
         try:
             os.kill(pid, 0)
@@ -116,7 +116,7 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
     left = tmp_path / "out/autopilot"
     left.mkdir(parents=True)
     (left / "parameters.bson").write_text("of an earlier run")
-    (left / "dataman").write_text("")  # by which a working folder of PX4's is known
+    (left / "dataman").write_text("")  # marks a working folder of PX4
     result = fly(
         "autopilot.params.MPC_XY_P=0.9", "autopilot.params.COM_RC_IN_MODE=4", "autopilot.env={FAKE_PX4_CHILD: '1'}"
     )
@@ -138,7 +138,7 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
     assert result.run["autopilot"]["link"]["bad_crc"] == 0
 
 
-def test_one_that_somebody_else_starts(fly: Flights, instance: int, tmp_path: Path) -> None:
+def test_a_px4_that_the_user_starts(fly: Flights, instance: int, tmp_path: Path) -> None:
     px4 = FakePx4(instance)
     thread = threading.Thread(target=px4.serve, daemon=True)
     thread.start()
@@ -151,7 +151,7 @@ def test_one_that_somebody_else_starts(fly: Flights, instance: int, tmp_path: Pa
 
 
 @pytest.mark.parametrize(("how", "status"), [("exit", "exit status 7"), ("kill", "signal SIGKILL")])
-def test_a_crash_is_told_with_its_last_words(fly: Flights, how: str, status: str) -> None:
+def test_a_crash_is_reported_with_its_last_output(fly: Flights, how: str, status: str) -> None:
     result = fly(f"autopilot.env={{FAKE_PX4: {how}@500}}", "duration_s=10", mission=None)
     error = result.run["error"]
     assert (result.status, error["type"]) == ("ERROR", "LinkClosed")
@@ -168,7 +168,7 @@ def process(binary: Path, folder: Path, *, env: dict[str, str] | None = None, **
 
 
 @pytest.mark.parametrize("airframe", ["none_iris", "10016"])
-def test_the_airframe_by_name_or_number(build: Path, tmp_path: Path, airframe: str) -> None:
+def test_the_airframe_is_set_by_name_or_number(build: Path, tmp_path: Path, airframe: str) -> None:
     env = process(build, tmp_path / "w", airframe=airframe)._env
     assert env == {"PX4_SIM_MODEL": "none_iris", "PX4_SYS_AUTOSTART": "10016"}
     assert process(build, tmp_path / "w", airframe="gz_x500")._env["PX4_SYS_AUTOSTART"] == "4001"
@@ -179,11 +179,11 @@ def test_a_fast_tick_raises_the_rate_at_which_px4_integrates(build: Path, tmp_pa
     assert not [name for name in slow if name.startswith("PX4_PARAM")]
     fast = process(build, tmp_path / "w", tick_hz=500, params={"SDLOG_MODE": 1.0}, env={"PX4_PARAM_X": "y"})._env
     assert fast["PX4_PARAM_IMU_INTEG_RATE"] == "500"
-    assert fast["PX4_PARAM_SDLOG_MODE"] == "1"  # what the user says counts
+    assert fast["PX4_PARAM_SDLOG_MODE"] == "1"  # the user's value is kept
     assert fast["PX4_PARAM_X"] == "y"
 
 
-def test_what_is_no_build_is_said_before_anything_starts(build: Path, tmp_path: Path) -> None:
+def test_an_invalid_build_is_refused_before_the_start(build: Path, tmp_path: Path) -> None:
     with pytest.raises(PortNotFound, match=r"does not exist; set autopilot\.binary"):
         process(tmp_path / "nothing", tmp_path / "w")
     with pytest.raises(PortNotFound, match=r"no airframe 'none_hexa'; .*it has: 10016 none_iris$"):
@@ -251,7 +251,7 @@ class Px4Drive(Drive):
 def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drives]:
     made: list[Px4Drive] = []
     monkeypatch.setattr(lockstep, "_LINGER_S", 0.2)
-    # However busy the machine is: the far side reads in the end.
+    # The far side reads in the end, even on a busy machine.
     monkeypatch.setattr(ground_channel, "_READ_LIMIT_S", 30.0)
 
     def make(**settings: Any) -> Px4Drive:
@@ -264,7 +264,7 @@ def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drives]:
         assert one.px4 is None or one.px4.ended.wait(30.0)
 
 
-def test_the_boot_is_found_out_and_then_each_sensor_has_its_answer(drive: Drives) -> None:
+def test_the_boot_is_detected_and_then_each_sensor_message_is_answered(drive: Drives) -> None:
     driven = drive(reply_limit_s=30.0)
     driven.run(200)
     assert 1 <= len(driven.seen) <= 200 - 17
@@ -304,7 +304,7 @@ def lost(driven: Px4Drive, ticks: int = 400) -> LinkError:
         ("silent@100", "silent", "no answer to time_usec 396000"),
     ],
 )
-def test_why_it_fell_silent(drive: Drives, script: str, cause: str, says: str) -> None:
+def test_the_cause_of_silence_is_named(drive: Drives, script: str, cause: str, says: str) -> None:
     error = lost(drive(script=script))
     assert isinstance(error, LockstepLost)
     assert error.cause == cause
@@ -329,15 +329,15 @@ def test_silent_in_offboard_without_set_points(drive: Drives) -> None:
     assert "send set-points first" in str(caught.value)
 
 
-def test_an_offboard_that_has_been_left_explains_no_silence(drive: Drives) -> None:
-    """In flight, say; what counts is what it was told last."""
+def test_offboard_that_has_been_left_is_not_named_as_the_cause(drive: Drives) -> None:
+    """Only the last mode commanded counts, as in flight."""
     driven = drive(script="silent@100")
     driven.run(60)
     driven.link._vehicle.sent(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))
     assert lost(driven).cause == "silent"
 
 
-def test_slow_is_told_from_silent(drive: Drives, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_is_distinguished_from_silent(drive: Drives, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lockstep, "_LINGER_S", 60.0)
     error = lost(drive(script="slow@100"))
     assert error.cause == "slow"
@@ -345,10 +345,10 @@ def test_slow_is_told_from_silent(drive: Drives, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system does not tell")
-def test_a_halted_process_is_told_and_ended(
+def test_a_stopped_process_is_reported_and_ended(
     drive: Drives, build: Path, tmp_path: Path, instance: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(child_process, "_TERMINATE_S", 0.2)  # a halted process does not hear that it is to end
+    monkeypatch.setattr(child_process, "_TERMINATE_S", 0.2)  # a stopped process does not handle SIGTERM
     child = process(build, tmp_path / "w", env={"FAKE_PX4": "stop@100"}, instance=instance)
     driven = drive(start=lambda: child, reply_limit_s=2.0)
     error = lost(driven)
@@ -392,7 +392,7 @@ def test_a_px4_that_has_lost_its_simulator_before(instance: int) -> None:
             px4_sitl_link(instance, timeouts=LinkTimeouts(connect_s=0.2)).open()
 
 
-def test_nobody_connects(instance: int) -> None:
+def test_a_px4_that_never_connects_is_named(instance: int) -> None:
     link = px4_sitl_link(instance, timeouts=LinkTimeouts(connect_s=0.2))
     with pytest.raises(HandshakeError, match="no program connected; start PX4 with PX4_SIM_MODEL=none_iris"):
         link.open()

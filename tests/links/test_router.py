@@ -30,7 +30,7 @@ def client():
 
 
 def hears(client, count):
-    """Names of what has come since the last call, once there are `count` of them, or after a moment."""
+    """Return the names of messages since the last call, once there are `count`, or after a time-out."""
     deadline = time.monotonic() + (5.0 if count else 0.02)
     while len(client.hear()) < max(count, 1) and time.monotonic() < deadline:
         time.sleep(0.001)
@@ -47,11 +47,11 @@ def router(client):
 
 
 def collect(router, count):
-    """Bytes collected until there are `count` of them."""
+    """Collect bytes until there are `count`."""
     return until(router, lambda data: len(data) >= count)
 
 
-def test_only_heartbeats_until_a_client_speaks_then_everything_but_hil(router, client):
+def test_only_heartbeats_until_a_client_sends_then_everything_but_hil(router, client):
     router.forward([ATTITUDE, HEARTBEAT, ACTUATORS])
     assert hears(client, 1) == ["HEARTBEAT"]
     router.forward([ATTITUDE, ACTUATORS])
@@ -71,7 +71,7 @@ def test_a_client_from_elsewhere_is_learnt(router, client):
     assert collect(router, len(ARM)) == ARM
     router.forward([ATTITUDE])
     assert hears(other, 1) == ["ATTITUDE"]
-    assert hears(client, 0) == []  # it has not spoken yet
+    assert hears(client, 0) == []  # it has not sent anything yet
     router.forward([HEARTBEAT])
     assert hears(client, 1) == ["HEARTBEAT"]
     other.close()
@@ -86,7 +86,7 @@ def test_only_whole_valid_frames_go_on(router, client):
     assert router.stats.damaged_bytes > 0
 
 
-def test_half_a_frame_from_one_client_does_not_meet_half_a_frame_of_another(router, client):
+def test_half_frames_of_two_clients_are_not_joined(router, client):
     other = UdpClient()
     to = address_of(router)
     client.say(HELLO, to)
@@ -114,7 +114,7 @@ def test_a_flood_is_bounded_per_tick_and_in_memory(router, client):
     rest = 0
     while data := router.collect():
         rest += len(data)
-    assert rest <= 65536 + 16384  # what one read may bring on top of what one client's queue holds
+    assert rest <= 65536 + 16384  # one read on top of one client's queue
     assert router.stats.dropped > 0
     assert ("warning", "client") in [(kind, text.split()[0]) for kind, text in router.take_events()]
 
@@ -134,7 +134,7 @@ def test_long_telemetry_is_cut_into_datagrams_of_whole_frames(router, client):
     assert total == 200
 
 
-def test_nobody_there_costs_nothing_and_raises_nothing():
+def test_absent_clients_raise_nothing():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         nobody = probe.getsockname()

@@ -37,12 +37,12 @@ class Rig:
         self.came: list[tuple[int, int]] = []  # (message id, simulated time)
 
     def say(self, data: bytes) -> None:
-        """The client speaks, now, and is heard in this tick."""
+        """Send as the client; the router receives it in this tick."""
         self.client.say(data, address_of(self.router))
         self._take(until(self.router, lambda got: data in got, self.t_ns))
 
     def run(self, wall_ms: float) -> None:
-        """Ticks for as long, with the client silent."""
+        """Run ticks for so long, with the client silent."""
         end_ns = self.clock.ns + round(wall_ms * MS)
         while self.clock.ns < end_ns:
             self.t_ns += TICK_NS
@@ -72,7 +72,7 @@ def gaps(times: list[float]) -> list[float]:
 
 
 def stream(rig: Rig, count: int, wall_ms: float = 50.0) -> None:
-    """Set-points at 20 Hz and a heartbeat a second, by the wall clock."""
+    """Send set-points at 20 Hz and a heartbeat a second, by the wall clock."""
     for i in range(count):
         if i % round(1000 / wall_ms) == 0:
             rig.say(heartbeat(rig.client.encoder))
@@ -81,7 +81,7 @@ def stream(rig: Rig, count: int, wall_ms: float = 50.0) -> None:
 
 
 @pytest.mark.parametrize("rig", [(20.0,)], indirect=True)
-def test_twenty_times_real_time(rig: Rig) -> None:
+def test_streams_keep_their_rate_at_twenty_times_real_time(rig: Rig) -> None:
     stream(rig, 60)
     # From the second on, when the rate is known: 20 Hz of simulated time, and a heartbeat a second.
     setpoints = [t for t in rig.times_ms(SETPOINT) if t > 1100.0]
@@ -103,7 +103,7 @@ def test_nothing_is_repeated_at_real_time_or_slower_or_unasked(rig: Rig) -> None
 
 
 @pytest.mark.parametrize("rig", [(20.0,)], indirect=True)
-def test_a_client_that_dies_is_not_kept_alive(rig: Rig) -> None:
+def test_streams_of_a_dead_client_end(rig: Rig) -> None:
     stream(rig, 10)
     died_ms = rig.t_ns / MS
     rig.run(5000)
@@ -123,7 +123,7 @@ def test_a_stream_that_ends_is_not_continued_by_heartbeats(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("rig", [(20.0,)], indirect=True)
-def test_a_single_setpoint_is_no_stream(rig: Rig) -> None:
+def test_a_single_setpoint_is_not_repeated(rig: Rig) -> None:
     rig.say(heartbeat(rig.client.encoder))
     rig.say(setpoint(rig.client.encoder))
     rig.run(1500)

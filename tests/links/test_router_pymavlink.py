@@ -34,7 +34,7 @@ class Peer:
         self.link.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4)
 
     def ask(self, question: Callable[[], None], *kinds: str, limit_s: float = 60.0) -> Any:
-        """Ask again and again until an answer of one of these kinds comes, as clients do."""
+        """Repeat the request until an answer of one of these kinds arrives, as clients do."""
 
         def answered() -> Any:
             question()
@@ -43,7 +43,7 @@ class Peer:
         return until(answered, " or ".join(kinds), limit_s)
 
     def command(self, number: int, *params: float) -> int:
-        """The result in the acknowledgement."""
+        """Send a command and return the result in its acknowledgement."""
         values = [*params, *[0.0] * (7 - len(params))]
         ack = self.ask(lambda: self.link.mav.command_long_send(1, 1, number, 0, *values), "COMMAND_ACK")
         assert ack.command == number
@@ -80,7 +80,7 @@ def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -
         second, third = Peer(f"udpout:127.0.0.1:{comes}", 246), Peer(f"tcp:127.0.0.1:{connects}", 247)
         closing += [second, third]
         for peer in closing:
-            # Each sees the vehicle, and each but itself.
+            # Each client sees the vehicle and the other clients.
             peer.ask(peer.say_hello, "ATTITUDE")
         first.say_hello()
         for peer in (second, third):
@@ -99,7 +99,7 @@ def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -
             return len(names) == value.param_count
 
         until(all_named, "every parameter")
-        # The second client was sent the first one's list too, and left it unread.
+        # The second client also received the first one's list and has not read it.
         while second.link.recv_match() is not None:
             pass
 

@@ -1,4 +1,4 @@
-"""Who hears what at the router: the rules of MAVLink routing, endpoints of every kind, floods and stalls."""
+"""The rules of MAVLink routing at the router, endpoints of every kind, floods and stalls."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def router() -> Iterator[Router]:
 
 
 def joined(router: Router, *clients: UdpClient) -> None:
-    """Each client says hello and is known."""
+    """Let each client send once, so that the router knows it."""
     for client in clients:
         hello = heartbeat(client.encoder)
         client.say(hello, address_of(router))
@@ -54,7 +54,7 @@ def hears(router: Router, client: UdpClient, count: int = 1) -> list[str]:
     return names(client)
 
 
-def test_where_targets_stand() -> None:
+def test_positions_of_target_fields() -> None:
     encoder = FrameEncoder(1, 1)
     assert target(framed(command(encoder, 7, 8))) == (7, 8)
     assert target(ack_to(245, 190)) == (245, 190)  # extension fields
@@ -63,7 +63,7 @@ def test_where_targets_stand() -> None:
     assert target(HEARTBEAT) == (0, 0)
 
 
-def test_what_the_autopilot_addresses_goes_to_that_system_only(router: Router) -> None:
+def test_targeted_messages_of_the_autopilot_go_to_that_system_only(router: Router) -> None:
     a, b = UdpClient(245, 190), UdpClient(246, 190)
     joined(router, a, b)
     router.forward([ack_to(245, 190), ack_to(99, 1), ATTITUDE])
@@ -79,7 +79,7 @@ def test_clients_see_each_others_messages_but_not_their_own(router: Router) -> N
     order = command(a.encoder, 1, 1)
     a.say(heartbeat(a.encoder) + order, address_of(router))
     until(router, lambda data: data.endswith(order))
-    # The heartbeat is everybody's; the command is the autopilot's business alone.
+    # The heartbeat goes to all; the command goes to the autopilot alone.
     assert hears(router, b) == ["HEARTBEAT"]
     assert names(a) == []
     a.close(), b.close()
@@ -111,7 +111,7 @@ def test_a_companion_of_the_vehicles_own_system(router: Router) -> None:
 
 
 def test_unknown_targets_go_to_the_autopilot(router: Router) -> None:
-    """It may know somebody who has not spoken yet."""
+    """It may know a system that has not sent anything yet."""
     a, b = UdpClient(245, 190), UdpClient(246, 190)
     joined(router, a, b)
     order = command(a.encoder, 77, 1)
@@ -121,7 +121,7 @@ def test_unknown_targets_go_to_the_autopilot(router: Router) -> None:
     a.close(), b.close()
 
 
-def test_hil_messages_and_keys_are_shown_to_nobody(router: Router) -> None:
+def test_hil_messages_and_keys_are_sent_to_no_client(router: Router) -> None:
     a, b = UdpClient(245, 190), UdpClient(246, 190)
     joined(router, a, b)
     key = raw(a.encoder, "SETUP_SIGNING", 0, 0, tuple(range(32)), 1)
@@ -143,12 +143,12 @@ def test_loops_end(router: Router) -> None:
     a.say(word, address_of(router))
     assert hears(router, b) == ["HEARTBEAT"]
     end = heartbeat(b.encoder)
-    # A router behind b sends back what it was shown, of the client and of the autopilot.
+    # A router behind b returns the frames of the client and of the autopilot.
     b.say(word + HEARTBEAT.raw + end, address_of(router))
     assert until(router, lambda data: end in data) == end
     assert router.stats.looped == 2
     assert sum("loop" in text for _, text in router.take_events()) == 2
-    # And one that reaches us twice: the same frame cannot go round for ever.
+    # A frame that arrives twice does not circulate for ever.
     word = heartbeat(a.encoder)
     a.say(word * 100 + heartbeat(a.encoder), address_of(router))
     data = until(router, lambda data: len(data) > 40 * len(word))
@@ -163,7 +163,7 @@ def test_tcp_and_udp_clients_side_by_side(router: Router) -> None:
     router.collect()
     router.forward([HEARTBEAT, ATTITUDE])
     assert hears(router, udp, 2) == ["HEARTBEAT", "ATTITUDE"]
-    assert hears(router, tcp) == ["HEARTBEAT"]  # nobody to it yet
+    assert hears(router, tcp) == ["HEARTBEAT"]  # not known yet
     hello = heartbeat(tcp.encoder)
     tcp.say(hello[:9])
     router.collect()
@@ -181,7 +181,7 @@ def test_tcp_and_udp_clients_side_by_side(router: Router) -> None:
     udp.close()
 
 
-def test_a_stalled_tcp_client_is_hung_up_on_and_delays_nobody(router: Router) -> None:
+def test_a_stalled_tcp_client_is_disconnected_and_delays_no_other(router: Router) -> None:
     udp = UdpClient(245, 190)
     joined(router, udp)
     tcp = TcpClient(address_of(router, 1), 246, 190, receive_buffer=4096)
@@ -218,7 +218,7 @@ def test_a_flood_of_one_client_does_not_silence_another(router: Router) -> None:
     flooder.close(), quiet.close()
 
 
-def test_no_more_clients_than_there_is_room_for(router: Router) -> None:
+def test_the_number_of_clients_is_limited(router: Router) -> None:
     clients = [UdpClient(2 + i, 190) for i in range(20)]
     for client in clients:
         client.say(heartbeat(client.encoder), address_of(router))
@@ -245,7 +245,7 @@ def test_endpoints_as_written(text: str, endpoint: Endpoint) -> None:
             Endpoint.parse(wrong)
 
 
-def test_an_endpoint_open_to_the_network_is_warned_of() -> None:
+def test_an_endpoint_open_to_the_network_gives_a_warning() -> None:
     router = Router([Endpoint(None, ("0.0.0.0", 0), name="companion")])
     router.open()
     assert [(kind, "any machine" in text) for kind, text in router.take_events()] == [("warning", True)]

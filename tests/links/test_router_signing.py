@@ -1,4 +1,4 @@
-"""Signing at the router: passed through, demanded of clients, done for the autopilot. pymavlink is the client."""
+"""Signing at the router: passed through, required of clients, added for the autopilot. pymavlink is the client."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_signed_frames_pass_untouched_both_ways_where_the_bench_has_no_key(clien
     router.close()
 
 
-def test_who_signs_is_heard_and_hears_what_it_can_trust(demanding: Router, client: UdpClient) -> None:
+def test_signed_clients_are_served_with_signed_frames(demanding: Router, client: UdpClient) -> None:
     peer = pymavlink(KEY)
     words = said(peer)
     client.say(words, address_of(demanding))
@@ -92,7 +92,7 @@ def test_who_signs_is_heard_and_hears_what_it_can_trust(demanding: Router, clien
     assert [m.get_type() for data in heard for m in peer.parse_buffer(data)] == ["ATTITUDE", "HEARTBEAT"]
 
 
-def test_who_does_not_sign_is_neither_heard_nor_told(demanding: Router, client: UdpClient) -> None:
+def test_unsigned_clients_are_neither_read_nor_served(demanding: Router, client: UdpClient) -> None:
     to = address_of(demanding)
     good = UdpClient()
     signed = said(pymavlink(KEY))
@@ -100,7 +100,7 @@ def test_who_does_not_sign_is_neither_heard_nor_told(demanding: Router, client: 
     client.say(said(pymavlink(OTHER_KEY)), to)
     good.say(signed, to)
     assert until(demanding, lambda data: signed in data) == signed
-    client.say(signed, to)  # overheard and played back, from elsewhere
+    client.say(signed, to)  # recorded and replayed from another address
     until(demanding, lambda _: demanding.stats.replayed)
     demanding.forward([ATTITUDE])
     until(demanding, lambda _: good.hear())
@@ -117,7 +117,7 @@ def test_a_radio_need_not_sign(demanding: Router, client: UdpClient) -> None:
     assert until(demanding, lambda data: status in data) == status
 
 
-def test_the_benchs_own_words_are_signed_for_the_autopilot() -> None:
+def test_the_benchs_own_messages_are_signed_for_the_autopilot() -> None:
     words = [heartbeat(FrameEncoder(255, 190)) + command(FrameEncoder(255, 190), 1, 1), b""]
 
     class Station:
@@ -126,7 +126,7 @@ def test_the_benchs_own_words_are_signed_for_the_autopilot() -> None:
 
     source = SignedCommands(Station(), AutopilotSigning(KEY))
     autopilot = pymavlink(KEY)
-    # Its clock is ahead, as after a simulated GPS fix: followed, or what is said would be refused as too old.
+    # The clock of the autopilot is ahead, as after a simulated GPS fix, and is followed: older frames would be refused.
     autopilot.signing.timestamp += 10**9
     ahead = framed(said(autopilot))
     sent = source.step(0, [ahead])
@@ -139,7 +139,7 @@ def test_which_frames_are_signed_anew() -> None:
     signed = Signer(KEY, 0).sign(plain)
     clients, same, other = ClientSigning(KEY), AutopilotSigning(KEY), AutopilotSigning(OTHER_KEY)
     assert for_autopilot(signed, clients, None) == signed
-    assert for_autopilot(signed, None, other) == signed  # nobody here has checked it
+    assert for_autopilot(signed, None, other) == signed  # not checked by the bench
     assert for_autopilot(signed, clients, same) == signed
     anew = for_autopilot(signed, clients, other)
     assert [m.get_type() for m in pymavlink(OTHER_KEY).parse_buffer(anew)] == ["HEARTBEAT"]

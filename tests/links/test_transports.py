@@ -66,7 +66,7 @@ def test_two_long_writers_do_not_deadlock(pair):
     near, far = pair
     size = 3_000_000 if isinstance(near, TcpServer) else 200_000
     if isinstance(near, TcpServer):
-        near.read(0.5)  # lets the client in
+        near.read(0.5)  # accepts the client
     blob = os.urandom(size)
     got = {}
 
@@ -119,18 +119,18 @@ def test_closing_twice_and_using_a_closed_wire(pair):
             transport.write(b"x")
 
 
-def test_missing_port_lists_those_there_are():
+def test_missing_port_lists_the_existing_ones():
     with pytest.raises(PortNotFound, match=r"/dev/ttyNOPE.*Ports here"):
         SerialTransport("/dev/ttyNOPE").open()
 
 
-def test_busy_port(pty_pair):
+def test_a_busy_port_is_named(pty_pair):
     near, _ = pty_pair
     with pytest.raises(PortBusy, match="another program"):
         SerialTransport(near.far_path).open()
 
 
-def test_what_is_no_serial_port(tmp_path):
+def test_a_file_that_is_no_serial_port_is_named(tmp_path):
     file = tmp_path / "file"
     file.write_text("")
     for path in (str(file), str(tmp_path), "/dev/null"):
@@ -138,7 +138,7 @@ def test_what_is_no_serial_port(tmp_path):
             SerialTransport(path).open()
 
 
-def test_impossible_baud_rate():
+def test_an_impossible_baud_rate_is_named():
     near = PtyTransport()
     near.open()
     try:
@@ -149,7 +149,7 @@ def test_impossible_baud_rate():
 
 
 @pytest.mark.parametrize("made", [PtyTransport, lambda: TcpServer(0)])
-def test_a_wire_waits_for_a_far_side_that_has_not_come_yet(made):
+def test_a_wire_waits_for_a_far_side_that_has_not_connected_yet(made):
     near = made()
     near.open()
     try:
@@ -167,12 +167,12 @@ def test_a_wire_waits_for_a_far_side_that_has_not_come_yet(made):
 
 
 @pytest.mark.parametrize("kind", [TcpServer, UdpTransport])
-def test_host_that_is_not_this_machine(kind):
+def test_a_foreign_host_is_refused(kind):
     with pytest.raises(PortNotFound):
         kind(0, host="203.0.113.1").open()
 
 
-def test_udp_learns_whom_to_answer():
+def test_udp_answers_the_last_sender():
     server = UdpTransport()
     server.open()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
@@ -218,7 +218,7 @@ def test_loopback():
         wire.read(0.0)
 
 
-def test_death_of_a_loopbacks_peer_is_a_hang_up_after_its_last_words():
+def test_death_of_a_loopback_peer_is_a_hang_up_after_its_last_output():
     wire = LoopbackTransport(Echo(), deaths=(ZeroDivisionError,))
     wire.open()
     wire.write(b"abc")

@@ -2,8 +2,8 @@
 
 NED/FRD, SI. Rigid body with motor lag (T = k (1000 u)^2 in steady state), linear drag against wind, flat ground with a
 spring-damper under the centre of mass, levelling and gripping while the vehicle stands. IMU (means over the 4 ms tick),
-GPS with delay, barometer and magnetometer, each with white noise and fixed biases. It knows nothing of the code under
-test but its inputs and outputs.
+GPS with delay, barometer and magnetometer, each with white noise and fixed biases. Of the code under test it uses
+inputs and outputs only.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ PARAM = {name: i for i, name in enumerate(_native.PARAM_NAMES)}
 
 
 def parameters(**changes: float) -> np.ndarray:
-    """Default parameters with the given changes, and the world's declination and gravity."""
+    """Return default parameters with the given changes and the world's declination and gravity."""
     values = np.array(_native.PARAM_DEFAULTS)
     for name, value in {"EKF_MAG_DECL": DECLINATION_DEG, "EKF_GRAVITY": GRAVITY, **changes}.items():
         values[PARAM[name]] = value
@@ -90,7 +90,7 @@ class Log:
 
 
 def rotate(q: tuple[float, float, float, float], v: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Body to NED."""
+    """Rotate from body to NED."""
     w, x, y, z = q
     tx, ty, tz = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
     return (
@@ -101,7 +101,7 @@ def rotate(q: tuple[float, float, float, float], v: tuple[float, float, float]) 
 
 
 def unrotate(q: tuple[float, float, float, float], v: tuple[float, float, float]) -> tuple[float, float, float]:
-    """NED to body."""
+    """Rotate from NED to body."""
     return rotate((q[0], -q[1], -q[2], -q[3]), v)
 
 
@@ -164,7 +164,7 @@ class Flight:
             grip = min(1.0, push / 5.0) * 8.0
             force_N[0] -= grip * self.v[0]
             force_N[1] -= grip * self.v[1]
-            # Legs: the ground levels the vehicle and stops it turning, in proportion to how hard it stands.
+            # Legs: the ground levels the vehicle and stops its rotation, in proportion to the contact force.
             load = min(1.0, push / 10.0)
             down = unrotate(self.q, (0.0, 0.0, 1.0))
             tx += load * (-4.0 * down[1] - 0.6 * self.w[0])
@@ -201,7 +201,7 @@ class Flight:
         )
 
     def step(self) -> None:
-        """One tick: physics on the last controls, sensors, the core."""
+        """Run one tick: physics on the last controls, sensors, the core."""
         self.tick += 1
         t_us = self.tick * TICK_US
         rates = [0.0, 0.0, 0.0]
@@ -248,7 +248,7 @@ class Flight:
         assert self.core.set_setpoint(kind, **values)
 
     def ready(self) -> None:
-        """On the ground, aligned, with a position."""
+        """Return a flight on the ground, aligned, with a position."""
         self.set(OFF)
         self.run(3.0)
         assert self.core.state.item(_native.STATE_FIELDS["position_ok"][0]) == 1.0
@@ -261,7 +261,7 @@ class Flight:
         self.run(seconds)
 
     def offset(self) -> tuple[float, float, float]:
-        """Estimated minus true position now: the origin is a noisy fix, so the local frame is shifted by it."""
+        """Return estimated minus true position: the origin is a noisy fix, which shifts the local frame."""
         o = self.plane.ned(*self.get("origin"))
         return (-o[0], -o[1], -o[2])
 
@@ -294,7 +294,7 @@ class Plane:
 def smooth_legs(
     points: list[tuple[float, float, float]], speed: float, accel: float
 ) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
-    """Position and velocity per tick along straight legs, stopping at each point (trapezoidal speed)."""
+    """Return position and velocity per tick along straight legs, stopping at each point (trapezoidal speed)."""
     dt = TICK_US * 1e-6
     out = []
     for a, b in itertools.pairwise(points):

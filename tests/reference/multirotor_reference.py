@@ -1,4 +1,4 @@
-"""The multirotor's equations a second time, in CasADi, solved by CVODES with tolerances of 1e-14.
+"""The multirotor's equations written independently in CasADi, solved by CVODES with tolerances of 1e-14.
 
 Written independently of the kernel and in another form: attitude as a 3x3 matrix, angular momentum of body and rotors
 in the world frame with dL/dt = R tau (no gyroscopic terms), forces and their moments by cross products over the rotors,
@@ -24,7 +24,7 @@ TOLERANCE = 1e-14
 
 @dataclass
 class Inputs:
-    """What acts on the vehicle, tick by tick. All but `commands` may be left out."""
+    """Inputs of the vehicle, tick by tick. All but `commands` are optional."""
 
     commands: Float64  # [ticks, rotors] 0..1
     wind_W: Float64 | None = None  # [ticks + 1, 3] m/s, linear in between
@@ -35,14 +35,14 @@ class Inputs:
 
 
 def commanded_speeds(vehicle: Vehicle, commands: Float64) -> Float64:
-    """Speed that each rotor tends to, at nominal voltage: THR_MDL_FAC's curve f u^2 + (1 - f) u is relative thrust."""
+    """Return steady rotor speeds at nominal voltage: THR_MDL_FAC's curve f u^2 + (1 - f) u is relative thrust."""
     c = vehicle.rotor_constants
     u = np.clip(commands, 0.0, 1.0)
     return c.max_speed_radps * np.sqrt(c.thrust_model_factor * u**2 + (1.0 - c.thrust_model_factor) * u)
 
 
 def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, gravity_mps2: float = 9.80665) -> Float64:
-    """States (p, q, v, w, rotor speeds) at every tick, [ticks + 1, 13 + rotors], from `start` in the same form."""
+    """Return states (p, q, v, w, rotor speeds) per tick, [ticks + 1, 13 + rotors], from `start` in the same form."""
     n, ticks = len(vehicle.rotors), len(inputs.commands)
     wind = np.zeros((ticks + 1, 3)) if inputs.wind_W is None else inputs.wind_W
     scale = np.ones(ticks) if inputs.speed_scale is None else inputs.speed_scale
@@ -60,7 +60,7 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
         ]
     )
     problem = _equations(vehicle, gravity_mps2, inputs.effects, whirling=bool(whirl.any()))
-    # Adams, functional iteration: nothing is stiff, and no Jacobian of |a| is wanted where a = 0.
+    # Adams, functional iteration: nothing is stiff, and |a| has no Jacobian at a = 0.
     options = {
         "abstol": TOLERANCE,
         "reltol": TOLERANCE,
@@ -88,7 +88,7 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
 
 
 def _lags(vehicle: Vehicle, speeds: Float64, targets: Float64, tick_s: float) -> Float64:
-    """Time constant of each rotor in each tick: spin-up below its target. It cannot change within a tick."""
+    """Return the time constant of each rotor in each tick: spin-up below its target. It cannot change within a tick."""
     c = vehicle.rotor_constants
     lags = np.empty_like(targets)
     for k, target in enumerate(targets):
@@ -119,7 +119,7 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
         site = ca.DM(rotor.position_m)
         hub = air + ca.cross(w, site)
         static = left[i] * c.thrust_coefficient_n_per_radps2 * speed[i] ** 2
-        # Of the sound rotor: a chipped one moves as much air for its loss.
+        # Of the undamaged rotor: a chipped one moves as much air in spite of its loss of thrust.
         hover_speed2 = c.thrust_coefficient_n_per_radps2 * speed[i] ** 2 / (2 * AIR_DENSITY * area)
         across2 = hub[0] ** 2 + hub[1] ** 2
         thrust = static
@@ -140,7 +140,7 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
         R @ force / vehicle.mass_kg - g * up,
         R @ torque,
         (target - speed) / lag,
-        spins * speed * (whirl > 0) if whirling else ca.SX.zeros(n),  # counted from the fault
+        spins * speed * (whirl > 0) if whirling else ca.SX.zeros(n),  # since the fault
     ]
     state = ca.vertcat(p, ca.vec(R), v, L, speed, angle)
     return {
@@ -175,7 +175,7 @@ def _matrix(q: Float64) -> Float64:
 
 
 def _quaternion(R: Float64, like: Float64) -> Float64:
-    """Eigenvector of Bar-Itzhack's matrix, sign nearest to `like`."""
+    """Return the eigenvector of Bar-Itzhack's matrix, sign nearest to `like`."""
     K = np.array(
         [
             [R[0, 0] + R[1, 1] + R[2, 2], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
@@ -189,7 +189,7 @@ def _quaternion(R: Float64, like: Float64) -> Float64:
 
 
 def attitude_error_rad(q: Float64, exact: Float64) -> float:
-    """Angle between two attitudes. From the vector part, since the scalar part's arc cosine cannot tell below 1e-8."""
+    """Return the angle between attitudes, from the vector part: the arc cosine of the scalar part fails below 1e-8."""
     (a, *x), (b, *y) = q.tolist(), exact.tolist()
     vector = b * np.array(x) - a * np.array(y) + np.cross(x, y)
     return 2.0 * float(np.arcsin(min(1.0, float(np.linalg.norm(vector)))))

@@ -27,7 +27,7 @@ def reference(
     hp_cutoff_hz: float | None = None,
     aaf_cutoff_hz: float | None = None,
 ) -> NDArray[np.longdouble]:
-    """(receivers, chirps, samples)."""
+    """Return (receivers, chirps, samples)."""
     c, f_c, bandwidth = Real(SPEED_OF_LIGHT_MPS), Real(chirp.center_frequency_hz), Real(chirp.bandwidth_hz)
     rate, repetition = Real(chirp.sample_rate_hz), Real(chirp.repetition_s)
     slope = bandwidth * rate / chirp.samples

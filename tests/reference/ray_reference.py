@@ -1,7 +1,7 @@
-"""A ray against each shape, one at a time and as plainly as can be: the reference for the native caster.
+"""Intersections of a ray with each shape, one at a time and in plain formulas: the reference for the native caster.
 
-Surfaces as mj_ray has them: planes from above only, triangles from both sides, solids from within where the ray leaves.
-Quadratics are solved in extended precision (np.longdouble), so that the reference's own error is out of sight.
+Surfaces as in mj_ray: planes from above only, triangles from both sides, solids from within where the ray leaves.
+Quadratics are solved in extended precision (np.longdouble), so that the reference's own error is negligible.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MUJOCO_NUMBER = {"plane": 0, "sphere": 2, "capsule": 3, "ellipsoid": 4, "cylinde
 
 
 def _roots(a: Any, b: Any, c: Any) -> tuple[Any, ...]:
-    """Of a t^2 + 2 b t + c = 0, ascending."""
+    """Return the roots of a t^2 + 2 b t + c = 0, ascending."""
     under = b * b - a * c
     if a == 0 or under < 0:
         return ()
@@ -28,7 +28,7 @@ def _roots(a: Any, b: Any, c: Any) -> tuple[Any, ...]:
 
 
 def _crossings(shape: str, size: Float, o: Float, d: Float) -> Iterator[Any]:
-    """Every t, of either sign, at which the line meets the surface; o and d in the shape's frame, longdouble."""
+    """Return every t, of either sign, at which the line meets the surface; o and d in the shape's frame, longdouble."""
     if shape == "plane":
         if d[2] < 0 and o[2] >= 0:
             t = -o[2] / d[2]
@@ -88,7 +88,7 @@ def nearest(
     t_min: float = 0.0,
     t_max: float = math.inf,
 ) -> tuple[float, int]:
-    """Nearest t in [t_min, t_max] and its geom, (inf, -1) for none. Geom: (shape, size, p_WG, R_WG, triangles)."""
+    """Return the nearest t in [t_min, t_max] and its geom, or (inf, -1). Geom: (shape, size, p_WG, R_WG, triangles)."""
     best, which = math.inf, -1
     for index, (shape, size, p_WG, R_WG, triangles) in enumerate(geoms):
         R = np.asarray(R_WG, np.longdouble)

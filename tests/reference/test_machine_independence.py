@@ -1,4 +1,4 @@
-"""The same bits with CPU features masked, of all that flies the vehicle and all that its sensors see."""
+"""Physics, autopilot and sensors give the same bits with CPU features masked."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ assert truth.p_WB[2] > 0.4, truth
 print(digest.hexdigest())
 """
 
-# Frames of echoes by every method, few and many, in single precision and in double, and what is made of them.
+# Frames of few and many echoes by every method, in single and double precision, and their processing.
 ECHOES = """
 import hashlib
 import numpy as np

@@ -1,4 +1,4 @@
-"""The estimator's accuracy, and that it knows its accuracy (NEES, NIS), in simulated flight.
+"""The estimator's accuracy and the consistency of its covariance (NEES, NIS), in simulated flight.
 
 NEES = e^T P^-1 e averages the number of states if P is right; NIS = r^T S^-1 r the number of measurements
 (Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 5.4).
@@ -22,7 +22,7 @@ LEGS = [(0.0, 0.0, -5.0), (25.0, 0.0, -8.0), (25.0, 15.0, -5.0), (0.0, 15.0, -5.
 
 
 def matched(noise: SensorNoise) -> np.ndarray:
-    """Parameters that state exactly the noise that is simulated."""
+    """Return parameters that state exactly the simulated noise."""
     root_dt = math.sqrt(TICK_US * 1e-6)
     return parameters(
         EKF_GYR_NOISE=noise.gyro * root_dt,
@@ -48,7 +48,7 @@ def with_random_biases(seed: int) -> SensorNoise:
 
 
 def error_vector(flight: Flight) -> np.ndarray:
-    """True minus estimated: attitude (body), velocity, position, gyro bias, accelerometer bias."""
+    """Return true minus estimated attitude (body), velocity, position, gyro bias, accelerometer bias."""
     q, offset = flight.get("q_NF"), flight.offset()
     dq = flight._times((q[0], -q[1], -q[2], -q[3]), flight.q)
     sign = 2.0 if dq[0] > 0 else -2.0
@@ -69,7 +69,7 @@ def covariance(flight: Flight) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def flights() -> list[tuple[np.ndarray, np.ndarray]]:
-    """Per run: NEES of (all 15, then each group of 3), and NIS of GPS position and velocity, averaged over a flight."""
+    """Return NEES (all 15, then each group of 3) and NIS of GPS position and velocity per run, as means of a flight."""
     results = []
     for seed in range(RUNS):
         noise = with_random_biases(seed)
@@ -127,7 +127,7 @@ def test_biases_are_found_in_flight():
     flight = Flight(noise=noise)
     flight.ready()
     flight.take_off()
-    for k in range(12):  # turning is what tells a tilt error from an accelerometer bias
+    for k in range(12):  # rotation separates a tilt error from an accelerometer bias
         flight.set(POSITION, x=5.0 * (k % 2), y=0.0, z=-5.0, yaw=0.7 + 1.5 * k)
         flight.run(4.0)
     assert flight.get("gyro_bias") == pytest.approx(noise.gyro_bias, abs=1e-3)
@@ -135,9 +135,9 @@ def test_biases_are_found_in_flight():
 
 
 def test_dipping_field_does_not_bias_tilt():
-    """At rest nothing tells tilt from accelerometer bias, and the compass must not pretend to.
+    """At rest tilt and accelerometer bias cannot be told apart, and the compass must not seem to do it.
 
-    A heading row linearised at the noisy sample itself does: within 10 s the bias estimate walks off by six of its
+    A heading row linearised at the noisy sample seems to: within 10 s the bias estimate drifts by six of its
     own standard deviations.
     """
     walk = []
@@ -154,7 +154,7 @@ def test_dipping_field_does_not_bias_tilt():
 
 @pytest.mark.parametrize("told_ms", [0.0, 100.0, 200.0])
 def test_gps_delay_is_compensated(told_ms):
-    """Moving at 4 m/s, a fix is 0.4 m late; told the right delay, the estimate is not."""
+    """At 4 m/s a fix is 0.4 m behind; with the right delay set, the estimate is not."""
     noise = SensorNoise()
     flight = Flight(noise=noise, params=parameters(EKF_GPS_DELAY=told_ms))
     flight.ready()
@@ -173,7 +173,7 @@ def test_gps_delay_is_compensated(told_ms):
 
 
 def after_an_outage() -> tuple[Flight, tuple[float, ...]]:
-    """Hovering, 15 s without GPS: position and velocity uncertain, and a fix (200 ms later) to end it."""
+    """Return a hover after 15 s without GPS, position and velocity uncertain, and the fix (200 ms late) to end it."""
     flight = Flight()
     flight.ready()
     flight.take_off()
@@ -185,7 +185,7 @@ def after_an_outage() -> tuple[Flight, tuple[float, ...]]:
 
 
 def test_delayed_fusion_is_the_textbook_update():
-    """Six scalars one after another equal the batch update P - K S K^T with the rows carried back by tau."""
+    """Six scalar updates in sequence equal the batch update P - K S K^T with the rows carried back by tau."""
     flight, fix = after_an_outage()
     core, tau = flight.core, 0.1
     before = covariance(flight)
@@ -208,7 +208,7 @@ def test_delayed_fusion_is_the_textbook_update():
 
 
 def test_the_past_is_corrected_with_the_present():
-    """The same fix again finds nothing left to correct but noise: the ring has moved with the state."""
+    """The same fix again corrects nothing but noise: the stored past states were corrected with the present."""
     flight, fix = after_an_outage()
     positions = [flight.get("p_NF")]
     for repeat in range(2):

@@ -1,4 +1,4 @@
-"""The estimator as compiled from the C++ that CasADi writes: it is the model, and its derivatives are right."""
+"""The estimator compiled from the C++ that CasADi generates: it equals the model, and its derivatives are right."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ COMPILED = {name: ca.external(name, _native.__file__) for name in FUNCTIONS}
 
 
 def compiled(name: str, *inputs: np.ndarray) -> list[np.ndarray]:
-    """Outputs of one compiled function, flat."""
+    """Return the outputs of one compiled function, flat."""
     return [np.array(out).ravel() for out in COMPILED[name].call([ca.DM(i) for i in inputs])]
 
 
@@ -62,7 +62,7 @@ def matrix(q: np.ndarray) -> np.ndarray:
 
 
 def propagate_exactly(x: np.ndarray, imu: np.ndarray, dt: float, gravity: float) -> np.ndarray:
-    """The documented transition with true sin and cos."""
+    """Return the documented transition with exact sin and cos."""
     phi = (imu[:3] - x[10:13]) * dt
     a = matrix(product(x[:4], exact_exp(phi / 2))) @ (imu[3:] - x[13:]) + [0, 0, gravity]
     q = product(x[:4], exact_exp(phi))

@@ -1,4 +1,4 @@
-"""Free flight against the CasADi model solved by CVODES: the size of the error, its order, every effect at work."""
+"""Free flight against the CasADi model solved by CVODES: size and order of the error, with every effect active."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
 
 
 def hard_commands(vehicle: Vehicle, seconds: float, tick_ns: int = TICK_NS) -> Float64:
-    """Climbs, rolls, pitches and yaws at about 1 Hz."""
+    """Return commands that climb, roll, pitch and yaw at about 1 Hz."""
     t = np.arange(round(seconds * 1e9 / tick_ns)) * (tick_ns / 1e9)
     axes = np.stack(
         [0.035 * np.sin(6.9 * t), 0.03 * np.sin(8.2 * t + 1), 0.05 * np.sin(2.5 * t)],
@@ -37,13 +37,13 @@ def hard_commands(vehicle: Vehicle, seconds: float, tick_ns: int = TICK_NS) -> F
 
 
 def slow_motors(vehicle: Vehicle) -> Vehicle:
-    """With a motor lag of 50 ms, for which no step up to 100 ms is shortened."""
+    """Return a vehicle with a motor lag of 50 ms, for which no step up to 100 ms is shortened."""
     lags = {"time_constant_up_s": 0.05, "time_constant_down_s": 0.05}
     return vehicle.model_copy(update={"rotor_constants": vehicle.rotor_constants.model_copy(update=lags)})
 
 
 class Flown:
-    """A flight of the kernel, with what the reference needs to repeat it."""
+    """A flight of the kernel, with the inputs to repeat it in the reference."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class Flown:
         self.scale = np.array(scales) if scales else None
 
     def errors(self, *, effects: dict[str, bool] | None = None, **inputs: Any) -> tuple[float, float, float]:
-        """Greatest position [m], attitude [rad] and relative rotor speed error."""
+        """Return the greatest position [m], attitude [rad] and relative rotor speed error."""
         given = Inputs(
             self.commands,
             wind_W=self.wind,
@@ -110,7 +110,7 @@ def test_classical_method_is_of_order_four() -> None:
 
 
 def test_default_method_is_of_order_eight() -> None:
-    """Measured far above its ordinary step of 4 ms, where its error drowns in that of the reference."""
+    """Measured far above its usual step of 4 ms, where its error is below that of the reference."""
     vehicle = slow_motors(load_vehicle("x500"))
     commands = hard_commands(vehicle, 0.128, 64_000_000)
     errors = []
@@ -135,7 +135,7 @@ def test_ground_effect_near_the_ground() -> None:
     assert position < 1e-10
     assert attitude < 1e-10
     without, _, _ = flown.errors(effects={"descent_loss": True})
-    assert without > 1e-3  # the effect is there
+    assert without > 1e-3  # the effect is active
 
 
 def test_descent_through_the_vortex_ring_state() -> None:
@@ -186,7 +186,7 @@ def test_rotor_faults() -> None:
     assert position < 1e-8
     assert attitude < 1e-7
     still, _, _ = flown.errors(thrust_left=left)
-    assert still > 1e-5  # the whirl is there
+    assert still > 1e-5  # the whirl is active
 
 
 def test_every_part_of_the_equations_matters() -> None:
@@ -204,7 +204,7 @@ def test_every_part_of_the_equations_matters() -> None:
 
 @pytest.mark.parametrize("spin", [20.0, 60.0])
 def test_an_hour_of_tumbling_keeps_energy_and_momentum(spin: float) -> None:
-    """60 rad/s for a quarter of an hour: the same number of radians."""
+    """60 rad/s for a quarter of an hour covers the same number of radians."""
     from hil.apps.bench_suite.physics.flight_cases import ThisProject, spin_drift, tumble
 
     flight = tumble(3600.0 if spin == 20.0 else 300.0, spin)

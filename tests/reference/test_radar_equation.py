@@ -26,7 +26,7 @@ from tests.worlds.radar_scenes import (
 
 
 def power_of(world: World, camera: CameraModel, **options: Reflection) -> float:
-    """Sum of the squared amplitudes."""
+    """Return the sum of the squared amplitudes."""
     made = Scatterers(camera, world, CHIRP, ANTENNA, RECEIVER, **options)
     amplitude = made.collect(picture_of(world, camera, made.channels)).amplitude
     assert len(amplitude) == made.last.kept > 100
@@ -68,7 +68,7 @@ def test_flat_mirror_shows_the_radar_its_image(tmp_path: Path, range_m: float, s
     power = power_of(wall, CameraModel.from_fov(320, 240, 110.0), reflection=Reflection(facet_slope=slope))
     friis = RECEIVER.tx_power_w * WIDE.axis_gain**2 * (CHIRP.wavelength_m / (4.0 * math.pi * 2.0 * range_m)) ** 2
     expected = RECEIVER.counts_per_sqrt_watt**2 * friis
-    # Its antenna is not quite as good off the axis: (cos)^0.15 each way in either plane.
+    # The antenna loses gain off the axis: (cos)^0.15 each way in either plane.
     assert -0.1 < decibels(power / expected) < 0.01
 
 

@@ -1,4 +1,4 @@
-"""Frames of echoes against the plain equation, the methods against each other, and echoes made to be hard."""
+"""Frames of echoes against the plain equation, the methods against each other, and numerically hard echoes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ RX: tuple[Vec3, ...] = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0))
 
 
 def some_echoes(n: int, range_m: float, speed_mps: float, *, decades: float = 0.3, seed: int = 1) -> Echoes:
-    """Anywhere up to a range and a speed, amplitudes over so many decades."""
+    """Return random echoes up to a range and a speed, with amplitudes over `decades` decades."""
     g = np.random.default_rng(seed)
     direction = g.normal(size=(n, 3))
     direction /= np.sqrt((direction**2).sum(1))[:, None]
@@ -39,7 +39,7 @@ def some_echoes(n: int, range_m: float, speed_mps: float, *, decades: float = 0.
 
 
 def alike(n: int, range_m: float | NDArray[np.float64], speed_mps: float = 0.0) -> Echoes:
-    """n echoes from ahead with the same amplitude: enough of them, and the grid is worth its transform."""
+    """Return n echoes from ahead with the same amplitude, enough for the grid method to be used."""
     direction = np.zeros((n, 3))
     direction[:, 0] = 1.0
     return Echoes(np.full(n, range_m), np.full(n, speed_mps), direction, np.ones(n))
@@ -125,8 +125,8 @@ def test_one_echo_anywhere_between_the_points_of_the_grid(place: float) -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [0.0, 2.0])
-def test_echoes_that_cancel(speed_mps: float) -> None:
-    """Pairs a quarter of a wavelength apart leave little: the digits lost must be made up for."""
+def test_echoes_that_cancel_stay_within_tolerance(speed_mps: float) -> None:
+    """Pairs a quarter of a wavelength apart nearly cancel: the lost digits must be recovered."""
     middle_hz = TABLE_2.center_frequency_hz - TABLE_2.bandwidth_hz / (2 * TABLE_2.samples)
     shift_m = SPEED_OF_LIGHT_MPS / middle_hz / 4.0
     range_m = np.repeat(np.linspace(1.0, 11.0, 400), 2)
@@ -155,8 +155,8 @@ def test_hundreds_in_phase_against_hundreds_in_antiphase(name: str, shift: float
 
 
 @pytest.mark.parametrize("range_m", [0.0, 1e-4, 6e-4, 6.17e-4, 5e-3])
-def test_a_phase_that_hardly_moves(range_m: float) -> None:
-    """Where all samples are near a zero of the cosine, only the real part cancels."""
+def test_a_nearly_constant_phase_stays_within_tolerance(range_m: float) -> None:
+    """Only the real part cancels if all samples are near a zero of the cosine."""
     echoes = alike(300, range_m)
     plain: dict[str, Any] = {"hp_cutoff_hz": None, "aaf_cutoff_hz": None}
     exact = frame_of(TABLE_2, echoes, method="direct", **plain)
@@ -179,7 +179,7 @@ def test_the_weakest_are_left_out_within_their_bound() -> None:
 
 
 def test_none_is_left_out_where_the_strong_ones_cancel() -> None:
-    """Alone the strong pair would seem to allow it; what is left of it does not."""
+    """The strong pair alone would allow it; its remainder after cancellation does not."""
     middle_hz = TABLE_2.center_frequency_hz - TABLE_2.bandwidth_hz / (2 * TABLE_2.samples)
     pair = np.array([3.0, 3.0 + SPEED_OF_LIGHT_MPS / middle_hz / 4.0])
     echoes = alike(1002, np.concatenate([pair, np.linspace(2.0, 11.0, 1000)]))
@@ -195,7 +195,7 @@ def test_none_is_left_out_where_the_strong_ones_cancel() -> None:
 
 
 @pytest.mark.parametrize("method", ["direct", "nufft"])
-def test_no_echoes_no_signal(method: str) -> None:
+def test_without_echoes_there_is_no_signal(method: str) -> None:
     for echoes in (some_echoes(0, 1.0, 0.0), Echoes(np.ones(4), np.ones(4), np.zeros((4, 3)), np.zeros(4))):
         assert np.array_equal(frame_of(TABLE_2, echoes, method=method), np.zeros((3, 64, 64)))
 
@@ -215,7 +215,7 @@ def test_echoes_of_no_amplitude_change_no_bit() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
-def test_a_frame_knows_nothing_of_the_one_before(tolerance: float) -> None:
+def test_a_frame_does_not_depend_on_the_one_before(tolerance: float) -> None:
     used = make(TABLE_2, tolerance=tolerance)
     out = np.empty(used.shape)
     few = some_echoes(1000, 2.0, 0.1)  # in some rows and columns of the grids only
@@ -329,8 +329,8 @@ def test_arrays_refused() -> None:
 
 
 def crowded(count: int) -> tuple[Echoes, Echoes]:
-    """`count` echoes at each of three speeds one alias apart, so in the same cells, and some between that make one
-    panel of them; and what that comes to: each place once, with the amplitude of all that stand there."""
+    """Return `count` echoes at each of three speeds one alias apart, so in the same cells, with others between them
+    in the same panel; and the equivalent echoes: each place once, with the summed amplitude."""
     alias = 2.0 * TABLE_2.max_speed_mps
     speeds = np.array([0.7 - alias, 0.7, 0.7 + alias])
     between = some_echoes(200, 12.0, alias + 0.7)
@@ -349,13 +349,13 @@ def crowded(count: int) -> tuple[Echoes, Echoes]:
     return many, few
 
 
-def test_a_crowd_in_one_cell_keeps_its_digits() -> None:
+def test_many_echoes_in_one_cell_keep_their_accuracy() -> None:
     """In single precision a cell that many echoes share is emptied into doubles time and again, in every plane."""
     many, few = crowded(70_000)
     exact = frame_of(TABLE_2, few, method="direct")
     synthesizer = make(TABLE_2)
     out = np.empty(synthesizer.shape)
-    synthesizer.synthesize(some_echoes(20_000, 12.0, 20.0), out)  # what is left of it must not matter
+    synthesizer.synthesize(some_echoes(20_000, 12.0, 20.0), out)  # its remains in the buffers must not matter
     report = synthesizer.synthesize(many, out)
     assert report.width > 0
     assert report.terms > 2 * report.panels  # two planes and more

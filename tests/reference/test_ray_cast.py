@@ -27,7 +27,7 @@ def unit(v: Any) -> NDArray[Any]:
 
 
 def scatter(geoms: int, seed: int, *, extent: float = 40.0, movers: float = 0.0) -> str:
-    """MJCF with a ground plane and shapes of every kind at random."""
+    """Return MJCF with a ground plane and shapes of every kind at random."""
     rng = np.random.default_rng(seed)
     ball = unit(rng.normal(size=(40, 3)))
     rows = [
@@ -122,7 +122,7 @@ def test_a_sweep_agrees_with_mj_multiray() -> None:
 
 @pytest.fixture(scope="module")
 def crowd() -> tuple[RayCaster, NDArray[Any], NDArray[Any]]:
-    """Caster, origins, directions: near and far rays, coherent and wild."""
+    """Return caster, origins and directions: near and far rays, coherent and random."""
     model, data = compiled(scatter(600, 7, movers=0.2))
     rng = np.random.default_rng(1)
     directions = np.concatenate([fan(16, 200), unit(rng.normal(size=(1003, 3)))])
@@ -149,7 +149,7 @@ def test_tree_range_order_threads_and_cpu_change_no_bit(crowd: Any) -> None:
             assert all(a.tobytes() == b.tobytes() for a, b in zip(plain, got, strict=True)), option
 
 
-def test_normals_do_not_depend_on_what_was_met_before(crowd: Any) -> None:
+def test_normals_do_not_depend_on_earlier_rays(crowd: Any) -> None:
     caster, origins, directions = crowd
     together, alone = np.empty((len(directions), 3)), np.empty((len(directions), 3))
     backwards = np.arange(len(directions), dtype=np.int32)[::-1].copy()
@@ -171,7 +171,7 @@ def test_ties_go_to_the_lower_index() -> None:
     assert (geom == 0).all()
 
 
-def test_what_moves_is_found_where_it_is_now() -> None:
+def test_moving_geoms_are_hit_at_their_present_place() -> None:
     model, data = compiled(scatter(300, 11, movers=0.6))
     made = native(model, data)
     caster = RayCaster(made)
@@ -268,7 +268,7 @@ def ball_ahead(x: float = 5.0) -> RayCaster:
     return RayCaster(made)
 
 
-def test_odd_rays_meet_nothing_and_spoil_no_neighbour() -> None:
+def test_invalid_rays_hit_nothing_and_do_not_change_their_neighbours() -> None:
     caster = ball_ahead()
     nan, inf = np.nan, np.inf
     odd = [(nan, 0, 0), (0, 0, 0), (inf, 0, 0), (1, nan, 0), (1e-9, 0, 0), (-inf, inf, nan)]
@@ -287,7 +287,7 @@ def test_limits_of_range_and_origins_within() -> None:
     assert cast(caster, (0.0, 0, 0), ahead, t_max=4.0)[0][0] == 4.0  # the limit itself counts
     assert cast(caster, (0.0, 0, 0), ahead, t_max=3.999)[1][0] == -1
     assert cast(caster, (0.0, 0, 0), ahead, t_max=0.0)[1][0] == -1
-    assert cast(caster, (0.0, 0, 0), ahead, t_min=4.5)[0][0] == 6.0  # past the near side: where it leaves
+    assert cast(caster, (0.0, 0, 0), ahead, t_min=4.5)[0][0] == 6.0  # past the near side: the point where it leaves
     assert cast(caster, (0.0, 0, 0), ahead, t_min=-5.0)[0][0] == 4.0
     assert cast(caster, (5.0, 0, 0), ahead)[0][0] == 1.0  # within
     assert cast(caster, (7.0, 0, 0), ahead)[1][0] == -1  # behind
@@ -297,14 +297,14 @@ def test_limits_of_range_and_origins_within() -> None:
     assert cast(caster, (0.0, 0, 0), ahead, t_min=5.0, t_max=4.0)[1][0] == -1
 
 
-def test_an_empty_world_and_no_rays_are_fine() -> None:
+def test_an_empty_world_and_no_rays_are_allowed() -> None:
     made = Geometry()
     made.finish()
     assert cast(RayCaster(made), (0.0, 0, 0), fan(4, 5))[1].tolist() == [-1] * 20
     assert len(cast(ball_ahead(), (0.0, 0, 0), np.empty((0, 3)))[0]) == 0
 
 
-def test_what_does_not_fit_is_refused() -> None:
+def test_arrays_of_wrong_shape_are_refused() -> None:
     caster = ball_ahead()
     o, d, r, g = np.zeros((1, 3)), np.ones((4, 3)), np.empty(4), np.empty(4, np.int32)
     caster.cast(o, d, 0.0, 1.0, r, g)

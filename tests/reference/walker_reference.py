@@ -18,7 +18,7 @@ _PIECES = 16  # of a corner
 
 
 def progress(path: WalkPath, t_ns: int) -> tuple[int, float, float]:
-    """Whole laps, metres into the lap, and speed at `t_ns`."""
+    """Return whole laps, metres into the lap, and speed at `t_ns`."""
     t_s = t_ns / 1_000_000_000 + path.offset_s
     laps = int(t_s // path.lap_s)
     t_s -= laps * path.lap_s
@@ -63,7 +63,7 @@ def _round_corner(corner: Corner, s_m: float) -> Place:
 def _hermite(
     p0: float, v0: float, a0: float, p1: float, v1: float, a1: float, t: float
 ) -> tuple[float, float]:  # fmt: skip
-    """Value and slope at t of the quintic with these values, slopes and second derivatives at 0 and 1."""
+    """Return value and slope at t of the quintic with these values, slopes and second derivatives at 0 and 1."""
     d = p1 - p0 - v0 - 0.5 * a0
     e = v1 - v0 - a0
     f = a1 - a0
@@ -76,7 +76,7 @@ def _hermite(
 
 
 class Steps(NamedTuple):
-    """What was fitted to a figure's speed, from the values of `sim._kernels.fit_gait`."""
+    """The gait fitted to a figure's speed, from the values of `sim._kernels.fit_gait`."""
 
     cycle: float
     stance: float
@@ -91,7 +91,7 @@ class Steps(NamedTuple):
 
 
 def foot(walker: Walker, phase: float) -> tuple[float, float, float]:
-    """x and z of the ankle and pitch of the foot that strikes at phase 0, in H."""
+    """Return x and z of the ankle and pitch of the foot that strikes at phase 0, in H."""
     f, g = walker.figure, Steps.of(walker)
 
     def stance(phase: float) -> tuple[float, float, float]:
@@ -112,7 +112,7 @@ def foot(walker: Walker, phase: float) -> tuple[float, float, float]:
 
 
 def limbs(walker: Walker, phase: float) -> list[tuple[float, float, float, float, float]]:
-    """x, y, z, pitch and yaw of every limb in H, in the order of LIMBS."""
+    """Return x, y, z, pitch and yaw of every limb in H, in the order of LIMBS."""
     f, g, hip_m = walker.figure, Steps.of(walker), walker.gait[24]
     turn = 2.0 * math.pi * phase
     hip_z = hip_m + g.bob * math.sin(2.0 * turn - 0.7 * math.pi)
@@ -151,7 +151,7 @@ def limbs(walker: Walker, phase: float) -> list[tuple[float, float, float, float
 
 
 def pose(walker: Walker, t_ns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """p_WB and q_WB (w-x-y-z, w not negative) of all limbs."""
+    """Return p_WB and q_WB (w-x-y-z, w not negative) of all limbs."""
     _, s_m, _ = progress(walker.path, t_ns)
     at_x, at_y, c, s, *_ = place(walker.path, s_m)
     p, q = [], []
@@ -164,5 +164,5 @@ def pose(walker: Walker, t_ns: int) -> tuple[NDArray[np.float64], NDArray[np.flo
 
 
 def upright(q: Any) -> Any:
-    """The one of a rotation's two quaternions whose w is not negative."""
+    """Return the rotation's quaternion whose w is not negative."""
     return q if q[0] >= 0.0 else tuple(-component for component in q)

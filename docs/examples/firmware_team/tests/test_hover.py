@@ -1,4 +1,4 @@
-"""What a firmware team keeps in its own repository: does this build still hover, on the mock in CI and on a board?"""
+"""A test for a firmware team's own repository: the build hovers, on the mock in CI and on a board."""
 
 import pytest
 
