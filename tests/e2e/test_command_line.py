@@ -14,17 +14,11 @@ from pathlib import Path
 import pytest
 
 from hil.cli.app import run_command_line
+from tests.worlds.bench_process import hil
 from tests.worlds.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = ["--set", "duration_s=5", "--set", "record.report=false", "--set", "autopilot.transport=loopback"]
-
-
-def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "hil.cli.entry", *arguments]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)} | kwargs.pop("env", {})  # type: ignore[operator, arg-type]
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | kwargs
-    return subprocess.run(command, cwd=cwd, timeout=120, check=False, env=environment, **options)  # type: ignore[call-overload]
 
 
 def status_of(out: Path) -> str:

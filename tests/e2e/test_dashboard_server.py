@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 import os
-import re
-import signal
 import socket
 import subprocess
 import sys
@@ -14,48 +11,15 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from hil.apps.dash.server.app import PAGE_FOLDER
-from tests.worlds.hop_flights import HOP
+from tests.worlds.bench_process import Hil
 
 ROOT = Path(__file__).resolve().parents[2]
-BENCH = "mission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
-
-
-class Hil:
-    """A `hil` command that prints an address."""
-
-    def __init__(self, folder: Path, *arguments: str, bench: str = BENCH) -> None:
-        (folder / "hil.yaml").write_text(bench)
-        (folder / "hop.waypoints").write_text(HOP)
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "hil.cli.entry", *arguments],
-            cwd=folder,
-            env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        assert self.process.stdout is not None
-        found = re.search(r"http://\S+", self.process.stdout.readline())
-        assert found, self.process.communicate(timeout=10)
-        self.address = found[0]
-        self.host = urlsplit(self.address).netloc
-
-    def get(self, path: str, **headers: str) -> http.client.HTTPResponse:
-        link = http.client.HTTPConnection(self.host, timeout=20.0)
-        link.request("GET", path, headers={"Host": self.host} | headers)
-        return link.getresponse()
-
-    def end(self) -> None:
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=20.0)
 
 
 @pytest.fixture(scope="module")

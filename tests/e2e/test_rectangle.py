@@ -10,7 +10,7 @@ import pytest
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.recorder.reading import Recording, read_messages
-from tests.e2e.test_command_line import hil
+from tests.worlds.bench_process import hil
 from tests.worlds.run_json_schema import problems_of
 
 

@@ -15,8 +15,7 @@ from hil.config import load_bench
 from hil.config.missions.path import plan_points, planned_path
 from hil.run.recorder.track import Track
 from hil.run.report.figures import draw_path
-from tests.e2e.test_command_line import hil
-from tests.e2e.test_dashboard_server import Hil
+from tests.worlds.bench_process import Hil, hil
 
 BENCH = """mission: rigs/missions/rectangle.plan
 autopilot: {transport: loopback}

@@ -1,8 +1,12 @@
-"""A bench in a process of its own, for real clients to connect to."""
+"""The `hil` command in a process of its own: to its end, or as a bench for real clients."""
 
 from __future__ import annotations
 
+import http.client
 import json
+import os
+import re
+import signal
 import socket
 import subprocess
 import sys
@@ -10,8 +14,20 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+
+from tests.worlds.hop_flights import HOP
 
 ROOT = Path(__file__).resolve().parents[2]
+BENCH = "mission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
+
+
+def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.CompletedProcess[str]:
+    """Run the command to its end."""
+    command = [sys.executable, "-m", "hil.cli.entry", *arguments]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | kwargs.pop("env", {})  # type: ignore[operator, arg-type]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | kwargs
+    return subprocess.run(command, cwd=cwd, timeout=120, check=False, env=environment, **options)  # type: ignore[call-overload]
 
 
 class BenchProcess:
@@ -52,3 +68,34 @@ def free_port(kind: int = socket.SOCK_DGRAM) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+class Hil:
+    """A `hil` command that prints an address."""
+
+    def __init__(self, folder: Path, *arguments: str, bench: str = BENCH) -> None:
+        (folder / "hil.yaml").write_text(bench)
+        (folder / "hop.waypoints").write_text(HOP)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "hil.cli.entry", *arguments],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        found = re.search(r"http://\S+", self.process.stdout.readline())
+        assert found, self.process.communicate(timeout=10)
+        self.address = found[0]
+        self.host = urlsplit(self.address).netloc
+
+    def get(self, path: str, **headers: str) -> http.client.HTTPResponse:
+        link = http.client.HTTPConnection(self.host, timeout=20.0)
+        link.request("GET", path, headers={"Host": self.host} | headers)
+        return link.getresponse()
+
+    def end(self) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        self.process.communicate(timeout=20.0)

@@ -8,7 +8,7 @@ from typing import Any
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.hitl import DEFAULT_BAUD, Board, BoardClock
-from tests.worlds.mock_pixhawk_world import TICK_NS, World
+from tests.worlds.mock_pixhawk_world import TICK_NS, World, results, texts
 
 OUTPUT = MSGID["HIL_ACTUATOR_CONTROLS"]
 
@@ -69,3 +69,18 @@ def hitl_world(*, offset_us: int = 0, drift_ppm: float = 0.0, baud: int = DEFAUL
     world = World(board=Board(clock, baud), **settings)
     world.autopilot = Cable(world.autopilot, time)
     return world
+
+
+def take_off(world: World) -> None:
+    """Take off to hover and check the acknowledgements."""
+    world.run(8.0)
+    world.command(176, 1, 4, 2)
+    world.command(400, 1)
+    frames = world.run(0.2)
+    assert results(frames) == [(176, 0), (400, 0)], texts(frames)
+
+
+def lone_board(**settings: Any) -> tuple[MockPixhawk, SimulatedTime]:
+    """Return a board in HITL without a world, and its clock's source."""
+    time = SimulatedTime()
+    return MockPixhawk(board=Board(BoardClock(time)), **settings), time

@@ -32,6 +32,39 @@ _RUN = _section(
     skipped=list[Any],
 )
 
+# A run.json that meets the schema.
+RUN = {
+    "schema": 1,
+    "status": "PASS",
+    "error": None,
+    "digest": "0f" * 32,
+    "deterministic": True,
+    "seed": 1,
+    "rig": "mock",
+    "scene": "city_park",
+    "sim_s": 96.5,
+    "wall_s": 3.5,
+    "realtime_factor": 27.6,
+    "mission": {
+        "completed": True,
+        "waypoints": 4,
+        "reached": 4,
+        "max_cross_track_m": 0.31,
+        "final_error_m": 0.12,
+        "landing_speed_mps": 0.66,
+    },
+    "autopilot": {"kind": "mock", "steps": 24_000, "late": 0, "rtt_us": {"p50": 90.0, "p99": 180.0, "max": 900.0}},
+    "sensors": {"imu": {"samples": 24_000, "skipped": 0, "ms": {"p50": 0.01, "p99": 0.02}}},
+    "skipped": [{"what": "front", "why": "nobody reads <front/rgb>", "saved": "965 samples"}],
+    "verdict": {
+        "reasons": [],
+        "rows": [
+            {"name": "max_cross_track_m", "value": 0.31, "limit": 1.0, "unit": "m", "ok": True},
+            {"name": "landing_speed_mps", "value": 0.66, "limit": None, "unit": "m/s", "ok": True},
+        ],
+    },
+}
+
 
 def problems_of(run: Any) -> list[str]:
     """Return every difference of `run` from the schema."""

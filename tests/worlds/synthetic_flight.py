@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import random
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from pymavlink.dialects.v20 import common
 
 from hil.run.recorder.recorder import Recorder
 from signals.samples import (
+    CHANNEL_UNITS,
     ActuatorFrame,
     BaroSample,
     GpsSample,
+    ImageSample,
     ImuSample,
     MagSample,
+    PointCloudSample,
     Sample,
     TruthState,
 )
+from sim.frame.channels import CHANNELS
 
 TICK_NS = 4_000_000
+POSE = ((1.5, -2.0, 3.0), (0.5, -0.5, 0.5, -0.5))
 
 
 class RawFrame(NamedTuple):
@@ -84,3 +93,42 @@ def fly(recorder: Recorder, flight: list[Tick]) -> None:
         recorder.sent(tick.tick, tick.t_ns, tick.sent)
         recorder.received(tick.tick, tick.t_ns, tick.received)
         recorder.actuators(tick.actuators)
+
+
+def image(seq: int, *, late_ns: int = 0, channels: tuple[str, ...] = tuple(CHANNEL_UNITS)) -> ImageSample:
+    """Return a picture of 16 x 12 random pixels."""
+    rng = np.random.default_rng(seq)
+    pictures = {}
+    for name in channels:
+        channel = CHANNELS[name]
+        pictures[name] = rng.integers(0, 200, channel.shape(12, 16)).astype(channel.dtype)
+    if "depth" in pictures:
+        pictures["depth"][0, 0] = np.inf
+    return ImageSample(seq, seq * TICK_NS, seq * TICK_NS + late_ns, *POSE, pictures)
+
+
+def cloud(seq: int, n: int) -> PointCloudSample:
+    """Return a random cloud of n points."""
+    rng = np.random.default_rng(seq)
+    return PointCloudSample(
+        seq,
+        seq * TICK_NS,
+        seq * TICK_NS,
+        *POSE,
+        rng.normal(size=(n, 3)).astype(np.float32),
+        rng.uniform(0, 9, n).astype(np.float32),
+        rng.uniform(0, 1, n).astype(np.float32),
+        rng.integers(0, 16, n).astype(np.uint8),
+        rng.integers(-5000, 5000, n).astype(np.int32),
+        rng.integers(0, 9, n).astype(np.uint8),
+    )
+
+
+def decoded(path: Path) -> dict[str, list[tuple[Any, Any]]]:
+    """Return (MCAP message, ROS message) by topic, read by the libraries that Foxglove and ROS tools use."""
+    found: dict[str, list[tuple[Any, Any]]] = {}
+    with open(path, "rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, message, ros in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((message, ros))
+    return found

@@ -1,4 +1,4 @@
-"""What is plugged in: found, named, joined with its serial ports, and what stands in the way, said."""
+"""The inventory of connected devices: names, serial ports, and notes about obstacles."""
 
 import json
 import sys

@@ -9,8 +9,7 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.mock_pixhawk.estimate.sensors import Arrivals
 from firmware_bridge.mock_pixhawk.modes import Mode
-from tests.unit.firmware_bridge.mock_pixhawk.test_mock_hitl_output import take_off
-from tests.worlds.mock_hitl_world import hitl_world
+from tests.worlds.mock_hitl_world import hitl_world, take_off
 from tests.worlds.mock_pixhawk_world import messages, texts
 
 BIAS = "High Accelerometer Bias"

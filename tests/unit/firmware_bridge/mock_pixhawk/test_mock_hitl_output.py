@@ -1,4 +1,4 @@
-"""What a board in HITL sends, when, and what must be so for it to send it. Simulated time."""
+"""Outputs of a board in HITL: their rates, contents and conditions. Simulated time."""
 
 from __future__ import annotations
 
@@ -8,21 +8,11 @@ import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, unpack
-from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
-from firmware_bridge.mock_pixhawk.hitl import Board, BoardClock
-from tests.worlds.mock_hitl_world import OUTPUT, SimulatedTime, hitl_world
+from tests.worlds.mock_hitl_world import OUTPUT, hitl_world, lone_board, take_off
 from tests.worlds.mock_pixhawk_world import messages, results, texts
 
 HIL_BIT, ARMED_BIT = 32, 128
 DENIED = 2
-
-
-def take_off(world):
-    world.run(8.0)
-    world.command(176, 1, 4, 2)
-    world.command(400, 1)
-    frames = world.run(0.2)
-    assert results(frames) == [(176, 0), (400, 0)], texts(frames)
 
 
 def set_int(world, name, value):
@@ -40,11 +30,6 @@ def seconds_alone(board, time, seconds):
         frames += parser.feed(board.feed(b""))
     time.now_ns = end_ns
     return frames
-
-
-def lone_board(**settings):
-    time = SimulatedTime()
-    return MockPixhawk(board=Board(BoardClock(time)), **settings), time
 
 
 def test_outputs_run_free_at_200_hz_without_any_sensor():

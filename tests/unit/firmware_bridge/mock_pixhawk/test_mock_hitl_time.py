@@ -9,8 +9,7 @@ import pytest
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.mock_pixhawk.hitl import BoardClock
-from tests.unit.firmware_bridge.mock_pixhawk.test_mock_hitl_output import lone_board, take_off
-from tests.worlds.mock_hitl_world import SimulatedTime, hitl_world
+from tests.worlds.mock_hitl_world import SimulatedTime, hitl_world, lone_board, take_off
 from tests.worlds.mock_pixhawk_world import messages, texts
 
 

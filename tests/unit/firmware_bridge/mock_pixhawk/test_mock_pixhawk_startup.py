@@ -1,4 +1,4 @@
-"""How the mock starts, answers, refuses and falls silent: PX4's behaviour as measured (docs: AUTOPILOTS)."""
+"""The mock's start, answers, refusals and silence: PX4's behaviour as measured (docs/autopilots.md)."""
 
 import random
 import struct

@@ -1,4 +1,4 @@
-"""What silences the mock in lockstep, how one can tell what it was, and what waits until it may speak."""
+"""The causes of silence of the mock in lockstep, their signs, and messages that wait meanwhile."""
 
 from __future__ import annotations
 

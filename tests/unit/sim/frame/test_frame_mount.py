@@ -1,4 +1,4 @@
-"""Where a camera looks, how it moves with its vehicle, and how exactly its pose between ticks is known."""
+"""A camera's mount: its direction, its motion with the vehicle, and the accuracy of its pose between ticks."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def native(vertex: NDArray[np.float32], triangle: NDArray[np.int32]) -> tuple[Ge
 
 
 def depths(made: tuple[Geometry, Scenery], z_m: float, *, backs: bool) -> NDArray[np.float32]:
-    """What a camera at (0.1, 0.1, z) that looks along +z sees."""
+    """Return the depths that a camera at (0.1, 0.1, z) sees along +z."""
     light = FrameRenderer(FrameGeometry(load_world(load_scene("airfield"))), CAMERA)._light
     camera = Picture(*made, 16, 16, 16.0, 16.0, 8.0, 8.0)
     out = {"depth": np.zeros((16, 16), np.float32)}

@@ -1,4 +1,4 @@
-"""What follows from a chirp: table 3 of the paper from its table 2; and chirps that cannot be."""
+"""Values derived from a chirp: table 3 of the paper from its table 2; and impossible chirps."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def test_each_part_is_in_the_samples_and_switching_it_changes_no_other(part: str
 
 
 def noise_of(codes: np.ndarray) -> np.ndarray:
-    """Of receiver 1, chirp by chirp and sample by sample, without what stands still."""
+    """Return the noise of receiver 1 per chirp and sample, without the constant part."""
     x = codes[0].astype(float)
     return (x - x.mean(axis=0)).ravel()
 

@@ -61,7 +61,7 @@ def test_a_rough_conductor_is_lamberts_and_a_smooth_one_a_lobe() -> None:
 
 @pytest.mark.parametrize("roughness_m", [0.0, 1e-4, 3e-4, 1e-3, 1e-2])
 def test_roughness_moves_power_and_makes_none(roughness_m: float) -> None:
-    """What a surface sends anywhere when lit at cosine c is at most |Gamma|^2; from the front the lobe holds rho^2."""
+    """A surface lit at cosine c reflects at most |Gamma|^2 in all; from the front the lobe holds rho^2."""
     surface = Surface(0.5, 1.0, 1e8, roughness_m)
     phase = 4.0 * math.pi * roughness_m * CARRIER_HZ / 299_792_458.0
     rho2 = math.exp(-phase * phase)

@@ -28,8 +28,7 @@ from sim.sensors.radar import Radar
 from sim.sensors.radar_parameters import RadarParameters
 from sim.sensors.sensor import Installation
 from sim.world_loader import load_world
-from tests.unit.hil.run.recorder.test_recorder_frames import decoded
-from tests.worlds.synthetic_flight import TICK_NS, make_flight
+from tests.worlds.synthetic_flight import TICK_NS, decoded, make_flight
 
 SCENE = load_scene("radar_range")
 RADARS = sorted(name for name, preset in PRESETS.items() if preset.kind == "radar")

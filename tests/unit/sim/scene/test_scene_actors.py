@@ -1,4 +1,4 @@
-"""Who is posed in a geometry, and when. tests/accuracy/test_frame_scenes.py has native walkers against `mj_ray`."""
+"""Actors posed in a geometry, at the right times. tests/accuracy/test_frame_scenes.py has native walkers against `mj_ray`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SIZE = st.floats(0.1, 10.0)
 
 
 class Ball:
-    """Of one body, at a given place; a metre along x each second."""
+    """An actor of one body at a given place; it moves along x at 1 m/s."""
 
     bodies = ("ball",)
 

@@ -246,7 +246,7 @@ def test_city_park_is_rich_and_not_padded(seed: int) -> None:
 
 
 def height_below(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, z: float) -> tuple[float, str]:
-    """What lies straight below a point: its height, and whose it is."""
+    """Return the height of the surface below a point, and its geom."""
     hit = np.zeros(1, dtype=np.int32)
     distance = mujoco.mj_ray(model, data, np.array([x, y, z]), np.array([0.0, 0.0, -1.0]), None, 1, -1, hit)
     return z - distance, owner(model, int(hit[0]))

@@ -1,4 +1,4 @@
-"""What is wrong with a scene is told with file and line, by the check of a bench and by loading the scene alone."""
+"""Errors in a scene are reported with file and line, by the check of a bench and by loading the scene alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MJCF = """<mujoco>
 
 
 def problems_of(folder: Path, scene: str | bytes, mjcf: str | bytes | None = None) -> list[Problem]:
-    """Those of the bench's check, with the folder taken out of the places."""
+    """Return the problems of the bench's check, with the folder removed from the places."""
     for name, content in (("s.yaml", scene), ("m.xml", mjcf)):
         if content is not None:
             (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())

@@ -1,4 +1,4 @@
-"""Where LiDARs look, and from where a moving one does: against the formulas."""
+"""Directions of LiDAR beams, and their origins on a moving vehicle, against the formulas."""
 
 from __future__ import annotations
 

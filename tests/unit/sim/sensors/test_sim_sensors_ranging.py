@@ -86,7 +86,7 @@ def test_ray_against_marching(where: tuple[float, ...], way: tuple[float, ...]) 
 
 
 def grazing(origin: np.ndarray, direction: np.ndarray, boxes: list[tuple[float, ...]], s: float) -> bool:
-    """Whether the hit cuts a corner so short that the march steps over it."""
+    """Return True if the hit cuts a corner so short that the march steps over it."""
     points = origin + (s + np.linspace(0.0, 0.002, 50))[:, None] * direction
     return any(
         0 < np.count_nonzero(np.all(np.abs(points - np.array(b[:3])) <= np.array(b[3:]) + 1e-12, axis=1)) < 50

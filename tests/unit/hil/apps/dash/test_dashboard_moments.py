@@ -17,8 +17,7 @@ from hil.run.companion.view_log import VIEWS_EVERY_NS, ViewLog
 from hil.run.recorder.recorder import Recorder
 from signals.detections import Detection, Detections
 from signals.samples import RadarSample
-from tests.unit.hil.run.recorder.test_recorder_frames import POSE, cloud, image
-from tests.worlds.synthetic_flight import TICK_NS, make_flight
+from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, image, make_flight
 
 POINTS = np.dtype([("x_R", "<f4"), ("y_R", "<f4"), ("z_R", "<f4"), ("speed_mps", "<f4")])
 

@@ -123,8 +123,8 @@ def run(scheduler: Scheduler, ticks: int) -> None:
         scheduler.step()
 
 
-def told_of(script: Script, *names: str) -> list[Any]:
-    """What came with each call of these names."""
+def arguments_of(script: Script, *names: str) -> list[Any]:
+    """Return the arguments of each call of these names."""
     return [call[1] for call in script.calls if call[0] in names]
 
 
@@ -150,7 +150,7 @@ def test_the_station_hears_a_tick_later_and_the_record_is_in_order() -> None:
     script = Script(boot_sensors=2)
     scheduler = make(script)
     run(scheduler, 4)
-    assert told_of(script, "commands") == [[], ["frame0"], ["frame1"], ["frame2"]]
+    assert arguments_of(script, "commands") == [[], ["frame0"], ["frame1"], ["frame2"]]
     scheduler.flush()
     scheduler.flush()  # nothing left the second time
     told = [call for call in script.calls if call[0].startswith("rec") and call[0] != "rec sample"]
@@ -180,7 +180,7 @@ def test_a_lost_reply_ends_the_run_and_what_did_arrive_is_recorded() -> None:
     scheduler.flush()
     assert script.calls[-1][0] == "rec received"
     assert script.calls[-1][-1] == ["frame3"]
-    assert [frame.tick for frame in told_of(script, "rec actuators")] == [0, 1, 2]
+    assert [frame.tick for frame in arguments_of(script, "rec actuators")] == [0, 1, 2]
     assert script.names().count("send") == 4  # nothing was sent after the failure
 
 
@@ -189,7 +189,7 @@ def test_a_failed_physics_step_is_never_sent() -> None:
     script.fail["advance"] = (2, ModelRangeError(2, "p_WB[0]", float("nan"), "finite"))
     with pytest.raises(ModelRangeError, match=r"tick 2: p_WB\[0\] = nan"):
         run(make(script), 10)
-    assert told_of(script, "send") == [0, 1]
+    assert arguments_of(script, "send") == [0, 1]
 
 
 def test_a_paced_run_never_runs_ahead_of_the_wall_clock() -> None:

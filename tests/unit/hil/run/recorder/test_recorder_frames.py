@@ -7,19 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 from hil.run.recorder.digest import Digest
 from hil.run.recorder.frame_description import FrameDescription, Projection
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.recorder import MCAP_NAME, Album, Recorder
 from hil.run.replay import compare
-from signals.samples import CHANNEL_UNITS, ImageSample, PointCloudSample, RadarSample
-from sim.frame.channels import CHANNELS
-from tests.worlds.synthetic_flight import TICK_NS, make_flight
+from signals.samples import CHANNEL_UNITS, ImageSample, RadarSample
+from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, decoded, image, make_flight
 
-POSE = ((1.5, -2.0, 3.0), (0.5, -0.5, 0.5, -0.5))
 ENCODINGS = {
     "rgb": "rgb8",
     "depth": "32FC1",
@@ -37,33 +33,6 @@ PROJECTION = Projection(16, 12, "plumb_bob", (0.1, 0.2, 0, 0, 0), K, P)
 CAMERA = FrameDescription("front_optical", (0.1, 0.0, 0.05), (0.5, -0.5, 0.5, -0.5), PROJECTION)
 
 
-def image(seq: int, *, late_ns: int = 0, channels: tuple[str, ...] = tuple(CHANNEL_UNITS)) -> ImageSample:
-    rng = np.random.default_rng(seq)
-    pictures = {}
-    for name in channels:
-        channel = CHANNELS[name]
-        pictures[name] = rng.integers(0, 200, channel.shape(12, 16)).astype(channel.dtype)
-    if "depth" in pictures:
-        pictures["depth"][0, 0] = np.inf
-    return ImageSample(seq, seq * TICK_NS, seq * TICK_NS + late_ns, *POSE, pictures)
-
-
-def cloud(seq: int, n: int) -> PointCloudSample:
-    rng = np.random.default_rng(seq)
-    return PointCloudSample(
-        seq,
-        seq * TICK_NS,
-        seq * TICK_NS,
-        *POSE,
-        rng.normal(size=(n, 3)).astype(np.float32),
-        rng.uniform(0, 9, n).astype(np.float32),
-        rng.uniform(0, 1, n).astype(np.float32),
-        rng.integers(0, 16, n).astype(np.uint8),
-        rng.integers(-5000, 5000, n).astype(np.int32),
-        rng.integers(0, 9, n).astype(np.uint8),
-    )
-
-
 def record(folder: Path, samples: list[tuple[str, Any]], *, close: bool = True, ticks: int = 40) -> Recorder:
     recorder = Recorder(folder, mcap=True, tlog=False, tick_ns=TICK_NS)
     recorder.describe("front", CAMERA)
@@ -75,16 +44,6 @@ def record(folder: Path, samples: list[tuple[str, Any]], *, close: bool = True, 
     if close:
         recorder.close("PASS")
     return recorder
-
-
-def decoded(path: Path) -> dict[str, list[tuple[Any, Any]]]:
-    """Return (MCAP message, ROS message) by topic, read by the libraries that Foxglove and ROS tools use."""
-    found: dict[str, list[tuple[Any, Any]]] = {}
-    with open(path, "rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, message, ros in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, []).append((message, ros))
-    return found
 
 
 def test_pictures_are_standard_messages_and_bit_exact(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from hil.run.part import Report
 from hil.run.report.companion_section import companion_rows, console_rows, section
 from hil.run.report.page import write_page
 from hil.run.report.pictures import companion_pictures
-from tests.unit.hil.run.report.test_report import RUN
+from tests.worlds.run_json_schema import RUN
 
 QUIET = {"p50": None, "p99": None, "max": None}
 COMPANION = {
