@@ -69,7 +69,7 @@ TRUTH = TruthState(
 
 
 def as_sitl_reads(datagram: bytes) -> dict:
-    """Values found the way SITL finds them: the first occurrence of a name, and what stands two characters behind."""
+    """Return values as SITL finds them: from two characters after the first occurrence of a name."""
     text = datagram.decode("ascii")
     assert text[0] == "\n"
     assert text[-1] == "\n"
@@ -87,7 +87,7 @@ def as_sitl_reads(datagram: bytes) -> dict:
         if values == 1:
             found[key] = float(NUMBER.match(rest)[0])
         else:
-            # sscanf's "[%f, %f, %f]": a blank in the pattern matches none or many in the text.
+            # sscanf's "[%f, %f, %f]": a blank in the pattern matches any number of blanks.
             numbers = re.match(r"\[" + r",\s*".join([f"({NUMBER.pattern})"] * values), rest)
             assert numbers, f"{key}: {rest[:40]!r}"
             found[key] = [float(n) for n in re.findall(r"[-+.\deE]+", numbers[0])]
@@ -120,7 +120,7 @@ def test_servo_packet_is_little_endian_as_documented():
 @pytest.mark.parametrize(
     "data", [b"", b"\0" * 40, packet()[:-1], packet() + b"\0", packet(magic=MAGIC_32), packet(32, magic=MAGIC_16)]
 )
-def test_what_is_no_servo_packet_is_refused(data):
+def test_invalid_servo_packets_are_refused(data):
     with pytest.raises(CodecError, match="servo packet"):
         decode_servos(data)
 
@@ -147,7 +147,7 @@ def test_state_line_is_what_sitl_demands():
     }
 
 
-def test_optional_fields_are_read_and_disturb_nothing():
+def test_optional_fields_are_read_and_do_not_affect_the_others():
     full = LEVEL._replace(
         ranges_m=(0.5, 1.5, 2.5, 3.5, 4.5, 5.5),
         wind_N_mps=(7.0, 8.0, 9.0),
@@ -167,7 +167,7 @@ def test_optional_fields_are_read_and_disturb_nothing():
         encode_state(LEVEL._replace(ranges_m=(1.0,) * 7))
 
 
-def test_a_key_that_holds_anothers_name_comes_behind_it():
+def test_a_key_that_contains_another_comes_after_it():
     line = encode_state(LEVEL._replace(wind_N_mps=(7.0, 8.0, 9.0), airspeed_mps=1.0, windvane=(0.0, 2.0))).decode()
     keys = re.findall(r'"(\w+)":', line)
     for i, key in enumerate(keys):
@@ -227,7 +227,7 @@ def test_sitls_integer_clock_keeps_to_the_benchs(tick_ns, start_tick):
         (lambda x: {"battery": (x, 0.0)}, r"battery\[0\]"),
     ],
 )
-def test_what_is_not_finite_is_not_sent(bad, changed, name):
+def test_values_that_are_not_finite_are_not_sent(bad, changed, name):
     with pytest.raises(CodecError, match=name):
         encode_state(LEVEL._replace(**changed(bad)))
 

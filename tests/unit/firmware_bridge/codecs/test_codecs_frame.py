@@ -1,4 +1,4 @@
-"""MAVLink framing against pymavlink, and against everything that is not MAVLink."""
+"""MAVLink framing against pymavlink, and with bytes that are not MAVLink."""
 
 import struct
 
@@ -67,7 +67,7 @@ def test_unknown_incompatibility_flags_are_refused():
 
 
 @given(st.lists(st.integers(1, 40), max_size=30), st.randoms(use_true_random=False))
-def test_chunks_make_no_difference(sizes, rng):
+def test_frames_do_not_depend_on_chunks(sizes, rng):
     encoder = FrameEncoder(1, 1)
     stream = b""
     for _ in range(8):
@@ -139,7 +139,7 @@ def test_lost_frames_are_counted_per_sender():
     assert parser.lost == 2 + 2
 
 
-def test_bytes_of_no_frame_are_all_counted():
+def test_all_bytes_outside_frames_are_counted():
     parser = FrameParser()
     raw = frame_of(ATTITUDE)
     parser.feed(b"noise" + raw + b"\x00" * 7 + raw)
@@ -163,7 +163,7 @@ def test_start_bytes_alone_take_linear_time_and_bounded_memory():
     assert parser.pending < MAX_FRAME_LENGTH
 
 
-def test_what_is_no_message_is_refused():
+def test_invalid_messages_are_refused():
     encoder = FrameEncoder(1, 1)
     with pytest.raises(KeyError):
         encoder.frame(70000, b"")
@@ -171,7 +171,7 @@ def test_what_is_no_message_is_refused():
         encoder.frame(0, bytes(256))
     with pytest.raises(TypeError):
         FrameParser().feed("text")  # type: ignore[arg-type]
-    assert encoder.frame(0, bytes(9))[4] == 0  # a refused one takes no number
+    assert encoder.frame(0, bytes(9))[4] == 0  # a refused message uses no sequence number
 
 
 def test_ids_of_a_sender_are_checked():
@@ -181,7 +181,7 @@ def test_ids_of_a_sender_are_checked():
 
 @settings(max_examples=200)
 @given(pieces=PIECES)
-def test_the_units_put_together_are_the_stream(pieces: list[bytes]) -> None:
+def test_joined_units_equal_the_stream(pieces: list[bytes]) -> None:
     splitter = FrameSplitter()
     units = []
     for piece in pieces:

@@ -1,4 +1,4 @@
-"""The HIL messages: signs, units, saturation, and what is refused. Oracle: pymavlink's decoder."""
+"""The HIL messages: signs, units, saturation and refusals. Oracle: pymavlink's decoder."""
 
 import math
 import struct
@@ -59,7 +59,7 @@ def test_sensor_turns_flu_into_frd_and_si_into_mavlink():
 @pytest.mark.parametrize("imu", [IMU, None])
 @pytest.mark.parametrize("mag", [MAG, None])
 @pytest.mark.parametrize("baro", [BARO, None])
-def test_fields_updated_has_whole_groups_of_what_is_given(imu, mag, baro):
+def test_fields_updated_has_the_groups_of_given_samples(imu, mag, baro):
     expected = (0x3F if imu else 0) | (0x1C0 if mag else 0) | (0x1A00 if baro else 0)
     m = sensor(imu, mag, baro)
     assert m.fields_updated == expected
@@ -78,7 +78,7 @@ def test_fields_updated_has_whole_groups_of_what_is_given(imu, mag, baro):
         (None, None, lambda x: BARO._replace(temperature_degc=x), r"baro\.temperature_degc"),
     ],
 )
-def test_what_is_not_finite_is_refused_by_name(imu, mag, baro, name, bad):
+def test_values_that_are_not_finite_are_refused_by_name(imu, mag, baro, name, bad):
     with pytest.raises(CodecError, match=name):
         hil.hil_sensor_payload(0, imu(bad) if imu else IMU, mag(bad) if mag else MAG, baro(bad) if baro else BARO)
 
@@ -88,7 +88,7 @@ def test_opposite_infinities_do_not_cancel():
         hil.hil_sensor_payload(0, IMU._replace(accel_mps2=(math.inf, -math.inf, 0.0)), None, None)
 
 
-def test_what_a_32_bit_float_cannot_hold_is_refused():
+def test_values_beyond_a_32_bit_float_are_refused():
     with pytest.raises(CodecError, match="32-bit"):
         hil.hil_sensor_payload(0, IMU._replace(accel_mps2=(1e300, 0.0, 0.0)), None, None)
 
@@ -153,7 +153,7 @@ def test_actuators():
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1.001, -1.001])
 @pytest.mark.parametrize("index", [0, 3, 15])
-def test_controls_that_are_no_commands_are_refused(bad, index):
+def test_controls_out_of_range_are_refused(bad, index):
     controls = [0.5] * 16
     controls[index] = bad
     with pytest.raises(CodecError, match=rf"{{{index}: "):

@@ -43,7 +43,7 @@ def message(draw, name: str):
 
 
 def theirs(name: str, values):
-    """pymavlink's message with the same values."""
+    """Return pymavlink's message with the same values."""
     as_theirs = [v.encode() if isinstance(v, str) else list(v) if isinstance(v, tuple) else v for v in values]
     return dialect.mavlink_map[MSGID[name]](*as_theirs)
 
@@ -76,7 +76,7 @@ def test_lengths_agree_with_the_dialect():
         m = dialect.mavlink_map[msgid]
         assert (shape.crc_extra, shape.length) == (m.crc_extra, m.unpacker.size), NAME[msgid]
         assert 0 < shape.base_length <= shape.length <= 255
-    # Known by heart from the XML: HIL_SENSOR's id, STATUSTEXT's id and chunk_seq, COMMAND_ACK's last four.
+    # From the XML: HIL_SENSOR's id, STATUSTEXT's id and chunk_seq, COMMAND_ACK's last four.
     assert SHAPES[MSGID["HIL_SENSOR"]].base_length == 64
     assert SHAPES[MSGID["STATUSTEXT"]].base_length == 51
     assert SHAPES[MSGID["COMMAND_ACK"]].base_length == 3
@@ -119,7 +119,7 @@ def test_text_ends_at_its_first_nul_and_survives_bytes_that_are_no_utf8():
     assert unpack(Frame(MSGID["STATUSTEXT"], 1, 1, 0, payload, b"")).text == "��"
 
 
-def test_nan_travels():
+def test_nan_is_transmitted():
     m = message_class("MISSION_ITEM_INT")(1, 1, 0, 6, 16, 0, 1, 0.0, 0.0, 0.0, math.nan, 1, 2, 3.0, 0)
     (frame,) = FrameParser().feed(FrameEncoder(1, 1).frame(m.MSGID, pack(m)))
     assert math.isnan(unpack(frame).param4)

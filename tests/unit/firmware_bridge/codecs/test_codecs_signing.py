@@ -94,7 +94,7 @@ def test_any_altered_byte_is_a_forgery() -> None:
         raw = bytearray(signed)
         raw[where] ^= 0x10
         if where < trailer:
-            # Whoever alters a frame makes its checksum right again.
+            # A forger makes the checksum valid again.
             raw[:trailer] = signer(key=SigningKey(bytes(32))).sign(bytes(raw))[:-13]
         assert verifier().check(frame(bytes(raw))) is Check.FORGED, where
 
@@ -106,7 +106,7 @@ def test_another_key_is_a_forgery_and_leaves_no_trace() -> None:
     assert ours.check(frame(signer().sign(ping(encoder)))) is Check.GOOD
 
 
-def test_replays_are_told_per_stream() -> None:
+def test_replays_are_detected_per_stream() -> None:
     ours, time = verifier(), Time()
     encoder, other = FrameEncoder(9, 8), FrameEncoder(9, 9)
     link3, link4 = signer(time, 3), signer(time, 4)
@@ -125,8 +125,8 @@ def test_a_new_stream_may_be_a_minute_behind_and_no_more() -> None:
     assert verifier().check(frame(signer(Time(NOW - MINUTE - 2)).sign(ping(encoder)))) is Check.REPLAYED
 
 
-def test_whoever_accepts_moves_up_its_clock() -> None:
-    """An autopilot that takes its time from a simulated GPS may live in the future."""
+def test_an_accepted_timestamp_advances_the_clock() -> None:
+    """An autopilot with the time of a simulated GPS may be ahead."""
     clock, encoder = SigningClock(Time()), FrameEncoder(9, 8)
     ahead = NOW + 10**12
     assert Verifier(KEY, clock).check(frame(signer(Time(ahead)).sign(ping(encoder)))) is Check.GOOD
@@ -144,7 +144,7 @@ def test_a_timestamp_is_given_once_even_when_the_clock_stands_or_goes_back() -> 
     assert stamps == [0, 1, 2, 3, 50, 51]
 
 
-def test_unsigned_is_unsigned() -> None:
+def test_unsigned_frames_are_not_accepted_as_signed() -> None:
     encoder = FrameEncoder(9, 8)
     assert verifier().check(frame(ping(encoder))) is Check.UNSIGNED
     peer = dialect.MAVLink(None, srcSystem=245, srcComponent=190)
@@ -154,7 +154,7 @@ def test_unsigned_is_unsigned() -> None:
     assert signer().sign(v1) == strip_signature(v1) == v1
 
 
-def test_taking_a_signature_off_gives_the_frame_before() -> None:
+def test_removing_a_signature_gives_the_original_frame() -> None:
     rng, encoder, ours = random.Random(5), FrameEncoder(9, 8), signer()
     for _ in range(100):
         raw = ping(encoder, rng.randrange(2**32))

@@ -32,7 +32,7 @@ SETUP = (
 
 
 def crc16(data):
-    """Bit by bit: polynomial 0x1021, from 0, high bit first."""
+    """Compute the CRC bit by bit: polynomial 0x1021, from 0, high bit first."""
     crc = 0
     for byte in data:
         crc ^= byte << 8
@@ -58,7 +58,7 @@ def f32(values):
 
 
 def device(model="VN-200T"):
-    """One that has been set up by ArduPilot."""
+    """Return a device configured by ArduPilot."""
     made = VectorNavDevice(model)
     made.outputs = ardupilot_outputs(made, 400)
     return made
@@ -100,8 +100,8 @@ def solve(readings, q_WB, **changes):
     readings.take_solution(q_WB, **(wanted | changes))
 
 
-def turned(q, v):
-    """R(q) v with q = (x, y, z, w)."""
+def rotated(q, v):
+    """Return R(q) v with q = (x, y, z, w)."""
     return tuple(Rotation.from_quat(q).apply(v))
 
 
@@ -114,11 +114,11 @@ def test_ins_packet_turns_body_to_north_east_down(q):
     packet = checked(device().outputs[76].packet.encode(readings), INS_HEADER, 104)
     # Forward (1, 0, 0) and down (0, 0, -1 in FLU) of the body in ENU by the sample's own quaternion, then in NED.
     for v_flu, v_frd in (((1.0, 0.0, 0.0), (1.0, 0.0, 0.0)), ((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))):
-        e, n, u = turned((x, y, z, w), v_flu)
-        assert turned(at(packet, 28, 4), v_frd) == pytest.approx((n, e, -u), abs=1e-6)
-    # The angles say the same as the quaternion.
+        e, n, u = rotated((x, y, z, w), v_flu)
+        assert rotated(at(packet, 28, 4), v_frd) == pytest.approx((n, e, -u), abs=1e-6)
+    # The angles agree with the quaternion.
     yaw, pitch, _ = (math.radians(a) for a in at(packet, 16, 3))
-    north, east, down = turned(at(packet, 28, 4), (1.0, 0.0, 0.0))
+    north, east, down = rotated(at(packet, 28, 4), (1.0, 0.0, 0.0))
     assert -math.sin(pitch) == pytest.approx(down, abs=1e-5)
     assert (math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw)) == pytest.approx((north, east), abs=1e-3)
 
@@ -137,7 +137,7 @@ def test_ins_packet_place_and_velocity(latitude, longitude, altitude, velocity):
 
 def test_attitude_packet_of_a_vn_100():
     readings = Readings(startup_ns=3)
-    solve(readings, (1.0, 0.0, 0.0, 0.0))  # level, nose to the east
+    solve(readings, (1.0, 0.0, 0.0, 0.0))  # level, facing east
     outputs = device("VN-100").outputs
     assert sorted(outputs) == [75, 76]
     packet = checked(outputs[76].packet.encode(readings), ATTITUDE_HEADER, 56)
@@ -164,14 +164,14 @@ def test_gnss_packet(velocity, accuracy, fix, satellites):
     assert packet[106:108] == bytes((satellites, fix))
 
 
-def test_a_receiver_that_knows_no_accuracy_says_a_large_one():
+def test_unknown_gnss_accuracy_is_sent_as_a_large_one():
     readings = Readings()
     readings.take_gps(GPS._replace(horizontal_accuracy_m=math.inf), 0)
     assert readings.gnss_sigma_N_m[0] == 9999.0
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_refused_by_name(bad):
+def test_nan_is_refused_by_name(bad):
     readings = Readings()
     imu = ImuSample(0, 0, 0, (0.0, 0.0, 9.8), (0.0, 0.0, 0.0), 25.0)
     with pytest.raises(CodecError, match=r"imu\.accel_mps2\[1\]"):
@@ -192,7 +192,7 @@ def test_what_is_no_number_is_refused_by_name(bad):
         readings.take_gps(GPS._replace(vertical_accuracy_m=math.nan), 0)
 
 
-def test_what_no_float_can_hold_is_refused():
+def test_values_beyond_a_float_are_refused():
     readings = Readings(accel_F_mps2=(1e39, 0.0, 0.0))
     with pytest.raises(CodecError, match="does not fit"):
         device().outputs[75].packet.encode(readings)
@@ -259,13 +259,13 @@ def test_the_answers_depend_on_the_stream_only(cuts, noise):
 
 
 @given(st.binary(max_size=2000))
-def test_noise_is_survived(noise):
+def test_noise_between_sentences_is_ignored(noise):
     made = VectorNavDevice()
     made.take(noise)
     assert made.take(b"\r\n" + sentence("VNRRG,01")).endswith(sentence("VNRRG,01,VN-200T"))
 
 
-def test_the_set_up_said_twice_is_one_start_and_said_again_later_another():
+def test_a_repeated_set_up_is_one_start_and_a_later_one_another():
     made = VectorNavDevice()
     talk(made, "VNASY,0", *SETUP, "VNASY,1")
     assert made.starts == 1
@@ -291,7 +291,7 @@ def test_the_set_up_said_twice_is_one_start_and_said_again_later_another():
         (sentence("VNWRG,01,VN-300"), 9),
     ],
 )
-def test_errors_are_answered_by_number_and_told_in_words(line, code):
+def test_errors_are_answered_by_number_and_reported_as_text(line, code):
     made = VectorNavDevice()
     assert made.take(line) == sentence(f"VNERR,{code:02d}")
     assert made.refused
@@ -342,5 +342,5 @@ def test_servo_outputs_in_order():
         (0, 100_000_000, False),
     ],
 )
-def test_a_time_that_falls_back_is_a_boot_and_one_that_wraps_is_none(before_us, after_us, anew):
+def test_a_time_that_goes_back_is_a_reboot_and_one_that_wraps_is_not(before_us, after_us, anew):
     assert has_rebooted(before_us, after_us) is anew

@@ -37,8 +37,8 @@ def test_boards_are_named_by_product_and_else_by_vendor(ids, word):
 
 
 @pytest.mark.parametrize("ids", [(0x1209, 0x4F54), (0x0483, 0x0001), (0x046D, 0xC216), (0x10C4, 0xEA60)])
-def test_other_things_are_no_boards(ids):
-    """pid.codes' and ST's vendor ids are everybody's: they are matched by product only."""
+def test_other_devices_are_not_taken_for_boards(ids):
+    """The vendor ids of pid.codes and ST are shared by many makers: they are matched by product only."""
     assert identify_board(*ids) is None
 
 
@@ -89,7 +89,7 @@ def test_without_a_common_place_the_serial_number_decides_and_at_last_being_the_
     assert join_ports([nameless], [SerialPort("COM5", 0x26AC, 0x0032)]) == [[]]
 
 
-def test_equal_serial_numbers_without_a_place_are_not_guessed_at():
+def test_equal_serial_numbers_without_a_place_are_not_assigned():
     twins = [UsbDevice(*PIXHAWK_6C, serial_number="0")] * 2
     assert join_ports(twins, [SerialPort("COM3", *PIXHAWK_6C, serial_number="0")]) == [[], []]
 
@@ -128,7 +128,7 @@ def test_without_libusb_boards_are_found_by_their_serial_ports():
 
 @pytest.mark.parametrize("bus", ["usb", "ports", "hid"])
 @pytest.mark.parametrize("error", [OSError("busy"), ValueError("odd"), RuntimeError("hm")])
-def test_a_bus_that_fails_is_a_note_and_the_others_are_still_looked_at(bus, error):
+def test_a_bus_that_fails_is_a_note_and_the_others_are_read(bus, error):
     desk = MockDesk()
     desk.plug_board(*PIXHAWK_6C)
     desk.plug_pad(0x054C, 0x05C4)
@@ -141,7 +141,7 @@ def test_a_bus_that_fails_is_a_note_and_the_others_are_still_looked_at(bus, erro
     assert len(found.autopilots) == 1
 
 
-def test_rights_that_are_missing_come_with_advice():
+def test_missing_permissions_come_with_advice():
     desk = MockDesk()
     desk.plug_board(*PIXHAWK_6C, accessible=False)
     desk.plug_pad(0x054C, 0x05C4, accessible=False)
@@ -151,7 +151,7 @@ def test_rights_that_are_missing_come_with_advice():
     assert ("054c" in note and "udev" in note) if sys.platform == "linux" else note
 
 
-def test_a_board_without_port_and_a_generic_id_say_so():
+def test_a_board_without_port_and_a_generic_id_are_noted():
     desk = MockDesk()
     desk.plug_board(*PIXHAWK_6C, ports=0)
     desk.plug_board(0x0483, 0x5740)
@@ -181,10 +181,10 @@ def test_plain_ports_are_listed_in_natural_order_with_a_hint():
         ((0x1111, 1), 1, 4, "joystick"),
         ((0x1111, 1), 1, 6, None),  # keyboard
         ((0x1111, 1), 0x0C, 5, None),  # consumer page
-        ((0x1111, 1), 0, 0, None),  # the system does not tell, and it is unknown
+        ((0x1111, 1), 0, 0, None),  # the system gives no usage, and the ids are unknown
         ((0x1209, 0x4F54), 0, 0, "RC transmitter"),
         ((0x054C, 0x05C4), 0, 0, "gamepad"),
-        ((0x054C, 0x05C4), 0xFF00, 1, None),  # its other interface
+        ((0x054C, 0x05C4), 0xFF00, 1, None),  # the pad's other interface
     ],
 )
 def test_gamepads_are_known_by_usage_and_by_ids(ids, usage_page, usage, kind):
@@ -213,7 +213,7 @@ def test_json_is_plain_data():
 # -- the real libraries ---------------------------------------------------------------------------------------------
 
 
-def test_this_machine_can_be_looked_at_whatever_is_or_is_not_on_it():
+def test_the_inventory_of_this_machine_raises_nothing():
     find_devices()
 
 
@@ -253,20 +253,20 @@ def test_pyusb_devices_are_read_as_far_as_they_may_be(monkeypatch):
 
 
 @pytest.mark.parametrize("library", ["usb", "usb.core"])
-def test_no_pyusb_is_advice(monkeypatch, library):
+def test_a_missing_pyusb_gives_advice(monkeypatch, library):
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(BackendMissing, match="pip install pyusb"):
         usb_boards.PyUsbBus().devices()
 
 
-def test_no_hidapi_or_another_package_of_its_name_is_advice(monkeypatch):
+def test_a_missing_or_wrong_hidapi_gives_advice(monkeypatch):
     monkeypatch.setitem(sys.modules, "hidraw", None)
     monkeypatch.setitem(sys.modules, "hid", json)  # a module without `device`
     with pytest.raises(BackendMissing, match="pip install hidapi"):
         gamepads.HidApi().interfaces()
 
 
-def test_hidapi_entries_are_taken_over(monkeypatch):
+def test_hidapi_entries_are_copied(monkeypatch):
     class Fake:
         device = object
 

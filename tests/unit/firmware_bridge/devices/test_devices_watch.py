@@ -1,4 +1,4 @@
-"""Hot-plugging: every change is one event, and nothing else is."""
+"""Hot-plugging: every change is exactly one event."""
 
 from firmware_bridge.devices.mock_bus import MockDesk
 from firmware_bridge.devices.watch import DeviceWatch
@@ -15,7 +15,7 @@ def names(events):
     return [("Unplugged" if event.unplugged else "Plugged", event.kind) for event in events]
 
 
-def test_what_is_there_at_first_is_no_event_and_nothing_changes_by_looking():
+def test_devices_present_at_the_start_are_no_events():
     desk, watch = watched()
     desk.plug_board(*PIXHAWK_6C)
     assert [watch.poll() for _ in range(3)] == [[], [], []]
@@ -42,7 +42,7 @@ def test_plugging_and_unplugging_are_one_event_each():
     assert names(watch.poll()) == [("Plugged", "autopilot")]
 
 
-def test_a_board_whose_port_comes_a_moment_later_is_told_once_with_its_port():
+def test_a_board_with_a_delayed_port_is_one_event_with_its_port():
     desk, watch = watched()
     watch.poll()
     board = desk.plug_board(*PIXHAWK_6C)
@@ -55,7 +55,7 @@ def test_a_board_whose_port_comes_a_moment_later_is_told_once_with_its_port():
     assert watch.poll() == []
 
 
-def test_a_board_that_never_gets_a_port_is_told_at_the_second_look():
+def test_a_board_without_a_port_is_an_event_at_the_second_scan():
     desk, watch = watched()
     watch.poll()
     board = desk.plug_board(*PIXHAWK_6C, ports=0)
@@ -66,7 +66,7 @@ def test_a_board_that_never_gets_a_port_is_told_at_the_second_look():
     assert names(watch.poll()) == [("Unplugged", "autopilot")]
 
 
-def test_a_board_that_comes_and_goes_between_looks_is_not_told():
+def test_a_board_that_comes_and_goes_between_scans_is_no_event():
     desk, watch = watched()
     watch.poll()
     board = desk.plug_board(*PIXHAWK_6C, ports=0)
@@ -84,7 +84,7 @@ def test_rebooting_into_the_bootloader_is_a_change():
     assert names(watch.poll()) == [("Unplugged", "autopilot"), ("Plugged", "autopilot")]
 
 
-def test_a_look_that_fails_unplugs_nothing():
+def test_a_failed_scan_unplugs_nothing():
     desk, watch = watched()
     desk.plug_board(*PIXHAWK_6C)
     pad = desk.plug_pad(0x054C, 0x05C4)

@@ -1,4 +1,4 @@
-"""Link faults as a bench file declares them: read, or refused in words."""
+"""Link faults declared in a bench file: read, or refused with a reason."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SECOND = 1000 * MS
         ('{"kind": "burn", "at_s": 1}', "burn"),
     ],
 )
-def test_a_wrong_declaration_is_refused_in_words(fault: str, words: str) -> None:
+def test_a_wrong_declaration_is_refused_with_a_reason(fault: str, words: str) -> None:
     with pytest.raises(ValidationError) as refusal:
         TypeAdapter(tuple[LinkFault, ...]).validate_json(f"[{fault}]", strict=True)
     assert words in str(refusal.value)

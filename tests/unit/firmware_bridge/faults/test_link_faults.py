@@ -39,7 +39,7 @@ def test_what_each_kind_does_and_how_often(kind: str, unit: str, direction: str)
     whole, parts = b"".join(sent), len(sent) if unit == "message" else len(b"".join(sent))
     expected = rate * parts
     if kind == "reorder":
-        expected = parts * rate / (1.0 + rate)  # the unit behind a hit cannot be hit
+        expected = parts * rate / (1.0 + rate)  # the unit after a hit cannot be hit
     assert abs(hits - expected) < 5.0 * math.sqrt(parts * rate * (1.0 - rate))
     unit_length = len(whole) / parts
     if kind == "drop":
@@ -57,7 +57,7 @@ def test_what_each_kind_does_and_how_often(kind: str, unit: str, direction: str)
         assert sum(a != b for a, b in zip(got, whole, strict=True)) == hits
     if unit == "message":
         if kind in ("drop", "corrupt"):
-            assert len(numbers(got)) == pytest.approx(len(sent) - hits, abs=2)  # a damaged length may eat a neighbour
+            assert len(numbers(got)) == pytest.approx(len(sent) - hits, abs=2)  # a damaged length may take the next
         if kind == "drop":
             assert numbers(got) == sorted(set(numbers(got)))
         if kind == "duplicate":
@@ -70,7 +70,7 @@ def test_what_each_kind_does_and_how_often(kind: str, unit: str, direction: str)
 
 
 @pytest.mark.parametrize("kind", ["drop", "duplicate", "corrupt"])
-def test_the_other_direction_is_left_alone(kind: str) -> None:
+def test_the_other_direction_is_unchanged(kind: str) -> None:
     sent = frames(50)
     rig = Rig(LinkFault(kind=kind, direction="to_autopilot", at_s=0, rate=1.0))
     assert rig.through(sent, "from_autopilot") == b"".join(sent)
@@ -129,7 +129,7 @@ def test_only_the_named_messages_are_hit() -> None:
     assert rig.line.hits() == {0: 2}
 
 
-def test_faults_act_in_their_order() -> None:
+def test_faults_act_in_the_declared_order() -> None:
     drop_then_double = Rig(LinkFault(kind="drop", at_s=0, rate=0.5), LinkFault(kind="duplicate", at_s=0, rate=1.0))
     order = numbers(drop_then_double.through(frames(200), "from_autopilot"))
     assert order[::2] == order[1::2]
@@ -173,7 +173,7 @@ def test_a_fault_holds_in_its_window_of_simulated_time_only(direction: str) -> N
 
 
 @DIRECTIONS
-def test_a_stall_keeps_everything_and_lets_it_go(direction: str) -> None:
+def test_a_stall_holds_everything_and_then_releases_it(direction: str) -> None:
     rig = Rig(LinkFault(kind="stall", direction=direction, at_s=1.0, for_s=0.5))
     sent, got, arrival = frames(500), [], {}
     for k, frame in enumerate(sent):
@@ -221,14 +221,14 @@ def test_unplug_and_plug_in_again(clock: str) -> None:
     rig.clock.sim_ns = SECOND
     with pytest.raises(LinkClosed, match="unplugged by the declared link fault 0"):
         rig.line.read(0.1)
-    assert not rig.wire.is_open  # the far side sees it too
+    assert not rig.wire.is_open
     with pytest.raises(LinkClosed):
         rig.line.write(frame)
     rig.line.close()
     with pytest.raises(PortNotFound, match="unplugged"):
         rig.line.open()
     setattr(rig.clock, clock, getattr(rig.clock, clock) + 2 * SECOND)
-    with pytest.raises(LinkClosed):  # in again, but nobody has opened it
+    with pytest.raises(LinkClosed):  # plugged in again, but not opened
         rig.line.write(frame)
     rig.line.open()
     rig.line.write(frame)
@@ -250,7 +250,7 @@ def test_unplugged_from_the_start_and_for_ever() -> None:
     assert line.hits() == {0: 1}
 
 
-def test_what_the_far_side_said_before_it_hung_up_comes_out_first() -> None:
+def test_bytes_sent_before_a_hang_up_are_read_first() -> None:
     rig = Rig(LinkFault(kind="delay", at_s=0, rate=1.0, delay_s=0.1))
     sent = frames(2)
     rig.wire.inbox = [sent[0] + sent[1] + sent[0][:9]]
@@ -332,7 +332,7 @@ def test_counts_are_exact_and_events_are_bounded() -> None:
     ]
 
 
-def test_in_memory_nothing_waits_but_for_what_is_held_back() -> None:
+def test_in_memory_reads_wait_only_for_held_back_units() -> None:
     class Echo:
         def boot(self) -> bytes:
             return b"hello"
@@ -351,13 +351,13 @@ def test_in_memory_nothing_waits_but_for_what_is_held_back() -> None:
     )
     line.open()
     assert line.read(0.0) == b""
-    assert line.fileno() is not None  # something is still to come
+    assert line.fileno() is not None  # a unit is still held back
     assert line.read(1.0) == b"hello"
     assert line.fileno() is None
     assert line.read(1.0) == b""
     assert clock.wall_ns == pytest.approx(50.1 * SECOND, rel=1e-9)
     line.write(frames(1)[0])
-    assert line.read(1.0) == frames(1)[0]  # there and back
+    assert line.read(1.0) == frames(1)[0]
     assert clock.wall_ns == pytest.approx(50.3 * SECOND, rel=1e-9)
     line.close()
 
@@ -365,7 +365,7 @@ def test_in_memory_nothing_waits_but_for_what_is_held_back() -> None:
 # -- put in later ----------------------------------------------------------------------------------------------------
 
 
-def test_a_fault_put_in_later_is_one_declared_from_then_on() -> None:
+def test_a_fault_added_later_acts_as_declared_from_then_on() -> None:
     fault = LinkFault(kind="drop", at_s=1.0, rate=0.5, direction="to_autopilot")
     declared, later = Rig(fault), Rig()
     for rig in (declared, later):

@@ -1,4 +1,4 @@
-"""Mission scripts' actions against a vehicle of a few lines: order, retries, refusals, parameters, modes."""
+"""Actions of mission scripts against a minimal vehicle: order, retries, refusals, parameters, modes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.worlds.scripted_vehicle import ACCEPTED, DENIED, REJECTED_FOR_NOW, TI
 
 
 class Vehicle(ScriptedVehicle):
-    """Has two parameters, the first at most 20."""
+    """A vehicle with two parameters, the first at most 20."""
 
     telemetry_ns = None
 
@@ -49,7 +49,7 @@ class Vehicle(ScriptedVehicle):
 
 
 def fly(source: ActionSource, vehicle: Vehicle, seconds: float, happenings: dict[float, Any] | None = None) -> None:
-    """`happenings`: what the vehicle says at a time [s], or what is done to it."""
+    """Fly the script; `happenings`: messages of the vehicle, or actions on it, by time [s]."""
     to_come = sorted((happenings or {}).items())
     for t_ns in range(0, round(seconds * S), TICK_NS):
         while to_come and t_ns >= to_come[0][0] * S:
@@ -120,7 +120,7 @@ def test_a_script_is_the_same_bytes_every_time() -> None:
     assert log() == log()
 
 
-def test_nothing_is_said_to_an_autopilot_that_nobody_has_heard() -> None:
+def test_nothing_is_sent_to_an_autopilot_before_its_heartbeat() -> None:
     vehicle = Vehicle(mute=True)
     source = ActionSource([Action("x.yaml:3: set_mode HOLD", SetMode("HOLD"), at_ns=S)])
     with pytest.raises(HandshakeError, match=r"mission script: x\.yaml:3: set_mode HOLD: the vehicle has sent no"):
@@ -128,7 +128,7 @@ def test_nothing_is_said_to_an_autopilot_that_nobody_has_heard() -> None:
     assert vehicle.heard == []
 
 
-def test_a_rejection_for_now_is_asked_again_and_a_refusal_is_named() -> None:
+def test_a_temporary_rejection_is_retried_and_a_refusal_is_named() -> None:
     vehicle = Vehicle(answers=[REJECTED_FOR_NOW, REJECTED_FOR_NOW, ACCEPTED])
     source = ActionSource([Action("a", SetMode("HOLD"), at_ns=0)])
     fly(source, vehicle, 5.0)
@@ -151,7 +151,7 @@ def test_a_rejection_for_now_is_asked_again_and_a_refusal_is_named() -> None:
         fly(ActionSource([two[0]._replace(required=True)]), Vehicle(answers=[DENIED]), 2.0)
 
 
-def test_a_command_that_nobody_answers_is_given_up_and_the_next_one_still_done() -> None:
+def test_an_unanswered_command_is_given_up_and_the_next_one_is_done() -> None:
     vehicle = Vehicle(answers=[None, None, None, None, None, ACCEPTED])
     two = [Action("lost", SetMode("HOLD"), at_ns=0, required=False), Action("next", RunCommand(178, ()), at_ns=S)]
     source = ActionSource(two)
@@ -179,7 +179,7 @@ def test_parameters_are_set_in_the_autopilots_own_encoding(autopilot: int) -> No
         (SetParam("COUNT", 1.5), "takes a whole number"),
     ],
 )
-def test_parameters_that_cannot_be_are_refused(wanted: SetParam, why: str) -> None:
+def test_impossible_parameters_are_refused(wanted: SetParam, why: str) -> None:
     with pytest.raises(HandshakeError, match=why):
         fly(ActionSource([Action("p", wanted, at_ns=0)]), Vehicle(), 10.0)
 

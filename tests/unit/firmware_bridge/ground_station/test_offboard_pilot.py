@@ -1,4 +1,4 @@
-"""The offboard pilot against a vehicle that only talks: phases, refusals, and the set-points bit by bit."""
+"""The offboard pilot against a scripted vehicle: phases, refusals, and set-points bit by bit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LAT, LON, ALT = 47.397742, 8.545594, 488.0
 
 
 def geodetic_from_W(p_W: Sequence[float]) -> tuple[float, float, float]:
-    """A world whose metres are exactly ArduPilot's at the origin: (north, east) = (y, x) there."""
+    """Map W to latitude and longitude by ArduPilot's projection at the origin, where (north, east) = (y, x)."""
     m_per_deg = 111318.84502145034
     lat = LAT + p_W[1] / m_per_deg
     scale = math.cos(math.radians(0.5 * (LAT + lat)))
@@ -39,7 +39,7 @@ def geodetic_from_W(p_W: Sequence[float]) -> tuple[float, float, float]:
 
 
 class Vehicle(ScriptedVehicle):
-    """Says where it is ten times a second, and flies by the test's hand."""
+    """A vehicle that sends its position ten times a second and is moved by the test."""
 
     telemetry_ns = S // 10
 
@@ -77,7 +77,7 @@ class Flight:
         return self.tick * TICK_NS
 
     def run(self, seconds: float, desired: DesiredState | None = None) -> None:
-        """With `desired` wanted anew on every fifth tick."""
+        """Run ticks with a new `desired` on every fifth one."""
         for i in range(round(seconds * 250)):
             if desired is not None and i % 5 == 0:
                 self.pilot.set_desired(desired, self.t_ns)
@@ -85,7 +85,7 @@ class Flight:
             self.tick += 1
 
     def fly(self, desired: DesiredState, seconds: float = 4.0) -> None:
-        """Into FLYING, in the air."""
+        """Bring the flight to FLYING, in the air."""
         self.run(1.0)
         self.run(seconds, desired)
         self.vehicle.landed_state = 2
@@ -104,7 +104,7 @@ def test_px4_gets_set_points_first_and_lands_by_its_own_mode() -> None:
     vehicle = Vehicle()
     flight = Flight(vehicle)
     flight.run(3.0)
-    assert flight.pilot.phase is Phase.PREFLIGHT  # nobody wants anything yet
+    assert flight.pilot.phase is Phase.PREFLIGHT  # no desired state yet
     assert vehicle.commands() == []
     hold = flight.last()
     assert (hold.x, hold.y, hold.z, hold.type_mask) == (0.0, 0.0, 0.0, 0xDF8)
@@ -150,14 +150,14 @@ def test_ardupilot_takes_off_before_set_points_fly_it() -> None:
 
 
 @pytest.mark.parametrize("desired", [DesiredState(), DesiredState(yaw_rad=1.0)], ids=["nothing", "yaw"])
-def test_a_state_that_leads_nowhere_does_not_arm(desired: DesiredState) -> None:
+def test_a_desired_state_without_motion_does_not_arm(desired: DesiredState) -> None:
     flight = Flight(Vehicle())
     flight.run(4.0, desired)
     assert flight.pilot.phase is Phase.PREFLIGHT
     assert flight.vehicle.commands() == []
 
 
-def test_an_old_wish_does_not_arm() -> None:
+def test_an_old_desired_state_does_not_arm() -> None:
     flight = Flight(Vehicle())
     flight.pilot.set_desired(UP, 0)  # set-points have to come for a second before PX4 can be armed
     flight.run(4.0)
@@ -191,7 +191,7 @@ def test_states_apply_at_their_times_whatever_the_order_they_came_in() -> None:
         60_000_000: 6.0,
         80_000_000: 6.0,
     }
-    flight.pilot.set_desired(DesiredState(p_W=(0.0, 0.0, 4.0)), t0_ns)  # too late: a newer one counts
+    flight.pilot.set_desired(DesiredState(p_W=(0.0, 0.0, 4.0)), t0_ns)  # too late: a newer one applies
     flight.run(0.1)
     assert -flight.last().z == pytest.approx(6.0, abs=1e-5)
 
@@ -213,7 +213,7 @@ NO_P, NO_V, NO_A, NO_YAW, NO_RATE = 0x7, 0x38, 0x1C0, 0x400, 0x800
         ({"p_W": P, "a_W": A}, NO_V | NO_YAW | NO_RATE),
     ],
 )
-def test_masks_name_what_is_not_given_and_axes_are_turned(fields: dict[str, Any], mask: int) -> None:
+def test_masks_ignore_missing_fields_and_axes_are_converted(fields: dict[str, Any], mask: int) -> None:
     flight = Flight(Vehicle(ARDUPILOT))
     flight.fly(UP)
     flight.run(0.1, DesiredState(**fields, hold=True))
@@ -245,11 +245,11 @@ def test_yaw_turns_about(yaw_W: float, yaw_N: float) -> None:
     assert abs(math.remainder(math.degrees(flight.last().yaw) - yaw_N, 360.0)) < 1e-4
 
 
-def test_attitudes_and_rates_go_with_their_thrust() -> None:
+def test_attitudes_and_rates_are_sent_with_thrust() -> None:
     flight = Flight(Vehicle())
     flight.fly(UP)
     half = math.sqrt(0.5)
-    north = (half, 0.0, 0.0, half)  # level, nose to the north
+    north = (half, 0.0, 0.0, half)  # level, facing north
     flight.run(0.1, DesiredState(q_WB=north, thrust=0.25))
     m = flight.last()
     assert (type(m).__name__, m.type_mask, m.thrust) == ("SET_ATTITUDE_TARGET", 0x07, 0.25)
@@ -266,21 +266,21 @@ def test_attitudes_and_rates_go_with_their_thrust() -> None:
     assert (m.x, m.y, m.z, m.type_mask) == (1.0, 2.0, -5.0, NO_V | NO_A | NO_YAW)
 
 
-def test_a_silent_companion_is_said_once_and_the_vehicle_holds() -> None:
+def test_a_silent_companion_is_reported_once_and_the_vehicle_holds() -> None:
     flight = Flight(Vehicle(), stale_s=0.5)
     flight.fly(DesiredState(p_W=P, v_W=V, yaw_rad=0.0))
     flight.run(2.0)
     assert [(kind, "holding" in text) for _, kind, text in flight.events] == [("warning", True)]
     assert flight.pilot.stale
     m = flight.last()
-    # Commanded last, which went on for half a second; PX4's map is another one.
+    # The last command, carried on for half a second; PX4 has another projection.
     assert (m.x, m.y) == pytest.approx((21.0, 10.5), abs=0.1)
     assert m.type_mask == NO_V | NO_A | NO_RATE
     flight.vehicle.p_N = (4.0, 5.0, -6.0)
     flight.run(0.2, DesiredState(v_W=V))
     assert [kind for _, kind, _ in flight.events] == ["warning", "status"]
     flight.run(2.0)
-    flight.vehicle.p_N = (4.5, 5.0, -6.0)  # it stays where it was when the companion was missed
+    flight.vehicle.p_N = (4.5, 5.0, -6.0)  # it holds the position of that time
     flight.run(0.5)
     m = flight.last()
     assert (m.x, m.y, m.z) == (4.0, 5.0, -6.0)
@@ -289,8 +289,8 @@ def test_a_silent_companion_is_said_once_and_the_vehicle_holds() -> None:
 
 @pytest.mark.parametrize("hold", [False, True])
 @pytest.mark.parametrize("late_s", [0.0, 0.2])
-def test_what_is_desired_is_carried_on_from_the_time_it_speaks_of(hold: bool, late_s: float) -> None:
-    """p + v dt + a dt^2 / 2 and so on, north and east being the other way round; half a second at most."""
+def test_desired_states_are_extrapolated_from_their_own_time(hold: bool, late_s: float) -> None:
+    """p + v dt + a dt^2 / 2 and so on, with north and east exchanged; for half a second at most."""
     flight = Flight(Vehicle(ARDUPILOT))
     flight.fly(UP)
     t0_ns = flight.t_ns
@@ -306,7 +306,7 @@ def test_what_is_desired_is_carried_on_from_the_time_it_speaks_of(hold: bool, la
         assert m.yaw == pytest.approx(math.pi / 2 - 0.5 - 0.25 * dt_s, abs=1e-6)
 
 
-def test_an_origin_that_nobody_tells_is_inferred() -> None:
+def test_an_origin_that_is_not_sent_is_inferred() -> None:
     vehicle = Vehicle(ARDUPILOT, tells_origin=False)
     vehicle.p_N = (3.0, -4.0, -1.0)  # though the geodetic place is that of the world's origin
     flight = Flight(vehicle)
@@ -319,7 +319,7 @@ def test_an_origin_that_nobody_tells_is_inferred() -> None:
     assert (m.x, m.y, m.z) == pytest.approx((3.0, -4.0, -6.0), abs=0.01)
 
 
-def test_an_origin_that_moves_is_said_and_followed() -> None:
+def test_an_origin_that_moves_is_reported_and_followed() -> None:
     flight = Flight(Vehicle(ARDUPILOT))
     flight.fly(UP)
     before = flight.last().x
@@ -329,7 +329,7 @@ def test_an_origin_that_moves_is_said_and_followed() -> None:
     assert "moved the origin" in flight.events[-1][2]
 
 
-def test_a_vehicle_that_leaves_the_mode_is_told_of_and_its_landing_ends_the_flight() -> None:
+def test_leaving_the_mode_is_reported_and_landing_ends_the_flight() -> None:
     flight = Flight(Vehicle())
     flight.fly(UP)
     flight.vehicle.mode = mode_number(PX4, "RTL").custom_mode
@@ -340,7 +340,7 @@ def test_a_vehicle_that_leaves_the_mode_is_told_of_and_its_landing_ends_the_flig
     assert flight.pilot.phase is Phase.DONE
 
 
-def test_what_is_declined_for_now_is_asked_again() -> None:
+def test_temporarily_declined_commands_are_repeated() -> None:
     vehicle = Vehicle(answers={SET_MODE: [REJECTED_FOR_NOW, REJECTED_FOR_NOW, ACCEPTED], ARM: [None, ACCEPTED]})
     flight = Flight(vehicle)
     flight.fly(UP, 6.0)
@@ -363,7 +363,7 @@ def test_what_is_declined_for_now_is_asked_again() -> None:
         (Vehicle(autopilot=4), {"target_sysid": 7, "heartbeat_limit_s": 3.0}, "no heartbeat of vehicle 7 within 3 s"),
     ],
 )
-def test_refusals_say_what_was_asked_and_answered(vehicle: Vehicle, settings: dict[str, Any], why: str) -> None:
+def test_refusals_name_the_request_and_the_answer(vehicle: Vehicle, settings: dict[str, Any], why: str) -> None:
     flight = Flight(vehicle, **settings)
     with pytest.raises(HandshakeError, match=why):
         flight.run(20.0, UP)
@@ -392,6 +392,6 @@ def test_disarming_on_the_ground_is_refused() -> None:
 
 
 @pytest.mark.parametrize("settings", [{"setpoint_hz": 2.0}, {"setpoint_hz": 251.0}, {"stale_s": 0.0}])
-def test_rates_that_no_autopilot_takes_are_refused(settings: dict[str, Any]) -> None:
+def test_rates_out_of_range_are_refused(settings: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"above 0|2 Hz"):
         OffboardPilot(geodetic_from_W, tick_ns=TICK_NS, **settings)

@@ -1,4 +1,4 @@
-"""Local frames of autopilots: each map against an oracle of its own, and the origin found back."""
+"""Local frames of autopilots: each projection against its own oracle, and the origin recovered."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NEAR_AND_FAR = [(0.0, 0.0), (3.0, -7.0), (1000.0, 0.0), (-6000.0, 8000.0), (7000
 
 
 def place_at(north_m: float, east_m: float, up_m: float = 12.0) -> Place:
-    """Some place about there."""
+    """Return a random place near the origin."""
     lat = ORIGIN.lat_deg + north_m / 111_200.0
     return Place(lat, ORIGIN.lon_deg + east_m / 111_200.0 / math.cos(math.radians(lat)), ORIGIN.alt_m + up_m)
 
@@ -79,14 +79,14 @@ def test_points_ten_kilometres_off_reach_the_mock_within_a_millimetre() -> None:
 
 @pytest.mark.parametrize("project", [px4_ned, ardupilot_ned, tangent_ned])
 @pytest.mark.parametrize(("north_m", "east_m"), NEAR_AND_FAR)
-def test_the_origin_is_found_back(project: Projection, north_m: float, east_m: float) -> None:
+def test_the_origin_is_recovered(project: Projection, north_m: float, east_m: float) -> None:
     place = place_at(north_m, east_m)
     origin = origin_of(place, project(ORIGIN, place), project)
     assert project(ORIGIN, origin) == pytest.approx((0, 0, 0), abs=1e-3)
 
 
 @pytest.mark.parametrize("project", [px4_ned, ardupilot_ned, tangent_ned])
-def test_across_the_date_line_it_is_near(project: Projection) -> None:
+def test_places_across_the_date_line_are_near(project: Projection) -> None:
     north, east, _ = project(Place(10.0, 179.9999, 0.0), Place(10.0, -179.9999, 0.0))
     assert east == pytest.approx(21.9, abs=0.2)
     assert abs(north) < 0.01
@@ -98,7 +98,7 @@ def test_metres_from_home_stay_metres_in_ardupilots_sitl(north_m: float, east_m:
     assert ardupilot_ned(ORIGIN, place) == pytest.approx((north_m, east_m, -5.0), abs=1e-6)
 
 
-def test_the_map_is_that_of_the_firmware_heard_unless_one_is_given() -> None:
+def test_the_projection_is_that_of_the_firmware_heard_unless_one_is_given() -> None:
     place = place_at(0.0, 1000.0)
     for autopilot, given, expected in (
         (PX4, None, px4_ned),
@@ -109,5 +109,5 @@ def test_the_map_is_that_of_the_firmware_heard_unless_one_is_given() -> None:
         frame.set_autopilot(autopilot)
         frame.origin = ORIGIN
         assert frame.ned_from_W((0.0, 0.0, 0.0)) == expected(ORIGIN, place)
-    # It matters: a kilometre by one map is metres off by another.
+    # The projections differ by metres over a kilometre.
     assert abs(px4_ned(ORIGIN, place)[1] - tangent_ned(ORIGIN, place)[1]) > 1.0

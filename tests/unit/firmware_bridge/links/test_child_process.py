@@ -1,4 +1,4 @@
-"""A program on the far side of a link: where it runs, with which environment, what it says, and that all of it ends."""
+"""A program on the far side of a link: its folder, environment and output, and the end of all its processes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ print("on the output"); print("on the error", file=sys.stderr)
 here = {"cwd": os.getcwd(), "env": dict(os.environ), "group": os.getpgrp(), "session": os.getsid(0)}
 open(os.environ["TELL_IN"], "w").write(json.dumps(here))
 """
-# Starts a grandchild, says who it is, and waits.
+# Starts a grandchild, prints its process id, and waits.
 PARENT = """
 import subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
@@ -52,7 +52,7 @@ def wait_and_describe(child: ChildProcess) -> str:
 
 
 def alive(pid: int) -> bool:
-    """Still there and no zombie."""
+    """Return True if it runs and is no zombie."""
     try:
         os.kill(pid, 0)
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
@@ -68,13 +68,13 @@ def becomes_dead(pid: int) -> bool:
     return False
 
 
-def test_it_runs_in_its_folder_which_is_made(tmp_path: Path) -> None:
+def test_it_runs_in_its_folder_which_is_created(tmp_path: Path) -> None:
     folder = tmp_path / "a/b c"
     assert told(tmp_path, cwd=folder)["cwd"] == str(folder)
     assert told(tmp_path)["cwd"] == os.getcwd()
 
 
-def test_its_environment_lies_over_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_its_environment_extends_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH_OF_MINE", "0")
     monkeypatch.setenv("ALSO_MINE", "2")
     env = told(tmp_path)["env"]
@@ -83,7 +83,7 @@ def test_its_environment_lies_over_ours(tmp_path: Path, monkeypatch: pytest.Monk
     assert str(Path(__file__).resolve().parents[4]) in env["PYTHONPATH"].split(os.pathsep)
 
 
-def test_its_output_is_kept_only_where_it_is_a_log(tmp_path: Path) -> None:
+def test_its_output_is_kept_only_in_a_log(tmp_path: Path) -> None:
     told(tmp_path)
     assert (tmp_path / "logs/log").read_text() == "on the error\n"
     told(tmp_path, log_output=True)
@@ -98,7 +98,7 @@ def test_a_group_of_its_own_is_out_of_reach_of_ctrl_c(tmp_path: Path) -> None:
 
 @pytest.fixture
 def parent(tmp_path: Path) -> Iterator[tuple[ChildProcess, int]]:
-    """A program with a child of its own, which are a group."""
+    """Return a program with a child in its process group."""
     child = ChildProcess(
         [sys.executable, "-c", PARENT], stderr_path=tmp_path / "log", cwd=tmp_path, log_output=True, own_group=True
     )
@@ -111,7 +111,7 @@ def parent(tmp_path: Path) -> Iterator[tuple[ChildProcess, int]]:
     child.close()
 
 
-def test_what_it_started_is_ended_with_it(parent: tuple[ChildProcess, int]) -> None:
+def test_its_children_are_ended_with_it(parent: tuple[ChildProcess, int]) -> None:
     child, grandchild = parent
     pid = child.pid
     assert pid is not None
@@ -124,7 +124,7 @@ def test_what_it_started_is_ended_with_it(parent: tuple[ChildProcess, int]) -> N
     child.close()  # any number of times
 
 
-def test_what_it_started_is_ended_even_if_it_ended_first(parent: tuple[ChildProcess, int]) -> None:
+def test_its_children_are_ended_even_if_it_ended_first(parent: tuple[ChildProcess, int]) -> None:
     child, grandchild = parent
     assert child.pid is not None
     os.kill(child.pid, signal.SIGKILL)
@@ -134,7 +134,7 @@ def test_what_it_started_is_ended_even_if_it_ended_first(parent: tuple[ChildProc
     assert becomes_dead(grandchild)
 
 
-def test_one_that_is_halted_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stopped_program_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("firmware_bridge.links.child_process._TERMINATE_S", 0.1)
     child = ChildProcess([sys.executable, "-c", "import time; time.sleep(600)"])
     child.start()
@@ -145,7 +145,7 @@ def test_one_that_is_halted_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert becomes_dead(pid)
 
 
-def test_no_such_program_and_no_such_folder(tmp_path: Path) -> None:
+def test_missing_programs_and_folders_are_named(tmp_path: Path) -> None:
     with pytest.raises(PortNotFound, match="cannot be started"):
         ChildProcess([str(tmp_path / "nothing")], cwd=tmp_path / "w").start()
     (tmp_path / "file").write_text("")

@@ -22,7 +22,7 @@ def on_the_wire(payload: bytes) -> Frame:
 
 
 class Autopilot:
-    """Its clock shows `boot_ns` at our `START` and runs `drift_ppm` fast; queues delay each way at random."""
+    """A clock that shows `boot_ns` at our `START` and runs `drift_ppm` fast; with random delays each way."""
 
     def __init__(self, boot_ns: int, drift_ppm: float = 0.0, jitter_ns: int = 3 * MS) -> None:
         self.boot_ns, self.drift_ppm, self.jitter_ns = boot_ns, drift_ppm, jitter_ns
@@ -32,7 +32,7 @@ class Autopilot:
         return self.boot_ns + round((ours_ns - START) * (1.0 + self.drift_ppm * 1e-6))
 
     def ask(self, payload: bytes, now_ns: int) -> tuple[Frame, int]:
-        """Its answer, and when we hear it."""
+        """Return its answer and the time of arrival."""
         there = now_ns + 300_000 + round(self._random.expovariate(1 / self.jitter_ns))
         back = there + 300_000 + round(self._random.expovariate(1 / self.jitter_ns))
         question = unpack(on_the_wire(payload))
@@ -51,7 +51,7 @@ def run(sync: TimeSync, autopilot: Autopilot, start_ns: int, seconds: float) -> 
     return now
 
 
-def test_questions_come_at_the_rate_and_not_in_a_burst_after_a_pause() -> None:
+def test_requests_are_sent_at_the_rate_and_not_in_a_burst_after_a_pause() -> None:
     sync = TimeSync(rate_hz=10.0)
     asked = [k for k in range(1000) if sync.request(START + k * MS) is not None]
     assert asked == list(range(0, 1000, 100))
@@ -92,7 +92,7 @@ def test_a_reboot_begins_anew() -> None:
     assert abs(best.offset_ns - (rebooted.clock(best.t_ns) - best.t_ns)) < 5 * MS
 
 
-def test_only_answers_to_our_own_questions_count_and_only_once() -> None:
+def test_only_answers_to_our_own_requests_count_and_only_once() -> None:
     sync = TimeSync()
     payload = sync.request(START)
     assert payload is not None

@@ -1,4 +1,4 @@
-"""Stick to field: calibration, dead zone, expo, inversion, and what is refused."""
+"""Stick to message field: calibration, dead zone, expo, inversion, refusals."""
 
 import pytest
 from hypothesis import given
@@ -42,7 +42,7 @@ def test_expo_by_hand():
 def test_an_axis_centres_at_the_middle_of_its_stated_range_and_inverts():
     assert Axis("x", dead_zone=0.0).value(0, 0, 255) == -1.0
     assert Axis("x", dead_zone=0.0).value(255, 0, 255) == 1.0
-    assert Axis("x", dead_zone=0.05).value(128, 0, 255) == 0.0  # 8 bits have no exact middle
+    assert Axis("x", dead_zone=0.05).value(128, 0, 255) == 0.0  # 8 bits have no exact centre
     assert Axis("x", dead_zone=0.05).value(127, 0, 255) == 0.0
     assert Axis("x", inverted=True, dead_zone=0.0).value(-128, -128, 127) == 1.0
 
@@ -66,7 +66,7 @@ def test_calibration_scales_each_side_by_itself_and_stops_at_the_ends():
         lambda: Axis("x", expo=float("nan")),
     ],
 )
-def test_what_makes_no_sense_is_refused(make):
+def test_invalid_calibrations_are_refused(make):
     with pytest.raises(ManualControlError):
         make()
 
@@ -94,7 +94,7 @@ def test_a_mapping_names_all_that_the_device_lacks():
 
 
 def pushed(ids, usage, device, **raw):
-    """The sticks when the named axes are moved and the rest is centred, by the default mapping."""
+    """Return the sticks by the default mapping, with the named axes moved and the others centred."""
     values = {a.name: raw.get(a.name, (a.low + a.high + 1) // 2) for a in device.axes}
     mapping = default_mapping(*ids, usage, device)
     mapping.check(device)

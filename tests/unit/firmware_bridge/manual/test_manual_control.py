@@ -1,4 +1,4 @@
-"""Sticks to MANUAL_CONTROL: the rate, the dead-man switch, and every way of losing the pilot."""
+"""Sticks to MANUAL_CONTROL: the rate, the dead-man switch, and every loss of the pilot's input."""
 
 import pytest
 
@@ -25,7 +25,7 @@ FORWARD = Sticks(0.5, 0.0, 0.0, 0.0)
 
 
 class Pilot:
-    """A device under the control of the test."""
+    """A manual-control device driven by the test."""
 
     name = "pilot"
 
@@ -62,7 +62,7 @@ class Bench:
         self.inbox += FrameParser().feed(self.autopilot.frame(ack.MSGID, pack(ack)))
 
     def run(self, seconds):
-        """[(t_ns, message)] sent in `seconds`."""
+        """Return [(t_ns, message)] sent in `seconds`."""
         sent = []
         for _ in range(round(seconds * 1e9 / self.tick_ns)):
             frames, self.inbox = self.inbox, []
@@ -140,7 +140,7 @@ def test_pressing_again_flies_again_from_both_states():
     assert kinds(source) == ["flying", "released", "flying", "released", "silent", "flying"]
 
 
-def test_losing_the_device_centres_then_is_silent_and_lets_it_go():
+def test_losing_the_device_centres_the_sticks_then_is_silent_and_closes_it():
     pilot = Pilot()
     source = ManualControlSource(pilot)
     bench = Bench(source)
@@ -191,7 +191,7 @@ def test_a_device_that_comes_back_with_the_switch_held_flies_only_after_letting_
     assert kinds(source) == ["flying"]
 
 
-def test_a_device_that_cannot_be_flown_with_is_told_once_and_may_still_be_swapped():
+def test_an_unusable_device_is_reported_once_and_may_be_replaced():
     pilot = Pilot()
     offered = [ManualControlError("no sticks"), ManualControlError("no sticks"), pilot]
 
@@ -289,7 +289,7 @@ def test_an_answer_that_does_not_come_is_waited_for_three_times():
     assert kinds(source) == ["button", "refused"]
 
 
-def test_refusals_are_told_and_answers_to_others_are_not_ours():
+def test_refusals_are_reported_and_answers_to_others_are_ignored():
     pilot, source, bench = with_buttons()
     pilot.hold(True, 1)
     bench.run(0.1)
@@ -304,7 +304,7 @@ def test_refusals_are_told_and_answers_to_others_are_not_ours():
     assert (event.kind, "TEMPORARILY_REJECTED" in event.text) == ("manual_refused", True)
 
 
-def test_letting_go_takes_back_a_command_that_waits():
+def test_letting_go_cancels_a_waiting_command():
     pilot, _, bench = with_buttons()
     pilot.hold(True, 1)
     bench.run(0.1)
@@ -323,7 +323,7 @@ def test_letting_go_takes_back_a_command_that_waits():
         {"buttons": Buttons(modes={1: "sideways"})},
     ],
 )
-def test_what_makes_no_sense_is_refused(options):
+def test_invalid_settings_are_refused(options):
     with pytest.raises(ManualControlError):
         ManualControlSource(Pilot(), **options)
 
@@ -334,7 +334,7 @@ DEAD_MAN, ARM, POSITION = 5, 10, 9
 
 
 def test_a_mock_gamepad_flies_the_mock_autopilot_and_is_pulled_out_in_flight():
-    """Arm, climb, fly north and yaw by hand; then the plug: sticks centre, silence, and the autopilot's failsafe."""
+    """Arm, climb, fly north and yaw by hand; then unplug: sticks centre, then silence, then the failsafe."""
     desk = MockDesk()
     pad = desk.plug_pad(0x1234, 1, product="Pad", descriptor=hid.SIMPLE)
     mapping = StickMapping(

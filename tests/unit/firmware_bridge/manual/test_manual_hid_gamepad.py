@@ -61,7 +61,7 @@ def test_single_garbage_reports_are_dropped_and_counted(garbage):
     assert gamepad.bad_reports == 1
 
 
-def test_nothing_but_garbage_is_a_loss_for_old_sticks_must_not_fly_on():
+def test_nothing_but_garbage_is_a_loss():
     _, pad, gamepad = opened()
     pad.report(hid.simple_report(128, 128, 255, 128, DEAD_MAN))
     for _ in range(24):
@@ -72,7 +72,7 @@ def test_nothing_but_garbage_is_a_loss_for_old_sticks_must_not_fly_on():
         gamepad.poll()
 
 
-def test_a_good_report_forgives():
+def test_a_valid_report_resets_the_count_of_bad_ones():
     _, pad, gamepad = opened()
     for _ in range(10):
         for _ in range(20):
@@ -84,7 +84,7 @@ def test_a_good_report_forgives():
     assert gamepad.bad_reports == 200
 
 
-def test_a_device_that_never_stops_talking_does_not_stop_the_bench():
+def test_a_device_that_floods_reports_does_not_stop_the_bench():
     _, pad, gamepad = opened()
     for _ in range(1000):
         pad.report(hid.simple_report(x=255))
@@ -101,7 +101,7 @@ def test_a_device_without_a_description_or_with_a_damaged_one_is_refused_and_clo
     assert pad.opened == 0
 
 
-def test_no_device_no_rights_and_no_hidapi_say_so():
+def test_missing_device_permissions_and_hidapi_are_named():
     desk = MockDesk()
     with pytest.raises(StickLost, match="no gamepad"):
         open_gamepad(hid=desk.hid)

@@ -1,4 +1,4 @@
-"""Flying from a terminal: keys out, sticks back; and the terminal as it was before."""
+"""Flying from a terminal: keys to sticks, and the terminal restored at the end."""
 
 import os
 import sys
@@ -10,7 +10,7 @@ from firmware_bridge.manual.sticks import NEUTRAL, ManualControlError, StickLost
 
 
 class Typist:
-    """Keys that are typed by program, and the clock on the wall."""
+    """Keys typed by the test, and the wall clock."""
 
     def __init__(self):
         self.now_ns = 0
@@ -91,7 +91,7 @@ def test_the_other_direction_takes_over_and_space_centres(typist, sticks):
     assert after(typist, sticks, 0.1, b"d ").sticks == NEUTRAL
 
 
-def test_the_deflection_is_as_asked(typist):
+def test_the_deflection_is_the_configured_one(typist):
     half = KeyboardSticks(typist, deflection=0.25, clock_ns=lambda: typist.now_ns)
     assert after(typist, half, 0.0, b"w").sticks.throttle == 0.25
     for wrong in (0.0, 1.5, float("nan")):
@@ -138,7 +138,7 @@ def test_digits_are_buttons_for_a_moment(typist, sticks):
     assert after(typist, sticks, 0.2).pressed == frozenset()
 
 
-def test_bytes_that_are_no_keys_do_no_harm(typist, sticks):
+def test_bytes_that_are_no_keys_are_ignored(typist, sticks):
     for data in (bytes(range(256)), b"\x1b[" + b"9" * 500, b"\xff" * 100, b"\x1b[200~"):
         after(typist, sticks, 0.01, data)
     for _ in range(3):
@@ -185,7 +185,7 @@ def test_a_real_terminal_gives_keys_at_once_and_is_put_back():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
-def test_what_is_no_terminal_is_refused_and_the_end_of_one_is_an_error():
+def test_a_file_is_refused_as_terminal_and_the_end_of_a_terminal_is_an_error():
     import pty
 
     near, far = os.pipe()

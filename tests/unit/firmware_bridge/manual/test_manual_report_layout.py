@@ -1,4 +1,4 @@
-"""HID report descriptors: read right, and refused when they are nonsense."""
+"""HID report descriptors: decoded correctly, or refused if invalid."""
 
 import pytest
 from hypothesis import given
@@ -59,7 +59,7 @@ def test_pushed_state_extended_usages_and_repeated_names():
     assert all(a.bits == 8 for a in layout.axes)
 
 
-def test_relative_axes_constants_and_arrays_are_passed_over_but_take_their_room():
+def test_relative_axes_constants_and_arrays_are_skipped_with_their_bits():
     mouse = hid.items((hid.PAGE, 1), (hid.USAGE, 0x30), (hid.SIZE, 8), (hid.COUNT, 1), (hid.INPUT, 6))
     array = hid.items((hid.PAGE, 9), (hid.FIRST, 1), (hid.LAST, 9), (hid.SIZE, 8), (hid.COUNT, 2), (hid.INPUT, 0))
     sticks = hid.axes(0x30, 0x31, low=0, high=255, bits=8)
@@ -68,22 +68,22 @@ def test_relative_axes_constants_and_arrays_are_passed_over_but_take_their_room(
     assert layout.size_bytes == 5
 
 
-def test_output_items_take_no_room_and_their_usages_are_forgotten():
+def test_output_items_have_no_bits_and_their_usages_are_dropped():
     rumble = hid.items((hid.PAGE, 1), (hid.USAGE, 0x33), (hid.SIZE, 8), (hid.COUNT, 4), (hid.OUTPUT, 2))
     layout = parse_report_descriptor(hid.gamepad(rumble, hid.axes(0x30, 0x31, low=0, high=255, bits=8)))
     assert [(a.name, a.at) for a in layout.axes] == [("x", 0), ("y", 8)]
 
 
 @pytest.mark.parametrize("report", [b"", b"\x80" * 6, hid.simple_report()[:-1], hid.simple_report() + b"\x01"])
-def test_reports_of_another_length_are_none(report):
+def test_reports_of_another_length_are_ignored(report):
     assert parse_report_descriptor(hid.SIMPLE).read(report) is None
 
 
-def test_zeros_behind_a_report_are_windows():
+def test_trailing_zeros_as_from_windows_are_accepted():
     assert parse_report_descriptor(hid.SIMPLE).read(hid.simple_report(7) + bytes(20)).axes["x"] == 7
 
 
-def test_a_stick_out_of_its_range_spoils_the_report():
+def test_a_stick_out_of_its_range_invalidates_the_report():
     layout = parse_report_descriptor(hid.gamepad(hid.axes(0x30, 0x31, low=0, high=2047, bits=16)))
     assert layout.read((2047).to_bytes(2, "little") * 2) is not None
     assert layout.read((2048).to_bytes(2, "little") * 2) is None
@@ -103,7 +103,7 @@ def test_a_stick_out_of_its_range_spoils_the_report():
         (hid.axes(0x30, 0x31, low=0, high=9, bits=8) + hid.items((hid.ID, 1)) + hid.buttons(8), "numbered"),
     ],
 )
-def test_nonsense_is_refused_in_words(descriptor, word):
+def test_invalid_descriptors_are_refused_with_a_reason(descriptor, word):
     if word is None:
         parse_report_descriptor(descriptor)
         return

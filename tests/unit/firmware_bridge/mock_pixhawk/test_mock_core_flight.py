@@ -1,4 +1,4 @@
-"""Closed-loop flights of the core round an independent quadrotor model. Limits are those the bench needs, with room.
+"""Closed-loop flights of the core round an independent quadrotor model. Limits are those of the bench, plus a margin.
 
 Positions are compared in the estimator's local frame: its origin is a noisy GPS fix (`Flight.offset`).
 """
@@ -45,7 +45,7 @@ IRIS_PARAMETERS = {
 
 
 def in_the_air(**how) -> Flight:
-    """Hovering over the origin, settled."""
+    """Return a flight that hovers over the origin."""
     flight = Flight(**how)
     flight.ready()
     flight.take_off(ALTITUDE_M)
@@ -80,7 +80,7 @@ def fly_legs(flight: Flight, points: list, speed: float = 3.0, accel: float = 1.
     return worst, worst_z
 
 
-def test_stands_still_and_dark_until_told():
+def test_stands_still_with_motors_off_until_commanded():
     flight = Flight()
     flight.ready()
     assert not np.any(np.array(flight.controls))
@@ -90,7 +90,7 @@ def test_stands_still_and_dark_until_told():
     assert np.array(flight.controls)[:4].tolist() == [0.1] * 4
     assert not np.any(np.array(flight.controls)[4:])
     assert flight.core.landed
-    flight.set(POSITION, x=0.0, y=0.0, z=0.3, yaw=0.0)  # a set-point in the ground is no take-off
+    flight.set(POSITION, x=0.0, y=0.0, z=0.3, yaw=0.0)  # a set-point below the ground is no take-off
     flight.run(2.0)
     assert flight.core.landed
     assert max(flight.controls.tolist()) < 0.2
@@ -147,7 +147,7 @@ def test_position_step_without_overshoot():
 
 
 def test_level_dash_keeps_altitude():
-    """Tilting 30 degrees in and out again costs no height, with a hover thrust to weight of 1.7."""
+    """Tilting 30 degrees and back loses no height, with a thrust to weight of 1.7."""
     flight = in_the_air()
     yaw = flight.get("euler")[2]
     start = len(flight.log.p)
@@ -212,7 +212,7 @@ def test_landing(speed, wind):
     assert flight.core.landed
     assert fell < speed + 0.25
     touch = next(i for i in range(start, len(flight.log.p)) if flight.log.p[i][2] > -0.01)
-    assert len(flight.log.p) - touch < 250 * 3  # told within 3 s of touching down
+    assert len(flight.log.p) - touch < 250 * 3  # reported within 3 s of touching down
     assert max(flight.log.tilt[start:]) < math.radians(15.0)
     flight.set(OFF)
     flight.run(0.5)
@@ -223,7 +223,7 @@ def test_landing(speed, wind):
     assert flight.p[2] + flight.offset()[2] == pytest.approx(-3.0, abs=0.25)
 
 
-def test_descent_onto_nothing_is_no_landing():
+def test_a_descent_in_the_air_is_no_landing():
     """Told to stay and to sink in turn, high up: contact is never declared for good and the vehicle does not drop."""
     flight = in_the_air()
     for _ in range(4):
@@ -254,7 +254,7 @@ def test_without_gps_it_keeps_attitude_and_altitude():
     assert flight.get("p_NF") == pytest.approx(true_local, abs=0.15)
 
 
-def test_without_compass_the_gyro_carries_yaw():
+def test_without_compass_yaw_follows_the_gyro():
     flight = in_the_air()
     flight.mag_on = False
     cross_track, _ = fly_legs(flight, RECTANGLE)

@@ -34,7 +34,7 @@ def test_parameter_table_is_usable():
     for index, values in enumerate(zip(*columns, strict=True)):
         if not names[index].startswith("CA_"):
             for value in values:
-                core.set_param(index, float(np.float32(value)))  # as it comes over the wire
+                core.set_param(index, float(np.float32(value)))
 
 
 def test_state_fields_tile_the_state():
@@ -113,7 +113,7 @@ def test_imu_faults_in_flight_are_bridged(hovering, bad):
     assert hovering.get("attitude_ok") == (1.0,)
 
 
-def test_lasting_imu_failure_is_told(hovering):
+def test_lasting_imu_failure_is_reported(hovering):
     core = hovering.core
     t = int(core.state[0])
     for k in range(1, 61):
@@ -122,7 +122,7 @@ def test_lasting_imu_failure_is_told(hovering):
     assert np.all(np.isfinite(np.array(core.controls)))
 
 
-def test_setpoints_without_sense_are_refused(hovering):
+def test_invalid_setpoints_are_refused(hovering):
     core = hovering.core
     bad = [
         {"kind": POSITION, "x": INF},
@@ -180,7 +180,7 @@ def in_fifo_steps(x: float, step: float) -> float:
     return round(min(max(x, -32767.0 * step), 32767.0 * step) * (1.0 / step)) * step
 
 
-def test_a_fifo_has_steps_of_int16_and_no_number_is_no_sample():
+def test_fifo_samples_have_steps_of_int16_and_nan_is_no_sample():
     rng = np.random.default_rng(5)
     by_fifo, by_hand = _native.FlightCore(parameters()), _native.FlightCore(parameters())
     force_step, rate_step = 9.80665 / 2048.0, 2000.0 / 32768.0 * (math.pi / 180.0)

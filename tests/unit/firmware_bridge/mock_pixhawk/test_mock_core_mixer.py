@@ -1,4 +1,4 @@
-"""Control allocation of the mock autopilot: exact inside the limits, priorities at them."""
+"""Control allocation of the mock autopilot: exact within the limits, by priority at them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def frame_parameters(frame: dict[str, tuple[float, ...]], **changes: float) -> n
 
 
 def effectiveness(frame: dict[str, tuple[float, ...]]) -> np.ndarray:
-    """Rows roll, pitch, yaw, thrust in FRD from rotor thrusts: r x (0, 0, -T) and the drag moment."""
+    """Return rows roll, pitch, yaw, thrust in FRD from rotor thrusts: r x (0, 0, -T) and the drag moment."""
     rows = []
     for x, y, km in zip(frame["x"], frame["y"], frame["km"], strict=True):
         torque = np.cross((x, y, 0.0), (0.0, 0.0, -1.0)) + np.array([0.0, 0.0, km])
@@ -96,7 +96,7 @@ def test_saturation_keeps_limits_and_priorities(roll, pitch, yaw, thrust, name):
     # Yaw never costs roll or pitch; nothing ever raises the collective (airmode off).
     assert _native.allocate(params, roll, pitch, 0.0, thrust)[1] == tilt_share
     assert np.sum(thrusts) <= len(u) * max(thrust, 0.01) + 1e-9
-    # What is given keeps its direction. Below idle thrust there is nothing to give.
+    # The allocated torque keeps its direction. Below idle thrust none can be allocated.
     if thrust > 0.05:
         b = effectiveness(frame)
         given_tilt = (b @ thrusts)[:2]
@@ -130,5 +130,5 @@ def test_geometry_without_authority_is_refused():
     core = _native.FlightCore(parameters())
     index = _native.PARAM_NAMES.index("CA_ROTOR_COUNT")
     with pytest.raises(ValueError, match="cannot produce roll"):
-        core.set_param(index, 3.0)  # the three left cannot hold roll, pitch, yaw and thrust apart
+        core.set_param(index, 3.0)  # three rotors cannot control roll, pitch, yaw and thrust independently
     assert core.get_param(index) == 4.0

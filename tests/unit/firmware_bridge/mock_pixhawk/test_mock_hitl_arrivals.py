@@ -1,4 +1,4 @@
-"""Samples that come late, in bursts or not at all, and what a board in HITL makes of them. Simulated time."""
+"""Samples that arrive late, in bursts or not at all at a board in HITL. Simulated time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def hovering(**settings):
 
 
 def bench_pauses(world, seconds):
-    """The bench does nothing for a while, its physics included; what the board says meanwhile."""
+    """Pause the bench with its physics; return the frames of the board meanwhile."""
     return FrameParser().feed(world.autopilot.wait(int(seconds * 1e9)))
 
 
@@ -40,7 +40,7 @@ def bench_pauses(world, seconds):
     ],
     ids=["steady", "jitter", "bursts", "rarely late", "often late"],
 )
-def test_it_hovers_through_jitter_and_warns_of_the_bad_kind(delay, warns):
+def test_it_hovers_through_jitter_and_warns_of_harmful_jitter(delay, warns):
     world = hovering()
     rng = random.Random(3)
     world.autopilot.delay_us = lambda tick: delay(rng)
@@ -57,7 +57,7 @@ def test_it_hovers_through_jitter_and_warns_of_the_bad_kind(delay, warns):
     assert set(said) <= {BIAS}
 
 
-def test_bad_arrivals_on_the_ground_keep_it_from_arming_until_they_are_better():
+def test_harmful_jitter_on_the_ground_prevents_arming():
     world = hitl_world()
     rng = random.Random(3)
     world.autopilot.delay_us = lambda tick: 40_000 if rng.random() < 0.05 else 300
@@ -90,7 +90,7 @@ def test_a_short_stall_is_survived(seconds, physics_goes_on):
     assert world.truth.p_WB[2] == pytest.approx(HOVER_M, abs=0.2)
 
 
-def test_a_long_stall_ends_in_termination_and_the_board_says_so():
+def test_a_long_stall_ends_in_a_reported_termination():
     world = hovering()
     frames = bench_pauses(world, 4.0)
     said = texts(frames)
@@ -113,7 +113,7 @@ def test_a_long_stall_ends_in_termination_and_the_board_says_so():
     assert world.autopilot.vehicle.armed
 
 
-def test_commanded_termination_keeps_telling():
+def test_commanded_termination_keeps_the_telemetry():
     world = hovering()
     world.command(185, 1)
     frames = world.run(2.0)
@@ -130,7 +130,7 @@ def test_offboard_without_setpoints_does_not_silence_it():
     assert [m.custom_mode for m in messages(frames, "HEARTBEAT")] == [6 << 16, 6 << 16]
 
 
-def test_sensors_that_go_away_on_the_ground_are_reported_once_and_nothing_before_they_came():
+def test_lost_sensors_on_the_ground_are_reported_once_and_not_before_they_came():
     world = hitl_world()
     assert texts(bench_pauses(world, 3.0)) == []
     world.run(6.0)

@@ -16,13 +16,13 @@ DENIED = 2
 
 
 def set_int(world, name, value):
-    """PARAM_SET carries the bits of an INT32."""
+    """Send PARAM_SET with the bits of an INT32."""
     bits = struct.unpack("<f", struct.pack("<i", value))[0]
     world.send("PARAM_SET", target_system=1, target_component=1, param_id=name, param_value=bits, param_type=6)
 
 
 def seconds_alone(board, time, seconds):
-    """Run a board that nobody talks to; its frames."""
+    """Run a board without input and return its frames."""
     parser, frames = FrameParser(), []
     end_ns = time.now_ns + int(seconds * 1e9)
     while (due_ns := board.clock.source_ns(board.next_due_us)) < end_ns:
@@ -77,7 +77,7 @@ def test_the_links_data_rate_must_exceed_5000_bytes_a_second(baud, taken):
     assert (world.autopilot.steps > 0) is taken
 
 
-def test_functions_map_motors_to_slots_and_the_mixers_order_survives_it():
+def test_functions_map_motors_to_slots_and_keep_the_mixers_order():
     world = hitl_world(params=["HIL_ACT_FUNC1=0", "HIL_ACT_FUNC5=101", "HIL_ACT_FUNC6=2"])
     world.run(8.0)
     wired = world.physics.advance
@@ -156,7 +156,7 @@ def test_the_mission_outlasts_a_reboot():
     assert board.navigator.items == ["an item"]
 
 
-def test_a_changed_system_id_speaks_from_the_next_boot_on():
+def test_a_changed_system_id_applies_from_the_next_boot_on():
     board, _ = lone_board()
     encoder = FrameEncoder(255, 190)
     value = struct.pack("<iBB16sB", 7, 1, 1, b"MAV_SYS_ID", 6)
@@ -168,7 +168,7 @@ def test_a_changed_system_id_speaks_from_the_next_boot_on():
     assert unpack(ack).command == 246
 
 
-def test_faults_work_by_the_boards_clock():
+def test_faults_follow_the_boards_clock():
     from firmware_bridge.mock_pixhawk.faults import parse_fault
 
     board, time = lone_board(faults=[parse_fault("stall@1")])

@@ -1,4 +1,4 @@
-"""The board's clock and what is stamped with it. Simulated time."""
+"""The board's clock and its timestamps. Simulated time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_the_clock_counts_from_power_on_with_offset_and_drift(drift_ppm):
 
 
 @pytest.mark.parametrize("drift_ppm", [0.0, 37.5, -200.0, 5000.0, 123.456])
-def test_who_sleeps_until_a_time_wakes_at_it_and_not_before(drift_ppm):
+def test_a_sleep_until_a_time_ends_at_it_and_not_before(drift_ppm):
     time = SimulatedTime()
     time.now_ns = 123
     clock = BoardClock(time, offset_us=11, drift_ppm=drift_ppm)
@@ -66,7 +66,7 @@ def test_timesync_shows_the_drift():
     assert gained_ns == pytest.approx(10e9 * 100e-6, abs=3_000)
 
 
-def test_what_the_bench_writes_into_time_usec_and_id_does_not_matter():
+def test_time_usec_and_id_of_the_bench_are_ignored():
     def outputs(mangle):
         world = hitl_world()
         feed = world.autopilot.feed

@@ -49,7 +49,7 @@ def test_infinite_parameters_are_denied(world):
     assert results(answer(world, 22, 0, 0, 0, 0, 0, 0, math.inf)) == [(22, DENIED)]
 
 
-def test_commands_to_others_are_not_answered(world):
+def test_commands_to_other_systems_are_not_answered(world):
     world.command(512, 148, target_component=100)
     world.send(
         "COMMAND_LONG",
@@ -100,7 +100,7 @@ def test_arm_and_disarm():
     assert results(answer(world, 400, 0.5)) == [(400, DENIED)]
 
 
-def test_armed_and_not_flown_it_disarms_by_itself_after_ten_seconds():
+def test_armed_on_the_ground_it_disarms_after_ten_seconds():
     world = ready_world()
     answer(world, 400, 1)
     frames = world.run(10.1)
@@ -134,7 +134,7 @@ def test_manual_modes_need_sticks():
     assert results(answer(world, 400, 1)) == [(400, ACCEPTED)]
 
 
-def test_message_rates_are_what_was_asked_for(world):
+def test_message_rates_are_the_requested_ones(world):
     for name in ("ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "SERVO_OUTPUT_RAW"):
         assert results(answer(world, 511, MSGID[name], 20_000)) == [(511, ACCEPTED)]
     world.run(6.0)
@@ -198,7 +198,7 @@ def test_timesync_and_ping(world):
     (reply,) = messages(world.run(0.004), "TIMESYNC")
     assert reply.ts1 == 123456789
     assert reply.tc1 == world.autopilot.vehicle.now_us * 1000 - 4_000_000
-    world.send("TIMESYNC", tc1=55, ts1=44)  # somebody's answer
+    world.send("TIMESYNC", tc1=55, ts1=44)  # an answer to another request
     world.send("PING", time_usec=7, seq=8, target_system=0, target_component=0)
     frames = world.run(0.05)
     assert messages(frames, "TIMESYNC") == []

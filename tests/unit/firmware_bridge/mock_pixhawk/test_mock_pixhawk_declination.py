@@ -19,12 +19,12 @@ def test_it_follows_the_model_within_its_stated_error(south, north, limit_deg):
 
 
 @pytest.mark.parametrize(("lat", "lon"), [(-90, -180), (90, 180), (0, 0), (47.4, 8.5), (-60, 180)])
-def test_every_place_has_one(lat, lon):
+def test_every_place_has_a_declination(lat, lon):
     assert -180.0 <= declination_deg(lat, lon) <= 180.0
 
 
 def test_the_vehicle_knows_true_north():
     world = World()
     frames = world.run(8.0)
-    # It faces east; without declination it would believe to be 3.5 degrees off.
+    # It faces east; without declination its heading would be 3.5 degrees off.
     assert messages(frames, "ATTITUDE")[-1].yaw == pytest.approx(1.5708, abs=0.03)

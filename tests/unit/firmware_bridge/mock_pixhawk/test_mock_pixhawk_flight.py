@@ -22,7 +22,7 @@ def set_mode(world, mode):
 
 
 def airborne(altitude=5.0, ground_m=GROUND_M, **autopilot):
-    """A vehicle that has taken off and holds at `altitude` metres above home."""
+    """Return a vehicle that has taken off and holds at `altitude` metres above home."""
     world = World(params=[f"MIS_TAKEOFF_ALT={altitude}", *autopilot.pop("params", ())], **autopilot)
     world.run(5.0)
     set_mode(world, Mode.TAKEOFF)
@@ -54,7 +54,7 @@ def test_another_airframe():
     world.command(192, 4, 1, 0, 0.0, 47.397742 + 20 / 111_174, 8.545594, NAN)
     world.run(10.0)
     assert east_north(world)[1] == pytest.approx(20.0, abs=0.4)
-    assert abs(world.autopilot.firmware.estimate.euler[2]) < 0.1  # told to look north
+    assert abs(world.autopilot.firmware.estimate.euler[2]) < 0.1  # commanded to face north
     set_mode(world, Mode.LAND)
     world.run_until(landed_and_disarmed, 30.0)
 
@@ -120,7 +120,7 @@ def target(world, **fields):
 
 
 def stream(world, seconds, **fields):
-    """Offboard setpoints at 10 Hz."""
+    """Send offboard setpoints at 10 Hz."""
     frames = []
     for _ in range(round(seconds * 10)):
         target(world, **fields)

@@ -1,4 +1,4 @@
-"""The mission protocol of the mock, by messages: the good, the lossy, the duplicated, the wrong."""
+"""The mission protocol of the mock: valid, lost, duplicated and invalid messages."""
 
 import math
 
@@ -111,7 +111,7 @@ def test_an_upload_that_stops_is_given_up_and_the_old_mission_stays(world):
     assert upload(world, plan(6)) == R.ACCEPTED
 
 
-def test_duplicated_and_out_of_order_items_do_no_harm(world):
+def test_duplicated_and_out_of_order_items_are_ignored(world):
     items = plan(6)
     count(world, 6)
     acks = []
@@ -119,12 +119,12 @@ def test_duplicated_and_out_of_order_items_do_no_harm(world):
         world.send("MISSION_ITEM_INT", **items[order])
         acks += messages(world.run(0.02), "MISSION_ACK")
     assert stored(world) == expected(items)
-    # The last item came twice after the end: its acknowledgement is said again.
+    # The last item came twice after the end: its acknowledgement is repeated.
     assert {a.type for a in acks} == {R.ACCEPTED}
     assert len(acks) == 2
 
 
-def test_an_item_that_nobody_asked_for_is_an_error(world):
+def test_an_unrequested_item_is_an_error(world):
     world.send("MISSION_ITEM_INT", **item(0))
     (ack,) = messages(world.run(0.01), "MISSION_ACK")
     assert ack.type == R.ERROR
@@ -210,7 +210,7 @@ def test_supported_commands_are_taken(world, command):
     assert upload(world, [item(0, command, params=params)]) == R.ACCEPTED
 
 
-def test_open_parameters_are_taken_as_their_defaults(world):
+def test_nan_parameters_take_their_defaults(world):
     nan = math.nan
     items = [item(0, 22, x=UNKNOWN, y=UNKNOWN, params=(nan,) * 4), item(1, params=(nan,) * 4), item(2, 21, x=0, y=0)]
     assert upload(world, items) == R.ACCEPTED
@@ -231,7 +231,7 @@ def test_messages_for_others_are_not_answered(world):
     assert messages(frames, "MISSION_REQUEST_INT") == messages(frames, "MISSION_COUNT") == []
 
 
-def test_two_senders_do_not_mix(world):
+def test_uploads_of_two_senders_are_kept_apart(world):
     count(world, 3)
     world.run(0.01)
     other = world._bench  # another component of the same computer

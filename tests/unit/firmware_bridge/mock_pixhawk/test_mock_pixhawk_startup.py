@@ -17,7 +17,7 @@ ALL_GROUPS = 0x1BFF
 
 
 class Rest:
-    """HIL_SENSORs of a vehicle at rest, without physics; `noise` 0 makes every sample the same."""
+    """A source of HIL_SENSOR for a vehicle at rest, without physics; `noise` 0 makes every sample the same."""
 
     def __init__(self, *, noise=1.0, fields=ALL_GROUPS, start_us=0, **autopilot):
         self.autopilot = MockPixhawk(**autopilot)
@@ -53,7 +53,7 @@ def actuators(frames):
     return [unpack(frame) for frame in frames if frame.msgid == ACTUATORS]
 
 
-def test_boot_says_what_px4_says():
+def test_boot_sends_the_messages_of_px4():
     request, heartbeat = (unpack(frame) for frame in FrameParser().feed(MockPixhawk().boot()))
     assert (request.command, request.param1, request.param2) == (511, 115.0, 5000.0)
     assert (heartbeat.type, heartbeat.autopilot, heartbeat.base_mode & 128) == (2, 12, 0)
@@ -72,7 +72,7 @@ def test_the_first_sensors_get_no_answer_then_each_gets_one(count):
         assert answers[0].controls == (0.0,) * 16
 
 
-def test_what_is_asked_before_the_first_answer_is_answered_with_it():
+def test_requests_before_the_first_answer_are_answered_with_it():
     world = World(boot_sensors=20)
     world.command(512, 148)
     frames = world.run(19 * 0.004)
@@ -132,10 +132,10 @@ def test_noise_free_data_is_stale():
     said = texts(rest.run(400))
     assert "Preflight Fail: MAG #0 failed: STALE" in said
     assert "Preflight Fail: ACCEL #0 failed: STALE" in said
-    assert len(said) == len(set(said))  # said once
+    assert len(said) == len(set(said))  # reported once
 
 
-def test_noisy_data_is_not():
+def test_noisy_data_is_not_stale():
     assert texts(Rest().run(400)) == []
 
 
@@ -220,7 +220,7 @@ def test_offboard_selected_while_disarmed_without_setpoints_silences():
         assert world.answered is not silent
 
 
-def test_a_pause_of_five_seconds_is_fine():
+def test_a_pause_of_five_seconds_is_tolerated():
     world = World()
     world.run(5.0)
     world.tick += 1250
@@ -241,7 +241,7 @@ def test_wrong_parameters_and_airframes_are_all_reported():
 
 
 @pytest.mark.parametrize("name", [b"\xff" * 16, "ÄÖÜÄÖÜÄÖ".encode(), b"\0" * 16, b"MPC\xff"])
-def test_a_parameter_name_that_is_no_name(name):
+def test_invalid_parameter_names_are_reported(name):
     rest = Rest(boot_sensors=0)
     rest.run(5)
     raw = name.ljust(16, b"\0")[:16]
@@ -253,7 +253,7 @@ def test_a_parameter_name_that_is_no_name(name):
 
 
 @pytest.mark.parametrize("time_usec", [2**62, 2**63 - 1, 2**63, 2**64 - 1])
-def test_times_that_are_no_times_are_ignored(time_usec):
+def test_invalid_times_are_ignored(time_usec):
     rest = Rest(boot_sensors=0)
     rest.run(5)
     ignored = rest.autopilot.ignored

@@ -25,7 +25,7 @@ _points = st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-
 
 
 def flown(trajectory, *, stretch=1.0, limit_s=600.0):
-    """Positions, speeds and accelerations along the whole path."""
+    """Return positions, speeds and accelerations along the whole path."""
     rows = []
     for _ in range(int(limit_s / DT)):
         trajectory.advance(DT, stretch)
@@ -74,7 +74,7 @@ def test_limits_hold_on_any_path(points, speed):
     v, a = rows[:, 6], rows[:, 7]
     assert np.max(np.abs(a)) <= LIMITS.accel_mps2 + 1e-9
     assert np.max(np.abs(np.diff(a, prepend=0.0))) <= LIMITS.jerk_mps3 * DT + LIMITS.accel_mps2 * 1e-9 + 1e-9 or (
-        # only the snap to the end may drop the last bit of speed
+        # only the final step to the end may drop the remaining speed
         np.argmax(np.abs(np.diff(a))) == len(a) - 2
     )
     vertical = rows[:, 5]
@@ -97,7 +97,7 @@ def test_velocity_is_the_derivative_of_position_also_in_corners():
     rows = flown(Trajectory(RECTANGLE, [3.0] * 4, LIMITS))
     numeric = np.diff(rows[:, :3], axis=0) / DT
     mean = 0.5 * (rows[1:, 3:6] + rows[:-1, 3:6])
-    # The last step is the snap to the end.
+    # The last step jumps to the end.
     assert np.max(np.abs(numeric - mean)[:-1]) < 0.04
     assert np.max(np.abs(numeric[-1])) < 0.2
 

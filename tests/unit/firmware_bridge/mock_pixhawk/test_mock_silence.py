@@ -27,7 +27,7 @@ def airborne(**settings):
     return world
 
 
-def test_termination_by_command_has_last_words_and_a_last_answer_that_hovers():
+def test_termination_by_command_sends_a_last_text_and_a_last_answer_that_hovers():
     world = airborne()
     hover = world.controls
     world.command(185, 1)
@@ -43,7 +43,7 @@ def test_termination_by_command_has_last_words_and_a_last_answer_that_hovers():
     assert world.run(2.0) == []
 
 
-def test_termination_by_failsafe_has_the_same_last_words():
+def test_termination_by_failsafe_sends_the_same_last_text():
     world = airborne(params=["NAV_DLL_ACT=5", "COM_DL_LOSS_T=5"])
     world.send("HEARTBEAT", type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4, mavlink_version=3)
     frames = world.run_until(lambda w: not w.answered, 8.0)
@@ -53,7 +53,7 @@ def test_termination_by_failsafe_has_the_same_last_words():
     assert world.run(1.0) == []
 
 
-def test_offboard_while_disarmed_is_told_by_its_last_heartbeat():
+def test_offboard_while_disarmed_is_shown_by_the_last_heartbeat():
     world = World()
     world.run(6.0)
     world.command(176, 1, 6)
@@ -72,14 +72,14 @@ def sensor(time_usec):
     return FrameEncoder(255, 200).frame(MSGID["HIL_SENSOR"], struct.pack("<Q13fIB", time_usec, *values, 0x1FFF, 0))
 
 
-def test_a_clock_that_goes_backwards_leaves_no_word():
+def test_a_clock_that_goes_backwards_sends_no_text():
     mock = MockPixhawk(boot_sensors=0)
     assert mock.feed(sensor(8000)) != b""
     assert mock.feed(sensor(4000)) == b""
     assert mock.feed(sensor(12000)) == b""
 
 
-def test_reboot_in_lockstep_acknowledges_and_greets_again_and_needs_its_boot_sensors():
+def test_reboot_in_lockstep_acknowledges_boots_and_needs_its_boot_sensors():
     world = World(boot_sensors=20)
     world.run(2.0)
     world.command(Cmd.PREFLIGHT_REBOOT_SHUTDOWN, 1)
@@ -95,7 +95,7 @@ def test_reboot_in_lockstep_acknowledges_and_greets_again_and_needs_its_boot_sen
     assert world.answered
 
 
-def test_what_waits_for_the_first_answer_is_bounded_and_the_oldest_goes():
+def test_messages_waiting_for_the_first_answer_are_bounded_and_the_oldest_is_dropped():
     mock, encoder = MockPixhawk(boot_sensors=0), FrameEncoder(255, 190)
     mock.boot()
     ask = message_class("TIMESYNC")

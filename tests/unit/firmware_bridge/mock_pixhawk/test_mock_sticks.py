@@ -14,7 +14,7 @@ REJECTED = 1
 
 
 def by_hand(world, mode):
-    """Armed in `mode` on the ground, throttle down."""
+    """Return a world armed in `mode` on the ground, throttle down."""
     world.run(8.0)
     world.command(176, 1, mode.value.main, mode.value.sub)
     sticks(world, 0.3, z=0)
@@ -25,7 +25,7 @@ def by_hand(world, mode):
 
 
 def by_eye(world, climb_mps):
-    """Throttle of a pilot who watches the vehicle climb or sink and wants `climb_mps`."""
+    """Return the throttle of a pilot who sees the climb rate and wants `climb_mps`."""
     return min(max(round(500.0 + 250.0 * (climb_mps - world.truth.v_WB_W[2])), 0), 1000)
 
 
@@ -69,7 +69,7 @@ def test_lost_sticks_act_as_nav_rcl_act_says_after_com_rc_loss_t(action, mode):
         assert not world.autopilot.vehicle.armed
 
 
-def test_sticks_that_come_back_take_over_again_when_asked_to():
+def test_returning_sticks_take_over_again_on_command():
     world = by_hand(World(), Mode.POSCTL)
     sticks(world, 4.0, z=800)
     assert LOST in texts(world.run(0.6))

@@ -1,4 +1,4 @@
-"""Actors posed in a geometry at times. tests/accuracy/test_frame_scenes.py has native walkers against `mj_ray`."""
+"""Poses of actors in a geometry. tests/accuracy/test_frame_scenes.py has native walkers against `mj_ray`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Age of actuator commands, and what a run's timing is judged to be."""
+"""Age of actuator commands, and the findings about a run's timing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GOOD = [60_000] * 10_000
 def test_good_timing_has_no_findings() -> None:
     assert judge_sending(stats(GOOD)) == []
     assert judge_sending(stats([])) == []
-    # One hiccup in 10 000, as every computer has: below all limits.
+    # One late sample in 10 000, as on every computer: below all limits.
     assert judge_sending(stats([*GOOD, 21 * MS])) == []
 
 
@@ -89,7 +89,7 @@ def _schedule_behind_by(ns: int) -> DeadlineSchedule:
     return schedule
 
 
-def test_a_slip_is_a_hole_in_the_samples_though_none_was_late() -> None:
+def test_a_slip_is_a_gap_in_the_samples_though_none_was_late() -> None:
     assert judge_sending(stats(GOOD), _schedule_behind_by(19 * MS)) == []
     (finding,) = judge_sending(stats(GOOD), _schedule_behind_by(30 * MS))
     assert "1 slips, simulated time is 30 ms behind" in finding.text
@@ -100,7 +100,7 @@ def test_a_slip_is_a_hole_in_the_samples_though_none_was_late() -> None:
 
 def test_age_of_a_regular_stream() -> None:
     age = ActuatorAge()
-    age.used(0)  # nothing has come yet
+    age.used(0)  # no command yet
     arrivals = [(k * 5 * MS, age.arrived) for k in range(1, 401)]  # 200 Hz
     ticks = [(k * 4 * MS + 1 * MS, age.used) for k in range(1, 500)]  # 250 Hz
     for t, happens in sorted(arrivals + ticks, key=lambda event: event[0]):
@@ -126,8 +126,8 @@ def test_gaps_and_the_silence_at_the_end() -> None:
     assert age.gap_count == 2
 
 
-def test_looking_at_a_run_twice_or_late_adds_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The recording and run.json ask for the findings one after the other, once the wires are closed."""
+def test_reading_the_findings_twice_or_late_adds_no_gap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recording and run.json read the findings one after the other, after the wires are closed."""
     now_ns = [0]
     monkeypatch.setattr(time, "monotonic_ns", lambda: now_ns[0])
     link = FreeRunningLink(PtyTransport(), CAPS, period_ns=4 * MS)

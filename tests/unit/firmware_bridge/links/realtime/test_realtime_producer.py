@@ -1,4 +1,4 @@
-"""The producer's priority: asked for, reported, given back, never passed on."""
+"""The producer's priority: requested, reported, restored, not inherited."""
 
 from __future__ import annotations
 

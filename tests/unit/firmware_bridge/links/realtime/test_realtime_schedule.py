@@ -1,4 +1,4 @@
-"""Deadlines on the wall clock, with a clock that only the test moves."""
+"""Deadlines on a wall clock that only the test advances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LEAD = 3_000_000
 
 
 class Clock:
-    """Sleeping takes exactly as long as asked, plus `overshoot_ns`."""
+    """A clock whose sleeps last exactly as long as asked, plus `overshoot_ns`."""
 
     def __init__(self) -> None:
         self.now_ns = 1_000_000_000
@@ -86,7 +86,7 @@ def test_a_sleep_cut_short_is_continued() -> None:
     assert clock.now_ns <= plan.wait_until_due(1) - LEAD + 1
 
 
-def test_it_may_start_at_any_tick_and_refuses_nonsense() -> None:
+def test_it_may_start_at_any_tick_and_refuses_invalid_arguments() -> None:
     clock = Clock()
     plan = schedule(clock)
     with pytest.raises(ValueError, match="not started"):

@@ -1,4 +1,4 @@
-"""The real-time sender: every byte once and in order, named ends, counts that add up. Never how fast."""
+"""The real-time sender: every byte once and in order, named errors, consistent counts. No timing is asserted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from firmware_bridge.links.realtime.sender import RealtimeSender, SendStats
 
 PERIOD_NS = 4_000_000
 HOUR_NS = 3_600 * 10**9
-PATIENCE_S = 60.0  # of a loaded machine; nothing waits this long on an idle one
+PATIENCE_S = 60.0  # limit for a loaded machine; an idle one is faster
 
 
 def until(condition: Callable[[], object]) -> None:
@@ -32,7 +32,7 @@ def frame(k: int, size: int = 64) -> bytes:
 
 
 class Line:
-    """Two connected sockets and a reader that keeps all that came."""
+    """Two connected sockets and a reader that keeps all received bytes."""
 
     def __init__(self) -> None:
         self.near, self.far = socket.socketpair()
@@ -62,7 +62,7 @@ def line() -> Iterator[Line]:
 
 
 class Sender(RealtimeSender):
-    """With its counts, which `wait` brings up to date until something holds."""
+    """A sender and its counts, which `wait` updates until a condition holds."""
 
     def __init__(self, fd: int, *, period_ns: int = PERIOD_NS, **settings: int) -> None:
         super().__init__(fd, SendStats(), period_ns=period_ns, **settings)
@@ -75,7 +75,7 @@ class Sender(RealtimeSender):
         until(holds)
 
     def counts(self) -> tuple[int, int, int]:
-        """Sent, dropped, pending."""
+        """Return sent, dropped, pending."""
         self.collect()
         return self.stats.sent, self.stats.dropped, self.stats.pending
 
@@ -162,7 +162,7 @@ def test_on_a_full_line_frames_are_left_out_but_never_part_of_one_and_commands_w
     assert got == b"".join(frame(k, 2000) for k in numbers)
 
 
-def test_a_full_line_of_frames_refuses_and_stop_ends_at_once_and_sends_none(line: Line) -> None:
+def test_a_full_queue_refuses_frames_and_stop_ends_at_once_without_sending(line: Line) -> None:
     sender = Sender(line.near.fileno(), most_pending=3)
     later = time.monotonic_ns() + HOUR_NS
     assert [sender.push(later, frame(k)) for k in range(5)] == [True, True, True, False, False]
@@ -255,7 +255,7 @@ def test_frames_of_no_size_or_too_large_are_refused(sender: Sender) -> None:
             sender.push(0, bytes(size))
 
 
-def test_a_process_that_somebody_ended_is_an_error(line: Line, sender: Sender) -> None:
+def test_a_killed_sender_process_is_an_error(line: Line, sender: Sender) -> None:
     sender._process.kill()
     sender.wait(lambda _: sender.error)
     assert sender.failure("ttyX") is not None
