@@ -1,4 +1,4 @@
-"""Old module paths, wherever a user may have written them: the error names the new one."""
+"""Old module paths in a user's files: the error names the new one."""
 
 from __future__ import annotations
 

@@ -318,7 +318,7 @@ def test_a_message_past_the_limit_costs_the_connection_not_the_memory() -> None:
         list(client.frames())
 
 
-def test_nobody_there_and_somebody_who_does_not_answer_are_two_errors() -> None:
+def test_no_bench_and_an_unresponsive_bench_are_two_errors() -> None:
     with pytest.raises(NoBench, match="no bench there"):
         Client.connect("tcp://127.0.0.1:1", name="x", wait_s=0.2)
 
@@ -358,7 +358,7 @@ def write_key(path: Path, key: bytes, mode: int = 0o600) -> Path:
     return path
 
 
-def test_curve_lets_in_who_has_the_keys_and_names_what_is_wrong_otherwise(tmp_path: Path) -> None:
+def test_curve_admits_valid_keys_and_names_the_error_otherwise(tmp_path: Path) -> None:
     bench_public, bench_secret = zmq.curve_keypair()
     public, secret = zmq.curve_keypair()
     stranger_public, stranger_secret = zmq.curve_keypair()

@@ -1,4 +1,4 @@
-"""The pytest plugin in projects of its own: what it flies, what it refuses, what it leaves behind."""
+"""The pytest plugin in test projects: its flights, its refusals, and the files it leaves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hil.apps.pytest_plugin import Run, health
 pytest_plugins = "pytester"
 
 ROOT = Path(__file__).resolve().parents[4]
-# Two simulated seconds on the ground: a run like any other, in a tenth of a second. Its verdict is FAIL.
+# Two simulated seconds on the ground, in a tenth of a second. The verdict is FAIL.
 SHORT = """
 rig: mock
 autopilot: {transport: loopback}
@@ -193,7 +193,7 @@ def test_the_command_line_wins(project: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(["*missing.yaml: no such file*"])
 
 
-def test_files_that_are_wrong_fail_with_every_problem(project: pytest.Pytester) -> None:
+def test_invalid_files_fail_with_every_problem(project: pytest.Pytester) -> None:
     test = """
     def test_it(rig, mission):
         rig.fly(mission("square.waypoints"), settings=["tick_hz=300", "sede=1"])

@@ -1,4 +1,4 @@
-"""A changed bit is found where it was changed."""
+"""Replay finds a changed bit at its place."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_values_equal_but_bits_not(flight: list[Tick], tmp_path: Path) -> None:
     assert (difference.tick, difference.port, difference.field) == (5, "/truth/pose", "bytes")
 
 
-def test_replay_runs_again_and_tells(flight: list[Tick], tmp_path: Path) -> None:
+def test_replay_runs_again_and_reports(flight: list[Tick], tmp_path: Path) -> None:
     record(tmp_path, flight)
     (tmp_path / "bench.yaml").write_text("seed: 1\n")
     asked = []
@@ -140,7 +140,7 @@ def test_replay_runs_again_and_tells(flight: list[Tick], tmp_path: Path) -> None
     assert "tick 9 (t = 0.036 s), port /mavlink/to_autopilot" in str(other)
 
 
-def test_replay_says_why_it_cannot(flight: list[Tick], tmp_path: Path) -> None:
+def test_replay_names_the_reason_if_it_is_impossible(flight: list[Tick], tmp_path: Path) -> None:
     def nothing(config: Path, out: Path) -> None:
         pass
 

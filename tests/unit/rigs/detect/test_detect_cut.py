@@ -47,7 +47,7 @@ def frame(
     return Frame(header, samples, in_ring=False, t_received_ns=0)
 
 
-def test_people_are_told_with_range_place_and_number_and_left_as_files(tmp_path: Path) -> None:
+def test_people_are_reported_with_range_place_and_number_and_saved(tmp_path: Path) -> None:
     cut = StandIn(depth="front/depth", localiser="truth", out=str(tmp_path / "left"))
     cut.start(welcome())
     boxes = {7: (150, 90, 170, 140), 9: (40, 60, 60, 110)}
@@ -119,7 +119,7 @@ def test_a_frame_without_a_picture_is_no_news_and_another_session_begins_anew() 
         ({}, frame(1, {}, size=(100, 100)), "320 x 240"),
     ],
 )
-def test_a_bench_that_does_not_fit_is_told_so(bench: dict[str, Any], look: Frame | None, words: str) -> None:
+def test_an_unsuitable_bench_is_refused(bench: dict[str, Any], look: Frame | None, words: str) -> None:
     cut = StandIn(localiser="truth")
     if look is not None:
         cut.start(welcome(**bench))
@@ -127,7 +127,7 @@ def test_a_bench_that_does_not_fit_is_told_so(bench: dict[str, Any], look: Frame
         cut.start(welcome(**bench)) if look is None else cut(look)
 
 
-def test_a_depth_topic_that_is_none_and_a_truth_that_is_missing_are_said() -> None:
+def test_a_wrong_depth_topic_and_a_missing_truth_are_named() -> None:
     cut = StandIn(localiser="truth", depth="front/rgb")
     cut.start(welcome())
     with pytest.raises(CutError, match="no depth picture"):
@@ -152,6 +152,6 @@ def test_a_depth_topic_that_is_none_and_a_truth_that_is_missing_are_said() -> No
         ("camra=front/rgb", "did you mean 'camera'"),
     ],
 )
-def test_settings_that_cannot_be_are_refused_in_words(setting: str, words: str) -> None:
+def test_invalid_settings_are_refused_with_a_reason(setting: str, words: str) -> None:
     with pytest.raises(OptionError, match=words):
         make_cut("detect", [setting])

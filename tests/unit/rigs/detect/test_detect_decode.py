@@ -147,7 +147,7 @@ def test_threshold_nan_and_boxes_outside(model: ModelFile) -> None:
         decode(model, logits[1:], offsets, (64, 48))
 
 
-def test_maps_are_taken_apart_place_by_place() -> None:
+def test_output_maps_are_split_by_place() -> None:
     levels = (Level(8, (8.0,), (0.5, 1.0)), Level(16, (16.0,), (1.0,)))
     rng = np.random.default_rng(1)
     maps = [rng.normal(size=(1, 2 * 7, 2, 4)).astype(np.float32), rng.normal(size=(1, 7, 1, 2)).astype(np.float32)]
@@ -189,7 +189,7 @@ def test_a_picture_of_another_shape_is_not_stretched() -> None:
         (None, "is needed"),
     ],
 )
-def test_what_is_no_picture_is_refused(picture: Any, words: str) -> None:
+def test_invalid_pictures_are_refused(picture: Any, words: str) -> None:
     with pytest.raises(CutError, match=words):
         check_picture(picture)
 
@@ -212,7 +212,7 @@ def test_what_is_no_picture_is_refused(picture: Any, words: str) -> None:
         ({"sha256": None}, "'sha256' is missing"),
     ],
 )
-def test_descriptions_that_cannot_be(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+def test_invalid_descriptions_are_refused(tmp_path: Path, changes: dict[str, Any], words: str) -> None:
     with pytest.raises(OptionError, match=words):
         ModelFile.load(write_model(tmp_path, **changes))
 

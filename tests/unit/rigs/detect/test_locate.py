@@ -56,7 +56,7 @@ def test_depth_is_that_of_the_thing_and_not_of_what_is_behind_it(noise_m: float)
     depth = np.full((HEIGHT, WIDTH), 45.0, np.float32)
     depth[100:140, 150:170] = 20.0  # the object fills half of its box's width
     depth += (noise_m * rng.standard_normal(depth.shape)).astype(np.float32)
-    depth[110:112, 155:158] = 3.0  # a twig
+    depth[110:112, 155:158] = 3.0  # a thin object in front
     depth[130:133, 158:160] = np.nan
     found = depth_in(depth, (145.0, 98.0, 178.0, 142.0))
     assert found == pytest.approx(20.0, abs=0.01 if noise_m == 0.0 else 0.35)
@@ -134,7 +134,7 @@ def seen_at(x: float, y: float, look: np.ndarray | None = None) -> Sighting:
     return Sighting("person", (x, y, 0.9), 0.4, look)
 
 
-def test_those_who_stand_and_those_who_cross_keep_their_numbers() -> None:
+def test_standing_and_crossing_people_keep_their_numbers() -> None:
     rng = np.random.default_rng(3)
     tracks = Tracks(least=3)
     ways = [lambda t: (5.0, 5.0), lambda t: (-6.0 + 1.3 * t, 0.3), lambda t: (6.0 - 1.3 * t, -1.4)]
@@ -150,7 +150,7 @@ def test_those_who_stand_and_those_who_cross_keep_their_numbers() -> None:
     assert [one.sightings for one in tracks.found] == [41, 40, 40]
 
 
-def test_a_walker_who_was_away_is_known_by_his_clothes() -> None:
+def test_a_returning_walker_is_recognised_by_colours() -> None:
     red, blue = np.array([50.0, 60.0, 40.0] * 2), np.array([40.0, 10.0, -50.0] * 2)
     for look, people in ((red + 2.0, 1), (blue, 2)):
         tracks = Tracks(least=3)
@@ -161,14 +161,14 @@ def test_a_walker_who_was_away_is_known_by_his_clothes() -> None:
         assert len(tracks.found) == people
 
 
-def test_what_was_seen_once_is_nobody() -> None:
+def test_a_single_sighting_is_no_person() -> None:
     tracks = Tracks(least=3)
     for k in range(20):
         tracks.add(k * SECOND, [seen_at(10.0 * k, 50.0)])
     assert tracks.found == []
 
 
-def test_weak_sightings_keep_somebody_going_and_make_nobody() -> None:
+def test_weak_sightings_continue_tracks_and_begin_none() -> None:
     tracks = Tracks(least=3)
     for k in range(20):
         sure = 5 <= k < 8
@@ -181,7 +181,7 @@ def test_weak_sightings_keep_somebody_going_and_make_nobody() -> None:
     assert (one.number, one.sightings) == (0, 20)
 
 
-def test_a_box_with_a_surer_one_of_another_label_on_it_is_has_rival() -> None:
+def test_a_box_under_a_surer_one_of_another_label_has_a_rival() -> None:
     person, bin_ = Detection("person", (10, 10, 30, 60), 0.5), Detection("bin", (11, 12, 31, 61), 0.6)
     behind = Detection("house", (0, 0, 300, 200), 0.9)
     assert has_rival(person, [person, bin_])

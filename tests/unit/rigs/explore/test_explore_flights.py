@@ -67,7 +67,7 @@ def test_without_a_lidar_it_brakes_at_once_and_says_so(loss: str) -> None:
     assert flat.p[0] < 2.0 * 3.0 + 5.0
 
 
-def test_who_is_driven_to_and_fro_is_stuck() -> None:
+def test_a_vehicle_driven_to_and_fro_is_stuck() -> None:
     """An obstacle that jumps from side to side blocks the passage and drives the vehicle farther than `progress_m`."""
     settings = {"stuck_s": 4.0, "progress_m": 0.3, "no_path_s": 60.0}
     flat = Flat((), (20.0, 0.0), settings=settings)
@@ -82,7 +82,7 @@ def test_who_is_driven_to_and_fro_is_stuck() -> None:
     assert "to and fro" in flat.explorer.report.why
 
 
-def test_a_lidar_that_hangs_is_a_lost_one() -> None:
+def test_a_stuck_lidar_counts_as_lost() -> None:
     """Timestamps advance, points do not: the wall ahead would seem to keep its distance."""
     hung: list[np.ndarray] = []
 
@@ -138,7 +138,7 @@ def test_an_estimate_that_flies_away_or_is_no_place_stops_it(wrong: dict[str, np
     assert float(np.hypot(*flat.v[:2])) < 0.05
 
 
-def test_a_frame_that_is_older_changes_nothing() -> None:
+def test_an_older_frame_changes_nothing() -> None:
     one, other = Flat((), (8.0, 0.0)), Flat((), (8.0, 0.0))
     for k in range(25):
         wanted = one.step()
@@ -147,7 +147,7 @@ def test_a_frame_that_is_older_changes_nothing() -> None:
         assert other.step() == wanted
 
 
-def test_some_points_that_are_no_numbers_do_no_harm() -> None:
+def test_nan_points_are_ignored() -> None:
     def some(t_s: float, points: np.ndarray) -> np.ndarray:
         spoiled = points.copy()
         spoiled[:: 2 + round(10 * t_s) % 2] = math.nan
@@ -172,7 +172,7 @@ def test_a_goal_beyond_every_map_is_no_path() -> None:
     assert flat.frames < 20
 
 
-def test_who_comes_near_is_given_way_to() -> None:
+def test_the_vehicle_retreats_from_an_approaching_object() -> None:
     """A box approaches the hovering vehicle, which waits for its path to open."""
     flat = Flat(ring(0.0, 0.0, 9.0), (15.0, 0.0), settings={"no_path_s": 30.0})
     for k in range(60):

@@ -102,7 +102,7 @@ def test_a_wall_that_beams_had_missed_is_no_passer_by() -> None:
     assert not moving.vacated(GridView(odds.copy(), (0.0, 0.0), CELL_M, 2), NOBODY, 3.0)[20, 15]
 
 
-def test_the_berth_grows_with_size_speed_and_doubt() -> None:
+def test_the_distance_kept_grows_with_size_speed_and_uncertainty() -> None:
     plain = clearances_for(FLIGHT, 0.0, CELL_M)
     assert plain.red_m < plain.orange_m <= plain.hard_m < plain.comfort_m
     assert plain.red_m >= FLIGHT.vehicle_radius_m + FLIGHT.clearance_m
@@ -173,7 +173,7 @@ def test_of_two_like_ways_the_one_being_flown_is_kept() -> None:
     assert len(set(sides)) == 1
 
 
-def test_what_is_shut_is_told_apart() -> None:
+def test_causes_of_a_blocked_goal_are_distinguished() -> None:
     clearances = clearances_for(FLIGHT, 0.0, CELL_M)
     odds = np.full((240, 240), -1.0, np.float32)
     odds[120:161, 120:161] = 3.0

@@ -20,7 +20,7 @@ def field(x0: float, x1: float, y0: float, y1: float, z: float = 0.0) -> np.ndar
     return np.stack([x, y, np.full(len(x), z)], axis=1)
 
 
-def test_bare_ground_roofs_and_what_nobody_has_seen() -> None:
+def test_bare_ground_roofs_and_unseen_cells() -> None:
     ground = Ground(AREA, 0.0, 0.9)
     assert ground.below(0.0, 0.0) == UNKNOWN
     ground.stood_on(0.0, 0.0)
@@ -40,7 +40,7 @@ def test_bare_ground_roofs_and_what_nobody_has_seen() -> None:
     assert all(ground.below(x, y) == GROUND for x, y in places[:10])
 
 
-def test_who_walked_on_is_forgotten_and_who_stays_is_not() -> None:
+def test_people_who_left_are_removed_and_people_who_stay_are_kept() -> None:
     ground = Ground(AREA, 0.0, 0.9)
     person = np.array([(3.1, 3.1, 1.7)])
     for k in range(40):

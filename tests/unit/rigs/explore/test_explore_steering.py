@@ -54,7 +54,7 @@ def steady(steering: Steering, place: PlanMap, near: Nearby, path: Any, p: Any, 
     return float(np.hypot(*v_W))
 
 
-def test_cruising_in_the_open_and_slower_before_what_nobody_has_seen() -> None:
+def test_cruising_in_the_open_and_slower_towards_unseen_cells() -> None:
     path = [(0.0, 0.0), (19.0, 0.0)]
     assert steady(Steering(FLIGHT), open_map(), nearby(), path, (0.0, 0.0), (3.0, 0.0)) == pytest.approx(3.0)
     for seen_m in (1.5, 3.0, 4.0):
@@ -84,7 +84,7 @@ def test_slow_beside_walls_and_before_corners() -> None:
     assert slow < 2.6 < steady(Steering(FLIGHT), open_map(), nearby(), blunt, (0.0, 0.0), (1.0, 0.0))
 
 
-def test_who_is_unsure_flies_slower() -> None:
+def test_an_uncertain_pose_lowers_the_speed() -> None:
     steering, path = Steering(FLIGHT), np.array([(0.0, 0.0), (19.0, 0.0)])
     for _ in range(60):
         v_W = steering.follow(open_map(), CLEARANCES, nearby(), path, np.zeros(2), np.zeros(2), 0.1, most_mps=1.2)
@@ -169,7 +169,7 @@ def test_settings_that_cannot_be_flown(wrong: dict[str, Any]) -> None:
         FlightSettings(**wrong)
 
 
-def test_what_came_too_near_to_be_seen_is_remembered_for_a_while() -> None:
+def test_objects_below_the_field_of_view_are_kept_for_a_while() -> None:
     eye, spot, ground = np.array([0.0, 0.0, 2.1]), BlindSpot(), [(8.0, y, 0.0) for y in np.linspace(-4.0, 4.0, 40)]
     head = np.array([(2.4, 0.0, 1.5), (2.4, 0.02, 1.55), (2.4, 0.0, 2.5)])
     assert not len(spot.remembered(0, eye, np.array([*head, *ground]), head))

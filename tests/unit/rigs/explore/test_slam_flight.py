@@ -1,4 +1,4 @@
-"""The whole SLAM in a yard known by formula: error, repeatability, loss of sensors, moving objects."""
+"""The whole SLAM in a yard in closed form: error, repeatability, loss of sensors, moving objects."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def test_imu_rows_that_no_imu_sends_are_left_out() -> None:
     assert max(errors_m(circle, estimates)) < 0.08
 
 
-def test_a_broken_part_of_the_lidar_says_nothing_is_free() -> None:
+def test_a_broken_part_of_the_lidar_marks_no_cell_free() -> None:
     circle, frames = flight()
     frame = copy.deepcopy(frames[0])
     lidar = frame["lidar"].values
@@ -162,7 +162,7 @@ def test_lost_gps_is_told_and_noise_of_gps_does_not_move_the_vehicle() -> None:
     assert not any(e.gps_ok for e in estimates[37:])
 
 
-def test_what_walks_away_is_forgotten() -> None:
+def test_moved_objects_are_removed_from_the_map() -> None:
     def walker(t: float) -> tuple[float, float]:
         return (-4.0, 6.0) if t < 1.4 else (-4.0 - 30.0 * (t - 1.4), 6.0)
 
@@ -188,7 +188,7 @@ def test_estimates_stay_as_they_were_when_the_map_goes_on() -> None:
     assert len(versions) > 3
 
 
-def test_wrong_settings_are_all_told() -> None:
+def test_all_wrong_settings_are_reported() -> None:
     with pytest.raises(OptionError) as error:
         SlamSettings(particles=0, cell_m=-1.0, decimation=99)
     assert all(name in str(error.value) for name in ("particles", "cell_m", "decimation"))

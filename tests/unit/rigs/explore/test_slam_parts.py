@@ -162,7 +162,7 @@ def test_matching_finds_the_pose_to_a_millimetre_whatever_the_grid() -> None:
     assert found.inliers.min() > 0.95
 
 
-def test_along_a_wall_nothing_is_known() -> None:
+def test_matching_along_a_wall_gives_no_information() -> None:
     maps = mapped(1, second=False)
     xy, normal = corner_scan((0.1, 0.05), second=False)
     found = match(maps, np.zeros((1, 3)), np.diag([100.0, 100.0, 1e4]), xy, normal)
@@ -249,7 +249,7 @@ def test_which_sweeps_are_new() -> None:
     assert not still.is_new(sweep(10), now_ns=20, p_W=here)  # repeated
     assert not still.is_new(sweep(40), now_ns=30, p_W=here)  # in the future
     assert still.is_new(sweep(50), now_ns=50, p_W=here)  # at rest, without noise
-    assert not still.is_new(sweep(60), now_ns=60, p_W=there)  # it hangs
+    assert not still.is_new(sweep(60), now_ns=60, p_W=there)  # stuck
     assert still.is_new(sweep(70, 1.0), now_ns=70, p_W=there)
     noisy = FreshSweeps()
     for k in range(8):

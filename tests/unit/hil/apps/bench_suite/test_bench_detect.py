@@ -27,11 +27,11 @@ def test_boxes_of_two_back_ends_are_compared_both_ways() -> None:
     assert box_differences([[box(10.0)]], [[]], 0.5) == (0.0, 1, 1)
     assert box_differences([[]], [[box(10.0)]], 0.5) == (0.0, 1, 1)
     assert box_differences([[box(10.0)]], [[box(10.0, label="vehicle")]], 0.5)[1] == 2
-    # On the edge of the threshold a rounding decides: only one of them has it in its list, and that is no fault.
+    # At the threshold a rounding decides: a box in only one of the lists is no fault.
     assert box_differences([[box(10.0, 0.501)]], [[box(10.0, 0.499)]], 0.5) == (0.0, 0, 1)
 
 
-def test_what_could_not_be_measured_is_a_row_that_says_so(tmp_path: Path) -> None:
+def test_missing_measurements_are_rows_with_a_note(tmp_path: Path) -> None:
     result = BenchmarkResult()
     details = {"backend": "opencv", "input_px": [320, 240]}
     for case in (detect.ALL, detect.PERSON):

@@ -1,4 +1,4 @@
-"""The companion's part of `hil bench link`: what is no timing."""
+"""The companion's part of `hil bench link`, without timings."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from hil.run.recorder.frame_series import FrameSeries
 from signals.errors import LinkClosed, PortNotFound
 
 
-def test_frame_is_the_one_that_is_asked_for() -> None:
+def test_frame_is_the_requested_one() -> None:
     arrays = frame_arrays(0)
     assert arrays["front/rgb"]["rgb"].shape == (240, 320, 3)
     assert arrays["front/depth"]["depth"].nbytes == 240 * 320 * 4
@@ -70,7 +70,7 @@ def test_far_end_that_dies_is_named() -> None:
             transfer.measure(in_flight=1, seconds=0.05)
 
 
-def test_a_flight_gives_what_it_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_returns_its_recorded_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     differ, compared = differing_arrays(tmp_path / "a", seconds=0.05)
     assert differ == 0
     assert compared > 10
@@ -85,7 +85,7 @@ def test_a_flight_gives_what_it_recorded(tmp_path: Path, monkeypatch: pytest.Mon
     assert differ > 0
 
 
-def test_second_host_that_cannot_be_made_is_named_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_host_that_cannot_be_created_is_named_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[list[str]] = []
 
     def fake(words: list[str], **_: object) -> subprocess.CompletedProcess[str]:

@@ -1,4 +1,4 @@
-"""A calibration finds what a synthetic recording was made with, within the errors it states."""
+"""A calibration recovers the parameters of a synthetic recording within its stated errors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def row(name: str) -> Fitted:
 
 
 def reflector(place_bins: float, amplitude: float, growth: float = 0.0) -> np.ndarray:
-    """A beat signal (2, M, N) that stands still."""
+    """Return a constant beat signal (2, M, N)."""
     t = (np.arange(64) - 31.5) / 64.0
     tones = [amplitude * np.exp(growth * t) * np.cos(2.0 * np.pi * place_bins * t + phase) for phase in (0.4, 2.1)]
     return np.ascontiguousarray(np.broadcast_to(np.array(tones)[:, None], (2, 64, 64)))
@@ -64,7 +64,7 @@ def test_the_pattern_is_found_and_split_from_the_frames_start() -> None:
     assert abs(decay.value[0] - 1e3 * DECAY_S) < 4.0 * decay.sigma[0] + 0.5
 
 
-def test_the_noise_is_found_without_what_the_converter_adds() -> None:
+def test_the_noise_is_found_without_the_rounding_of_the_converter() -> None:
     true, found = truth().noise, fitted().impairments.noise
     assert true is not None
     assert found is not None
@@ -73,7 +73,7 @@ def test_the_noise_is_found_without_what_the_converter_adds() -> None:
     assert np.abs(ratio[:, 1:-1] - 1.0).max() < 0.10
     assert ratio[:, 1:-1].mean() == pytest.approx(1.0, abs=0.01)
     assert np.abs(np.array(found.envelope) - 1.0).max() < 0.05
-    # Not taking out the rounding would be seen.
+    # Without removing the rounding this would fail.
     assert truth().adc.noise_power / np.array(true.power).min() > 0.2  # type: ignore[union-attr]
 
 
@@ -87,7 +87,7 @@ def test_wander_and_odd_codes_are_found() -> None:
     assert found.adc.odd_code_share == pytest.approx(true.adc.odd_code_share, abs=0.01)
 
 
-def test_what_is_simulated_with_the_fit_is_like_what_was_fitted() -> None:
+def test_a_simulation_with_the_fit_agrees_with_the_recording() -> None:
     result = compare(frames_of(fitted().impairments, 24, seed=9), frames_of(truth(), 24, seed=5))
     for name, pair in result.ncc.items():
         assert abs(pair.difference) < 0.01, f"{name}: {pair}"
@@ -95,7 +95,7 @@ def test_what_is_simulated_with_the_fit_is_like_what_was_fitted() -> None:
     assert np.abs(result.range_doppler_noise_db).max() < 0.1
 
 
-def test_the_comparison_sees_what_is_missing() -> None:
+def test_the_comparison_detects_missing_parts() -> None:
     real = frames_of(truth(), 6, seed=5)
     for part, variant in (("leakage", "linear"), ("leakage", "dB")):
         poor = frames_of(truth().model_copy(update={part: None}), 6, seed=9)
@@ -244,14 +244,14 @@ def test_the_command_writes_preset_and_picture_and_prints_the_table(
         (["--out", "x.txt"], "--out: must name a YAML file"),
     ],
 )
-def test_the_command_refuses_options_with_words(
+def test_the_command_refuses_options_with_a_reason(
     recording_file: Path, options: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command_line(["calibrate", "radar", str(recording_file), *options]) == 2
     assert words in capsys.readouterr().err
 
 
-def test_the_command_refuses_what_is_no_recording(
+def test_the_command_refuses_other_files(
     recording_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_command_line(["calibrate", "radar", str(tmp_path / "none.npz")]) == 2
@@ -264,7 +264,7 @@ def test_the_command_refuses_what_is_no_recording(
     assert "is not a radar recording" in capsys.readouterr().err
 
 
-def test_a_place_that_cannot_be_written_ends_with_an_error(
+def test_an_unwritable_output_ends_with_an_error(
     recording_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "taken").write_text("a file")

@@ -1,4 +1,4 @@
-"""`hil dataset` from end to end on a small scale: the same tree however it is made, and what is in it."""
+"""`hil dataset` from end to end on a small scale: the tree is reproducible, and its contents are right."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from sim.sensors.sensor import Installation
 from tests.worlds.small_dataset import BENCH, Crash, Inline, inline, journal_of, tiny_plan, tree_of
 
 FRAMES = 23  # two whole batches and a part
-EMPTY_JOURNAL_BYTES = 20_000  # more than the write-ahead log of a journal without batches has
+EMPTY_JOURNAL_BYTES = 20_000  # more than the write-ahead log of an empty journal
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_damage_is_found_and_repaired(plan: DatasetPlan, whole: Path, tmp_path: 
     assert tree_of(root) == tree_of(whole)
 
 
-def test_more_frames_than_before(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
+def test_a_data_set_is_extended_by_more_frames(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     root = tmp_path / "set"
     make_dataset(replace(plan, frames=12), root, inline())
     assert make_dataset(plan, root, inline(resume=True)).kept_batches == 1
@@ -126,7 +126,9 @@ def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None
     assert tree_of(root) == tree_of(whole)
 
 
-def test_a_full_disk(plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported(
+    plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     root = tmp_path / "set"
     opened = 0
 
@@ -158,7 +160,7 @@ def test_a_disk_that_fails_to_sync_is_reported(plan: DatasetPlan, tmp_path: Path
         make_dataset(replace(plan, frames=11), tmp_path / "set", options)
 
 
-class Suicidal:
+class KilledWorker:
     """A worker that is killed in its second batch."""
 
     def __call__(self, job: Job) -> JobResult:
@@ -166,13 +168,13 @@ class Suicidal:
         raise AssertionError
 
 
-def test_a_worker_that_dies_is_reported(plan: DatasetPlan, tmp_path: Path) -> None:
-    options = MakeOptions(workers=2, quiet=True, make_workers=lambda count, _: Workers(count, Suicidal))
+def test_a_killed_worker_is_reported(plan: DatasetPlan, tmp_path: Path) -> None:
+    options = MakeOptions(workers=2, quiet=True, make_workers=lambda count, _: Workers(count, KilledWorker))
     with pytest.raises(RecordingError, match=r"SIGKILL.*memory.*--resume"):
         make_dataset(replace(plan, frames=11), tmp_path / "set", options)
 
 
-def test_two_at_a_time_are_refused(plan: DatasetPlan, tmp_path: Path) -> None:
+def test_two_commands_at_a_time_are_refused(plan: DatasetPlan, tmp_path: Path) -> None:
     root = tmp_path / "set"
 
     class Second(Inline):
@@ -185,7 +187,7 @@ def test_two_at_a_time_are_refused(plan: DatasetPlan, tmp_path: Path) -> None:
         make_dataset(plan, root, replace(inline(), make_workers=Second))
 
 
-# What is in it.
+# Contents.
 
 
 def test_times_rise_and_fit_together(whole: Path) -> None:
@@ -330,7 +332,7 @@ def test_lidar_and_radar_read_back(whole: Path) -> None:
         assert (power.dtype, power.shape) == (np.dtype("<f4"), (64, 32))
 
 
-def test_outside_readers(whole: Path) -> None:
+def test_readers_of_other_libraries(whole: Path) -> None:
     evo = pytest.importorskip("evo.tools.file_interface", reason="evo is not installed")
     coco = pytest.importorskip("pycocotools.coco", reason="pycocotools is not installed")
     trajectory = evo.read_euroc_csv_trajectory(str(whole / "mav0/state_groundtruth_estimate0/data.csv"))
@@ -342,7 +344,7 @@ def test_outside_readers(whole: Path) -> None:
         assert np.array_equal(loaded.annToMask(annotation) > 0, instance == annotation["instance_id"])
 
 
-# What is refused.
+# Refusals.
 
 
 @pytest.mark.parametrize(

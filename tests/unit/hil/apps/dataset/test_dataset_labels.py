@@ -1,4 +1,4 @@
-"""Boxes, masks and what is hidden, against pictures whose answer is known and against a slow count of pixels."""
+"""Boxes, masks and occlusion, against pictures with known answers and a slow count of pixels."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def scene() -> tuple[UInt16, NDArray[np.float32]]:
     return instance, depth
 
 
-def test_a_thing_that_stands_free_hides_nothing() -> None:
+def test_an_unoccluded_object_has_no_hidden_part() -> None:
     (car,) = labels_of(*scene()).objects
     assert (car.x_min, car.y_min, car.x_max, car.y_max) == (35, 25, 65, 49)
     assert car.hidden == 0.0
@@ -89,7 +89,7 @@ def test_a_thing_that_stands_free_hides_nothing() -> None:
     assert not car.truncated
 
 
-def test_what_stands_in_front_hides_its_share_of_the_rim() -> None:
+def test_an_object_in_front_hides_its_share_of_the_rim() -> None:
     instance, depth = scene()
     instance[5:55, 60:64], depth[5:55, 60:64] = 4, 6.0
     car, tree = labels_of(instance, depth).objects
@@ -99,7 +99,7 @@ def test_what_stands_in_front_hides_its_share_of_the_rim() -> None:
     assert tree.hidden == 0.0
 
 
-def test_a_wall_that_recedes_does_not_hide_what_touches_it() -> None:
+def test_a_receding_wall_does_not_hide_an_object_that_touches_it() -> None:
     """Inverse depth of a plane is linear across the picture, however steep."""
     instance = np.full((20, 40), 3, np.uint16)
     u = np.arange(40)

@@ -1,4 +1,4 @@
-"""Pictures of a data set: what readers written by others make of the files, bit for bit."""
+"""Pictures of a data set, read back bit for bit by other libraries."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_class_picture_with_palette_reads_as_ids_and_colours() -> None:
         (np.zeros((4, 8, 3), np.uint8)[:, ::2], "copy it first"),
     ],
 )
-def test_refuses_what_is_no_picture(picture: NDArray[np.uint8], what: str) -> None:
+def test_invalid_pictures_are_refused(picture: NDArray[np.uint8], what: str) -> None:
     with pytest.raises(RecordingError, match=what):
         PictureEncoder().rgb_png(picture)
 
@@ -133,7 +133,7 @@ def test_refuses_what_is_no_picture(picture: NDArray[np.uint8], what: str) -> No
         (np.zeros((4, 4, 2), np.uint8), "or .height, width, 3."),
     ],
 )
-def test_what_no_png_holds_is_refused(picture: NDArray[np.uint8], what: str) -> None:
+def test_types_that_png_lacks_are_refused(picture: NDArray[np.uint8], what: str) -> None:
     with pytest.raises(ValueError, match=what):
         encode_png(picture)
 

@@ -1,4 +1,4 @@
-"""Files of a data set are there whole or not at all."""
+"""Files of a data set are written whole or not at all."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_written_file_is_complete_and_described(tree: TreeWriter) -> None:
     assert (tree.root / "deep/down/file").stat().st_mode == (tree.root / "plain").stat().st_mode
 
 
-def test_the_new_takes_the_place_of_the_old(tree: TreeWriter) -> None:
+def test_a_new_file_replaces_the_old_one(tree: TreeWriter) -> None:
     (tree.root / ".file.part").write_bytes(b"left by a kill")
     for text in (b"a longer text", b"short"):
         tree.write("file", text)
@@ -41,7 +41,7 @@ def test_the_new_takes_the_place_of_the_old(tree: TreeWriter) -> None:
     assert names(tree.root) == ["file", "other"]
 
 
-def test_what_fails_half_way_leaves_what_was_there(tree: TreeWriter) -> None:
+def test_a_failed_write_leaves_the_old_file(tree: TreeWriter) -> None:
     def parts() -> Iterator[bytes]:
         yield b"half of "
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

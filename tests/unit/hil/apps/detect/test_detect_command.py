@@ -1,4 +1,4 @@
-"""`hil detect` on the command line: what it needs, and what it says where that is missing."""
+"""`hil detect` on the command line: its needs, and its messages where they are missing."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_training_without_pytorch_says_what_to_install(
         (["SET", "--backend", "magic"], "there are opencv, onnxruntime, pytorch"),
     ],
 )
-def test_what_cannot_be_judged(
+def test_data_that_cannot_be_judged_are_refused(
     folder: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = [str(folder) if a == "SET" else a for a in arguments]

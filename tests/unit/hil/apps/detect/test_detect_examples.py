@@ -44,7 +44,7 @@ def test_boxes_follow_the_pixels(store: PictureStore, mosaic: float) -> None:
             covered[a:b, c:d] = True
             inside = own[a + 2 : max(a + 2, b - 2), c + 2 : max(c + 2, d - 2)]
             assert inside.size == 0 or inside.mean() > 0.9
-        assert not ((red | blue) & ~covered).sum() > 12  # slivers that were cut off to nothing
+        assert not ((red | blue) & ~covered).sum() > 12  # cut off entirely
 
 
 def test_a_picture_is_the_same_for_its_numbers_and_another_for_others(store: PictureStore) -> None:
@@ -58,7 +58,7 @@ def test_a_picture_is_the_same_for_its_numbers_and_another_for_others(store: Pic
     assert np.array_equal(Augmenter(store, CLASSES, 5, None).example(0, 0).rgb, store.rgb(0))
 
 
-def test_small_things_become_things_to_find_when_drawn_larger(tmp_path: Path) -> None:
+def test_small_objects_count_when_drawn_larger(tmp_path: Path) -> None:
     folder = write_data_set(tmp_path / "set", [[("person", (150, 110, 5, 7))]])
     store = PictureStore(read_data_sets([folder]), INPUT_PX)
     assert Augmenter(store, CLASSES, 1, None).example(0, 0).difficult.tolist() == [True]
@@ -79,7 +79,7 @@ def test_training_looks_for_more_than_is_judged_but_not_for_blots(tmp_path: Path
         assert e.difficult[small].all(), "however large it is drawn"
 
 
-def test_classes_that_are_not_wanted_are_background(store: PictureStore) -> None:
+def test_other_classes_are_background(store: PictureStore) -> None:
     e = Augmenter(store, ("vehicle",), 1, None).example(0, 0)
     wanted = [name == "vehicle" for name in store.pictures[0].labels]
     assert e.boxes_px.tolist() == store.boxes_px(0)[wanted].tolist()
@@ -126,7 +126,7 @@ def test_candidates_are_the_nearest_places_of_each_level() -> None:
         first += len(anchors)
 
 
-def test_a_thing_before_a_larger_one_keeps_its_anchors() -> None:
+def test_an_object_in_front_of_a_larger_one_keeps_its_anchors() -> None:
     assigner = Assigner(LEVELS, INPUT_PX)
     boxes = np.array([[100, 60, 220, 180], [155, 100, 167, 130], [150, 110, 156, 128]], np.float32)
     found, _ = assigner.targets(boxes, np.arange(3), np.zeros(3, bool))

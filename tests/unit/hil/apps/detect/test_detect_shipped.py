@@ -1,4 +1,4 @@
-"""The shipped model: its files, and what it sees in a picture that no training saw."""
+"""The shipped model: its files, and its detections in a picture outside the training set."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_no_file_says_where_it_was_made(model: ModelFile) -> None:
         assert not any(word in data for word in (b"/tmp/", b"/home/", b"site-packages"))
 
 
-def test_it_sees_the_people(model: ModelFile, rgb: np.ndarray) -> None:
+def test_it_detects_the_people(model: ModelFile, rgb: np.ndarray) -> None:
     found = np.array([d.box_px for d in Detector(model, threshold=LEAST).detect(rgb) if d.label == "person"])
     for person in PEOPLE:
         assert overlaps(np.array(person), found).max() > 0.5
@@ -102,6 +102,6 @@ def test_another_input_size_needs_only_other_anchors(model: ModelFile, rgb: np.n
         open_backend("opencv", model, 1).forward(np.zeros((1, 3, 480, 640), np.float32))
 
 
-def test_thresholds_that_cannot_be(model: ModelFile) -> None:
+def test_invalid_thresholds_are_refused(model: ModelFile) -> None:
     with pytest.raises(OptionError, match="from 0 to 1"):
         Detector(model, threshold=1.5)

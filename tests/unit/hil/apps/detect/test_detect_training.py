@@ -94,7 +94,7 @@ def test_steps_on_the_same_pictures_make_the_loss_small(pictures: list[Picture],
     assert sum(losses[-1]) < 0.8 * sum(losses[0])
 
 
-def test_settings_and_classes_that_cannot_be(pictures: list[Picture], tmp_path: Path) -> None:
+def test_invalid_settings_and_classes_are_refused(pictures: list[Picture], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--epochs"):
         train.Settings(epochs=0)
     with pytest.raises(ConfigError, match="fp32 or bf16"):
@@ -105,7 +105,7 @@ def test_settings_and_classes_that_cannot_be(pictures: list[Picture], tmp_path: 
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Not trained, but with outputs spread wide, so that there are boxes."""
+    """Return an untrained model with widely spread outputs, so that there are boxes."""
     torch.manual_seed(3)
     net = SsdLite(3, [v.anchors_per_position for v in LEVELS])
     for head in net.heads:
@@ -178,7 +178,7 @@ def test_the_loss_is_least_where_scores_are_overlaps_and_ignores_difficult_objec
     target = torch.zeros(1, 3, 4)
     target[0, 0] = torch.tensor([6.0, 6.0, 14.0, 14.0])
     offsets = torch.zeros(1, 3, 4)
-    good = torch.tensor([[[20.0], [-20.0], [20.0]]])  # the third may say what it likes
+    good = torch.tensor([[[20.0], [-20.0], [20.0]]])  # the third may have any score
     scores, boxes = detection_loss(good, offsets, anchors, found, target)
     assert float(scores) < 1e-6
     assert float(boxes) < 1e-6

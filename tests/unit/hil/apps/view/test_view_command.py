@@ -1,4 +1,4 @@
-"""`hil view`: files, views and refusals, on a world made of formulas."""
+"""`hil view`: files, views and refusals, on a world in closed form."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def fly(physics: RestartablePhysics, ticks: range) -> list[Any]:
 
 
 def moved(track: list[Any], ticks: int) -> list[Any]:
-    """The same states, that many ticks later."""
+    """Return the same states, so many ticks later."""
     return [t._replace(tick=t.tick + ticks, t_ns=t.t_ns + ticks * TICK_NS) for t in track]
 
 
@@ -44,7 +44,7 @@ def test_without_a_restart_it_is_the_vehicle_itself() -> None:
 def test_after_a_restart_the_same_flight_happens_at_later_times() -> None:
     physics = restartable()
     first = fly(physics, range(150))
-    assert first[-1].p_WB[2] > 0.3  # it did leave the ground
+    assert first[-1].p_WB[2] > 0.3
     physics.restart()
     again = fly(physics, range(200, 350))  # the ticks between were the reboot's
     assert again == moved(first, 200)

@@ -1,4 +1,4 @@
-"""The tick: order and counts of its phases, the one-tick delay, and what is left after a failure."""
+"""The tick: order and counts of its phases, the one-tick delay, and the state after a failure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TICK_NS = 4_000_000
 
 
 class Script:
-    """Stands for physics, sensor, link, commands and recorder at once, and writes down who called what.
+    """Stand-in for physics, sensor, link, commands and recorder at once; lists the calls.
 
     `fail` names the error that a call raises, and at which tick.
     """
@@ -146,7 +146,7 @@ def test_actuators_move_the_vehicle_one_tick_later_and_none_are_invented() -> No
     assert [call[2] for call in script.calls if call[0] == "advance"] == pytest.approx([0.0, 0.0, 0.0, 0.2, 0.3])
 
 
-def test_the_station_hears_a_tick_later_and_the_record_is_in_order() -> None:
+def test_the_station_receives_a_tick_later_and_the_record_is_in_order() -> None:
     script = Script(boot_sensors=2)
     scheduler = make(script)
     run(scheduler, 4)

@@ -1,4 +1,4 @@
-"""The tick's other orders: autopilots that wait for nobody, that keep every processor busy, that restart."""
+"""The tick's other orders: autopilots that run freely, that keep every processor busy, that restart."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def command(tick: int, value: float) -> ActuatorFrame:
 def test_a_free_running_tick_begins_with_the_newest_command() -> None:
     script = Script(lockstep=False, deterministic=False)
     script.commands = {2: command(2, 0.5), 3: command(3, 0.6)}
-    scheduler = make(script, pace=1.0)  # whose clock is the link's: no other one
+    scheduler = make(script, pace=1.0)  # the link's clock is the only one
     for _ in range(5):
         scheduler.step()
     ticks = " ".join(script.names()).split("begin")[1:]
@@ -38,7 +38,7 @@ def test_a_free_running_tick_begins_with_the_newest_command() -> None:
     ]  # fmt: skip
     # It moves the vehicle in the tick at whose beginning it was there, and until another one comes.
     assert [call[2] for call in script.calls if call[0] == "advance"] == [0.0, 0.0, 0.5, 0.6, 0.6]
-    # Recorded once, in the tick in which it counts, behind what that tick's listening heard.
+    # Recorded once, in the tick in which it applies, after the frames of that tick.
     recorded = [call for call in script.calls if call[0] in ("rec actuators", "rec received", "rec truth")]
     names = [(call[0], call[1].tick if call[0] == "rec actuators" else None) for call in recorded]
     begins = names.index(("rec actuators", 2))
@@ -49,7 +49,7 @@ def test_a_free_running_tick_begins_with_the_newest_command() -> None:
     assert scheduler.late == 0
 
 
-def test_one_that_takes_truth_is_told_before_the_send() -> None:
+def test_a_link_that_takes_truth_gets_it_before_the_send() -> None:
     script = Script(takes_truth=True)
     scheduler = make(script, wind_at=lambda: (1.0, 2.0, 3.0))
     scheduler.step()
@@ -117,7 +117,7 @@ class Watcher:
         (2, ["imu", "commands", "look", "rec truth", "rec sample", "rec sample", "send", "rec sent", "wait"]),
     ],
 )
-def test_cameras_look_when_the_autopilot_has_its_samples(processors: int, order: list[str]) -> None:
+def test_cameras_are_sampled_after_the_autopilot_has_its_samples(processors: int, order: list[str]) -> None:
     script = Script(busy_processors=processors)
     rate = RateAccumulator(event_mhz=250_000, tick_mhz=250_000)
     scheduler = make(script, SensorSlot(Watcher(script), rate, after_send=True))

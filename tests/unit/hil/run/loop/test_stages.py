@@ -29,7 +29,7 @@ def test_order_follows_data_and_breaks_ties_by_declaration() -> None:
     assert plan_stages(bench()).order == ("physics", "gps", "imu", "link")
 
 
-def test_a_stage_nobody_consumes_is_skipped_and_says_so() -> None:
+def test_a_stage_without_consumer_is_skipped_and_reported() -> None:
     spare = StageSpec("baro2", inputs=(TRUTH,), outputs=(Port("baro2", BaroSample),))
     plan = plan_stages(bench(extra=(spare,)))
     assert "baro2" not in plan.order

@@ -68,7 +68,7 @@ def test_the_page_of_a_repetition_has_no_times(tmp_path: Path) -> None:
     assert "Companions" not in _page(tmp_path, RUN)
 
 
-def test_times_of_nobody_are_drawn_too(tmp_path: Path) -> None:
+def test_missing_times_are_drawn_too(tmp_path: Path) -> None:
     nothing = np.full(3, np.nan)
     _page(tmp_path, RUN | {"companion": COMPANION}, {"a": FrameTimes(np.arange(3.0), *[nothing] * 5)})
     assert (tmp_path / "companion.png").exists()

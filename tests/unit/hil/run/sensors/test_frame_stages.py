@@ -1,4 +1,4 @@
-"""Cameras in a run: drawn only for whoever wants them, shared, recorded, and without a trace in the flight itself."""
+"""Cameras in a run: drawn on demand only, shared, recorded, and without effect on the flight."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def messages(out: Path, *prefixes: str) -> list[Any]:
     return [m for m in read_messages(out / MCAP_NAME) if m.topic.startswith(prefixes)]
 
 
-def test_a_camera_leaves_no_trace_in_the_flight(tmp_path: Path, worlds: list[FormulaFrames]) -> None:
+def test_a_camera_does_not_affect_the_flight(tmp_path: Path, worlds: list[FormulaFrames]) -> None:
     plain = fly(tmp_path / "plain")
     seeing = fly(tmp_path / "seeing", *FRONT, *NOISY)
     wires = ("/truth/", "/imu", "/gps", "/mag", "/baro", "/mavlink/", "/actuators")
@@ -80,7 +80,7 @@ def test_the_same_run_gives_the_same_pictures(tmp_path: Path, worlds: list[Formu
     assert difference.port == "/front/rgb"
 
 
-def test_what_nobody_wants_is_not_drawn_and_is_told(tmp_path: Path, worlds: list[FormulaFrames]) -> None:
+def test_unwanted_cameras_are_not_drawn_and_are_reported(tmp_path: Path, worlds: list[FormulaFrames]) -> None:
     plain = fly(tmp_path / "plain")
     blind = fly(tmp_path / "blind", *FRONT, "record.images=false")
     assert worlds == []  # not even the world was made
