@@ -1,8 +1,10 @@
-"""Sizes that keep the product readable: entries of a folder and parameters of a function."""
+"""Rules that keep the product readable: entries of a folder, parameters of a function, beginnings of docstrings."""
 
 from __future__ import annotations
 
 import ast
+import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "tools")
 MOST_ENTRIES = 12
 MOST_PARAMETERS = 8
+QUESTION = re.compile(r"(What|Of|Those|Whether|How|Who|Which|Where|When|Why)\b")
 
 
 def entries(folder: Path) -> list[str]:
@@ -42,3 +45,17 @@ def test_no_function_has_too_many_parameters(package: str) -> None:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 assert parameters(node) <= MOST_PARAMETERS, f"{path}:{node.lineno}: {node.name}"
+
+
+def test_docstrings_name_their_subject() -> None:
+    tracked = subprocess.run(["git", "ls-files", "*.py"], cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    paths = [ROOT / name for name in tracked.splitlines() if (ROOT / name).exists()] or sorted(
+        (ROOT / "tests").rglob("*.py")
+    )
+    wrong = []
+    for path in paths:
+        for node in ast.walk(ast.parse(path.read_text())):
+            documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+            if documented and QUESTION.match(ast.get_docstring(node) or ""):
+                wrong.append(f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}")
+    assert not wrong, f"docstrings that begin with a question word: {wrong}"
