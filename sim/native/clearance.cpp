@@ -115,7 +115,7 @@ bool known(const Solid &solid) {
 SolidTree::SolidTree(std::vector<Solid> solids) {
     for (const Solid &solid : solids) {
         if (!known(solid))
-            throw std::invalid_argument("each solid must be a plane, sphere, capsule, ellipsoid, cylinder or box, and finite");
+            throw std::invalid_argument("each solid needs a kind of 0 or 2 to 6 (mjtGeom) and finite numbers");
         (solid.kind == SolidKind::kPlane ? planes_ : solids_).push_back(solid);
     }
     std::vector<frame::Aabb> boxes;
