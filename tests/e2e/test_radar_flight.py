@@ -93,7 +93,7 @@ def test_run_json_reports_the_radar(flown: tuple[Path, dict[str, Any]]) -> None:
     )
     assert told["radar: pixels", "sky"].endswith(f"of {FRAMES * 160 * 120} pixels")
     assert (out / "frame_radar.png").read_bytes().startswith(b"\x89PNG")
-    assert "What radar saw in its fullest frame" in (out / "report.html").read_text()
+    assert "Frame of radar with the most points or tracks" in (out / "report.html").read_text()
     assert not (out / "calibration" / "radar.camera_info.yaml").exists()
     # A frame is complete half a frame after its middle and delivered at the next tick.
     for message in read_messages(out / MCAP_NAME):

@@ -12,7 +12,7 @@ from rich.console import Console
 from hil.apps.fly.choice import BenchChoice
 from hil.apps.fly.dashboard import DashboardLink
 from hil.apps.fly.result_table import print_result
-from hil.run.report.run_folder import leave_config_error, new_run_dir
+from hil.run.report.run_folder import new_run_dir, write_config_error
 from signals.errors import ConfigError, HilError
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def fly(
     except ConfigError as error:
         with contextlib.suppress(HilError):  # the ConfigError matters more than a folder that cannot be made
             folder = new_run_dir(out, choice.rig or "unknown", runs)
-            leave_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
         raise
     from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
 

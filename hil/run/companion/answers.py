@@ -21,7 +21,7 @@ class Client:
     name: str
     topics: frozenset[str]
     control: bool
-    reconnections: int = 0  # a different number means a new connection
+    reconnections: int = 0  # counts them; a change means a new connection
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,11 @@ class Answer:
     t2_ns: int
     link_ns: int = 0  # time from sending the frame to receiving the answer, without t2
     report: Mapping[str, ReportValue] | None = None  # status values of the client; None: unchanged
-    detections: Detections | None = None  # in a picture of this frame; None: it examined none
+    detections: Detections | None = None  # in a picture of this frame; None: it examined no picture
 
 
 class Answers(Protocol):
-    """Interface of the stage to the clients. Limits are wall clock [s]."""
+    """Interface through which the stage talks to the clients. Limits are wall clock [s]."""
 
     def clients(self, frame: int) -> Sequence[Client]:
         """Return the clients connected when this frame is made, sorted by name."""
@@ -53,7 +53,7 @@ class Answers(Protocol):
         ...
 
     def wait(self, client: str, frame: int, limit_s: float) -> Answer | None:
-        """Return the answer to this frame; None after a disconnection, a new connection or the limit."""
+        """Return the answer to this frame; None if the client disconnected or reconnected, or the limit passed."""
         ...
 
     def receive(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
@@ -132,7 +132,7 @@ class LiveAnswers:
             self._poll(min(left_s, 0.25))
 
     def observer_detections(self, t_ns: int) -> Sequence[tuple[str, Detections]]:  # noqa: ARG002
-        return ()  # they are parts of the answers
+        return ()  # live detections arrive in the answers
 
     def _connection(self, client: str) -> int | None:
         return next((c.returned for c in self._server.clients if c.name == client), None)
@@ -141,6 +141,6 @@ class LiveAnswers:
         for reply in self._server.poll(limit_s):
             self._on_reply(reply)
             link_ns = max(reply.t_arrived_ns - reply.t_frame_sent_ns - reply.t2_ns, 0)
-            report, found = reply.report, reply.detections
-            answer = Answer(reply.frame, reply.desired, reply.finished, reply.t2_ns, link_ns, report, found)
+            values = reply.desired, reply.finished, reply.t2_ns, link_ns, reply.report, reply.detections
+            answer = Answer(reply.frame, *values)
             self._received.append((reply.client, answer))

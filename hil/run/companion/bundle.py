@@ -16,7 +16,7 @@ from firmware_bridge.companion.frames import CompanionFrame, CompanionSample
 from hil.run.sensors.frame_stages import TRUTH
 from signals.samples import FRAME_SAMPLES, ImageSample, RadarSample, Sample, TruthState
 
-_MOST_ROWS = 4096  # per topic and frame, the newest: the header of a frame is limited in size
+_MAX_ROWS = 4096  # per topic and frame, the newest: the header of a frame is limited in size
 _STAMPS = ("seq", "t_capture_ns", "t_available_ns")
 
 
@@ -31,30 +31,30 @@ class Bundle:
     all: dict[str, list[Sample]] = field(default_factory=dict)
     dropped: int = 0  # number of earlier frames that this one replaces
 
-    def over(self, earlier: Bundle | None) -> Bundle:
-        """Return this bundle for a client that did not get `earlier`."""
+    def replacing(self, earlier: Bundle | None) -> Bundle:
+        """Return this bundle merged with `earlier`, for a client that did not get `earlier`."""
         if earlier is None:
             return self
         merged = {
-            topic: [*earlier.all.get(topic, ()), *self.all.get(topic, ())][-_MOST_ROWS:]
+            topic: [*earlier.all.get(topic, ()), *self.all.get(topic, ())][-_MAX_ROWS:]
             for topic in (earlier.all | self.all)
         }
         newest = earlier.newest | self.newest
         return Bundle(self.number, self.tick, self.t_ns, newest, merged, earlier.dropped + 1)
 
     def frame(self, topics: Iterable[str]) -> CompanionFrame:
-        """Return the frame for a client of these topics, in alphabetical order."""
+        """Return the frame for a client with these topics, its samples in alphabetical order of topic."""
         samples = []
         for topic in sorted(topics):
             if topic in self.newest:
                 samples.append(self.newest[topic])
             elif self.all.get(topic):
-                samples.append(_stacked(topic, self.all[topic]))
+                samples.append(_merged(topic, self.all[topic]))
         return CompanionFrame(self.number, self.tick, self.t_ns, tuple(samples))
 
 
 class Collector:
-    """Collects samples between frames. `topics`: those of all clients together."""
+    """Collects samples between frames. `topics`: of all clients together."""
 
     def __init__(self, topics: Iterable[str]) -> None:
         self._topics = frozenset(topics)
@@ -105,8 +105,8 @@ def _arrays(sample: Any) -> dict[str, np.ndarray]:
     return {name: value for name, value in zip(sample._fields, sample, strict=True) if isinstance(value, np.ndarray)}
 
 
-def _stacked(topic: str, samples: list[Sample]) -> CompanionSample:
-    """Return samples as one, each value a list; sequence number and times are those of the last sample."""
+def _merged(topic: str, samples: list[Sample]) -> CompanionSample:
+    """Return samples as one sample whose values are lists; sequence number and times are those of the last."""
     last = samples[-1]
     values = {name: [getattr(sample, name) for sample in samples] for name in last._fields}
     return CompanionSample(topic, last.seq, last.t_capture_ns, last.t_available_ns, values)

@@ -38,4 +38,4 @@ def read_timing(path: Path) -> dict[str, FrameTimes]:
     for row in csv.DictReader(complete.splitlines()):
         rows.setdefault(row["client"], []).append(tuple(float(row[c] or "nan") for c in columns))
     scale = np.array([1e-9, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6])
-    return {name: FrameTimes(*(np.array(sorted(found)) * scale).T) for name, found in sorted(rows.items())}
+    return {name: FrameTimes(*(np.array(sorted(times)) * scale).T) for name, times in sorted(rows.items())}

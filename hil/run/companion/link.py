@@ -35,7 +35,7 @@ from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.radar_parameters import RadarParameters
 
-_MOST_EVENTS_PER_KIND = 50
+_MAX_EVENTS_PER_KIND = 50
 
 Event = Callable[[int, str, str], None]
 
@@ -107,14 +107,11 @@ class CompanionLink:
             server, on_sending=timing.sending, on_reply=timing.replied, process_end=self._process_end
         )
 
-    def stage(
-        self,
-        callbacks: AnswerCallbacks,
-    ) -> CompanionStage:
+    def stage(self, callbacks: AnswerCallbacks) -> CompanionStage:
         """Make the stage that the scheduler steps."""
         companion, config = self.config.companion, self.config
         if self._server is not None and not (companion.control and companion.time == "realtime"):
-            # Written without clients in control too: a replay then needs no clients and computes the same sensors.
+            # Also written without clients in control, so that a replay needs no clients and computes the same sensors.
             controlling = [c for c in self._answers.clients(0) if c.control and companion.control]
             self._trace = TraceWriter(self._out / TRACE_NAME, controlling, sorted(self.topics))
         self._stage = CompanionStage(
@@ -139,7 +136,7 @@ class CompanionLink:
         return [] if self._server is None else sorted(client.name for client in self._server.clients)
 
     def inject(self, fault: CompanionFault, t_ns: int) -> None:
-        """Begin a fault now. ValueError if its client is not connected."""
+        """Begin a fault now. Raises ValueError if its client is not connected."""
         if fault.client not in self.connected:
             names = ", ".join(self.connected) or "none"
             raise ValueError(f"no client {fault.client!r} is connected; connected: {names}")
@@ -150,7 +147,7 @@ class CompanionLink:
             self._server.drop(client, reason)
 
     def timed(self, pilot: OffboardPilot) -> OffboardPilot | TimedPilot:
-        """Return the pilot as a command source whose set-points end the t3 of their frames."""
+        """Return the pilot as a command source that logs the time of each set-point, the end of t3."""
         return pilot if self._timing is None else TimedPilot(pilot, self._timing)
 
     def close(self, status: str = "") -> None:
@@ -222,13 +219,10 @@ class CompanionLink:
     def _server_event(self, kind: str, text: str) -> None:
         """Record an event of the server; limited per kind, so that clients cannot fill the recording."""
         self._event_counts[kind] += 1
-        if self._event_counts[kind] <= _MOST_EVENTS_PER_KIND:
-            more = (
-                ""
-                if self._event_counts[kind] < _MOST_EVENTS_PER_KIND
-                else " (further events of this kind are not recorded)"
-            )
-            self._on_event(-1, f"companion_{kind}", text + more)
+        if self._event_counts[kind] <= _MAX_EVENTS_PER_KIND:
+            last = self._event_counts[kind] == _MAX_EVENTS_PER_KIND
+            note = " (further events of this kind are not recorded)" if last else ""
+            self._on_event(-1, f"companion_{kind}", text + note)
 
 
 def _quantiles(histogram: LatencyHistogram) -> dict[str, float | None]:
@@ -244,10 +238,10 @@ def _quantiles(histogram: LatencyHistogram) -> dict[str, float | None]:
 def calibrations(config: BenchConfig, sensors: Iterable[str]) -> dict[str, dict[str, Any]]:
     """Return the calibration of each sensor: kind, rate_hz, p_BC [m] and q_BC of its frame in B.
 
-    A camera also has its pinhole model, a radar its chirp, a LiDAR the elevation of each ring [deg], without values if
-    the rings have no fixed elevations.
+    A camera also has its pinhole model, a radar its chirp, a LiDAR the elevation of each ring [deg], an empty list if
+    the rings have no fixed elevation.
     """
-    found = {}
+    calibration_of = {}
     for name in sensors:
         sensor = config.sensors[name]
         calibration: dict[str, Any] = {"kind": sensor.kind, "rate_hz": sensor.rate_hz}
@@ -263,8 +257,8 @@ def calibrations(config: BenchConfig, sensors: Iterable[str]) -> dict[str, dict[
             calibration |= _mount(p.mount_m, p.mount_rpy_deg, optical=False)
             if isinstance(p, LidarParameters):
                 calibration |= {"elevation_deg": list(p.pattern.ring_elevations_deg)}
-        found[name] = calibration
-    return found
+        calibration_of[name] = calibration
+    return calibration_of
 
 
 def _camera(camera: Any) -> dict[str, Any]:

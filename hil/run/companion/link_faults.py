@@ -4,10 +4,10 @@
     delay     answers apply `delay_s` of simulated time later; later answers do not overtake them
     unplug    the connection is closed, and the client may reconnect when the fault is over
 
-`at_s` and the end of drop and delay are simulated times, so that lockstep shows their effect on the flight. Simulated
-time stands still while the bench waits for a client in control to reconnect (`companion.reconnect_s`), so an unplug is
-over when `for_s` has passed on either clock. The lost frames depend only on the seed, the number of the fault and the
-number of the frame.
+`at_s` and the end of drop and delay are simulated times; by the wall clock they would have no effect in lockstep.
+Simulated time stands still while the bench waits for a client in control to reconnect (`companion.reconnect_s`), so an
+unplug ends after `for_s` of simulated or of wall-clock time, whichever passes first. The lost frames depend only on
+the seed, the number of the fault and the number of the frame.
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ class CompanionFaults:
         wall_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._seed, self._on_event, self._unplug, self._wall_ns = seed, on_event, unplug, wall_ns
-        self._all: list[_Active] = []
+        self._injected: list[_Active] = []
         self._active: list[_Active] = []
-        self._not_before_ns: dict[str, int] = {}  # by client: no later answer overtakes a delayed one
+        self._not_before_ns: dict[str, int] = {}  # client -> earliest time from which its next answer may apply
 
     def inject(self, fault: CompanionFault, t_ns: int) -> None:
         """Begin a fault now."""
-        active = _Active(fault, NoiseStream(self._seed, f"companion_fault.{len(self._all)}", lanes=1))
-        self._all.append(active)
+        active = _Active(fault, NoiseStream(self._seed, f"companion_fault.{len(self._injected)}", lanes=1))
+        self._injected.append(active)
         self._active.append(active)
         self._on_event(t_ns, "fault", f"companion {fault.client}: {fault.kind} began")
         if fault.kind == "unplug":
@@ -99,11 +99,11 @@ class CompanionFaults:
         for active in [a for a in self._active if t_ns >= a.fault.end_ns or self._wall_ns() >= a.end_wall_ns]:
             self._active.remove(active)
             active.over = True
-            more = f", {active.lost} frames lost" if active.fault.kind == "drop" else ""
-            self._on_event(t_ns, "fault", f"companion {active.fault.client}: {active.fault.kind} is over{more}")
+            count = f", {active.lost} frames lost" if active.fault.kind == "drop" else ""
+            self._on_event(t_ns, "fault", f"companion {active.fault.client}: {active.fault.kind} is over{count}")
 
-    def drops(self, client: str, frame: int) -> bool:
-        """Return True if this frame is lost."""
+    def lose(self, client: str, frame: int) -> bool:
+        """Return True if this frame is lost, and count it."""
         lost = False
         for active in self._active_of(client, "drop"):
             value: Any = active.random.uniform_block(frame // _BLOCK)[frame % _BLOCK, 0]
@@ -113,7 +113,7 @@ class CompanionFaults:
         return lost
 
     def delayed(self, client: str, from_ns: int) -> int:
-        """Return the time from which an answer applies that would apply from `from_ns` on without faults."""
+        """Return `from_ns`, the time from which an answer applies, plus the active delays."""
         delays = [round((a.fault.delay_s or 0.0) * NS_PER_S) for a in self._active_of(client, "delay")]
         if not delays and client not in self._not_before_ns:
             return from_ns

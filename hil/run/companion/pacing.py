@@ -1,4 +1,4 @@
-"""Kinds of time in which frames go to the clients, the rate of the frames, and the limits of waiting."""
+"""Time mode of the companion link, rate of the frames, and timeouts."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ TimeMode = Literal["lockstep", "realtime", "latency_true"]
 
 @dataclass(frozen=True)
 class Timeouts:
-    """Limits of waiting for a client, wall clock, and the consequence for the run."""
+    """Timeouts for a client in wall-clock time, and the consequence for the run."""
 
-    reply_s: float  # for the answer to a frame
-    reconnect_s: float  # for a lost client in control
+    reply_s: float  # until the answer to a frame
+    reconnect_s: float  # until a lost client in control reconnects
     loss_is_error: bool  # True: the loss of a client in control ends the run
 
 
 @dataclass(frozen=True)
 class FramePacing:
-    """Decides when frames are made, and from when on an answer applies."""
+    """Settings that decide when frames are made, and from which time on an answer applies."""
 
     mode: TimeMode
     rate: RateAccumulator  # of frames in ticks; its state advances once per tick

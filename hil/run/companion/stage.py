@@ -1,4 +1,4 @@
-"""Sends frames to the clients and applies their answers, tick by tick, in one of three kinds of time.
+"""Sends frames to the clients and applies their answers, tick by tick, in one of three time modes.
 
 lockstep      The bench waits for every answer. It applies from the time of the frame on, so it moves the vehicle one
               tick later. Simulated time never passes while a client computes.
@@ -65,7 +65,7 @@ class ClientSession:
     awaited_t_ns: int = 0  # simulated time of that frame
     sent_s: float = 0.0  # wall clock at which it was sent
     disconnected: bool = False  # realtime
-    unanswered_since_s: float | None = None  # wall clock of a loss after which it has not answered yet; realtime
+    unanswered_since_s: float | None = None  # wall clock of its loss, until it answers again; realtime
     sent: int = 0
     dropped: int = 0
     finished: bool = False
@@ -104,14 +104,14 @@ class CompanionStage:
         return bool(controlling) and all(session.finished for session in controlling)
 
     def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None:
-        """Run one tick with the samples it released. LinkClosed if a client in control is lost for good."""
+        """Run one tick with the samples it released. Raises LinkClosed if a client in control is lost for good."""
         self._t_ns = truth.t_ns
         self._collector.add(released)
         if self._due():
             if self._faults is not None:
                 self._faults.step(truth.t_ns)
             if self._mode != "realtime":
-                # A client that became idle since the last tick takes the frame made before, not this new one.
+                # A client that became idle since the last tick gets the frame made before, not the new one.
                 self._step_blocking(truth.t_ns - 1)
                 self._answers.receive()  # discards late answers, and updates which clients are connected
             self._update_clients()
@@ -122,7 +122,7 @@ class CompanionStage:
             for session in self.sessions.values():
                 if session.pending is not None:
                     session.dropped += 1
-                session.pending = bundle.over(session.pending)
+                session.pending = bundle.replacing(session.pending)
         if self._mode == "realtime":
             self._step_realtime()
         else:
@@ -154,7 +154,7 @@ class CompanionStage:
                 self.sessions[name].client = client
                 if client.control and self._trace is not None and not first:
                     self._trace.joined(client, self.frames)
-            elif self._mode != "realtime":  # in realtime a new connection loses the awaited frame: _step_realtime
+            elif self._mode != "realtime":  # in realtime: _step_realtime, because the awaited frame is lost
                 self._rejoin(self.sessions[name], client)
         self.sessions = dict(sorted(self.sessions.items()))
 
@@ -192,7 +192,7 @@ class CompanionStage:
     def _dropped_by_fault(self, session: ClientSession) -> bool:
         """Return True if a fault drops the pending frame with all its samples."""
         assert session.pending is not None
-        if self._faults is None or not self._faults.drops(session.client.name, session.pending.number):
+        if self._faults is None or not self._faults.lose(session.client.name, session.pending.number):
             return False
         session.dropped += 1
         session.pending = None
@@ -223,9 +223,9 @@ class CompanionStage:
             self._send_if_idle(session)
 
     def _mark_lost(self, session: ClientSession, now_s: float, reason: str) -> None:
-        """Note a lost client, without which the flight goes on for `reconnect_s`.
+        """Note that a client is lost. The flight goes on without it for `reconnect_s`.
 
-        Only an answer ends that time; a new connection alone does not.
+        Only an answer stops that timeout; a new connection alone does not.
         """
         session.awaited_frame = None
         if not session.disconnected:
@@ -239,7 +239,7 @@ class CompanionStage:
     def _step_blocking(self, until_ns: int) -> None:
         """Send the pending frames of all clients that are idle by `until_ns`, and wait for the answers."""
         requests: list[tuple[ClientSession, Bundle, bool]] = []
-        # Clients in control are sent to last and waited for first, so the cost of the others is not charged to them.
+        # The bench sends to clients in control last and waits for them first: their time excludes that of the others.
         for session in sorted(self.sessions.values(), key=lambda session: session.client.control):
             pending = session.pending
             if pending is not None and session.free_ns <= until_ns:
@@ -292,7 +292,7 @@ class CompanionStage:
             session.pending = None
 
     def _reconnected(self, session: ClientSession, frame: int, reason: str, limit_s: float) -> bool:
-        """Disconnect a client that did not answer `frame`, and wait until it reconnects; not for an observer."""
+        """Disconnect a client that did not answer `frame`. If it is in control, wait until it reconnects."""
         client = session.client
         limit_s = 0.0 if session.finished else limit_s  # a client that has finished is not needed any more
         self._on_event(self._t_ns, "companion_lost", f"{client.name}: {reason}")
@@ -313,7 +313,7 @@ class CompanionStage:
         return False
 
     def _lose(self, session: ClientSession, reason: str) -> None:
-        """Remove a client for good. LinkClosed if that ends the run."""
+        """Remove a client for good. Raises LinkClosed if that ends the run."""
         client = session.client
         self._remove(client.name)
         if client.control and self._timeouts.loss_is_error and not session.finished:
@@ -323,7 +323,7 @@ class CompanionStage:
             )
 
     def _apply(self, session: ClientSession, answer: Answer, from_ns: int, frame_ns: int) -> None:
-        """Apply from `from_ns` on an answer to the frame made at `frame_ns`."""
+        """Apply an answer to the frame made at `frame_ns`, from `from_ns` on."""
         name = session.client.name
         if self._faults is not None:
             from_ns = self._faults.delayed(name, from_ns)

@@ -15,7 +15,7 @@ from hil.config.companion.clients import CLIENT_PATH, client_name
 from signals.errors import LinkClosed, RecordingError
 
 OUT_VARIABLE = "HIL_COMPANION_OUT"
-_END_S = 3.0  # wall clock for clients to end by themselves after the end of the session
+_END_S = 3.0  # wall clock in which clients may end by themselves after the session
 
 
 class StartedClient:
@@ -43,7 +43,7 @@ class StartedClient:
             raise RecordingError(f"{log}: cannot be written ({error.strerror or error})") from error
 
     def check(self) -> None:
-        """Raise LinkClosed with the description of its end if the process has ended."""
+        """Raise LinkClosed if the process has ended, with a description of its end."""
         end = self.process_end()
         if end is not None:
             raise LinkClosed(f"companion {self.name}", end, cause="companion")

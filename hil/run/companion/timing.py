@@ -1,12 +1,12 @@
 """Timings of every frame in the file `companion_timing.csv`, one row per answered frame.
 
     t1   sensor data from the engine through the bench (SUT) to the client (CUT): the sum of
-             render_ns   from the begin of the tick that made the frame to passing the frame to the link
-             link_ns     from there to its arrival at the client
+             render_ns   from the beginning of the tick that made the frame to passing the frame to the link
+             link_ns     from there to the arrival of the frame at the client
     t2   run time of the client's function
     t3   from the client's answer to passing the command to the autopilot: the sum of
              reply_ns    from sending the answer to its arrival at the bench
-             command_ns  from there to the first set-point made from it
+             command_ns  from there to the first set-point made from the answer
 
 t3 and command_ns are empty if no set-point was made from the answer: it had no desired state, or a newer answer came
 first. All are wall clock. `clock_offset_ns`, the client's clock minus the bench's, converts times of the client.
@@ -29,8 +29,8 @@ from hil.run.companion.files import COLUMNS, TIMING_NAME
 from signals.errors import RecordingError
 from signals.latency import LatencyHistogram
 
-_MOST_UNANSWERED = 1024  # frames; a frame answered after this many others has no timings
-_MOST_PENDING = 256  # answers without a set-point
+_MAX_UNANSWERED = 1024  # frames; a frame answered after this many others has no timings
+_MAX_PENDING = 256  # answers without a set-point
 
 
 class _Sent(NamedTuple):
@@ -65,7 +65,7 @@ class _PendingAnswer:
 
 
 class TimingLog:
-    """Receives the timestamps of every frame and writes the file. RecordingError if it cannot be written."""
+    """Receives the timestamps of every frame and writes the file. Raises RecordingError if it cannot be written."""
 
     def __init__(self, out: Path, *, begun_ns: Callable[[], int]) -> None:
         """`begun_ns` returns the time at which the present tick began, by `time.perf_counter_ns`."""
@@ -83,7 +83,7 @@ class TimingLog:
     def made(self, frame: int) -> None:
         """Note that a frame was made in the present tick."""
         self._tick_begins[frame] = self._begun_ns()
-        while len(self._tick_begins) > _MOST_UNANSWERED:
+        while len(self._tick_begins) > _MAX_UNANSWERED:
             self._tick_begins.popitem(last=False)
 
     def sending(self, client: str, frame: CompanionFrame) -> None:
@@ -93,7 +93,7 @@ class TimingLog:
             sent = self.clients.setdefault(client, ClientTiming()).sent
             render_ns = time.perf_counter_ns() - begun_ns
             sent[frame.frame] = _Sent(frame.frame, frame.tick, frame.t_ns, render_ns, time.monotonic_ns())
-            while len(sent) > _MOST_UNANSWERED:
+            while len(sent) > _MAX_UNANSWERED:
                 sent.popitem(last=False)
 
     def replied(self, reply: Reply) -> None:
@@ -105,7 +105,7 @@ class TimingLog:
         timing.pending[reply.frame] = _PendingAnswer(sent, reply)
         if reply.desired is None:
             self._finish(timing, reply.frame, None)
-        while len(timing.pending) > _MOST_PENDING:
+        while len(timing.pending) > _MAX_PENDING:
             self._finish(timing, next(iter(timing.pending)), None)
 
     def desired(self, client: str, frame: int, from_ns: int) -> None:
@@ -117,11 +117,11 @@ class TimingLog:
     def commanded(self, t_ns: int) -> None:
         """Note that a set-point was passed to the autopilot at this simulated time.
 
-        It is made from the newest answer that applies by then; answers before it are never flown.
+        The set-point comes from the newest answer that applies at this time; older answers are never flown.
         """
         now_ns = time.monotonic_ns()
         for timing in self.clients.values():
-            applying = [n for n, w in timing.pending.items() if w.from_ns is not None and w.from_ns <= t_ns]
+            applying = [n for n, a in timing.pending.items() if a.from_ns is not None and a.from_ns <= t_ns]
             for number in applying:
                 self._finish(timing, number, now_ns if number == applying[-1] else None)
 

@@ -3,7 +3,8 @@
 `companion.jsonl`: the first line has the clients in control and their topics. Then follows one line per answer in the
 order in which the bench applied them: client, frame, t2_ns, link_ns, desired, finished, `report` if it changed, and
 `detections`. Other lines are `lost` (a client in control is lost for good), `joined` (a client came later), `demoted`
-(a client reconnected without control) and `looked_on` (detections of a client without control, with their time).
+(a client reconnected without control) and `looked_on` (detections of an observer, a client without control, and the
+simulated time of their arrival).
 """
 
 from __future__ import annotations
@@ -56,13 +57,13 @@ class TraceWriter:
         )
 
     def observer_detected(self, client: str, t_ns: int, answer: Answer) -> None:
-        """Write the detections of a client without control, received at `t_ns`, simulated."""
+        """Write the detections of a client without control, received at simulated time `t_ns`."""
         assert answer.detections is not None
         values = {"looked_on": client, "frame": answer.frame, "t_ns": t_ns}
         self._line(values | {"detections": detections_map(answer.detections)})
 
     def joined(self, client: Client, frame: int) -> None:
-        """Write that a client is connected from this frame on: it came late, or again after it was lost for good."""
+        """Write that a client is connected from this frame on: it came late, or came back after it was given up."""
         self._line({"joined": _client_map(client), "frame": frame})
 
     def demoted(self, client: str, frame: int) -> None:
@@ -85,7 +86,10 @@ class TraceWriter:
 
 
 class TracedAnswers:
-    """Answers from a trace. RecordingError: the file is not a trace. LockstepLost: the run needs other answers."""
+    """Answers from a trace.
+
+    Raises RecordingError if the file is not a trace, LockstepLost if it has no answer to a frame of the run.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -98,7 +102,7 @@ class TracedAnswers:
             lines.pop()
         self.topics: frozenset[str] = frozenset()
         self._clients: list[Client] = []
-        self._joins: list[tuple[int, Client]] = []  # not reached yet
+        self._joins: list[tuple[int, Client]] = []  # with the frame; not reached yet
         self._demotions: list[tuple[int, str]] = []
         self._answers: dict[tuple[str, int], Answer | None] = {}
         self._observer_detections: deque[tuple[int, str, Detections]] = deque()  # not reached yet
@@ -109,17 +113,17 @@ class TracedAnswers:
             self.topics = _topics(head["topics"])
             self._clients = [_client(values) for values in head["clients"]]
         except _INVALID as error:
-            raise RecordingError(f"{path}:1: not a trace of companions ({_description(error)})") from error
+            raise RecordingError(f"{path}:1: not a trace of companions ({_problem(error)})") from error
         for number, line in enumerate(lines[1:], start=2):
             try:
                 self._read(json.loads(line))
             except _INVALID as error:
                 if number == len(lines) and not complete:
                     break  # the run was killed
-                raise RecordingError(f"{path}:{number}: invalid line in the trace ({_description(error)})") from error
+                raise RecordingError(f"{path}:{number}: invalid line in the trace ({_problem(error)})") from error
 
     def _read(self, values: dict[str, Any]) -> None:
-        frame = _count(values, "frame")
+        frame = _natural_number(values, "frame")
         if "joined" in values:
             self._joins.append((frame, _client(values["joined"])))
             return
@@ -128,7 +132,7 @@ class TracedAnswers:
             return
         if "looked_on" in values:
             detections = detections_from_map(values["detections"])
-            self._observer_detections.append((_count(values, "t_ns"), str(values["looked_on"]), detections))
+            self._observer_detections.append((_natural_number(values, "t_ns"), str(values["looked_on"]), detections))
             return
         key = str(values["client"]), frame
         if key in self._answers:
@@ -148,7 +152,7 @@ class TracedAnswers:
         connected = self._clients
         while self._demotions and self._demotions[0][0] <= frame:
             _, name = self._demotions.pop(0)
-            # The stage sees the client once without control, as in the recorded run. Later the client has no effect.
+            # CompanionStage must see the client once without control, as in the recorded run. Then it has no effect.
             connected = [replace(c, control=False) if c.name == name else c for c in connected]
             self._clients = [c for c in self._clients if c.name != name]
         return sorted(connected, key=lambda c: c.name)
@@ -164,7 +168,9 @@ class TracedAnswers:
             return self._answers[client, frame]
         except KeyError:
             raise LockstepLost(
-                str(self._path), f"has no answer of {client} to frame {frame}: it belongs to another run", cause="trace"
+                str(self._path),
+                f"has no answer of {client} to frame {frame}: this trace is from another run",
+                cause="trace",
             ) from None
 
     def receive(self, limit_s: float = 0.0) -> list[tuple[str, Answer]]:
@@ -184,11 +190,11 @@ def _answer(values: dict[str, Any], frame: int) -> Answer | None:
         raise ValueError(f"finished is {values['finished']!r}")
     report = None if values.get("report") is None else report_from_map(values["report"])
     detections = None if values.get("detections") is None else detections_from_map(values["detections"])
-    times = _count(values, "t2_ns"), _count(values, "link_ns")
+    times = _natural_number(values, "t2_ns"), _natural_number(values, "link_ns")
     return Answer(frame, desired, values["finished"], *times, report, detections)
 
 
-def _count(values: dict[str, Any], key: str) -> int:
+def _natural_number(values: dict[str, Any], key: str) -> int:
     value = values[key]
     if type(value) is not int or value < 0:
         raise ValueError(f"{key} is {value!r}")
@@ -209,5 +215,5 @@ def _topics(values: Any) -> frozenset[str]:
     return frozenset(values)
 
 
-def _description(error: Exception) -> str:
+def _problem(error: Exception) -> str:
     return f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -1,7 +1,7 @@
 """Views that clients send for display: the newest of each for the dashboard, and all in a file for its replay.
 
 `companion_views.jsonl`: one line per view in the order of arrival. The file is bounded in size and does not affect the
-flight: if it cannot be written, it ends there and the run goes on.
+flight: after the first failed write nothing more is written, and the run goes on.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from signals.time import NS_PER_S
 
 VIEWS_NAME = "companion_views.jsonl"
 VIEWS_EVERY_NS = NS_PER_S // 2  # simulated time
-_MOST_BYTES = 64 << 20  # size of the file
-_BYTES = ("plan_W", "particles_W")
+_MAX_BYTES = 64 << 20  # size of the file
+_BINARY_FIELDS = ("plan_W", "particles_W")
 
 
 @dataclass
@@ -52,7 +52,7 @@ class ViewLog:
         try:
             if self._file is None:
                 self._file = (self.folder / VIEWS_NAME).open("w", encoding="utf-8")
-            if self._written <= _MOST_BYTES:
+            if self._written <= _MAX_BYTES:
                 self._file.write(line)
                 return
         except OSError:
@@ -83,14 +83,14 @@ def read_views(path: Path) -> Iterator[tuple[str, View]]:
 
 def _as_json(view: View) -> dict[str, Any]:
     values = view._asdict()
-    values |= {name: base64.b64encode(values[name]).decode("ascii") for name in _BYTES}
+    values |= {name: base64.b64encode(values[name]).decode("ascii") for name in _BINARY_FIELDS}
     if view.map is not None:
         values["map"] = view.map._asdict() | {"cells": base64.b64encode(view.map.cells).decode("ascii")}
     return values
 
 
 def _from_json(values: dict[str, Any]) -> dict[str, Any]:
-    values |= {name: base64.b64decode(values[name]) for name in _BYTES}
+    values |= {name: base64.b64decode(values[name]) for name in _BINARY_FIELDS}
     if values["map"] is not None:
         values["map"]["cells"] = base64.b64decode(values["map"]["cells"])
     return values

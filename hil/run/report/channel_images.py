@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from signals.classes import Classes
 
-_NEAREST_M, _FARTHEST_M = 0.5, 200.0
-_NOTHING = (190, 190, 190)  # BGR, for pixels without a surface
-_FASTEST_MPS = 5.0
-_MAP_DB = 60.0  # dynamic range of a range-Doppler map
+_MIN_RANGE_M, _MAX_RANGE_M = 0.5, 200.0
+_NO_SURFACE = (190, 190, 190)  # BGR
+_MAX_SPEED_MPS = 5.0
+_MAP_SPAN_DB = 60.0  # dynamic range of a range-Doppler map
 
 
 def channel_image(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, bytes]:
@@ -26,14 +26,14 @@ def channel_image(channel: str, array: NDArray[Any], classes: Classes) -> tuple[
     if channel == "rgb":
         return _encoded(".jpg", cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2BGR))
     if channel in ("depth", "range"):
-        seen = np.isfinite(array)
-        metres = np.clip(np.where(seen, array, _FARTHEST_M), _NEAREST_M, _FARTHEST_M)
-        near = 1.0 - np.log(metres / _NEAREST_M) / np.float32(np.log(_FARTHEST_M / _NEAREST_M))
-        bgr = cv2.applyColorMap(np.rint(255.0 * near).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
-        bgr[~seen] = _NOTHING
+        finite = np.isfinite(array)
+        metres = np.clip(np.where(finite, array, _MAX_RANGE_M), _MIN_RANGE_M, _MAX_RANGE_M)
+        nearness = 1.0 - np.log(metres / _MIN_RANGE_M) / np.float32(np.log(_MAX_RANGE_M / _MIN_RANGE_M))
+        bgr = cv2.applyColorMap(np.rint(255.0 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+        bgr[~finite] = _NO_SURFACE
         return _encoded(".jpg", bgr)
     if channel == "radial_velocity":
-        grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _FASTEST_MPS, -1.0, 1.0)).astype(np.uint8)
+        grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _MAX_SPEED_MPS, -1.0, 1.0)).astype(np.uint8)
         return _encoded(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_TWILIGHT_SHIFTED))
     if channel == "normal":
         # Red to the right, green up, blue to the camera: the camera's y is down and its z forward.
@@ -41,8 +41,8 @@ def channel_image(channel: str, array: NDArray[Any], classes: Classes) -> tuple[
         return _encoded(".jpg", (127.5 + 127.5 * bgr).astype(np.uint8))
     if channel == "range_doppler":
         power_db = 10.0 * np.log10(np.maximum(array, 1e-6))
-        top = float(power_db.max(initial=-60.0))
-        grey = (255.0 * np.clip(1.0 + (power_db - top) / _MAP_DB, 0.0, 1.0)).astype(np.uint8)
+        peak_db = float(power_db.max(initial=-60.0))
+        grey = (255.0 * np.clip(1.0 + (power_db - peak_db) / _MAP_SPAN_DB, 0.0, 1.0)).astype(np.uint8)
         # Range upwards, speed to the right.
         return _encoded(".png", cv2.applyColorMap(np.ascontiguousarray(grey.T[::-1]), cv2.COLORMAP_INFERNO))
     palette = _palette(classes.colours if channel == "segmentation" else ())
@@ -58,7 +58,7 @@ def rgb_png(rgb: NDArray[np.uint8]) -> bytes:
 
 @lru_cache(maxsize=4)
 def _palette(named: tuple[tuple[int, int, int], ...]) -> NDArray[np.uint8]:
-    """Return 256 BGR colours of ids: those given in `named` (RGB), otherwise hues a golden ratio apart."""
+    """Return the BGR colours of ids 0 to 255: from `named` (RGB), for further ids hues a golden ratio apart."""
     ids = np.arange(256)
     hsv = np.stack([(ids * 111) % 180, 150 + 40 * (ids % 3), 235 - 45 * (ids % 4)], axis=-1).astype(np.uint8)
     colours = cv2.cvtColor(hsv[:, None], cv2.COLOR_HSV2BGR)

@@ -19,7 +19,7 @@ from hil.config.missions.path import PlanPoint
 from hil.run.companion.files import FrameTimes
 from hil.run.recorder.track import TrackArrays
 
-# Okabe and Ito's palette: told apart with any colour vision
+# palette of Okabe and Ito, distinguishable with any colour vision
 _BLUE, _ORANGE, _GREEN, _RED, _GREY, _INK = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a919b", "#20262e"
 _MOTORS = (_BLUE, _ORANGE, _GREEN, "#cc79a7", "#56b4e9", _RED, "#999933", "#332288")
 _STYLE: dict[Any, Any] = {
@@ -46,15 +46,15 @@ _STYLE: dict[Any, Any] = {
     "savefig.facecolor": "white",
 }
 _DPI = 130
-_PARTS = (  # field, label, colour: told apart with any colour vision
-    ("render_ms", "t1: engine to SUT", "#0072b2"),
-    ("link_ms", "t1: SUT to CUT", "#56b4e9"),
-    ("t2_ms", "t2: CUT", "#e69f00"),
-    ("t3_ms", "t3: CUT to autopilot", "#d55e00"),
+_LATENCIES = (  # field, label, colour of the palette above
+    ("render_ms", "t1: render", "#0072b2"),
+    ("link_ms", "t1: link to client", "#56b4e9"),
+    ("t2_ms", "t2: client", "#e69f00"),
+    ("t3_ms", "t3: client to autopilot", "#d55e00"),
 )
-_SHOWN = 4  # clients
-_POINTS = 20_000  # of one line; more are thinned out, evenly
-_LOWEST_MS = 0.001
+_MAX_CLIENTS = 4  # in the figure
+_MAX_POINTS = 20_000  # of one line; of more, every n-th is drawn
+_MIN_MS = 0.001
 
 
 def roll_pitch_yaw_deg(q_WB: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,21 +78,21 @@ def draw_path(axes: Axes, track: TrackArrays, plan: Sequence[PlanPoint]) -> None
     points = np.array([point.p_W for point in plan], np.float64).reshape(-1, 3)
     if len(points):
         axes.plot(points[:, 0], points[:, 1], "--", color=_GREY, lw=1.4, label="plan", zorder=2)
-        places: dict[tuple[float, float], list[str]] = {}
+        labels_at: dict[tuple[float, float], list[str]] = {}
         for (x, y, _), label in plan:
             if label:
-                places.setdefault((round(x, 1), round(y, 1)), []).append(label)
+                labels_at.setdefault((round(x, 1), round(y, 1)), []).append(label)
         axes.plot(points[:, 0], points[:, 1], "o", ms=6, mfc="white", mec=_GREY, mew=1.4, zorder=4)
         middle = points[:, :2].mean(axis=0)
-        for place, labels in places.items():
-            away = np.array(place) - middle
-            away = away / (np.hypot(*away) or 1.0)
-            if not labels[0].isdecimal():  # words are wide: below their point or above it, never across it
-                away = np.array((0.0, 1.0 if away[1] > 0.5 else -1.0))
+        for point, labels in labels_at.items():
+            outward = np.array(point) - middle
+            outward = outward / (np.hypot(*outward) or 1.0)
+            if not labels[0].isdecimal():  # a wide text goes below or above its point, not beside it
+                outward = np.array((0.0, 1.0 if outward[1] > 0.5 else -1.0))
             axes.annotate(
                 ", ".join(labels),
-                place,
-                xytext=tuple(away * 13.0),
+                point,
+                xytext=tuple(outward * 13.0),
                 textcoords="offset points",
                 ha="center",
                 va="center",
@@ -181,7 +181,7 @@ def flight_figure(track: TrackArrays, plan: Sequence[PlanPoint], title: str) -> 
 
 
 def motion_figure(track: TrackArrays) -> Figure:
-    """Draw speed over ground and climb rate; rotor speeds."""
+    """Draw speed over ground and climb rate on the left, rotor speeds on the right."""
     figure = Figure(figsize=(12.0, 3.2), layout="constrained")
     speed, rotors = figure.subplots(1, 2)
     v = track.v_WB_W
@@ -202,7 +202,7 @@ def timing_figure(rtt_bins_ns: Sequence[tuple[float, int]], phase_us: Mapping[st
     trips, phases = figure.subplots(1, 2)
     trips.set(title="Round trip to the autopilot", xlabel="wall time [\N{MICRO SIGN}s], logarithmic", ylabel="ticks")
     if rtt_bins_ns:
-        _durations(trips, rtt_bins_ns)
+        _draw_durations(trips, rtt_bins_ns)
     names, values = list(phase_us), [float(v) for v in phase_us.values()]
     bars = phases.barh(names, values, color=[_MOTORS[i % len(_MOTORS)] for i in range(len(names))], height=0.62)
     total = sum(values) or 1.0
@@ -219,34 +219,34 @@ def realtime_figure(
 ) -> Figure:
     """Draw histograms of the lateness of sent samples and of the age of motor commands when a tick used them."""
     figure = Figure(figsize=(12.0, 3.2), layout="constrained")
-    late, age = figure.subplots(1, 2)
+    lateness, age = figure.subplots(1, 2)
     unit = "wall time [\N{MICRO SIGN}s], logarithmic"
-    late.set(title="Samples: lateness when sent", xlabel=unit, ylabel="ticks")
+    lateness.set(title="Samples: lateness when sent", xlabel=unit, ylabel="ticks")
     age.set(title="Motor commands: age when used", xlabel=unit, ylabel="ticks")
-    for axes, bins in ((late, lateness_bins_ns), (age, age_bins_ns)):
+    for axes, bins in ((lateness, lateness_bins_ns), (age, age_bins_ns)):
         if bins:
-            _durations(axes, bins)
-    late.axvline(harmful_ms * 1e3, color=_INK, linestyle="--", linewidth=1.2)
+            _draw_durations(axes, bins)
+    lateness.axvline(harmful_ms * 1e3, color=_INK, linestyle="--", linewidth=1.2)
     note = " PX4's estimator suffers\n if 1 in 100 is later"
-    place = late.get_xaxis_transform()
-    late.text(harmful_ms * 1e3, 0.97, note, transform=place, va="top", ha="left", fontsize=8, color=_INK)
-    late.xaxis.set_major_locator(LogLocator())
-    late.set_xlim(right=harmful_ms * 1e3 * 20)
+    transform = lateness.get_xaxis_transform()
+    lateness.text(harmful_ms * 1e3, 0.97, note, transform=transform, va="top", ha="left", fontsize=8, color=_INK)
+    lateness.xaxis.set_major_locator(LogLocator())
+    lateness.set_xlim(right=harmful_ms * 1e3 * 20)
     return figure
 
 
-def _durations(axes: Any, bins_ns: Sequence[tuple[float, int]]) -> None:
+def _draw_durations(axes: Any, bins_ns: Sequence[tuple[float, int]]) -> None:
     """Draw a histogram in microseconds, both axes logarithmic so that the tail shows."""
-    middle_us = np.array([b[0] for b in bins_ns]) / 1e3
-    counts = np.array([b[1] for b in bins_ns])
+    middle_us = np.array([middle for middle, _ in bins_ns]) / 1e3
+    counts = np.array([count for _, count in bins_ns])
     low, high = max(middle_us.min(), 0.1) * 0.95, max(middle_us.max(), 0.2) * 1.05
-    edges = np.geomspace(low, high, 36)  # wider than the 3 % bins that come in, so that none falls empty
+    edges = np.geomspace(low, high, 36)  # wider than the 3 % bins of the input, so that no bar is empty by chance
     axes.hist(middle_us, bins=edges.tolist(), weights=counts, color=_BLUE)
-    _logarithmic(axes, (1.0, 2.0, 5.0) if high / low < 300 else (1.0,))
+    _set_logarithmic(axes, (1.0, 2.0, 5.0) if high / low < 300 else (1.0,))
 
 
-def _logarithmic(axes: Axes, subs: tuple[float, ...] = (1.0,)) -> None:
-    """Make both axes of a histogram logarithmic; `subs`: multiples labelled within a decade."""
+def _set_logarithmic(axes: Axes, subs: tuple[float, ...] = (1.0,)) -> None:
+    """Make both axes of a histogram logarithmic; `subs`: multiples of each power of ten that are labelled."""
     axes.set_xscale("log")
     axes.set_yscale("symlog", linthresh=1.0)
     axes.set_ylim(bottom=0)
@@ -270,12 +270,12 @@ def style() -> Any:
 
 def companion_figure(timing: Mapping[str, FrameTimes]) -> Figure:
     """Draw a row per client: times of every frame on the left, their histogram on the right."""
-    names = list(timing)[:_SHOWN]
+    names = list(timing)[:_MAX_CLIENTS]
     figure = Figure(figsize=(12.0, 0.5 + 3.1 * len(names)), layout="constrained")
     rows = figure.subplots(len(names), 2, squeeze=False, width_ratios=(1.7, 1.0))
     for name, (over_time, counts) in zip(names, rows, strict=True):
-        _over_time(over_time, timing[name])
-        _counts(counts, timing[name])
+        _draw_times(over_time, timing[name])
+        _draw_histogram(counts, timing[name])
         over_time.set(title=f"{name}: every frame", xlabel="simulated time [s]", ylabel="wall time [ms]")
         counts.set(title="Histogram", xlabel="wall time [ms]", ylabel="frames")
     handles, labels = rows[0, 0].get_legend_handles_labels()
@@ -283,29 +283,29 @@ def companion_figure(timing: Mapping[str, FrameTimes]) -> Figure:
     return figure
 
 
-def _over_time(axes: Axes, times: FrameTimes) -> None:
-    for field, label, colour in _PARTS:
-        ms = _shown(getattr(times, field))
-        step = -(-len(ms) // _POINTS)
+def _draw_times(axes: Axes, times: FrameTimes) -> None:
+    for field, label, colour in _LATENCIES:
+        ms = _bounded(getattr(times, field))
+        step = -(-len(ms) // _MAX_POINTS)
         axes.plot(times.t_s[::step], ms[::step], ".", ms=2.2, color=colour, label=label, rasterized=True)
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _counts(axes: Axes, times: FrameTimes) -> None:
-    parts = [(_shown(getattr(times, field)), colour) for field, _, colour in _PARTS]
-    parts = [(ms[np.isfinite(ms)], colour) for ms, colour in parts]
-    there = np.concatenate([ms for ms, _ in parts])
-    if not there.size:
+def _draw_histogram(axes: Axes, times: FrameTimes) -> None:
+    series = [(_bounded(getattr(times, field)), colour) for field, _, colour in _LATENCIES]
+    series = [(ms[np.isfinite(ms)], colour) for ms, colour in series]
+    all_ms = np.concatenate([ms for ms, _ in series])
+    if not all_ms.size:
         return
-    edges = np.geomspace(there.min() * 0.95, there.max() * 1.05, 61)
-    for ms, colour in parts:
+    edges = np.geomspace(all_ms.min() * 0.95, all_ms.max() * 1.05, 61)
+    for ms, colour in series:
         if ms.size:
             axes.hist(ms, bins=edges.tolist(), histtype="step", color=colour, lw=1.4)
-    _logarithmic(axes)
+    _set_logarithmic(axes)
 
 
-def _shown(ms: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bounded(ms: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the times with a lower bound, because a logarithmic axis has no zero."""
-    return np.maximum(ms, _LOWEST_MS)
+    return np.maximum(ms, _MIN_MS)

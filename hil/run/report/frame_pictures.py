@@ -38,17 +38,17 @@ TITLES = {
 _NO_CLASSES = Classes()
 _DISTANCES = ("depth", "range")
 _DISTANCE_MAP, _SPEED_MAP, _HEIGHT_MAP = "viridis_r", "RdBu_r", "viridis"
-_NOTHING = (232, 235, 239)  # where nothing was hit
-_NONE = (52, 59, 68)  # class, instance or surface 0
-_FAR_PERCENTILE = 98.0  # of the finite distances: what the colour bar ends at
-_SLOWEST_MPS = 0.5  # end of the colour bar of speed at least
-_MOST_NAMES = 14  # in a legend
-_LARGEST_CLOUD_M = 120.0
+_NO_SURFACE = (232, 235, 239)  # for pixels without a surface
+_ID_ZERO = (52, 59, 68)  # class, instance or surface 0
+_FAR_PERCENTILE = 98.0  # of the finite distances, at which the colour bar ends
+_MIN_SPEED_SCALE_MPS = 0.5  # the colour bar of speed never ends below this
+_MAX_LEGEND_NAMES = 14
+_MAX_CLOUD_M = 120.0  # from the LiDAR to the edge of the picture
 _INK = "#20262e"
 _WIDTH_IN, _HEAD_IN, _SPACE_IN = 13.5, 0.5, 0.45  # of a figure; of its title; under a picture
-_PICTURE_PART = 0.76  # of a panel's width; beside it the legend
-_FLATTEST, _TALLEST = 0.1, 2.5  # pictures beyond this have no more room
-_WIDEST_IN = 6.2  # picture, where there is only one
+_PICTURE_SHARE = 0.76  # of a panel's width; the legend takes the rest
+_MIN_RATIO, _MAX_RATIO = 0.1, 2.5  # height to width of the room for a picture
+_MAX_PICTURE_IN = 6.2  # width of a single picture
 
 
 def coloured(channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> Rgb:
@@ -56,18 +56,20 @@ def coloured(channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES
     if channel == "rgb":
         return np.asarray(picture, np.uint8)
     if channel in _DISTANCES or channel == "radial_velocity":
-        seen = np.isfinite(picture)
-        norm, name = (_far(picture), _DISTANCE_MAP) if channel in _DISTANCES else (_fast(picture), _SPEED_MAP)
-        mapped = mpl.colormaps[name](norm(np.where(seen, picture, 0.0)))
+        finite = np.isfinite(picture)
+        norm, name = (
+            (_distance_scale(picture), _DISTANCE_MAP) if channel in _DISTANCES else (_speed_scale(picture), _SPEED_MAP)
+        )
+        mapped = mpl.colormaps[name](norm(np.where(finite, picture, 0.0)))
         colours = (mapped[:, :, :3] * 255.0 + 0.5).astype(np.uint8)
-        colours[~seen] = _NOTHING
+        colours[~finite] = _NO_SURFACE
         return colours
     if channel == "normal":
         hit = np.any(picture != 0.0, axis=2) & np.all(np.isfinite(picture), axis=2)
         # Right is red, up is green, towards the camera is blue, as such pictures are usually drawn.
         towards = np.where(hit[:, :, None], picture, 0.0) * np.array([1.0, -1.0, -1.0])
         colours = (np.clip(0.5 + 0.5 * towards, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-        colours[~hit] = _NOTHING
+        colours[~hit] = _NO_SURFACE
         return colours
     ids = picture.astype(np.int64) + (1 if channel == "geom" else 0)
     count = int(ids.max(initial=0)) + 1
@@ -81,7 +83,7 @@ def palette(count: int) -> Rgb:
     value = np.array([0.95, 0.75, 0.58])[k % 3]
     saturation = np.array([0.62, 0.85, 0.70, 0.45])[k % 4]
     colours = (mpl.colors.hsv_to_rgb(np.stack([hue, saturation, value], axis=1)) * 255.0 + 0.5).astype(np.uint8)
-    colours[:1] = _NONE
+    colours[:1] = _ID_ZERO
     return np.asarray(colours, np.uint8)
 
 
@@ -95,19 +97,19 @@ def _class_colours(classes: Classes, count: int) -> Rgb:
 
 def draw_channel(panel: Axes, channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> None:
     """Draw one channel, with its colour bar or legend beside it."""
-    _show(panel, coloured(channel, picture, classes))
+    _draw_rgb(panel, coloured(channel, picture, classes))
     panel.set_title(TITLES[channel], fontsize=9.5, loc="left")
     unit = CHANNEL_UNITS[channel][0]
     if channel in _DISTANCES:
-        colour_bar(panel, _far(picture), _DISTANCE_MAP, f"[{unit}]", "max")
+        colour_bar(panel, _distance_scale(picture), _DISTANCE_MAP, f"[{unit}]", "max")
     elif channel == "radial_velocity":
-        colour_bar(panel, _fast(picture), _SPEED_MAP, f"[{unit}], + goes away", "both")
+        colour_bar(panel, _speed_scale(picture), _SPEED_MAP, f"[{unit}], + goes away", "both")
     elif channel == "segmentation":
-        _names(panel, picture, classes)
+        _draw_class_legend(panel, picture, classes)
     elif channel == "normal":
         note(panel, "red: to the right\ngreen: up\nblue: to the\ncamera")
     elif channel in ("instance", "geom", "material"):
-        note(panel, f"{len(np.unique(picture))} different")
+        note(panel, f"{len(np.unique(picture))} ids")
 
 
 def camera_figure(title: str, sample: ImageSample, classes: Classes = _NO_CLASSES) -> Figure:
@@ -132,28 +134,28 @@ def sheet_figure(
     *,
     more: Sequence[Callable[[Axes], None]] = (),
 ) -> Figure:
-    """Draw every channel of the first view, the colour of the others, a LiDAR sweep, and a panel per `more`."""
+    """Draw every channel of the first view, the colour of the other views, a LiDAR sweep, and one panel per `more`."""
     first, title, channels = views[0]
     names = [name for name in TITLES if name in channels]
     shape = channels[names[0]].shape
     clouds = [cloud] if cloud is not None else []
     figure, panels = make_panels(title, len(names) + len(views) - 1 + len(clouds) + len(more), shape[0] / shape[1])
-    rest = iter(panels)
+    free_panels = iter(panels)
     for name in names:
-        draw_channel(next(rest), name, channels[name], classes)
+        draw_channel(next(free_panels), name, channels[name], classes)
     for point, _, pictures in views[1:]:
-        panel = next(rest)
-        _show(panel, pictures["rgb"])
+        panel = next(free_panels)
+        _draw_rgb(panel, pictures["rgb"])
         panel.set_title(f"colour from {point.name}", fontsize=9.5, loc="left")
     for sweep in clouds:
-        panel = next(rest)
+        panel = next(free_panels)
         draw_cloud(panel, sweep)
         panel.set(xlabel="", ylabel="")
         panel.set_title(
             f"LiDAR at {first.name}, from above [m], {len(sweep.range_m)} returns", fontsize=9.5, loc="left"
         )
     for draw in more:
-        draw(next(rest))
+        draw(next(free_panels))
     return figure
 
 
@@ -169,23 +171,23 @@ def draw_cloud(
     panel: Axes, sample: PointCloudSample, classes: Classes = _NO_CLASSES, *, by_class: bool = False
 ) -> None:
     """Draw a sweep from above, forward up."""
-    axes, points = panel, sample.points_L
+    points = sample.points_L
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     if by_class:
         ids = sample.segmentation
-        axes.scatter(-y, x, s=1.2, c=_class_colours(classes, 256)[ids] / 255.0, linewidths=0)
-        _names(panel, ids, classes)
+        panel.scatter(-y, x, s=1.2, c=_class_colours(classes, 256)[ids] / 255.0, linewidths=0)
+        _draw_class_legend(panel, ids, classes)
     elif len(points):
         low, high = np.percentile(z, [2.0, 98.0])
         norm = Normalize(low, max(high, low + 0.1))
-        axes.scatter(-y, x, s=1.2, c=z, cmap=_HEIGHT_MAP, norm=norm, linewidths=0)
+        panel.scatter(-y, x, s=1.2, c=z, cmap=_HEIGHT_MAP, norm=norm, linewidths=0)
         colour_bar(panel, norm, _HEIGHT_MAP, "height over the LiDAR [m]", "both")
-    axes.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
+    panel.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
     far = float(np.percentile(sample.range_m, 99.0)) * 1.05 if len(points) else 1.0
-    far = min(max(far, 1.0), _LARGEST_CLOUD_M)
-    axes.set(xlim=(-far, far), ylim=(-far, far), aspect="equal", xlabel="to the right [m]", ylabel="forward [m]")
-    axes.tick_params(labelsize=7.5)
-    axes.set_title(f"from above, {len(points)} returns", fontsize=9.5, loc="left")
+    far = min(max(far, 1.0), _MAX_CLOUD_M)
+    panel.set(xlim=(-far, far), ylim=(-far, far), aspect="equal", xlabel="to the right [m]", ylabel="forward [m]")
+    panel.tick_params(labelsize=7.5)
+    panel.set_title(f"from above, {len(points)} returns", fontsize=9.5, loc="left")
 
 
 def frame_figure(name: str, sample: ImageSample | PointCloudSample, classes: Classes = _NO_CLASSES) -> Figure:
@@ -201,24 +203,24 @@ def frame_title(name: str, sample: FrameSample) -> str:
     return f"{name}, {sample.t_capture_ns * 1e-9:.2f} s"
 
 
-def _far(picture: NDArray[Any]) -> Normalize:
-    seen = picture[np.isfinite(picture)]
-    far = max(float(np.percentile(seen, _FAR_PERCENTILE)), 0.1) if seen.size else 1.0
-    return PowerNorm(0.5, 0.0, far, clip=True)  # what is near has more of the colours
+def _distance_scale(picture: NDArray[Any]) -> Normalize:
+    finite = picture[np.isfinite(picture)]
+    far = max(float(np.percentile(finite, _FAR_PERCENTILE)), 0.1) if finite.size else 1.0
+    return PowerNorm(0.5, 0.0, far, clip=True)  # near distances get more of the colours
 
 
-def _fast(picture: NDArray[Any]) -> Normalize:
-    seen = np.abs(picture[np.isfinite(picture)])
-    most = max(float(np.percentile(seen, 99.5)), _SLOWEST_MPS) if seen.size else _SLOWEST_MPS
-    return Normalize(-most, most)
+def _speed_scale(picture: NDArray[Any]) -> Normalize:
+    speeds = np.abs(picture[np.isfinite(picture)])
+    end = max(float(np.percentile(speeds, 99.5)), _MIN_SPEED_SCALE_MPS) if speeds.size else _MIN_SPEED_SCALE_MPS
+    return Normalize(-end, end)
 
 
 def make_panels(title: str, count: int, ratio: float, *, columns: int = 3) -> tuple[Figure, list[Axes]]:
     """Return a figure of `count` panels with room for a legend beside each. `ratio`: height to width of a picture."""
     columns = min(columns, count)
     rows = math.ceil(count / columns)
-    picture_in = min(_WIDTH_IN / columns * _PICTURE_PART, _WIDEST_IN)
-    height_in = rows * (picture_in * min(max(ratio, _FLATTEST), _TALLEST) + _SPACE_IN) + _HEAD_IN
+    picture_in = min(_WIDTH_IN / columns * _PICTURE_SHARE, _MAX_PICTURE_IN)
+    height_in = rows * (picture_in * min(max(ratio, _MIN_RATIO), _MAX_RATIO) + _SPACE_IN) + _HEAD_IN
     figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=_INK)
     panels = list(figure.subplots(rows, columns, squeeze=False).flat)
@@ -227,7 +229,7 @@ def make_panels(title: str, count: int, ratio: float, *, columns: int = 3) -> tu
     return figure, panels[:count]
 
 
-def _show(axes: Axes, rgb: Rgb) -> None:
+def _draw_rgb(axes: Axes, rgb: Rgb) -> None:
     axes.imshow(rgb, interpolation="nearest", aspect="equal")
     axes.set(xticks=[], yticks=[])
     axes.grid(visible=False)
@@ -236,21 +238,21 @@ def _show(axes: Axes, rgb: Rgb) -> None:
 def colour_bar(panel: Axes, norm: Normalize, name: str, label: str, extend: str) -> None:
     """Draw a colour bar beside a picture."""
     figure: Any = panel.figure
-    place = panel.inset_axes((1.02, 0.02, 0.04, 0.96))
-    bar = figure.colorbar(ScalarMappable(norm, name), cax=place, extend=extend)
+    bar_axes = panel.inset_axes((1.02, 0.02, 0.04, 0.96))
+    bar = figure.colorbar(ScalarMappable(norm, name), cax=bar_axes, extend=extend)
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7.5)
     bar.outline.set_visible(False)
 
 
-def _names(panel: Axes, ids: NDArray[Any], classes: Classes) -> None:
+def _draw_class_legend(panel: Axes, ids: NDArray[Any], classes: Classes) -> None:
     found, counts = np.unique(ids, return_counts=True)
     if not found.size:
         return
-    often = found[np.argsort(counts, kind="stable")[::-1]][:_MOST_NAMES]
+    frequent = found[np.argsort(counts, kind="stable")[::-1]][:_MAX_LEGEND_NAMES]
     colours = _class_colours(classes, 256) / 255.0
     panel.legend(
-        handles=[Patch(color=colours[i], label=classes.name(i)) for i in sorted(int(i) for i in often)],
+        handles=[Patch(color=colours[i], label=classes.name(i)) for i in sorted(int(i) for i in frequent)],
         loc="upper left",
         bbox_to_anchor=(1.0, 1.02),
         fontsize=7.5,

@@ -13,8 +13,8 @@ def text(value: Any, unit: str = "") -> str:
         return "not measured"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    words = f"{value:.4g}" if isinstance(value, float) else str(value)
-    return f"{words} {unit}".rstrip()
+    number = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{number} {unit}".rstrip()
 
 
 def table(rows: Sequence[Sequence[str]], head: Sequence[str] = ()) -> str:

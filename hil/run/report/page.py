@@ -1,4 +1,4 @@
-"""The report page of a run: one HTML file that needs nothing else, with its pictures beside it as PNGs."""
+"""The report page of a run: one self-contained HTML file. Its pictures are also PNG files in the run's folder."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _EVENTS_SHOWN = 300
 
 
 def write_page(out_dir: Path, run: Mapping[str, Any], events: Sequence[Event], report: Report, title: str = "") -> Path:
-    """Write `report.html` into `out_dir` and return its path. Works for runs that ended before they began.
+    """Write `report.html` into `out_dir` and return its path. Also works for a run that failed before tick 0.
 
-    `run` is the content of run.json, `report` what the parts of the run add. Raises OSError.
+    `run` is the content of run.json, `report` the contributions of the parts. Raises OSError.
     """
     page = out_dir / PAGE_NAME
     page.write_text(_page(run, events, report, title), encoding="utf-8")
@@ -28,13 +28,13 @@ def write_page(out_dir: Path, run: Mapping[str, Any], events: Sequence[Event], r
 
 
 def headline(run: Mapping[str, Any]) -> str:
-    """Return one line: what was flown and how fast."""
-    words = f"{run.get('scene', 'scene')} on rig {run.get('rig', '?')}, seed {run.get('seed', '?')}"
+    """Return scene, rig, seed and duration of the run in one line."""
+    line = f"{run.get('scene', 'scene')} on rig {run.get('rig', '?')}, seed {run.get('seed', '?')}"
     if run.get("sim_s") is not None and run.get("wall_s") is not None:
-        words += f": {run['sim_s']:.1f} s of flight in {run['wall_s']:.1f} s"
+        line += f": {run['sim_s']:.1f} s of flight in {run['wall_s']:.1f} s"
         if run.get("realtime_factor") is not None:
-            words += f" ({run['realtime_factor']:.0f}\N{MULTIPLICATION SIGN} real time)"
-    return words
+            line += f" ({run['realtime_factor']:.0f}\N{MULTIPLICATION SIGN} real time)"
+    return line
 
 
 def _page(run: Mapping[str, Any], events: Sequence[Event], report: Report, title: str) -> str:
@@ -54,7 +54,7 @@ def _page(run: Mapping[str, Any], events: Sequence[Event], report: Report, title
 <header class="{escape(status.lower())}"><b>{escape(status)}</b> {escape(title or headline(run))}</header>
 {message}
 {figures}
-<div class="columns"><section><h2>Figures</h2>{table(_headline_rows(run))}</section>
+<div class="columns"><section><h2>Summary</h2>{table(_headline_rows(run))}</section>
 <section><h2>Verdict</h2>{_verdict(run)}<h2>Sensors</h2>{_sensors(run)}
 <h2>Not computed</h2>{_skipped(run)}</section></div>
 {sections}
@@ -74,7 +74,7 @@ def _headline_rows(run: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Waypoints reached", f"{text(mission.get('reached'))} of {text(mission.get('waypoints'))}"),
         ("Simulated time", text(run.get("sim_s"), "s")),
         ("Wall time", text(run.get("wall_s"), "s")),
-        ("Times real time", text(run.get("realtime_factor"))),
+        ("Real-time factor", text(run.get("realtime_factor"))),
         ("Deterministic", text(run.get("deterministic"))),
         ("Seed", text(run.get("seed"))),
         ("Autopilot", text(autopilot.get("kind"))),
@@ -87,7 +87,7 @@ def _headline_rows(run: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _realtime_rows(realtime: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return rows on the punctuality of samples and commands; empty for an autopilot in lockstep."""
+    """Return rows on the punctuality of samples and motor commands; none for an autopilot in lockstep."""
     if not realtime:
         return []
     late, age = realtime["send_lateness_us"], realtime["actuator_age_us"]

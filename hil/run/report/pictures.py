@@ -1,4 +1,4 @@
-"""Pictures of the report: each function draws into the run's folder and returns (caption, file) of what it drew.
+"""Pictures of the report: each function draws PNG files into the run's folder and returns (caption, file) of each.
 
 Importing this module loads matplotlib, half a second: parts import it when the flight is over.
 """
@@ -19,11 +19,11 @@ from sim.radar.chirp import Chirp
 Picture = tuple[str, Path]
 Bins = Sequence[tuple[float, int]]  # middle of a histogram's bin [ns], count
 FLIGHT_NAME = "flight.png"
-_HARMFUL_MS = 20.0  # samples this late were seen to hurt PX4's estimator: firmware_bridge.links.realtime.health
+_HARMFUL_MS = 20.0  # samples this late disturb PX4's estimator: firmware_bridge.links.realtime.health
 
 
 def flight_pictures(out: Path, track: TrackArrays, plan: Sequence[PlanPoint], title: str) -> list[Picture]:
-    """Draw the flown path, attitude and motors. `plan`: its points in flying order. Nothing for an empty track."""
+    """Draw the flown path, attitude and motors; nothing for an empty track. `plan`: its points in flying order."""
     if not len(track.t_s):
         return []
     flight, motion = out / FLIGHT_NAME, out / "motion.png"
@@ -72,8 +72,8 @@ def frames_pictures(
         if isinstance(sample, RadarSample):
             title = frame_pictures.frame_title(name, sample)
             figures.save(radar_pictures.radar_figure(title, sample.channels, chirps[name]), path)
-            pictures.append((f"What {name} saw in its fullest frame", path))
+            pictures.append((f"Frame of {name} with the most points or tracks", path))
         else:
             figures.save(frame_pictures.frame_figure(name, sample, classes), path)
-            pictures.append((f"What {name} saw in mid-flight", path))
+            pictures.append((f"Frame of {name} in mid-flight", path))
     return pictures

@@ -20,10 +20,10 @@ from sim.radar.chirp import Chirp
 
 POWER_MAP = "inferno"
 _SPEED_MAP = "RdBu_r"
-_DEEPEST_DB = 70.0  # below the peak
-_FLOOR_PERCENTILE = 20.0
-_QUIETEST = 1e-12  # counts squared
-_RATIO = 0.8
+_MAX_SPAN_DB = 70.0  # of the colour scale, below the peak
+_FLOOR_PERCENTILE = 20.0  # of a map, taken as the noise floor
+_MIN_POWER = 1e-12  # counts squared
+_PANEL_RATIO = 0.8  # height to width
 
 Power = NDArray[np.floating[Any]]
 _TRACK = "#35d0ff"
@@ -40,14 +40,14 @@ def radar_figure(
     if power is None and "raw" in channels:
         power = plain_map(channels["raw"])
     from_above = "points" in channels or "tracks" in channels
-    seen = rgb is not None
-    count = seen + (power is not None) + from_above
-    figure, panels = make_panels(title, count, _RATIO, columns=2)
+    has_rgb = rgb is not None
+    count = has_rgb + (power is not None) + from_above
+    figure, panels = make_panels(title, count, _PANEL_RATIO, columns=2)
     if rgb is not None:
         draw_channel(panels[0], "rgb", rgb)
         panels[0].set_aspect("equal", anchor="N")
     if power is not None:
-        draw_map(panels[seen], power, chirp)
+        draw_map(panels[has_rgb], power, chirp)
     if from_above:
         draw_from_above(panels[-1], channels.get("points"), channels.get("tracks"), chirp)
     return figure
@@ -64,23 +64,23 @@ def plain_map(raw: NDArray[Any]) -> Power:
 
 def decibels(power: Power) -> Power:
     """Return power in dB, with a floor so that zero power stays finite."""
-    return np.asarray(10.0 * np.log10(np.maximum(power, _QUIETEST)))
+    return np.asarray(10.0 * np.log10(np.maximum(power, _MIN_POWER)))
 
 
-def colours_of(level_db: Power) -> Normalize:
+def colour_scale(level_db: Power) -> Normalize:
     """Return the colour scale from the noise floor to the peak."""
     finite = level_db[np.isfinite(level_db)]
     if not finite.size:
         return Normalize(0.0, 1.0)
     peak = float(finite.max())
-    floor = max(float(np.percentile(finite, _FLOOR_PERCENTILE)), peak - _DEEPEST_DB)
+    floor = max(float(np.percentile(finite, _FLOOR_PERCENTILE)), peak - _MAX_SPAN_DB)
     return Normalize(min(floor, peak - 1.0), peak)
 
 
 def draw_map(panel: Axes, power: Power, chirp: Chirp, name: str = "range-Doppler", *, plain_axes: bool = False) -> None:
-    """Draw a map, range to the right, speed upwards, approaching below. `plain_axes`: name the axes in the title."""
+    """Draw a map, range to the right, speed upwards; approaching is negative. `plain_axes`: axes named in the title."""
     level = decibels(power)
-    norm = colours_of(level)
+    norm = colour_scale(level)
     show_levels(panel, level, norm, range_extent(chirp, level.shape[1]), speed_extent(chirp, len(level)))
     if plain_axes:
         name += " [m] by [m/s]"
@@ -117,34 +117,35 @@ def show_levels(
 
 def draw_from_above(panel: Axes, points: NDArray[Any] | None, tracks: NDArray[Any] | None, chirp: Chirp) -> None:
     """Draw points coloured by speed and tracks with velocity arrows from above; forward is up."""
-    axes = panel
     norm = Normalize(-chirp.max_speed_mps, chirp.max_speed_mps)
-    found = []
+    counts = []
     if points is not None:
         x, y = points["x_R"], points["y_R"]
-        axes.scatter(-y, x, s=16.0, c=points["speed_mps"], cmap=_SPEED_MAP, norm=norm, linewidths=0.4, edgecolors="0.3")
+        panel.scatter(
+            -y, x, s=16.0, c=points["speed_mps"], cmap=_SPEED_MAP, norm=norm, linewidths=0.4, edgecolors="0.3"
+        )
         colour_bar(panel, norm, _SPEED_MAP, "radial speed [m/s], + goes away", "neither")
-        found.append(_counted(len(points), "point"))
+        counts.append(_counted(len(points), "point"))
     if tracks is not None:
         for track in tracks:
             (x, y), (vx, vy) = track["p_R_m"][:2], track["v_R_mps"][:2]
-            axes.plot(-y, x, "o", ms=11, mfc="none", mec="#009e73", mew=1.6)
-            axes.annotate(
+            panel.plot(-y, x, "o", ms=11, mfc="none", mec="#009e73", mew=1.6)
+            panel.annotate(
                 f" {int(track['id'])}", (-y, x), (-(y + vy), x + vx), fontsize=8, color="#009e73",
                 arrowprops={"arrowstyle": "<-", "color": "#009e73"},
             )  # fmt: skip
-        found.append(_counted(len(tracks), "track"))
+        counts.append(_counted(len(tracks), "track"))
         if points is None:
             note(panel, "arrows: distance\nin one second")
     far = chirp.max_range_m
-    axes.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
-    axes.set(xlim=(-0.62 * far, 0.62 * far), ylim=(-0.04 * far, far), xlabel="to the right [m]", ylabel="forward [m]")
-    axes.tick_params(labelsize=7.5)
-    axes.set_title("from above, " + " and ".join(found), fontsize=9.5, loc="left")
+    panel.plot(0.0, 0.0, "^", ms=7, color="#d55e00", mec="white")
+    panel.set(xlim=(-0.62 * far, 0.62 * far), ylim=(-0.04 * far, far), xlabel="to the right [m]", ylabel="forward [m]")
+    panel.tick_params(labelsize=7.5)
+    panel.set_title("from above, " + " and ".join(counts), fontsize=9.5, loc="left")
 
 
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def waterfall_figure(
@@ -158,18 +159,18 @@ def waterfall_figure(
     """Draw range and speed over time with the tracks. Rows of `range_time` and `speed_time` are frames."""
     figure = Figure(figsize=(13.5, 8.2), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
-    above, below = figure.subplots(2, 1, sharex=True)
+    range_axes, speed_axes = figure.subplots(2, 1, sharex=True)
     time_extent = _time_extent(t_s)
-    _rows(figure, above, range_time, time_extent, range_extent(chirp, max(range_time.shape[-1], 1)))
-    above.set(ylabel="range [m]")
-    above.set_title("range over time: greatest power of all speeds", fontsize=9.5, loc="left")
-    _rows(figure, below, speed_time, time_extent, speed_extent(chirp, max(speed_time.shape[-1], 1)))
-    below.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
-    below.set_title("speed over time: power of all ranges", fontsize=9.5, loc="left")
-    for axes, field in ((above, "range_m"), (below, "speed_mps")):
-        at = [t for t, found in zip(t_s, tracks, strict=True) for _ in found]
-        values = [value for found in tracks for value in found[field].tolist()]
-        axes.plot(at, values, ".", ms=3.5, color=_TRACK, label="tracks")
+    _draw_rows(figure, range_axes, range_time, time_extent, range_extent(chirp, max(range_time.shape[-1], 1)))
+    range_axes.set(ylabel="range [m]")
+    range_axes.set_title("range over time: greatest power of all speeds", fontsize=9.5, loc="left")
+    _draw_rows(figure, speed_axes, speed_time, time_extent, speed_extent(chirp, max(speed_time.shape[-1], 1)))
+    speed_axes.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
+    speed_axes.set_title("speed over time: power of all ranges", fontsize=9.5, loc="left")
+    for axes, field in ((range_axes, "range_m"), (speed_axes, "speed_mps")):
+        times_s = [t for t, frame_tracks in zip(t_s, tracks, strict=True) for _ in frame_tracks]
+        values = [value for frame_tracks in tracks for value in frame_tracks[field].tolist()]
+        axes.plot(times_s, values, ".", ms=3.5, color=_TRACK, label="tracks")
         if values:
             axes.legend(loc="upper right", fontsize=8, labelcolor="white")
     return figure
@@ -190,7 +191,7 @@ def micro_doppler_figure(
     figure = Figure(figsize=(13.5, 4.6), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
     axes = figure.subplots()
-    _rows(figure, axes, speed_time, _time_extent(t_s), speed_extent(chirp, speed_time.shape[-1]))
+    _draw_rows(figure, axes, speed_time, _time_extent(t_s), speed_extent(chirp, speed_time.shape[-1]))
     axes.plot(track_t_s, track_speed_mps, "-", lw=0.8, color=_TRACK, label="the track's speed")
     axes.legend(loc="upper right", fontsize=8, labelcolor="white")
     axes.set(ylabel="radial speed [m/s], + goes away", xlabel="time [s]")
@@ -204,13 +205,13 @@ def _time_extent(t_s: NDArray[np.float64]) -> tuple[float, float]:
     return (float(t_s[0]) - 0.5 * step, float(t_s[-1]) + 0.5 * step) if len(t_s) else (0.0, 1.0)
 
 
-def _rows(
+def _draw_rows(
     figure: Figure, axes: Axes, power: NDArray[np.float32], across: tuple[float, float], upward: tuple[float, float]
 ) -> None:
     if not power.size:
         return
     level = decibels(power.T)
-    norm = colours_of(level)
+    norm = colour_scale(level)
     show_levels(axes, level, norm, across, upward)
     bar = figure.colorbar(ScalarMappable(norm, POWER_MAP), ax=axes, extend="min", pad=0.01)
     bar.set_label("[dB of 1 count2]", fontsize=8)

@@ -38,7 +38,7 @@ def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
     raise RecordingError(f"{runs}: all thousand names of this second are taken; name a folder with --out")
 
 
-def leave_config_error(
+def write_config_error(
     error: ConfigError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None
 ) -> None:
     """Write the run.json of a run that never began because of a ConfigError, so that callers always find one."""

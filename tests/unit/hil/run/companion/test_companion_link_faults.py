@@ -33,8 +33,8 @@ def test_the_same_seed_loses_the_same_frames_at_the_rate_asked_for() -> None:
     for _ in range(2):
         faults, _ = made()
         faults.inject(CompanionFault(kind="drop", client="explore", at_s=1.0, rate=0.25, for_s=10.0), S)
-        lost.append([k for k in range(4000) if faults.drops("explore", k)])
-        assert not any(faults.drops("other", k) for k in range(300))
+        lost.append([k for k in range(4000) if faults.lose("explore", k)])
+        assert not any(faults.lose("other", k) for k in range(300))
     assert lost[0] == lost[1]
     assert len(lost[0]) == pytest.approx(1000, abs=4 * (4000 * 0.25 * 0.75) ** 0.5)
 
@@ -42,11 +42,11 @@ def test_the_same_seed_loses_the_same_frames_at_the_rate_asked_for() -> None:
 def test_a_drop_ends_in_simulated_time_and_counts_the_lost_frames() -> None:
     faults, events = made()
     faults.inject(CompanionFault(kind="drop", client="a", at_s=1.0, rate=1.0, for_s=2.0), S)
-    assert [faults.drops("a", k) for k in range(3)] == [True] * 3
+    assert [faults.lose("a", k) for k in range(3)] == [True] * 3
     faults.step(3 * S - 1)
-    assert faults.drops("a", 3)
+    assert faults.lose("a", 3)
     faults.step(3 * S)
-    assert not faults.drops("a", 4)
+    assert not faults.lose("a", 4)
     assert events[-1] == (3 * S, "fault", "companion a: drop is over, 4 frames lost")
 
 

@@ -134,7 +134,7 @@ def test_the_run_leaves_calibration_and_pictures_for_the_report(tmp_path: Path, 
     assert np.allclose(np.reshape(euroc["T_BS"]["data"], (4, 4))[:3, :3], [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     assert (tmp_path / "frame_front.png").read_bytes().startswith(b"\x89PNG")
     page = (tmp_path / "report.html").read_text()
-    assert "What front saw in mid-flight" in page
+    assert "Frame of front in mid-flight" in page
 
 
 def test_a_wrong_picture_size_ends_the_run_before_it_begins(tmp_path: Path, worlds: list[FormulaFrames]) -> None:
