@@ -27,8 +27,8 @@ def test_a_scene_without_compared_pixels_fails_every_check(last: bool) -> None:
 
 @pytest.mark.parametrize("scene", ["park", "shapes"])
 def test_both_casters_see_the_same_scene(scene: str) -> None:
-    place = park() if scene == "park" else shapes(100)
-    place.origins_W = place.origins_W[:1]
-    ours, theirs, apart = lidar._compare(place, "16x900", turns=1)
-    assert apart == 0
-    assert max(ours.error, theirs.error) < 1e-5
+    prepared = park() if scene == "park" else shapes(100)
+    prepared.origins_W = prepared.origins_W[:1]
+    own_row, mujoco_row, differing = lidar._compare(prepared, "16x900", rounds=1)
+    assert differing == 0
+    assert max(own_row.error, mujoco_row.error) < 1e-5

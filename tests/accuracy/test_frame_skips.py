@@ -24,12 +24,12 @@ def park() -> Case:
 def test_pictures_are_the_same_with_and_without_each_rule(park: Case) -> None:
     rules = raster_rules(park, CAMERA)
     assert len(rules) == len(fields(RenderSkips)) + 1  # and the channels that nobody asked for
-    assert {rule.name: compare(rule, turns=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
+    assert {rule.name: compare(rule, rounds=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
 
 
 def test_pictures_of_many_geoms_are_the_same_with_and_without_each_rule() -> None:
     rules = raster_rules(field_case(800, seed=2, views=3), CAMERA)
-    assert {rule.name: compare(rule, turns=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
+    assert {rule.name: compare(rule, rounds=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
 
 
 def test_the_flight_of_the_contact_rule_lands_again_and_all_of_its_state_is_compared() -> None:
@@ -43,14 +43,14 @@ def test_the_flight_of_the_contact_rule_lands_again_and_all_of_its_state_is_comp
     assert flight["p_WB"][airborne, 2].max() > 0.7
     assert touches[airborne[0] :].sum() > 100
     assert touches[-1]
-    assert compare(rule, turns=1)[1] == 0.0
+    assert compare(rule, rounds=1)[1] == 0.0
 
 
 def test_rays_are_the_same_with_and_without_each_rule(park: Case) -> None:
     rules = lidar_rules(park)
     assert len(rules) == 2
     for rule in rules:
-        assert compare(rule, turns=1)[1] == 0.0
+        assert compare(rule, rounds=1)[1] == 0.0
         _, found = next(rule.run(False))
         met = found["range"][found["geom"] >= 0]
         assert len(met) > 1000
@@ -59,7 +59,7 @@ def test_rays_are_the_same_with_and_without_each_rule(park: Case) -> None:
 
 def test_raw_frames_are_the_same_whether_or_not_the_rest_is_made(park: Case) -> None:
     rule = radar_rule(park)
-    assert compare(rule, turns=1)[1] == 0.0
+    assert compare(rule, rounds=1)[1] == 0.0
     frames = [found["raw"] for _, found in rule.run(True)]
     assert len(frames) == len(park.views)
     assert frames[0].shape == (3, 64, 64)

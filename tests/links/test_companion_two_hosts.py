@@ -34,14 +34,14 @@ def host() -> Iterator[Host]:
 @pytest.fixture
 def endpoints(host: Host, tmp_path: Path) -> Endpoints:
     make_keys(tmp_path / "keys", ["peer", "other"])
-    return Endpoints(host.near, host.command, tmp_path / "keys")
+    return Endpoints(host.bench_address, host.command, tmp_path / "keys")
 
 
 @pytest.mark.parametrize("arrangement", ["one_port", "ports"])
 def test_frames_cross_the_wire_whole(endpoints: Endpoints, arrangement: Arrangement) -> None:
     with open_transfer(endpoints, arrangement, scale=SCALE) as transfer:
         assert transfer.differing == 0
-        rates = transfer.measure(in_flight=MAX_IN_FLIGHT, seconds=0.2, least_pairs=1)
+        rates = transfer.measure(in_flight=MAX_IN_FLIGHT, seconds=0.2, min_pairs=1)
     # Not faster than the wire, or the frames took another way. A burst may pass at once.
     assert min(rates.link_s + rates.bare_s) > 0.5 * rates.payload_bytes * 8 / 1e9
 

@@ -1,11 +1,11 @@
 """`hil bench dash`: cost of an open dashboard page for the run, its effect on the run, and the server's memory.
 
 The same flight is run alone, with a page without panes, with two panes of the run's own pictures, and with two panes
-that the server renders. The run is in this process; the server and a page that requests every update at once have their
-own processes, as in `hil run --dash`. The page is only a socket, so the cost of a browser is not included. The error of
-a watched flight is the share of flights whose digest differs from that of the flight alone. Its time is the processor
-time of the run's own thread for requests and updates, as a share of the flight. The best of several flights counts,
-because other load on the machine can only add to the time.
+that the server renders. The run is in this process; the server and the page have their own processes, as in
+`hil run --dash`. The page is only a socket, so the cost of a browser is not included; it requests the next update as
+soon as it has received one. The error of a watched flight is the share of flights whose digest differs from that of the
+flight alone. The time is the processor time of the run's own thread for requests and updates, as a share of the flight.
+The best of several flights counts, because other load on the machine can only add to the time.
 
 Afterwards many updates are sent through the real server as fast as possible, and its memory is compared.
 """
@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.dash.command import server_process
 from hil.apps.dash.live.live_run import LiveRun
 from hil.apps.dash.messages import Unpacker, packed
@@ -39,9 +39,9 @@ from hil.run.bench_run import run_bench
 from signals.errors import HilError
 
 _PANES: dict[str, tuple[str, ...]] = {
-    "a page, no panes": (),
-    "two panes of the run's own": ("front/rgb", "front/depth"),
-    "two panes of the page's own": ("view/camera/rgb", "view/lidar/points"),
+    "page without panes": (),
+    "two panes of the run's pictures": ("front/rgb", "front/depth"),
+    "two panes rendered by the server": ("view/camera/rgb", "view/lidar/points"),
 }
 _SETTINGS = [
     "scene=city_park",
@@ -51,11 +51,11 @@ _SETTINGS = [
     "sensors.front={kind: camera, resolution: [320, 240], fov_deg: 90, rate_hz: 10, channels: [rgb, depth]}",
 ]
 _WAIT_S = 60.0  # on a busy machine a server takes long to start
-_WARM_S = 1.0  # start of a flight, not counted: the server loads its renderer
+_WARM_S = 1.0  # not counted at the start of a flight: the server loads its renderer
 _PICTURE_EVERY = 5  # updates
 
 
-def measure(*, quick: bool, status: Status) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Fly with and without pages, then send many updates. Raises HilError if a flight fails or the server ends."""
     result = BenchmarkResult(time_label="cost, share of the run's time")
     rounds, updates = (1, 2000) if quick else (3, 30_000)
@@ -66,31 +66,33 @@ def measure(*, quick: bool, status: Status) -> BenchmarkResult:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         status("alone")
-        alone = _fly(bench, folder / "alone", None)["digest"]
+        digest_alone = _fly(bench, folder / "alone", None)["digest"]
         for k in range(rounds):
             for method, panes in _PANES.items():
                 status(f"{method}, flight {k + 1} of {rounds}")
-                run, live, rate = _watched(bench, folder, panes)
+                run, live, rate = _fly_watched(bench, folder, panes)
                 rates.setdefault(method, []).append(rate)
                 costs.setdefault(method, []).append(1e-9 * live.service_ns / run["wall_s"])
                 digests.setdefault(method, []).append(run["digest"])
-        memory_mib, update_s = _memory(folder, updates, status)
-    for method, seen in digests.items():
-        differing = float(np.mean([digest != alone for digest in seen]))
+        memory_mib, update_s = _measure_memory(folder, updates, status)
+    for method, method_digests in digests.items():
+        differing = float(np.mean([digest != digest_alone for digest in method_digests]))
         details = {"updates_per_s": max(rates[method])}
         result.rows.append(
             Row("flight in city_park", method, differing, "digests that differ", min(costs[method]), details)
         )
     growth = memory_mib[1] - memory_mib[0]
-    many = {"updates": updates, "memory_mib": memory_mib}
-    result.rows.append(Row("many updates", "the page's server", max(growth, 0.0), "MiB grown", update_s, many))
-    two = [method for method in _PANES if method.startswith("two")]
-    different = {alone}.union(*digests.values())
+    memory_details = {"updates": updates, "memory_mib": memory_mib}
+    result.rows.append(
+        Row("many updates", "the page's server", max(growth, 0.0), "MiB grown", update_s, memory_details)
+    )
+    two_panes = [method for method in _PANES if method.startswith("two")]
+    different = {digest_alone}.union(*digests.values())
     result.checks += [
-        Check("updates a second with two panes", min(max(rates[m]) for m in two), ">=", 20.0, "1/s"),
+        Check("updates a second with two panes", min(max(rates[m]) for m in two_panes), ">=", 20.0, "1/s"),
         Check(
-            "cost of two panes: looks and updates in the run's thread",
-            100.0 * max(min(costs[m]) for m in two),
+            "cost of two panes: requests and updates in the run's thread",
+            100.0 * max(min(costs[m]) for m in two_panes),
             "<=",
             5.0,
             "%",
@@ -99,7 +101,7 @@ def measure(*, quick: bool, status: Status) -> BenchmarkResult:
         Check(f"growth of the server over {updates} updates", growth, "<=", 4.0, "MiB"),
     ]
     if quick:
-        result.left_out.append("30,000 updates through the server: 2000 only; each flight but once")
+        result.left_out.append("28,000 of 30,000 updates through the server; two of three flights with each page")
     return result
 
 
@@ -110,9 +112,9 @@ def _fly(bench: Bench, out: Path, live: LiveRun | None) -> dict[str, Any]:
     return flown
 
 
-def _watched(bench: Bench, folder: Path, panes: Sequence[str]) -> tuple[dict[str, Any], LiveRun, float]:
+def _fly_watched(bench: Bench, folder: Path, panes: Sequence[str]) -> tuple[dict[str, Any], LiveRun, float]:
     """Fly with an open page; return run.json, the run's side of the connection, and updates per second."""
-    with _served(folder, panes) as (connection, _, page):
+    with _server_and_page(folder, panes) as (connection, _, page):
         live = LiveRun(connection)
         run = _fly(bench, folder / "watched", live)
         live.close()
@@ -121,11 +123,11 @@ def _watched(bench: Bench, folder: Path, panes: Sequence[str]) -> tuple[dict[str
     return run, live, (len(received_s) - 1) / float(np.ptp(received_s))
 
 
-def _memory(folder: Path, updates: int, status: Status) -> tuple[tuple[float, float], float]:
+def _measure_memory(folder: Path, updates: int, status: ShowStatus) -> tuple[tuple[float, float], float]:
     """Return the server's memory [MiB] after a quarter of the updates and after all, and seconds per update."""
     panes = ("front/depth", "lidar/points")
     memory_mib: list[float] = []
-    with _served(folder, panes) as (connection, pid, _):
+    with _server_and_page(folder, panes) as (connection, pid, _):
         unpacker = Unpacker()
         connection.settimeout(_WAIT_S)
         connection.sendall(packed({"kind": "begin", "sensors": {}, "home": [0.0, 0.0, 0.0], "path": []}))
@@ -145,24 +147,24 @@ def _memory(folder: Path, updates: int, status: Status) -> tuple[tuple[float, fl
 
 
 def _state(k: int, panes: Sequence[str]) -> dict[str, Any]:
-    """Return update number `k`, with new entries for everything that may accumulate: trail, events and pictures."""
+    """Return update number `k`, with new entries for everything that the server stores: trail, events and pictures."""
     p_WB = (20.0 * np.cos(1e-3 * k), 20.0 * np.sin(1e-3 * k), 5.0)
     state: dict[str, Any] = {"kind": "state", "tick": k, "t_ns": k * 50_000_000, "phase": "flying"}
     state |= {"p": p_WB, "q": (1.0, 0.0, 0.0, 0.0), "v": (0.1, 0.2, 0.0), "controls": (0.5,) * 4}
     state |= {"trail": [0.05 * k, *p_WB], "events": [(k, "status", f"event {k}")], "slow": {"links": []}}
     if k % _PICTURE_EVERY == 0:
-        place = {"t_ns": k, "p": p_WB, "q": (1.0, 0.0, 0.0, 0.0)}
+        pose = {"t_ns": k, "p": p_WB, "q": (1.0, 0.0, 0.0, 0.0)}
         depth = array_payload(np.full((240, 320), 1.0 + k % 90, np.float32))
         cloud = {"points": np.full((500, 3), k % 7, np.float32).tobytes()}
-        state["frames"] = {panes[0]: place | depth, panes[1]: place | cloud}
+        state["frames"] = {panes[0]: pose | depth, panes[1]: pose | cloud}
     return state
 
 
 @contextmanager
-def _served(folder: Path, panes: Sequence[str]) -> Iterator[tuple[socket.socket, int, Future[list[float]]]]:
+def _server_and_page(folder: Path, panes: Sequence[str]) -> Iterator[tuple[socket.socket, int, Future[list[float]]]]:
     """Start a server and a page; yield the run's side of the connection, the server's process id, and the page.
 
-    The page waits for its first update. It ends with the server, after the context.
+    The page waits for its first update. It ends when the server ends, after the context.
     """
     connection, server_side = socket.socketpair()
     with server_side, open_port("127.0.0.1", 0) as listening:
@@ -180,7 +182,7 @@ def _served(folder: Path, panes: Sequence[str]) -> Iterator[tuple[socket.socket,
 
 
 def follow(host: str, panes: Sequence[str]) -> list[float]:
-    """Act as a page: request and receive updates until the server ends. Returns the time of each update [s]."""
+    """Act as a page: request and receive updates until the server ends; return the time of each update [s]."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 

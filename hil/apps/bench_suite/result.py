@@ -14,13 +14,16 @@ import numpy as np
 
 from signals.errors import RecordingError
 
-Status = Callable[[str], None]  # displays the current step of a benchmark
+ShowStatus = Callable[[str], None]  # displays the text, the current step of a benchmark
 _MAX_PANELS = 30
 
 
 @dataclass(frozen=True)
 class Row:
-    """Error and wall time of one method on one case. Neither is reported without the other."""
+    """Error and wall time of one method on one case.
+
+    `method` may be "METHOD @ SETTING": the plot joins the settings of a method with a line.
+    """
 
     case: str
     method: str
@@ -48,7 +51,7 @@ class Check:
 
 @dataclass
 class BenchmarkResult:
-    """Rows and checks of one benchmark. `left_out` lists the parts that were not run; `time_label` is the time axis."""
+    """Rows and checks of one benchmark. `left_out`: parts that were not run. `time_label`: label of the time axis."""
 
     rows: list[Row] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
@@ -103,12 +106,12 @@ def work_precision_plot(result: BenchmarkResult, title: str, path: Path) -> None
         ax.bar_label(bars, [f"{row.time_s:.3g}, {row.error:.2g} {row.error_unit}" for row in rows], fontsize=8)
         ax.invert_yaxis()
         ax.margins(x=0.3)
-        ax.set(xscale="log", xlabel=f"{result.time_label}; error beside it")
+        ax.set(xscale="log", xlabel=f"{result.time_label}; at each bar: time, error")
     else:
         columns = min(3, max(1, len(cases)))
-        lines = max(1, -(-len(cases) // columns))
-        figure = Figure(figsize=(4.6 * columns, 3.6 * lines), layout="constrained")
-        axes = figure.subplots(lines, columns, squeeze=False)
+        panel_rows = max(1, -(-len(cases) // columns))
+        figure = Figure(figsize=(4.6 * columns, 3.6 * panel_rows), layout="constrained")
+        axes = figure.subplots(panel_rows, columns, squeeze=False)
         for ax in list(axes.flat)[len(cases) :]:
             ax.set_visible(False)
         for ax, case in zip(axes.flat, cases, strict=False):
@@ -122,13 +125,19 @@ def _draw_case(ax: Any, rows: Sequence[Row], time_label: str) -> None:
 
     floor = min((row.error for row in rows if row.error > 0), default=1e-15) / 10
     for method in dict.fromkeys(row.method.split(" @ ")[0] for row in rows):
-        mine = [row for row in rows if row.method.split(" @ ")[0] == method]
-        errors = [row.error if row.error > 0 else floor for row in mine]
-        ax.plot([row.time_s for row in mine], errors, "o-" if len(mine) > 1 else "o", label=method, markersize=5)
+        method_rows = [row for row in rows if row.method.split(" @ ")[0] == method]
+        errors = [row.error if row.error > 0 else floor for row in method_rows]
+        ax.plot(
+            [row.time_s for row in method_rows],
+            errors,
+            "o-" if len(method_rows) > 1 else "o",
+            label=method,
+            markersize=5,
+        )
     ax.set(xscale="log", yscale="log", xlabel=time_label, ylabel=f"error [{rows[0].error_unit}]")
     times_s = [row.time_s for row in rows]
-    apart = max(times_s) > 2.0 * min(times_s)
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if apart else MaxNLocator(3))
+    wide_range = max(times_s) > 2.0 * min(times_s)
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if wide_range else MaxNLocator(3))
     ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_title(rows[0].case, loc="left", fontsize=10, fontweight="bold")

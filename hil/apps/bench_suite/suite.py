@@ -17,31 +17,33 @@ from signals.errors import ConfigError, Problem, RecordingError
 # Name -> (module, title of the plot). The module has a function `measure(*, quick, status) -> BenchmarkResult` and
 # optionally `plot(result, title, path)` in place of the plot of error against time.
 BENCHMARKS: dict[str, tuple[str, str]] = {
-    "dash": ("hil.apps.bench_suite.dash", "Dashboard: what an open page costs the run, and its memory"),
-    "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: frames a second, and what the labels get wrong"),
-    "detect": ("hil.apps.bench_suite.data.detect", "Detector: precision lost against the time of a picture"),
-    "lidar": ("hil.apps.bench_suite.sensors.lidar", "LiDAR: range error against time of a sweep"),
+    "dash": ("hil.apps.bench_suite.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
+    "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: time per frame and errors of the labels"),
+    "detect": ("hil.apps.bench_suite.data.detect", "Detector: loss of precision against time per picture"),
+    "lidar": ("hil.apps.bench_suite.sensors.lidar", "LiDAR: range error against time per sweep"),
     "lockstep": ("hil.apps.bench_suite.link.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.apps.bench_suite.link.link", "Links: lateness, message errors and flight errors against time"),
     "physics": ("hil.apps.bench_suite.physics.physics", "Flight physics: error against wall time"),
-    "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time"),
-    "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error beside MuJoCo's renderer"),
-    "skip": ("hil.apps.bench_suite.sensors.skip", "Skipping: what each rule saves"),
+    "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time per frame"),
+    "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error, compared with MuJoCo's renderer"),
+    "skip": ("hil.apps.bench_suite.sensors.skip", "Skipping: time saved by each rule"),
     "slam": ("hil.apps.bench_suite.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
     "stability": (
         "hil.apps.bench_suite.physics.stability",
-        "Stability: where each method stays finite and within tolerance",
+        "Stability: errors of each method far beyond normal flight",
     ),
 }
 
 
 def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console) -> bool:
-    """Run one benchmark, print its result and, with `json`, write it and its plot. Returns True if all checks are met.
+    """Run one benchmark, print its result and return True if all checks are met.
+
+    With `json`, write the result to that file and its plot to a .png with the same name.
 
     Raises ConfigError for an unknown name, RecordingError if a file cannot be written.
     """
     if name not in BENCHMARKS:
-        raise ConfigError([Problem("hil bench", f"no benchmark {name!r}", f"there are: {', '.join(BENCHMARKS)}")])
+        raise ConfigError([Problem("hil bench", f"no benchmark {name!r}", f"use one of: {', '.join(BENCHMARKS)}")])
     module, title = BENCHMARKS[name]
     benchmark = import_module(module)
     measure: Callable[..., BenchmarkResult] = benchmark.measure
@@ -72,4 +74,4 @@ def _print(result: BenchmarkResult, console: Console) -> None:
         checks.add_row(check.name, f"{check.value:.4g}", check.sense, f"{check.limit:g}", check.unit, mark)
     console.print(checks)
     for name in result.left_out:
-        console.print(f"left out by --quick: {name}")
+        console.print(f"left out: {name}")

@@ -1,4 +1,4 @@
-"""Timing of benchmarks: on one core, the methods in turn, the best of several turns."""
+"""Timing of benchmarks on one core: the methods run in turn, and each counts with its best time."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ def one_core() -> Iterator[None]:
     if not hasattr(os, "sched_setaffinity"):
         yield  # not Linux
         return
-    before = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(before)})
+    previous = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(previous)})
     try:
         yield
     finally:
-        os.sched_setaffinity(0, before)
+        os.sched_setaffinity(0, previous)
 
 
 def best_times(
     methods: Mapping[str, Callable[[], object]],
     *,
-    turns: int = 1,
-    once_s: float = float("inf"),
-    before: Callable[[str], None] = lambda _name: None,
+    rounds: int = 1,
+    once_above_s: float = float("inf"),
+    prepare: Callable[[str], None] = lambda _name: None,
 ) -> dict[str, float]:
-    """Return the seconds of each method, the best of `turns`; a method that takes longer than `once_s` runs once.
+    """Return the best time [s] of each method over `rounds`; a method that takes over `once_above_s` runs only once.
 
-    Other processes interfere for a while at a time, so the methods take turns. `before` is called with a method's name
-    before each of its runs and is not timed.
+    A round runs every method, so that other load on the machine affects all of them. `prepare` is called with a
+    method's name before each of its runs and is not timed.
     """
     best: dict[str, float] = {}
-    for _ in range(turns):
+    for _ in range(rounds):
         for name, method in methods.items():
-            if best.get(name, 0.0) > once_s:
+            if best.get(name, 0.0) > once_above_s:
                 continue
-            before(name)
+            prepare(name)
             began = time.perf_counter()
             method()
             took = time.perf_counter() - began

@@ -41,8 +41,8 @@ RADAR = "radar"  # the radar of the default bench
 class Rate:
     """Speed at which a data set was made.
 
-    `wall_s` runs from the start of the command (without storage, of the flight) to its end; the steady rate counts from
-    the first finished batch on.
+    `wall_s`: time from the start of the command (without storage, of the flight) to its end. The steady rate counts
+    from the first finished batch on.
     """
 
     frames: int
@@ -58,18 +58,18 @@ def plan_of(quality: str, *, frames: int, radar: bool) -> Iterator[DatasetPlan]:
         yield make_plan(None, frames=frames, quality=quality, seed=None, settings=settings, work=lambda: Path(folder))
 
 
-def stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rate:
+def measure_stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rate:
     """Measure `hil dataset` itself, in its own process and with everything written. Raises RecordingError."""
     arguments = ["--quality", quality, "--frames", str(frames), "--out", str(root), "--quiet"]
     arguments += [] if radar else ["--set", f"sensors.{RADAR}=null"]
     began_s = time.monotonic()
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "hil.cli", "dataset", *arguments], capture_output=True, text=True, check=False
     )
     wall_s = time.monotonic() - began_s
-    steady = re.search(r"([0-9.]+) frames/s after the first batch", done.stdout)
-    if done.returncode != 0 or steady is None:
-        raise RecordingError(f"hil dataset {' '.join(arguments)}: status {done.returncode}\n{done.stderr}")
+    steady = re.search(r"([0-9.]+) frames/s after the first batch", process.stdout)
+    if process.returncode != 0 or steady is None:
+        raise RecordingError(f"hil dataset {' '.join(arguments)}: status {process.returncode}\n{process.stderr}")
     return Rate(frames, wall_s, float(steady[1]))
 
 
@@ -83,10 +83,10 @@ class SampleOnly(BatchMaker):
         return JobResult(job.batch.index, was_complete=False)
 
 
-def not_stored(plan: DatasetPlan) -> Rate:
-    """Measure flight and samples alone, without encoding and writing."""
+def measure_unstored(plan: DatasetPlan) -> Rate:
+    """Measure flight and sampling alone, without encoding and writing."""
     began_s = time.monotonic()
-    times: list[tuple[float, int]] = []
+    times: list[tuple[float, int]] = []  # end of each batch [s], batches so far
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
         tree = TreeWriter(Path(folder))
         for name, data in saved_bench(plan).items():
@@ -106,19 +106,19 @@ def not_stored(plan: DatasetPlan) -> Rate:
             fly_for_frames(plan, add)
             while pool.busy:
                 collect(block=True)
-    (first_s, before), (last_s, after) = times[0], times[-1]
-    steady = (after - before) * plan.frames / len(times) / (last_s - first_s) if last_s > first_s else 0.0
+    (first_s, first_count), (last_s, last_count) = times[0], times[-1]
+    steady = (last_count - first_count) * plan.frames / len(times) / (last_s - first_s) if last_s > first_s else 0.0
     return Rate(plan.frames, time.monotonic() - began_s, steady)
 
 
-def floor_s(plan: DatasetPlan) -> float:
+def lower_bound_s(plan: DatasetPlan) -> float:
     """Return the seconds per frame that one process takes to encode and write the samples of a few batches."""
     batches: list[Batch] = []
     fly_for_frames(plan, lambda batch, _part: batches.append(batch))
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
         (Path(folder) / WORK).mkdir()
         maker = BatchMaker(plan, Path(folder))
-        best = []
+        frame_s = []
         for batch in batches:
             pairs = [(moment, due) for moment in batch.moments for due in moment.due]
             samples = [(due, maker.sample(moment.truth, due), moment.frame) for moment, due in pairs]
@@ -127,12 +127,12 @@ def floor_s(plan: DatasetPlan) -> float:
             for due, sample, frame in samples:
                 writer.store(due.sensor, sample, frame)
             writer.finish()
-            best.append((time.perf_counter() - began) / batch.frames)
-    return float(np.median(best))
+            frame_s.append((time.perf_counter() - began) / batch.frames)
+    return float(np.median(frame_s))
 
 
 def digest(root: Path) -> int:
-    """Return a CRC-32 over the names and contents of all files but the journal; of a picture its pixels count."""
+    """Return a CRC-32 over the names and contents of all files but the journal, with decoded pictures."""
     crc = 0
     for folder, folders, names in sorted(os.walk(root)):
         folders.sort()
@@ -151,7 +151,7 @@ def _content(path: Path) -> bytes:
 
 def box_errors(root: Path) -> tuple[int, int]:
     """Return the number of annotated boxes and the sum of pixels by which their edges miss the instance pictures."""
-    boxes = wrong = 0
+    boxes = miss_px = 0
     for path in sorted((root / "Annotations").iterdir()):
         tree = ET.parse(path).getroot()  # noqa: S314 (our own file)
         picture = np.asarray(cv2.imread(str(root / f"mav0/instance0/data/{path.stem}.png"), cv2.IMREAD_UNCHANGED))
@@ -159,12 +159,12 @@ def box_errors(root: Path) -> tuple[int, int]:
         for instance in np.unique(picture)[1:]:
             rows, columns = np.nonzero(picture == instance)
             extents.append((columns.min() + 1, rows.min() + 1, columns.max() + 1, rows.max() + 1))
-        known = np.array(extents).reshape(-1, 4)
+        mask_edges = np.array(extents).reshape(-1, 4)
         for box in tree.iter("bndbox"):
             edges = [int(box.findtext(key) or 0) for key in ("xmin", "ymin", "xmax", "ymax")]
             boxes += 1
-            wrong += int(np.abs(known - edges).sum(axis=1).min())
-    return boxes, wrong
+            miss_px += int(np.abs(mask_edges - edges).sum(axis=1).min())
+    return boxes, miss_px
 
 
 def radar_error(plan: DatasetPlan) -> tuple[float, float]:
@@ -183,7 +183,7 @@ def radar_error(plan: DatasetPlan) -> tuple[float, float]:
     renderer.render(pose, picture)
     echoes = scatterers.collect(picture, pose)
     shape = (len(p.antenna.rx_positions_m), p.chirp.chirps, p.chirp.samples)
-    found, exact = np.empty(shape), np.empty(shape)
-    synthesizer(p, p.method, p.tolerance).synthesize(echoes, found)
+    measured, exact = np.empty(shape), np.empty(shape)
+    synthesizer(p, p.method, p.tolerance).synthesize(echoes, measured)
     synthesizer(p, "direct", p.tolerance).synthesize(echoes, exact)
-    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact)), p.tolerance
+    return float(np.linalg.norm(measured - exact) / np.linalg.norm(exact)), p.tolerance

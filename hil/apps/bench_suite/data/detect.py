@@ -2,9 +2,9 @@
 
 Pictures are recorded for the benchmark in worlds that were not used for training: scenes, maps, light, people, heights
 and camera angles have their own seeds. The error is 1 - mean average precision (IoU 0.5, all points); the time is that
-of one picture on one core, from the camera's picture to boxes. Rows of back ends that are not installed have no
-figures. For comparison the rows hold the rates of table 8 of the AirLoop paper, MobileNet-SSD on a Jetson Nano, which
-gives no precision.
+of one picture on one core, from the camera's picture to boxes. Rows of back ends that are not installed have no values.
+For comparison the rows hold the rates of table 8 of the AirLoop paper (MobileNet-SSD on a Jetson Nano), which gives no
+precision.
 """
 
 from __future__ import annotations
@@ -22,46 +22,46 @@ from hil.apps.bench_suite.data.detect_cases import (
     load_model,
     run_backend,
 )
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from signals.errors import RecordingError
 
 BACKENDS = ("opencv", "onnxruntime", "pytorch")
 PAPER = {"PyTorch": 4.6, "TensorRT": 8.76}  # frames per second, table 8
-_SIZES = ((160, 112), (240, 176), (480, 352), (640, 480))  # besides the model's own; multiples of 16
-_FULL, _QUICK = (12, 50), (3, 24)  # data sets, and frames of each
+_OTHER_SIZES = ((160, 112), (240, 176), (480, 352), (640, 480))  # besides the model's own; multiples of 16
+_FULL_SETS, _QUICK_SETS = (12, 50), (3, 24)  # number of data sets, frames of each
 _MIN_PERSON, _MIN_ALL, _MAX_FALSE, _MIN_RATE_HZ, _MAX_DIFFERENCE_PX = 0.80, 0.65, 0.2, 40.0, 1.0
 _MAX_REASON = 160  # characters
 PERSON, ALL = "person", "all classes"
 
 
-def measure(*, quick: bool, status: Status) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Record pictures and run every back end. Raises HilError if no pictures can be made or the weights are missing."""
-    result = BenchmarkResult(time_label="processor time of a picture on one core [s]")
+    result = BenchmarkResult(time_label="processor time per picture on one core [s]")
     model = load_model()
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
-        sets, frames = _QUICK if quick else _FULL
+        sets, frames = _QUICK_SETS if quick else _FULL_SETS
         pictures = fresh_pictures(Path(folder), sets=sets, frames=frames, status=status)
-        at_own: dict[str, BackendResult] = {}
+        at_model_size: dict[str, BackendResult] = {}
         for backend in BACKENDS:
             status(f"{backend}, {len(pictures)} pictures")
             try:
-                at_own[backend] = run_backend(backend, model, pictures)
+                at_model_size[backend] = run_backend(backend, model, pictures)
             except RecordingError as error:
                 _add_missing(result, backend, str(error))
                 continue
-            _add(result, at_own[backend])
-        for size_px in () if quick else _SIZES:
-            for backend in at_own:
+            _add(result, at_model_size[backend])
+        for size_px in () if quick else _OTHER_SIZES:
+            for backend in at_model_size:
                 status(f"{backend} at {size_px[0]}x{size_px[1]}")
                 try:
                     _add(result, run_backend(backend, at_size(model, size_px), pictures))
                 except RecordingError as error:
                     _add_missing(result, f"{backend} @ {size_px[0]}x{size_px[1]}", str(error))
-    if at_own:
-        _check(result, at_own, model.score_threshold)
+    if at_model_size:
+        _check(result, at_model_size, model.score_threshold)
     if quick:
-        result.left_out.append(f"input sizes besides {model.input_px[0]}x{model.input_px[1]}")
-        result.left_out.append(f"precision on {_FULL[0] * _FULL[1]} pictures ({len(pictures)} were taken)")
+        result.left_out.append(f"input sizes other than {model.input_px[0]}x{model.input_px[1]}")
+        result.left_out.append(f"precision on {_FULL_SETS[0] * _FULL_SETS[1]} pictures ({len(pictures)} were taken)")
     return result
 
 
@@ -93,25 +93,25 @@ def _person(run: BackendResult) -> float:
     return math.nan if people is None else people.average_precision
 
 
-def _check(result: BenchmarkResult, at_own: dict[str, BackendResult], threshold: float) -> None:
-    first = next(iter(at_own.values()))
-    deployed = [run for name, run in at_own.items() if name != "pytorch"]
+def _check(result: BenchmarkResult, at_model_size: dict[str, BackendResult], threshold: float) -> None:
+    first = next(iter(at_model_size.values()))
+    deployed = [run for name, run in at_model_size.items() if name != "pytorch"]
     best_hz = max((1.0 / run.time_s for run in deployed), default=math.nan)
     size = f"{first.size_px[0]}x{first.size_px[1]}"
     result.checks += [
         Check("AP@0.5 of people in new worlds", _person(first), ">=", _MIN_PERSON, "1"),
         Check("mAP@0.5 over all classes", first.evaluation.mean_average_precision, ">=", _MIN_ALL, "1"),
-        Check("false boxes a picture at the threshold", first.evaluation.false_boxes(), "<=", _MAX_FALSE, "1"),
-        Check(f"pictures a second at {size} on one core, without PyTorch", best_hz, ">=", _MIN_RATE_HZ, "1/s"),
+        Check("false boxes per picture at the threshold", first.evaluation.false_boxes(), "<=", _MAX_FALSE, "1"),
+        Check(f"pictures per second at {size} on one core, without PyTorch", best_hz, ">=", _MIN_RATE_HZ, "1/s"),
     ]
-    for name, run in at_own.items():
+    for name, run in at_model_size.items():
         if run is first:
             continue
-        worst, alone, compared = box_differences(first.detections, run.detections, threshold)
+        difference_px, unmatched, compared = box_differences(first.detections, run.detections, threshold)
         words = f"{first.backend} and {name}: {compared} boxes"
         result.checks += [
-            Check(f"{words}, edges apart at most", worst, "<=", _MAX_DIFFERENCE_PX, "px"),
-            Check(f"{words}, found by one alone", float(alone), "<=", 0.0, "boxes"),
+            Check(f"{words}, greatest distance of edges", difference_px, "<=", _MAX_DIFFERENCE_PX, "px"),
+            Check(f"{words}, found by only one", float(unmatched), "<=", 0.0, "boxes"),
         ]
-    if len(at_own) == 1:
-        result.left_out.append("boxes of one back end beside another's: only one is installed")
+    if len(at_model_size) == 1:
+        result.left_out.append("comparison of boxes between back ends: only one is installed")

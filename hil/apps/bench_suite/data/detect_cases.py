@@ -1,4 +1,4 @@
-"""Cases of `hil bench detect`: new labelled pictures, detectors timed and evaluated on them, and boxes compared."""
+"""Cases of `hil bench detect`: new labelled pictures, time and precision of detectors on them, comparison of boxes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from hil.apps.bench_suite.result import Status
+from hil.apps.bench_suite.result import ShowStatus
 from hil.config.companion.clients import add_client_path
 from signals.errors import RecordingError
 
@@ -31,6 +31,7 @@ from hil.apps.detect.pictures import Picture, read_data_sets  # noqa: E402
 FIRST_SEED = 910_000
 _REPEATS = 3  # the shortest time of each picture counts, because other load on the machine can only add to it
 _MAX_TIMED = 40  # pictures
+_MAX_MATCH_PX = 8.0  # between edges of boxes that may match
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class BackendResult:
     detections: list[list[Detection]]
 
 
-def fresh_pictures(folder: Path, *, sets: int, frames: int, status: Status) -> list[Picture]:
+def fresh_pictures(folder: Path, *, sets: int, frames: int, status: ShowStatus) -> list[Picture]:
     """Record data sets in worlds that were not used for training, and return their pictures. Raises HilError."""
     status(f"recording {sets} data sets of {frames} frames in new worlds")
     series = DataSetSeries(sets, frames, FIRST_SEED)
@@ -63,21 +64,23 @@ def run_backend(backend: str, model: ModelFile, pictures: Sequence[Picture]) -> 
     """Run a back end over the pictures. Raises RecordingError with the reason if it is not available."""
     try:
         detector = Detector(model, backend, threads=1, threshold=LOWEST_SCORE)
-        timed = Detector(model, backend, threads=1)  # at its own threshold, as in flight
+        timed = Detector(model, backend, threads=1)  # with the threshold of the model, as in flight
         detector.warm_up()
         timed.warm_up()
-        found, cpu_s, wall_s = [], [], []
+        detections, cpu_s, wall_s = [], [], []
         for i, picture in enumerate(pictures):
             rgb = read_rgb(picture)
-            found.append(detector.detect(rgb))
+            detections.append(detector.detect(rgb))
             if i < _MAX_TIMED:
                 cpu, wall = _shortest_s(timed, rgb)
                 cpu_s.append(cpu)
                 wall_s.append(wall)
     except CompanionError as error:
         raise RecordingError(str(error)) from None
-    evaluation = evaluation_of(model.score_threshold, pictures, found, model.classes)
-    return BackendResult(backend, model.input_px, evaluation, float(np.median(cpu_s)), float(np.median(wall_s)), found)
+    evaluation = evaluation_of(model.score_threshold, pictures, detections, model.classes)
+    return BackendResult(
+        backend, model.input_px, evaluation, float(np.median(cpu_s)), float(np.median(wall_s)), detections
+    )
 
 
 def _shortest_s(detector: Detector, rgb: np.ndarray) -> tuple[float, float]:
@@ -91,28 +94,28 @@ def _shortest_s(detector: Detector, rgb: np.ndarray) -> tuple[float, float]:
 
 
 def box_differences(
-    ours: Sequence[Sequence[Detection]], theirs: Sequence[Sequence[Detection]], threshold: float
+    first: Sequence[Sequence[Detection]], second: Sequence[Sequence[Detection]], threshold: float
 ) -> tuple[float, int, int]:
     """Compare the boxes of two back ends, picture by picture.
 
-    Returns the greatest distance of matching edges [px], the number of boxes found by one alone, and the number
-    compared. A box above the threshold may match one whose score is up to 0.01 below it, because of rounding.
+    Returns the greatest distance of matching edges [px], the number of boxes that only one back end found, and the
+    number compared. A box above the threshold may match one up to 0.01 below the threshold, because of rounding.
     """
-    worst, alone, compared = 0.0, 0, 0
-    for mine, other in zip(ours, theirs, strict=True):
-        for a, b in ((mine, other), (other, mine)):
+    difference_px, unmatched, compared = 0.0, 0, 0
+    for first_boxes, second_boxes in zip(first, second, strict=True):
+        for a, b in ((first_boxes, second_boxes), (second_boxes, first_boxes)):
             for box in (d for d in a if d.score >= threshold):
-                near = [
+                distances_px = [
                     max(abs(p - q) for p, q in zip(box.box_px, d.box_px, strict=True))
                     for d in b
                     if d.label == box.label and d.score >= threshold - 0.01
                 ]
                 compared += 1
-                if not near or min(near) > 8.0:
-                    alone += 1
+                if not distances_px or min(distances_px) > _MAX_MATCH_PX:
+                    unmatched += 1
                 else:
-                    worst = max(worst, min(near))
-    return worst, alone, compared
+                    difference_px = max(difference_px, min(distances_px))
+    return difference_px, unmatched, compared
 
 
 def load_model() -> ModelFile:

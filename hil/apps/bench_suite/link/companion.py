@@ -2,10 +2,10 @@
 
 Each frame holds new samples of RGB, depth and segmentation at 320x240, a LiDAR sweep of 16x900, IMU, GPS and the true
 state: camera, LiDAR and GPS run at the frames' 100 Hz, the IMU at the ticks' 250 Hz. The client is `echo` in its own
-process, the autopilot is the mock over a loopback. The frame rate is measured by the wall clock and includes flight,
-rendering, digest of every sample, link and client.
+process, the autopilot is the mock over a loopback. The frame rate is per second of wall-clock time, which includes
+flight, rendering, digest of every sample, link and client.
 
-A flight with the client `record` checks that the arrays that arrive equal those in the bench's own MCAP.
+A flight with the client `record` checks that the received arrays equal those in the bench's MCAP.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_bridge.companion.settings import Arrangement
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.recorder.frame_series import cloud_records
@@ -59,10 +59,10 @@ sensors:
 """
 
 
-def measure_flights(result: BenchmarkResult, folder: Path, status: Status, *, seconds: float) -> None:
+def measure_flights(result: BenchmarkResult, folder: Path, status: ShowStatus, *, seconds: float) -> None:
     """Fly `seconds` of simulated time in each arrangement. Raises HilError if a flight ends as ERROR."""
-    status("received arrays against the recording")
-    differ, compared = differing_arrays(folder, seconds=0.4)
+    status("received arrays, compared with the recording")
+    differing, compared = differing_arrays(folder, seconds=0.4)
     for arrangement in ARRANGEMENTS:
         status(f"frames to a companion, {arrangement}")
         run = _fly(folder / arrangement, arrangement, seconds, "echo", mcap=False)
@@ -80,13 +80,13 @@ def measure_flights(result: BenchmarkResult, folder: Path, status: Status, *, se
             "load_average": os.getloadavg()[0],  # shows other load on the machine
             **{f"{name}_{q}": client[name][q] for name in times for q in client[name]},
         }
-        result.rows.append(Row(CASE, arrangement, differ + client["dropped"], "arrays", 1.0 / fps, details))
+        result.rows.append(Row(CASE, arrangement, differing + client["dropped"], "arrays", 1.0 / fps, details))
         result.checks += [
-            Check(f"companion, {arrangement}: frames per second, drawing included", fps, ">=", _MIN_RATE_HZ, "1/s"),
+            Check(f"companion, {arrangement}: frames per second, rendering included", fps, ">=", _MIN_RATE_HZ, "1/s"),
             Check(f"companion, {arrangement}: link overhead, p99", overhead["p99"], "<=", _MAX_OVERHEAD_MS, "ms"),
             Check(f"companion, {arrangement}: frames dropped", client["dropped"], "<=", 0, "frames"),
         ]
-    result.checks.append(Check("companion: arrays that differ from the recording", differ, "<=", 0, "arrays"))
+    result.checks.append(Check("companion: arrays that differ from the recording", differing, "<=", 0, "arrays"))
 
 
 def _fly(
@@ -115,7 +115,7 @@ def _fly(
 
 
 def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement = "shared_memory") -> tuple[int, int]:
-    """Return the number of received pictures and clouds that differ from the bench's recording, and of those compared.
+    """Return how many received pictures and clouds differ from the bench's recording, and how many were compared.
 
     Raises HilError if the flight ends as ERROR or the client recorded no arrays.
     """
@@ -130,21 +130,21 @@ def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement =
         elif message.type_name == _CLOUD:
             values = message.decode()
             clouds[capture_ns(values)] = bytes(values["data"])
-    differ = compared = 0
+    differing = compared = 0
     for line in (received / "frames.jsonl").read_text(encoding="utf-8").splitlines():
         for sample in json.loads(line)["samples"]:
             t_ns = sample["t_capture_ns"]
             arrays = {name: np.load(received / file) for name, file in sample["arrays"].items()}
             if sample["topic"] == "lidar":
                 compared += len(arrays)
-                differ += 0 if _cloud(sample, arrays) == clouds.get(t_ns) else len(arrays)
+                differing += 0 if _cloud(sample, arrays) == clouds.get(t_ns) else len(arrays)
             elif arrays:
                 compared += 1
                 (array,) = arrays.values()
-                differ += not np.array_equal(pictures.get((sample["topic"], t_ns), np.empty(0)), array)
+                differing += not np.array_equal(pictures.get((sample["topic"], t_ns), np.empty(0)), array)
     if compared == 0:
         raise HilError(f"{received}: the client recorded no arrays")
-    return differ, compared
+    return differing, compared
 
 
 def _cloud(sample: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:

@@ -1,10 +1,10 @@
-"""Latency benchmark: a slow companion in latency_true lockstep against the same companion in real time.
+"""Latency benchmark: a slow companion in latency_true lockstep, compared with the same companion in real time.
 
 The waypoints client, which computes for a given time per answer, flies a short mission in real time and in latency_true
 lockstep, where its compute time is charged in simulated time. The error is the greatest distance between the two
-vehicles at the same simulated time. The error of real time is the distance to a second flight in real time; it bounds
-the accuracy of the comparison, because load on the machine changes which frames the client receives. The time is wall
-clock per simulated second. The flight in simulated time is then repeated from its trace and must be identical.
+vehicles at the same simulated time. The error of real time is the distance to a second flight in real time. It
+limits the comparison, because load on the machine changes which frames the client receives. The time is wall-clock time
+per simulated second. The lockstep flight is then repeated from its trace and must be identical.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.result import Check, Row, Status
+from hil.apps.bench_suite.result import Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.companion.files import TRACE_NAME
@@ -40,7 +40,7 @@ duration_s: 60
 """
 
 
-def latency_rows(status: Status) -> tuple[list[Row], list[Check]]:
+def latency_rows(status: ShowStatus) -> tuple[list[Row], list[Check]]:
     """Fly with each of `BUSY_S` and return rows and checks. Raises HilError if a flight does not PASS."""
     rows: list[Row] = []
     checks: list[Check] = []
@@ -51,23 +51,31 @@ def latency_rows(status: Status) -> tuple[list[Row], list[Check]]:
         for busy_s in BUSY_S:
             ms = f"{1e3 * busy_s:g} ms"
             status(f"a companion that takes {ms}, in real time and in simulated time")
-            busy = f"companion.settings.busy_s={busy_s}"
-            live, live_s, _ = _fly(folder, "real", busy, "companion.time=realtime", "pace=1")
-            second, _, _ = _fly(folder, "second", busy, "companion.time=realtime", "pace=1")
-            charged, charged_s, digest = _fly(folder, "true", busy, "companion.time=latency_true")
+            busy_setting = f"companion.settings.busy_s={busy_s}"
+            first, realtime_s, _ = _fly(folder, "real", busy_setting, "companion.time=realtime", "pace=1")
+            second, _, _ = _fly(folder, "second", busy_setting, "companion.time=realtime", "pace=1")
+            lockstep, lockstep_s, digest = _fly(folder, "true", busy_setting, "companion.time=latency_true")
             trace = f"companion.trace={folder / 'true' / TRACE_NAME}"
-            _, _, again = _fly(folder, "again", busy, "companion.time=latency_true", trace)
-            apart_m = _distance_m(live, charged)
+            _, _, repeated_digest = _fly(folder, "again", busy_setting, "companion.time=latency_true", trace)
+            distance_m = _distance_m(first, lockstep)
             case = f"companion that takes {ms}"
-            rows.append(Row(case, "latency_true", apart_m, "m from the flight in real time", charged_s))
-            rows.append(Row(case, "realtime", _distance_m(live, second), "m from a second flight", live_s))
-            checks.append(Check(f"{case}: latency_true off real time", apart_m, "<=", _LIMIT_M, "m"))
-            checks.append(Check(f"{case}: digests from its trace that differ", float(digest != again), "<=", 0.0, "1"))
+            rows.append(Row(case, "latency_true", distance_m, "m from the flight in real time", lockstep_s))
+            rows.append(Row(case, "realtime", _distance_m(first, second), "m from a second flight", realtime_s))
+            checks.append(Check(f"{case}: distance of latency_true from real time", distance_m, "<=", _LIMIT_M, "m"))
+            checks.append(
+                Check(
+                    f"{case}: digests that differ when repeated from the trace",
+                    float(digest != repeated_digest),
+                    "<=",
+                    0.0,
+                    "1",
+                )
+            )
     return rows, checks
 
 
 def _distance_m(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Return the greatest distance of two tracks (n, 3) at the same tick. The shorter one ends at rest."""
+    """Return the greatest distance of two tracks (n, 3) at the same tick. The shorter track is extended at its end."""
     n = max(len(a), len(b))
     a, b = (np.vstack([p, np.repeat(p[-1:], n - len(p), axis=0)]) for p in (a, b))
     return float(np.linalg.norm(a - b, axis=1).max())

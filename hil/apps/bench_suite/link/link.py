@@ -1,13 +1,14 @@
 """`hil bench link`: send lateness in real time, cost of messages, companion links, and flights of real firmware.
 
 Pacing     writes of HIL_SENSOR's size at 250 Hz by the real-time process into a pseudo-terminal with a reader.
-           Error: lateness, 99.9th percentile.
+           Error: lateness, 99.9th percentile. Time: CPU seconds per second.
 HITL       a whole flight of the free-running mock Pixhawk over a pseudo-terminal. Error: greatest cross-track distance.
 Messages   HIL_SENSOR encoded and HIL_ACTUATOR_CONTROLS decoded, against pymavlink in the same process. Error: bytes or
            fields that differ from pymavlink's.
 Companion  frames of a megabyte to a client under test, in flights (companion.py) and between two hosts, compared with a
-           bare socket (transfer.py); slow clients in simulated time against real time (latency.py).
-Firmware   the rectangle on PX4 SITL and ArduCopter SITL, if PX4_BINARY and ARDUCOPTER_BINARY name builds.
+           bare socket (transfer.py); slow clients in simulated time, compared with real time (latency.py).
+Firmware   the default mission (rectangle.plan) on PX4 SITL and ArduCopter SITL, if the environment variables PX4_BINARY
+           and ARDUCOPTER_BINARY are set.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from firmware_bridge.links.realtime.sender import RealtimeSender, SendStats
 from hil.apps.bench_suite.link.companion import measure_flights
 from hil.apps.bench_suite.link.latency import latency_rows
 from hil.apps.bench_suite.link.transfer import measure_transfers
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from signals.errors import HilError
@@ -43,12 +44,12 @@ _WORK_NS = 100_000  # computing time of a tick before its samples are sent
 _MESSAGES = 20_000
 _LATENESS_LIMIT_MS = 2.0  # p99.9, on an idle machine
 _FIRMWARE = {"px4_sitl": "PX4_BINARY", "ardupilot_sitl": "ARDUCOPTER_BINARY"}
-_SPEED_LIMITS = {"px4_sitl": 25.0, "ardupilot_sitl": 20.0}
+_MIN_REALTIME_FACTOR = {"px4_sitl": 25.0, "ardupilot_sitl": 20.0}
 
 
-def measure(*, quick: bool, status: Status) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Run all parts of the benchmark. Raises HilError if a flight ends as ERROR."""
-    result = BenchmarkResult(time_label="time of one [s] (pacing: CPU per second)")
+    result = BenchmarkResult(time_label="time per item [s] (pacing: CPU time per second)")
     seconds = 10 if quick else 60
     status(f"pacing, {seconds} s")
     lateness, cpu_s, scheduling = _pace(seconds)
@@ -58,42 +59,42 @@ def measure(*, quick: bool, status: Status) -> BenchmarkResult:
     result.rows.append(Row("samples at 250 Hz", "own process", p999_ms, "ms late (p99.9)", cpu_s / seconds, details))
     result.checks.append(Check("send lateness, p99.9", p999_ms, "<=", _LATENESS_LIMIT_MS, "ms"))
     status("messages")
-    _messages(result)
+    _measure_messages(result)
     with tempfile.TemporaryDirectory() as folder:
         measure_flights(result, Path(folder) / "companion", status, seconds=1.5 if quick else 10.0)
         measure_transfers(result, Path(folder), status, seconds=0.35 if quick else 3.0)
         if quick:
-            result.left_out.append("companion: slow clients in simulated time against real time")
+            result.left_out.append("companion: slow clients in simulated time, compared with real time")
             result.left_out.append("a whole flight in HITL, and flights of real firmware")
         else:
             rows, checks = latency_rows(status)
             result.rows += rows
             result.checks += checks
-            _hitl(result, Path(folder), status)
+            _fly_hitl(result, Path(folder), status)
             for rig, variable in _FIRMWARE.items():
                 if variable in os.environ:
-                    _firmware(result, rig, os.environ[variable], Path(folder), status)
+                    _fly_firmware(result, rig, os.environ[variable], Path(folder), status)
                 else:
-                    result.left_out.append(f"{rig}: {variable} names no build")
+                    result.left_out.append(f"{rig}: the environment variable {variable} is not set")
     return result
 
 
 def _pace(seconds: float) -> tuple[LatencyHistogram, float, str]:
     """Prepare and send one frame per period; return lateness, CPU seconds of this process, and its scheduling."""
-    near, far = os.openpty()
-    tty.setraw(far)
+    board_fd, bench_fd = os.openpty()
+    tty.setraw(bench_fd)
     stop = threading.Event()
 
     def drain() -> None:
         while not stop.is_set():
             try:
-                os.read(near, 65536)  # reads continuously, as a board does
+                os.read(board_fd, 65536)
             except OSError:
                 return
 
     threading.Thread(target=drain, daemon=True).start()
     sent = SendStats()
-    sender = RealtimeSender(far, sent, period_ns=_PERIOD_NS, stale_ns=20 * NS_PER_MS)
+    sender = RealtimeSender(bench_fd, sent, period_ns=_PERIOD_NS, stale_ns=20 * NS_PER_MS)
     schedule = DeadlineSchedule(period_ns=_PERIOD_NS, lead_ns=1_500_000)
     began = time.process_time()
     try:
@@ -109,25 +110,25 @@ def _pace(seconds: float) -> tuple[LatencyHistogram, float, str]:
         sender.stop()
     finally:
         stop.set()
-        os.write(far, b"\0")  # wakes the reader
-        os.close(far)
-        os.close(near)
+        os.write(bench_fd, b"\0")  # wakes the reader
+        os.close(bench_fd)
+        os.close(board_fd)
     return sent.lateness, cpu_s, sent.scheduling
 
 
-def _messages(result: BenchmarkResult) -> None:
+def _measure_messages(result: BenchmarkResult) -> None:
     from pymavlink.dialects.v20 import common
 
     imu = ImuSample(0, 0, 0, (0.1, -0.2, 9.81), (0.01, 0.02, -0.03), 25.0)
     mag, baro = MagSample(0, 0, 0, (2e-5, 1e-6, -4e-5)), BaroSample(0, 0, 0, 95_600.0, 488.0, 20.0)
     encoder = FrameEncoder(1, 1)
-    ours = [b""] * _MESSAGES
+    bench_frames = [b""] * _MESSAGES
     began = time.perf_counter()
     for k in range(_MESSAGES):
-        ours[k] = encoder.frame(HIL_SENSOR, hil_sensor_payload(k * _PERIOD_NS, imu, mag, baro))
-    own_s = (time.perf_counter() - began) / _MESSAGES
+        bench_frames[k] = encoder.frame(HIL_SENSOR, hil_sensor_payload(k * _PERIOD_NS, imu, mag, baro))
+    bench_s = (time.perf_counter() - began) / _MESSAGES
     mav = common.MAVLink(None, srcSystem=1, srcComponent=1)
-    theirs = [b""] * _MESSAGES
+    pymavlink_frames = [b""] * _MESSAGES
     accel, gyro = (0.1, 0.2, -9.81), (0.01, -0.02, 0.03)
     began = time.perf_counter()
     for k in range(_MESSAGES):
@@ -145,28 +146,30 @@ def _messages(result: BenchmarkResult) -> None:
             0x1BFF,
             0,
         )
-        theirs[k] = bytes(message.pack(mav))
+        pymavlink_frames[k] = bytes(message.pack(mav))
         mav.seq = (mav.seq + 1) % 256
-    their_s = (time.perf_counter() - began) / _MESSAGES
-    differ = sum(a != b for mine, other in zip(ours, theirs, strict=True) for a, b in zip(mine, other, strict=True))
-    result.rows.append(Row("HIL_SENSOR encoded", "bench", float(differ), "bytes", own_s))
-    result.rows.append(Row("HIL_SENSOR encoded", "pymavlink", 0.0, "bytes", their_s))
-    result.checks.append(Check("encoded bytes that differ from pymavlink's", float(differ), "<=", 0.0, "bytes"))
+    pymavlink_s = (time.perf_counter() - began) / _MESSAGES
+    pairs = zip(bench_frames, pymavlink_frames, strict=True)
+    differing = sum(a != b for pair in pairs for a, b in zip(*pair, strict=True))
+    result.rows.append(Row("HIL_SENSOR encoded", "bench", float(differing), "bytes", bench_s))
+    result.rows.append(Row("HIL_SENSOR encoded", "pymavlink", 0.0, "bytes", pymavlink_s))
+    result.checks.append(Check("encoded bytes that differ from pymavlink's", float(differing), "<=", 0.0, "bytes"))
 
     payload = struct.pack("<QQ16fB", 4000, 1, *(i / 16 for i in range(16)), 129)
     stream = b"".join(encoder.frame(HIL_ACTUATOR_CONTROLS, payload) for _ in range(_MESSAGES))
     began = time.perf_counter()
     frames = FrameParser().feed(stream)
-    mine = [actuator_frame(0, frame) for frame in frames]
-    own_s = (time.perf_counter() - began) / _MESSAGES
+    bench_decoded = [actuator_frame(0, frame) for frame in frames]
+    bench_s = (time.perf_counter() - began) / _MESSAGES
     parser = common.MAVLink(None)
     began = time.perf_counter()
-    decoded = parser.parse_buffer(stream)
-    their_s = (time.perf_counter() - began) / _MESSAGES
-    wrong = sum(tuple(message.controls) != frame.controls for frame, message in zip(mine, decoded or [], strict=True))
-    result.rows.append(Row("HIL_ACTUATOR_CONTROLS decoded", "bench", float(wrong), "fields", own_s))
-    result.rows.append(Row("HIL_ACTUATOR_CONTROLS decoded", "pymavlink", 0.0, "fields", their_s))
-    result.checks.append(Check("decoded fields that differ from pymavlink's", float(wrong), "<=", 0.0, "fields"))
+    pymavlink_decoded = parser.parse_buffer(stream)
+    pymavlink_s = (time.perf_counter() - began) / _MESSAGES
+    pairs_decoded = zip(bench_decoded, pymavlink_decoded or [], strict=True)
+    differing = sum(tuple(message.controls) != frame.controls for frame, message in pairs_decoded)
+    result.rows.append(Row("HIL_ACTUATOR_CONTROLS decoded", "bench", float(differing), "fields", bench_s))
+    result.rows.append(Row("HIL_ACTUATOR_CONTROLS decoded", "pymavlink", 0.0, "fields", pymavlink_s))
+    result.checks.append(Check("decoded fields that differ from pymavlink's", float(differing), "<=", 0.0, "fields"))
 
 
 def _fly(rig: str, settings: list[str], folder: Path) -> dict[str, Any]:
@@ -177,7 +180,7 @@ def _fly(rig: str, settings: list[str], folder: Path) -> dict[str, Any]:
     return outcome.run
 
 
-def _hitl(result: BenchmarkResult, folder: Path, status: Status) -> None:
+def _fly_hitl(result: BenchmarkResult, folder: Path, status: ShowStatus) -> None:
     status("a flight in HITL, in real time")
     run = _fly("mock_hitl", [], folder)
     realtime = run["autopilot"]["realtime"]
@@ -193,16 +196,18 @@ def _hitl(result: BenchmarkResult, folder: Path, status: Status) -> None:
     ]
 
 
-def _firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, status: Status) -> None:
-    status(f"the rectangle on {rig}")
+def _fly_firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, status: ShowStatus) -> None:
+    status(f"the default mission on {rig}")
     settings = [f"autopilot.binary={binary}"] + (["tick_hz=400"] if rig == "ardupilot_sitl" else [])
     run = _fly(rig, settings, folder)
     cross_m, factor = run["mission"]["max_cross_track_m"], run["realtime_factor"]
     details = {"realtime_factor": factor, "own_us_p50": run["timing"]["own_us"]["p50"]}
     result.rows.append(Row("rectangle", rig, cross_m, "m", run["wall_s"] / run["sim_s"], details))
     result.checks += [
-        Check(f"{rig}: real-time factor", factor, ">=", _SPEED_LIMITS[rig], "x"),
+        Check(f"{rig}: real-time factor", factor, ">=", _MIN_REALTIME_FACTOR[rig], "x"),
         Check(f"{rig}: max cross-track error", cross_m, "<=", 1.5, "m"),
     ]
     if rig == "px4_sitl":
-        result.checks.append(Check(f"{rig}: the bench's own share, median", details["own_us_p50"], "<=", 80.0, "us"))
+        result.checks.append(
+            Check(f"{rig}: time per tick in the bench itself, median", details["own_us_p50"], "<=", 80.0, "us")
+        )

@@ -1,7 +1,7 @@
 """A second host on this machine for link benchmarks: a network namespace behind a shaped virtual Ethernet pair.
 
 The devices have a rate of 1 Gbit/s and, where the kernel has netem, a delay of 0.2 ms each way. Making them needs root,
-`ip` and `tc`; they are deleted with their namespace.
+`ip` and `tc`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _RATE_MBIT, _DELAY_MS = 1000, 0.2
 
 
 class Host(NamedTuple):
-    """A second host. `near` is this side's address; `command` is the prefix of a command line that runs there."""
+    """A second host. `command` is the prefix of a command line that runs there."""
 
-    near: str
+    bench_address: str  # of this side, as seen from the second host
     command: tuple[str, ...]
     delayed: bool  # False: the connection has a limited rate, but no added delay
 
@@ -32,32 +32,32 @@ def second_host() -> Iterator[Host]:
     if os.geteuid() != 0:
         raise PortNotFound("second host", "only root may make network namespaces")
     name = f"hil-{secrets.token_hex(3)}"
-    near_device, far_device, prefix = f"{name}-n", f"{name}-f", f"ip netns exec {name}"
+    bench_device, host_device, prefix = f"{name}-n", f"{name}-f", f"ip netns exec {name}"
     # RFC 2544 reserves 198.18.0.0/15 for measurements between network devices.
     block = f"198.18.{1 + secrets.randbelow(254)}"
     last = 4 * secrets.randbelow(60)
     try:
         _run(f"ip netns add {name}")
-        _run(f"ip link add {near_device} type veth peer name {far_device}")
-        _run(f"ip link set {far_device} netns {name}")
-        for address, device, where in ((last + 1, near_device, ""), (last + 2, far_device, prefix)):
-            _run(f"{where} ip address add {block}.{address}/30 dev {device}")
-            _run(f"{where} ip link set {device} up")
-        ends = ((near_device, ""), (far_device, prefix))
+        _run(f"ip link add {bench_device} type veth peer name {host_device}")
+        _run(f"ip link set {host_device} netns {name}")
+        for address, device, command in ((last + 1, bench_device, ""), (last + 2, host_device, prefix)):
+            _run(f"{command} ip address add {block}.{address}/30 dev {device}")
+            _run(f"{command} ip link set {device} up")
+        ends = ((bench_device, ""), (host_device, prefix))
         delayed = True
         try:
-            for device, where in ends:
+            for device, command in ends:
                 netem = f"netem delay {_DELAY_MS}ms rate {_RATE_MBIT}mbit limit 10000"
-                _run(f"{where} tc qdisc replace dev {device} root {netem}")
+                _run(f"{command} tc qdisc replace dev {device} root {netem}")
         except PortNotFound:
             delayed = False
-            for device, where in ends:
+            for device, command in ends:
                 # The burst must exceed the largest segment that the kernel passes on at once.
                 tbf = f"tbf rate {_RATE_MBIT}mbit burst 128kb latency 50ms"
-                _run(f"{where} tc qdisc replace dev {device} root {tbf}")
+                _run(f"{command} tc qdisc replace dev {device} root {tbf}")
         yield Host(f"{block}.{last + 1}", tuple(prefix.split()), delayed)
     finally:
-        for cleanup in (f"ip link delete {near_device}", f"ip netns delete {name}"):
+        for cleanup in (f"ip link delete {bench_device}", f"ip netns delete {name}"):
             with suppress(PortNotFound):
                 _run(cleanup)
 

@@ -2,13 +2,14 @@
 
 The link is timed from `CompanionServer.send` to the client's `done`, with the same arrays each time and with keys
 (CURVE). The bare socket sends the bytes of a frame's arrays, joined in advance, in one `sendall`, receives them into an
-existing buffer and answers with 20 bytes, without headers, checks or encryption. Both are measured in turn between the
-same two processes in short blocks, so that other load on the machine affects both. Each pair of blocks gives a ratio;
-the result is their median. The error of the link is the number of arrays that do not arrive as they were sent.
+existing buffer and answers with 20 bytes, without headers, checks or encryption. Link and socket are measured in turn
+between the same two processes in short blocks, so that other load on the machine affects both. Each pair of blocks
+gives a ratio of rates; the result is the median ratio. The error of the link is the number of arrays that do not arrive
+as they were sent.
 
-The far process is this module as a program: `ADDRESS HOST:PORT SCALE [KEY BENCH_KEY]`. It answers every frame on the
-link and every frame's length of bytes on the bare socket until either closes. Its answers to the first frames report
-how many arrays differ from those that it generates itself.
+The far process runs this module with the arguments ADDRESS HOST:PORT SCALE [KEY BENCH_KEY]. It answers every frame on
+the link, and every block of a frame's length on the bare socket, until the link closes. Its answers to the first frames
+report how many arrays differ from the same arrays generated there.
 """
 
 from __future__ import annotations
@@ -36,19 +37,19 @@ from firmware_bridge.companion.keys import make_keys
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import Arrangement, CompanionSettings
 from hil.apps.bench_suite.link.second_host import second_host
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config.companion.clients import CLIENT_PATH
 from signals.errors import LinkClosed, PortNotFound
 from signals.samples import ImageSample, PointCloudSample
 
 Arrays = dict[str, dict[str, NDArray[Any]]]  # topic -> name -> array
 
-LIMIT_S = 20.0
+LIMIT_S = 20.0  # for connecting and for each answer
 MAX_IN_FLIGHT = 4  # unanswered frames in streaming mode
 _MODES = {"stop-and-wait": 1, "streaming": MAX_IN_FLIGHT}
 _NETWORK_ARRANGEMENTS: tuple[Arrangement, ...] = ("one_port", "ports")
 _MIN_RELATIVE_RATE = 0.8
-_CHECKED = 3  # frames whose arrays are compared
+_COMPARED_FRAMES = 3
 _ANSWER_BYTES = 20
 _BLOCK_S = 0.02
 _TICK_NS = 10_000_000
@@ -57,7 +58,7 @@ _POSE = {"p_W": [1.0, 2.0, 3.0], "q_WB": [1.0, 0.0, 0.0, 0.0]}
 _ROOT = Path(__file__).resolve().parents[4]
 
 
-def measure_transfers(result: BenchmarkResult, folder: Path, status: Status, *, seconds: float) -> None:
+def measure_transfers(result: BenchmarkResult, folder: Path, status: ShowStatus, *, seconds: float) -> None:
     """Measure each arrangement and mode for `seconds`; without a second host, list the checks as left out.
 
     Raises LinkClosed or HandshakeError if the link breaks.
@@ -73,16 +74,16 @@ def measure_transfers(result: BenchmarkResult, folder: Path, status: Status, *, 
         make_keys(folder / "keys", ["peer"])
         for arrangement in _NETWORK_ARRANGEMENTS:
             status(f"transfers between two hosts, {arrangement}")
-            with open_transfer(Endpoints(host.near, host.command, folder / "keys"), arrangement) as transfer:
+            with open_transfer(Endpoints(host.bench_address, host.command, folder / "keys"), arrangement) as transfer:
                 _measure(result, transfer, arrangement, seconds)
 
 
 def _measure(result: BenchmarkResult, transfer: Transfer, arrangement: str, seconds: float) -> None:
-    case, differ = "transfer, two hosts", transfer.differing
+    case, differing_count = "transfer, two hosts", transfer.differing
     for mode, in_flight in _MODES.items():
         rates = transfer.measure(in_flight=in_flight, seconds=seconds)
         bare = f"bare socket beside {arrangement}"
-        for method, wrong, blocks in ((arrangement, differ, rates.link_s), (bare, 0, rates.bare_s)):
+        for method, error, blocks in ((arrangement, differing_count, rates.link_s), (bare, 0, rates.bare_s)):
             frame_s = median(blocks)
             details = {
                 "frames_per_s": 1.0 / frame_s,
@@ -90,10 +91,10 @@ def _measure(result: BenchmarkResult, transfer: Transfer, arrangement: str, seco
                 "blocks": len(blocks),
                 "load_average": os.getloadavg()[0],  # shows other load on the machine
             }
-            result.rows.append(Row(f"{case}, {mode}", method, wrong, "arrays", frame_s, details))
-        name = f"{case}, {arrangement}, {mode}: rate over the bare socket's"
+            result.rows.append(Row(f"{case}, {mode}", method, error, "arrays", frame_s, details))
+        name = f"{case}, {arrangement}, {mode}: rate relative to the bare socket"
         result.checks.append(Check(name, rates.relative_rate, ">=", _MIN_RELATIVE_RATE, "1"))
-    result.checks.append(Check(f"{case}, {arrangement}: arrays that differ", differ, "<=", 0, "arrays"))
+    result.checks.append(Check(f"{case}, {arrangement}: arrays that differ", differing_count, "<=", 0, "arrays"))
 
 
 def frame_arrays(seed: int, scale: float = 1.0) -> Arrays:
@@ -123,9 +124,11 @@ def bytes_of(arrays: Arrays) -> bytes:
     return b"".join(array.tobytes() for named in arrays.values() for array in named.values())
 
 
-def differing(expected: Arrays, found: Arrays) -> int:
+def differing(expected: Arrays, received: Arrays) -> int:
     """Return the number of arrays that differ or that only one side has."""
-    a, b = ({(t, name): x for t, named in arrays.items() for name, x in named.items()} for arrays in (expected, found))
+    a, b = (
+        {(t, name): x for t, named in arrays.items() for name, x in named.items()} for arrays in (expected, received)
+    )
     return sum(key not in a or key not in b or not np.array_equal(a[key], b[key]) for key in a.keys() | b.keys())
 
 
@@ -139,15 +142,15 @@ class TransferRates:
 
     @property
     def relative_rate(self) -> float:
-        """Ratio of the link's rate to the bare socket's: the median over pairs of consecutive blocks."""
+        """Median over pairs of consecutive blocks of the link's rate relative to the bare socket's."""
         return median(bare / link for link, bare in zip(self.link_s, self.bare_s, strict=True))
 
 
 class Endpoints(NamedTuple):
-    """Addresses of the two processes. `far` is the prefix of the far process's command line, if on another host."""
+    """Address of this process, prefix of the far process's command line if it is on another host, folder of keys."""
 
-    near: str = "127.0.0.1"
-    far: Sequence[str] = ()
+    bench_address: str = "127.0.0.1"
+    far_command: Sequence[str] = ()
     keys: Path | None = None
 
 
@@ -156,17 +159,28 @@ def open_transfer(endpoints: Endpoints, arrangement: Arrangement, *, scale: floa
     """Start a server and the far process and connect them. Raises ConfigError, HandshakeError or LinkClosed."""
     cameras = {f"front/{name}": topic_schema(ImageSample, name) for name in _CAMERA}
     facts = SessionFacts(cameras | {"lidar": topic_schema(PointCloudSample)}, "lockstep", _TICK_NS, 100.0)
-    server = CompanionServer(CompanionSettings(f"tcp://{endpoints.near}:*", arrangement, endpoints.keys), facts)
+    server = CompanionServer(
+        CompanionSettings(f"tcp://{endpoints.bench_address}:*", arrangement, endpoints.keys), facts
+    )
     server.open()
     peer: subprocess.Popen[bytes] | None = None
     try:
-        with socket.create_server((endpoints.near, 0)) as listening:
+        with socket.create_server((endpoints.bench_address, 0)) as listening:
             listening.settimeout(LIMIT_S)
-            address = f"{endpoints.near}:{listening.getsockname()[1]}"
+            address = f"{endpoints.bench_address}:{listening.getsockname()[1]}"
             keys = (
                 [] if endpoints.keys is None else [str(endpoints.keys / "peer.key"), str(endpoints.keys / "bench.pub")]
             )
-            command = [*endpoints.far, sys.executable, "-m", __name__, server.endpoint, address, str(scale), *keys]
+            command = [
+                *endpoints.far_command,
+                sys.executable,
+                "-m",
+                __name__,
+                server.endpoint,
+                address,
+                str(scale),
+                *keys,
+            ]
             path = os.pathsep.join(filter(None, (str(_ROOT), str(CLIENT_PATH), os.environ.get("PYTHONPATH", ""))))
             peer = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path})
             server.wait_for_clients(1, LIMIT_S)
@@ -183,7 +197,7 @@ def open_transfer(endpoints: Endpoints, arrangement: Arrangement, *, scale: floa
 
 
 class Transfer:
-    """Both connections between one pair of processes. Creating it compares the first frames' arrays."""
+    """The link and the bare socket between two processes. The constructor compares the arrays of the first frames."""
 
     def __init__(
         self, server: CompanionServer, bare: socket.socket, peer: subprocess.Popen[bytes], scale: float
@@ -192,12 +206,12 @@ class Transfer:
         self.differing = 0  # arrays of the compared frames that did not arrive as they were sent
         self._server, self._bare = server, bare
         self._number = 0
-        for seed in range(_CHECKED):
+        for seed in range(_COMPARED_FRAMES):
             self._samples = _samples(frame_arrays(seed, scale))
-            self._pass(1, 1, self._send_frame, self._receive_link)
-        self._frame_bytes = bytes_of(frame_arrays(_CHECKED - 1, scale))
+            self._exchange(1, 1, self._send_frame, self._receive_link)
+        self._frame_bytes = bytes_of(frame_arrays(_COMPARED_FRAMES - 1, scale))
 
-    def measure(self, *, in_flight: int, seconds: float, least_pairs: int = 3) -> TransferRates:
+    def measure(self, *, in_flight: int, seconds: float, min_pairs: int = 3) -> TransferRates:
         """Measure blocks of both connections in turn for about `seconds`, with up to `in_flight` unanswered frames.
 
         Raises LinkClosed if the far process has ended.
@@ -205,24 +219,26 @@ class Transfer:
         link = self._send_frame, self._receive_link
         bare = (lambda: self._bare.sendall(self._frame_bytes)), self._receive_bare
         rates = TransferRates(len(self._frame_bytes))
-        slowest_s = max(self._block(10, in_flight, *way) for way in (link, bare))  # also warms up both processes
+        slowest_s = max(
+            self._block(10, in_flight, *functions) for functions in (link, bare)
+        )  # also warms up both processes
         # Many short blocks: other load on the machine affects only some of them, which the median ignores.
-        per_block = max(2 * MAX_IN_FLIGHT, round(min(_BLOCK_S, seconds / (4 * least_pairs)) / slowest_s))
+        per_block = max(2 * MAX_IN_FLIGHT, round(min(_BLOCK_S, seconds / (4 * min_pairs)) / slowest_s))
         end_s = time.monotonic() + seconds
-        while len(rates.link_s) < least_pairs or time.monotonic() < end_s:
+        while len(rates.link_s) < min_pairs or time.monotonic() < end_s:
             rates.link_s.append(self._block(per_block, in_flight, *link))
             rates.bare_s.append(self._block(per_block, in_flight, *bare))
         return rates
 
     def _block(self, frames: int, in_flight: int, send: Callable[[], object], receive: Callable[[], int]) -> float:
-        """Return the seconds per frame. The first frame, which wakes the far process, is not timed."""
-        self._pass(1, 1, send, receive)
+        """Return the seconds per frame. A first frame that wakes the far process is not timed."""
+        self._exchange(1, 1, send, receive)
         began_s = time.perf_counter()
-        self._pass(frames, in_flight, send, receive)
+        self._exchange(frames, in_flight, send, receive)
         return (time.perf_counter() - began_s) / frames
 
     @staticmethod
-    def _pass(frames: int, in_flight: int, send: Callable[[], object], receive: Callable[[], int]) -> None:
+    def _exchange(frames: int, in_flight: int, send: Callable[[], object], receive: Callable[[], int]) -> None:
         sent = answered = 0
         while answered < frames:
             if sent < frames and sent - answered < in_flight:
@@ -259,7 +275,7 @@ def _samples(arrays: Arrays) -> tuple[CompanionSample, ...]:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the far process; `arguments` are those of its command line."""
+    """Run the far process; `arguments` are those of the command line."""
     from hil_companion.link.client import Client
 
     address, socket_address, scale, *keys = arguments
@@ -276,9 +292,9 @@ def main(arguments: Sequence[str]) -> None:
             if frame is None:
                 return
             report = None
-            if number < _CHECKED:
-                received = {sample.topic: sample.arrays for sample in frame.samples.values()}
-                report = {"differing": differing(frame_arrays(number, float(scale)), received)}
+            if number < _COMPARED_FRAMES:
+                arrays = {sample.topic: sample.arrays for sample in frame.samples.values()}
+                report = {"differing": differing(frame_arrays(number, float(scale)), arrays)}
             client.done(frame, report=report)
 
 

@@ -1,12 +1,12 @@
 """Flights on which the physics benchmarks compare methods, and the methods: this project and MuJoCo.
 
-All flights use the x500 with a motor lag of 50 ms both ways and without rotor inertia, ground effect and descent loss,
-which MuJoCo's model does not have. This project and MuJoCo use the same native function for rotor and air forces; in
-MuJoCo it is the control callback, so no Python runs in a step.
+All flights use the x500 with a motor lag of 50 ms in both directions, and without rotor inertia, ground effect and
+descent loss, which MuJoCo's model does not have. This project and MuJoCo use the same native function for rotor and
+air forces; in MuJoCo it is the control callback, so no Python runs in a step.
 
 MuJoCo holds the rotors' speeds as activations. With dyntype `filterexact` it solves the lag in closed form over a step,
-which is best for Euler and implicitfast. RK4 then keeps the activation constant over its stages and falls to first
-order, so RK4 is also measured with `filter`, which it integrates with the stages.
+which is best for Euler and implicitfast. With RK4 the activation then stays constant over the stages and the order
+falls to one, so RK4 is also measured with `filter`, whose lag RK4 integrates over its stages.
 """
 
 from __future__ import annotations
@@ -42,9 +42,12 @@ _SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])  # rotor: 
 def bench_vehicle(**changes: Any) -> Vehicle:
     """Return the x500 reduced to what all methods model, with `changes` to its rotor constants."""
     vehicle = load_vehicle("x500")
-    common = {"time_constant_up_s": _LAG_S, "time_constant_down_s": _LAG_S, "inertia_kgm2": 0.0}
+    shared_constants = {"time_constant_up_s": _LAG_S, "time_constant_down_s": _LAG_S, "inertia_kgm2": 0.0}
     return vehicle.model_copy(
-        update={"rotor_constants": vehicle.rotor_constants.model_copy(update=common | changes), "battery": None}
+        update={
+            "rotor_constants": vehicle.rotor_constants.model_copy(update=shared_constants | changes),
+            "battery": None,
+        }
     )
 
 
@@ -103,7 +106,7 @@ def hover(seconds: float = 5.0) -> Flight:
 
 
 def gust(seconds: float = 3.0) -> Flight:
-    """Return a hover in which a wind of 12 m/s starts at once."""
+    """Return a hover in a wind of 12 m/s that starts suddenly."""
     vehicle = bench_vehicle()
     commands = np.full((round(seconds / TICK_S), 4), vehicle.hover_control)
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
@@ -137,10 +140,10 @@ def start_state(vehicle: Vehicle) -> Float64:
 
 
 class _TickByTick:
-    """A method that advances tick by tick; one flight at a time."""
+    """A method that advances tick by tick. Only one flight may be open at a time."""
 
     name: str
-    begin: Callable[[Flight], _OwnStepper | _MujocoStepper]
+    begin: Callable[[Flight], _ProjectStepper | _MujocoStepper]
 
     def fly(self, flight: Flight, *, record: bool) -> Float64:
         """Fly and return the states (p, q, v, w), (n, 13): at every tick if `record`, else only the last."""
@@ -163,12 +166,12 @@ class ThisProject(_TickByTick):
         self.method = method
         self.name = f"this project, {'order 8' if method == 'order8' else 'classical RK4'} @ {step_ms:g} ms"
 
-    def begin(self, flight: Flight) -> _OwnStepper:
+    def begin(self, flight: Flight) -> _ProjectStepper:
         """Start a flight with this project's physics."""
-        return _OwnStepper(flight, self.method, self.step_ns)
+        return _ProjectStepper(flight, self.method, self.step_ns)
 
 
-class _OwnStepper:
+class _ProjectStepper:
     def __init__(self, flight: Flight, method: Any, step_ns: int) -> None:
         physics = self.physics = QuadrotorPhysics(
             flight.vehicle,
@@ -197,15 +200,15 @@ class PlainMujoco(_TickByTick):
 
     def __init__(self, integrator: str, step_ms: float, *, lag: str = "filterexact") -> None:
         self.integrator, self.step_s, self.lag = integrator, step_ms / 1e3, lag
-        shown = integrator if lag == "filterexact" else f"{integrator} {lag}"
-        self.name = f"MuJoCo {shown} @ {step_ms:g} ms"
+        label = integrator if lag == "filterexact" else f"{integrator} {lag}"
+        self.name = f"MuJoCo {label} @ {step_ms:g} ms"
 
     def begin(self, flight: Flight) -> _MujocoStepper:
         """Start a flight with MuJoCo. Raises ValueError if the step is longer than the tick."""
         text = mjcf_text(flight.scene, flight.vehicle, contact_step_s=self.step_s)
         text = text.replace("<option ", f'<option integrator="{self.integrator}" ', 1)
-        one = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'
-        text = text.replace("</mujoco>", f"<actuator>{one * len(flight.vehicle.rotors)}</actuator></mujoco>")
+        motor = f'<general joint="vehicle" gear="0 0 0 0 0 0" dyntype="{self.lag}" dynprm="{_lag(flight.vehicle)!r}"/>'
+        text = text.replace("</mujoco>", f"<actuator>{motor * len(flight.vehicle.rotors)}</actuator></mujoco>")
         return _MujocoStepper(flight, mujoco.MjModel.from_xml_string(text), self.step_s)
 
 
@@ -231,7 +234,7 @@ class _MujocoStepper:
         self._body.serve_mujoco(data.qpos, data.qvel, data.act, data.qfrc_applied)
         signature = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
         mujoco.set_mjcb_control(signature(self._body.mujoco_callback()))
-        # Otherwise MuJoCo writes warnings to a log file in the working directory; the rows show divergence already.
+        # Without a handler, MuJoCo writes its warnings to a log file in the working directory.
         mujoco.set_mju_user_warning(lambda _text: None)
         self._speed = flight.vehicle.speed_radps
 
@@ -267,11 +270,11 @@ def spin_drift(flight: Flight, end: Float64) -> dict[str, float]:
     """Return the relative drift of rotational energy, angular momentum and quaternion norm from the start to `end`."""
     inertia = np.array(flight.vehicle.inertia_kgm2)
 
-    def parts(s: Float64) -> tuple[float, Float64]:
+    def energy_and_momentum(s: Float64) -> tuple[float, Float64]:
         R = np.reshape(matrix_of(s[3:7]), (3, 3))
         return 0.5 * float(np.sum(inertia * s[10:13] ** 2)), R @ (inertia * s[10:13])
 
-    (e0, l0), (e1, l1) = parts(flight.start), parts(end)
+    (e0, l0), (e1, l1) = energy_and_momentum(flight.start), energy_and_momentum(end)
     return {
         "energy": abs(e1 / e0 - 1.0),
         "momentum": float(np.linalg.norm(l1 - l0) / np.linalg.norm(l0)),

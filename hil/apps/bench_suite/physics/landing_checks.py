@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.apps.bench_suite.physics.flight_cases import Float64
-from hil.apps.bench_suite.result import Check, Status
+from hil.apps.bench_suite.result import Check, ShowStatus
 from signals.rotation import matrix_of
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.flight_start import FlightStart
@@ -47,7 +47,7 @@ def drop(
     )
     physics.state[7:10] = v_W
     inertia = np.array(vehicle.inertia_kgm2)
-    sites = np.array([sphere.position_m for sphere in vehicle.contact_spheres])
+    centres_B = np.array([sphere.position_m for sphere in vehicle.contact_spheres])
     radii = np.array([sphere.radius_m for sphere in vehicle.contact_spheres])
 
     def energy(s: Float64) -> float:
@@ -55,7 +55,7 @@ def drop(
         return vehicle.mass_kg * STANDARD_GRAVITY_MPS2 * float(s[2]) + 0.5 * motion
 
     physics.advance(0, _OFF)
-    free = before = energy(physics.state)
+    air_j = before_j = energy(physics.state)
     touched_at = rest_at = None
     depth, gain, flying = 0.0, -np.inf, True
     for tick in range(1, round(seconds * 1e9 / tick_ns) + 1):
@@ -63,15 +63,15 @@ def drop(
         s = physics.state
         if truth.in_contact:
             if flying:
-                before = free  # energy of the last tick in the air
+                before_j = air_j
             touched_at = touched_at or tick * tick_ns / 1e9
         else:
-            free = energy(s)
+            air_j = energy(s)  # of the last tick in the air
         flying = not truth.in_contact
         if touched_at is not None:
-            gain = max(gain, energy(s) - before)
+            gain = max(gain, energy(s) - before_j)
         up_row = np.array(matrix_of(s[3:7])[6:])
-        depth = max(depth, float(np.max(radii - (s[2] + sites @ up_row))))
+        depth = max(depth, float(np.max(radii - (s[2] + centres_B @ up_row))))
         if max(abs(value) for value in truth.v_WB_W + truth.w_WB_B) > _REST_SPEED:
             rest_at = None
         elif rest_at is None and touched_at is not None:
@@ -81,16 +81,16 @@ def drop(
 
 
 def skipping_difference_m() -> float:
-    """Return the greatest position difference [m] of a flight from take-off to landing with and without skipping."""
+    """Return the greatest position difference [m] between a flight with and without contact skipping."""
     tracks = []
     for skipping in (True, False):
         physics = QuadrotorPhysics(
             load_vehicle("x500"), load_scene("airfield"), 4_000_000, integration=Integration(contact_skipping=skipping)
         )
         h = physics.vehicle.hover_control
-        plan = [(25, 0.0), (220, 1.04), (20, 1.0), (100, 0.97), (250, 0.95), (200, 0.0)]
+        phases = [(25, 0.0), (220, 1.04), (20, 1.0), (100, 0.97), (250, 0.95), (200, 0.0)]  # ticks, control over hover
         track, tick = [physics.advance(0, _OFF).p_WB], 0
-        for ticks, level in plan:
+        for ticks, level in phases:
             controls = (level * h, level * h, level * h * 1.0001, level * h)
             for _ in range(ticks):
                 tick += 1
@@ -99,7 +99,7 @@ def skipping_difference_m() -> float:
     return float(np.max(np.linalg.norm(tracks[0] - tracks[1], axis=1)))
 
 
-def landing_checks(status: Status) -> list[Check]:
+def landing_checks(status: ShowStatus) -> list[Check]:
     """Drop every vehicle from 0.1 and 0.5 m, straight and sideways, with ticks of 1, 2 and 4 ms; return the checks."""
     landings = []
     for name in vehicle_names():
@@ -108,8 +108,10 @@ def landing_checks(status: Status) -> list[Check]:
             for height_m, v_W in ((0.1, (0.0, 0.0, 0.0)), (0.5, (0.0, 0.0, 0.0)), (0.3, (0.5, -0.3, -0.5))):
                 landings.append(drop(load_vehicle(name), height_m, tick_ns=tick_ns, seconds=2.0, v_W=v_W))
     return [
-        Check("landing: longest time from touch to rest", max(one.rest_s for one in landings), "<=", 1.0, "s"),
-        Check("landing: deepest penetration", max(one.depth_m for one in landings), "<=", 5e-3, "m"),
-        Check("landing: greatest energy gain through a contact", max(one.gain_j for one in landings), "<=", 0.0, "J"),
+        Check("landing: longest time from touch to rest", max(landed.rest_s for landed in landings), "<=", 1.0, "s"),
+        Check("landing: deepest penetration", max(landed.depth_m for landed in landings), "<=", 5e-3, "m"),
+        Check(
+            "landing: greatest energy gain through a contact", max(landed.gain_j for landed in landings), "<=", 0.0, "J"
+        ),
         Check("flight changed by contact skipping", skipping_difference_m(), "<=", 1e-9, "m"),
     ]

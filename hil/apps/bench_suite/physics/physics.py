@@ -9,8 +9,8 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
 
 Errors of the first three are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are the
-best of several runs in one process, with the methods in turn and Python included; time and error come from the same
-code.
+best of several runs in one process, with the methods run in turn, and include Python. Time and error come from the
+same code.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
     vigorous,
 )
 from hil.apps.bench_suite.physics.landing_checks import landing_checks
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import best_times, load_reference
 from sim.physics.vehicle import load_vehicle
 
@@ -44,10 +44,10 @@ Method = ThisProject | PlainMujoco
 _STEPS_MS = (4.0, 2.0, 1.0, 0.5)
 _EULER_1MS = "MuJoCo Euler @ 1 ms"
 _DIVERGED = 1e6  # stands for an unbounded drift, because JSON and plots have no infinity
-_OURS = "this project, order 8 @ 4 ms"
+_OWN = "this project, order 8 @ 4 ms"
 
 
-def measure(*, quick: bool, status: Status) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Fly every case with every method."""
     result = BenchmarkResult(time_label="wall seconds per simulated second")
     reference = load_reference("multirotor_reference")
@@ -62,14 +62,14 @@ def measure(*, quick: bool, status: Status) -> BenchmarkResult:
             gravity_mps2=flight.scene.gravity_mps2,
         )
         status(name)
-        times = _best_times(flight, methods, turns=2 if quick else 7)
+        times = _best_times(flight, methods, rounds=2 if quick else 7)
         for method in methods:
             flown = method.fly(flight, record=True)
             details = {"attitude_error_rad": attitude_error_rad(flown, exact)}
             error = _position_error_m(flown, exact)
             result.rows.append(Row(name, method.name, error, "m", times[method.name], details))
     _tumble_rows(result, methods, status)
-    _landing_rows(result, methods, turns=2 if quick else 5)
+    _landing_rows(result, methods, rounds=2 if quick else 5)
     status("checks")
     result.checks += _flight_checks(result)
     result.checks += _order_checks(reference)
@@ -86,10 +86,10 @@ def _methods() -> list[Method]:
     return methods
 
 
-def _best_times(flight: Flight, methods: Sequence[Method], *, turns: int) -> dict[str, float]:
-    """Return wall seconds per simulated second by method; a method that takes too long is run once."""
-    works = {method.name: partial(method.fly, flight, record=False) for method in methods}
-    best = best_times(works, turns=turns, once_s=0.1 * flight.duration_s)
+def _best_times(flight: Flight, methods: Sequence[Method], *, rounds: int) -> dict[str, float]:
+    """Return wall seconds per simulated second by method. A slow method runs once, the others `rounds` times."""
+    runs = {method.name: partial(method.fly, flight, record=False) for method in methods}
+    best = best_times(runs, rounds=rounds, once_above_s=0.1 * flight.duration_s)
     return {name: took / flight.duration_s for name, took in best.items()}
 
 
@@ -97,7 +97,7 @@ def _position_error_m(flown: Float64, exact: Float64) -> float:
     return float(np.max(np.linalg.norm(flown[:, :3] - exact[:, :3], axis=1)))
 
 
-def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], status: Status) -> None:
+def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], status: ShowStatus) -> None:
     for method in methods:
         flight = tumble(60.0)
         status(f"tumble: {method.name}")
@@ -111,31 +111,33 @@ def _tumble_rows(result: BenchmarkResult, methods: Sequence[Method], status: Sta
         result.rows.append(Row("tumble", method.name, error, "1", took, details))
 
 
-def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, turns: int) -> None:
+def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, rounds: int) -> None:
     flight = landing()
-    feet = flight.vehicle.standing_height_m
-    times = _best_times(flight, methods, turns=turns)
+    standing_m = flight.vehicle.standing_height_m
+    times = _best_times(flight, methods, rounds=rounds)
     for method in methods:
         flown = method.fly(flight, record=True)
-        depth = max(0.0, feet - float(flown[:, 2].min()))
+        depth = max(0.0, standing_m - float(flown[:, 2].min()))
         speed = float(np.abs(flown[-1, 7:13]).max())
         result.rows.append(Row("landing", method.name, depth, "m", times[method.name], {"speed_at_end": speed}))
 
 
 def _flight_checks(result: BenchmarkResult) -> list[Check]:
     row = {(r.case, r.method): r for r in result.rows}
-    ours, euler = row["vigorous", _OURS], row["vigorous", _EULER_1MS]
+    own, euler = row["vigorous", _OWN], row["vigorous", _EULER_1MS]
     return [
-        Check("vigorous flight, 5 s: position error", ours.error, "<=", 1e-6, "m"),
-        Check("vigorous flight, 5 s: attitude error", ours.details["attitude_error_rad"], "<=", 1e-6, "rad"),
-        Check("vigorous flight: wall time per simulated second", 1e3 * ours.time_s, "<=", 2.0, "ms"),
-        Check("times more accurate than MuJoCo Euler at 1 ms", euler.error / ours.error, ">=", 1000.0, "x"),
-        Check("wall time over that of MuJoCo Euler at 1 ms", ours.time_s / euler.time_s, "<=", 1.0, "x"),
+        Check("vigorous flight, 5 s: position error", own.error, "<=", 1e-6, "m"),
+        Check("vigorous flight, 5 s: attitude error", own.details["attitude_error_rad"], "<=", 1e-6, "rad"),
+        Check("vigorous flight: wall time per simulated second", 1e3 * own.time_s, "<=", 2.0, "ms"),
+        Check("times more accurate than MuJoCo Euler at 1 ms", euler.error / own.error, ">=", 1000.0, "x"),
+        Check("wall time over that of MuJoCo Euler at 1 ms", own.time_s / euler.time_s, "<=", 1.0, "x"),
     ]
 
 
 def _order_checks(reference: ModuleType) -> list[Check]:
-    """Check the orders of convergence, the slopes of error over step; the classical method with the x500's own lag.
+    """Return checks of the orders of convergence: the slopes of log error over log step.
+
+    The classical method flies with the x500's own motor lag.
 
     From 8 ms down the error of the order-8 method is below the reference's own error. Its order is therefore measured
     at coarser steps, with slow motors and from rest, because it halves its steps for fast motors and high speeds.
@@ -143,10 +145,10 @@ def _order_checks(reference: ModuleType) -> list[Check]:
     x500 = load_vehicle("x500")
     steps_ms = (8.0, 4.0, 2.0, 1.0)
     flight = vigorous(tick_ns=8_000_000, vehicle=x500)
-    classical = _step_errors(flight, steps_ms, "classical", reference)
+    classical = _errors_by_step(flight, steps_ms, "classical", reference)
     coarse_ms = (64.0, 32.0)
-    coarse = _step_errors(vigorous(0.128, tick_ns=64_000_000), coarse_ms, "order8", reference)
-    longest = _step_errors(flight, (8.0,), "order8", reference)[0]
+    coarse = _errors_by_step(vigorous(0.128, tick_ns=64_000_000), coarse_ms, "order8", reference)
+    longest = _errors_by_step(flight, (8.0,), "order8", reference)[0]
     return [
         Check("order of convergence, classical, 8 to 1 ms", _slope(steps_ms, classical), ">=", 3.8, "1"),
         Check("order of convergence, order 8, 64 to 32 ms", _slope(coarse_ms, coarse), ">=", 3.8, "1"),
@@ -154,7 +156,7 @@ def _order_checks(reference: ModuleType) -> list[Check]:
     ]
 
 
-def _step_errors(flight: Flight, steps_ms: Sequence[float], method: str, reference: ModuleType) -> list[float]:
+def _errors_by_step(flight: Flight, steps_ms: Sequence[float], method: str, reference: ModuleType) -> list[float]:
     inputs = reference.Inputs(flight.commands)
     exact = reference.fly(flight.vehicle, flight.start, inputs, tick_s=flight.tick_ns / 1e9)
     return [_position_error_m(ThisProject(step, method=method).fly(flight, record=True), exact) for step in steps_ms]
@@ -164,7 +166,7 @@ def _slope(steps: Sequence[float], errors: Sequence[float]) -> float:
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
-def _hour_checks(status: Status) -> list[Check]:
+def _hour_checks(status: ShowStatus) -> list[Check]:
     status("tumble: one simulated hour")
     flight = tumble(3600.0)
     drift = spin_drift(flight, ThisProject(4.0).fly(flight, record=False)[-1])

@@ -1,13 +1,14 @@
 """`hil bench lidar`: time and error of the native ray caster, compared with `mj_multiRay` in one process on one core.
 
 Scenes are city_park and 100, 1000, 5000 and 20,000 shapes within 80 x 80 m; patterns are 16 x 900, 32 x 1024 and
-64 x 2048 rays. Each time is the best of several runs with the methods in turn, averaged over three positions, without a
-range limit. The error is the greatest difference in range from `mj_multiRay`, and from `mj_ray` on every 37th ray; the
-row of `mj_multiRay` holds its own difference from `mj_ray`. Rays on a silhouette (a neighbouring ray hits another geom)
+64 x 2048 rays, without a range limit. The methods run in turn; a time is the best of several runs, averaged over three
+positions. The error is the greatest difference in range from `mj_multiRay`, and from `mj_ray` on every 37th ray; the
+row of `mj_multiRay` holds its difference from `mj_ray`. Rays on a silhouette (a neighbouring ray hits another geom)
 for which the methods hit different geoms are excluded. A ray that hits something in one method only has an infinite
-error. All rays that hit different geoms, on silhouettes or not, count as disagreements.
+error. Every ray for which the methods hit different geoms, on a silhouette or not, counts as a disagreement.
 
-Geometry out of range must cost almost nothing: 200 shapes within 100 m are measured alone and among 20,000.
+The cost of geometry out of range is measured too: 200 shapes within a range of 100 m, alone and with 19,800 more
+beyond it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.sensors.raster_cases import GROUPS, random_geoms, world_with
 from hil.apps.bench_suite.timing import best_times
 from signals._kernel import det_cos, det_sin
@@ -35,14 +36,14 @@ from sim.world_loader import load_world
 Float64 = NDArray[np.float64]
 Hits = tuple[Float64, NDArray[np.int32]]  # range [m], +inf for none; geom, -1 for none
 
-OURS, THEIRS = "this project", "mj_multiRay"
+OWN, MUJOCO = "this project", "mj_multiRay"
 _NO_LIMIT_M = 1e9
-_REACH_M = 100.0
+_RANGE_M = 100.0
 _SAMPLE = 37  # every 37th ray is also cast by mj_ray; 37 divides no pattern
 PATTERNS = {"16x900": (16, 900, 15.0), "32x1024": (32, 1024, 20.0), "64x2048": (64, 2048, 22.5)}
 
 
-class Place:
+class LidarScene:
     """A scene at t = 0, prepared for both methods, and the positions to cast rays from."""
 
     def __init__(self, name: str, world: World, origins_W: tuple[Vec3, ...]) -> None:
@@ -56,7 +57,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Rays:
-    """Ray directions of a level pattern, their casting order, and output buffers, allocated once as in a sensor."""
+    """Ray directions of a level pattern, the order in which they are cast, and output buffers."""
 
     directions_W: Float64  # (n, 3)
     order: NDArray[np.int32]  # (n,)
@@ -65,12 +66,12 @@ class Rays:
 
 
 def pattern_rays(name: str) -> Rays:
-    """Return the rays of one of PATTERNS: channels evenly from -edge to +edge, columns evenly over the full circle."""
+    """Return the rays of one of PATTERNS: channels evenly from -edge to +edge, columns over the full circle."""
     channels, columns, edge_deg = PATTERNS[name]
-    up = np.linspace(-edge_deg, edge_deg, channels) * (np.pi / 180.0)
-    round_ = np.arange(columns) * (2.0 * np.pi / columns)
-    c, s = (np.array([f(x) for x in round_.tolist()]) for f in (det_cos, det_sin))
-    level, z = (np.array([f(x) for x in up.tolist()]) for f in (det_cos, det_sin))
+    elevations = np.linspace(-edge_deg, edge_deg, channels) * (np.pi / 180.0)
+    azimuths = np.arange(columns) * (2.0 * np.pi / columns)
+    c, s = (np.array([f(x) for x in azimuths.tolist()]) for f in (det_cos, det_sin))
+    level, z = (np.array([f(x) for x in elevations.tolist()]) for f in (det_cos, det_sin))
     grid = np.broadcast_arrays(c[:, None] * level, s[:, None] * level, z)
     directions = np.ascontiguousarray(np.stack(grid, axis=-1).reshape(-1, 3))
     order = np.empty(len(directions), np.int32)
@@ -78,66 +79,69 @@ def pattern_rays(name: str) -> Rays:
     return Rays(directions, order, np.empty(len(directions)), np.empty(len(directions), np.int32))
 
 
-def measure(*, quick: bool, status: Status) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Cast every pattern in every scene with both methods."""
     result = BenchmarkResult(time_label="time of one sweep [s]")
     counts = (100, 1000) if quick else (100, 1000, 5000, 20_000)
     if quick:
-        result.left_out.append("scenes of 5000 and 20,000 geoms against mj_multiRay (minutes of its time)")
-    makers: list[Callable[[], Place]] = [park, *(lambda n=n: shapes(n) for n in counts)]
+        result.left_out.append("scenes of 5000 and 20,000 geoms against mj_multiRay (it takes minutes)")
+    makers: list[Callable[[], LidarScene]] = [park, *(lambda n=n: shapes(n) for n in counts)]
     rows: dict[tuple[str, str], tuple[Row, Row]] = {}
     disagreements = 0
     for make in makers:
-        place = make()
+        scene = make()
         for pattern in PATTERNS:
             # In large scenes mj_multiRay takes a minute per sweep, and the small pattern gives its time per ray.
-            if place.geoms >= 5000 and pattern != "16x900":
+            if scene.geoms >= 5000 and pattern != "16x900":
                 continue
-            status(f"{place.name}: {pattern}")
-            ours, theirs, apart = _compare(place, pattern, turns=3 if quick else 7)
-            result.rows += [ours, theirs]
-            rows[place.name, pattern] = ours, theirs
-            disagreements += apart
+            status(f"{scene.name}: {pattern}")
+            own_row, mujoco_row, differing = _compare(scene, pattern, rounds=3 if quick else 7)
+            result.rows += [own_row, mujoco_row]
+            rows[scene.name, pattern] = own_row, mujoco_row
+            disagreements += differing
     result.checks += _checks(rows, disagreements)
-    status("200 geoms in reach, alone and among 20,000")
-    times_longer = _out_of_reach(result, turns=5 if quick else 15)
-    name = "20,000 geoms of which 200 are in reach, over 200 geoms alone: time"
-    result.checks.append(Check(name, times_longer, "<=", 2.0, "x"))
+    status("200 geoms in range, alone and among 20,000")
+    slowdown = _out_of_range(result, rounds=5 if quick else 15)
+    name = "time with 20,000 geoms, 200 in range, over time with those 200 alone"
+    result.checks.append(Check(name, slowdown, "<=", 2.0, "x"))
     return result
 
 
-def _compare(place: Place, pattern: str, *, turns: int) -> tuple[Row, Row, int]:
+def _compare(scene: LidarScene, pattern: str, *, rounds: int) -> tuple[Row, Row, int]:
     rays = pattern_rays(pattern)
-    times: dict[str, list[float]] = {OURS: [], THEIRS: []}
-    apart, worst, theirs_worst = 0, 0.0, 0.0
-    for origin in place.origins_W:
-        works = {OURS: partial(_cast, place, origin, rays), THEIRS: partial(_multi_ray, place, origin, rays)}
-        for name, took in best_times(works, turns=turns, once_s=0.5).items():
+    times: dict[str, list[float]] = {OWN: [], MUJOCO: []}
+    differing, own_error, mujoco_error = 0, 0.0, 0.0
+    for origin in scene.origins_W:
+        runs = {OWN: partial(_cast, scene, origin, rays), MUJOCO: partial(_multi_ray, scene, origin, rays)}
+        for name, took in best_times(runs, rounds=rounds, once_above_s=0.5).items():
             times[name].append(took)
-        ours, theirs = (_copied(work()) for work in works.values())
-        inside = _away_from_silhouettes(theirs[1], pattern)
-        apart += int((ours[1] != theirs[1]).sum())
+        own_hits, mujoco_hits = (_copied(run()) for run in runs.values())
+        away = _away_from_silhouettes(mujoco_hits[1], pattern)
+        differing += int((own_hits[1] != mujoco_hits[1]).sum())
         sample = slice(None, None, _SAMPLE)
-        exact = _mj_ray(place, origin, rays.directions_W[sample])
-        sampled = [(hits[0][sample], hits[1][sample]) for hits in (ours, theirs)]
-        worst = max(worst, difference_m(ours, theirs, inside), difference_m(sampled[0], exact, inside[sample]))
-        theirs_worst = max(theirs_worst, difference_m(sampled[1], exact, inside[sample]))
-    case = f"{place.name}, {pattern}"
-    details = {"geoms": place.geoms, "rays": len(rays.directions_W), "disagreements": apart}
+        exact = _mj_ray(scene, origin, rays.directions_W[sample])
+        sampled = [(hits[0][sample], hits[1][sample]) for hits in (own_hits, mujoco_hits)]
+        own_difference_m = difference_m(own_hits, mujoco_hits, away), difference_m(sampled[0], exact, away[sample])
+        own_error = max(own_error, *own_difference_m)
+        mujoco_error = max(mujoco_error, difference_m(sampled[1], exact, away[sample]))
+    case = f"{scene.name}, {pattern}"
+    details = {"geoms": scene.geoms, "rays": len(rays.directions_W), "disagreements": differing}
     return (
-        Row(case, OURS, worst, "m", float(np.mean(times[OURS])), details),
-        Row(case, THEIRS, theirs_worst, "m", float(np.mean(times[THEIRS])), details),
-        apart,
+        Row(case, OWN, own_error, "m", float(np.mean(times[OWN])), details),
+        Row(case, MUJOCO, mujoco_error, "m", float(np.mean(times[MUJOCO])), details),
+        differing,
     )
 
 
-def _cast(place: Place, origin: Vec3, rays: Rays, reach_m: float = _NO_LIMIT_M) -> Hits:
-    place.caster.cast(np.array([origin]), rays.directions_W, 0.0, reach_m, rays.range_m, rays.geom, order=rays.order)
+def _cast(scene: LidarScene, origin: Vec3, rays: Rays, max_range_m: float = _NO_LIMIT_M) -> Hits:
+    scene.caster.cast(
+        np.array([origin]), rays.directions_W, 0.0, max_range_m, rays.range_m, rays.geom, order=rays.order
+    )
     return rays.range_m, rays.geom
 
 
-def _multi_ray(place: Place, origin: Vec3, rays: Rays) -> Hits:
-    model, data, n, flat = place.model, place.data, len(rays.geom), rays.directions_W.reshape(-1)
+def _multi_ray(scene: LidarScene, origin: Vec3, rays: Rays) -> Hits:
+    model, data, n, flat = scene.model, scene.data, len(rays.geom), rays.directions_W.reshape(-1)
     mujoco.mj_multiRay(
         model, data, np.array(origin), flat, GROUPS, True, -1, rays.geom, rays.range_m, None, n, _NO_LIMIT_M
     )
@@ -149,11 +153,11 @@ def _copied(hits: Hits) -> Hits:
     return np.where(hits[1] >= 0, hits[0], np.inf), hits[1].copy()
 
 
-def _mj_ray(place: Place, origin: tuple[float, float, float], directions_W: Float64) -> Hits:
+def _mj_ray(scene: LidarScene, origin: tuple[float, float, float], directions_W: Float64) -> Hits:
     origin_W, hit = np.array(origin), np.zeros(1, np.int32)
     range_m, geom = np.empty(len(directions_W)), np.empty(len(directions_W), np.int32)
     for i, direction in enumerate(directions_W):
-        t = mujoco.mj_ray(place.model, place.data, origin_W, direction, GROUPS, True, -1, hit)
+        t = mujoco.mj_ray(scene.model, scene.data, origin_W, direction, GROUPS, True, -1, hit)
         range_m[i], geom[i] = (t, hit[0]) if hit[0] >= 0 else (np.inf, -1)
     return range_m, geom
 
@@ -162,69 +166,70 @@ def _away_from_silhouettes(geom: NDArray[np.int32], pattern: str) -> NDArray[np.
     """Return True for rays whose neighbours in channel and column all hit the same geom."""
     channels, columns, _ = PATTERNS[pattern]
     grid = geom.reshape(columns, channels)
-    inside = (grid == np.roll(grid, 1, axis=0)) & (grid == np.roll(grid, -1, axis=0))
+    away = (grid == np.roll(grid, 1, axis=0)) & (grid == np.roll(grid, -1, axis=0))
     same = grid[:, 1:] == grid[:, :-1]
-    inside[:, 1:] &= same
-    inside[:, :-1] &= same
-    return inside.reshape(-1)
+    away[:, 1:] &= same
+    away[:, :-1] &= same
+    return away.reshape(-1)
 
 
-def difference_m(a: Hits, b: Hits, inside: NDArray[np.bool_]) -> float:
-    """Return the greatest range difference over rays that hit the same geom or are `inside`.
+def difference_m(a: Hits, b: Hits, away: NDArray[np.bool_]) -> float:
+    """Return the greatest range difference over rays that hit the same geom or are `away` from silhouettes.
 
-    It is infinite if a ray hits something in only one of them.
+    It is infinite if such a ray hits something in only one of `a` and `b`.
     """
-    counted = (inside | (a[1] == b[1])) & ((a[1] >= 0) | (b[1] >= 0))
+    counted = (away | (a[1] == b[1])) & ((a[1] >= 0) | (b[1] >= 0))
     return float(np.abs(a[0][counted] - b[0][counted]).max(initial=0.0))
 
 
 def _checks(rows: dict[tuple[str, str], tuple[Row, Row]], disagreements: int) -> list[Check]:
     checks = []
-    for (scene, pattern), (ours, theirs) in rows.items():
-        # No check for a hundred shapes: with so few, the fixed cost of a ray dominates (8.4 to 10.9 times faster).
-        if pattern == "16x900" and ours.details["geoms"] > 100:
-            name = f"{scene}, 16 x 900: times faster than mj_multiRay"
-            checks.append(Check(name, theirs.time_s / ours.time_s, ">=", 10.0, "x"))
-    worst = max(ours.error for ours, _ in rows.values())
+    for (scene_name, pattern), (own_row, mujoco_row) in rows.items():
+        # Not checked with 100 shapes, where the fixed cost of a ray dominates (8.4 to 10.9 times faster).
+        if pattern == "16x900" and own_row.details["geoms"] > 100:
+            name = f"{scene_name}, 16 x 900: times faster than mj_multiRay"
+            checks.append(Check(name, mujoco_row.time_s / own_row.time_s, ">=", 10.0, "x"))
+    worst = max(own_row.error for own_row, _ in rows.values())
     checks.append(
         Check("range difference from mj_multiRay and mj_ray, all scenes and patterns", worst, "<=", 1e-5, "m")
     )
-    total = sum(ours.details["rays"] * 3 for ours, _ in rows.values())
-    checks.append(Check("rays that meet another geom than mj_multiRay says", disagreements / total, "<=", 1e-4, "1"))
+    total = sum(own_row.details["rays"] * 3 for own_row, _ in rows.values())
+    checks.append(
+        Check("share of rays that hit another geom than in mj_multiRay", disagreements / total, "<=", 1e-4, "1")
+    )
     return checks
 
 
-def _out_of_reach(result: BenchmarkResult, *, turns: int) -> float:
-    """Return the factor by which a sweep of 200 shapes in range slows down among 20,000, for 16 x 900 rays."""
+def _out_of_range(result: BenchmarkResult, *, rounds: int) -> float:
+    """Return the factor by which 19,800 shapes out of range slow down a sweep of 200 others with 16 x 900 rays."""
     rays = pattern_rays("16x900")
-    places = [shapes(200, beyond=beyond) for beyond in (0, 19_800)]
-    times: dict[str, list[float]] = {place.name: [] for place in places}
-    apart, changed = 0.0, 0
-    for origin in places[0].origins_W:
-        works = {place.name: partial(_cast, place, origin, rays, _REACH_M) for place in places}
-        for name, took in best_times(works, turns=turns).items():
+    scenes = [shapes(200, beyond=beyond) for beyond in (0, 19_800)]
+    times: dict[str, list[float]] = {scene.name: [] for scene in scenes}
+    difference, changed = 0.0, 0
+    for origin in scenes[0].origins_W:
+        runs = {scene.name: partial(_cast, scene, origin, rays, _RANGE_M) for scene in scenes}
+        for name, took in best_times(runs, rounds=rounds).items():
             times[name].append(took)
-        # Geometry out of range changes nothing, so the two agree to the last bit.
-        alone, among = (_copied(work()) for work in works.values())
-        changed += int((alone[1] != among[1]).sum())
-        apart = max(apart, difference_m(alone, among, np.ones(len(alone[0]), bool)))
+        alone, crowded = (_copied(run()) for run in runs.values())  # equal bit for bit, if all is well
+        changed += int((alone[1] != crowded[1]).sum())
+        difference = max(difference, difference_m(alone, crowded, np.ones(len(alone[0]), bool)))
     means = [float(np.mean(took)) for took in times.values()]
-    for place, took in zip(places, means, strict=True):
-        details = {"geoms": place.geoms, "rays": len(rays.directions_W), "disagreements": changed}
-        result.rows.append(Row("reach of 100 m, 16x900", f"{OURS}, {place.name}", apart, "m", took, details))
+    for scene, took in zip(scenes, means, strict=True):
+        details = {"geoms": scene.geoms, "rays": len(rays.directions_W), "disagreements": changed}
+        result.rows.append(Row("range of 100 m, 16x900", f"{OWN}, {scene.name}", difference, "m", took, details))
     return means[1] / means[0]
 
 
-def park() -> Place:
+def park() -> LidarScene:
     """Return city_park with its people at t = 0."""
     world = load_world(load_scene("city_park"))
-    return Place("city_park", world, ((0.3, 0.2, 1.5), (10.0, 5.0, 8.0), (-20.0, 13.0, 3.0)))
+    return LidarScene("city_park", world, ((0.3, 0.2, 1.5), (10.0, 5.0, 8.0), (-20.0, 13.0, 3.0)))
 
 
-def shapes(count: int, *, beyond: int = 0) -> Place:
+def shapes(count: int, *, beyond: int = 0) -> LidarScene:
     """Return `count` geoms, one a plane, within 80 x 80 x 9 m, and `beyond` more out of range."""
     rng = np.random.Generator(np.random.Philox(count))
     geoms = random_geoms(rng, count - 1, (-40, -40, 0.5), (40, 40, 8.5), largest_m=1.2)
-    geoms += random_geoms(rng, beyond, (1.5 * _REACH_M, -1000, 0.5), (15.0 * _REACH_M, 1000, 8.5), largest_m=1.2)
-    name = f"{count} geoms" + (f", {beyond} more out of reach" if beyond else "")
-    return Place(name, world_with(geoms), ((0.3, 0.2, 2.0), (15.0, -12.0, 6.0), (-25.0, 20.0, 1.0)))
+    geoms += random_geoms(rng, beyond, (1.5 * _RANGE_M, -1000, 0.5), (15.0 * _RANGE_M, 1000, 8.5), largest_m=1.2)
+    name = f"{count} geoms" + (f", {beyond} more out of range" if beyond else "")
+    return LidarScene(name, world_with(geoms), ((0.3, 0.2, 2.0), (15.0, -12.0, 6.0), (-25.0, 20.0, 1.0)))

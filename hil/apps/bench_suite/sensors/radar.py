@@ -2,11 +2,11 @@
 
 The error is ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samples, with x noise-free and before the
 ADC. x_direct is the method `direct`; its own row holds its error against tests/reference/radar_reference.py over some
-of the echoes. Times are the best of several turns.
+of the echoes. Times are the best of several runs.
 
 Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and both presets.
-Further parts are pictures of city_park, where negligible echoes are dropped; point targets through the processing
-chain; a person who walks away and back; and a real recording, if one is given.
+Further cases: pictures of city_park, where negligible echoes are dropped; point targets through the processing chain; a
+person who walks away and back; and a real recording, if one is given.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.sensors.radar_cases import PIXELS, radar_parameters, radar_view, random_echoes, synthesizer
 from hil.apps.bench_suite.sensors.radar_checks import (
     characteristic_checks,
@@ -38,7 +38,7 @@ _SPEEDS_MPS = (0.0, 3.0, 10.0, 30.0)
 _RANGES_M = (1.0, 10.0, 50.0, 200.0)
 
 
-def measure(*, quick: bool, status: Status) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Run all parts; `quick` leaves out the large sweeps."""
     result = BenchmarkResult(time_label="time of one frame [s]")
     with one_core():
@@ -55,16 +55,16 @@ def measure(*, quick: bool, status: Status) -> BenchmarkResult:
     return result
 
 
-def _synthesis(result: BenchmarkResult, *, quick: bool, status: Status) -> None:
+def _synthesis(result: BenchmarkResult, *, quick: bool, status: ShowStatus) -> None:
     parameters = radar_parameters()
     status("all tolerances")
-    main = _Case("table 2, 76,800 echoes", parameters, random_echoes(PIXELS))
-    times = main.sweep(result, TOLERANCES, repeats=3 if quick else 7)
+    table_2 = _Case("table 2, 76,800 echoes", parameters, random_echoes(PIXELS))
+    times = table_2.sweep(result, TOLERANCES, repeats=3 if quick else 7)
     for tolerance, limit_s in ((1e-3, 15e-3), (1e-6, 60e-3)):
         took, error = times[tolerance]
         result.checks.append(Check(f"76,800 echoes at {tolerance:g}: error", error, "<=", tolerance, "1"))
         result.checks.append(Check(f"76,800 echoes at {tolerance:g}: time", 1e3 * took, "<=", 1e3 * limit_s, "ms"))
-    ratio = main.direct_s / times[1e-3][0]
+    ratio = table_2.direct_s / times[1e-3][0]
     result.checks.append(Check("times faster than the exact sum at 1e-3, same core", ratio, ">=", 100.0, "x"))
     worst = max(error / tolerance for tolerance, (_, error) in times.items())
     cases = [
@@ -75,7 +75,7 @@ def _synthesis(result: BenchmarkResult, *, quick: bool, status: Status) -> None:
         cases += [_Case(f"speeds to {v:g} m/s", parameters, _moving(v, 5_000)) for v in (0.0, 30.0)]
         cases += [_Case(f"ranges to {r:g} m", parameters, _distant(r, 5_000)) for r in (200.0,)]
         result.left_out.append(
-            "echo counts but 76,800 and 5,000; speeds 3 and 10 m/s; ranges 1 to 50 m; two thirds of views"
+            "echo counts other than 76,800 and 5,000; speeds 3 and 10 m/s; ranges 1 to 50 m; two thirds of the views"
         )
     else:
         cases += [_Case(f"{n:,} echoes", parameters, random_echoes(n)) for n in _COUNTS]
@@ -83,8 +83,8 @@ def _synthesis(result: BenchmarkResult, *, quick: bool, status: Status) -> None:
         cases += [_Case(f"ranges to {r:g} m", parameters, _distant(r, PIXELS)) for r in _RANGES_M]
     for case in cases:
         status(case.name)
-        found = case.sweep(result, (1e-3, 1e-6, 1e-9), repeats=2 if quick else 5)
-        worst = max(worst, *(error / tolerance for tolerance, (_, error) in found.items()))
+        measured = case.sweep(result, (1e-3, 1e-6, 1e-9), repeats=2 if quick else 5)
+        worst = max(worst, *(error / tolerance for tolerance, (_, error) in measured.items()))
     result.checks.append(Check("greatest error, in tolerances: all counts, speeds and ranges", worst, "<=", 1.0, "1"))
 
 
@@ -97,7 +97,7 @@ def _distant(range_m: float, count: int) -> Echoes:
 
 
 class _Case:
-    """Echoes of one configuration; `sweep` computes their exact sum once."""
+    """Echoes of one radar configuration."""
 
     def __init__(self, name: str, parameters: RadarParameters, echoes: Echoes) -> None:
         self.name, self._p, self._echoes = name, parameters, echoes
@@ -106,25 +106,27 @@ class _Case:
     def sweep(
         self, result: BenchmarkResult, tolerances: tuple[float, ...], *, repeats: int
     ) -> dict[float, tuple[float, float]]:
-        """Add a row per tolerance; return time [s] and error by tolerance."""
+        """Add a row for the exact sum and one per tolerance; return time [s] and error by tolerance."""
         c = self._p.chirp
         shape = (len(self._p.antenna.rx_positions_m), c.chirps, c.samples)
         exact, out = np.empty(shape), np.empty(shape)
         direct = synthesizer(self._p, "direct", 1e-3)
-        work = partial(direct.synthesize, self._echoes, exact)
-        self.direct_s = best_times({"direct": work}, turns=2)["direct"]
-        own = _direct_error(self._p, self._echoes)
-        result.rows.append(Row(self.name, "direct", own, UNIT, self.direct_s, {"echoes": len(self._echoes.range_m)}))
-        found: dict[float, tuple[float, float]] = {}
+        run = partial(direct.synthesize, self._echoes, exact)
+        self.direct_s = best_times({"direct": run}, rounds=2)["direct"]
+        direct_error = _direct_error(self._p, self._echoes)
+        result.rows.append(
+            Row(self.name, "direct", direct_error, UNIT, self.direct_s, {"echoes": len(self._echoes.range_m)})
+        )
+        measured: dict[float, tuple[float, float]] = {}
         for tolerance in tolerances:
-            made = synthesizer(self._p, "nufft", tolerance)
-            report = made.synthesize(self._echoes, out)  # the first call allocates its buffers
+            transform = synthesizer(self._p, "nufft", tolerance)
+            report = transform.synthesize(self._echoes, out)  # the first call allocates its buffers
             error = _error(out, exact)
-            took = best_times({"": partial(made.synthesize, self._echoes, out)}, turns=repeats)[""]
-            found[tolerance] = took, error
+            took = best_times({"": partial(transform.synthesize, self._echoes, out)}, rounds=repeats)[""]
+            measured[tolerance] = took, error
             details = {"terms": report.terms, "panels": report.panels, "width": report.width, "dropped": report.dropped}
             result.rows.append(Row(self.name, f"nufft @ {tolerance:g}", error, UNIT, took, details))
-        return found
+        return measured
 
 
 def _direct_error(p: RadarParameters, echoes: Echoes) -> float:
@@ -149,28 +151,28 @@ def _city_park(result: BenchmarkResult, *, views: int) -> None:
     radar = radar_view(case.world, parameters)
     shape = (len(parameters.antenna.rx_positions_m), parameters.chirp.chirps, parameters.chirp.samples)
     exact, out = np.empty(shape), np.empty(shape)
-    quick, direct = synthesizer(parameters, "nufft", tolerance), synthesizer(parameters, "direct", tolerance)
-    took = [np.inf] * len(case.views)
+    transform, direct = synthesizer(parameters, "nufft", tolerance), synthesizer(parameters, "direct", tolerance)
+    times_s = [np.inf] * len(case.views)
     direct_s: list[float] = []
     errors: list[float] = []
-    kept: list[float] = []
-    for turn in range(3):  # other load lasts for a while, so the best of turns at different times counts
+    kept_shares: list[float] = []
+    for k in range(3):  # three rounds at different times, because other load on the machine lasts for a while
         for i, view in enumerate(case.views):
             radar.draw(view)
-            work = partial(quick.synthesize, radar.echoes(view), out)
-            report = work()
-            took[i] = min(took[i], best_times({"": work}, turns=3)[""])
-            if turn == 0:
+            run = partial(transform.synthesize, radar.echoes(view), out)
+            report = run()
+            times_s[i] = min(times_s[i], best_times({"": run}, rounds=3)[""])
+            if k == 0:
                 direct_s.append(best_times({"": partial(direct.synthesize, radar.echoes(view), exact)})[""])
                 errors.append(_error(out, exact))
-                kept.append((report.echoes - report.dropped) / PIXELS)
+                kept_shares.append((report.echoes - report.dropped) / PIXELS)
     name, worst = "city_park, pictures of 320 x 240", max(errors)
-    details = {"pixels_kept": float(np.mean(kept)), "views": len(case.views)}
-    result.rows.append(Row(name, "nufft @ 0.001", worst, UNIT, float(np.mean(took)), details))
+    details = {"pixels_kept": float(np.mean(kept_shares)), "views": len(case.views)}
+    result.rows.append(Row(name, "nufft @ 0.001", worst, UNIT, float(np.mean(times_s)), details))
     result.rows.append(Row(name, "direct", 0.0, UNIT, float(np.mean(direct_s))))
     result.checks.append(Check("city_park with skipping: error", worst, "<=", tolerance, "1"))
-    result.checks.append(Check("city_park with skipping: time, mean", 1e3 * float(np.mean(took)), "<=", 6.0, "ms"))
-    result.checks.append(Check("city_park with skipping: time, slowest view", 1e3 * max(took), "<=", 6.0, "ms"))
+    result.checks.append(Check("city_park with skipping: time, mean", 1e3 * float(np.mean(times_s)), "<=", 6.0, "ms"))
+    result.checks.append(Check("city_park with skipping: time, slowest view", 1e3 * max(times_s), "<=", 6.0, "ms"))
 
 
 def _error(x: Float64, exact: Float64) -> float:

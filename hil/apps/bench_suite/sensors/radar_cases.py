@@ -1,7 +1,7 @@
 """Cases of `hil bench radar`: random echoes, and echoes of pictures of the scenes.
 
 Random echoes are the hardest case for the transform: consecutive echoes are not neighbours, and all speeds between the
-limits occur. In pictures, as in a radar's use in a scene, consecutive echoes are neighbours.
+limits occur. In pictures, consecutive echoes are neighbours.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sim.sensors.radar_parameters import RadarParameters
 
 Float64 = NDArray[np.float64]
 PIXELS = 320 * 240
-_NEAR_M, _FAR_M = 0.3, 12.0
+_MIN_RANGE_M, _MAX_RANGE_M = 0.3, 12.0
 
 
 def radar_parameters(preset: str = "bgt60tr13c") -> RadarParameters:
@@ -53,10 +53,10 @@ def random_echoes(
     count: int,
     *,
     seed: int = 1,
-    range_m: tuple[float, float] = (_NEAR_M, _FAR_M),
+    range_m: tuple[float, float] = (_MIN_RANGE_M, _MAX_RANGE_M),
     speed_mps: tuple[float, float] = (-3.0, 3.0),
 ) -> Echoes:
-    """Return `count` echoes, uniform in range and speed within 90 by 74 degrees.
+    """Return `count` echoes, uniform in range and speed within 90 degrees across and 74 up.
 
     Amplitudes are Rayleigh distributed and inversely proportional to range.
     """

@@ -1,11 +1,11 @@
 """Checks of `hil bench radar`: single points, a walking person, and a real recording.
 
 - Table 3 of the paper; range, speed, angle and amplitude of single points; superposition.
-- The paper's two scenes through the whole chain: a person walks away to 7 m, and back towards the radar, which is fixed
-  at 1.8 m and faces along the walk at 20 frames per second. 100 frames of each direction count, from when the person
-  walks that way within range. The true range is the mean, the true speed the median over the pixels of the person. If
-  there are several tracks, the one nearest in range is taken. The person counts as detected if this track has points in
-  the frame and is at most 0.5 m off.
+- The paper's two scenes through the whole chain: a person walks away to 7 m, and back. The radar is fixed 1.8 m up,
+  faces along the walk and takes 20 frames per second. The first 100 frames in which the person is in view and walks in
+  the direction count. The true range is the mean and the true speed the median over the pixels of the person. If
+  there are several tracks, the one nearest in range is compared. The person counts as detected if this track has points
+  in the frame and its range is less than 0.5 m off.
 - A simulated recording compared with a real one: fitted on the first half of its frames, compared on the second half.
   HIL_RADAR_RECORDING names the user's .npz or .npy file; without it this part is left out.
 """
@@ -40,26 +40,26 @@ from sim.world_loader import load_world
 
 Float64 = NDArray[np.float64]
 RECORDING = "HIL_RADAR_RECORDING"
-_MIDDLE = 2048.0  # centre of the ADC's range [counts]
+_ADC_CENTRE = 2048.0  # centre of the ADC's range [counts]
 _AMPLITUDE = 100.0  # counts
 _PERIOD_NS = 50_000_000
 _HEIGHT_M = 1.8
-_FRAMES = 100  # of each walk
-_WARM_UP = 20  # frames before the first that counts: the radar has been on for a while
+_COUNTED_FRAMES = 100  # of each walk
+_WARM_UP_FRAMES = 20  # not counted
 _MIN_WALK_MPS = 0.5  # a slower person is turning round
 _MAX_FRAMES = 600
 _GATE_M = 0.5
 
 
 def characteristic_checks() -> list[Check]:
-    """Check table 3 of the paper to half a unit of each last digit; its d_res of 0.375 m assumes c = 3e8 m/s."""
+    """Return checks against table 3 of the paper, to half of the last digit. Its d_res assumes c = 3e8 m/s."""
     chirp = radar_parameters().chirp
-    paper = 3e8 / SPEED_OF_LIGHT_MPS
+    paper_c = 3e8 / SPEED_OF_LIGHT_MPS
     checks = []
     for name, value, printed, half_digit, unit in (
         ("v_max", chirp.max_speed_mps, 3.15, 0.005, "m/s"),
         ("v_res", chirp.speed_resolution_mps, 0.1, 0.05, "m/s"),
-        ("d_res, with the paper's c", paper * chirp.range_resolution_m, 0.375, 0.0005, "m"),
+        ("d_res, with the paper's c", paper_c * chirp.range_resolution_m, 0.375, 0.0005, "m"),
         ("d_max", chirp.max_range_m, 12.0, 0.5, "m"),
     ):
         checks.append(Check(f"{name}, off table 3 ({printed:g} {unit})", abs(value - printed), "<=", half_digit, unit))
@@ -67,7 +67,7 @@ def characteristic_checks() -> list[Check]:
 
 
 def target_checks(*, quick: bool) -> list[Check]:
-    """Check point targets through the processing chain, and amplitude law and superposition of the exact sum."""
+    """Return checks of point targets after processing, and of amplitude law and superposition of the exact sum."""
     p = radar_parameters()
     rng = np.random.Generator(np.random.Philox(5))
     worst = {"range": 0.0, "speed": 0.0, "azimuth": 0.0, "elevation": 0.0}
@@ -83,19 +83,25 @@ def target_checks(*, quick: bool) -> list[Check]:
         if len(points) == 0:
             missed += 1
             continue
-        found = points[int(np.argmax(points["snr_db"]))]
-        worst["range"] = max(worst["range"], abs(float(found["range_m"]) - range_m) / p.chirp.range_resolution_m)
-        worst["speed"] = max(worst["speed"], abs(float(found["speed_mps"]) - speed) / p.chirp.speed_resolution_mps)
-        worst["azimuth"] = max(worst["azimuth"], abs(math.degrees(float(found["azimuth_rad"]) - azimuth)))
-        worst["elevation"] = max(worst["elevation"], abs(math.degrees(float(found["elevation_rad"]) - elevation)))
+        strongest = points[int(np.argmax(points["snr_db"]))]
+        worst["range"] = max(worst["range"], abs(float(strongest["range_m"]) - range_m) / p.chirp.range_resolution_m)
+        worst["speed"] = max(worst["speed"], abs(float(strongest["speed_mps"]) - speed) / p.chirp.speed_resolution_mps)
+        worst["azimuth"] = max(worst["azimuth"], abs(math.degrees(float(strongest["azimuth_rad"]) - azimuth)))
+        worst["elevation"] = max(worst["elevation"], abs(math.degrees(float(strongest["elevation_rad"]) - elevation)))
     return [
-        Check("point targets that are not seen", float(missed), "<=", 0.0, "1"),
+        Check("point targets that are not detected", float(missed), "<=", 0.0, "1"),
         Check("point targets: range", worst["range"], "<=", 0.05, "bins"),
         Check("point targets: speed", worst["speed"], "<=", 0.05, "bins"),
         Check("point targets: azimuth", worst["azimuth"], "<=", 0.5, "degrees"),
         Check("point targets: elevation", worst["elevation"], "<=", 0.5, "degrees"),
         Check("superposition of the exact sum", _superposition_error(p), "<=", 1e-12, "1"),
-        Check("amplitude law: a sphere at 5 to 80 m, off its closed form", _amplitude_law_error_db(p), "<=", 0.1, "dB"),
+        Check(
+            "amplitude law: a sphere at 5 to 80 m, difference from the closed form",
+            _amplitude_law_error_db(p),
+            "<=",
+            0.1,
+            "dB",
+        ),
     ]
 
 
@@ -106,7 +112,7 @@ def direction(azimuth_rad: float, elevation_rad: float) -> Float64:
 
 
 def _digitised(p: RadarParameters, targets: list[tuple[float, float, float, float]]) -> NDArray[np.uint16]:
-    """Return the frame of an ideal receiver, for targets given as range, speed, azimuth and elevation."""
+    """Return the frame of an ideal receiver; a target is range [m], speed [m/s], azimuth and elevation [rad]."""
     directions = np.array([direction(azimuth, elevation) for _, _, azimuth, elevation in targets])
     echoes = Echoes(
         np.array([t[0] for t in targets]),
@@ -114,7 +120,7 @@ def _digitised(p: RadarParameters, targets: list[tuple[float, float, float, floa
         directions,
         np.full(len(targets), _AMPLITUDE),
     )
-    return np.rint(_exact(p, echoes) + _MIDDLE).astype(np.uint16)
+    return np.rint(_exact(p, echoes) + _ADC_CENTRE).astype(np.uint16)
 
 
 def _exact(p: RadarParameters, echoes: Echoes) -> Float64:
@@ -163,9 +169,9 @@ def _amplitude_law_error_db(p: RadarParameters) -> float:
 
 def _superposition_error(p: RadarParameters) -> float:
     a, b = random_echoes(500, seed=7), random_echoes(300, seed=8)
-    both = Echoes(*(np.concatenate(pair) for pair in zip(_arrays(a), _arrays(b), strict=True)))
-    together = _exact(p, both)
-    return float(np.linalg.norm(together - _exact(p, a) - _exact(p, b)) / np.linalg.norm(together))
+    joined = Echoes(*(np.concatenate(pair) for pair in zip(_arrays(a), _arrays(b), strict=True)))
+    joined_signal = _exact(p, joined)
+    return float(np.linalg.norm(joined_signal - _exact(p, a) - _exact(p, b)) / np.linalg.norm(joined_signal))
 
 
 def _arrays(e: Echoes) -> tuple[Float64, Float64, Float64, Float64]:
@@ -173,22 +179,22 @@ def _arrays(e: Echoes) -> tuple[Float64, Float64, Float64, Float64]:
 
 
 def person_checks(result: BenchmarkResult, *, quick: bool) -> list[Check]:
-    """Check detection, range and speed in both walks, with several seeds of the noise."""
+    """Return checks of detection, range and speed in both walks, with several seeds of the noise."""
     checks: list[Check] = []
     parameters = radar_parameters()
     radar = radar_view(load_world(load_scene("radar_range")), parameters, "instance")
     for walk, sign in (("away", 1.0), ("towards", -1.0)):
         detected, range_error, speed_error, seconds = [], [], [], []
         for seed in (1,) if quick else (1, 2, 3):
-            found = _walk(radar, parameters, sign, seed)
-            detected.append(found[0])
-            range_error += found[1]
-            speed_error += found[2]
-            seconds.append(found[3])
+            share, range_errors, speed_errors, frame_s = _walk(radar, parameters, sign, seed)
+            detected.append(share)
+            range_error += range_errors
+            speed_error += speed_errors
+            seconds.append(frame_s)
         name = f"person walks {walk}"
         result.rows.append(Row(name, "whole chain", float(np.max(range_error)), "m of range", float(np.mean(seconds))))
         checks += [
-            Check(f"{name}: frames in which it is detected", 100.0 * min(detected), ">=", 95.0, "%"),
+            Check(f"{name}: frames with the person detected", 100.0 * min(detected), ">=", 95.0, "%"),
             Check(f"{name}: range error, 95 % of frames", float(np.quantile(range_error, 0.95)), "<=", 0.2, "m"),
             Check(f"{name}: speed error, 95 % of frames", float(np.quantile(speed_error, 0.95)), "<=", 0.15, "m/s"),
             Check(f"{name}: range error, rms", float(np.sqrt(np.mean(np.square(range_error)))), "<=", 0.2, "m"),
@@ -200,8 +206,8 @@ def person_checks(result: BenchmarkResult, *, quick: bool) -> list[Check]:
 def _walk(
     radar: RadarView, p: RadarParameters, sign: float, seed: int
 ) -> tuple[float, list[float], list[float], float]:
-    """Return the share of frames with a track, range [m] and speed [m/s] errors, and seconds per frame."""
-    made = synthesizer(p, "nufft", p.tolerance)
+    """Return the share of frames with the person detected, range [m] and speed [m/s] errors, and seconds per frame."""
+    transform = synthesizer(p, "nufft", p.tolerance)
     n_rx = len(p.antenna.rx_positions_m)
     chain = RadarReceiverChain(p.chirp, p.impairments, n_rx, seed=seed, name="radar")
     processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
@@ -215,29 +221,29 @@ def _walk(
     for k in range(_MAX_FRAMES):
         view = View(k * _PERIOD_NS, pose)
         radar.draw(view)
-        made.synthesize(radar.echoes(view), signal)
+        transform.synthesize(radar.echoes(view), signal)
         chain.digitise(signal, k, raw)
         tracks = processor.process(raw, view.t_ns).tracks
-        mine = radar.picture["instance"] == person
-        if not mine.any():
+        person_pixels = radar.picture["instance"] == person
+        if not person_pixels.any():
             continue
-        truth_m = float(radar.picture["range"][mine].mean())
-        truth_mps = float(np.median(radar.picture["radial_velocity"][mine]))
-        if k < _WARM_UP or truth_mps * sign < _MIN_WALK_MPS:
+        truth_m = float(radar.picture["range"][person_pixels].mean())
+        truth_mps = float(np.median(radar.picture["radial_velocity"][person_pixels]))
+        if k < _WARM_UP_FRAMES or truth_mps * sign < _MIN_WALK_MPS:
             continue
         counted += 1
         if len(tracks):
-            best = tracks[int(np.argmin(np.abs(tracks["range_m"] - truth_m)))]
-            tracked += bool(best["unseen_s"] == 0.0 and abs(best["range_m"] - truth_m) < _GATE_M)
-            range_error.append(abs(float(best["range_m"]) - truth_m))
-            speed_error.append(abs(float(best["speed_mps"]) - truth_mps))
-        if counted == _FRAMES:
+            nearest = tracks[int(np.argmin(np.abs(tracks["range_m"] - truth_m)))]
+            tracked += bool(nearest["unseen_s"] == 0.0 and abs(nearest["range_m"] - truth_m) < _GATE_M)
+            range_error.append(abs(float(nearest["range_m"]) - truth_m))
+            speed_error.append(abs(float(nearest["speed_mps"]) - truth_mps))
+        if counted == _COUNTED_FRAMES:
             break
     return tracked / counted, range_error or [np.inf], speed_error or [np.inf], (time.perf_counter() - began) / (k + 1)
 
 
 def recording_checks(result: BenchmarkResult) -> list[Check]:
-    """Check noise, odd codes and correlations (NCC) of a simulated recording against a real one."""
+    """Return checks of noise, odd codes and correlations (NCC) of a simulated recording against a real one."""
     file = os.environ.get(RECORDING)
     if not file:
         result.left_out.append(f"a real recording: set {RECORDING} to its file")
@@ -251,17 +257,21 @@ def recording_checks(result: BenchmarkResult) -> list[Check]:
     no_echoes, simulated = np.zeros(real.shape[1:]), np.empty(real.shape, np.uint16)
     for k in range(len(real)):
         chain.digitise(no_echoes, k, simulated[k])
-    found = compare(simulated, real)
+    comparison = compare(simulated, real)
     checks = []
-    for name, both in found.ncc.items():
-        label = f"NCC {name}: {both.simulated_against_real:.3f}, real against real {both.real_against_real:.3f}: apart"
-        checks.append(Check(label, abs(both.difference), "<=", 0.02, "1"))
-    simulated_odd, real_odd = found.odd_code_share
+    for name, ncc in comparison.ncc.items():
+        values = f"{ncc.simulated_against_real:.3f} simulated to real, {ncc.real_against_real:.3f} real to real"
+        checks.append(Check(f"NCC {name}: {values}: difference", abs(ncc.difference), "<=", 0.02, "1"))
+    simulated_odd, real_odd = comparison.odd_code_share
     return [
         *checks,
-        Check("noise power, worst bin", float(np.abs(found.noise_power_db).max()), "<=", 0.5, "dB"),
-        Check("range-Doppler noise", float(np.abs(found.range_doppler_noise_db).max()), "<=", 0.5, "dB"),
+        Check("noise power, worst bin", float(np.abs(comparison.noise_power_db).max()), "<=", 0.5, "dB"),
+        Check("range-Doppler noise", float(np.abs(comparison.range_doppler_noise_db).max()), "<=", 0.5, "dB"),
         Check(
-            f"odd codes, off those of the recording ({real_odd:.3f})", abs(simulated_odd - real_odd), "<=", 0.02, "1"
+            f"share of odd codes, difference from the recording's ({real_odd:.3f})",
+            abs(simulated_odd - real_odd),
+            "<=",
+            0.02,
+            "1",
         ),
     ]

@@ -1,18 +1,18 @@
 """`hil bench raster`: time and error of the raster, compared with MuJoCo's renderer in the same process and poses.
 
     scenes        city_park, urban_delivery, training_village, radar_range, each from random flight-like viewpoints
-    channels      depth | depth + segmentation | colour + depth + segmentation | all | the third with shadows
+    channels      depth | depth + segmentation | colour + depth + segmentation | the same with shadows | all
     resolutions   160 x 120 to 1280 x 720, 90 degrees across
     geoms         fields of 100 to 20,000; 20,000 with 200 visible, compared with those 200 alone
 
-The time is that of one picture of a posed scene, on one core with one thread: the best of several turns per viewpoint,
-averaged over viewpoints. The methods take turns, and each picture follows one of another viewpoint and time, so that no
-result can be reused.
+The time is that of one picture of a posed scene, on one core with one thread: the best of several rounds per viewpoint,
+averaged over viewpoints. The methods run in turn. Before each timed picture, one of another viewpoint and time is
+rendered, so that no cached result can be reused.
 
 MuJoCo's renderer (software OpenGL through EGL if there is no GPU) is used in the usual way: one `update_scene`, then
 one `render()` per channel, because colour, depth and segmentation are separate passes. Multisampling is off, because
 the raster takes one sample per pixel. The thread is pinned before the OpenGL context is made; the driver's threads
-inherit that.
+inherit this.
 
 The error of a row is the 99th percentile of the depth error against mj_ray, away from silhouettes and within 60 m
 (hil.apps.bench_suite.sensors.raster_errors). The checks cover all channels.
@@ -27,7 +27,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, field_case, hidden_case, scene_case
 from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
 from hil.apps.bench_suite.timing import best_times, one_core
@@ -39,18 +39,18 @@ from sim.frame.renderer import FrameRenderer
 
 Pictures = dict[str, NDArray]
 _FOV_DEG = 90.0
-_SIZES = ((160, 120), (320, 240), (640, 480), (1280, 720))
-_MAIN = (320, 240)
-_COUNTS = (100, 300, 1000, 3000, 10_000, 20_000)
+_RESOLUTIONS = ((160, 120), (320, 240), (640, 480), (1280, 720))
+_MAIN_RESOLUTION = (320, 240)
+_GEOM_COUNTS = (100, 300, 1000, 3000, 10_000, 20_000)
 _COLOUR = ("rgb", "depth", "segmentation")
-_SETS: dict[str, tuple[tuple[str, ...], bool]] = {  # channels, shadows
+_CHANNEL_SETS: dict[str, tuple[tuple[str, ...], bool]] = {  # channels, shadows
     "depth": (("depth",), False),
     "depth + segmentation": (("depth", "segmentation"), False),
     "colour + depth + segmentation": (_COLOUR, False),
     "colour + depth + segmentation, shadows": (_COLOUR, True),
     "all channels": (tuple(CHANNELS), False),
 }
-_LONG_S = 1.0
+_LONG_PICTURE_S = 1.0
 _PIXELS = 20_000  # compared with mj_ray in each scene, away from silhouettes
 
 
@@ -85,7 +85,7 @@ class ThisRaster:
 class MujocoRenderer:
     """mujoco.Renderer on one case, with the channels colour, depth and segmentation (as geom ids)."""
 
-    name = "MuJoCo, a pass a channel"
+    name = "MuJoCo, one pass per channel"
 
     def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str] = _COLOUR, *, shadows: bool) -> None:
         model = with_pictures_of(case.world.model, camera)
@@ -131,7 +131,7 @@ class MujocoRenderer:
 Method = ThisRaster | MujocoRenderer
 
 
-def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResult:
     """Render every scene with every method; `seed` selects viewpoints, random fields and compared pixels."""
     result = BenchmarkResult(time_label="wall time per picture [s]")
     problem = egl_problem()
@@ -139,78 +139,82 @@ def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
         result.left_out.append(f"MuJoCo's renderer: {problem}")
     if quick:
         result.left_out.append(
-            f"resolutions but {_MAIN[0]} x {_MAIN[1]}; fields of 300, 3000 and 10,000 geoms; half of the viewpoints; "
-            f"{_PIXELS * 3 // 4} of the {_PIXELS} pixels of each scene; channels other than colour + depth + "
-            "segmentation in all scenes but the first"
+            f"resolutions other than {_MAIN_RESOLUTION[0]} x {_MAIN_RESOLUTION[1]}; fields of 300, 3000 and 10,000 "
+            f"geoms; half of the viewpoints; {_PIXELS * 3 // 4} of the {_PIXELS} compared pixels of each scene; "
+            "channels other than colour + depth + segmentation in all scenes but the first"
         )
-    bench = _Bench(result, status, quick=quick, seed=seed, with_mujoco=not problem)
+    measurement = _Measurement(result, status, quick=quick, seed=seed, with_mujoco=not problem)
     with one_core():
-        found = {name: bench.scene(name) for name in SCENES}
-        for count in (100, 1000, 20_000) if quick else _COUNTS:
-            bench.field(count)
-        growth = bench.growth()
-    result.checks += bench.speed_checks()
-    result.checks += _error_checks(found)
-    result.checks.append(Check("20,000 geoms of which 200 are seen, over those 200 alone", growth, "<=", 2.0, "x"))
+        scene_errors = {name: measurement.scene(name) for name in SCENES}
+        for count in (100, 1000, 20_000) if quick else _GEOM_COUNTS:
+            measurement.field(count)
+        slowdown = measurement.hidden_geoms()
+    result.checks += measurement.speed_checks()
+    result.checks += _error_checks(scene_errors)
+    result.checks.append(
+        Check("time with 20,000 geoms, 200 visible, over time with those 200 alone", slowdown, "<=", 2.0, "x")
+    )
     return result
 
 
-class _Bench:
+class _Measurement:
     """One run of the benchmark: options, result so far, and the times that the checks need."""
 
-    def __init__(self, result: BenchmarkResult, status: Status, *, quick: bool, seed: int, with_mujoco: bool) -> None:
+    def __init__(
+        self, result: BenchmarkResult, status: ShowStatus, *, quick: bool, seed: int, with_mujoco: bool
+    ) -> None:
         self.result, self.status, self.quick, self.seed, self.with_mujoco = result, status, quick, seed, with_mujoco
         self.times: dict[tuple[str, str], dict[str, float]] = {}  # (case, channels) -> method -> s, at 320 x 240
 
     def scene(self, name: str) -> Errors:
         """Measure errors and times in one scene; return this project's errors at 320 x 240."""
         case = scene_case(name, views=6 if self.quick else 12, seed=self.seed)
-        main = name == SCENES[0]
-        found: dict[tuple[int, int], dict[str, Errors]] = {}
-        for size in (_MAIN,) if self.quick else _SIZES:
+        is_first = name == SCENES[0]
+        size_errors: dict[tuple[int, int], dict[str, Errors]] = {}
+        for size in (_MAIN_RESOLUTION,) if self.quick else _RESOLUTIONS:
             camera = CameraModel.from_fov(*size, _FOV_DEG)
-            pixels = _PIXELS if size == _MAIN else 4000
-            found[size] = self._errors(case, camera, pixels // 4 if self.quick else pixels)
-            for label, (channels, shadows) in _SETS.items():
-                if not self.quick or main or (channels == _COLOUR and not shadows):
-                    took = self._times(case, camera, channels, shadows=shadows)
-                    if size == _MAIN:
-                        self.times[name, label] = took
-                    self._rows(f"{name}, {label}", f"{size[0]}x{size[1]}", took, found[size])
-        return found[_MAIN][ThisRaster.name]
+            pixels = _PIXELS if size == _MAIN_RESOLUTION else 4000
+            size_errors[size] = self._errors(case, camera, pixels // 4 if self.quick else pixels)
+            for label, (channels, shadows) in _CHANNEL_SETS.items():
+                if not self.quick or is_first or (channels == _COLOUR and not shadows):
+                    times_s = self._times(case, camera, channels, shadows=shadows)
+                    if size == _MAIN_RESOLUTION:
+                        self.times[name, label] = times_s
+                    self._rows(f"{name}, {label}", f"{size[0]}x{size[1]}", times_s, size_errors[size])
+        return size_errors[_MAIN_RESOLUTION][ThisRaster.name]
 
     def field(self, count: int) -> None:
         """Measure errors and times in a field of random geoms."""
         case = field_case(count, seed=self.seed, views=2 if self.quick else 4)
-        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
-        found = self._errors(case, camera, 500 if self.quick else 2000)
-        took = self._times(case, camera, _COLOUR, shadows=False)
-        self._rows("field of geoms, colour + depth + segmentation", f"{count} geoms", took, found)
+        camera = CameraModel.from_fov(*_MAIN_RESOLUTION, _FOV_DEG)
+        errors_by_method = self._errors(case, camera, 500 if self.quick else 2000)
+        times_s = self._times(case, camera, _COLOUR, shadows=False)
+        self._rows("field of geoms, colour + depth + segmentation", f"{count} geoms", times_s, errors_by_method)
 
-    def growth(self) -> float:
-        """Return the factor by which 19,800 hidden geoms slow down 200 visible ones: out of view or behind a wall."""
-        camera = CameraModel.from_fov(*_MAIN, _FOV_DEG)
+    def hidden_geoms(self) -> float:
+        """Return the factor by which 19,800 geoms out of view or behind a wall slow down the picture of 200 others."""
+        camera = CameraModel.from_fov(*_MAIN_RESOLUTION, _FOV_DEG)
         worst = 0.0
         alone = hidden_case(200, 0, where="out of view", seed=self.seed)
         for where in ("out of view", "behind a wall"):
             self.status(f"200 geoms, and 19,800 {where}")
             crowded = hidden_case(200, 19_800, where=where, seed=self.seed)
             methods = {case.name: ThisRaster(case, camera, _COLOUR, shadows=False) for case in (alone, crowded)}
-            took = _mean_times(methods, alone.views, turns=40)
+            times_s = _mean_times(methods, alone.views, rounds=40)
             for case in (alone, crowded):
-                found = self._errors(case, camera, 500)
-                self._rows("geoms unseen", case.name, {ThisRaster.name: took[case.name]}, found)
-            worst = max(worst, took[crowded.name] / took[alone.name])
+                errors_by_method = self._errors(case, camera, 500)
+                self._rows("hidden geoms", case.name, {ThisRaster.name: times_s[case.name]}, errors_by_method)
+            worst = max(worst, times_s[crowded.name] / times_s[alone.name])
         return worst
 
     def speed_checks(self) -> list[Check]:
         """Return the checks of speed, for the first scene."""
         park, checks = SCENES[0], []
         for label, shadows in (("", "shadows off"), (", shadows", "shadows on")):
-            took = self.times[park, f"colour + depth + segmentation{label}"]
+            times_s = self.times[park, f"colour + depth + segmentation{label}"]
             name = f"{park}, colour + depth + segmentation, {shadows}: times faster than MuJoCo's renderer"
             if self.with_mujoco:
-                checks.append(Check(name, took[MujocoRenderer.name] / took[ThisRaster.name], ">=", 40.0, "x"))
+                checks.append(Check(name, times_s[MujocoRenderer.name] / times_s[ThisRaster.name], ">=", 40.0, "x"))
             else:
                 self.result.left_out.append(name)
         took_ms = 1e3 * self.times[park, "all channels"][ThisRaster.name]
@@ -227,39 +231,41 @@ class _Bench:
         self.status(f"{case.name}: {', '.join(channels)}, {camera.width} x {camera.height}")
         methods = {method.name: method for method in self._methods(case, camera, channels, shadows=shadows)}
         views = case.views[:4] if camera.width > 640 else case.views
-        took = _mean_times(methods, views, turns=4 if self.quick else 10)
+        times_s = _mean_times(methods, views, rounds=4 if self.quick else 10)
         for method in methods.values():
             method.close()
-        return took
+        return times_s
 
-    def _rows(self, case: str, variant: str, took: Mapping[str, float], found: Mapping[str, Errors]) -> None:
-        for name, seconds in took.items():
-            error = _p99(found[name].depth_m) if name in found else float("nan")
-            details = {"times_slower": seconds / took.get(ThisRaster.name, seconds)}
+    def _rows(
+        self, case: str, variant: str, times_s: Mapping[str, float], errors_by_method: Mapping[str, Errors]
+    ) -> None:
+        for name, seconds in times_s.items():
+            error = _p99(errors_by_method[name].depth_m) if name in errors_by_method else float("nan")
+            details = {"times_slower": seconds / times_s.get(ThisRaster.name, seconds)}
             self.result.rows.append(Row(case, f"{name} @ {variant}", error, "m", seconds, details))
 
     def _errors(self, case: Case, camera: CameraModel, pixels: int) -> dict[str, Errors]:
         """Return the errors over all views, of this project (without colour) and MuJoCo's renderer (depth, ids)."""
         self.status(f"{case.name}: errors at {camera.width} x {camera.height}")
         posed = WorldPose(case.world)
-        ours = ThisRaster(case, camera, [name for name in CHANNELS if name != "rgb"], shadows=False)
-        methods = [ours, *self._methods(case, camera, ("depth", "segmentation"), shadows=False)[1:]]
+        own = ThisRaster(case, camera, [name for name in CHANNELS if name != "rgb"], shadows=False)
+        methods = [own, *self._methods(case, camera, ("depth", "segmentation"), shadows=False)[1:]]
         parts: dict[str, list[Errors]] = {method.name: [] for method in methods}
-        each = max(50, -(-pixels // len(case.views)))
+        pixels_per_view = max(50, -(-pixels // len(case.views)))
         for i, view in enumerate(case.views):
-            true = truth(case, view, posed, camera, each, self.seed + i)
+            true = truth(case, view, posed, camera, pixels_per_view, self.seed + i)
             for method in methods:
                 method.pose(view)
                 parts[method.name].append(errors(method.draw(view), true, case.world.model))
         for method in methods:
             method.close()
-        return {name: Errors.merged(found) for name, found in parts.items()}
+        return {name: Errors.merged(view_errors) for name, view_errors in parts.items()}
 
 
-def _mean_times(methods: Mapping[str, Method], views: Sequence[View], *, turns: int) -> dict[str, float]:
-    """Return seconds per picture by method: the best of `turns` per view, averaged over the views.
+def _mean_times(methods: Mapping[str, Method], views: Sequence[View], *, rounds: int) -> dict[str, float]:
+    """Return seconds per picture by method: the best of `rounds` per view, averaged over the views.
 
-    A picture that takes longer than a second has one turn.
+    A picture that takes longer than a second is rendered in the first round only.
     """
     best = {name: np.full(len(views), np.inf) for name in methods}
 
@@ -270,33 +276,33 @@ def _mean_times(methods: Mapping[str, Method], views: Sequence[View], *, turns: 
             method.draw(other)
         method.pose(views[i])
 
-    for turn in range(turns):
+    for k in range(rounds):
         for i, view in enumerate(views):
-            works = {
+            runs = {
                 name: partial(method.draw, view)
                 for name, method in methods.items()
-                if turn == 0 or best[name][i] < _LONG_S
+                if k == 0 or best[name][i] < _LONG_PICTURE_S
             }
-            for name, took in best_times(works, before=partial(draw_other_view_first, i=i)).items():
-                best[name][i] = min(best[name][i], took)
-    return {name: float(took.mean()) for name, took in best.items()}
+            for name, seconds in best_times(runs, prepare=partial(draw_other_view_first, i=i)).items():
+                best[name][i] = min(best[name][i], seconds)
+    return {name: float(times_s.mean()) for name, times_s in best.items()}
 
 
-def _error_checks(found: Mapping[str, Errors]) -> list[Check]:
-    """Return the checks of errors, of the worst scene each; a scene without compared pixels fails."""
-    scenes = list(found.values())
+def _error_checks(scene_errors: Mapping[str, Errors]) -> list[Check]:
+    """Return the checks of errors, each for the worst scene. A scene without compared pixels fails."""
+    scenes = list(scene_errors.values())
 
-    def worst(of: Callable[[Errors], float]) -> float:
-        return float(np.max([of(scene) for scene in scenes]))  # NaN if any is, unlike Python's max
+    def worst(value: Callable[[Errors], float]) -> float:
+        return float(np.max([value(scene) for scene in scenes]))  # NaN if any is NaN, unlike Python's max
 
-    def least(agrees: Callable[[Errors], NDArray[np.bool_]]) -> float:
+    def least_percent(agrees: Callable[[Errors], NDArray[np.bool_]]) -> float:
         return float(np.min([_percent(agrees(scene)) for scene in scenes]))
 
     return [
         Check("depth error, p99", worst(lambda e: _p99(e.depth_m)), "<=", 1e-4, "m"),
         Check("depth error, max", worst(lambda e: _max(e.depth_m)), "<=", 1e-3, "m"),
-        Check("instance id agrees, away from silhouettes", least(lambda e: e.id_agrees), ">=", 99.9, "%"),
-        Check("instance id agrees, all pixels", least(lambda e: e.id_agrees_anywhere), ">=", 99.5, "%"),
+        Check("instance id agrees, away from silhouettes", least_percent(lambda e: e.id_agrees), ">=", 99.9, "%"),
+        Check("instance id agrees, all pixels", least_percent(lambda e: e.id_agrees_anywhere), ">=", 99.5, "%"),
         Check("normals of primitives, max", worst(lambda e: _max(e.normal_deg)), "<=", 0.1, "deg"),
         Check("radial velocity, max", worst(lambda e: _max(e.velocity_mps)), "<=", 1e-4, "m/s"),
     ]

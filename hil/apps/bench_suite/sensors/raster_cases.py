@@ -1,8 +1,8 @@
 """Cases of `hil bench raster`: the four scenes, fields of random geoms, and flight-like viewpoints in them.
 
-Viewpoints are random with a fixed seed: 2 to 30 m up (as far as the scene allows), a third level, a third pointing 20
-to 60 degrees down, a third within 30 degrees of straight down. They are at least half a metre from everything, outside
-all objects, and at different times, so that actors differ between pictures. The camera moves like a drone's.
+Viewpoints are random with a fixed seed, 2 to 30 m up: one third level, one third pointing 20 to 60 degrees down, one
+third within 30 degrees of straight down. They are at least half a metre from all objects and outside them. Their times
+differ, so that actors differ between pictures. The camera moves like a drone's.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Float64 = NDArray[np.float64]
 SCENES = ("city_park", "urban_delivery", "training_village", "radar_range")
 GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # MuJoCo geom groups visible to cameras
 _CLEAR_M = 0.5
-_LOW_M, _HIGH_M = 2.0, 30.0
+_MIN_HEIGHT_M, _MAX_HEIGHT_M = 2.0, 30.0
 _TRIES = 200  # per view
 _FIELD_SCENE = """\
 name: field
@@ -72,17 +72,21 @@ def viewpoints(world: World, count: int, seed: int) -> tuple[View, ...]:
         if len(views) == count:
             break
         t_ns = int(rng.integers(0, 60_000_000_000))
-        height = _LOW_M + (_HIGH_M - _LOW_M) * rng.random() ** 2  # squared: low viewpoints show more objects
+        height = (
+            _MIN_HEIGHT_M + (_MAX_HEIGHT_M - _MIN_HEIGHT_M) * rng.random() ** 2
+        )  # squared: low viewpoints show more objects
         p_W = np.array([*rng.uniform(low, high), height])
-        kind = len(views) % 3
-        down_deg = (rng.uniform(-5, 5), rng.uniform(20, 60), rng.uniform(60, 90))[kind]
+        third = len(views) % 3
+        down_deg = (rng.uniform(-5, 5), rng.uniform(20, 60), rng.uniform(60, 90))[third]
         R_WC = looking(rng.uniform(-180, 180), down_deg, roll_deg=rng.uniform(-5, 5))
-        if not _clear(world.model, posed.at(t_ns), p_W):
+        if not _is_clear(world.model, posed.at(t_ns), p_W):
             continue
         v_W, w_W = rng.normal(0.0, 4.0, 3), rng.normal(0.0, 0.5, 3)
         views.append(View(t_ns, camera_pose(p_W, R_WC, v_W, w_W)))
     else:
-        raise HilError(f"{world.scene.name}: no {count} viewpoints found that are clear of everything")
+        raise HilError(
+            f"{world.scene.name}: fewer than {count} viewpoints found that are {_CLEAR_M} m from all objects"
+        )
     return tuple(views)
 
 
@@ -99,7 +103,7 @@ def looking(azimuth_deg: float, down_deg: float, *, roll_deg: float = 0.0) -> Fl
 def camera_pose(
     p_W: Float64, R_WC: Float64, v_W: Sequence[float] | Float64 = (0, 0, 0), w_W: Sequence[float] | Float64 = (0, 0, 0)
 ) -> CameraPose:
-    """Return a CameraPose of arrays: position [m], attitude (3, 3), velocity [m/s] and angular velocity [rad/s]."""
+    """Return the CameraPose for a position [m], attitude (3, 3), velocity [m/s] and angular velocity [rad/s]."""
     a, b, c, d, e, f, g, h, i = np.asarray(R_WC, np.float64).ravel().tolist()
     return CameraPose(_vec3(p_W), (a, b, c, d, e, f, g, h, i), _vec3(v_W), _vec3(w_W))
 
@@ -128,7 +132,7 @@ def world_with(geoms: Sequence[str]) -> World:
 
 
 def field_case(count: int, *, seed: int, views: int) -> Case:
-    """Return a field of `count` random primitives on 80 x 80 m, seen from its edge; many of them hide others."""
+    """Return a field of `count` random primitives on 80 x 80 m, seen from its edge."""
     rng = np.random.Generator(np.random.Philox(seed))
     geoms = random_geoms(rng, count, (-40, -40, 0.5), (40, 40, 12))
     poses = []
@@ -140,13 +144,15 @@ def field_case(count: int, *, seed: int, views: int) -> Case:
 
 
 def hidden_case(visible: int, hidden: int, *, where: str, seed: int) -> Case:
-    """Return `visible` geoms in front of a camera, one a wall, and `hidden` more "behind a wall" or "out of view"."""
+    """Return `visible` geoms in front of a camera, one of them a wall, and `hidden` geoms that it does not see.
+
+    `where`: the place of the hidden geoms, "behind a wall" or "out of view".
+    """
     rng = np.random.Generator(np.random.Philox(seed))
     geoms = random_geoms(rng, visible - 1, (4, -8, 0.5), (24, 8, 10))
     geoms.append('<geom type="box" size="0.5 60 40" pos="30 0 30"/>')
-    # Behind the wall: occluded by it as seen from the camera, x to 100 m. Out of view: behind the camera.
-    box = ((32, -50, 1), (100, 50, 50)) if where == "behind a wall" else ((-100, -50, 1), (-5, 50, 50))
-    geoms += random_geoms(rng, hidden, *box)
+    behind_wall, behind_camera = ((32, -50, 1), (100, 50, 50)), ((-100, -50, 1), (-5, 50, 50))
+    geoms += random_geoms(rng, hidden, *(behind_wall if where == "behind a wall" else behind_camera))
     view = View(0, camera_pose(np.array([0.0, 0.0, 5.0]), looking(0.0, 0.0)))
     name = f"{visible} visible" + (f", {hidden} {where}" if hidden else "")
     return Case(name, world_with(geoms), (view,))
@@ -181,12 +187,12 @@ def _extent(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Float64, Float6
     return np.minimum(low, -5.0), np.maximum(high, 5.0)
 
 
-def _clear(model: mujoco.MjModel, data: mujoco.MjData, p_W: Float64) -> bool:
-    """Return True if nothing is within half a metre of p_W and p_W is inside no closed shape."""
+def _is_clear(model: mujoco.MjModel, data: mujoco.MjData, p_W: Float64) -> bool:
+    """Return True if p_W is at least half a metre from all geoms and not inside a closed one."""
     i = np.arange(256) + 0.5
-    z, turn = 1.0 - i / 128.0, i * 2.399963229728653  # directions spread evenly, by the golden angle
+    z, azimuth = 1.0 - i / 128.0, i * 2.399963229728653  # directions spread evenly, by the golden angle
     r = np.sqrt(1.0 - z * z)
-    rays = np.ascontiguousarray(np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1))
+    rays = np.ascontiguousarray(np.stack([r * np.cos(azimuth), r * np.sin(azimuth), z], axis=1))
     geom, distance, normal = cast(model, data, p_W, rays)
     hit = geom >= 0
     if hit.any() and distance[hit].min() < _CLEAR_M:

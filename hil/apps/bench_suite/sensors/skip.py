@@ -1,7 +1,7 @@
-"""`hil bench skip`: time saved by each skipping rule, and proof that the rule changes no output.
+"""`hil bench skip`: time saved by each skipping rule, and whether the rule changes an output.
 
 A rule leaves out work that cannot affect the outputs. Each rule is switched off alone, and the outputs with and without
-it are compared bit for bit; the table has both times.
+it are compared bit for bit. The table has the times with and without it.
 
     raster    each field of RenderSkips; channels without a consumer; posing of actors out of view
     LiDAR     geometry beyond the greatest range; geometry that the bounding tree excludes
@@ -9,8 +9,8 @@ it are compared bit for bit; the table has both times.
     physics   contact work while nothing can touch
 
 The raster's rules are measured with colour, depth, segmentation and shadows at 320 x 240, over random viewpoints; each
-picture follows one of another time and place. Times are for one thread: the best of several turns, alternating on and
-off.
+picture follows one of another time and place. Times are for one thread: the best of several rounds, each with the rule
+on and off.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, Status
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.sensors.lidar import pattern_rays
 from hil.apps.bench_suite.sensors.raster import buffers
 from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, scene_case
@@ -50,7 +50,7 @@ from sim.sensors.sensor import Installation
 Outputs = dict[str, NDArray[Any]]
 Run = Callable[[bool], Iterator[tuple[float, Outputs]]]
 _COLOUR = ("rgb", "depth", "segmentation")
-_POSED = "unseen_actors"  # the field of RenderSkips that saves posing, whose time includes posing
+_POSING_RULE = "unseen_actors"  # the field of RenderSkips that saves posing: its time includes posing
 _LIDAR_RANGE_M = 50.0
 _RADAR = "bgt60tr13c"
 _TICK_NS = 4_000_000
@@ -65,7 +65,7 @@ class Rule:
     run: Run
 
 
-def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
+def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResult:
     """Measure every rule on and off; `seed` selects the viewpoints."""
     result = BenchmarkResult(time_label="wall time [s]")
     scenes = SCENES[:1] if quick else SCENES
@@ -79,15 +79,15 @@ def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
         rules.append(contact_rule(4.0 if quick else 12.0))
         for rule in rules:
             status(f"{rule.case}: {rule.name}")
-            took, share = compare(rule, turns=2 if quick else 4)
+            times_s, share = compare(rule, rounds=2 if quick else 4)
             differing += share > 0.0
-            details = {"saved": 1.0 - took[True] / took[False], "outputs_that_differ": share}
-            result.rows.append(Row(f"{rule.case}: {rule.name}", "on", share, "outputs differ", took[True], details))
-            result.rows.append(Row(f"{rule.case}: {rule.name}", "off", 0.0, "outputs differ", took[False]))
+            details = {"saved": 1.0 - times_s[True] / times_s[False], "outputs_that_differ": share}
+            result.rows.append(Row(f"{rule.case}: {rule.name}", "on", share, "outputs differ", times_s[True], details))
+            result.rows.append(Row(f"{rule.case}: {rule.name}", "off", 0.0, "outputs differ", times_s[False]))
     if quick:
         result.left_out.append(f"the scenes {', '.join(SCENES[1:])}; two thirds of the viewpoints")
     result.left_out.append(
-        "sensors without a consumer: left out of the wiring, never built (tests/unit/hil/run/loop/test_stages.py)"
+        "sensors without a consumer: never made, so there is no time to save (tests/unit/hil/run/loop/test_stages.py)"
     )
     result.checks.append(
         Check("rules whose outputs differ with and without them", float(differing), "<=", 0.0, "rules")
@@ -95,18 +95,18 @@ def measure(*, quick: bool, status: Status, seed: int = 1) -> BenchmarkResult:
     return result
 
 
-def compare(rule: Rule, *, turns: int) -> tuple[dict[bool, float], float]:
+def compare(rule: Rule, *, rounds: int) -> tuple[dict[bool, float], float]:
     """Return the seconds for all outputs with the rule on and off, and the share of outputs that differ."""
     best: dict[bool, NDArray[np.float64]] = {}
     share = 0.0
-    for turn in range(turns):
+    for k in range(rounds):
         outputs: dict[bool, list[Outputs]] = {}
         for on in (True, False):
-            timed = list(rule.run(on))
-            times = np.array([seconds for seconds, _ in timed])
+            timed_outputs = list(rule.run(on))
+            times = np.array([seconds for seconds, _ in timed_outputs])
             best[on] = np.minimum(best.get(on, times), times)
-            outputs[on] = [output for _, output in timed]
-        if turn == 0:
+            outputs[on] = [output for _, output in timed_outputs]
+        if k == 0:
             pairs = list(zip(outputs[True], outputs[False], strict=True))
             share = float(np.mean([not _same(a, b) for a, b in pairs]))
     return {on: float(times.sum()) for on, times in best.items()}, share
@@ -124,18 +124,18 @@ def raster_rules(case: Case, camera: CameraModel | None = None) -> list[Rule]:
     model = camera if camera is not None else CameraModel.from_fov(320, 240, 90.0)
     rules = []
     for field in dataclasses.fields(RenderSkips):
-        if field.name != _POSED:
-            pictures = _pictures(case, model, skips=partial(_one_rule, field.name))
+        if field.name != _POSING_RULE:
+            pictures = _pictures(case, model, skips=partial(_skips_with_rule, field.name))
             rules.append(Rule(field.name.replace("_", " "), case.name, pictures))
-    consumed, everything = ("depth", "instance"), tuple(CHANNELS)
-    pictures = _pictures(case, model, channels=lambda on: consumed if on else everything, compared=consumed)
+    consumed, all_channels = ("depth", "instance"), tuple(CHANNELS)
+    pictures = _pictures(case, model, channels=lambda on: consumed if on else all_channels, compared=consumed)
     rules.append(Rule("channels without a consumer", case.name, pictures))
-    # The rule saves posing, so posing is timed too. Shadows are off, because actors out of view can cast visible ones.
+    # The rule saves posing, so posing is timed too. Shadows are off: those of actors out of view can be visible.
     pictures = _pictures(
         case,
         model,
-        channels=lambda _: everything,
-        compared=everything,
+        channels=lambda _: all_channels,
+        compared=all_channels,
         skips=lambda on: RenderSkips(unseen_actors=on),
         shadows=False,
         posing=True,
@@ -144,7 +144,7 @@ def raster_rules(case: Case, camera: CameraModel | None = None) -> list[Rule]:
     return rules
 
 
-def _one_rule(name: str, on: bool) -> RenderSkips:
+def _skips_with_rule(name: str, on: bool) -> RenderSkips:
     return RenderSkips(**{name: on})
 
 
@@ -197,16 +197,16 @@ def lidar_rules(case: Case) -> list[Rule]:
             yield time.perf_counter() - began, {"range": range_m, "geom": geom, "normal": normal}
 
     return [
-        Rule("LiDAR: beyond its range", case.name, lambda on: sweeps(max_range=on)),
+        Rule("LiDAR: geometry beyond its range", case.name, lambda on: sweeps(max_range=on)),
         Rule("LiDAR: tree over the geometry", case.name, lambda on: sweeps(tree=on)),
     ]
 
 
 def radar_rule(case: Case) -> Rule:
-    """Return the rule of the whole sensor, rendering included, with raw frames alone or with all outputs.
+    """Return the rule that only raw frames are made if nothing else is requested; times include rendering.
 
-    Dropping the weakest echoes is not measured: it changes frames (within the tolerance), and no echo in these scenes
-    is weak enough.
+    The dropping of the weakest echoes is not measured: it changes frames (within the tolerance), and no echo in these
+    scenes is weak enough.
     """
     scene = load_scene(case.name)
     truths = sorted((_truth(view) for view in case.views), key=lambda truth: truth.t_ns)
@@ -232,14 +232,14 @@ def radar_rule(case: Case) -> Rule:
 
 
 def _truth(view: View) -> TruthState:
-    """Return the true state of a vehicle at rest at a view, with its direction but without roll."""
+    """Return the true state of a vehicle at rest that looks along a view, without roll."""
     x, y, z = view.pose.R_WC[2::3]
     look_deg = (math.degrees(math.atan2(y, x)), math.degrees(math.atan2(-z, math.hypot(x, y))))
     return pose_of(ViewPoint(name="view", at_m=view.pose.p_WC, look_deg=look_deg))._replace(t_ns=view.t_ns)
 
 
 def contact_rule(seconds: float) -> Rule:
-    """Return the rule of contact work, on a flight that takes off, hovers and lands; it compares every tick's state."""
+    """Return the rule of contact work, in a flight that takes off, hovers and lands. Outputs: all true states."""
 
     def run(on: bool) -> Iterator[tuple[float, Outputs]]:
         vehicle = load_vehicle("x500")
@@ -253,11 +253,11 @@ def contact_rule(seconds: float) -> Rule:
         height_m, climb_mps = standing_m, 0.0
         began = time.perf_counter()
         for tick in range(ticks):
-            part = tick / ticks
-            wanted_m = top_m if part < 0.6 else standing_m - 1.0
-            # Climbs and descends with at most 1 m/s; the rotors stop at the end.
+            elapsed = tick / ticks
+            wanted_m = top_m if elapsed < 0.6 else standing_m - 1.0
+            # Climb and descend at up to 1 m/s; stop the rotors at the end.
             thrust = 1.0 + 0.5 * min(max(wanted_m - height_m, -1.0), 1.0) - 0.5 * climb_mps
-            control = vehicle.hover_control * min(max(thrust, 0.6), 1.4) * (part < 0.9)
+            control = vehicle.hover_control * min(max(thrust, 0.6), 1.4) * (elapsed < 0.9)
             state = physics.advance(tick, (control,) * len(vehicle.rotors))
             height_m, climb_mps = state.p_WB[2], state.v_WB_W[2]
             flight.append(state)

@@ -1,8 +1,8 @@
-"""Smooth flight along a path as the true state at every tick: rest, climb, hover, the path at constant speed, hover.
+"""Smooth flight along a path, as the true state at every tick: rest, climb, hover, the path, hover.
 
 There is no autopilot: positions follow a curve, and attitude, rates and accelerations are those of a quadrotor that
-flies it (thrust along its z axis against gravity and linear drag). A hundred such flights cost as much as one flight
-with an autopilot, and the bench's own sensors can sample them.
+flies it (thrust along its z axis against gravity and linear drag). A hundred such flights take as long as one flight
+with an autopilot. The bench's sensors can sample them.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ Float64 = NDArray[np.float64]
 
 _DRAG_PER_S = 0.12
 _REST_S, _HOVER_S = 3.0, 2.0
-_CLIMB_MPS, _ACCEL_MPS2, _SIDE_MPS2 = 1.5, 1.2, 1.5
-_SMOOTH_S = 0.45  # standard deviation of the Gaussian over positions
-_GROUND_M = 0.2
+_CLIMB_MPS, _MAX_ACCEL_MPS2, _MAX_SIDEWAYS_MPS2 = 1.5, 1.2, 1.5
+_SMOOTH_S = 0.45  # standard deviation of the Gaussian that smooths the positions
+_START_HEIGHT_M = 0.2
 _SWAY_M = 0.1  # sideways amplitude
 _TICK_NS = 4_000_000
 
@@ -37,26 +37,33 @@ class Flight:
     start_W: tuple[float, float, float, float]
 
 
-def fly(path_xy: Float64, *, height_m: float, speed_mps: float, turns: bool = True) -> Flight:
-    """Fly along a path (n, 2) in W [m]; with `turns` the nose points along the path, otherwise east."""
+def fly(path_xy: Float64, *, height_m: float, speed_mps: float, nose_along_path: bool = True) -> Flight:
+    """Fly along a path (n, 2) in W [m]; the nose points along the path or east."""
     dt = _TICK_NS * 1e-9
-    xy = _along(_rounded(path_xy), speed_mps, dt)
-    climb = np.arange(0.0, 1.0, dt * _CLIMB_MPS / max(height_m - _GROUND_M, 0.5))
+    xy = _positions_by_tick(_rounded(path_xy), speed_mps, dt)
+    climb = np.arange(0.0, 1.0, dt * _CLIMB_MPS / max(height_m - _START_HEIGHT_M, 0.5))
     rest, hover = round(_REST_S / dt), round(_HOVER_S / dt)
-    z = np.concatenate([np.full(rest, _GROUND_M), _GROUND_M + (height_m - _GROUND_M) * climb, np.full(hover, height_m)])
-    before = len(z)
-    p = np.empty((before + len(xy) + hover, 3))
-    p[:before, :2], p[before : before + len(xy), :2], p[before + len(xy) :, :2] = xy[0], xy, xy[-1]
-    p[:before, 2], p[before:, 2] = z, height_m
+    z = np.concatenate(
+        [
+            np.full(rest, _START_HEIGHT_M),
+            _START_HEIGHT_M + (height_m - _START_HEIGHT_M) * climb,
+            np.full(hover, height_m),
+        ]
+    )
+    path_start = len(z)
+    p = np.empty((path_start + len(xy) + hover, 3))
+    path_end = path_start + len(xy)
+    p[:path_start, :2], p[path_start:path_end, :2], p[path_end:, :2] = xy[0], xy, xy[-1]
+    p[:path_start, 2], p[path_start:, 2] = z, height_m
     p = _smoothed(p, round(_SMOOTH_S / dt))
     t = np.arange(len(p)) * dt
     course = _course(np.asarray(np.gradient(p, dt, axis=0)), dt)
-    share = _smoothed(np.clip((p[:, 2:] - _GROUND_M - 0.5) / 2.0, 0.0, 1.0), round(_SMOOTH_S / dt))
-    swing = _SWAY_M * np.stack([np.sin(1.9 * t), np.sin(2.3 * t + 1.0), 0.6 * np.sin(1.3 * t + 0.5)], axis=-1)
-    p = p + swing * share
+    sway_share = _smoothed(np.clip((p[:, 2:] - _START_HEIGHT_M - 0.5) / 2.0, 0.0, 1.0), round(_SMOOTH_S / dt))
+    sway = _SWAY_M * np.stack([np.sin(1.9 * t), np.sin(2.3 * t + 1.0), 0.6 * np.sin(1.3 * t + 0.5)], axis=-1)
+    p = p + sway * sway_share
     v = np.asarray(np.gradient(p, dt, axis=0))
     a = np.asarray(np.gradient(v, dt, axis=0))
-    yaw = course if turns else np.zeros(len(p))
+    yaw = course if nose_along_path else np.zeros(len(p))
     return Flight(_truths(p, v, a, yaw), _TICK_NS, (*p[0].tolist(), float(yaw[0])))
 
 
@@ -76,32 +83,32 @@ def _smoothed(rows: Float64, sigma: int) -> Float64:
     return np.asarray(gaussian_filter1d(rows, sigma, axis=0, mode="nearest", truncate=3.0))
 
 
-def _along(xy: Float64, speed_mps: float, dt: float) -> Float64:
-    """Return the positions at every tick, at the greatest speed that the limits of speed and acceleration allow."""
+def _positions_by_tick(xy: Float64, speed_mps: float, dt: float) -> Float64:
+    """Return the positions at every tick, at the greatest speed within the limits of speed and acceleration."""
     step = np.linalg.norm(np.diff(xy, axis=0), axis=1)
     tangent = np.diff(xy, axis=0) / np.maximum(step, 1e-9)[:, None]
     curvature = np.linalg.norm(np.diff(tangent, axis=0), axis=1) / np.maximum(step[1:], 1e-9)
     max_mps = np.full(len(xy), speed_mps)
-    max_mps[1:-1] = np.minimum(max_mps[1:-1], np.sqrt(_SIDE_MPS2 / np.maximum(curvature, 1e-6)))
+    max_mps[1:-1] = np.minimum(max_mps[1:-1], np.sqrt(_MAX_SIDEWAYS_MPS2 / np.maximum(curvature, 1e-6)))
     max_mps[0] = max_mps[-1] = 0.05
-    for order in (range(1, len(xy)), range(len(xy) - 2, -1, -1)):
-        back = -1 if order.step == 1 else 1
-        for i in order:
-            gap = step[min(i, i + back)]
-            max_mps[i] = min(max_mps[i], (max_mps[i + back] ** 2 + 2.0 * _ACCEL_MPS2 * gap) ** 0.5)
+    for indices in (range(1, len(xy)), range(len(xy) - 2, -1, -1)):
+        neighbour = -1 if indices.step == 1 else 1
+        for i in indices:
+            gap = step[min(i, i + neighbour)]
+            max_mps[i] = min(max_mps[i], (max_mps[i + neighbour] ** 2 + 2.0 * _MAX_ACCEL_MPS2 * gap) ** 0.5)
     t = np.concatenate([[0.0], np.cumsum(2.0 * step / (max_mps[1:] + max_mps[:-1]))])
     ticks = np.arange(0.0, t[-1], dt)
     return np.stack([np.interp(ticks, t, xy[:, k]) for k in (0, 1)], axis=-1)
 
 
 def _course(v: Float64, dt: float) -> Float64:
-    """Return the smoothed heading of the motion [rad]; below 0.3 m/s it is interpolated."""
+    """Return the smoothed direction of motion [rad from east]; below 0.3 m/s it is interpolated."""
     fast = np.hypot(v[:, 0], v[:, 1]) > 0.3
     if not fast.any():
         return np.zeros(len(v))
     heading = np.unwrap(np.arctan2(v[fast, 1], v[fast, 0]))
-    at = np.flatnonzero(fast)
-    return _smoothed(np.interp(np.arange(len(v)), at, heading), round(0.5 / dt))
+    fast_indices = np.flatnonzero(fast)
+    return _smoothed(np.interp(np.arange(len(v)), fast_indices, heading), round(0.5 / dt))
 
 
 def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64) -> tuple[TruthState, ...]:
@@ -112,8 +119,8 @@ def _truths(p: Float64, v: Float64, a: Float64, yaw: Float64) -> tuple[TruthStat
     tilt = np.stack([-up[:, 1], up[:, 0], np.zeros(len(up)), 1.0 + up[:, 2]], axis=-1)
     R_WB = Rotation.from_quat(tilt) * Rotation.from_rotvec(yaw[:, None] * np.array([0.0, 0.0, 1.0]))
     q = R_WB.as_quat()[:, [3, 0, 1, 2]]
-    turn = (R_WB[:-1].inv() * R_WB[1:]).as_rotvec() / dt
-    rates = np.concatenate([turn[:1], turn])
+    w_B = (R_WB[:-1].inv() * R_WB[1:]).as_rotvec() / dt
+    rates = np.concatenate([w_B[:1], w_B])
     alpha = np.concatenate([np.zeros((1, 3)), np.diff(rates, axis=0) / dt])
     rows = zip(*(map(tuple, values.tolist()) for values in (p, q, v, rates, a, alpha)), strict=True)
     return tuple(

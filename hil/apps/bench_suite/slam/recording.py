@@ -1,8 +1,8 @@
-"""Recordings of `hil bench slam`: villages, and the frames that a companion receives of a flight through one.
+"""Simulated recordings for `hil bench slam`: generated villages, and a companion's frames of a flight through one.
 
 Frames hold IMU, GPS and barometer rows and the newest LiDAR sweep, as `hil.run.companion.bundle` makes them, sampled by
-the bench's own sensors with noise. The true obstacles at a height come from the slice that also judges a flight to a
-goal (hil/run/verdict/true_slice.py).
+the bench's own sensors with noise. The true obstacles at a height come from `true_slice`, as in verdicts on
+flights to a goal.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _IMU_HZ, _BARO_HZ, _GPS_HZ, _LIDAR_HZ = 250.0, 50.0, 10.0, 10.0
 Float64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LOW_M, HIGH_M = -40.0, 110.0  # limits of both axes
+AREA_MIN_M, AREA_MAX_M = -40.0, 110.0  # of x and of y
 _CELL_M = 0.1
 _PATH_CELL_M = 0.5
 
@@ -48,10 +48,10 @@ class Village:
 
     scene: Scene
     world: Any
-    frames: SharedFrames
+    renderer: SharedFrames
 
 
-def village(seed: int, **parameters: Any) -> Village:
+def make_village(seed: int, **parameters: Any) -> Village:
     """Generate a training village; `parameters` are those of the generator, such as `walkers`."""
     scene = load_scene("training_village")
     section = GeneratedMap.model_validate({"generator": "training_village", "seed": seed} | parameters)
@@ -60,21 +60,21 @@ def village(seed: int, **parameters: Any) -> Village:
     return Village(scene, world, SharedFrames(world))
 
 
-def surfaces(place: Village, low_m: float, high_m: float) -> Mask:
-    """Return True for cells that contain a surface between two heights; row y, column x, from (LOW_M, LOW_M) on."""
-    area_W = (LOW_M, LOW_M, HIGH_M, HIGH_M)
-    return true_slice(place.frames.geometry, low_m=low_m, high_m=high_m, area_W=area_W, cell_m=_CELL_M).occupied
+def true_surfaces(village: Village, low_m: float, high_m: float) -> Mask:
+    """Return True for cells that contain a surface between two heights; rows are y, columns x, from AREA_MIN_M on."""
+    area_W = (AREA_MIN_M, AREA_MIN_M, AREA_MAX_M, AREA_MAX_M)
+    return true_slice(village.renderer.geometry, low_m=low_m, high_m=high_m, area_W=area_W, cell_m=_CELL_M).occupied
 
 
-def distance_m(points_xy: Float64, to: Mask, cell_m: float = _CELL_M) -> Float64:
+def distance_m(points_xy: Float64, mask: Mask, cell_m: float = _CELL_M) -> Float64:
     """Return the distances [m] of points (n, 2) from the nearest cell of a mask, to half a cell."""
-    field = cv2.distanceTransform((~to).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * cell_m
-    at = np.clip(((points_xy - LOW_M) / cell_m).astype(int), 0, len(to) - 1)
-    return np.asarray(field[at[:, 1], at[:, 0]], float)
+    distances_m = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * cell_m
+    cells = np.clip(((points_xy - AREA_MIN_M) / cell_m).astype(int), 0, len(mask) - 1)
+    return np.asarray(distances_m[cells[:, 1], cells[:, 0]], float)
 
 
 def path_through(blocked: Mask, start: tuple[float, float], goal: tuple[float, float], clear_m: float) -> Float64:
-    """Return a short path (n, 2) [m] at least `clear_m` from blocked cells that prefers more distance.
+    """Return a path (n, 2) [m] at least `clear_m` away from blocked cells, and farther where the detour is small.
 
     Raises ValueError if there is none.
     """
@@ -82,15 +82,17 @@ def path_through(blocked: Mask, start: tuple[float, float], goal: tuple[float, f
     from hil_companion.explore.planning.astar import search
 
     skip = round(_PATH_CELL_M / _CELL_M)
-    field = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
-    clear = field[skip // 2 :: skip, skip // 2 :: skip]
-    price = np.where(clear < clear_m, np.inf, 1.0 + 4.0 * np.clip((clear_m + 3.0 - clear) / 3.0, 0.0, 1.0) ** 2)
-    begin, end = ((int((y - LOW_M) / _PATH_CELL_M), int((x - LOW_M) / _PATH_CELL_M)) for x, y in (start, goal))
-    found = search(price, begin, end)
-    if found is None:
+    distances_m = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
+    coarse_m = distances_m[skip // 2 :: skip, skip // 2 :: skip]
+    cost = np.where(coarse_m < clear_m, np.inf, 1.0 + 4.0 * np.clip((clear_m + 3.0 - coarse_m) / 3.0, 0.0, 1.0) ** 2)
+    begin, end = (
+        (int((y - AREA_MIN_M) / _PATH_CELL_M), int((x - AREA_MIN_M) / _PATH_CELL_M)) for x, y in (start, goal)
+    )
+    result = search(cost, begin, end)
+    if result is None:
         raise ValueError(f"no path from {start} to {goal} keeps a distance of {clear_m} m")
-    cells = np.array(found[0], float)[:, ::-1]
-    xy = LOW_M + (cells + 0.5) * _PATH_CELL_M
+    cells = np.array(result[0], float)[:, ::-1]
+    xy = AREA_MIN_M + (cells + 0.5) * _PATH_CELL_M
     xy[0], xy[-1] = start, goal
     return np.asarray(xy)
 
@@ -107,8 +109,8 @@ class Noise:
     seed: int = 1
 
 
-class _Frames:
-    """Collects frames as a client receives them: sensors sample a true motion, and samples are released when available.
+class _FrameCollector:
+    """Frames as a client receives them: sensors sample the true states, and samples are released when available.
 
     Call `add` at every tick of `tick_ns`, in order, and `take` when a frame is due.
     """
@@ -151,9 +153,9 @@ class _Frames:
         return ClientFrame(header, samples, in_ring=False, t_received_ns=0)
 
 
-def record(place: Village, flight: Flight, noise: Noise) -> list[Frame]:
-    """Return the frames of a flight, without the topic truth."""
-    common: dict[str, Any] = {"seed": noise.seed, "scene": place.scene, "step_ns": flight.tick_ns}
+def record(village: Village, flight: Flight, noise: Noise) -> list[Frame]:
+    """Return the frames of a flight, without the topic `truth`."""
+    common: dict[str, Any] = {"seed": noise.seed, "scene": village.scene, "step_ns": flight.tick_ns}
     gps = {
         "horizontal_noise_m": noise.gps_m, "vertical_noise_m": 1.5 * noise.gps_m,
         "horizontal_drift_m": noise.gps_drift_m, "vertical_drift_m": 1.5 * noise.gps_drift_m,
@@ -164,39 +166,39 @@ def record(place: Village, flight: Flight, noise: Noise) -> list[Frame]:
         "gps": make_sensor(Installation("gps", rate_hz=_GPS_HZ, **common), preset="here_plus", overrides=gps),
         "baro": make_sensor(Installation("baro", rate_hz=_BARO_HZ, **common), preset="ms5611"),
         "lidar": make_sensor(
-            Installation("lidar", rate_hz=_LIDAR_HZ, frames=place.frames, **common), preset="vlp16",
+            Installation("lidar", rate_hz=_LIDAR_HZ, frames=village.renderer, **common), preset="vlp16",
             overrides={"range_noise_m": noise.range_m, "mount_m": (0.0, 0.0, 0.12)} | dict(noise.lidar),
         ),
     }  # fmt: skip
-    offline = _Frames(sensors, flight.tick_ns)
-    every = NS_PER_S // _FRAME_HZ
+    collector = _FrameCollector(sensors, flight.tick_ns)
+    frame_period_ns = NS_PER_S // _FRAME_HZ
     frames = []
     for truth in flight.truths:
-        offline.add(truth)
-        if truth.t_ns % every == 0:
-            frames.append(offline.take(truth))
+        collector.add(truth)
+        if truth.t_ns % frame_period_ns == 0:
+            frames.append(collector.take(truth))
     return frames
 
 
 def without_gps(frames: Sequence[Frame], from_s: float, until_s: float) -> list[Frame]:
-    """Return a copy of the frames with the GPS fix lost between two times; samples continue without a fix."""
+    """Return a copy of the frames in which the GPS has no fix between two times; its samples continue."""
     changed = []
-    held: dict[str, float] = {}
+    last_position: dict[str, float] = {}
     for frame in frames:
-        new = copy.copy(frame)
+        without_fix = copy.copy(frame)
         if "gps" in frame:
             gps = copy.copy(frame["gps"])
             values = {name: list(rows) for name, rows in gps.values.items()}
             for k, t_ns in enumerate(values["t_capture_ns"]):
-                place = ("latitude_deg", "longitude_deg", "altitude_m")
+                position_keys = ("latitude_deg", "longitude_deg", "altitude_m")
                 if not from_s <= t_ns * 1e-9 < until_s:
-                    held = {name: values[name][k] for name in place}
+                    last_position = {name: values[name][k] for name in position_keys}
                     continue
                 lost = {"fix_type": 1, "satellites": 0, "v_W": (0.0, 0.0, 0.0)}
                 lost |= {"horizontal_accuracy_m": 1000.0, "vertical_accuracy_m": 1000.0}
-                for name, value in (lost | (held or dict.fromkeys(place, 0.0))).items():
+                for name, value in (lost | (last_position or dict.fromkeys(position_keys, 0.0))).items():
                     values[name][k] = value
             gps.values = values
-            new.samples = {**frame.samples, "gps": gps}
-        changed.append(new)
+            without_fix.samples = {**frame.samples, "gps": gps}
+        changed.append(without_fix)
     return changed

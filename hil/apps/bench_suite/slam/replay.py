@@ -2,10 +2,11 @@
 
     trajectory   root mean square of the distance between estimated and true position over all frames, in W, without
                  alignment, because the start is known
-    map          share of the occupied cells within two cells of a surface, and their mean distance from one; surfaces
-                 are those within a band around the flight's height
+    map          share of the occupied cells within two cells of a surface, and mean distance of the occupied cells from
+                 the nearest surface; surfaces are those within a band around the flight's height
 
-The time of an update is the processor time of one call. Wall-clock times, which other load lengthens, are recorded too.
+The time of an update is the processor time of one call. Wall-clock times are recorded too; other load
+lengthens them.
 """
 
 from __future__ import annotations
@@ -17,17 +18,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.apps.bench_suite.result import Status
+from hil.apps.bench_suite.result import ShowStatus
 from hil.apps.bench_suite.slam.flight import Flight, fly
 from hil.apps.bench_suite.slam.recording import (
     Float64,
     Mask,
     Noise,
     distance_m,
+    make_village,
     path_through,
     record,
-    surfaces,
-    village,
+    true_surfaces,
 )
 from hil.config.companion.clients import add_client_path
 
@@ -72,13 +73,13 @@ def make_recording(
     legs: int = 1,
     parameters: dict[str, Any] | None = None,
 ) -> Recording:
-    """Record a flight through village `seed` from start to goal and back, `legs` times in all."""
-    place = village(seed, **(parameters or {}))
-    obstacles = surfaces(place, height_m - _BAND_M, height_m + _BAND_M)
+    """Record a flight through village `seed` that goes `legs` times from START to GOAL or back."""
+    village = make_village(seed, **(parameters or {}))
+    obstacles = true_surfaces(village, height_m - _BAND_M, height_m + _BAND_M)
     path = path_through(obstacles, START, GOAL, _CLEAR_M)
     path = np.concatenate([path[:: 1 if k % 2 == 0 else -1] for k in range(legs)])
-    flight = fly(path, height_m=height_m, speed_mps=speed_mps, turns=seed % 2 == 0)
-    frames = record(place, flight, noise or Noise(seed=seed))
+    flight = fly(path, height_m=height_m, speed_mps=speed_mps, nose_along_path=seed % 2 == 0)
+    frames = record(village, flight, noise or Noise(seed=seed))
     return Recording(f"village {seed}", flight, frames, obstacles, height_m)
 
 
@@ -86,16 +87,16 @@ def replay(
     recording: Recording,
     *,
     frames: Sequence[Frame] | None = None,
-    status: Status = lambda _: None,
+    status: ShowStatus = lambda _: None,
     **settings: Any,
 ) -> Outcome:
-    """Run a SLAM with `settings` over a recording, or over other `frames` of the same flight."""
+    """Run the SLAM with `settings` over a recording; `frames` replace its frames."""
     add_client_path()
     from hil_companion.explore.mapping.slam import Slam
     from hil_companion.explore.mapping.slam_settings import SlamSettings
 
-    chosen = SlamSettings(flight_height_m=recording.height_m, band_half_m=_BAND_M, **settings)
-    slam = Slam(chosen, start_W=recording.flight.start_W, seed=1)
+    slam_settings = SlamSettings(flight_height_m=recording.height_m, band_half_m=_BAND_M, **settings)
+    slam = Slam(slam_settings, start_W=recording.flight.start_W, seed=1)
     truths, tick_ns = recording.flight.truths, recording.flight.tick_ns
     error, update_s, wall_s, map_bytes = [], [], [], []
     estimate: Any = None
@@ -115,9 +116,9 @@ def replay(
 
 
 def map_error(grid: Any, surfaces: Mask) -> tuple[float, float]:
-    """Return the share of the occupied cells within two cells of a surface, and their mean distance from one [m]."""
+    """Return the share of occupied cells within two cells of a surface, and their mean distance from one [m]."""
     occupied = grid.centres(grid.occupied)
     if not len(occupied):
         return 1.0, 0.0
-    far = distance_m(occupied, surfaces)
-    return float(np.mean(far <= 2.0 * grid.cell_m)), float(np.mean(far))
+    distances_m = distance_m(occupied, surfaces)
+    return float(np.mean(distances_m <= 2.0 * grid.cell_m)), float(np.mean(distances_m))
