@@ -1,4 +1,4 @@
-"""The bench controller, in floors that import downwards only: cli, apps, run, config."""
+"""The bench controller, in layers of which each imports only the following ones: cli, apps, run, config."""
 
 import sys
 

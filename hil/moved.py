@@ -1,7 +1,7 @@
 """Old module paths: importing one raises an ImportError that names the new one.
 
-Scripts, companion clients and pytest options of users hold such paths. Python asks the last finder in `sys.meta_path`
-only where no other one knows a module, so modules that exist never come here.
+Scripts, companion clients and pytest options of users contain such paths. Python asks the last finder in
+`sys.meta_path` only for a module that no other finder knows, so existing modules are not affected.
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ MOVED = {
 
 
 class MovedModules:
-    """A finder that finds nothing and explains why."""
+    """Import finder that raises an error for an old path and finds nothing else."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None) -> None:  # noqa: ARG002
-        """Raise ImportError for an old path, also where a module inside it was asked for."""
+        """Raise ImportError for an old path. A module inside an old package fails when its package is imported."""
         if fullname in MOVED:
-            # Not a ModuleNotFoundError: `from hil import bench` would swallow it, and the new name with it.
+            # Not a ModuleNotFoundError: `from hil import bench` would replace its message, which has the new name.
             raise ImportError(f"{fullname} is now {MOVED[fullname]}: change the import", name=fullname)

@@ -1,4 +1,4 @@
-"""Check the wheel as a user meets it: built, installed in a clean environment, flown and tested in another folder.
+"""Check the wheel as a user installs it: build, install in a clean environment, fly and test in another folder.
 
 Run by `make wheel` and by continuous integration, with the Python of `.venv`. Ends with status 0 and the wheel in
 `dist/`, or with status 1 and the reason. It builds in the folder of `make setup`, so nothing is compiled twice.
@@ -19,15 +19,15 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = {"firmware_bridge", "hil", "rigs", "signals", "sim"}
-SOURCES_OF_MODULES = {".cpp", ".hpp"}
+CPP_SUFFIXES = {".cpp", ".hpp"}
 MODULES = ("firmware_bridge/_native", "signals/_kernel", "sim/_kernels")
 DEFAULT_BENCH = "rigs/benches/hil.yaml"
-SIZE_LIMIT_MB = 20.0
+MAX_SIZE_MB = 20.0
 Command = list[str | Path]
 
 
 class WheelError(Exception):
-    """The wheel is not what a user needs; the text says why."""
+    """Defect of the wheel."""
 
 
 def say(text: str) -> None:
@@ -35,17 +35,17 @@ def say(text: str) -> None:
     sys.stdout.flush()
 
 
-def run(command: Command, folder: Path, log: str) -> str:
-    """Run a command in a folder and return its output. Raises WheelError with the output if it fails."""
+def run(command: Command, folder: Path, title: str) -> str:
+    """Run a command in a folder and return its output. Raises WheelError with title and output if it fails."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "HIL_", "VIRTUAL_ENV"))}
     # The locked cmake and ninja come first.
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
-    if done.returncode:
-        raise WheelError(f"{log} ended with status {done.returncode}:\n{done.stdout}")
-    return done.stdout
+    if process.returncode:
+        raise WheelError(f"{title} ended with status {process.returncode}:\n{process.stdout}")
+    return process.stdout
 
 
 def build(folder: Path) -> Path:
@@ -57,11 +57,11 @@ def build(folder: Path) -> Path:
 
 
 def checked_out() -> set[str]:
-    """Return the files of the packages that a wheel has to hold: all but C++ sources and what a build or a run made."""
-    made = {".pyi", ".so", ".pyd"} | SOURCES_OF_MODULES
+    """Return the files of the packages that a wheel has to hold: all but C++ sources and files of a build or a run."""
+    excluded = {".pyi", ".so", ".pyd"} | CPP_SUFFIXES
     files = {path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file()}
     caches = {path for path in files if any(part.startswith((".", "__pycache__")) for part in path.parts)}
-    return {path.as_posix() for path in files - caches if path.suffix not in made}
+    return {path.as_posix() for path in files - caches if path.suffix not in excluded}
 
 
 def check_content(wheel: Path) -> None:
@@ -74,15 +74,15 @@ def check_content(wheel: Path) -> None:
     modules = {name for name in names if name.startswith(tuple(module + suffix for module in MODULES))}
     stubs = {f"{module}.pyi" for module in MODULES}
     if len(modules) != len(MODULES):
-        raise WheelError(f"{wheel.name} should hold {MODULES}, each once and for {abi}, and holds {sorted(modules)}")
+        raise WheelError(f"{wheel.name} should hold {MODULES}, each once and for {abi}, but holds {sorted(modules)}")
     expected = checked_out() | modules | stubs | {DEFAULT_BENCH}
     if missing := expected - names:
         raise WheelError(f"{wheel.name} lacks {sorted(missing)}")
     if extra := names - expected:
-        raise WheelError(f"{wheel.name} holds what the checkout lacks or a user does not need: {sorted(extra)}")
+        raise WheelError(f"{wheel.name} holds files that should not be in it: {sorted(extra)}")
     size_mb = wheel.stat().st_size / 1e6
-    if size_mb > SIZE_LIMIT_MB:
-        raise WheelError(f"{wheel.name} has {size_mb:.1f} MB, the limit is {SIZE_LIMIT_MB:g} MB")
+    if size_mb > MAX_SIZE_MB:
+        raise WheelError(f"{wheel.name} has {size_mb:.1f} MB, the limit is {MAX_SIZE_MB:g} MB")
     say(f"{wheel.name}: {len(names)} files, {size_mb:.1f} MB")
 
 
@@ -122,7 +122,7 @@ def main() -> None:
         commands = install(wheel, folder / "venv")
         installed, checkout = fly(commands / "hil", folder / "flight"), fly(ROOT / ".venv/bin/hil", folder / "checkout")
         if installed != checkout:
-            raise WheelError(f"the installed bench flies another flight: {installed}, the checkout's is {checkout}")
+            raise WheelError(f"digests of the default flight differ: {installed} installed, {checkout} in the checkout")
         say(f"default flight, installed and in the checkout: PASS, {installed}")
         run_example(commands, folder / "firmware_team")
         (ROOT / "dist").mkdir(exist_ok=True)

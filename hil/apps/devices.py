@@ -59,7 +59,7 @@ def print_devices(
     if not watch:
         return
     if not as_json:
-        console.print("\nwatching; Ctrl-C ends")
+        console.print("\nwatching for changes; Ctrl-C ends")
     try:
         while True:
             wait(_POLL_S)
@@ -93,24 +93,24 @@ def _print_tables(console: Console, devices: Devices) -> None:
         for a in devices.autopilots:
             for note in a.notes:
                 _note(console, f"{a.product or a.board}: {note}")
-        first = next((a for a in devices.autopilots if a.port and a.ports[0].accessible), None)
-        if first is not None:
+        usable = next((a for a in devices.autopilots if a.port and a.ports[0].accessible), None)
+        if usable is not None:
             # ArduPilot uses the USB port for MAVLink only and receives sensor data on a second serial port.
-            rig, key = ("px4_hitl", "port") if PX4 in first.firmwares else ("ardupilot_eahrs", "mavlink_port")
-            _note(console, f"to fly with it: hil run --rig {rig} --set autopilot.{key}={first.port}")
+            rig, key = ("px4_hitl", "port") if PX4 in usable.firmwares else ("ardupilot_eahrs", "mavlink_port")
+            _note(console, f"to fly with it: hil run --rig {rig} --set autopilot.{key}={usable.port}")
     else:
         _note(console, _NO_AUTOPILOT)
     _heading(console, "Other serial ports")
     if devices.ports:
         _print_table(
             console,
-            ("port", "USB ids", "serial number", "what"),
+            ("port", "USB ids", "serial number", "description"),
             [(p.device, usb_ids(p) or "-", p.serial_number or "-", port_hint(p) or "-") for p in devices.ports],
         )
         # No autopilot is connected to a computer's own ttyS ports, so advice about them would be noise.
-        closed = ", ".join(p.device for p in devices.ports if not p.accessible and p.vendor_id is not None)
-        if closed:
-            _note(console, NO_PORT_ACCESS.format(device=closed))
+        inaccessible = ", ".join(p.device for p in devices.ports if not p.accessible and p.vendor_id is not None)
+        if inaccessible:
+            _note(console, NO_PORT_ACCESS.format(device=inaccessible))
     else:
         _note(console, "none found")
     _heading(console, "Gamepads and transmitters")
@@ -139,7 +139,6 @@ def _autopilot_rows(a: Autopilot) -> list[tuple[str, ...]]:
 
 
 def _path_text(pad: Gamepad) -> str:
-    """Return the device's path as text."""
     return pad.path.decode("utf-8", "replace")
 
 
@@ -152,7 +151,7 @@ def _note(console: Console, text: str) -> None:
 
 
 def _print_table(console: Console, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table without wrapping or cutting cells, as rich's tables would, so that ids and paths can be copied."""
+    """Print a table. Unlike rich's tables it neither wraps nor cuts cells, so that ids and paths can be copied."""
     widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
 
     def line(cells: Sequence[str]) -> str:
@@ -168,12 +167,12 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
 
     Returns True if the board is ready now. Raises LinkError if the port cannot be opened or no MAVLink device answers.
     """
-    line = SerialTransport(port, baud=baud)
-    line.open()
+    transport = SerialTransport(port, baud=baud)
+    transport.open()
     try:
         parser = FrameParser()
-        sysid = await_autopilot(line, parser, limit_s=_HEARTBEAT_S)
-        setup = HitlSetup(line, parser, motors=_MOTORS, sysid=sysid)
+        sysid = await_autopilot(transport, parser, limit_s=_HEARTBEAT_S)
+        setup = HitlSetup(transport, parser, motors=_MOTORS, sysid=sysid)
         problems = setup.problems()
         for problem in problems:
             console.print(f"[yellow]wrong[/]  {problem}")
@@ -181,17 +180,18 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
         if not problems:
             console.print("[green]right[/]  SYS_HITL and the motors' outputs (HIL_ACT_FUNCn)")
             if setup.commands_come():
-                console.print("[green]right[/]  it sends motor commands: the connection is fast enough")
+                console.print("[green]right[/]  the board sends motor commands: the connection is fast enough")
                 return True
             console.print(
-                "[yellow]wrong[/]  it sends no HIL_ACTUATOR_CONTROLS: not restarted yet, or the connection is too slow"
+                "[yellow]wrong[/]  the board sends no HIL_ACTUATOR_CONTROLS: it was not restarted yet, or the "
+                "connection is too slow"
             )
         if fix and (settable or not problems):
             setup.set(settable)
             setup.reboot()
             console.print(f"set {', '.join(settable) or 'nothing'}; the board restarts. Check again in ten seconds.")
         elif not fix:
-            console.print("to set it and restart the board: the same command with --fix")
+            console.print("to correct the setup and restart the board, run the same command with --fix")
         return False
     finally:
-        line.close()
+        transport.close()

@@ -49,7 +49,7 @@ class Rig:
     features: frozenset[str]
     bench_file: Path | None
     folder: Path
-    chosen: str | None = None  # by marker or option; None: the bench file's rig
+    chosen_name: str | None = None  # by marker or option; None: the bench file's rig
     seed: int | None = None
     settings: tuple[str, ...] = ()
     allowed: frozenset[str] = frozenset()
@@ -81,15 +81,15 @@ class Rig:
         try:
             bench = load_bench(
                 self.bench_file,
-                rig=self.chosen,
+                rig=self.chosen_name,
                 scene=scene,
                 mission=None if mission is None else str(mission),
                 seed=self.seed if self.seed is not None else seed,
                 settings=(*report, *settings, *self.settings),
             )
         except ConfigError as error:
-            wrong = f"the bench cannot be flown:\n{error}"
-            raise pytest.fail.Exception(wrong, pytrace=False) from None
+            message = f"the bench cannot be flown:\n{error}"
+            raise pytest.fail.Exception(message, pytrace=False) from None
         result = run_bench(bench, self.folder / f"run-{len(self.runs) + 1}", quiet=True)
         run = Run(result.run, result.out)
         self.runs.append(run)
@@ -99,15 +99,15 @@ class Rig:
             raise BenchError(run)
         return run
 
-    def complaints(self) -> list[str]:
-        """Return a line for each link fault of the flights so far that the test does not allow."""
-        found = []
+    def link_faults(self) -> list[str]:
+        """Return one line per flight and kind of link fault that the test does not allow."""
+        lines = []
         for number, run in enumerate(self.runs, start=1):
             prefix = f"run {number}: " if len(self.runs) > 1 else ""
             for fault, count in health(run).items():
                 if count and fault not in self.allowed:
-                    found.append(f"{prefix}{fault}: {count} ({HEALTH[fault]})")
-        return found
+                    lines.append(f"{prefix}{fault}: {count} ({HEALTH[fault]})")
+        return lines
 
 
 # -- options and markers ----------------------------------------------------------------------------------------
@@ -144,19 +144,19 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     name, features = _rig_of(item)
     missing = [feature for feature in dict.fromkeys(required) if feature not in features]
     if missing:
-        has = ", ".join(sorted(features)) or "nothing"
-        pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}; it has: {has}")
+        present = ", ".join(sorted(features)) or "nothing"
+        pytest.skip(f"rig {name!r} has no {' and no '.join(missing)}; it has: {present}")
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Check the flights of a passed test. Done here rather than at teardown, so that it counts as a failure."""
+    """Check the flights of a passed test: here and not at teardown, where a fault would count as an error."""
     outcome = yield
     rig = item.stash.get(_RIG, None)
     if rig is not None:
-        complaints = rig.complaints()
-        if complaints:
-            lines = "\n".join(f"  {line}" for line in complaints)
+        faults = rig.link_faults()
+        if faults:
+            lines = "\n".join(f"  {line}" for line in faults)
             allow = 'allow expected faults with @pytest.mark.hil_allow("late", ...)'
             pytest.fail(f"the flight was not clean:\n{lines}\n{allow}", pytrace=False)
     return outcome
@@ -177,16 +177,16 @@ def pytest_runtest_makereport(
         item.stash[_FAILED] = True
         if rig.runs:
             lines = [f"{run.status}  digest {run.digest}  {run.out}" for run in rig.runs]
-            again = f"again, with a report: hil run {rig.runs[-1].out}/bench.yaml"
-            report.sections.append(("hil runs", "\n".join([*lines, again])))
+            command = f"again, with a report: hil run {rig.runs[-1].out}/bench.yaml"
+            report.sections.append(("hil runs", "\n".join([*lines, command])))
     if call.when == "teardown" and not item.stash.get(_FAILED, False) and not item.config.getoption("--hil-keep"):
-        _clear(rig, Path(item.config.rootpath))
+        _remove_runs(rig, Path(item.config.rootpath))
     return report
 
 
 def _properties(runs: Sequence[Run]) -> list[tuple[str, object]]:
     """Return JUnit properties that identify each flight; names are numbered from the second flight on."""
-    found: list[tuple[str, object]] = []
+    properties: list[tuple[str, object]] = []
     for number, run in enumerate(runs, start=1):
         values = {
             "digest": run.digest,
@@ -196,11 +196,11 @@ def _properties(runs: Sequence[Run]) -> list[tuple[str, object]]:
             "out": str(run.out),
         }
         suffix = "" if number == 1 else f"_{number}"
-        found += [(f"hil_{key}{suffix}", value) for key, value in values.items()]
-    return found
+        properties += [(f"hil_{key}{suffix}", value) for key, value in values.items()]
+    return properties
 
 
-def _clear(rig: Rig, root: Path) -> None:
+def _remove_runs(rig: Rig, root: Path) -> None:
     """Remove the test's folder, and the folders above it that are then empty."""
     shutil.rmtree(rig.folder, ignore_errors=True)
     for folder in rig.folder.parents:
@@ -288,7 +288,7 @@ def rig(request: pytest.FixtureRequest) -> Rig:
         features,
         _bench_file(item),
         folder,
-        chosen=_rig_name(item),
+        chosen_name=_rig_name(item),
         seed=config.getoption("--hil-seed"),
         settings=tuple(config.getoption("--hil-set")),
         allowed=allowed,

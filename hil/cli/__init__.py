@@ -1,5 +1,5 @@
 """The `hil` command. Exit status: 0 PASS, 1 FAIL (the vehicle), 2 wrong files or options, 3 ERROR (the bench).
 
-One file for each command, without logic. A command imports what does its work when it is called, so that
-`hil --help` loads no numpy, MuJoCo or ZeroMQ.
+Each command has one file without logic, which imports its application only when the command is called. `hil --help`
+therefore loads no numpy, MuJoCo or ZeroMQ.
 """

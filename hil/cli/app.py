@@ -32,7 +32,7 @@ for _command in (train.train, evaluate.evaluate, data.data):
 app.add_typer(calibrate.calibrate_app, name="calibrate")
 app.add_typer(_detect, name="detect")
 
-# Options whose old names are errors that name the new one; none of them was an option of two commands.
+# Old to new names of options. Using an old name is an error that names the new one.
 RENAMED_OPTIONS = {"--judge-every": "--validate-every", "--least-objects": "--min-objects"}
 
 # The base class of all usage errors; it has no public name in typer.
@@ -43,8 +43,8 @@ def run_command_line(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. KeyboardInterrupt passes through."""
     try:
         outcome = app(args=list(arguments), prog_name="hil", standalone_mode=False)
-    except typer.Exit as leaving:
-        return leaving.exit_code
+    except typer.Exit as error:
+        return error.exit_code
     except typer.Abort:
         raise KeyboardInterrupt from None
     except _ClickError as error:

@@ -1,4 +1,4 @@
-"""The two consoles of the command line, and named errors printed on one of them."""
+"""The two consoles of the command line, and the handler that prints a HilError."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Process entry of the `hil` command: signals, and the last handler of errors.
 
-It imports little, so that an error in any later import ends in one message and a status, not in a traceback.
+It has few imports, so that an error in any other import ends in one message and a status, not in a traceback.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hil.cli.status import ERROR_STATUS
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asked the command to end; handled like Ctrl-C, so that a run closes its recordings."""
+    """Request of a signal to end the command. It is handled like Ctrl-C, so that a run closes its recordings."""
 
 
 def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
@@ -25,8 +25,8 @@ def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
 def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
     """Raise a lost Stopped again 50 ms later.
 
-    The interpreter drops exceptions of some callbacks, for example after a fork. A signal that arrives in one would be
-    lost, and the run would continue.
+    The interpreter drops exceptions of some callbacks, for example after a fork. A signal during such a callback would
+    be lost, and the run would continue.
     """
     stop = ignored.exc_value
     if not isinstance(stop, Stopped) or not hasattr(signal, "setitimer"):
@@ -42,7 +42,7 @@ def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
 
 def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
-    # SIGINT too, because a shell ignores it in commands that a script starts in the background.
+    # SIGINT needs a handler too, because a shell makes commands ignore it that a script starts in the background.
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), _stop)
@@ -54,20 +54,20 @@ def main() -> None:
 
         status = run_command_line(sys.argv[1:])
     except KeyboardInterrupt as stop:
-        status = _complain(str(stop) or "stopped from the keyboard", ERROR_STATUS)
+        status = _print_error(str(stop) or "stopped from the keyboard", ERROR_STATUS)
     except BrokenPipeError:
         status = ERROR_STATUS  # standard output is closed, so there is no message
     except Exception as defect:
         if os.environ.get("HIL_TRACEBACK"):
             raise
         text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
-        status = _complain(text, ERROR_STATUS)
-    _leave_quietly()
+        status = _print_error(text, ERROR_STATUS)
+    _replace_closed_streams()
     sys.exit(status)
 
 
-def _leave_quietly() -> None:
-    """Replace closed standard streams: flushing them at exit would print a message and change the status."""
+def _replace_closed_streams() -> None:
+    """Replace closed standard streams, because flushing them at exit would print a message and change the status."""
     for name in ("stdout", "stderr"):
         try:
             getattr(sys, name).flush()
@@ -75,7 +75,7 @@ def _leave_quietly() -> None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (lives until the process ends)
 
 
-def _complain(text: str, status: int) -> int:
+def _print_error(text: str, status: int) -> int:
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stderr.write(f"error: {text}\n")
     return status

@@ -1,4 +1,4 @@
-"""Options of several commands, and commands that take one dataclass of options."""
+"""Options that several commands share, and a decorator for commands whose options are the fields of a dataclass."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ Options = TypeVar("Options")
 
 
 def takes(options: type[Options]) -> Callable[[Callable[[Options], None]], Callable[..., None]]:
-    """Give a function of one dataclass the signature that typer reads: one parameter for each field.
+    """Make a command of a function whose one parameter is the dataclass `options`.
 
-    The fields' annotations carry typer's options and arguments; their order and defaults are those of the command.
+    Typer sees one parameter for each field, in the fields' order and with their defaults and annotations.
     """
     hints = get_type_hints(options, include_extras=True)
     parameters = [

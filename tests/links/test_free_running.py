@@ -394,7 +394,7 @@ def test_a_board_that_has_not_been_restarted(board: Boards, monkeypatch: pytest.
     far.mock.params.set("SYS_HITL", 1.0)
     ready, text = check(far.port)
     assert (ready, far.mock.boots) == (False, 1)
-    assert "not restarted yet, or the connection is too slow" in text
+    assert "it was not restarted yet, or the connection is too slow" in text
     assert not check(far.port, fix=True)[0]
     assert far.wait_for(lambda: far.mock.boots == 2)
     monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 
-add_client_path()
+make_client_importable()
 
 from hil_companion.cuts.detect import Detect  # noqa: E402
 from hil_companion.detect.decode import Detection  # noqa: E402

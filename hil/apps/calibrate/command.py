@@ -17,7 +17,7 @@ from sim.radar.preset_text import Hardware, hardware_of, preset_text, with_recei
 from sim.radar.recording import Recording, load_recording
 from sim.sensors.presets import PRESET_DIR
 
-_KNOWN_PART = "bgt60tr13c"  # its antennas and receiver are assumed, because a recording does not contain them
+_CHIP = "bgt60tr13c"  # its antennas and receiver are assumed, because a recording does not contain them
 
 
 @dataclass(frozen=True)
@@ -40,22 +40,23 @@ def calibrate_radar(
     """Fit a radar's preset to a recording, print the fitted values, and write preset and picture.
 
     `frames` is a range FIRST:END of the recording's frames, `name` the preset's name in a bench file; `keep_echoes`
-    keeps the reflectors of the recorded scene in the fixed pattern. Raises ConfigError, RecordingError.
+    does not remove the reflectors of the recorded scene from the fixed leakage pattern. Raises ConfigError,
+    RecordingError.
     """
-    chosen = _frames(frames)
-    label = _name(name if name is not None else recording_file.stem, given=name is not None)
-    preset = out if out is not None else Path(f"{label}.yaml")
+    frame_range = _frames(frames)
+    preset_name = _name(name if name is not None else recording_file.stem, given=name is not None)
+    preset = out if out is not None else Path(f"{preset_name}.yaml")
     if preset.suffix not in (".yaml", ".yml"):
         raise ConfigError([Problem("--out", f"must name a YAML file, not {preset.name!r}")])
     recording = load_recording(recording_file)
-    hardware = with_receivers(hardware_of(PRESET_DIR / f"{_KNOWN_PART}.yaml"), recording.rx_antennas)
+    hardware = with_receivers(hardware_of(PRESET_DIR / f"{_CHIP}.yaml"), recording.rx_antennas)
     if hardware is None:
         numbers = ", ".join(str(a) for a in recording.rx_antennas)
-        message = f"has receivers {numbers}, and {_KNOWN_PART} has no such receiver"
-        raise ConfigError([Problem(str(recording_file), message, "rx_antennas in its settings")])
-    calibration = calibrate(recording, frames=chosen, keep_echoes=keep_echoes, where=str(recording_file))
+        message = f"uses the receivers {numbers}, not all of which {_CHIP} has"
+        raise ConfigError([Problem(str(recording_file), message, "see rx_antennas in the recording's settings")])
+    calibration = calibrate(recording, frames=frame_range, keep_echoes=keep_echoes, where=str(recording_file))
     files = CalibratedFiles(preset, preset.with_suffix(".png"))
-    _write(files, calibration, recording, hardware, part=label, source=recording_file.name)
+    _write(files, calibration, recording, hardware, preset_name=preset_name, source=recording_file.name)
     _print(console, calibration, recording)
     return files
 
@@ -66,15 +67,15 @@ def _write(
     recording: Recording,
     hardware: Hardware,
     *,
-    part: str,
+    preset_name: str,
     source: str,
 ) -> None:
     from hil.apps.calibrate.picture import draw_calibration  # imported late: matplotlib takes half a second
 
-    text = preset_text(calibration, recording, hardware, part=part, source=source)
+    text = preset_text(calibration, recording, hardware, part=preset_name, source=source)
     try:
         files.preset.parent.mkdir(parents=True, exist_ok=True)
-        temporary = files.preset.with_suffix(".part")
+        temporary = files.preset.with_suffix(".tmp")
         temporary.write_text(text, encoding="utf-8")  # a full disk must not destroy an existing preset
         os.replace(temporary, files.preset)
         draw_calibration(calibration, recording, files.picture)
@@ -103,9 +104,9 @@ def _name(text: str, *, given: bool) -> str:
 def _print(console: Console, calibration: Calibration, recording: Recording) -> None:
     first, last = calibration.frames
     receivers = [f"RX{a}" for a in recording.rx_antennas]
-    table = Table(f"frames {first} to {last - 1}, one sigma", box=None, padding=(0, 2, 0, 0))
-    for head in receivers:
-        table.add_column(head, justify="right", no_wrap=True)
+    table = Table(f"frames {first} to {last - 1}, value +- one standard deviation", box=None, padding=(0, 2, 0, 0))
+    for receiver in receivers:
+        table.add_column(receiver, justify="right", no_wrap=True)
     for row in calibration.rows:
         cells = _cells(row)
         cells += [""] * (len(receivers) - len(cells))
@@ -123,7 +124,7 @@ def _cells(row: Fitted) -> list[str]:
 
 
 def _with_error(value: float, sigma: float) -> str:
-    """Format a value to the first significant digit of its standard deviation."""
+    """Return a value as text, rounded at the first significant digit of its standard deviation."""
     if not sigma > 0.0:
         return f"{value:.4g}"
     digits = min(max(-_exponent(sigma), 0), 5)

@@ -91,7 +91,7 @@ def _draw_range(axes: Axes, calibration: Calibration, recording: Recording) -> N
         axes.plot(range_m, 20.0 * np.log10(np.maximum(row, 1e-3)), color=_colour(k), lw=1.2)
     for echo in calibration.echoes:
         axes.axvline(echo.range_m, ls="--", color="#8a919b", lw=1.0)
-    axes.set(title="What stands still (dashed: reflectors)", xlabel="range [m]", ylabel="dB over one count")
+    axes.set(title="Static echoes (dashed: reflectors)", xlabel="range [m]", ylabel="dB over one count")
 
 
 def _draw_codes(axes: Axes, real: NDArray[Any], simulated: NDArray[Any]) -> None:
@@ -100,7 +100,7 @@ def _draw_codes(axes: Axes, real: NDArray[Any], simulated: NDArray[Any]) -> None
     for data, name, style in ((real, "recorded", "o"), (simulated, "modelled", "_")):
         share = np.bincount(data.ravel(), minlength=int(codes[-1]) + 1)[codes] / data.size
         axes.plot(codes, 100.0 * share, style, ms=5, color=_colour(0 if name == "recorded" else 3), label=name)
-    axes.set(title="Codes about the median", xlabel="code", ylabel="share [%]")
+    axes.set(title="Codes near the median", xlabel="code", ylabel="share [%]")
     axes.legend()
 
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from signals.errors import ConfigError, Problem, RecordingError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def train_detector(
     `weights` are PyTorch weights to start from. Raises ConfigError for unusable data or weights, RecordingError if a
     file cannot be written.
     """
-    add_client_path()
+    make_client_importable()
     try:
         from hil.apps.detect.training import export
         from hil.apps.detect.training.train import Training
@@ -156,7 +156,7 @@ def evaluate_detector(
 
     Raises ConfigError for an unusable model or data set, RecordingError if `json_file` cannot be written.
     """
-    add_client_path()
+    make_client_importable()
     from hil_companion.detect.model_file import ModelFile
     from hil_companion.errors import OptionError
 

@@ -1,4 +1,4 @@
-"""`hil check`: a bench validated without a flight."""
+"""`hil check`: validates a bench without a flight."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ def check_bench(choice: BenchChoice) -> str:
     bench = choice.load()
     plan_stages(stage_specs(bench.config))
     c = bench.config
-    flown = "no mission"
+    mission_text = "no mission"
     if bench.mission is not None:
-        flown = f"{len(waypoint_legs(planned_path(bench.mission, bench.scene)))} waypoints"
+        mission_text = f"{len(waypoint_legs(planned_path(bench.mission, bench.scene)))} waypoints"
     if bench.script is not None:
-        flown += f", {len(bench.script.script.actions)} actions"
-    return f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {flown}, sensors {', '.join(c.sensors)}"
+        mission_text += f", {len(bench.script.script.actions)} actions"
+    return f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {mission_text}, sensors {', '.join(c.sensors)}"

@@ -10,7 +10,7 @@ from hil.config import Bench, load_bench
 
 @dataclass(frozen=True)
 class BenchChoice:
-    """A bench file and what the command line lays over it; None leaves a value to the file.
+    """A bench file and the values that the command line overrides; None keeps the file's value.
 
     `settings` are the texts of `--set`.
     """

@@ -31,8 +31,8 @@ def fly(
 ) -> int:
     """Fly and return the exit status of the run: 0 PASS, 1 FAIL, 3 ERROR.
 
-    The results go to `out`, by default to a new folder in `runs`. A ConfigError leaves a run.json there too, so that a
-    caller always finds one. Raises HilError where no run could begin.
+    The results go to `out`, by default to a new folder in `runs`; after a ConfigError too there is a run.json. Raises
+    HilError if no run could begin.
     """
     began_s = time.monotonic()
     try:
@@ -47,8 +47,8 @@ def fly(
     result: RunResult | None = None
     folder = new_run_dir(out, bench.config.rig, runs)
     try:
-        with link.parts(choice.config, folder, console) as more:
-            result = run_bench(bench, folder, quiet=quiet, more=more)
+        with link.parts(choice.config, folder, console) as dashboard_parts:
+            result = run_bench(bench, folder, quiet=quiet, more=dashboard_parts)
             with contextlib.suppress(OSError, ValueError):  # a closed pipe changes neither run.json nor the status
                 print_result(result.run, folder, time.monotonic() - began_s, console, errors)
     except KeyboardInterrupt:

@@ -35,16 +35,16 @@ class DashboardLink:
             from hil.apps.dash.part import DashboardPart
 
             runs = folder.resolve().parent
-            with dashboard_beside(config, console, host=self.host, port=self.port, runs=runs) as served:
-                yield [DashboardPart(served)]
+            with dashboard_beside(config, console, host=self.host, port=self.port, runs=runs) as live:
+                yield [DashboardPart(live)]
         elif self.fd is not None:
             from hil.apps.dash.command import live_on_fd
             from hil.apps.dash.part import DashboardPart
 
-            started = live_on_fd(self.fd, paused=self.paused, pace=self.pace)
+            live = live_on_fd(self.fd, paused=self.paused, pace=self.pace)
             try:
-                yield [DashboardPart(started)]
+                yield [DashboardPart(live)]
             finally:
-                started.close()
+                live.close()
         else:
             yield []

@@ -11,7 +11,7 @@ from rich.table import Table
 
 
 def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Console, errors: Console) -> None:
-    """Print the headline of a run: status, measured against limit, digest, folder. `run` is its run.json."""
+    """Print the results of a run: status, measurements with their limits, digest, folder. `run` is its run.json."""
     colour = {"PASS": "green", "FAIL": "yellow"}.get(str(run["status"]), "red")
     table = Table.grid(padding=(0, 2))
     mission, verdict = run["mission"], run["verdict"]
@@ -33,7 +33,7 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
 
         for label, text in console_rows(companion):
             table.add_row(label, text)
-    same = "" if run["deterministic"] else "  (not deterministic)"
+    digest_note = "" if run["deterministic"] else "  (not deterministic)"
     console.print(f"[bold {colour}]{run['status']}[/]")
     if error := run["error"]:
         errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}")
@@ -41,5 +41,5 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
         console.print(f"  {reason}", markup=False)
     console.print(table)
     # Unbroken lines, so that they can be copied, compared and searched for.
-    console.print(f"digest   {run['digest']}{same}", markup=False)
+    console.print(f"digest   {run['digest']}{digest_note}", markup=False)
     console.print(f"results  {folder}/  (report.html, run.json; {took_s:.1f} s in all)", markup=False)

@@ -1,9 +1,9 @@
 """`hil radar`: runs a recording through the processing chain, making radar frames from recorded pictures if needed.
 
 It writes `summary.png` (range and speed over time, with the tracks), `micro_doppler.png` (speed over time around the
-track with the longest way in range, if there is a track), some `range_doppler_N.png` (beside the camera's picture of
-the same instant, if recorded), `points.csv`, `tracks.csv`, `radar.npz` with all results and `summary.json`. Frames made
-from pictures are kept in `raw.npz` with `raw.json`, which `hil radar` and `hil calibrate radar` read.
+track with the greatest span of range, if there is a track), some `range_doppler_N.png` (beside the camera's picture of
+the same instant, if recorded), `points.csv`, `tracks.csv`, `radar.npz` with all results and `summary.json`. Frames
+made from pictures are saved in `raw.npz` with `raw.json`, which `hil radar` and `hil calibrate radar` read.
 """
 
 from __future__ import annotations
@@ -52,15 +52,15 @@ def process_radar(
     """
     source = open_source(target, preset=preset, texts=settings, sensor=sensor)
     if span != TimeSpan():
-        source = _within(source, span)
+        source = _frames_in_span(source, span)
     folder = out if out is not None else _folder(target)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        results, made = _process(source, console, quiet=quiet)
-        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.shown})
-        files = results.write(folder, what=f"{_name(target)}: {source.what}")
-        if source.made and made:
-            save_recording(folder / "raw.npz", _recording(source, made))
+        results, made_frames = _process(source, console, quiet=quiet)
+        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
+        files = results.write(folder, title=f"{_name(target)}: {source.description}")
+        if source.from_pictures and made_frames:
+            save_recording(folder / "raw.npz", _recording(source, made_frames))
             files += [folder / "raw.npz", folder / "raw.json"]
     except OSError as error:
         raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
@@ -79,7 +79,7 @@ def _name(target: Path) -> str:
     return path.parent.name if path.suffix == ".mcap" else path.name if path.is_dir() else path.stem
 
 
-def _within(source: Source, span: TimeSpan) -> Source:
+def _frames_in_span(source: Source, span: TimeSpan) -> Source:
     """Keep the frames of a time span."""
     from_s = -math.inf if span.from_s is None else span.from_s
     until_s = math.inf if span.until_s is None else span.until_s
@@ -90,23 +90,25 @@ def _within(source: Source, span: TimeSpan) -> Source:
         if from_s <= times[-1] <= until_s:
             frames.append(frame)
     if not frames:
-        lasts = f"the frames are from {times[0]:.3f} to {times[-1]:.3f} s" if times else "there is no frame at all"
-        raise ConfigError([Problem("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", lasts)])
+        hint = f"the frames are from {times[0]:.3f} to {times[-1]:.3f} s" if times else "there is no frame at all"
+        raise ConfigError([Problem("--from, --until", f"no frame from {from_s:g} to {until_s:g} s", hint)])
     return replace(source, count=len(frames), frames=iter(frames))
 
 
 def _process(source: Source, console: Console, *, quiet: bool) -> tuple[Results, list[Frame]]:
-    """Process all frames; return the results and, if the frames were made from pictures, the frames."""
+    """Process all frames; return the results and, if they were made from pictures, the frames."""
     p = source.parameters
     processor = Processor(p.chirp, p.antenna.rx_positions_m, p.processing)
     results = Results(p.chirp, source.count)
-    made: list[Frame] = []
+    made_frames: list[Frame] = []
     hidden = quiet or not console.is_terminal
-    for frame in track(source.frames, source.what, source.count, console=console, transient=True, disable=hidden):
+    for frame in track(
+        source.frames, source.description, source.count, console=console, transient=True, disable=hidden
+    ):
         results.add(frame.t_ns, processor.process(frame.raw, frame.t_ns))
-        if source.made:
-            made.append(frame)
-    return results, made
+        if source.from_pictures:
+            made_frames.append(frame)
+    return results, made_frames
 
 
 def _recording(source: Source, frames: Sequence[Frame]) -> Recording:

@@ -1,8 +1,8 @@
 """Results of `hil radar`: points and tracks as tables, all results as arrays, some maps and a summary as pictures.
 
-Micro-Doppler shows the speeds near a track, frame by frame. A person's limbs are within an arm's length of the trunk
-that the track follows, so power is summed over the range bins at most `NEAR_M` from the track's range; noise and other
-objects stay out.
+Micro-Doppler shows the speeds near a track, frame by frame. The track follows a person's trunk, and the limbs are
+within an arm's length of it. Power is therefore summed over the range bins at most `NEAR_M` from the track's range,
+which excludes other objects and noise elsewhere.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ class TrackSpectra:
 
     @property
     def range_span_m(self) -> float:
-        """Difference between the track's greatest and least range."""
+        """Difference between the track's maximum and minimum range."""
         return max(self.range_m) - min(self.range_m)
 
 
 class TrackSpectraCollector:
-    """Collects the speed spectra of all tracks, frame by frame."""
+    """Collector of the speed spectra of all tracks, frame by frame."""
 
     def __init__(self, chirp: Chirp) -> None:
         self._chirp = chirp
@@ -56,12 +56,12 @@ class TrackSpectraCollector:
         bin_m = self._chirp.max_range_m / power.shape[1]
         for track in processed.tracks:
             range_m = float(track["range_m"])
-            near = np.abs(np.arange(power.shape[1]) * bin_m - range_m) <= max(NEAR_M, bin_m)
-            found = self._tracks.setdefault(int(track["id"]), TrackSpectra(int(track["id"])))
-            found.frames.append(frame)
-            found.power.append(power[:, near].sum(axis=1))
-            found.range_m.append(range_m)
-            found.speed_mps.append(float(track["speed_mps"]))
+            near_bins = np.abs(np.arange(power.shape[1]) * bin_m - range_m) <= max(NEAR_M, bin_m)
+            spectra = self._tracks.setdefault(int(track["id"]), TrackSpectra(int(track["id"])))
+            spectra.frames.append(frame)
+            spectra.power.append(power[:, near_bins].sum(axis=1))
+            spectra.range_m.append(range_m)
+            spectra.speed_mps.append(float(track["speed_mps"]))
 
     def longest(self) -> TrackSpectra | None:
         """Return the track with the greatest span of range, because a standing person moves no limbs.
@@ -90,43 +90,43 @@ class Results:
         self.t_ns: list[int] = []
         self.points: list[NDArray[Any]] = []
         self.tracks: list[NDArray[Any]] = []
-        self.over_range: list[NDArray[np.float32]] = []  # by range bin: greatest power over all speeds
-        self.over_speed: list[NDArray[np.float32]] = []  # by speed bin: sum of power over all ranges
+        self.power_by_range: list[NDArray[np.float32]] = []  # by range bin: greatest power over all speeds
+        self.power_by_speed: list[NDArray[np.float32]] = []  # by speed bin: sum of power over all ranges
         self.spectra = TrackSpectraCollector(chirp)
-        self.shown: dict[int, Processed] = {}  # frames to plot, by number
+        self.plotted: dict[int, Processed] = {}  # frames to plot, by number
         self.rgb: dict[int, NDArray[np.uint8]] = {}
-        self._plotted = set(np.linspace(0, max(count - 1, 0), min(PICTURES, max(count, 1))).astype(int).tolist())
+        self._plot_numbers = set(np.linspace(0, max(count - 1, 0), min(PICTURES, max(count, 1))).astype(int).tolist())
 
     def add(self, t_ns: int, processed: Processed) -> None:
         """Add the results of the next frame, whose middle is at `t_ns`."""
-        if len(self.t_ns) in self._plotted:
-            self.shown[len(self.t_ns)] = processed
+        if len(self.t_ns) in self._plot_numbers:
+            self.plotted[len(self.t_ns)] = processed
         self.spectra.add(len(self.t_ns), processed)
         self.t_ns.append(t_ns)
         self.points.append(processed.points)
         self.tracks.append(processed.tracks)
-        self.over_range.append(processed.range_doppler.max(axis=0))
-        self.over_speed.append(processed.range_doppler.sum(axis=1))
+        self.power_by_range.append(processed.range_doppler.max(axis=0))
+        self.power_by_speed.append(processed.range_doppler.sum(axis=1))
 
     @property
     def t_s(self) -> NDArray[np.float64]:
         """Time of the middle of each frame [s]."""
         return np.array(self.t_ns, np.float64) / NS_PER_S
 
-    def write(self, folder: Path, *, what: str) -> list[Path]:
+    def write(self, folder: Path, *, title: str) -> list[Path]:
         """Write tables, arrays and pictures; return their paths, the summary's picture first. Raises OSError.
 
-        `what` names the source in titles and summary.json.
+        `title` names the source in the pictures and in summary.json.
         """
         files = [
-            _table(folder / "points.csv", self.t_s, self.points, POINT_DTYPE),
-            _table(folder / "tracks.csv", self.t_s, self.tracks, TRACK_DTYPE),
-            self._arrays(folder / "radar.npz"),
-            self._summary(folder / "summary.json", what),
+            _write_table(folder / "points.csv", self.t_s, self.points, POINT_DTYPE),
+            _write_table(folder / "tracks.csv", self.t_s, self.tracks, TRACK_DTYPE),
+            self._write_arrays(folder / "radar.npz"),
+            self._write_summary(folder / "summary.json", title),
         ]
-        return [*self._pictures(folder, what), *files]
+        return [*self._write_pictures(folder, title), *files]
 
-    def _arrays(self, path: Path) -> Path:
+    def _write_arrays(self, path: Path) -> Path:
         np.savez_compressed(
             path,
             t_ns=np.array(self.t_ns, np.int64),
@@ -134,16 +134,16 @@ class Results:
             points_per_frame=np.array([len(points) for points in self.points], np.int64),
             tracks=_joined(self.tracks, TRACK_DTYPE),
             tracks_per_frame=np.array([len(tracks) for tracks in self.tracks], np.int64),
-            range_time=np.array(self.over_range),
-            speed_time=np.array(self.over_speed),
+            range_time=np.array(self.power_by_range),
+            speed_time=np.array(self.power_by_speed),
         )
         return path
 
-    def _summary(self, path: Path, what: str) -> Path:
+    def _write_summary(self, path: Path, title: str) -> Path:
         chirp = self.chirp
         tracks_per_frame = [len(tracks) for tracks in self.tracks]
         summary = {
-            "source": what,
+            "source": title,
             "frames": len(self.t_ns),
             "points": sum(len(points) for points in self.points),
             "frames_with_track": sum(count > 0 for count in tracks_per_frame),
@@ -157,13 +157,13 @@ class Results:
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         return path
 
-    def _pictures(self, folder: Path, what: str) -> list[Path]:
+    def _write_pictures(self, folder: Path, title: str) -> list[Path]:
         from hil.run.report import figures, radar_pictures  # imported late: matplotlib takes half a second
 
         files = []
         with figures.style():
             figure = radar_pictures.waterfall_figure(
-                what, self.t_s, np.array(self.over_range), np.array(self.over_speed), self.tracks, self.chirp
+                title, self.t_s, np.array(self.power_by_range), np.array(self.power_by_speed), self.tracks, self.chirp
             )
             files.append(folder / "summary.png")
             figures.save(figure, files[-1])
@@ -171,7 +171,7 @@ class Results:
             if longest is not None:
                 frames, power = rows_over_frames(longest)
                 figure = radar_pictures.micro_doppler_figure(
-                    f"{what}, track {longest.track}",
+                    f"{title}, track {longest.track}",
                     self.t_s[frames],
                     power,
                     self.t_s[longest.frames],
@@ -180,12 +180,12 @@ class Results:
                 )
                 files.append(folder / "micro_doppler.png")
                 figures.save(figure, files[-1])
-            for index, processed in self.shown.items():
-                title = f"frame {index}, {self.t_ns[index] / NS_PER_S:.2f} s"
+            for index, processed in self.plotted.items():
+                frame_title = f"frame {index}, {self.t_ns[index] / NS_PER_S:.2f} s"
                 channels = {name: getattr(processed, name) for name in ("range_doppler", "points", "tracks")}
                 files.append(folder / f"range_doppler_{index:05d}.png")
                 rgb = self.rgb.get(self.t_ns[index])
-                figures.save(radar_pictures.radar_figure(title, channels, self.chirp, rgb), files[-1])
+                figures.save(radar_pictures.radar_figure(frame_title, channels, self.chirp, rgb), files[-1])
         return files
 
 
@@ -193,8 +193,8 @@ def _joined(arrays: Sequence[NDArray[Any]], dtype: np.dtype[Any]) -> NDArray[Any
     return np.concatenate([np.empty(0, dtype), *arrays])
 
 
-def _table(path: Path, t_s: NDArray[np.float64], frames: Sequence[NDArray[Any]], dtype: np.dtype[Any]) -> Path:
-    """Write one row per record: frame, time, then the fields, vectors as three columns."""
+def _write_table(path: Path, t_s: NDArray[np.float64], frames: Sequence[NDArray[Any]], dtype: np.dtype[Any]) -> Path:
+    """Write one row per record: frame, time, then the fields; a vector has three columns."""
     names = dtype.names or ()
     columns = [
         column for name in names for column in ([f"{name}_{axis}" for axis in "xyz"] if dtype[name].shape else [name])

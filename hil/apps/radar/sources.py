@@ -1,8 +1,8 @@
 """Sources of radar frames for `hil radar`.
 
     RUN_DIR or run.mcap with a radar's raw data    the recorded frames
-    RUN_DIR whose camera recorded range, normal,   frames made from these pictures with the run's seed: the same bytes
-      material and radial_velocity                 as a radar that read that camera during the run
+    RUN_DIR whose camera recorded range, normal,   frames made from these pictures with the run's seed; their bytes are
+      material and radial_velocity                 those of a radar that uses the camera during the run
     .npz or .npy with its .json                    a recording of a real sensor, or of `hil radar` itself
 
 Each source gives its settings, the number of its frames, and the frames.
@@ -43,7 +43,7 @@ _ARRAYS = (".npz", ".npy")
 _DEFAULT_PERIOD_S = 0.1  # for recordings without a frame period
 _NEEDED = ("range", "normal", "material", "radial_velocity")
 _ZERO = (0.0, 0.0, 0.0)
-_MAX_LATENCY_NS = 10 * NS_PER_S  # greatest delay of a picture after its capture
+_MAX_LATENCY_NS = 10 * NS_PER_S  # maximum delay of a picture after its capture
 
 
 class Frame(NamedTuple):
@@ -60,10 +60,10 @@ class Source:
     `camera` names the recording and topic of the colour pictures taken along the radar's view, if there are any.
     """
 
-    what: str  # description for titles
+    description: str  # for titles
     parameters: RadarParameters
     count: int
-    made: bool  # True: frames are made from pictures
+    from_pictures: bool  # True: frames are made from pictures
     frames: Iterator[Frame]
     camera: tuple[Path, str] | None = None
 
@@ -73,11 +73,11 @@ def pictures_at(source: Source, times_ns: Container[int]) -> dict[int, NDArray[n
     if source.camera is None:
         return {}
     path, topic = source.camera
-    found = (image(message) for message in Recording(path).messages() if message.topic == topic)
-    return {t_ns: np.asarray(rgb, np.uint8) for t_ns, rgb in found if t_ns in times_ns}
+    pictures = (image(message) for message in Recording(path).messages() if message.topic == topic)
+    return {t_ns: np.asarray(rgb, np.uint8) for t_ns, rgb in pictures if t_ns in times_ns}
 
 
-def _colour(path: Path, topics: Container[str], camera: str | None) -> tuple[Path, str] | None:
+def _colour_topic(path: Path, topics: Container[str], camera: str | None) -> tuple[Path, str] | None:
     topic = f"/{camera}/rgb"
     return (path, topic) if topic in topics else None
 
@@ -91,7 +91,7 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str], senso
     if target.suffix in _ARRAYS:
         if sensor is not None:
             raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
-        return _of_arrays(target, preset, texts)
+        return _open_arrays(target, preset, texts)
     path = target / MCAP_NAME if target.is_dir() else target
     if not path.is_file():
         message = f"holds no {MCAP_NAME}" if target.is_dir() else "does not exist"
@@ -102,12 +102,12 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str], senso
         raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
     raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
     if raw:
-        name = _the_radar([topic.strip("/").split("/")[0] for topic in raw], sensor, path)
-        return _of_raw(path, next(topic for topic in raw if topic.startswith(f"/{name}/")), topics, preset, texts)
-    return _of_pictures(path, topics, preset, texts, sensor)
+        name = _selected_radar([topic.strip("/").split("/")[0] for topic in raw], sensor, path)
+        return _open_raw(path, next(topic for topic in raw if topic.startswith(f"/{name}/")), topics, preset, texts)
+    return _open_pictures(path, topics, preset, texts, sensor)
 
 
-def _the_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
+def _selected_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
     """Return the radar to use: the wanted one, or the only one. Raises ConfigError."""
     if wanted is not None and wanted not in names:
         raise ConfigError([Problem("--sensor", f"{path} has no radar {wanted!r}", nearest(wanted, names))])
@@ -116,7 +116,7 @@ def _the_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
     return wanted or names[0]
 
 
-def _of_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source:
+def _open_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source:
     recording = load_recording(path)
     parameters = settings_of(None, preset=preset, default_preset=RECORDING_PRESET, texts=texts)
     parameters = with_chirp(parameters, recording.chirp, recording.receivers, str(path))
@@ -127,14 +127,14 @@ def _of_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source:
 
 def _topics(path: Path) -> dict[str, tuple[str, int]]:
     """Return message type and number of messages of every topic."""
-    found: dict[str, tuple[str, int]] = {}
+    topics: dict[str, tuple[str, int]] = {}
     for message in Recording(path).messages():
-        kind, count = found.get(message.topic, (message.type_name, 0))
-        found[message.topic] = (kind, count + 1)
-    return found
+        kind, count = topics.get(message.topic, (message.type_name, 0))
+        topics[message.topic] = (kind, count + 1)
+    return topics
 
 
-def _of_raw(
+def _open_raw(
     path: Path, topic: str, topics: Mapping[str, tuple[str, int]], preset: str | None, texts: Sequence[str]
 ) -> Source:
     first = radar_frame(next(message for message in Recording(path).messages() if message.topic == topic))
@@ -149,7 +149,7 @@ def _of_raw(
                 frame = radar_frame(message)
                 yield Frame(frame.t_capture_ns, frame.raw)
 
-    colour = _colour(path, topics, parameters.frame)
+    colour = _colour_topic(path, topics, parameters.frame)
     return Source(f"raw frames of {name!r}", parameters, topics[topic][1], False, frames(), colour)
 
 
@@ -161,7 +161,7 @@ def _section(path: Path, name: str) -> Mapping[str, Any] | None:
     return section if isinstance(section, dict) else None
 
 
-def _of_pictures(
+def _open_pictures(
     path: Path, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str], sensor: str | None
 ) -> Source:
     bench_file = path.parent / "bench.yaml"
@@ -176,7 +176,7 @@ def _of_pictures(
     radars = {n: s for n, s in bench.config.sensors.items() if isinstance(s.parameters, RadarParameters)}
     name, recorded = "radar", None
     if radars or sensor is not None:
-        name = _the_radar(list(radars), sensor, path)
+        name = _selected_radar(list(radars), sensor, path)
         recorded = radars[name].parameters.model_dump(mode="json")
     parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
     camera = parameters.frame or cameras[0]
@@ -190,10 +190,12 @@ def _of_pictures(
         raise ConfigError([Problem("--set mask", str(error))]) from error
     missing = [channel for channel in radar.channels if f"/{camera}/{channel}" not in topics]
     if missing:
-        raise ConfigError([Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record it")])
-    frames = _made(path, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
+        raise ConfigError(
+            [Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record these channels")]
+        )
+    frames = _frames_from_pictures(path, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
     count = topics[f"/{camera}/range"][1]
-    colour = _colour(path, topics, camera)
+    colour = _colour_topic(path, topics, camera)
     return Source(f"frames made from the pictures of {camera!r}", parameters, count, True, frames, colour)
 
 
@@ -203,22 +205,24 @@ def _cameras(topics: Mapping[str, Any]) -> list[str]:
     return sorted(name for name in names if all(f"/{name}/{channel}" in topics for channel in _NEEDED))
 
 
-def _made(path: Path, camera: str, radar: RadarFrames, mount: Mount, config: BenchConfig) -> Iterator[Frame]:
+def _frames_from_pictures(
+    path: Path, camera: str, radar: RadarFrames, mount: Mount, config: BenchConfig
+) -> Iterator[Frame]:
     """Yield the frame of each picture, once all its channels and the true state of its tick have been read."""
-    wanted = {f"/{camera}/{channel}": channel for channel in radar.channels}
+    channel_by_topic = {f"/{camera}/{channel}": channel for channel in radar.channels}
     waiting: dict[int, dict[str, NDArray[Any]]] = {}
     truths: dict[int, dict[str, RecordedMessage]] = {}
     for message in Recording(path).messages():
         if message.topic in ("/truth/pose", "/truth/velocity", "/truth/angular_velocity"):
             t_ns = message.log_time_ns
             if t_ns not in truths:
-                truths = {t: found for t, found in truths.items() if t > t_ns - _MAX_LATENCY_NS}
+                truths = {t: messages for t, messages in truths.items() if t > t_ns - _MAX_LATENCY_NS}
             truths.setdefault(t_ns, {})[message.topic] = message
-        elif message.topic in wanted:
+        elif message.topic in channel_by_topic:
             t_ns, picture = image(message)
             pictures = waiting.setdefault(message.sequence, {})
-            pictures[wanted[message.topic]] = picture
-            if len(pictures) == len(wanted):
+            pictures[channel_by_topic[message.topic]] = picture
+            if len(pictures) == len(channel_by_topic):
                 del waiting[message.sequence]
                 truth = _truth(t_ns, t_ns // config.tick_ns, truths.get(t_ns, {}), path)
                 yield Frame(t_ns, radar.raw(pictures, mount.pose(truth), message.sequence))
@@ -246,7 +250,7 @@ def _truth(t_ns: int, tick: int, messages: Mapping[str, RecordedMessage], path: 
     )
 
 
-_SENSOR_KEYS = frozenset({"preset", "kind", "autopilot", "rate_hz"})  # of a sensor's section, but no parameters
+_SENSOR_KEYS = frozenset({"preset", "kind", "autopilot", "rate_hz"})  # keys of a sensor's section beside parameters
 
 
 def settings_of(
@@ -254,41 +258,43 @@ def settings_of(
 ) -> RadarParameters:
     """Return a radar's parameters: those of `preset` or `recorded`, with `texts` laid over them.
 
-    `recorded` is the radar's complete section in a bench; a given `preset` replaces it, and `default_preset` stands in
-    if it is missing. Raises ConfigError with every problem.
+    `recorded` is the radar's complete section in a bench; a given `preset` replaces it, and `default_preset` is used if
+    both are None. Raises ConfigError with every problem.
     """
     settings = Settings()
     problems: list[Problem] = lay_settings(settings, texts)
     base: dict[str, Any] = {}
     if preset is not None or recorded is None:
         settings.put(("preset",), preset or default_preset, "--preset")
-        found = find_preset(preset or default_preset, settings, ("preset",), problems)
-        if found is not None and not isinstance(found.parameters, RadarParameters):
-            problems.append(Problem("--preset", f"is a {found.kind}, not a radar"))
-        elif found is not None:
-            base = found.parameters.model_dump(mode="json")
+        preset_values = find_preset(preset or default_preset, settings, ("preset",), problems)
+        if preset_values is not None and not isinstance(preset_values.parameters, RadarParameters):
+            problems.append(Problem("--preset", f"is a {preset_values.kind}, not a radar"))
+        elif preset_values is not None:
+            base = preset_values.parameters.model_dump(mode="json")
     else:
         base = {key: value for key, value in recorded.items() if key not in _SENSOR_KEYS}
     if problems:
         raise ConfigError(problems)
-    over = {key: value for key, value in settings.data.items() if key != "preset"}
-    built, problems = validate(RadarParameters, laid_over(RadarParameters, base, over), settings)
-    if problems or built is None:
+    overrides = {key: value for key, value in settings.data.items() if key != "preset"}
+    parameters, problems = validate(RadarParameters, laid_over(RadarParameters, base, overrides), settings)
+    if problems or parameters is None:
         raise ConfigError(problems)
-    return built
+    return parameters
 
 
 def with_chirp(parameters: RadarParameters, chirp: Chirp, receivers: int, where: str) -> RadarParameters:
-    """Return the parameters for recorded frames: with their chirp and without simulated impairments.
+    """Return the parameters for recorded frames: with the chirp of the frames and without simulated impairments.
 
     Raises ConfigError if the antenna's receivers or the processing do not suit the frames.
     """
-    have = len(parameters.antenna.rx_positions_m)
-    if have != receivers:
-        message = f"has {receivers} receivers, and the radar's antenna.rx_positions_m {have}"
+    positions = len(parameters.antenna.rx_positions_m)
+    if positions != receivers:
+        message = f"has {receivers} receivers, but the radar's antenna.rx_positions_m has {positions}"
         raise ConfigError([Problem(where, message, "--set antenna.rx_positions_m=[[x,y,z],...] of these receivers")])
-    unfit = parameters.processing.problem_with(chirp)
-    if unfit:
-        raise ConfigError([Problem(where, f"its frames do not suit processing.{unfit}", "--set processing.KEY=VALUE")])
+    problem = parameters.processing.problem_with(chirp)
+    if problem:
+        raise ConfigError(
+            [Problem(where, f"its frames do not suit processing.{problem}", "--set processing.KEY=VALUE")]
+        )
     impairments = type(parameters.impairments)()
     return parameters.model_copy(update={"chirp": chirp, "impairments": impairments})

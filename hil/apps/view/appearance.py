@@ -27,7 +27,7 @@ class ViewAppearance(Section):
     weather: Weather | None = None
     randomize: Randomize = Randomize()
 
-    def of(self, scene: Scene) -> Scene:
+    def applied_to(self, scene: Scene) -> Scene:
         """Return the scene in this weather, randomised with the given seed or else a bench's default seed."""
         seed: int = BenchConfig.model_fields["seed"].default
         return randomized(in_weather(scene, self.weather), self.randomize, seed)
@@ -35,8 +35,8 @@ class ViewAppearance(Section):
     def variant(self, number: int) -> ViewAppearance:
         """Return a copy with the seed raised by `number`; if no feature is randomised, all of them are."""
         seed = (self.randomize.seed or 0) + number
-        chosen = self.randomize if self.randomize.on else Randomize.model_validate(dict.fromkeys(FEATURES, True))
-        return self.model_copy(update={"randomize": chosen.model_copy(update={"seed": seed})})
+        randomize = self.randomize if self.randomize.on else Randomize.model_validate(dict.fromkeys(FEATURES, True))
+        return self.model_copy(update={"randomize": randomize.model_copy(update={"seed": seed})})
 
     def rendering(self, size: tuple[int, int], *, fixed_size: bool) -> tuple[tuple[int, int], dict[str, Any]]:
         """Return width and height [px] and the renderer's keyword arguments.

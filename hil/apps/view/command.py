@@ -46,7 +46,7 @@ Pictures = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class ViewCamera:
-    """The camera's options as text. None: the view points of the scene, 640 x 480 pixels."""
+    """The camera's options as text. None stands for the view points of the scene, and for 640 x 480 pixels."""
 
     at: str | None = None  # 'X,Y,Z' [m]
     look: str | None = None  # 'YAW,PITCH' [deg], from east to north and downwards
@@ -82,7 +82,7 @@ def view_scene(
             from hil.apps.view.variants import draw_variants  # matplotlib
 
             return draw_variants(folder, scene, appearance, variants, points[0], model)
-        return _draw(folder, scene, frames, points, model, rendering)
+        return _write_pictures(folder, scene, frames, points, model, rendering)
     except OSError as error:
         raise RecordingError(f"{folder}: the pictures cannot be written ({error.strerror or error})") from error
 
@@ -104,7 +104,7 @@ def load_frames(
     scene, problems = read_scene(path)
     if problems or scene is None:
         raise ConfigError(problems)
-    world = load_world(scene if appearance is None else appearance.of(scene), map_seed=seed)
+    world = load_world(scene if appearance is None else appearance.applied_to(scene), map_seed=seed)
     return world.scene, world, SharedFrames(world)
 
 
@@ -128,7 +128,7 @@ def _points(
     return (ViewPoint(name="here", at_m=(x, y, z), look_deg=(yaw, pitch)),)
 
 
-def _draw(
+def _write_pictures(
     folder: Path,
     scene: Scene,
     frames: FrameSource,

@@ -25,9 +25,8 @@ _FOV_DEG = 90.0
 _GRID = 7  # positions along each side
 _DIRECTIONS = 8
 _EYE_M, _FLYING_M = 1.7, 8.0
-_TOO_NEAR_M = 1.5
-_BEST_DISTANCE_M = 60.0  # objects beyond this do not count
-_SMALLEST_EXTENT_M = 6.0
+_MIN_DISTANCE_M, _MAX_DISTANCE_M = 1.5, 60.0  # of objects that count
+_MIN_EXTENT_M = 6.0
 
 
 class Extent(NamedTuple):
@@ -42,7 +41,7 @@ class Extent(NamedTuple):
         return tuple(0.5 * (a + b) for a, b in zip(self.low, self.high, strict=True))  # type: ignore[return-value]
 
     @property
-    def across_m(self) -> float:
+    def width_m(self) -> float:
         """The larger of the two horizontal lengths."""
         return max(self.high[0] - self.low[0], self.high[1] - self.low[1])
 
@@ -52,13 +51,13 @@ def extent_of(world: Any) -> Extent:
     model = world.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    chosen = world.geom_visible & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
-    centres = data.geom_xpos[chosen]
+    has_extent = world.geom_visible & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    centres = data.geom_xpos[has_extent]
     if not len(centres):
         centres = np.zeros((1, 3))
     low, high = np.percentile(centres, [2.0, 98.0], axis=0)
-    widen = np.maximum(_SMALLEST_EXTENT_M - (high - low), 0.0) * 0.5
-    low, high = low - widen, high + widen
+    margin = np.maximum(_MIN_EXTENT_M - (high - low), 0.0) * 0.5
+    low, high = low - margin, high + margin
     return Extent(tuple(low.tolist()), tuple(high.tolist()))
 
 
@@ -81,17 +80,17 @@ def pose_of(point: ViewPoint) -> TruthState:
 def default_points(frames: FrameSource, extent: Extent) -> tuple[ViewPoint, ...]:
     """Return the four default view points: air, eye, corner and above."""
     x, y, _ = extent.middle
-    half = 0.5 * extent.across_m
+    half = 0.5 * extent.width_m
     corner = (extent.low[0] - 0.1 * half, extent.low[1] - 0.1 * half, 0.6 * half + 2.0)
     return (
-        _best("air", frames, extent, height_m=_FLYING_M, pitch_deg=20.0),
-        _best("eye", frames, extent, height_m=_EYE_M, pitch_deg=0.0),
+        _best_point("air", frames, extent, height_m=_FLYING_M, pitch_deg=20.0),
+        _best_point("eye", frames, extent, height_m=_EYE_M, pitch_deg=0.0),
         looking_at("corner", corner, (x, y, 0.0)),
         ViewPoint(name="above", at_m=(x, y, 1.4 * half + 5.0), look_deg=(90.0, 90.0)),
     )
 
 
-def _best(name: str, frames: FrameSource, extent: Extent, *, height_m: float, pitch_deg: float) -> ViewPoint:
+def _best_point(name: str, frames: FrameSource, extent: Extent, *, height_m: float, pitch_deg: float) -> ViewPoint:
     camera = CameraModel.from_fov(*_SEARCH_PX, _FOV_DEG)
     renderer = frames.renderer(camera, shadows=False, supersample=1, near_m=0.05, far_m=1000.0)
     out = {channel: channel_array(channel, camera) for channel in ("range", "instance", "segmentation")}
@@ -120,8 +119,8 @@ def _candidates(name: str, extent: Extent, height_m: float, pitch_deg: float) ->
 
 def _score(range_m: Any, instance: Any, segmentation: Any) -> float:
     """Score a picture: objects and classes at a good distance, less a penalty for surfaces close to the lens."""
-    good = (range_m > _TOO_NEAR_M) & (range_m < _BEST_DISTANCE_M)
-    objects = len(np.unique(instance[good]))
-    classes = len(np.unique(segmentation[good]))
-    blocked = float(np.mean(range_m <= 2.0 * _TOO_NEAR_M))
+    counts = (range_m > _MIN_DISTANCE_M) & (range_m < _MAX_DISTANCE_M)
+    objects = len(np.unique(instance[counts]))
+    classes = len(np.unique(segmentation[counts]))
+    blocked = float(np.mean(range_m <= 2.0 * _MIN_DISTANCE_M))
     return objects + 3.0 * classes - 60.0 * max(0.0, blocked - 0.1)

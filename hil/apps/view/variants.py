@@ -35,7 +35,7 @@ def draw_variants(
     pictures, titles, files = [], [], []
     for number in range(count):
         variant = appearance.variant(number)
-        picture, title = _picture(variant.of(scene), variant, point, camera)
+        picture, title = _picture(variant.applied_to(scene), variant, point, camera)
         path = folder / f"variant_{variant.randomize.seed}.png"
         path.write_bytes(rgb_png(picture))
         pictures.append(picture)
@@ -58,8 +58,11 @@ def _picture(
     pose = Mount((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).pose(pose_of(point))
     frames.renderer(camera, near_m=0.05, far_m=_FAR_M, **rendering).render(pose, {"rgb": picture})
     visibility_m = scene.weather.visibility_m
-    air = "clear" if visibility_m is None else f"{visibility_m / 1000.0:.2g} km"
-    return picture, f"{air}, sun {scene.light.sun_elevation_deg:.0f}\N{DEGREE SIGN}, {len(world.added_people)} people"
+    visibility = "clear" if visibility_m is None else f"{visibility_m / 1000.0:.2g} km"
+    return (
+        picture,
+        f"{visibility}, sun {scene.light.sun_elevation_deg:.0f}\N{DEGREE SIGN}, {len(world.added_people)} people",
+    )
 
 
 def _sheet(pictures: list[NDArray[np.uint8]], titles: list[str]) -> Figure:

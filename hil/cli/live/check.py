@@ -1,4 +1,4 @@
-"""`hil check`."""
+"""`hil check`: validates a bench without a flight."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""`hil companion`: a client under test on this machine.
+"""`hil companion`: runs a client under test on this machine.
 
-The package `hil_companion` in `rigs/jetson` does not depend on the bench, so that it can be copied to a companion
-computer, where `python -m hil_companion` does the same.
+The package `hil_companion` in `rigs/jetson` does not depend on the bench. It can be copied to a companion computer,
+where `python -m hil_companion` runs the same clients.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hil.cli.options import takes
 @dataclass(frozen=True)
 class CompanionOptions:
     name: Annotated[
-        str, typer.Argument(help="echo, record, waypoints, explore, or MODULE:NAME of your own.", metavar="NAME")
+        str, typer.Argument(help="detect, echo, explore, record, waypoints, or MODULE:NAME.", metavar="NAME")
     ]
     connect: Annotated[str, typer.Option(help="tcp://HOST:PORT or ipc://FILE of a bench.", metavar="ADDR")]
     client_name: Annotated[
@@ -33,11 +33,13 @@ class CompanionOptions:
     settings: Annotated[
         list[str] | None, typer.Option("--set", help="A setting of the client. May be repeated.", metavar="KEY=VALUE")
     ] = None
-    control: Annotated[bool, typer.Option("--control", help="Command the vehicle, with a client of your own.")] = False
-    hold: Annotated[
-        bool, typer.Option("--hold", help="Hold a desired state until the next one, without extrapolation.")
+    control: Annotated[
+        bool, typer.Option("--control", help="Ask for control of the vehicle, for a client that does not declare it.")
     ] = False
-    credit: Annotated[int, typer.Option(help="Frames in transit at once.")] = 1
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Keep a desired state unchanged until the next one (no extrapolation).")
+    ] = False
+    credit: Annotated[int, typer.Option(help="Number of frames that may be in transit at once.")] = 1
     no_shared_memory: Annotated[
         bool, typer.Option("--no-shared-memory", help="Use no shared memory, even if the bench is on this machine.")
     ] = False
@@ -50,9 +52,9 @@ class CompanionOptions:
 @takes(CompanionOptions)
 def companion(o: CompanionOptions) -> None:
     """Run a client under test against a bench."""
-    from hil.config.companion.clients import add_client_path
+    from hil.config.companion.clients import make_client_importable
 
-    add_client_path()
+    make_client_importable()
     from hil_companion.command import start, topic_list
 
     status: int = start(

@@ -1,4 +1,4 @@
-"""`hil dash`."""
+"""`hil dash`: serves the dashboard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil devices`."""
+"""`hil devices`: lists serial ports, autopilots and gamepads, or checks the setup of a board."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil keys`."""
+"""`hil keys`: makes key pairs for the companion link."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def keys(
     folder: Annotated[Path, typer.Argument(help="Folder of the keys; made if it does not exist.", metavar="DIR")],
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Clients to make a pair for; the pair of the bench is made once.", metavar="NAME"),
+        typer.Argument(help="Clients that get a key pair; the pair of the bench is made once.", metavar="NAME"),
     ] = None,
 ) -> None:
     """Make key pairs for the companion link: for the bench and for its clients. Overwrites nothing."""

@@ -1,4 +1,4 @@
-"""`hil replay`."""
+"""`hil replay`: repeats a recorded run and compares the two."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from hil.cli.console import console, error_console, exit_on_error
 
 def replay(
     run_dir: Annotated[Path, typer.Argument(help="Folder of a run.", metavar="RUN_DIR")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the fresh run; default RUN_DIR/replay.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the new run; default RUN_DIR/replay.")] = None,
 ) -> None:
-    """Run a recorded configuration again; exit 1 and name the first differing tick and port if not identical."""
+    """Repeat a recorded run. If the runs differ, print the first different tick and port, and exit with status 1."""
     from hil.run.replay import fly_and_compare
 
     with exit_on_error():

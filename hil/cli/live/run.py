@@ -1,4 +1,4 @@
-"""`hil run`."""
+"""`hil run`: flies a mission and judges the flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil bench`."""
+"""`hil bench`: runs a benchmark."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hil.cli.console import console, exit_on_error
 def bench(
     name: Annotated[str, typer.Argument(help="Name of the benchmark.", metavar="NAME")],
     json: Annotated[Path | None, typer.Option(help="Write rows and checks to this file, and a plot beside it.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Run for at most 60 s, and name the checks left out.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Run for at most 60 s, and list the omitted checks.")] = False,
 ) -> None:
-    """Measure run time against error; exit 1 if a check is not met."""
+    """Measure speed together with error. Exit with status 1 if a check is not met."""
     from hil.apps.bench_suite.suite import run_benchmark
 
     with exit_on_error():

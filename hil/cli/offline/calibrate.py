@@ -1,4 +1,4 @@
-"""`hil calibrate`."""
+"""`hil calibrate radar`: fits a radar preset to a recording."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import typer
 
 from hil.cli.console import console, exit_on_error
 
-calibrate_app = typer.Typer(no_args_is_help=True, help="A sensor's preset from a recording of your own sensor.")
+calibrate_app = typer.Typer(no_args_is_help=True, help="Fit a sensor's preset to a recording of your own sensor.")
 
 
 @calibrate_app.callback()
 def _calibrate() -> None:
-    """A sensor's preset from a recording of your own sensor."""
+    """Fit a sensor's preset to a recording of your own sensor."""
 
 
 @calibrate_app.command()
@@ -28,7 +28,7 @@ def radar(
     out: Annotated[Path | None, typer.Option(help="File of the preset; default NAME.yaml.", metavar="FILE")] = None,
     name: Annotated[str | None, typer.Option(help="Name of the preset; default the name of the recording.")] = None,
     keep_echoes: Annotated[
-        bool, typer.Option("--keep-echoes", help="Leave the reflectors of the scene in the fixed pattern.")
+        bool, typer.Option("--keep-echoes", help="Do not remove the scene's reflectors from the fixed leakage pattern.")
     ] = False,
 ) -> None:
     """Fit leakage, noise and converter to a recording of an empty, still scene."""

@@ -1,4 +1,4 @@
-"""`hil dataset`."""
+"""`hil dataset`: records a labelled data set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil radar`."""
+"""`hil radar`: processes recorded radar data."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def radar(
     ] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Process radar data of a recording to maps, points and tracks. Without radar data it is made from the pictures."""
+    """Make maps, points and tracks from recorded radar data, or from pictures if no radar data was recorded."""
     from hil.apps.radar.command import TimeSpan, process_radar
 
     with exit_on_error():

@@ -1,4 +1,4 @@
-"""`hil view`."""
+"""`hil view`: writes pictures of a scene."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class ViewOptions:
     quality: Annotated[str | None, typer.Option(help="low, medium, high, epic or cinematic.")] = None
     variants: Annotated[
         int,
-        typer.Option(min=0, max=64, help="One sheet with this number of seeds of `randomize` instead.", metavar="N"),
+        typer.Option(min=0, max=64, help="Write one sheet with N randomised variants instead.", metavar="N"),
     ] = 0
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="weather or randomize, e.g. --set weather.visibility_m=800.", metavar="KEY=VALUE"),
+        typer.Option("--set", help="Set weather or randomize, e.g. weather.visibility_m=800.", metavar="KEY=VALUE"),
     ] = None
 
 

@@ -16,7 +16,7 @@ def client_name(cut: str) -> str:
     return cut.rpartition(":")[2]
 
 
-def add_client_path() -> None:
+def make_client_importable() -> None:
     """Make the package `hil_companion` importable."""
     if str(CLIENT_PATH) not in sys.path:
         sys.path.insert(0, str(CLIENT_PATH))
@@ -24,7 +24,7 @@ def add_client_path() -> None:
 
 def known_clients() -> tuple[str, ...]:
     """Return the names of the shipped clients."""
-    add_client_path()
+    make_client_importable()
     from hil_companion.catalog import SHIPPED
 
     return tuple(SHIPPED)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from hil.run.verdict.true_slice import TrueSlice
 
 Point = tuple[float, float]  # x, y in W [m]
@@ -23,7 +23,7 @@ def shortest_path(full_map: TrueSlice, start_W: Point, goal_W: Point, *, clearan
     same cost, then straightens the path. Start and goal count as free. The result is never shorter than the true
     shortest path and seldom more than one per cent longer.
     """
-    add_client_path()
+    make_client_importable()
     from hil_companion.explore.planning.astar import connected, search
     from hil_companion.explore.planning.plan_map import PlanMap
     from hil_companion.explore.planning.route import straightened

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from hil.moved import MOVED
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -69,7 +69,7 @@ def test_a_module_run_by_its_old_path(tmp_path: Path) -> None:
 def test_a_companion_client_with_an_old_import(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "my_old_client.py").write_text("from hil.signals.samples import Vec3\n\ndef fly(frame): pass\n")
     monkeypatch.syspath_prepend(tmp_path)
-    add_client_path()
+    make_client_importable()
     from hil_companion.catalog import make_cut
     from hil_companion.errors import OptionError
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 
-add_client_path()
+make_client_importable()
 
 from hil_companion import Client  # noqa: E402
 from hil_companion.catalog import make_cut  # noqa: E402

@@ -12,10 +12,10 @@ import numpy as np
 from rich.console import Console
 
 from hil.apps.bench_suite.result import ShowStatus
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from signals.errors import RecordingError
 
-add_client_path()
+make_client_importable()
 
 from hil_companion.detect.decode import Detection  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.slam.flight import Flight
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from hil.run.companion.bundle import Collector
 from hil.run.verdict.true_slice import true_slice
 from signals.samples import Sample, TruthState
@@ -78,7 +78,7 @@ def path_through(blocked: Mask, start: tuple[float, float], goal: tuple[float, f
 
     Raises ValueError if there is none.
     """
-    add_client_path()
+    make_client_importable()
     from hil_companion.explore.planning.astar import search
 
     skip = round(_PATH_CELL_M / _CELL_M)
@@ -139,7 +139,7 @@ class _FrameCollector:
 
     def take(self, truth: TruthState) -> Frame:
         """Return the samples released since the last frame, as the client's library decodes them."""
-        add_client_path()
+        make_client_importable()
         from hil_companion.frame import Frame as ClientFrame
         from hil_companion.frame import Sample as ClientSample
 

@@ -30,7 +30,7 @@ from hil.apps.bench_suite.slam.recording import (
     record,
     true_surfaces,
 )
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 
 if TYPE_CHECKING:
     from hil_companion.frame import Frame
@@ -91,7 +91,7 @@ def replay(
     **settings: Any,
 ) -> Outcome:
     """Run the SLAM with `settings` over a recording; `frames` replace its frames."""
-    add_client_path()
+    make_client_importable()
     from hil_companion.explore.mapping.slam import Slam
     from hil_companion.explore.mapping.slam_settings import SlamSettings
 

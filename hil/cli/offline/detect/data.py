@@ -1,4 +1,4 @@
-"""`hil detect data`."""
+"""`hil detect data`: makes the data sets of the shipped detector."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def data(
     ] = 1000,
     people: Annotated[
         tuple[int, int] | None,
-        typer.Option(help="Range of the number of people added to the map.", metavar="LEAST MOST"),
+        typer.Option(help="Range of the number of people added to the map.", metavar="MIN MAX"),
     ] = None,
     scene: Annotated[
         list[str] | None, typer.Option(help="Scenes to take in turn; default the three outdoor ones.")
@@ -28,7 +28,7 @@ def data(
     jobs: Annotated[int | None, typer.Option(help="Data sets made at once; default one per core.", min=1)] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Make the data sets that the shipped detector is trained and tested on."""
+    """Make the data sets on which the shipped detector is trained and tested."""
     from hil.apps.detect.data_sets import SCENES, DataSetSeries, make_data_sets
 
     with exit_on_error():

@@ -1,4 +1,4 @@
-"""`hil detect evaluate`."""
+"""`hil detect evaluate`: measures a detector on data sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil detect train`."""
+"""`hil detect train`: trains a detector on data sets."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class TrainOptions:
     seed: Annotated[int, typer.Option(help="Seed of initial weights, order and augmentation.")] = 1
     batch: Annotated[int, typer.Option(help="Pictures per step.")] = 16
     learning_rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 2e-3
-    threads: Annotated[int, typer.Option(help="Threads of PyTorch; the rounding depends on it.")] = 2
+    threads: Annotated[int, typer.Option(help="Threads of PyTorch; rounding depends on their number.")] = 2
     precision: Annotated[str, typer.Option(help="fp32 or bf16; bf16 is faster on processors that have it.")] = "fp32"
     min_objects: Annotated[int, typer.Option(help="Classes with fewer training objects are left out.")] = 100
     validate_every: Annotated[int, typer.Option(help="Epochs between two validations.")] = 3

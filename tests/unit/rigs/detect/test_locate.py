@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from sim.frame.mount import Mount
 
-add_client_path()
+make_client_importable()
 
 from hil_companion.detect.decode import Detection  # noqa: E402
 from hil_companion.locate.geolocation import (  # noqa: E402

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from hil.apps.detect.pictures import Picture
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 
-add_client_path()
+make_client_importable()
 from hil_companion.detect.decode import Detection  # noqa: E402
 
 from hil.apps.detect.average_precision import (  # noqa: E402

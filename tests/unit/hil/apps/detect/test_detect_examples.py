@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from tests.worlds.labelled_pictures import some_objects, write_data_set
 
-add_client_path()
+make_client_importable()
 from hil_companion.detect.decode import overlaps  # noqa: E402
 
 from hil.apps.detect.picture_store import PictureStore  # noqa: E402

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from hil.apps.detect.pictures import class_counts, read_data_sets
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 from signals.errors import ConfigError
 from tests.worlds.labelled_pictures import coco, write_coco, write_data_set
 
-add_client_path()
+make_client_importable()
 from hil.apps.detect.picture_store import PictureStore, digest, read_rgb  # noqa: E402
 
 FRAMES = [

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from hil.config.companion.clients import add_client_path
+from hil.config.companion.clients import make_client_importable
 
-add_client_path()
+make_client_importable()
 from hil_companion.detect.backends import BACKENDS, open_backend  # noqa: E402
 from hil_companion.detect.decode import decode, overlaps  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402

@@ -15,11 +15,11 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from hil.apps.detect.pictures import Picture, read_data_sets  # noqa: E402
-from hil.config.companion.clients import add_client_path  # noqa: E402
+from hil.config.companion.clients import make_client_importable  # noqa: E402
 from signals.errors import ConfigError  # noqa: E402
 from tests.worlds.labelled_pictures import some_objects, write_data_set  # noqa: E402
 
-add_client_path()
+make_client_importable()
 from hil_companion.detect import decode as numpy_decode  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
