@@ -1,4 +1,4 @@
-"""`hil dash`, and the page beside `hil run --dash`."""
+"""Serves the dashboard: for `hil dash`, and for one run of `hil run --dash`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ def serve_dashboard(config: Path | None, console: Console, *, host: str, port: i
     from hil.apps.dash.server.serve import address_of, new_token, open_port, serve
 
     if config is not None and not config.is_file():
-        raise ConfigError([Problem(str(config), "does not exist", "name a bench file, or leave it out for ./hil.yaml")])
+        raise ConfigError(
+            [Problem(str(config), "does not exist", "give the path of a bench file, or none for ./hil.yaml")]
+        )
     token = new_token(host)
     listening = open_port(host, port)
     dashboard = Dashboard(config=config, runs=runs)
@@ -35,20 +37,20 @@ def serve_dashboard(config: Path | None, console: Console, *, host: str, port: i
 
 
 def live_on_fd(fd: int, *, paused: bool, pace: float | None) -> LiveRun:
-    """Return the dashboard's side of a run, over an inherited socket. Raises ConfigError if `fd` is no socket."""
+    """Return the LiveRun of an inherited socket to the page's server. Raises ConfigError if `fd` is not a socket."""
     from hil.apps.dash.live.live_run import LiveRun
 
     try:
         link = socket.socket(fileno=fd)
     except OSError as error:
-        raise ConfigError([Problem("--dash-fd", f"{fd} is no socket ({error.strerror or error})")]) from error
+        raise ConfigError([Problem("--dash-fd", f"{fd} is not a socket ({error.strerror or error})")]) from error
     return LiveRun(link, paused=paused, pace=pace)
 
 
 def server_process(
     listening: socket.socket, run_link: socket.socket, *, config: Path | None, runs: Path, token: str | None
 ) -> subprocess.Popen[bytes]:
-    """Start the page's server as a process that inherits both sockets. `run_link`: its end of the link to the run."""
+    """Start the page's server as a process that inherits both sockets. `run_link`: socket to the run."""
     command = [sys.executable, "-m", "hil.apps.dash.server.serve", f"--runs={runs}"]
     command += [f"--listen-fd={listening.fileno()}", f"--run-fd={run_link.fileno()}"]
     command += [] if config is None else [f"--config={config}"]
@@ -66,7 +68,7 @@ def server_process(
 
 @contextlib.contextmanager
 def dashboard_beside(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> Iterator[LiveRun]:
-    """Serve a page for a run of this process. After the run the server stays until the page is closed."""
+    """Serve a page for a run in this process. After the run the server stays until all pages are closed."""
     from hil.apps.dash.live.live_run import LiveRun
     from hil.apps.dash.server.serve import address_of, new_token, open_port
 

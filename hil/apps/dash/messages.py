@@ -1,8 +1,8 @@
 """Message formats: msgpack between a run and the page's server, JSON and binary payloads between the server and a page.
 
-A run must never wait for a page. Its side of the connection is therefore non-blocking both ways, and at most one update
-is under way: the page requests the next one when it has received the last. Nothing is queued in between; the page gets
-the values of the moment at which it asks.
+A run must never wait for a page. The run's reads and writes are therefore non-blocking, and at most one update is under
+way: the page requests the next one when it has received the last. Updates are not queued; an update has the values at
+the time of its request.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import msgpack
 from hil.run.report.run_json import finite
 
 UINT32 = struct.Struct("<I")
-MAX_MESSAGE = 64 << 20  # bytes; real updates stay far below it
+MAX_MESSAGE = 64 << 20  # bytes; updates are much smaller
 
 
 class StreamFrame(NamedTuple):
-    """The newest frame of one stream, ready to send: `head` describes the bytes in `data`."""
+    """The newest frame of one stream, encoded for a page. `head` describes the bytes in `data`."""
 
     head: dict[str, Any]
     data: bytes
@@ -41,7 +41,7 @@ class Unpacker:
         self._stream = msgpack.Unpacker(max_buffer_size=MAX_MESSAGE)
 
     def feed(self, data: bytes) -> list[dict[str, Any]]:
-        """Return every message that is complete now. Raises ValueError for bytes that are no such message."""
+        """Return every message that is complete now. Raises ValueError for bytes that are not msgpack."""
         try:
             self._stream.feed(data)
             return [message for message in self._stream if isinstance(message, dict)]
@@ -52,13 +52,13 @@ class Unpacker:
 def packed_update(head: Mapping[str, Any], frames: Iterable[StreamFrame]) -> bytes:
     """Encode one update for a page: uint32 length of the head, the head in JSON, then the payloads of the frames.
 
-    The payloads follow each other in the order of the head's `frames`, each of them `length` bytes long.
+    The payloads have the order of the head's `frames`, whose `length` is in bytes.
     """
-    listed = list(frames)
-    whole = dict(head) | {"frames": [frame.head | {"length": len(frame.data)} for frame in listed]}
-    text = json.dumps(finite(whole), separators=(",", ":"), allow_nan=False).encode()
+    frames = list(frames)
+    full_head = dict(head) | {"frames": [frame.head | {"length": len(frame.data)} for frame in frames]}
+    text = json.dumps(finite(full_head), separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-(len(text) + UINT32.size) % 4)  # aligns the floats that follow
-    return UINT32.pack(len(text)) + text + b"".join(frame.data for frame in listed)
+    return UINT32.pack(len(text)) + text + b"".join(frame.data for frame in frames)
 
 
 def is_number(value: Any) -> TypeGuard[int | float]:

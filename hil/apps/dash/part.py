@@ -1,4 +1,4 @@
-"""The dashboard as a part of a run: it follows the flight, injects faults by hand and flies with the page's sticks."""
+"""The dashboard as a part of a run: follows the flight, injects the page's faults and flies with the page's sticks."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class DashboardPart(Part):
 
         def page_source() -> ManualControlSource:
             settings = manual_settings(config)
-            # The page may hand the vehicle back to the mission that it has taken over from.
+            # The page has a button that hands the vehicle back to the mission.
             settings["modes"] = settings["modes"] | {"mission": mission_mode(config)}
             return ManualControlSource(self._live.sticks, buttons=page_buttons(settings["modes"]), **settings)
 
@@ -59,7 +59,7 @@ class DashboardPart(Part):
                 slow_facts=lambda: slow_facts(run),
                 inject=lambda fault: run.inject(fault, declared=False),
                 event=run.recorder.event,
-                can_wait=run.link.caps.lockstep,
+                lockstep=run.link.caps.lockstep,
                 views=lambda: {} if companion is None else companion.link.views.newest,
             )
         )

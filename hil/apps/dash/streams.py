@@ -1,13 +1,13 @@
 """Names of the streams that a page can show.
 
-front/rgb, lidar/points       a part of a sensor of the run: PORT/PART
+front/rgb, lidar/points       output of a sensor of the run: PORT/CHANNEL
 view/camera/rgb               a preview that the page's server renders (`hil.apps.dash.views.preview_sensors`)
 companion/NAME/map            the map that a companion publishes
 """
 
 from __future__ import annotations
 
-CLOUD_PART = "points"  # the only part of a LiDAR
+CLOUD_CHANNEL = "points"  # the only channel of a LiDAR
 PREVIEW_PREFIX = "view"
 PREVIEW_STREAMS = (
     "view/camera/rgb",
@@ -26,7 +26,7 @@ def map_stream(client: str) -> str:
 
 
 def map_client(stream: str) -> str | None:
-    """Return the companion whose map a stream is; None for any other stream."""
+    """Return the companion that publishes a map stream; None for any other stream."""
     if not (stream.startswith(_MAP_PREFIX) and stream.endswith(_MAP_SUFFIX)):
         return None
     return stream[len(_MAP_PREFIX) : -len(_MAP_SUFFIX)]

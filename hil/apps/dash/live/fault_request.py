@@ -1,4 +1,4 @@
-"""Builds the fault that a page requests: of a rotor, a sensor or a link, or a gust. It begins at once."""
+"""Makes the fault that a page requests: of a rotor, a sensor or a link, or a gust."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
 from sim.sensors.faults import FAULT_LIST
 
-AUTOPILOT = "autopilot"  # the link of that name; any other name is a companion's
+AUTOPILOT = "autopilot"  # name of the autopilot's link; any other name is a companion
 
 
 def requested_fault(request: Mapping[str, Any], at_s: float) -> tuple[Any, str]:

@@ -1,13 +1,12 @@
 """The dashboard's side of a run: sends the newest values to the page's server and carries out the page's commands.
 
-The tick itself is unchanged. Before each tick the bench calls `before_tick`, which is nearly always one comparison of
-the clock. Every few milliseconds of wall clock it polls the connection and, if the page has requested an update, sends
-one of the values at that moment. Nothing waits for the page, and watching a run does not change it: the digest is the
-same with and without a page.
+Before each tick the bench calls `before_tick`, which usually only compares the clock. Every few milliseconds of wall-
+clock time it polls the connection and, if the page has requested an update, sends the values at that time. The run does
+not wait for the page, and following a run does not change it: the digest is the same with and without a page.
 
-Commands act before the tick that is then recorded with them. `pause`, `step`, `resume` and `pace` only delay the run
-and leave the digest as it is. `inject` and `wind` change what is simulated, and sticks steer the vehicle: the run is
-then marked as altered by hand and not deterministic.
+The tick recorded with a command is the first one that the command affects. `pause`, `step`, `resume` and `pace` only
+delay the run and leave the digest as it is. `inject` and `wind` change what is simulated, and sticks steer the vehicle:
+the run is then marked as altered by hand and not deterministic.
 """
 
 from __future__ import annotations
@@ -36,22 +35,22 @@ from signals.samples import Sample, Vec3
 from sim.scene.wind import GustEvent
 
 _POLL_NS = 12_000_000  # wall clock between two polls of the connection
-_BUSY_NS = 4_000_000  # the same while an update is partly unsent
-_UPDATE_NS = 46_000_000  # between two updates, on average: a little over twenty a second
+_BUSY_POLL_NS = 4_000_000  # between two polls while an update is partly unsent
+_UPDATE_NS = 46_000_000  # between two updates, on average
 _SLOW_NS = 500_000_000  # between two updates of slowly changing values
 _TRAIL_NS = 200_000_000  # simulated time between two points of the trail
 _TRAIL_POINTS = 1500  # beyond this every second point is dropped and the spacing doubles
 _EVENTS = 100  # in one update
-_COMMANDS = 500  # recorded of one run; those that alter it are never dropped
+_MAX_COMMANDS = 500  # of one run: limit of commands that alter it, and of recorded ones that do not
 _WIND_RISE_S = 1.0
-_WINDS = 100  # changes of the wind in one run: each is a gust that stays, and every tick adds them all up
-_LAST_S = 2.0  # time limit for sending the last message
+_MAX_WIND_CHANGES = 100  # in one run: each is a permanent gust, which every later tick adds
+_LAST_MESSAGE_S = 2.0  # time limit for sending it
 _WIND_LIMIT_MPS = 30.0
-_PAUSED_WAIT_S = 0.02  # one wait while paused
+_PAUSED_WAIT_S = 0.02  # between two polls while paused
 
 
 class StoppedByPage(KeyboardInterrupt):
-    """The page's Stop button. It ends the run as Ctrl-C does: everything up to here is recorded."""
+    """The page's Stop button was pressed. It ends the run as Ctrl-C does, with everything so far recorded."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class RunAccess:
     slow_facts: Callable[[], dict[str, Any]]  # links, battery, skipped work: requested twice a second
     inject: Callable[[Any], None]  # a fault of a rotor, sensor or link, or a gust; ValueError if it does not fit
     event: Callable[[int, str, str], None]
-    can_wait: bool  # the autopilot waits for the bench, so the run can be paused
+    lockstep: bool  # the autopilot waits for the bench, so the run can be paused
     views: Callable[[], Mapping[str, View]]  # newest view of each companion, by client
 
 
@@ -83,7 +82,7 @@ class LiveRun:
     ) -> None:
         """`link`: to the page's server. `paused`: wait at tick 0. `pace`: times real time; None: unlimited."""
         self.sticks = PageSticks()
-        self.commands: list[dict[str, Any]] = []  # those carried out, for run.json
+        self.commands: list[dict[str, Any]] = []  # commands that were carried out, for run.json
         self.altered = False  # a command changed what is simulated
         self.paused_s = 0.0  # wall clock
         self.service_ns = 0  # processor time of this thread spent on polls and updates
@@ -106,7 +105,7 @@ class LiveRun:
         self._slow_ns = 0
         self._requested: tuple[str, ...] | None = None  # streams of the requested update; None: no request
         self._streams_sent: dict[str, int] = {}
-        self._winds = 0
+        self._wind_changes = 0
         self._wind_W_mps: Vec3 = (0.0, 0.0, 0.0)  # set by hand, on top of the bench's own
         self._texts_logged = 0
         self._logged: set[tuple[int, str]] = set()
@@ -114,7 +113,7 @@ class LiveRun:
         self._speed_from = (0, 0)
         self._speed = 0.0
 
-    # -- taps: called by the recorder and the bench ---------------------------------------------------------------
+    # -- called by the recorder and the bench ------ ---------------------------------------------------------------
 
     def sample(self, port: str, sample: Sample) -> None:
         """Keep a released sample until the next one of its port."""
@@ -133,7 +132,7 @@ class LiveRun:
     def attach(self, run: RunAccess) -> None:
         """Connect to a built run, and describe it to the page."""
         self._run = run
-        if not run.can_wait:
+        if not run.lockstep:
             self._paused, self._pace = False, None
         self._connection.write({"kind": "begin", **run.description})
         self._speed_from = (run.scheduler.tick, self._clock_ns())
@@ -143,9 +142,9 @@ class LiveRun:
         connection = self._connection
         if self._run is not None and not connection.lost and not connection.busy:
             self._slow_ns = 0  # include the slowly changing values
-            connection.write_last(self._state(self._clock_ns()), _LAST_S)
+            connection.write_last(self._state(self._clock_ns()), _LAST_MESSAGE_S)
         if not connection.lost:
-            connection.write_last({"kind": "end", "run": dict(run_json)}, _LAST_S)
+            connection.write_last({"kind": "end", "run": dict(run_json)}, _LAST_MESSAGE_S)
 
     def close(self) -> None:
         self._connection.close()
@@ -165,12 +164,12 @@ class LiveRun:
         began_ns = time.thread_time_ns()
         self._poll(now_ns)
         self.service_ns += time.thread_time_ns() - began_ns
-        before_ns = self._clock_ns()
+        wait_began_ns = self._clock_ns()
         while self._paused and not self._steps and not self._connection.lost:
             self._wait(_PAUSED_WAIT_S)
             self._poll(self._clock_ns())
         after_ns = self._clock_ns()
-        self.paused_s += (after_ns - before_ns) * 1e-9
+        self.paused_s += (after_ns - wait_began_ns) * 1e-9
         if self._steps:
             self._steps -= 1
         elif self._pace is not None and not self._connection.lost:
@@ -183,11 +182,11 @@ class LiveRun:
             self._poll_ns = after_ns + self._until_poll_ns(after_ns)
 
     def _until_poll_ns(self, now_ns: int) -> int:
-        """Return the wall clock until the next poll. A poll is short, but it evicts the run's data from the caches."""
+        """Return the wall-clock time until the next poll. A poll is short, but it evicts the run's data from caches."""
         if self._connection.lost:
             return 1 << 62
         if self._connection.busy:
-            return _BUSY_NS
+            return _BUSY_POLL_NS
         if self._requested is not None and self._update_ns > now_ns:
             return min(_POLL_NS, self._update_ns - now_ns)
         return _POLL_NS
@@ -199,7 +198,7 @@ class LiveRun:
             self._pace_from = (scheduler.tick, now_ns)
         tick, from_ns = self._pace_from
         due_ns = from_ns + round((scheduler.tick - tick) * scheduler.tick_ns / self._pace)
-        if now_ns - due_ns > 200_000_000:  # too slow for this pace: start again from here, without a burst
+        if now_ns - due_ns > 200_000_000:  # too slow for this pace: measure it from here, so that no burst follows
             self._pace_from = (scheduler.tick, now_ns)
         while now_ns < due_ns and not self._connection.lost and not self._paused and self._pace is not None:
             self._wait((due_ns - now_ns) * 1e-9)
@@ -220,7 +219,7 @@ class LiveRun:
             self._carry_out(message)
         idle = not connection.busy and not connection.lost
         if self._requested is not None and idle and now_ns >= self._update_ns:
-            # An update that was late because a frame was rendered does not delay the ones after it.
+            # A late update, such as after a rendered frame, does not delay the updates after it.
             self._update_ns = max(self._update_ns + _UPDATE_NS, now_ns + _UPDATE_NS // 2)
             connection.write(self._state(now_ns))
 
@@ -332,7 +331,7 @@ class LiveRun:
 
     def _control_time(self, kind: str, message: Mapping[str, Any]) -> None:
         assert self._run is not None
-        if not self._run.can_wait:
+        if not self._run.lockstep:
             self._log("refused", f"{kind}: this autopilot runs on wall-clock time and cannot be held")
             return
         self._pace_from = None
@@ -354,22 +353,22 @@ class LiveRun:
             self._record(kind)
 
     def _alter(self, kind: str, message: Mapping[str, Any]) -> None:
-        """Change the wind or inject a fault. Raises as `requested_fault` does if it does not fit this run."""
+        """Change the wind or inject a fault. Raises what `requested_fault` raises if it does not fit this run."""
         run = self._run
         assert run is not None
-        if sum(one["alters"] for one in self.commands) >= _COMMANDS:
-            raise ValueError(f"no more than {_COMMANDS} commands may alter one run; start a new run")
+        if sum(command["alters"] for command in self.commands) >= _MAX_COMMANDS:
+            raise ValueError(f"no more than {_MAX_COMMANDS} commands may alter one run; start a new run")
         at_s = run.scheduler.t_ns / 1e9
         if kind == "wind":
             x, y, z = (float(v) for v in message["velocity_W_mps"])
             if not all(math.isfinite(v) and abs(v) <= _WIND_LIMIT_MPS for v in (x, y, z)):
                 raise ValueError(f"three numbers within {_WIND_LIMIT_MPS:g} m/s are needed (east, north, up)")
-            # Gusts add up, so the new one is the difference to the wind set before.
-            before = self._wind_W_mps
-            change = (x - before[0], y - before[1], z - before[2])
-            self._winds += 1
-            if self._winds > _WINDS:
-                raise ValueError(f"no more than {_WINDS} changes of the wind in one run; start a new run")
+            # Gusts add up, so the new gust is the difference from the wind set before.
+            previous = self._wind_W_mps
+            change = (x - previous[0], y - previous[1], z - previous[2])
+            self._wind_changes += 1
+            if self._wind_changes > _MAX_WIND_CHANGES:
+                raise ValueError(f"no more than {_MAX_WIND_CHANGES} changes of the wind in one run; start a new run")
             run.inject(GustEvent(at_s=at_s, velocity_W_mps=change, rise_s=_WIND_RISE_S))
             self._wind_W_mps = (x, y, z)
             self._record(f"wind by hand: {x:g}, {y:g}, {z:g} m/s (east, north, up)", alters=True)
@@ -379,12 +378,12 @@ class LiveRun:
         self._record(f"fault: {text}", alters=True)
 
     def _record(self, text: str, *, alters: bool = False) -> None:
-        """Record a command that was carried out: in the recording, the page's log and run.json."""
+        """Add a command that was carried out to the recording, the page's log and run.json."""
         run = self._run
         assert run is not None
         tick = run.scheduler.tick
         self.altered = self.altered or alters
-        if len(self.commands) < _COMMANDS or alters:
+        if len(self.commands) < _MAX_COMMANDS or alters:
             self.commands.append({"tick": tick, "what": text, "alters": alters})
             run.event(run.scheduler.t_ns, "by_hand", f"before tick {tick}: {text}")
 

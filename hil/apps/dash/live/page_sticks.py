@@ -1,7 +1,7 @@
 """Stick positions and buttons from the page. Each message is valid for 0.4 s.
 
-The dead-man switch counts as held only while the page repeats that it is. A page that is closed, loses its network or
-moves to the background therefore releases it.
+The dead-man switch counts as held only while the page repeats the message that it is held. A page that is closed, loses
+its network or moves to the background therefore releases the switch.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from firmware_bridge.manual.manual_control import Buttons
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks, StickState
 from hil.apps.dash.messages import is_number
 
-_HOLD_NS = 400_000_000  # wall clock; the page repeats its message every 50 ms while the switch is held
+_MESSAGE_VALID_NS = 400_000_000  # wall clock; the page sends a message every 50 ms while the switch is held
 _PRESS_NS = 250_000_000
 
 # Requests to the autopilot that the page has buttons for; `Buttons` numbers them from 1.
@@ -23,12 +23,12 @@ REQUESTS = ("arm", "disarm", "position", "altitude", "stabilized", "hold", "retu
 
 def page_buttons(modes: Mapping[str, Any]) -> Buttons:
     """Return the page's buttons, limited to the modes that this autopilot has."""
-    numbered = {number: name for number, name in enumerate(REQUESTS, start=1) if number > 2 and name in modes}
-    return Buttons(arm=1, disarm=2, modes=numbered)
+    mode_buttons = {number: name for number, name in enumerate(REQUESTS, start=1) if number > 2 and name in modes}
+    return Buttons(arm=1, disarm=2, modes=mode_buttons)
 
 
 class PageSticks:
-    """A `StickDevice` that the page moves. It runs on wall-clock time, as the pilot's hands do."""
+    """A `StickDevice` that the page moves. It uses wall-clock time, as a pilot does."""
 
     name = "dashboard"
 
@@ -43,7 +43,7 @@ class PageSticks:
         axes = message.get("axes")
         now_ns = self._clock_ns()
         held = message.get("held") is True
-        self._held_until_ns = now_ns + _HOLD_NS if held else now_ns
+        self._held_until_ns = now_ns + _MESSAGE_VALID_NS if held else now_ns
         if held and isinstance(axes, list | tuple) and len(axes) == 4 and all(is_number(axis) for axis in axes):
             self._sticks = Sticks(*(max(-1.0, min(1.0, float(axis))) for axis in axes))
         elif not held:

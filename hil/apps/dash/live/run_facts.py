@@ -6,7 +6,7 @@ from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.apps.dash.streams import map_stream
-from hil.apps.dash.views.payloads import shown_parts
+from hil.apps.dash.views.payloads import shown_channels
 from hil.run.part import RunContext
 from sim.sensors.catalog import KINDS
 
@@ -18,13 +18,15 @@ def run_description(run: RunContext) -> dict[str, Any]:
     sensors: dict[str, Any] = {}
     for name, sensor in config.sensors.items():
         kind = KINDS[sensor.kind]
-        parts = () if kind.parts is None else getattr(sensor.parameters, kind.parts)
-        planned = [part for part in parts if f"{name}/{part}" in plan.order]
+        channels = () if kind.parts is None else getattr(sensor.parameters, kind.parts)
+        planned = [channel for channel in channels if f"{name}/{channel}" in plan.order]
         computed = name in plan.order or bool(planned)
         sensors[name] = {
             "kind": sensor.kind,
             "rate_hz": sensor.rate_hz,
-            "streams": [f"{name}/{part}" for part in shown_parts(kind.sample_type, planned)] if computed else [],
+            "streams": [f"{name}/{channel}" for channel in shown_channels(kind.sample_type, planned)]
+            if computed
+            else [],
         }
     return {
         "out": str(run.out.resolve()),
@@ -67,7 +69,7 @@ def slow_facts(run: RunContext) -> dict[str, Any]:
         "links": links,
         "companions": [] if companion is None else companion.connected,
         "maps": [] if companion is None else [map_stream(name) for name in sorted(companion.views.newest)],
-        "told": {name: dict(one["report"]) for name, one in clients.items() if one.get("report")},
+        "told": {name: dict(client["report"]) for name, client in clients.items() if client.get("report")},
         "router": None if router is None else router.run_keys()["router"],
         "battery": None if battery is None else list(battery),
         "skipped": [row for part in run.parts for row in part.skipped(run.ticks)],

@@ -1,4 +1,4 @@
-"""The run's end of its socket to the page's server."""
+"""Socket between a run and the page's server, the run's end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _READ_BYTES = 1 << 16
 
 
 class ServerConnection:
-    """Non-blocking reads and writes of whole messages. Only `write_last` waits."""
+    """Connection that reads and writes messages without blocking, except in `write_last`."""
 
     def __init__(self, link: socket.socket) -> None:
         self.lost = False  # the page's server is gone; the run goes on without it
@@ -40,7 +40,7 @@ class ServerConnection:
             return []
 
     def write(self, message: dict[str, Any]) -> None:
-        """Begin to send a message; call only while not `busy`."""
+        """Begin to send a message. Call it only while not `busy`."""
         self._unsent = memoryview(packed(message))
         self.push()
 
@@ -57,7 +57,7 @@ class ServerConnection:
             self._unsent = self._unsent[sent:]
 
     def write_last(self, message: dict[str, Any], limit_s: float) -> None:
-        """Send a message and wait until it is sent, for at most `limit_s`: the run is over."""
+        """Send the last messages of a run: wait until they are sent, for at most `limit_s`."""
         self._link.settimeout(limit_s)
         try:
             self._link.sendall(bytes(self._unsent) + packed(message))

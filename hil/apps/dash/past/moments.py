@@ -1,7 +1,7 @@
-"""One moment of a past run: the newest frame of each stream at that time, and the places of people and vehicles.
+"""One moment of a past run: the newest frame of each stream at that time, and the poses of people and vehicles.
 
 Pictures, point clouds and radar detections come from the recording, and maps from the companions' view log. People and
-vehicles come from the scene, where their places are a function of time. Streams have the names of the live page
+vehicles come from the scene, where their poses are a function of time. Streams have the names of the live page
 (`hil.apps.dash.streams`).
 """
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from firmware_bridge.codecs.companion_view import View
 from hil.apps.dash.messages import StreamFrame, packed_update
-from hil.apps.dash.streams import CLOUD_PART, map_client, map_stream
+from hil.apps.dash.streams import CLOUD_CHANNEL, map_client, map_stream
 from hil.apps.dash.views.companion_views import boxes_of, view_payload
 from hil.apps.dash.views.payloads import MAX_POINTS, array_payload, thinned
 from hil.apps.dash.views.pictures import encoded_frame
@@ -34,7 +34,7 @@ from hil.run.recorder.recorder import MCAP_NAME
 from signals.errors import HilError
 from signals.time import NS_PER_S
 
-_WINDOW_NS = 2 * NS_PER_S  # an older picture or sweep is not found
+_WINDOW_NS = 2 * NS_PER_S  # older pictures and sweeps are not shown
 _MAX_STREAMS = 16
 _CACHED_RUNS = 2  # runs whose scene and maps are in memory
 _POSE = "geometry_msgs/PoseStamped"
@@ -45,7 +45,7 @@ def stream_of_topic(topic: str, type_name: str) -> str | None:
     if type_name not in (IMAGE, CLOUD):
         return None
     name = topic.lstrip("/")
-    return name if "/" in name else f"{name}/{CLOUD_PART}"
+    return name if "/" in name else f"{name}/{CLOUD_CHANNEL}"
 
 
 class _PastRun:
@@ -61,7 +61,7 @@ class _PastRun:
 
 
 class Moments:
-    """Moments of past runs. A lock serialises its methods, which read files: call them in a thread."""
+    """Moments of past runs. The methods read files: call them in a thread. They are thread-safe."""
 
     def __init__(self, folder_of: Callable[[str], Path | None]) -> None:
         self._folder_of = folder_of
@@ -98,14 +98,14 @@ class Moments:
 
 
 def _maps(past: _PastRun, t_ns: int, wanted: Iterable[str]) -> list[StreamFrame]:
-    found = []
+    frames = []
     for stream in wanted:
         client = map_client(stream)
         views = [] if client is None else past.maps.get(client, [])
-        at = bisect_right(views, t_ns, key=lambda view: view.t_ns)
-        if at:
-            found.append(encoded_frame(stream, view_payload(views[at - 1])))
-    return found
+        count = bisect_right(views, t_ns, key=lambda view: view.t_ns)
+        if count:
+            frames.append(encoded_frame(stream, view_payload(views[count - 1])))
+    return frames
 
 
 def _clients(folder: Path) -> list[str]:
@@ -126,15 +126,15 @@ def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]
     """Return the newest message of each relevant topic at a time; none if the file cannot be read."""
     ports = _ports(wanted)
     topics = {f"/{stream}" for stream in ports} | set(ports.values()) | {f"{port}/pose" for port in ports.values()}
-    topics |= {_detections_of(client) for client in clients}
+    topics |= {_detections_topic(client) for client in clients}
     newest: dict[str, RecordedMessage] = {}
     try:
         with path.open("rb") as file:
             begin = max(0, t_ns - _WINDOW_NS)
-            found = make_reader(file).iter_messages(
+            messages = make_reader(file).iter_messages(
                 sorted(topics), starting_at=begin, ending_at=t_ns, log_time_order=True, reverse=True
             )
-            for schema, channel, message in found:
+            for schema, channel, message in messages:
                 if schema is not None and channel.topic not in newest:
                     newest[channel.topic] = RecordedMessage(
                         channel.topic,
@@ -145,9 +145,9 @@ def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]
                         message.data,
                     )
                 complete = all(
-                    _newest_of(stream, port, newest) and f"{port}/pose" in newest for stream, port in ports.items()
+                    _newest_message(stream, port, newest) and f"{port}/pose" in newest for stream, port in ports.items()
                 )
-                if complete and all(_detections_of(client) in newest for client in clients):
+                if complete and all(_detections_topic(client) in newest for client in clients):
                     break
     except (OSError, McapError):
         return {}
@@ -156,35 +156,35 @@ def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]
 
 def _boxes(newest: dict[str, RecordedMessage], clients: Iterable[str], wanted: Sequence[str]) -> dict[str, Any]:
     """Return the newest detections in the wanted pictures."""
-    messages = (newest.get(_detections_of(client)) for client in clients)
-    found = [detections(message) for message in messages if message is not None and message.type_name == DETECTIONS]
-    return boxes_of({one.topic: one for one in found}, wanted)
+    messages = (newest.get(_detections_topic(client)) for client in clients)
+    decoded = [detections(message) for message in messages if message is not None and message.type_name == DETECTIONS]
+    return boxes_of({boxes.topic: boxes for boxes in decoded}, wanted)
 
 
-def _detections_of(client: str) -> str:
+def _detections_topic(client: str) -> str:
     return f"/companion/{client}/detections"
 
 
 def _frames(newest: dict[str, RecordedMessage], wanted: Sequence[str], views: PreviewSensors) -> list[StreamFrame]:
     """Return the newest frame of each wanted stream."""
-    made = []
+    frames = []
     for stream, port in _ports(wanted).items():
-        message = _newest_of(stream, port, newest)
+        message = _newest_message(stream, port, newest)
         if message is not None:
             try:
-                payload = _payload(stream, message) | _place(newest.get(f"{port}/pose"))
-                made.append(encoded_frame(stream, payload, views.classes))
+                payload = _payload(stream, message) | _pose(newest.get(f"{port}/pose"))
+                frames.append(encoded_frame(stream, payload, views.classes))
             except HilError:
-                continue  # a format of another version
-    return made
+                continue  # recorded in a format of another version
+    return frames
 
 
-def _newest_of(stream: str, port: str, newest: dict[str, RecordedMessage]) -> RecordedMessage | None:
+def _newest_message(stream: str, port: str, newest: dict[str, RecordedMessage]) -> RecordedMessage | None:
     """Return the newest message of a stream. A LiDAR's cloud has the topic of its port."""
-    found = newest.get(f"/{stream}")
-    if found is None and stream.endswith(f"/{CLOUD_PART}"):
-        found = newest.get(port)
-    return found if found is not None and found.type_name in (IMAGE, CLOUD) else None
+    message = newest.get(f"/{stream}")
+    if message is None and stream.endswith(f"/{CLOUD_CHANNEL}"):
+        message = newest.get(port)
+    return message if message is not None and message.type_name in (IMAGE, CLOUD) else None
 
 
 def _payload(stream: str, message: RecordedMessage) -> dict[str, Any]:
@@ -197,13 +197,16 @@ def _payload(stream: str, message: RecordedMessage) -> dict[str, Any]:
         step = -(-len(points) // MAX_POINTS) or 1
         xyz: NDArray[np.float32] = np.stack([points[axis][::step] for axis in "xyz"], axis=-1, dtype=np.float32)
         return {"t_ns": t_ns, "points": xyz.tobytes()}
-    return {"t_ns": t_ns, "records": [{_ROW.get(name, name): row[name].item() for name in names} for row in points]}
+    return {
+        "t_ns": t_ns,
+        "records": [{_RECORD_KEYS.get(name, name): row[name].item() for name in names} for row in points],
+    }
 
 
-_ROW = {"x": "x_R", "y": "y_R", "z": "z_R"}  # names of the live page
+_RECORD_KEYS = {"x": "x_R", "y": "y_R", "z": "z_R"}  # column of a cloud -> key of a live record
 
 
-def _place(pose: RecordedMessage | None) -> dict[str, Any]:
+def _pose(pose: RecordedMessage | None) -> dict[str, Any]:
     if pose is None or pose.type_name != _POSE:
         return {"p": (0.0, 0.0, 0.0), "q": (1.0, 0.0, 0.0, 0.0)}
     v = pose.decode()

@@ -1,6 +1,6 @@
 """Past runs on disk: the list, the result of each, and its recording as columns for a replay.
 
-Run folders are only read. A recording that was cut off is shown up to its end.
+Run folders are only read. Of a recording that was cut off, the readable part is shown.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,120}\Z")
-_MOST_RUNS = 500  # in the list, the newest
-_MOST_POINTS = 3000  # of a replay's track
-_MOST_EVENTS = 500
-_KEPT = 4  # tracks
-_MOTORS = 8  # shown of the sixteen controls
-_SERVED = frozenset({".html", ".png", ".json", ".yaml", ".csv", ".svg", ".jpg"})
-_LARGEST_FILE = 64 << 20
+_MAX_RUNS = 500  # in the list: the newest
+_MAX_POINTS = 3000  # of a replay's track
+_MAX_EVENTS = 500
+_CACHED_TRACKS = 4
+_MOTORS = 8  # motors shown, of the sixteen controls
+_SERVED_SUFFIXES = frozenset({".html", ".png", ".json", ".yaml", ".csv", ".svg", ".jpg"})
+_MAX_FILE_BYTES = 64 << 20
 _FIELDS = ("status", "digest", "deterministic", "seed", "rig", "scene", "sim_s", "wall_s", "realtime_factor")
 
 
@@ -35,18 +35,18 @@ class PastRuns:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._tracks = lru_cache(_KEPT)(self._track_of)
+        self._tracks = lru_cache(_CACHED_TRACKS)(self._track_of)
         self._lock = threading.Lock()
         self.moments = Moments(self.folder)
 
     def listed(self) -> list[dict[str, Any]]:
         """Return the runs, newest first. Folders without a readable run.json are left out."""
         try:
-            found = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
+            folders = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
         except OSError:
             return []
         runs = []
-        for folder in sorted(found, key=lambda p: p.name, reverse=True)[:_MOST_RUNS]:
+        for folder in sorted(folders, key=lambda p: p.name, reverse=True)[:_MAX_RUNS]:
             summary = _summary(folder)
             if summary is not None:
                 row = {name: summary.get(name) for name in _FIELDS}
@@ -87,7 +87,7 @@ class PastRuns:
             inside = file.is_relative_to(folder.resolve()) and file.is_file()
         except (OSError, ValueError, RuntimeError):
             return None
-        if not inside or file.suffix.lower() not in _SERVED or file.stat().st_size > _LARGEST_FILE:
+        if not inside or file.suffix.lower() not in _SERVED_SUFFIXES or file.stat().st_size > _MAX_FILE_BYTES:
             return None
         return file
 
@@ -134,19 +134,19 @@ def _summary(folder: Path) -> dict[str, Any] | None:
 
 def _read_track(path: Path) -> dict[str, Any]:
     recording = Recording(path).scan()
-    stride_ns = recording.last_ns // _MOST_POINTS
-    rows = _Rows(stride_ns)
+    stride_ns = recording.last_ns // _MAX_POINTS
+    rows = _TrackRows(stride_ns)
     for message in recording.messages():
         rows.add(message)
     return rows.columns() | {"complete": recording.complete}
 
 
-class _Rows:
-    """Collects thinned columns of a recording."""
+class _TrackRows:
+    """Rows of a recording, at least `stride_ns` apart."""
 
     def __init__(self, stride_ns: int) -> None:
         self._stride_ns = max(stride_ns, NS_PER_S // 25)
-        self._next_ns = 0
+        self._next_ns = 0  # time from which the next row is taken
         self._row: dict[str, Any] | None = None
         self._controls: list[float] = []
         self._rows: list[dict[str, Any]] = []
@@ -175,7 +175,7 @@ class _Rows:
         elif topic == "/actuators" and message.log_time_ns + self._stride_ns >= self._next_ns:
             v = message.decode()
             self._controls = [round(float(v[f"controls[{n}]"]), 4) for n in range(_MOTORS)]
-        elif topic == "/events" and len(self._events) < _MOST_EVENTS:
+        elif topic == "/events" and len(self._events) < _MAX_EVENTS:
             v = message.decode()
             self._events.append([message.log_time_ns, v.get("name", ""), v.get("msg", "")])
         elif (stream := stream_of_topic(topic, message.type_name)) is not None:

@@ -1,4 +1,4 @@
-"""The page's server: static files, a web socket for the live run, and an API for past runs."""
+"""The page's web application: static files, a web socket for the live run, and an API for past runs."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _REPORT_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-in
 
 
 class Dashboard:
-    """The server of one page: its hub, the run that it started, and the past runs of one folder."""
+    """The dashboard's hub, the run that it started, and the past runs of one folder."""
 
     def __init__(self, *, config: Path | None, runs: Path) -> None:
-        """`config`: the bench file of new runs; None: the default one."""
+        """`config`: the bench file of new runs; None: the default bench."""
         self.hub = Hub(self._default_bench)
         self.run = RunProcess(self.hub)
         self._config = config
@@ -60,13 +60,13 @@ class Dashboard:
         return self._config or default_bench()
 
     def _load_modules(self) -> None:
-        """Import the bench's modules, which takes a second, after the page is loaded and before they are needed."""
+        """Import the bench's modules after the page is loaded, because that takes a second."""
         import cv2
 
         import hil.apps.dash.server.choices
         import hil.apps.dash.views.preview_sensors  # noqa: F401
 
-        # More threads for a small picture cost more than they save, and would take processor time from the run.
+        # For small pictures more threads save no time, and they would take processor time from the run.
         cv2.setNumThreads(1)
         _ = self._past
 
@@ -106,10 +106,10 @@ class Dashboard:
         return JSONResponse(self._past.listed())
 
     def _past_scene(self, request: Request) -> Response:
-        return Response(_found(self._past.moments.triangles(request.path_params["name"])), media_type=_BYTES)
+        return Response(_or_404(self._past.moments.triangles(request.path_params["name"])), media_type=_BYTES)
 
     def _summary(self, request: Request) -> Response:
-        return JSONResponse(_found(self._past.summary(request.path_params["name"])))
+        return JSONResponse(_or_404(self._past.summary(request.path_params["name"])))
 
     def _track(self, request: Request) -> Response:
         return JSONResponse(self._past.track(request.path_params["name"]))
@@ -121,13 +121,13 @@ class Dashboard:
         except ValueError:
             raise HTTPException(400, "t_ns must be a whole number") from None
         if not 0 <= t_ns < 1 << 62:
-            raise HTTPException(400, "t_ns must lie within a run")
+            raise HTTPException(400, "t_ns must be from 0 to 2**62 - 1")
         streams = [stream for stream in query.get("streams", "").split(",") if stream]
-        found = self._past.moments.at(request.path_params["name"], t_ns, streams)
-        return Response(_found(found), media_type=_BYTES)
+        moment = self._past.moments.at(request.path_params["name"], t_ns, streams)
+        return Response(_or_404(moment), media_type=_BYTES)
 
     def _file(self, request: Request) -> Response:
-        path = _found(self._past.file(request.path_params["name"], request.path_params["path"]))
+        path = _or_404(self._past.file(request.path_params["name"], request.path_params["path"]))
         return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
 
     async def _live(self, socket: WebSocket) -> None:
@@ -144,7 +144,7 @@ class Dashboard:
                 if message is not None:
                     await self._receive(page, message)
         except (WebSocketDisconnect, KeyError, RuntimeError, OSError):
-            pass  # closed, or a binary message
+            pass  # the page was closed, or sent a binary message
         finally:
             await self.hub.remove(page)
             with contextlib.suppress(RuntimeError, OSError):
@@ -155,7 +155,7 @@ class Dashboard:
         if kind not in ("start", "reset"):
             await self.hub.receive(page, message)
             return
-        # A page shows a run as over when its result has arrived; its process may take a moment longer to exit.
+        # When a page shows the result of a run, the run's process may not have exited yet.
         if kind == "start" and self.run.running and not await self.run.exited():
             return
         from hil.apps.dash.server.choices import run_arguments
@@ -166,7 +166,7 @@ class Dashboard:
             self.hub.message = str(error)
             await self.hub.publish()
             return
-        if arguments is None:  # no run was started from here, so there is none to reset
+        if arguments is None:  # this server has started no run that could be reset
             return
         if kind == "reset":
             await self.run.stop()
@@ -177,7 +177,7 @@ class Dashboard:
 
 
 def _message(text: str) -> dict[str, Any] | None:
-    """Return the message of a page; None if it is not one."""
+    """Decode a message of a page; None if it is too long or not a JSON object."""
     if len(text) > _MAX_MESSAGE_CHARS:
         return None
     try:
@@ -187,7 +187,7 @@ def _message(text: str) -> dict[str, Any] | None:
     return message if isinstance(message, dict) else None
 
 
-def _found(value: T | None) -> T:
+def _or_404(value: T | None) -> T:
     if value is None:
         raise HTTPException(404, "there is no such run or file")
     return value

@@ -1,10 +1,10 @@
-"""Access control of the page's server: the outermost layer, applied before the body of a request is read.
+"""Access control of the page's server, applied before the body of a request is read.
 
-- Host. A site whose name was made to resolve to this machine (DNS rebinding) sends its own name here. A server on
-  loopback therefore accepts loopback names only.
+- Host. A site whose name resolves to this machine (DNS rebinding) has its own name in this header. A server on loopback
+  therefore accepts loopback names only.
 - Origin. Browsers name the site that a request comes from. Requests and sockets of other sites are refused.
-- Token. If other machines can reach the port, every request needs the token: once in the address, then as a cookie that
-  no other site can send along (SameSite=Strict) and no script can read (HttpOnly).
+- Token. If other machines can reach the port, every request needs the token: first in the address, then as a cookie. No
+  other site can send this cookie (SameSite=Strict), and no script can read it (HttpOnly).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _HEADERS = {
 
 
 class Authenticator:
-    """ASGI application that wraps another. `token` None: loopback only, which needs no token."""
+    """ASGI application that passes accepted requests on to `app`. `token` None: served on loopback only."""
 
     def __init__(self, app: ASGIApp, *, token: str | None) -> None:
         self._app = app
@@ -56,7 +56,7 @@ class Authenticator:
 
         reply: ASGIApp = self._app
         if refusal is not None and scope["type"] == "websocket":
-            # Closed before it is accepted, which the client sees as HTTP 403.
+            # The client sees HTTP 403.
             await send({"type": "websocket.close", "code": 1008, "reason": refusal[1]})
             return
         if refusal is not None:
@@ -82,20 +82,20 @@ class Authenticator:
         if fetched not in ("same-origin", "none") and request.scope.get("path") != "/":
             return 403, "no requests from pages of other sites"
         if self._token is not None:
-            offered = (request.query_params.get("token", ""), request.cookies.get(COOKIE, ""))
-            if not any(hmac.compare_digest(one.encode(), self._token.encode()) for one in offered):
+            offered_tokens = (request.query_params.get("token", ""), request.cookies.get(COOKIE, ""))
+            if not any(hmac.compare_digest(text.encode(), self._token.encode()) for text in offered_tokens):
                 return 401, "the address needs ?token=..., as `hil dash` printed it"
         return None
 
     @staticmethod
     def _token_to_cookie(request: HTTPConnection, token: str) -> ASGIApp:
-        """Redirect with the token as a cookie, since addresses end up in histories and logs."""
-        rest = {name: value for name, value in request.query_params.items() if name != "token"}
+        """Return a redirect to the address without the token, which sets the cookie. Addresses end up in logs."""
+        query = {name: value for name, value in request.query_params.items() if name != "token"}
         # Exactly one leading slash: an address that begins with two would name another host.
-        to = "/" + request.scope["path"].lstrip("/") + (f"?{urlencode(rest)}" if rest else "")
-        moved = RedirectResponse(to, 303)
-        moved.set_cookie(COOKIE, token, httponly=True, samesite="strict")
-        return moved
+        path = "/" + request.scope["path"].lstrip("/") + (f"?{urlencode(query)}" if query else "")
+        redirect = RedirectResponse(path, 303)
+        redirect.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+        return redirect
 
 
 def _host_name(host: str) -> str:

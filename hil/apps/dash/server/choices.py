@@ -1,4 +1,4 @@
-"""Choices of the page's start form: names from lists, never paths or programs that a page sends."""
+"""Lists of the page's start form. A page can only choose from them; other names and paths are refused."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
     bench = message.get("bench") or (str(config) if config is not None else None)
     for name, value in (("bench", bench), *((name, message.get(name)) for name in ("rig", "scene", "mission"))):
         if value not in (None, "", *lists[name]):
-            raise ValueError(f"there is no {name} {value!r} to choose")
+            raise ValueError(f"the {name} {value!r} is not in the list; choose one from it")
     # An absolute path does not begin with a dash, and after "=" a value cannot be taken for an option.
     arguments = [] if bench is None else [str(Path(bench).absolute())]
     arguments += [f"--{name}={message[name]}" for name in ("rig", "scene", "mission") if message.get(name)]
@@ -48,7 +48,7 @@ def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
         arguments.append(f"--seed={seed}")
     if pace is not None:
         if not is_number(pace) or not 0.01 <= pace <= 1000.0:
-            raise ValueError("the pace must be from 0.01 to 1000 times real time")
+            raise ValueError("the pace must be 0.01 to 1000 times real time")
         arguments.append(f"--dash-pace={pace}")
     if message.get("paused") is True:
         arguments.append("--dash-paused")
@@ -62,10 +62,10 @@ def _files(folder: Path, patterns: tuple[str, ...]) -> list[str]:
 
 
 def _defaults(bench: Path | None) -> dict[str, Any]:
-    """Return the bench file's own values of the form's fields. They are validated when the run starts."""
+    """Return the values in the bench file of the form's fields, not validated."""
     try:
         data = read_yaml(bench).data if bench is not None else {}
     except ConfigError:
         data = {}
-    known = data if isinstance(data, dict) else {}
-    return {name: known.get(name) for name in ("rig", "scene", "mission", "seed")}
+    values = data if isinstance(data, dict) else {}
+    return {name: values.get(name) for name in ("rig", "scene", "mission", "seed")}

@@ -1,7 +1,7 @@
 """Distributes the newest values of one run to any number of pages.
 
-Nothing is queued for a page. A page requests an update when it can take one and gets the newest values, so a slow page
-gets fewer of them. The run is asked for an update only while a page waits for one, and only for streams of open panes.
+Updates are not queued. A page requests an update when it is ready for one and gets the newest values, so a slow page
+gets fewer updates. The run is asked for an update only while a page waits for one, and only for streams of open panes.
 All storage is bounded, so a page can stay open for weeks.
 """
 
@@ -24,14 +24,14 @@ from hil.apps.dash.streams import PREVIEW_PREFIX, PREVIEW_STREAMS
 from signals.classes import Classes
 from signals.errors import HilError
 
-if TYPE_CHECKING:  # OpenCV and the scene take half a second to import: not before the page is up
+if TYPE_CHECKING:  # imported later at run time: OpenCV and the scene take half a second
     from hil.apps.dash.views.preview_sensors import PreviewSensors
 
 _NICE = 10  # of the threads that render and encode, so that the run has priority
 _EVENTS = 300
 _READ = 1 << 18
 _MAX_STREAMS = 16  # of one page
-_TO_RUN = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
+_RUN_COMMANDS = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
 
 
 class Page:
@@ -41,15 +41,16 @@ class Page:
         self.send = send
         self.streams: tuple[str, ...] = ()
         self.ready = False
-        self.version = -1  # of the hub's state that was sent last
+        # What was sent last:
+        self.version = -1  # version of the hub's state
         self.slow = -1  # version of the slowly changing values
-        self.run = -1  # number of the run that was described to it
-        self.events = 0  # number of events sent
+        self.run = -1  # number of the run whose description was sent
+        self.events = 0  # number of events
         self.frames: dict[str, int] = {}  # stream -> version
 
 
 class Hub:
-    """Connects a run to its pages. It lives in one event loop and renders and encodes in threads."""
+    """Connection of a run to its pages. It runs in one event loop, and renders and encodes in threads."""
 
     def __init__(self, bench_file: Callable[[], Path | None] = lambda: None) -> None:
         """`bench_file`: the bench whose scene is shown before the first run."""
@@ -75,12 +76,12 @@ class Hub:
         self._previews: PreviewSensors | None = None
         self._previews_of: Path | None = None
         self._rendering: asyncio.Task[None] | None = None
-        self._pilot: Page | None = None  # the page whose sticks count
+        self._pilot: Page | None = None  # the page that steers the vehicle
 
     # -- the run --------------------------------------------------------------------------------------------------
 
     async def follow(self, link: socket.socket) -> None:
-        """Serve the run at the other end until it is over or its process is gone."""
+        """Follow the run at the other end of `link` until it is over or its process has ended."""
         reader, writer = await asyncio.open_connection(sock=link)
         self._run_link, self._requested = writer, False
         self.running, self.result, self.message = True, None, ""
@@ -91,7 +92,7 @@ class Hub:
                 for message in unpacker.feed(data):
                     await self._handle(message)
         except (OSError, ValueError):
-            pass  # the run's process is gone; its folder holds the result
+            pass  # the run's process has ended
         finally:
             self.running, self._run_link = False, None
             self._state_changed()
@@ -123,7 +124,7 @@ class Hub:
             self.state = message
             self._state_changed()
             if frames:
-                # The run makes its next update while these frames are encoded; otherwise panes would lower the rate.
+                # The run makes its next update while these frames are encoded, so that panes do not lower the rate.
                 self.request_update()
                 await self._encode(frames)
         elif kind == "end":
@@ -140,9 +141,9 @@ class Hub:
         classes = None if previews is None else previews.classes
         self._store(await asyncio.get_running_loop().run_in_executor(self._threads, _encoded, payloads, classes))
 
-    def _store(self, made: dict[str, StreamFrame]) -> None:
-        for stream, picture in made.items():
-            self._frames[stream] = (self._version + 1, picture)
+    def _store(self, frames: dict[str, StreamFrame]) -> None:
+        for stream, frame in frames.items():
+            self._frames[stream] = (self._version + 1, frame)
         self._version += 1
 
     def request_update(self) -> None:
@@ -177,11 +178,11 @@ class Hub:
             await self._send_updates()
         elif kind == "sticks":
             self._sticks(page, message)
-        elif kind in _TO_RUN:
+        elif kind in _RUN_COMMANDS:
             self._to_run(message)
 
     def _sticks(self, page: Page, message: dict[str, Any]) -> None:
-        """Pass sticks on from one page at a time: the first to hold its dead-man switch, until it releases it."""
+        """Pass on the sticks of one page at a time: the first that holds its dead-man switch, until release."""
         if self._pilot is not None and self._pilot is not page:
             return
         self._pilot = page if message.get("held") is True else None
@@ -198,7 +199,7 @@ class Hub:
         self._start_previews()
 
     async def publish(self) -> None:
-        """Send the pages attributes that another object has changed."""
+        """Send updates after another object has changed `message` or `result`."""
         self._state_changed()
         await self._send_updates()
 
@@ -211,21 +212,21 @@ class Hub:
                     await page.send(self._update(page))
 
     def _update(self, page: Page) -> bytes:
-        first = page.run != self._run
-        if first:
+        new_run = page.run != self._run
+        if new_run:
             page.run, page.events = self._run, self._event_count - len(self._events)
             page.frames.clear()
             page.slow = -1
-        new = min(self._event_count - page.events, len(self._events))
+        new_events = min(self._event_count - page.events, len(self._events))
         head: dict[str, Any] = {
             "kind": "update",
             "going": self.running,
             "message": self.message,
             "state": self.state,
-            "events": list(self._events)[len(self._events) - new :] if new else [],
+            "events": list(self._events)[len(self._events) - new_events :] if new_events else [],
             "result": self.result,
         }
-        if first:
+        if new_run:
             head["about"] = self.about
             head["run"] = self._run
         if page.slow != self._slow_version:
@@ -233,16 +234,16 @@ class Hub:
         page.events = self._event_count
         frames = []
         for stream in page.streams:
-            version, made = self._frames.get(stream, (-1, None))
-            if made is not None and page.frames.get(stream) != version:
+            version, frame = self._frames.get(stream, (-1, None))
+            if frame is not None and page.frames.get(stream) != version:
                 page.frames[stream] = version
-                frames.append(made)
+                frames.append(frame)
         return packed_update(head, frames)
 
     # -- previews -------------------------------------------------------------------------------------------------
 
     def bench_file(self) -> Path | None:
-        """Return the bench whose scene is shown: that of the run, or the default one before the first run."""
+        """Return the bench whose scene is shown: that of the run, or the default bench before the first run."""
         out = self.about.get("out")
         return Path(out) / "bench.yaml" if out else self._bench_file()
 
@@ -264,7 +265,7 @@ class Hub:
         return await asyncio.get_running_loop().run_in_executor(self._threads, previews.triangles)
 
     def _start_previews(self) -> None:
-        """Start to render the previews of open panes, unless that is under way."""
+        """Start to render the previews of open panes, unless they are being rendered."""
         if (self._rendering is None or self._rendering.done()) and self._wanted_previews() and "p" in self.state:
             self._rendering = asyncio.get_running_loop().create_task(self._render_previews())
 
@@ -273,24 +274,24 @@ class Hub:
 
     async def _render_previews(self) -> None:
         loop = asyncio.get_running_loop()
-        rendered_at: tuple[Any, ...] = ()
+        rendered: tuple[Any, ...] = ()  # streams, run and time of the last rendering
         while True:
             wanted, previews, state = self._wanted_previews(), self._current_previews(), self.state
-            at = (*wanted, self._run, state.get("t_ns"))
-            if not wanted or previews is None or "p" not in state or at == rendered_at:
+            due = (*wanted, self._run, state.get("t_ns"))
+            if not wanted or previews is None or "p" not in state or due == rendered:
                 return
-            rendered_at = at
+            rendered = due
             began = loop.time()
             try:
-                made = await loop.run_in_executor(self._threads, self._render, previews, wanted, state)
+                frames = await loop.run_in_executor(self._threads, self._render, previews, wanted, state)
             except HilError:
                 return  # the scene cannot be loaded; the run reports why
             if self.state and previews is self._previews:
-                self._store(made)
-                if self._run_link is None or not self._requested:  # otherwise it is sent with the run's next update
+                self._store(frames)
+                if self._run_link is None or not self._requested:  # else they are sent with the run's next update
                     await self._send_updates()
-            # The pause is four times the rendering, which then takes a fifth of a processor. A preview should not be
-            # much older than 0.1 s, however, so slow rendering may take half a processor.
+            # A pause of four times the rendering time uses a fifth of a processor. It is limited to 0.1 s, so that
+            # previews are not old; slow rendering then uses up to half a processor.
             took_s = loop.time() - began
             await asyncio.sleep(max(0.05, min(4.0 * took_s, 0.1), took_s))
 
@@ -306,7 +307,7 @@ def _encoded(payloads: dict[str, Any], classes: Classes | None) -> dict[str, Str
 
 
 def _lower_priority() -> None:
-    """Lower this thread's priority. On Linux that is per thread, so runs that this process starts do not inherit it."""
+    """Lower this thread's priority (Linux only, where runs that this process starts do not inherit it)."""
     if sys.platform == "linux":
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from hil.apps.dash.server.hub import Hub
 
-_LAST_BYTES = 4000  # of the run's standard error
+_ERROR_BYTES = 4000  # kept of the run's standard error
 _STOP_S = 10.0
 
 
@@ -22,7 +22,7 @@ class RunProcess:
         self._hub = hub
         self._process: asyncio.subprocess.Process | None = None
         self._task: asyncio.Task[None] | None = None
-        self._following: asyncio.Task[None] | None = None  # the hub following the run
+        self._following: asyncio.Task[None] | None = None  # of the hub's `follow`
 
     @property
     def running(self) -> bool:
@@ -35,7 +35,7 @@ class RunProcess:
             self._task = asyncio.get_running_loop().create_task(self._run(list(arguments)))
 
     async def exited(self) -> bool:
-        """Wait for the process of a finished run to exit, and return True. Return False at once if it still flies."""
+        """Wait for the process of a finished run to exit. Return True, or False at once if the run is not over."""
         if self._task is None or self._following is None or not self._following.done():
             return False
         await asyncio.wait([self._task])
@@ -79,9 +79,9 @@ class RunProcess:
         assert self._process.stderr is not None
         error_text = b""
         while piece := await self._process.stderr.read(4096):
-            error_text = (error_text + piece)[-_LAST_BYTES:]
+            error_text = (error_text + piece)[-_ERROR_BYTES:]
         status = await self._process.wait()
         await self._following
-        if hub.result is None:  # it failed before it could report a result
+        if hub.result is None:  # the run failed before it could report a result
             hub.message = error_text.decode(errors="replace").strip() or f"the run ended with status {status}"
         await hub.publish()

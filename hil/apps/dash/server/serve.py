@@ -1,4 +1,4 @@
-"""Runs the page's server: in `hil dash`, or as a process of its own beside `hil run --dash`."""
+"""Runs the page's server: within `hil dash`, or as a separate process for `hil run --dash`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hil.apps.dash.server.app import Dashboard
 from signals.errors import PortBusy, PortNotFound
 
 _LARGEST_SOCKET_MESSAGE = 65_536
-_LINGER_S = 2.0  # a page that reloads is away for a moment, but not closed
+_LINGER_S = 2.0  # wait for a page that is only being reloaded
 
 
 def open_port(host: str, port: int) -> socket.socket:
@@ -30,8 +30,8 @@ def open_port(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((str(address[0]), int(address[1])), family=family, backlog=64)
     except OSError as error:
-        why = error.strerror or str(error)
-        raise PortBusy(name, f"the dashboard cannot listen there ({why}); choose another with --port") from error
+        reason = error.strerror or str(error)
+        raise PortBusy(name, f"the dashboard cannot listen there ({reason}); choose another with --port") from error
 
 
 def new_token(host: str) -> str | None:
@@ -42,10 +42,10 @@ def new_token(host: str) -> str | None:
 def address_of(listening: socket.socket, token: str | None) -> str:
     """Return the address of the page for a browser, with the token."""
     host, port = listening.getsockname()[:2]
-    if host in ("0.0.0.0", "::"):  # noqa: S104 (every address of this machine: shown as its name)
+    if host in ("0.0.0.0", "::"):  # noqa: S104 (compared only)
         host = socket.gethostname()
-    shown = f"[{host}]" if ":" in host else host
-    return f"http://{shown}:{port}/" + ("" if token is None else f"?token={token}")
+    host_text = f"[{host}]" if ":" in host else host
+    return f"http://{host_text}:{port}/" + ("" if token is None else f"?token={token}")
 
 
 async def serve(
@@ -92,7 +92,7 @@ async def _follow(dashboard: Dashboard, run_link: socket.socket, server: uvicorn
 
 
 def main() -> int:
-    """Serve beside `hil run --dash`, on a listening socket and a link to the run that this process inherits."""
+    """Serve for `hil run --dash`, with a listening socket and a link to the run that this process inherits."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--listen-fd", type=int, required=True)
     parser.add_argument("--run-fd", type=int, required=True)

@@ -13,15 +13,15 @@ from signals.detections import Detections, words_of
 
 
 def view_streams(views: Mapping[str, View], wanted: Iterable[str], sent: dict[str, int]) -> dict[str, Any]:
-    """Return the newest map of each wanted stream that is not in `sent` (stream -> frame number) yet."""
-    made: dict[str, Any] = {}
+    """Return the newest map of each wanted stream unless it was sent. `sent` (stream -> frame number) is updated."""
+    payloads: dict[str, Any] = {}
     for stream in wanted:
         client = map_client(stream)
         view = None if client is None else views.get(client)
         if view is not None and sent.get(stream) != view.frame:
             sent[stream] = view.frame
-            made[stream] = view_payload(view)
-    return made
+            payloads[stream] = view_payload(view)
+    return payloads
 
 
 def view_payload(view: View) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def view_payload(view: View) -> dict[str, Any]:
 
 def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict[str, Any]:
     """Return stream -> {t_ns, boxes: [[x0, y0, x1, y1, text], ...]}; corners as fractions of the picture's size."""
-    found = {}
+    boxes = {}
     for stream in streams:
         newest = detected.get(stream)
         if newest is not None:
@@ -53,5 +53,5 @@ def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict
                 [d.box_px[0] / width, d.box_px[1] / height, d.box_px[2] / width, d.box_px[3] / height, words_of(d)]
                 for d in newest.boxes
             ]
-            found[stream] = {"t_ns": newest.t_capture_ns, "boxes": rows}
-    return found
+            boxes[stream] = {"t_ns": newest.t_capture_ns, "boxes": rows}
+    return boxes

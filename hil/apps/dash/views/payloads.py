@@ -1,4 +1,4 @@
-"""Stream payloads: samples of a run as small plain values, made only when a page requests them."""
+"""Stream payloads: samples of a run as small messages for a page, made only on request."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.dash.streams import CLOUD_PART
+from hil.apps.dash.streams import CLOUD_CHANNEL
 from signals.samples import FRAME_SAMPLES, FrameSample, ImageSample, PointCloudSample, RadarSample, Sample
 
 _MAX_WIDTH_PX = 320  # wider pictures are thinned before they leave the run
@@ -16,27 +16,27 @@ MAX_POINTS = 6000  # of a sweep
 
 
 def frame_streams(latest: Mapping[str, Sample], wanted: Iterable[str], sent: dict[str, int]) -> dict[str, Any]:
-    """Return the newest payload of each wanted stream that is not in `sent` (stream -> sequence number) yet."""
-    made: dict[str, Any] = {}
+    """Return the newest payload of each wanted stream unless it was sent. `sent` (stream -> seq) is updated."""
+    payloads: dict[str, Any] = {}
     for stream in wanted:
-        port, _, part = stream.rpartition("/")
+        port, _, channel = stream.rpartition("/")
         sample = latest.get(port)
         if not isinstance(sample, FRAME_SAMPLES) or sent.get(stream) == sample.seq:
             continue
-        payload = _payload(sample, part)
+        payload = _payload(sample, channel)
         if payload is not None:
             sent[stream] = sample.seq
-            made[stream] = {"t_ns": sample.t_capture_ns, "p": sample[3], "q": sample[4], **payload}
-    return made
+            payloads[stream] = {"t_ns": sample.t_capture_ns, "p": sample[3], "q": sample[4], **payload}
+    return payloads
 
 
-def _payload(sample: FrameSample, part: str) -> dict[str, Any] | None:
+def _payload(sample: FrameSample, channel: str) -> dict[str, Any] | None:
     if isinstance(sample, PointCloudSample):
-        if part != CLOUD_PART:
+        if channel != CLOUD_CHANNEL:
             return None
         step = -(-len(sample.points_L) // MAX_POINTS) or 1
         return {"points": sample.points_L[::step].tobytes()}
-    picture = sample.channels.get(part)
+    picture = sample.channels.get(channel)
     if picture is None:
         return None
     if picture.dtype.names is not None:
@@ -47,7 +47,7 @@ def _payload(sample: FrameSample, part: str) -> dict[str, Any] | None:
 
 
 def thinned(picture: NDArray[Any]) -> NDArray[Any]:
-    """Return the picture at most 320 pixels wide, with rows and columns left out evenly."""
+    """Return the picture at most 320 pixels wide, with every n-th row and column."""
     step = -(-picture.shape[1] // _MAX_WIDTH_PX)
     return picture[::step, ::step] if step > 1 else picture
 
@@ -73,10 +73,10 @@ def scalar_samples(latest: Mapping[str, Sample]) -> dict[str, dict[str, Any]]:
     return {port: sample._asdict() for port, sample in latest.items() if not isinstance(sample, FRAME_SAMPLES)}
 
 
-def shown_parts(sample_type: type, parts: Iterable[str]) -> list[str]:
-    """Return the parts of a sensor with this sample type that a page can show."""
+def shown_channels(sample_type: type, channels: Iterable[str]) -> list[str]:
+    """Return the channels of a sensor with this sample type that a page can show."""
     if sample_type is PointCloudSample:
-        return [CLOUD_PART]
+        return [CLOUD_CHANNEL]
     if sample_type in (ImageSample, RadarSample):
-        return [part for part in parts if part != "raw"]
+        return [channel for channel in channels if channel != "raw"]
     return []

@@ -1,4 +1,4 @@
-"""Encodes stream payloads for a browser: JPEG and PNG pictures, points as floats, tables of records."""
+"""Encodes stream payloads for a browser: pictures as JPEG or PNG, points as floats, records as JSON."""
 
 from __future__ import annotations
 

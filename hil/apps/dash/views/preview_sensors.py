@@ -1,7 +1,7 @@
 """Preview sensors of the page: a camera, a LiDAR and a radar at the vehicle's nose, without sensor errors.
 
-They are computed in the page's server from the newest pose, so they cost the run nothing and are no part of its digest.
-Only streams of open panes are computed, one frame at a time and as often as the processor allows.
+The page's server computes them from the newest pose, so they take no time of the run's thread and are not part of the
+digest. Only streams of open panes are computed, one frame at a time and as often as the processor allows.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.apps.dash.streams import CLOUD_PART, PREVIEW_PREFIX, PREVIEW_STREAMS
+from hil.apps.dash.streams import CLOUD_CHANNEL, PREVIEW_PREFIX, PREVIEW_STREAMS
 from hil.apps.dash.views.payloads import MAX_POINTS, frame_streams
 from signals.classes import Classes
 from signals.samples import TruthState
@@ -25,7 +25,7 @@ _NOSE_M = (0.15, 0.0, 0.02)
 
 
 class PreviewSensors:
-    """Sensors in the scene of one bench, each made on first use. Call `draw` from one thread at a time."""
+    """Sensors in the scene of one bench, each made on first use. `render` and `triangles` are thread-safe."""
 
     def __init__(self, bench_file: Path) -> None:
         self._bench_file = bench_file
@@ -47,32 +47,32 @@ class PreviewSensors:
 
         with self._lock:
             world = self._loaded().world
-            made = scene_triangles(world)
+            triangles = scene_triangles(world)
         self._actors = Actors(world)
-        return made
+        return triangles
 
     def places(self, t_ns: int) -> list[tuple[float, float, float, float]]:
-        """Return x, y, z [m, W] and yaw [rad] of people and vehicles; none before `triangles` was called."""
+        """Return x, y, z [m, W] and yaw [rad] of people and vehicles; empty before `triangles` was called."""
         return [] if self._actors is None else self._actors.places(t_ns)
 
     def render(self, wanted: list[str], p_WB: Any, q_WB: Any, t_ns: int) -> dict[str, Any]:
         """Return payloads as `hil.apps.dash.views.payloads` makes them, by stream."""
         zero = (0.0, 0.0, 0.0)
         truth = TruthState(t_ns // _STEP_NS, t_ns, tuple(p_WB), tuple(q_WB), zero, zero, zero, zero, (0.0,) * 4, False)
-        made: dict[str, Any] = {}
+        payloads: dict[str, Any] = {}
         with self._lock:
             self._loaded()
             self._seq += 1
             for name in ("camera", "lidar", "radar"):
                 port = f"{PREVIEW_PREFIX}/{name}"
-                parts = tuple(sorted(s.removeprefix(f"{port}/") for s in wanted if s.startswith(f"{port}/")))
-                if not parts or any(f"{port}/{part}" not in PREVIEW_STREAMS for part in parts):
+                channels = tuple(sorted(s.removeprefix(f"{port}/") for s in wanted if s.startswith(f"{port}/")))
+                if not channels or any(f"{port}/{channel}" not in PREVIEW_STREAMS for channel in channels):
                     continue
                 self._frames.expect(t_ns)
-                sample = self._sensor(name, parts).sample(truth, self._seq)
+                sample = self._sensor(name, channels).sample(truth, self._seq)
                 if sample is not None:
-                    made |= frame_streams({port: sample}, [f"{port}/{part}" for part in parts], {})
-        return made
+                    payloads |= frame_streams({port: sample}, [f"{port}/{channel}" for channel in channels], {})
+        return payloads
 
     def _loaded(self) -> Any:
         if self._frames is None:
@@ -84,34 +84,34 @@ class PreviewSensors:
             self._frames = SharedFrames(load_world(self._bench.scene))
         return self._frames
 
-    def _sensor(self, name: str, parts: tuple[str, ...]) -> Any:
-        key = (name, parts)
+    def _sensor(self, name: str, channels: tuple[str, ...]) -> Any:
+        key = (name, channels)
         if key not in self._sensors:
             from sim.sensors.catalog import make_sensor
             from sim.sensors.sensor import Installation
 
-            if len(self._sensors) > 8:  # drop those of panes that are closed again
+            if len(self._sensors) > 8:  # sensors of panes that were closed
                 self._sensors.clear()
             installation = Installation(
                 name, rate_hz=10.0, seed=1, scene=self._bench.scene, step_ns=_STEP_NS, frames=self._frames
             )
             mount = {"mount_m": _NOSE_M}
             if name == "camera":
-                camera = {"resolution": _SIZE, "fov_deg": _FOV_DEG, "channels": parts, "shadows": True}
+                camera = {"resolution": _SIZE, "fov_deg": _FOV_DEG, "channels": channels, "shadows": True}
                 self._sensors[key] = make_sensor(installation, kind="camera", overrides=camera | mount)
             elif name == "lidar":
-                assert parts == (CLOUD_PART,)
+                assert channels == (CLOUD_CHANNEL,)
                 self._sensors[key] = make_sensor(installation, preset="vlp16", overrides=_lidar())
             else:
-                outputs = {"outputs": parts, "processing": {"clutter": "none"}}
+                outputs = {"outputs": channels, "processing": {"clutter": "none"}}
                 self._sensors[key] = make_sensor(installation, preset="bgt60tr13c", overrides=outputs | mount)
         return self._sensors[key]
 
 
 def _lidar() -> dict[str, Any]:
-    """Return overrides for as many columns as the page shows points; casting all rays takes four times as long.
+    """Return overrides for only as many rays as the page shows points, which saves three quarters of the time.
 
-    The sweep is of one instant, since the page has one pose.
+    All rays have the same time, since the page has one pose.
     """
     from sim.sensors.presets import PRESETS
 

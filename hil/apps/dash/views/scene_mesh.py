@@ -15,15 +15,15 @@ from signals.rotation import yaw_of
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import rgb_texture, texels_of
 
-_MOST_TRIANGLES = 250_000  # 9 MB; beyond this the smallest objects are left out
+_MAX_TRIANGLES = 250_000  # beyond this the smallest objects are left out
 _GROUND_M = 600.0  # half an edge of an infinite plane
-_ROUND = 12  # sides of a cylinder
+_SIDES = 12  # of a cylinder
 _GEOM = mujoco.mjtGeom
 _Piece = tuple[float, NDArray[np.float32], NDArray[np.uint8]]  # size [m], corners, colour
 
 
 class Actors:
-    """Places of a scene's people and vehicles, each a rigid body here. In camera pictures their limbs move."""
+    """Positions and yaw of a scene's people and vehicles. The 3-D view shows each as a rigid body."""
 
     def __init__(self, world: Any) -> None:
         """`world`: sim.scene.world.World."""
@@ -32,29 +32,30 @@ class Actors:
 
     def places(self, t_ns: int) -> list[tuple[float, float, float, float]]:
         """Return x, y, z [m, W] and yaw [rad] of each."""
-        found = []
+        places = []
         for actor, arrays in zip(self._actors, self._arrays, strict=True):
             actor.pose(t_ns, *arrays)
             x, y, z = arrays[0][0].tolist()
             yaw = yaw_of(arrays[1][0].tolist())
-            found.append((round(x, 3), round(y, 3), round(z, 3), round(yaw, 4)))
-        return found
+            places.append((round(x, 3), round(y, 3), round(z, 3), round(yaw, 4)))
+        return places
 
 
 def into_frame(corners: NDArray[np.float32], place: tuple[float, float, float, float]) -> NDArray[np.float32]:
-    """Transform points from W to the frame of a place."""
+    """Transform points from W to the frame at `place`: x, y, z [m, W] and yaw [rad]."""
     x, y, z, yaw = place
     moved = corners - np.array((x, y, z), np.float32)
     cos, sin = math.cos(yaw), math.sin(yaw)
-    turn = np.array(((cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)), np.float32)
-    return np.asarray(moved @ turn.T, np.float32)
+    rotation = np.array(((cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)), np.float32)
+    return np.asarray(moved @ rotation.T, np.float32)
 
 
 def scene_triangles(world: Any) -> bytes:
-    """Encode a scene: the mesh of everything static, uint32 number of people and vehicles, then each of them.
+    """Encode a scene: the mesh of everything static, uint32 number of people and vehicles, then a moving mesh for each.
 
     A mesh is a uint32 count, then per corner three float32 [m] and four uint8 (red, green, blue, 255). The static mesh
-    is in W. A moving one is in its own frame, after its place at the start: four float32, x, y, z [m] and yaw [rad].
+    is in W. Before a moving mesh comes its place at the start, four float32: x, y, z [m] and yaw [rad]. The mesh is in
+    the frame of that place.
     `world`: sim.scene.world.World.
     """
     model = world.model
@@ -75,25 +76,25 @@ def scene_triangles(world: Any) -> bytes:
     kept, triangles = [], 0
     for piece in pieces:
         triangles += len(piece[1]) // 3
-        if triangles > _MOST_TRIANGLES:
+        if triangles > _MAX_TRIANGLES:
             break
         kept.append(piece)
-    made = [_packed(kept), struct.pack("<I", len(moving))]
-    for place, parts in zip(places, moving, strict=True):
-        own = [(size, into_frame(corners, place), colour) for size, corners, colour in parts]
-        made += [struct.pack("<4f", *place), _packed(own)]
-    return b"".join(made)
+    encoded = [_packed(kept), struct.pack("<I", len(moving))]
+    for place, actor_pieces in zip(places, moving, strict=True):
+        in_own_frame = [(size, into_frame(corners, place), colour) for size, corners, colour in actor_pieces]
+        encoded += [struct.pack("<4f", *place), _packed(in_own_frame)]
+    return b"".join(encoded)
 
 
-def _packed(kept: list[_Piece]) -> bytes:
-    count = sum(len(corners) for _, corners, _ in kept)
-    made = np.zeros(count, np.dtype([("at", "<f4", 3), ("colour", "u1", 4)]))
-    at = 0
-    for _, corners, colour in kept:
-        made["at"][at : at + len(corners)] = corners
-        made["colour"][at : at + len(corners)] = colour
-        at += len(corners)
-    return struct.pack("<I", count) + made.tobytes()
+def _packed(pieces: list[_Piece]) -> bytes:
+    count = sum(len(corners) for _, corners, _ in pieces)
+    mesh = np.zeros(count, np.dtype([("at", "<f4", 3), ("colour", "u1", 4)]))
+    start = 0
+    for _, corners, colour in pieces:
+        mesh["at"][start : start + len(corners)] = corners
+        mesh["colour"][start : start + len(corners)] = colour
+        start += len(corners)
+    return struct.pack("<I", count) + mesh.tobytes()
 
 
 def _corners(model: Any, geom: int) -> NDArray[Any] | None:
@@ -123,7 +124,7 @@ def _corners(model: Any, geom: int) -> NDArray[Any] | None:
 
 def _rings(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
     """Return points on circles about z, given as (radius, height)."""
-    angles = np.arange(_ROUND) * (2.0 * math.pi / _ROUND)
+    angles = np.arange(_SIDES) * (2.0 * math.pi / _SIDES)
     return np.array([(r * math.cos(angle), r * math.sin(angle), z) for r, z in outline for angle in angles])
 
 
@@ -138,7 +139,7 @@ def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _colour(model: Any, geom: int) -> NDArray[np.uint8]:
-    """Return a geom's colour: that of its material times the mean of its texture, else its own."""
+    """Return the colour of a geom: of its material times the mean of the texture, or else the geom's own."""
     material = int(model.geom_matid[geom])
     rgb = np.array(model.geom_rgba[geom][:3], np.float64)
     if material >= 0:
