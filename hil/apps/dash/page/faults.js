@@ -3,21 +3,21 @@
 import { options } from "/page/panes/tables.js";
 
 const COMPASS = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
-// Faults of a link: [kind, text, unit of its amount, first amount].
+// Faults of a link: [kind, text, unit of the amount, default amount].
 const AUTOPILOT_FAULTS = [["drop gps", "lose GPS messages", "%", 50], ["drop", "lose messages", "%", 10], ["corrupt", "damage messages", "%", 10],
-  ["duplicate", "double messages", "%", 10], ["delay", "delay (wall clock)", "ms", 20], ["stall", "hold back", "", 0], ["unplug", "unplug", "", 0]];
-const COMPANION_FAULTS = [["drop", "lose frames", "%", 20], ["delay", "answers come later", "ms", 200], ["unplug", "unplug", "", 0]];
+  ["duplicate", "double messages", "%", 10], ["delay", "delay (wall clock)", "ms", 20], ["stall", "hold back messages", "", 0], ["unplug", "unplug", "", 0]];
+const COMPANION_FAULTS = [["drop", "lose frames", "%", 20], ["delay", "delay answers", "ms", 200], ["unplug", "unplug", "", 0]];
 
 export class Faults {
   constructor(send) {
     this.send = send;
     this.links = [];
     for (const id of ["wind-speed", "wind-dir"]) {
-      $(id).oninput = () => this.wind();
-      $(id).onchange = () => send({ kind: "wind", velocity_W_mps: this.wind() });
+      $(id).oninput = () => this.chosenWind();
+      $(id).onchange = () => send({ kind: "wind", velocity_W_mps: this.chosenWind() });
     }
-    for (const one of document.querySelectorAll("[data-gust]")) one.onclick = () => {
-      const speed = Number(one.dataset.gust), rad = Number($("wind-dir").value) * Math.PI / 180;
+    for (const button of document.querySelectorAll("[data-gust]")) button.onclick = () => {
+      const speed = Number(button.dataset.gust), rad = Number($("wind-dir").value) * Math.PI / 180;
       this.inject({ velocity_W_mps: [speed * Math.cos(rad), speed * Math.sin(rad), 0], rise_s: 0.5, hold_s: 2, fall_s: 0.5 });
     };
     $("inject-rotor").onclick = () => {
@@ -27,8 +27,8 @@ export class Faults {
     };
     $("inject-sensor").onclick = () => this.inject({ kind: $("fault-sensor-kind").value,
       sensor: $("fault-sensor").value, for_s: Number($("fault-for").value) || 5 });
-    $("fault-link").onchange = () => this.kinds();
-    $("fault-link-kind").onchange = () => this.amount();
+    $("fault-link").onchange = () => this.showKinds();
+    $("fault-link-kind").onchange = () => this.showAmount();
     $("inject-link").onclick = () => this.breakLink();
   }
 
@@ -42,7 +42,7 @@ export class Faults {
     if (links.join() !== this.links.join()) {
       this.links = links;
       options($("fault-link"), links);
-      this.kinds();
+      this.showKinds();
     }
   }
 
@@ -53,39 +53,40 @@ export class Faults {
     if (Math.abs(speed - Number($("wind-speed").value)) < 0.26) return;
     $("wind-speed").value = speed;
     if (speed > 0) $("wind-dir").value = ((Math.atan2(velocity_W[1], velocity_W[0]) * 180 / Math.PI) + 360) % 360;
-    this.wind();
+    this.chosenWind();
   }
 
-  wind() {
+  // Show the chosen wind in words, and return it [m/s, in W].
+  chosenWind() {
     const speed = Number($("wind-speed").value), deg = Number($("wind-dir").value), rad = deg * Math.PI / 180;
     $("wind-text").textContent = `${speed} m/s`;
     $("wind-dir-text").textContent = `${COMPASS[Math.round(deg / 45) % 8]}`;
     return [speed * Math.cos(rad), speed * Math.sin(rad), 0].map((v) => Math.round(v * 1000) / 1000);
   }
 
-  table() { return $("fault-link").value === "autopilot" ? AUTOPILOT_FAULTS : COMPANION_FAULTS; }
+  kindTable() { return $("fault-link").value === "autopilot" ? AUTOPILOT_FAULTS : COMPANION_FAULTS; }
 
-  kinds() {
-    $("fault-link-kind").replaceChildren(...this.table().map(([kind, words]) => new Option(words, kind)));
-    this.amount();
+  showKinds() {
+    $("fault-link-kind").replaceChildren(...this.kindTable().map(([kind, words]) => new Option(words, kind)));
+    this.showAmount();
   }
 
-  amount() {
-    const [, , unit, first] = this.table().find(([kind]) => kind === $("fault-link-kind").value) ?? ["", "", "", 0];
+  showAmount() {
+    const [, , unit, defaultAmount] = this.kindTable().find(([kind]) => kind === $("fault-link-kind").value) ?? ["", "", "", 0];
     $("fault-link-unit").textContent = unit || "–";
     $("fault-link-much").disabled = !unit;
-    $("fault-link-much").value = first;
+    $("fault-link-much").value = defaultAmount;
     $("fault-link-much").max = unit === "%" ? 100 : 10000;
   }
 
   breakLink() {
-    const [kind, named] = $("fault-link-kind").value.split(" "), much = Number($("fault-link-much").value) || 0;
+    const [kind, messageType] = $("fault-link-kind").value.split(" "), amount = Number($("fault-link-much").value) || 0;
     const fault = { kind, link: $("fault-link").value, for_s: Number($("fault-link-for").value) || 5 };
-    const delayed = kind === "delay";
-    if (delayed) fault.delay_s = much / 1000;
-    if (["drop", "corrupt", "duplicate"].includes(kind)) fault.rate = much / 100;
-    if (delayed && fault.link === "autopilot") fault.rate = 1;
-    if (named) fault.messages = ["HIL_GPS"];
+    const isDelay = kind === "delay";
+    if (isDelay) fault.delay_s = amount / 1000;
+    if (["drop", "corrupt", "duplicate"].includes(kind)) fault.rate = amount / 100;
+    if (isDelay && fault.link === "autopilot") fault.rate = 1;
+    if (messageType) fault.messages = ["HIL_GPS"];
     this.inject(fault);
   }
 }

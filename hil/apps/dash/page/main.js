@@ -25,7 +25,7 @@ const charts = {
 };
 const view = new View3d($("view"), $("view-note"));
 let replay = null, running = false, stopping = false, about = {}, state = {}, slow = {}, run = -1, sceneOf = null;
-let trail = [], fresh = false;  // [t, x, y, z] of the flight so far; true while the charts still lack it
+let trail = [], fresh = false;  // [t, x, y, z] of the flight so far; fresh: true until the charts show it
 let maps = [];  // streams of the companions that publish a map
 
 // -- updates -------------------------------------------------------------------------------------------------------
@@ -41,7 +41,7 @@ function update(head, frames) {
     trail = slow.trail ?? [];
     if (fresh && trail.length) { fresh = false; if (!replay?.on) fillCharts(); }
   }
-  // Between two trails from the run, the updates extend it.
+  // Between two trails from the run, updates extend the trail.
   if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
   const error = head.result?.error;
   showMessage(head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
@@ -56,7 +56,7 @@ function update(head, frames) {
   for (const frame of frames) panes.show(frame);
 }
 
-// A page that is opened late draws altitude and speed so far from the trail.
+// Fill the charts of altitude and speed from the trail, for a page that is opened during a flight.
 function fillCharts() {
   charts.altitude.clear();
   charts.speed.clear();
@@ -82,17 +82,17 @@ function showRun() {
   showWorld(about);
 }
 
-function showWorld(of) {
-  if (of.rotor_positions) view.setVehicle(of.rotor_positions);
-  const plan = of.path?.length ? [of.home, ...of.path] : [];
+function showWorld(description) {
+  if (description.rotor_positions) view.setVehicle(description.rotor_positions);
+  const plan = description.path?.length ? [description.home, ...description.path] : [];
   view.setLine("plan", plan.flat(), { colour: "--plan" });
-  view.setLine("corners", (of.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
+  view.setLine("corners", (description.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("trail", [], { colour: "--trail" });
-  if (of.home && !replay.on) view.setPose(of.home, [1, 0, 0, 0]);
+  if (description.home && !replay.on) view.setPose(description.home, [1, 0, 0, 0]);
   maps = [];
   offerPanes();
-  faults.offer(of);
-  loadScene(of.out ?? "");
+  faults.offer(description);
+  loadScene(description.out ?? "");
 }
 
 function offerPanes() {
@@ -100,9 +100,9 @@ function offerPanes() {
   if (!replay.on) panes.offer([...streams, ...maps]);
 }
 
-async function loadScene(which) {
-  if (sceneOf === which) return;
-  sceneOf = which;
+async function loadScene(folder) {
+  if (sceneOf === folder) return;
+  sceneOf = folder;
   const answer = await fetch("/api/scene");
   if (answer.ok) view.setScene(await answer.arrayBuffer());
   else $("view-note").textContent = await answer.text();
@@ -122,13 +122,13 @@ function showState() {
 }
 
 function showVehicle(s, t) {
-  const turn = attitude(s.q);
-  drawHorizon($("horizon"), turn);
+  const angles = attitude(s.q);
+  drawHorizon($("horizon"), angles);
   $("clock").textContent = `${t.toFixed(2)} s`;
   const rows = [["altitude", `${number(s.p[2])} m`], ["east", `${number(s.p[0])} m`], ["north", `${number(s.p[1])} m`],
     ["ground speed", `${number(Math.hypot(s.v[0], s.v[1]))} m/s`], ["climb", `${number(s.v[2])} m/s`],
-    ["roll", `${number(turn.roll * 57.29578, 1)}°`], ["pitch", `${number(turn.pitch * 57.29578, 1)}°`]];
-  if (s.w) rows.push(["turning", `${number(57.29578 * Math.hypot(...s.w), 0)}°/s`]);
+    ["roll", `${number(angles.roll * 57.29578, 1)}°`], ["pitch", `${number(angles.pitch * 57.29578, 1)}°`]];
+  if (s.w) rows.push(["angular speed", `${number(57.29578 * Math.hypot(...s.w), 0)}°/s`]);
   if (s.contact) rows.push(["contact", "yes"]);
   if (s.wind) rows.push(["wind", `${number(Math.hypot(...s.wind), 1)} m/s`]);
   if (s.armed !== undefined) rows.push(["motors", s.armed ? "armed" : "disarmed"]);
@@ -143,16 +143,16 @@ function showVehicle(s, t) {
   const motors = $("motors");
   while (motors.children.length > s.controls.length) motors.lastChild.remove();
   s.controls.forEach((u, k) => {
-    let one = motors.children[k];
-    if (!one) {
-      one = document.createElement("div");
-      one.append(document.createElement("span"), document.createElement("meter"));
-      motors.append(one);
+    let motor = motors.children[k];
+    if (!motor) {
+      motor = document.createElement("div");
+      motor.append(document.createElement("span"), document.createElement("meter"));
+      motors.append(motor);
     }
-    one.firstChild.textContent = `${k}: ${number(100 * u, 0)} %`;
+    motor.firstChild.textContent = `${k}: ${number(100 * u, 0)} %`;
     const speed = s.rotors?.[k];
-    one.title = `command of motor ${k}` + (speed === undefined ? "" : `; it turns at ${number(speed * 9.549297, 0)} rpm`);
-    one.lastChild.value = u;
+    motor.title = `command of motor ${k}` + (speed === undefined ? "" : `; it turns at ${number(speed * 9.549297, 0)} rpm`);
+    motor.lastChild.value = u;
   });
 }
 
@@ -176,7 +176,7 @@ function showSlow() {
   }
   table($("sensors"), [], sensorRows(slow.sensors));
   const notes = [];
-  if (slow.own_us !== undefined) notes.push(`the bench's own part of a tick: ${number(slow.own_us, 0)} µs`);
+  if (slow.own_us !== undefined) notes.push(`time per tick in the bench itself: ${number(slow.own_us, 0)} µs`);
   if (slow.late_ticks) notes.push(`${slow.late_ticks} ticks began late`);
   if (slow.router) notes.push("router: " + Object.entries(slow.router).filter(([, count]) => count).map(([name, count]) => `${name.replaceAll("_", " ")} ${number(count)}`).join(", "));
   $("pace-note").textContent = notes.join("; ");
@@ -186,15 +186,15 @@ function showSlow() {
 function showStatus(result) {
   $("mission").textContent = about.rig === undefined ? "no run yet" : [state.phase, reachedOf(state)].filter(Boolean).join(", ");
   $("progress").value = result?.status === "PASS" ? 1 : state.waypoints ? state.reached / state.waypoints : 0;
-  const named = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
+  const runName = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
   if (running) {
     const now = stopping ? "stopping" : state.paused ? `paused at tick ${state.tick}` : (state.phase ?? "starting");
     setStatus(now, state.paused || stopping ? "warn" : "live");
     const speed = state.paused ? "" : `, ${number(state.speed, 1)} x real time`;
-    $("headline").textContent = named + speed + (state.altered ? ", altered by hand" : "");
+    $("headline").textContent = runName + speed + (state.altered ? ", altered by hand" : "");
   } else if (result) {
     setStatus(result.status, { PASS: "good", FAIL: "warn", ERROR: "bad" }[result.status]);
-    $("headline").textContent = `${named}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
+    $("headline").textContent = `${runName}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
     $("headline").title = result.digest;
   } else setStatus("no run", "");
   const chip = $("deadman"), held = running && (state.held || state.byHand);
@@ -226,8 +226,8 @@ function buttons() {
   $("resume").disabled = !running || !paused;
   $("stop").disabled = !running;
   $("reset").disabled = run < 1;
-  for (const one of document.querySelectorAll("[data-request], [data-gust], #inject-rotor, #inject-sensor, #inject-link, #wind-speed, #wind-dir"))
-    one.disabled = !running;
+  for (const control of document.querySelectorAll("[data-request], [data-gust], #inject-rotor, #inject-sensor, #inject-link, #wind-speed, #wind-dir"))
+    control.disabled = !running;
 }
 
 // -- commands ------------------------------------------------------------------------------------------------------
@@ -261,7 +261,7 @@ new Sticks({
   mode: () => $("take-mode").value,
   mayFly: () => running && !replay.on && !$("live").hidden,
   onTake: () => {
-    // A pilot cannot fly at twenty times real time.
+    // A pilot can only fly in real time.
     if (about.lockstep !== false && state.pace !== 1) { live.send({ kind: "pace", pace: 1 }); $("f-pace").value = "1"; }
   },
 }).bind($("requests"));
@@ -294,14 +294,14 @@ const runs = new Runs({ list: $("runs-table"), detail: $("run-detail"), compare:
 $("runs-refresh").onclick = () => runs.load();
 
 async function openReplay(name, summary, other = null) {
-  if (!(await replay.open(name, summary, other))) { showMessage(`${name}: its recording holds no flight`); return; }
+  if (!(await replay.open(name, summary, other))) { showMessage(`${name}: its recording has no flight`); return; }
   const { track, second } = replay;
   select("live");
   setStatus(`replay: ${summary.status}`, { PASS: "good", FAIL: "warn", ERROR: "bad" }[summary.status]);
   $("headline").textContent = `${name}, digest ${summary.digest.slice(0, 12)}`;
   $("mission").textContent = reachedOf(summary.mission);
   $("sensors-card").hidden = true;
-  table($("reports"), [], clientRows(Object.fromEntries(Object.entries(summary.companion?.clients ?? {}).map(([name, one]) => [name, one.report ?? {}]))));
+  table($("reports"), [], clientRows(Object.fromEntries(Object.entries(summary.companion?.clients ?? {}).map(([name, client]) => [name, client.report ?? {}]))));
   $("progress").value = summary.mission.waypoints ? summary.mission.reached / summary.mission.waypoints : 0;
   table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
     summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
@@ -313,7 +313,7 @@ async function openReplay(name, summary, other = null) {
   view.setLine("corners", track.path.flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
   if (second) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
-  const rotors = Math.max(1, track.controls.reduce((most, row) => Math.max(most, row.findLastIndex((u) => u > 0) + 1), 4));
+  const rotors = Math.max(1, track.controls.reduce((count, row) => Math.max(count, row.findLastIndex((u) => u > 0) + 1), 4));
   replay.rotors = rotors;
   const set = (chart, value) => {
     chart.clear();
@@ -340,7 +340,7 @@ function showReplay(k, t) {
   showMoment(t);
 }
 
-// Requests one moment at a time, then the one where the slider is by then.
+// Request one moment at a time. Afterwards, request the one at the slider if it has moved meanwhile.
 let momentWanted = null, momentBusy = false;
 async function showMoment(t) {
   momentWanted = t;
@@ -348,15 +348,15 @@ async function showMoment(t) {
   momentBusy = true;
   try {
     while (momentWanted !== null && replay.on) {
-      const at = momentWanted, streams = [...panes.open.keys()];
+      const moment = momentWanted, streams = [...panes.open.keys()];
       momentWanted = null;
-      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(at * NS)}&streams=${encodeURIComponent(streams.join())}`);
+      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(moment * NS)}&streams=${encodeURIComponent(streams.join())}`);
       if (!answer.ok || !replay.on) continue;
       const { head, frames } = parse(await answer.arrayBuffer());
       view.setActors(head.actors);
       panes.boxes = head.boxes;
       for (const frame of frames) await panes.show(frame);
-      for (const stream of streams) if (!frames.some((frame) => frame.stream === stream)) panes.none(stream);
+      for (const stream of streams) if (!frames.some((frame) => frame.stream === stream)) panes.showNone(stream);
       view.touch();
     }
   } finally { momentBusy = false; }
@@ -365,9 +365,9 @@ async function showMoment(t) {
 // -- tabs, theme, start --------------------------------------------------------------------------------------------
 
 function select(name) {
-  for (const one of ["live", "runs"]) {
-    $(one).hidden = one !== name;
-    $(`tab-${one}`).setAttribute("aria-selected", String(one === name));
+  for (const tab of ["live", "runs"]) {
+    $(tab).hidden = tab !== name;
+    $(`tab-${tab}`).setAttribute("aria-selected", String(tab === name));
   }
   if (name === "runs") runs.load();
   live.watch(name === "live" && !replay.on ? [...panes.open.keys()] : []);
@@ -382,8 +382,8 @@ function theme(name) {
   panes.redraw();
   for (const chart of Object.values(charts)) chart.draw();
 }
-const chosen = localStorage.getItem("theme");
-theme(chosen ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+const savedTheme = localStorage.getItem("theme");
+theme(savedTheme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 $("theme").onclick = () => {
   const next = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
   localStorage.setItem("theme", next);

@@ -1,4 +1,4 @@
-// Replay of a past run on the live page, with a slider for the time.
+// Replay of a past run on the live page, at the time of a slider.
 
 import { json } from "/page/runs.js";
 
@@ -7,7 +7,7 @@ export class Replay {
     Object.assign(this, { bar, slider, text, play, show, onClose });
     this.track = null;
     this.timer = null;
-    slider.oninput = () => this.at(Number(slider.value));
+    slider.oninput = () => this.showAt(Number(slider.value));
     play.onclick = () => (this.timer ? this.pause() : this.run());
     close.onclick = () => { this.pause(); this.track = null; bar.hidden = true; onClose(); };
   }
@@ -18,7 +18,7 @@ export class Replay {
   get on() { return this.track !== null; }
 
   async open(name, summary, other = null) {
-    const [track, second] = await Promise.all([name, other].map((one) => (one ? json(`/api/runs/${one}/track`) : null)));
+    const [track, second] = await Promise.all([name, other].map((run) => (run ? json(`/api/runs/${run}/track`) : null)));
     if (!track || !track.t.length) return false;
     Object.assign(this, { name, summary, track, second });
     this.bar.hidden = false;
@@ -28,9 +28,9 @@ export class Replay {
     return true;
   }
 
-  begin() { this.at(this.track.t[0]); }
+  begin() { this.showAt(this.track.t[0]); }
 
-  at(t) {
+  showAt(t) {
     const { track } = this;
     let low = 0, high = track.t.length - 1;
     while (low < high) {
@@ -49,7 +49,7 @@ export class Replay {
       const t = Math.min(Number(this.slider.max), Number(this.slider.value) + (now - last) / 1000);
       last = now;
       this.slider.value = t;
-      this.at(t);
+      this.showAt(t);
       if (t >= Number(this.slider.max)) this.pause(); else if (this.timer) this.timer = requestAnimationFrame(step);
     };
     this.timer = requestAnimationFrame(step);

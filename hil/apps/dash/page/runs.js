@@ -3,27 +3,27 @@
 import { Chart } from "/page/panes/charts.js";
 import { base, cell, number, reachedOf, table } from "/page/panes/tables.js";
 
-const MARK = { PASS: "good", FAIL: "warned", ERROR: "bad" };
+const VERDICT_CLASS = { PASS: "good", FAIL: "warned", ERROR: "bad" };
 
 export class Runs {
   constructor({ list, detail, compare, onReplay }) {
     Object.assign(this, { list, detail, compare, onReplay });
-    this.ticked = new Set();
-    compare.onclick = () => this.showTwo([...this.ticked]);
+    this.selected = new Set();
+    compare.onclick = () => this.compareTwo([...this.selected]);
   }
 
   async load() {
     const answer = await fetch("/api/runs");
     if (!answer.ok) return;
     const runs = await answer.json();
-    this.ticked.clear();
+    this.selected.clear();
     this.compare.disabled = true;
     const head = document.createElement("tr");
     for (const text of ["", "run", "verdict", "rig", "scene", "mission", "seed", "simulated", "x real time", "digest"]) cell(head, text, { tag: "th" });
     const rows = runs.map((run) => this.row(run));
     const body = document.createElement("tbody");
     body.append(...rows);
-    if (!rows.length) cell(body.insertRow(), "no runs here yet: start one", { kind: "quiet" }).colSpan = 10;
+    if (!rows.length) cell(body.insertRow(), "there are no runs yet: start one on the tab Live", { kind: "quiet" }).colSpan = 10;
     const heads = document.createElement("thead");
     heads.append(head);
     this.list.replaceChildren(heads, body);
@@ -37,12 +37,12 @@ export class Runs {
     tick.setAttribute("aria-label", `compare ${run.name}`);
     tick.onclick = (event) => event.stopPropagation();
     tick.onchange = () => {
-      if (tick.checked) this.ticked.add(run.name); else this.ticked.delete(run.name);
-      this.compare.disabled = this.ticked.size !== 2;
+      if (tick.checked) this.selected.add(run.name); else this.selected.delete(run.name);
+      this.compare.disabled = this.selected.size !== 2;
     };
     cell(row, "").append(tick);
     cell(row, run.name, { kind: "mono" });
-    cell(row, run.error ? `${run.status} (${run.error})` : run.status, { kind: MARK[run.status] ?? "" });
+    cell(row, run.error ? `${run.status} (${run.error})` : run.status, { kind: VERDICT_CLASS[run.status] ?? "" });
     cell(row, base(run.rig)); cell(row, run.scene); cell(row, base(run.mission)); cell(row, String(run.seed ?? ""));
     cell(row, `${number(run.sim_s, 1)} s`, { kind: "num" });
     cell(row, number(run.realtime_factor, 1), { kind: "num" });
@@ -56,7 +56,7 @@ export class Runs {
     const summary = await json(`/api/runs/${run.name}/summary`);
     if (!summary) return;
     this.detail.hidden = false;
-    const parts = [heading(`${run.name}: ${summary.status}`, MARK[summary.status])];
+    const parts = [heading(`${run.name}: ${summary.status}`, VERDICT_CLASS[summary.status])];
     if (summary.error) parts.push(line(`${summary.error.type}: ${summary.error.message}`, "bad"));
     for (const reason of summary.verdict?.reasons ?? []) parts.push(line(reason, "warned"));
     parts.push(line(`digest ${summary.digest}${summary.deterministic ? "" : " (not deterministic)"}`, "mono digest"));
@@ -66,16 +66,16 @@ export class Runs {
     if (run.report) {
       const report = document.createElement("a");
       report.href = `/runs/${run.name}/report.html`; report.target = "_blank"; report.rel = "noopener";
-      report.textContent = "Report with its plots";
+      report.textContent = "Report with plots";
       buttons.append(report);
     }
     parts.push(buttons);
     const rows = summary.verdict?.rows ?? [];
     parts.push(line(reachedOf(summary.mission)));
     parts.push(tableOf(["measured", "value", "limit", "unit", ""],
-      rows.map((r) => [named(r.name), r.value ?? "–", r.limit ?? "not judged", r.unit, r.ok === false ? "missed" : ""])));
+      rows.map((r) => [measurementName(r.name), r.value ?? "–", r.limit ?? "not judged", r.unit, r.ok === false ? "missed" : ""])));
     if (summary.by_hand?.length) parts.push(heading("By hand"), tableOf(["before tick", "what", "alters the run"],
-      summary.by_hand.map((one) => [one.tick, one.what, one.alters ? "yes" : "no"])));
+      summary.by_hand.map((command) => [command.tick, command.what, command.alters ? "yes" : "no"])));
     if (run.recording) {
       const plot = document.createElement("div");
       plot.className = "charts";
@@ -87,28 +87,28 @@ export class Runs {
     this.detail.scrollIntoView({ block: "nearest" });
   }
 
-  async showTwo(names) {
+  async compareTwo(names) {
     const [a, b] = await Promise.all(names.map((name) => json(`/api/runs/${name}/summary`)));
     if (!a || !b) return;
     this.detail.hidden = false;
     const same = a.digest === b.digest;
     const rows = (a.verdict?.rows ?? []).map((r) => {
-      const other = (b.verdict?.rows ?? []).find((one) => one.name === r.name);
-      return [`${named(r.name)} [${r.unit}]`, r.value ?? "–", other?.value ?? "–",
+      const other = (b.verdict?.rows ?? []).find((row) => row.name === r.name);
+      return [`${measurementName(r.name)} [${r.unit}]`, r.value ?? "–", other?.value ?? "–",
         typeof r.value === "number" && typeof other?.value === "number" ? other.value - r.value : "–"];
     });
-    const of = (key) => [key.replaceAll("_", " "), a[key] ?? "–", b[key] ?? "–", ""].map((v) => (typeof v === "number" ? v : String(v)));
+    const rowOf = (key) => [key.replaceAll("_", " "), a[key] ?? "–", b[key] ?? "–", ""].map((v) => (typeof v === "number" ? v : String(v)));
     const plot = document.createElement("div");
     plot.className = "charts";
-    const apart = line("", "quiet");
+    const distance = line("", "quiet");
     const buttons = document.createElement("div");
     buttons.className = "row";
     buttons.append(button("Replay the first with the second", "replay", () => this.onReplay(names[0], a, names[1])));
-    this.detail.replaceChildren(heading("Two runs"), line(same ? "identical: the same digest" : "different digests", same ? "good" : "warned"), apart, buttons,
-      tableOf(["", names[0], names[1], "difference"], [of("status"), ["mission", reachedOf(a.mission), reachedOf(b.mission), ""], of("rig"), of("scene"), of("seed"), of("sim_s"), of("realtime_factor"), ...rows,
+    this.detail.replaceChildren(heading("Two runs"), line(same ? "identical: the same digest" : "different digests", same ? "good" : "warned"), distance, buttons,
+      tableOf(["", names[0], names[1], "difference"], [rowOf("status"), ["mission", reachedOf(a.mission), reachedOf(b.mission), ""], rowOf("rig"), rowOf("scene"), rowOf("seed"), rowOf("sim_s"), rowOf("realtime_factor"), ...rows,
         ["digest", a.digest.slice(0, 16), b.digest.slice(0, 16), ""]]), plot);
     const tracks = await this.plots(plot, names);
-    if (tracks.length === 2) apart.textContent = farthest(...tracks);
+    if (tracks.length === 2) distance.textContent = farthestText(...tracks);
     this.detail.scrollIntoView({ block: "nearest" });
   }
 
@@ -131,19 +131,19 @@ export class Runs {
 }
 
 // The greatest distance between two flights at equal times, in words.
-function farthest(a, b) {
-  let most = 0, at = 0, k = 0;
+function farthestText(a, b) {
+  let maxDistance = 0, maxTime = 0, k = 0;
   for (let i = 0; i < a.t.length; i++) {
     while (k + 1 < b.t.length && b.t[k + 1] <= a.t[i]) k++;
     if (b.t.length <= k || a.t[i] > b.t[b.t.length - 1]) break;
     const d = Math.hypot(...a.p[i].map((v, axis) => v - b.p[k][axis]));
-    if (d > most) { most = d; at = a.t[i]; }
+    if (d > maxDistance) { maxDistance = d; maxTime = a.t[i]; }
   }
-  return `farthest apart at equal times: ${most.toFixed(3)} m, at ${at.toFixed(1)} s (to the recording's spacing)`;
+  return `farthest apart at equal times: ${maxDistance.toFixed(3)} m, at ${maxTime.toFixed(1)} s (within the spacing of the recorded points)`;
 }
 
-// The name of a measurement without its unit, which has a column of its own.
-function named(name) { return name.replace(/_(m|mps|deg|s|us|ms)$/, "").replaceAll("_", " "); }
+// The name of a measurement without its unit, which has its own column.
+function measurementName(name) { return name.replace(/_(m|mps|deg|s|us|ms)$/, "").replaceAll("_", " "); }
 export async function json(url) { const answer = await fetch(url); return answer.ok ? answer.json() : null; }
 function heading(text, kind = "") { const made = document.createElement("h3"); made.textContent = text; made.className = kind; return made; }
 function line(text, kind = "") { const made = document.createElement("p"); made.textContent = text; made.className = kind; return made; }

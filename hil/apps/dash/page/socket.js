@@ -1,7 +1,7 @@
-// WebSocket to the page's server. Each update answers a request of this page, so nothing is queued anywhere.
+// WebSocket to the page's server. Each update answers a request of this page, so updates are not queued.
 
 const READER = new TextDecoder();
-const QUICK_MS = 40, LONGEST_PAUSE_MS = 500;
+const FAST_DRAW_MS = 40, MAX_PAUSE_MS = 500;
 
 export class LiveSocket {
   constructor(onUpdate, onLost) {
@@ -22,10 +22,10 @@ export class LiveSocket {
     };
     socket.onmessage = (event) => {
       const { head, frames } = parse(event.data);
-      const came = performance.now();
+      const receivedMs = performance.now();
       // A hidden page gets no animation frames, and so requests nothing.
       requestAnimationFrame(() => {
-        try { this.onUpdate(head, frames); } finally { requestAnimationFrame(() => this.requestNext(came)); }
+        try { this.onUpdate(head, frames); } finally { requestAnimationFrame(() => this.requestNext(receivedMs)); }
       });
     };
     socket.onclose = () => {
@@ -35,11 +35,11 @@ export class LiveSocket {
     };
   }
 
-  // By the second animation frame the update is on the screen. If drawing took long, the page waits as long again: the
-  // run often shares its machine with the browser.
-  requestNext(came) {
-    const extra = performance.now() - came - QUICK_MS;
-    if (extra > 0) setTimeout(() => this.next(), Math.min(extra, LONGEST_PAUSE_MS)); else this.next();
+  // Called in the second animation frame, when the update is on the screen. After slow drawing the page pauses, because
+  // the run is often on the browser's machine.
+  requestNext(receivedMs) {
+    const extra = performance.now() - receivedMs - FAST_DRAW_MS;
+    if (extra > 0) setTimeout(() => this.next(), Math.min(extra, MAX_PAUSE_MS)); else this.next();
   }
 
   next() { this.send({ kind: "next" }); }

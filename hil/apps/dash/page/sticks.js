@@ -1,15 +1,15 @@
-// Manual control: keys, a gamepad in this browser, or a finger on the pad. Sticks count only while the dead-man switch is
-// held; a page that loses the focus, is hidden or closed releases it.
+// Manual control by keys, a gamepad of this browser, or the dead-man pad on the page. Sticks are sent only while the
+// dead-man switch is held; a page that loses the focus, is hidden or closed releases it.
 
 import { css } from "/page/panes/charts.js";
 
 const PERIOD_MS = 50;
 const KEYS = { KeyW: ["throttle", 1], KeyS: ["throttle", -1], KeyA: ["yaw", -1], KeyD: ["yaw", 1],
   ArrowUp: ["pitch", 1], ArrowDown: ["pitch", -1], ArrowLeft: ["roll", -1], ArrowRight: ["roll", 1] };
-const DEAD_ZONE = 0.08, GENTLE = 0.5, REQUEST_MS = 300;
+const DEAD_ZONE = 0.08, KEY_DEFLECTION = 0.5, REQUEST_MS = 300;
 // An autopilot accepts a manual mode only after it has received stick positions.
-const TAKE_AFTER_MS = 250;
-const L1 = 4;
+const MODE_REQUEST_AFTER_MS = 250;
+const L1 = 4;  // index of the button
 
 export class Sticks {
   constructor({ pad, left, right, send, mode, mayFly, onTake }) {
@@ -43,51 +43,51 @@ export class Sticks {
   release() { this.down.clear(); this.finger = false; this.tick(); }
 
   bind(box) {
-    for (const one of box.querySelectorAll("[data-request]")) one.onclick = () => this.request(one.dataset.request);
+    for (const button of box.querySelectorAll("[data-request]")) button.onclick = () => this.request(button.dataset.request);
   }
 
-  // A button of the page: the switch counts as held while the request is sent.
+  // Send a request for a button of the page. The switch counts as held meanwhile.
   request(what) { this.requested = what; this.requestUntil = performance.now() + REQUEST_MS; this.tick(); }
 
   tick() {
     const requesting = performance.now() < this.requestUntil;
-    const gamepad = [...(navigator.getGamepads?.() ?? [])].find((one) => one && one.connected && one.mapping === "standard");
+    const gamepad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad && pad.connected && pad.mapping === "standard");
     const byPad = Boolean(gamepad && document.hasFocus() && gamepad.buttons[L1]?.pressed);
     const held = this.mayFly() && (this.down.has("Space") || this.finger || byPad);
     const axes = byPad ? padAxes(gamepad) : this.keyAxes();
     const began = held && !this.held;
     if (began) {
       this.onTake();
-      this.takeAt = performance.now() + TAKE_AFTER_MS;
+      this.modeRequestAt = performance.now() + MODE_REQUEST_AFTER_MS;
     }
-    const since = performance.now() - (this.takeAt ?? Infinity);
+    const sinceModeRequest = performance.now() - (this.modeRequestAt ?? Infinity);
     const wasActive = this.active;
     this.active = held || requesting;
     if (this.active) {
       const message = { kind: "sticks", held: true, axes: held ? axes : [0, 0, 0, 0] };
       if (requesting) message.ask = this.requested;
-      else if (held && since >= 0 && since < REQUEST_MS) message.ask = this.mode();
+      else if (held && sinceModeRequest >= 0 && sinceModeRequest < REQUEST_MS) message.ask = this.mode();
       this.send(message);
     } else if (wasActive) this.send({ kind: "sticks", held: false });
     if (held !== this.held) {
       this.held = held;
       this.pad.setAttribute("aria-pressed", String(held));
-      this.pad.textContent = held ? "flying by hand: release to stop" : "hold here, or the space bar, to fly";
+      this.pad.textContent = held ? "flying by hand: release to stop" : "hold this, or the space bar, to fly";
     }
     this.draw(held ? axes : [0, 0, 0, 0]);
   }
 
   keyAxes() {
-    const full = this.down.has("ShiftLeft") || this.down.has("ShiftRight") ? 1 : GENTLE;
+    const deflection = this.down.has("ShiftLeft") || this.down.has("ShiftRight") ? 1 : KEY_DEFLECTION;
     const out = { pitch: 0, roll: 0, throttle: 0, yaw: 0 };
-    for (const code of this.down) if (code in KEYS) out[KEYS[code][0]] += KEYS[code][1] * full;
+    for (const code of this.down) if (code in KEYS) out[KEYS[code][0]] += KEYS[code][1] * deflection;
     return [out.pitch, out.roll, out.throttle, out.yaw];
   }
 
   draw([pitch, roll, throttle, yaw]) {
-    const now = [pitch, roll, throttle, yaw, this.held, css("--ink")].join();
-    if (now === this.drawn) return;
-    this.drawn = now;
+    const state = [pitch, roll, throttle, yaw, this.held, css("--ink")].join();
+    if (state === this.drawnState) return;
+    this.drawnState = state;
     for (const [canvas, x, y] of [[this.left, yaw, throttle], [this.right, roll, pitch]]) {
       const g = canvas.getContext("2d"), n = canvas.width;
       g.clearRect(0, 0, n, n);
@@ -101,7 +101,7 @@ export class Sticks {
 }
 
 function padAxes(gamepad) {
-  const dead = (v) => (Math.abs(v) < DEAD_ZONE ? 0 : (v - Math.sign(v) * DEAD_ZONE) / (1 - DEAD_ZONE));
-  const [leftX, leftY, rightX, rightY] = gamepad.axes.map(dead);
+  const withDeadZone = (v) => (Math.abs(v) < DEAD_ZONE ? 0 : (v - Math.sign(v) * DEAD_ZONE) / (1 - DEAD_ZONE));
+  const [leftX, leftY, rightX, rightY] = gamepad.axes.map(withDeadZone);
   return [-rightY, rightX, -leftY, leftX];
 }

@@ -13,7 +13,7 @@ export function sized(canvas) {
 }
 
 export class Chart {
-  // `range`: [low, high] that is always visible.
+  // `range`: [low, high] that is always visible. `limit`: number of points, beyond which every second one is dropped.
   constructor(canvas, { range = [0, 1], limit = 1200 } = {}) {
     this.canvas = canvas;
     this.range = range;
@@ -28,7 +28,6 @@ export class Chart {
     if (last !== undefined && t <= last) return;
     this.t.push(t);
     this.rows.push(values);
-    // A long flight is thinned out, so that all of it stays visible.
     if (this.t.length > this.limit) {
       this.t = this.t.filter((_, k) => k % 2 === 0);
       this.rows = this.rows.filter((_, k) => k % 2 === 0);
@@ -59,19 +58,19 @@ export class Chart {
     g.textAlign = "right";
     g.textBaseline = "middle";
     for (let k = 0; k <= 2; k++) {
-      const v = low + (k / 2) * (high - low), at = y(v);
-      g.beginPath(); g.moveTo(left, at); g.lineTo(width - right, at); g.stroke();
-      g.fillText((Math.abs(high - low) < 5 ? v.toFixed(1) : v.toFixed(0)).replace(/^-(0(\.0)?)$/, "$1"), left - 4 * ratio, Math.min(Math.max(at, 6 * ratio), height - bottom));
+      const v = low + (k / 2) * (high - low), lineY = y(v);
+      g.beginPath(); g.moveTo(left, lineY); g.lineTo(width - right, lineY); g.stroke();
+      g.fillText((Math.abs(high - low) < 5 ? v.toFixed(1) : v.toFixed(0)).replace(/^-(0(\.0)?)$/, "$1"), left - 4 * ratio, Math.min(Math.max(lineY, 6 * ratio), height - bottom));
     }
     g.textBaseline = "bottom";
     g.textAlign = "left"; g.fillText(`${begin.toFixed(0)} s`, left, height);
     g.textAlign = "right"; g.fillText(`${end.toFixed(0)} s`, width - right, height);
-    sets.forEach(({ t, rows, dash }, which) => {
+    sets.forEach(({ t, rows, dash }, index) => {
       const columns = rows.length ? rows[rows.length - 1].length : 0;
       g.setLineDash(dash);
       g.lineWidth = 1.5 * ratio;
       for (let c = 0; c < columns; c++) {
-        g.strokeStyle = css(which ? "--other" : COLOURS[c % COLOURS.length]);
+        g.strokeStyle = css(index ? "--other" : COLOURS[c % COLOURS.length]);
         g.beginPath();
         let started = false;
         for (let k = 0; k < t.length; k++) {

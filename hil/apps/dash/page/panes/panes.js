@@ -5,7 +5,7 @@ import { drawMap, captionOf } from "/page/panes/maps.js";
 
 const PREVIEWS = { "view/camera/rgb": "camera", "view/camera/depth": "depth", "view/camera/segmentation": "classes",
   "view/lidar/points": "LiDAR", "view/radar/range_doppler": "radar map", "view/radar/points": "radar detections" };
-const REACH_M = 40, MAP = /^companion\/(.+)\/map$/;
+const CLOUD_RANGE_M = 40, DETECTION_RANGE_M = 20, MAP = /^companion\/(.+)\/map$/;
 
 export class Panes {
   // `flown`: the path flown so far, for maps.
@@ -23,13 +23,13 @@ export class Panes {
   offer(run, previews = Object.keys(PREVIEWS)) {
     const all = [...previews, ...run];
     if (all.join() === this.all.join() && all.length) return;
-    // Maps are opened at once.
+    // A new map is opened without a click.
     for (const stream of all) if (MAP.test(stream) && !this.all.includes(stream)) this.wanted.add(stream);
     this.all = all;
     this.chips.replaceChildren();
     for (const stream of this.all) {
       const chip = document.createElement("button");
-      chip.textContent = named(stream);
+      chip.textContent = titleOf(stream);
       chip.title = PREVIEWS[stream] ? "a preview computed for this page, without sensor errors" : MAP.test(stream) ? "map that the companion publishes" : "the run's own sensor";
       chip.dataset.stream = stream;
       chip.setAttribute("aria-pressed", String(this.wanted.has(stream)));
@@ -43,28 +43,28 @@ export class Panes {
   }
 
   arrange() {
-    const now = this.all.filter((stream) => this.wanted.has(stream));
+    const open = this.all.filter((stream) => this.wanted.has(stream));
     for (const chip of this.chips.children) chip.setAttribute("aria-pressed", String(this.wanted.has(chip.dataset.stream)));
-    for (const [stream, pane] of this.open) if (!now.includes(stream)) {
+    for (const [stream, pane] of this.open) if (!open.includes(stream)) {
       pane.remove();
       this.open.delete(stream);
       this.last.delete(stream);
       if (stream.endsWith("/points")) this.onCloud(stream, null);
       if (MAP.test(stream)) this.onMap(stream, null);
     }
-    for (const stream of now) if (!this.open.has(stream)) {
+    for (const stream of open) if (!this.open.has(stream)) {
       const pane = document.createElement("div");
       pane.className = "pane";
       pane.dataset.stream = stream;
       const canvas = document.createElement("canvas"), caption = document.createElement("p");
       canvas.width = 320; canvas.height = 240;
       caption.innerHTML = "<span></span><span class='quiet'>waiting</span>";
-      caption.firstChild.textContent = named(stream);
+      caption.firstChild.textContent = titleOf(stream);
       pane.append(canvas, caption);
       this.box.append(pane);
       this.open.set(stream, pane);
     }
-    this.onChange(now);
+    this.onChange(open);
   }
 
   // Draw again in the colours of another theme.
@@ -82,11 +82,11 @@ export class Panes {
       drawBoxes(canvas, this.boxes[frame.stream]?.boxes ?? []);
     } else if (frame.as === "points") {
       const points = new Float32Array(frame.data);
-      fromAbove(canvas, points);
+      drawCloud(canvas, points);
       this.onCloud(frame.stream, { points, at: [frame.p, frame.q] });
       note.textContent += `, ${points.length / 3} points`;
     } else if (frame.as === "records") {
-      detections(canvas, frame.records);
+      drawDetections(canvas, frame.records);
       note.textContent += `, ${frame.records.length} found`;
     } else if (frame.as === "map") {
       drawMap(canvas, frame, this.flown());
@@ -95,14 +95,14 @@ export class Panes {
     }
   }
 
-  // In a replay: no frame of this stream was recorded by then.
-  none(stream) {
+  // In a replay: no frame of this stream was recorded shortly before the moment.
+  showNone(stream) {
     const pane = this.open.get(stream);
-    if (pane) pane.lastChild.lastChild.textContent = "none yet";
+    if (pane) pane.lastChild.lastChild.textContent = "no frame at this time";
   }
 }
 
-function named(stream) { return PREVIEWS[stream] ?? stream.replace(MAP, "map of $1"); }
+function titleOf(stream) { return PREVIEWS[stream] ?? stream.replace(MAP, "map of $1"); }
 
 async function showPicture(canvas, blob) {
   const picture = await createImageBitmap(blob);
@@ -120,18 +120,18 @@ function drawBoxes(canvas, boxes) {
   for (const [x0, y0, x1, y1, words] of boxes) {
     g.strokeStyle = "#ffd400";
     g.strokeRect(x0 * width, y0 * height, (x1 - x0) * width, (y1 - y0) * height);
-    const wide = g.measureText(words).width, x = Math.max(0, Math.min(x0 * width, width - wide)), y = Math.max(10, y0 * height - 2);
-    g.fillStyle = "#000a"; g.fillRect(x, y - 9, wide + 2, 11);
+    const textWidth = g.measureText(words).width, x = Math.max(0, Math.min(x0 * width, width - textWidth)), y = Math.max(10, y0 * height - 2);
+    g.fillStyle = "#000a"; g.fillRect(x, y - 9, textWidth + 2, 11);
     g.fillStyle = "#fff"; g.fillText(words, x + 1, y);
   }
 }
 
-function ground(canvas, reach) {
+function polarGrid(canvas, range_m) {
   const ratio = sized(canvas), g = canvas.getContext("2d"), { width, height } = canvas;
   g.clearRect(0, 0, width, height);
-  const scale = Math.min(width, height) / (2 * reach), x = (left) => width / 2 - left * scale, y = (ahead) => height / 2 - ahead * scale;
+  const scale = Math.min(width, height) / (2 * range_m), x = (left) => width / 2 - left * scale, y = (ahead) => height / 2 - ahead * scale;
   g.strokeStyle = css("--line"); g.fillStyle = css("--quiet"); g.lineWidth = ratio; g.font = `${10 * ratio}px system-ui, sans-serif`;
-  for (let r = reach / 4; r <= reach; r += reach / 4) {
+  for (let r = range_m / 4; r <= range_m; r += range_m / 4) {
     g.beginPath(); g.arc(width / 2, height / 2, r * scale, 0, 7); g.stroke();
     g.fillText(`${r.toFixed(0)} m`, width / 2 + 3 * ratio, height / 2 - r * scale + 11 * ratio);
   }
@@ -141,20 +141,20 @@ function ground(canvas, reach) {
   return { g, x, y, ratio };
 }
 
-// Ahead is up. The colour shows the height, from blue below to red above.
-function fromAbove(canvas, points) {
-  const { g, x, y, ratio } = ground(canvas, REACH_M);
+// Top view of a point cloud, forward is up. The colour is the height, from blue (low) to red (high).
+function drawCloud(canvas, points) {
+  const { g, x, y, ratio } = polarGrid(canvas, CLOUD_RANGE_M);
   for (let k = 0; k + 2 < points.length; k += 3) {
-    const up = Math.max(0, Math.min(1, (points[k + 2] + 6) / 12));
-    g.fillStyle = `hsl(${220 - 220 * up} 75% 50%)`;
+    const height = Math.max(0, Math.min(1, (points[k + 2] + 6) / 12));
+    g.fillStyle = `hsl(${220 - 220 * height} 75% 50%)`;
     g.fillRect(x(points[k + 1]), y(points[k]), 1.6 * ratio, 1.6 * ratio);
   }
 }
 
-function detections(canvas, found) {
-  const { g, x, y, ratio } = ground(canvas, 20);
-  for (const one of found) {
-    const ahead = one.x_R ?? one.p_R?.[0] ?? 0, left = one.y_R ?? one.p_R?.[1] ?? 0, speed = one.speed_mps ?? 0;
+function drawDetections(canvas, records) {
+  const { g, x, y, ratio } = polarGrid(canvas, DETECTION_RANGE_M);
+  for (const record of records) {
+    const ahead = record.x_R ?? record.p_R?.[0] ?? 0, left = record.y_R ?? record.p_R?.[1] ?? 0, speed = record.speed_mps ?? 0;
     g.fillStyle = Math.abs(speed) < 0.2 ? css("--trail") : css("--bad");
     g.beginPath(); g.arc(x(left), y(ahead), 4 * ratio, 0, 7); g.fill();
     g.fillStyle = css("--ink");

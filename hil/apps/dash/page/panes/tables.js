@@ -39,11 +39,11 @@ export function reachedOf({ reached, waypoints }) { return waypoints ? `${reache
 
 // Fill a list. The selection is kept if the list still has it.
 export function options(select, values, { none = null, chosen = null } = {}) {
-  const before = chosen ?? select.value;
+  const selected = chosen ?? select.value;
   select.replaceChildren();
   if (none !== null) select.append(new Option(none, ""));
   for (const value of values) select.append(new Option(base(value), value));
-  if ([...select.options].some((option) => option.value === before)) select.value = before;
+  if ([...select.options].some((option) => option.value === selected)) select.value = selected;
 }
 
 const FIX = ["no GPS", "no fix", "2-D fix", "3-D fix", "DGPS", "RTK float", "RTK fixed"];
@@ -54,13 +54,13 @@ export function sensorRows(sensors) {
 }
 
 function valuesOf(s) {
-  const vector = (v, unit, digits = 2) => `${v.map((one) => number(one, digits)).join(", ")} ${unit}`;
+  const vector = (v, unit, digits = 2) => `${v.map((value) => number(value, digits)).join(", ")} ${unit}`;
   if (s.accel_mps2) return `${vector(s.accel_mps2, "m/s²")}; ${vector(s.gyro_radps, "rad/s")}`;
   if (s.field_tesla) return vector(s.field_tesla.map((v) => v * 1e6), "µT", 1);
   if (s.pressure_altitude_m !== undefined) return `${number(s.pressure_pa / 100, 2)} hPa, ${number(s.pressure_altitude_m)} m`;
   if (s.fix_type !== undefined)
     return `${FIX[s.fix_type] ?? s.fix_type}, ${s.satellites} satellites, ±${number(s.horizontal_accuracy_m)} m; ${s.latitude_deg?.toFixed(6)}°, ${s.longitude_deg?.toFixed(6)}°, ${number(s.altitude_m)} m`;
   if (s.flow_rad) return `${vector(s.flow_rad, "rad", 3)}, quality ${s.quality}`;
-  if (s.distance_m !== undefined) return s.quality ? `${number(s.distance_m)} m` : "nothing in reach";
+  if (s.distance_m !== undefined) return s.quality ? `${number(s.distance_m)} m` : "nothing in range";
   return "";
 }

@@ -33,12 +33,12 @@ export class View3d {
     this.lines = new Map();
     this.dirty = false;
     this.scene = null;
-    this.actors = [];  // people and vehicles, with the place of each: x, y, z, yaw
-    this.places = [];
+    this.actors = [];  // meshes of people and vehicles
+    this.places = [];  // place of each: x, y, z [m], yaw [rad]
     this.body = null;
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     this.gl = gl;
-    if (!gl) { note.textContent = "this browser shows no 3-D (WebGL 2 is off)"; return; }
+    if (!gl) { note.textContent = "no 3-D view: WebGL 2 is off in this browser"; return; }
     this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); location.reload(); });
@@ -59,7 +59,7 @@ export class View3d {
     const numbers = new DataView(buffer), actors = at + 4 <= buffer.byteLength ? numbers.getUint32(at, true) : 0;
     at += 4;
     for (let k = 0; k < actors; k++) {
-      this.places.push([0, 4, 8, 12].map((more) => numbers.getFloat32(at + more, true)));
+      this.places.push([0, 4, 8, 12].map((offset) => numbers.getFloat32(at + offset, true)));
       const corners = numbers.getUint32(at + 16, true);
       this.actors.push(meshOf(gl, this.mesh, new Uint8Array(buffer, at + 20, 16 * corners), corners));
       at += 20 + 16 * corners;
@@ -76,7 +76,7 @@ export class View3d {
     this.body = meshOf(this.gl, this.mesh, bytes, count);
   }
 
-  // `points`: flat x, y, z. `at`: [p, q] of the frame they are given in.
+  // `points`: flat list x, y, z. `at`: pose [p, q] of their frame; null: the world.
   setLine(name, points, { mode, colour, alpha = 1, size = 1, at = null } = {}) {
     const gl = this.gl;
     if (!gl) return;
@@ -145,7 +145,7 @@ export class View3d {
       const [x, y, z, yaw] = this.places[k];
       show(actor, pose([x, y, z], [Math.cos(yaw / 2), 0, 0, Math.sin(yaw / 2)]));
     });
-    // From afar the vehicle would be a dot, so it is never drawn smaller than a twentieth of the picture.
+    // The vehicle is enlarged with the distance, so that it stays visible from afar.
     if (this.vehicle && this.body) show(this.body, pose(this.vehicle.p, this.vehicle.q, Math.max(1, this.distance * 0.07)));
     gl.useProgram(this.line.program);
     gl.uniformMatrix4fv(this.line.screen, false, screen);
