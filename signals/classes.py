@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Classes(NamedTuple):
-    """Names and colours by class id; id 0 is nothing. Without colours, the program that draws chooses them."""
+    """Names and colours by class id; id 0 is nothing. If there are no colours, the viewer chooses them."""
 
     names: tuple[str, ...] = ()
     colours: tuple[tuple[int, int, int], ...] = ()  # sRGB, 0 to 255

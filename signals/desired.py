@@ -1,14 +1,14 @@
 """Desired state of the vehicle: the command of a companion computer, shared by codecs, pilot and bench.
 
-World frame W is ENU, body frame B is FLU, SI units. None is "not commanded". These may be combined:
+World frame W is ENU, body frame B is FLU, SI units. None means "not commanded". Allowed combinations:
 
     p_W, v_W, a_W       any of them, with yaw_rad or q_WB (only its heading counts) and yaw_rate_radps
-    q_WB, w_B           either or both, with thrust, and nothing of the line above
-    land                alone or with anything: the vehicle lands where it is
-    nothing             the vehicle stays
+    q_WB, w_B           either or both, with thrust, and without the values of the line above
+    land                alone or with any other value: the vehicle lands where it is
+    no value            the vehicle stays where it is
 
-A desired state holds for one instant. `extrapolated` gives it for a little later; `hold` forbids that. A position with
-a velocity may be followed by `ahead`, the path from there on, which lets a slow client keep the vehicle on its path.
+A desired state is for one instant. `extrapolated` continues it for a short time, unless `hold` is set. A position with
+a velocity may be followed by `ahead`, the path from there on, so that a slow client can keep the vehicle on its path.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from typing import NamedTuple
 from signals.samples import Quat, Vec3
 
 _LENGTHS = {"p_W": 3, "v_W": 3, "a_W": 3, "q_WB": 4, "w_B": 3}
-_PATH = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")  # excluded by a thrust
+_PATH = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")  # not allowed with a thrust
 _NUMBERS = ("yaw_rad", "yaw_rate_radps", "thrust")
 # Accepts unit quaternions in single precision or with a few digits.
 _NORM_TOLERANCE = 1e-3
 
 
-MOST_KNOTS = 32
-LONGEST_AHEAD_S = 5.0
-LEAST_STEP_S = 1e-3  # from knot to knot; the equations divide by its square
-LONGEST_EXTRAPOLATION_S = 0.5  # longest extrapolation without a path ahead; rates older than this mean nothing
+MAX_KNOTS = 32
+MAX_AHEAD_S = 5.0
+MIN_STEP_S = 1e-3  # from knot to knot; the equations divide by its square
+MAX_EXTRAPOLATION_S = 0.5  # without a path ahead; older rates mean nothing
 
 
 class Knot(NamedTuple):
@@ -54,10 +54,10 @@ class DesiredState:
     yaw_rad: float | None = None  # heading, from east, counter-clockwise
     yaw_rate_radps: float | None = None  # counter-clockwise
     q_WB: Quat | None = None  # attitude, w-x-y-z; normalised
-    thrust: float | None = None  # collective, 0 to 1 of what the vehicle has
+    thrust: float | None = None  # collective thrust as a share of the vehicle's maximum, 0 to 1
     w_B: Vec3 | None = None  # angular velocity [rad/s]
     land: bool = False
-    hold: bool = False  # valid unchanged until the next one: no extrapolation
+    hold: bool = False  # no extrapolation: valid unchanged until the next desired state
     ahead: tuple[Knot, ...] = ()  # the path after p_W and v_W, in order of time
 
     def __post_init__(self) -> None:
@@ -98,28 +98,27 @@ class DesiredState:
             return
         if self.p_W is None or self.v_W is None:
             raise ValueError("ahead without p_W and v_W: a path begins somewhere")
-        if len(self.ahead) > MOST_KNOTS:
-            raise ValueError(f"ahead has {len(self.ahead)} knots; {MOST_KNOTS} are the most")
-        knots, before_s = [], 0.0
+        if len(self.ahead) > MAX_KNOTS:
+            raise ValueError(f"ahead has {len(self.ahead)} knots; {MAX_KNOTS} are the most")
+        knots, previous_s = [], 0.0
         for dt_s, p_W, v_W in self.ahead:
             (dt_s,) = _finite("ahead", (dt_s,), 1)
-            if not before_s + LEAST_STEP_S <= dt_s <= LONGEST_AHEAD_S:
+            if not previous_s + MIN_STEP_S <= dt_s <= MAX_AHEAD_S:
                 raise ValueError(
-                    f"ahead: {dt_s:g} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, "
-                    f"by {LEAST_STEP_S:g} s at least"
+                    f"ahead: {dt_s:g} s; times rise from 0 to {MAX_AHEAD_S:g} s at most, by {MIN_STEP_S:g} s at least"
                 )
-            before_s = dt_s
+            previous_s = dt_s
             knots.append(Knot(dt_s, _finite("ahead", p_W, 3), _finite("ahead", v_W, 3)))  # type: ignore[arg-type]
         object.__setattr__(self, "ahead", tuple(knots))
 
     @property
     def moves(self) -> bool:
-        """True if it commands a path or an attitude; otherwise the vehicle stays where it is."""
+        """True if a path or an attitude is commanded; otherwise the vehicle stays where it is."""
         return not (self.p_W is None and self.v_W is None and self.a_W is None and self.thrust is None)
 
     @property
     def changes(self) -> bool:
-        """True if it holds rates of change, so that `extrapolated` returns another state."""
+        """True if rates of change are commanded, so that `extrapolated` returns another state."""
         moving = self.v_W is not None and (self.p_W is not None or self.a_W is not None)
         return moving or (self.yaw_rad is not None and self.yaw_rate_radps is not None)
 
@@ -135,7 +134,7 @@ def extrapolated(desired: DesiredState, dt_s: float) -> DesiredState:
     """
     p_W, v_W, a_W, yaw_rad = desired.p_W, desired.v_W, desired.a_W, desired.yaw_rad
     last_s = desired.ahead[-1].dt_s if desired.ahead else 0.0
-    dt_s = min(dt_s, max(last_s, LONGEST_EXTRAPOLATION_S))
+    dt_s = min(dt_s, max(last_s, MAX_EXTRAPOLATION_S))
     if desired.ahead and p_W is not None and v_W is not None:
         p_W, v_W, a_W = _on_path(Knot(0.0, p_W, v_W), desired.ahead, dt_s)
     elif v_W is not None:
@@ -150,7 +149,7 @@ def extrapolated(desired: DesiredState, dt_s: float) -> DesiredState:
 
 
 def _on_path(begin: Knot, ahead: Sequence[Knot], dt_s: float) -> tuple[Vec3, Vec3, Vec3]:
-    """Return position, velocity, acceleration. With h the time between two knots and s the share of it that has passed:
+    """Return position, velocity, acceleration. With h the time between two knots and s the elapsed share of h:
 
     p = p0 + h v0 s + (3 d - 2 h v0 - h v1) s^2 + (h v0 + h v1 - 2 d) s^3      d = p1 - p0
     """

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from signals.samples import Vec3
 
-MOST_BOXES = 128  # of one picture
-MOST_OBJECTS = 256  # that a companion reports
-LONGEST_LABEL = 64
+MAX_BOXES = 128  # in one picture
+MAX_OBJECTS = 256  # that a companion reports
+MAX_LABEL_LENGTH = 64
 
 Box = tuple[float, float, float, float]
 
@@ -43,7 +43,7 @@ class FoundObject(NamedTuple):
 
 @dataclass(frozen=True)
 class Detections:
-    """Detections in one picture. `objects`: all found so far; None: unchanged since the last message."""
+    """Detections in one picture. `objects` are all objects found so far; None if unchanged since the last message."""
 
     topic: str  # of the picture
     t_capture_ns: int
@@ -52,11 +52,11 @@ class Detections:
     objects: tuple[FoundObject, ...] | None = None
 
 
-def words_of(found: Detection) -> str:
+def detection_text(detection: Detection) -> str:
     """Return the label drawn beside a box: class, score, range, speed."""
-    words = f"{found.label} {found.score:.2f}"
-    if found.range_m is not None:
-        words += f", {found.range_m:.1f} m"
-    if found.radial_speed_mps is not None:
-        words += f", {found.radial_speed_mps:+.1f} m/s"
-    return words
+    text = f"{detection.label} {detection.score:.2f}"
+    if detection.range_m is not None:
+        text += f", {detection.range_m:.1f} m"
+    if detection.radial_speed_mps is not None:
+        text += f", {detection.radial_speed_mps:+.1f} m/s"
+    return text

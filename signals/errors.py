@@ -4,8 +4,8 @@ Exit status of the command line: 2 for `ConfigError`, 3 for every other `HilErro
 A vehicle that misses its limits is not an error but a FAIL, exit status 1.
 
 A new sensor, link or part raises one of these: `ConfigError` for mistakes in a user's file, with a `Problem` for each
-(the pydantic model of a sensor's parameters makes them); a `LinkError` for a connection; `RecordingError` for files of
-a run. Arguments that only a program can get wrong raise ValueError or TypeError.
+(for a sensor's parameters the pydantic model makes them); a `LinkError` for a connection; `RecordingError` for files of
+a run. ValueError and TypeError are for mistakes of a caller in the program.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ class HilError(Exception):
 class Problem:
     """One mistake in a user's file.
 
-    `where` is 'file:line' or 'file', `message` starts with the name of the value or the verb, `hint` says what to do.
+    `where` is 'file:line' or 'file'; `message` starts with the name of the value, or with the verb; `hint` says what to
+    do.
     """
 
     where: str
@@ -33,7 +34,7 @@ class Problem:
 
 
 class ConfigError(HilError):
-    """Mistakes in the user's files: all that were found, not only the first."""
+    """All mistakes found in the user's files."""
 
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = problems

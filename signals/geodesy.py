@@ -6,9 +6,9 @@ Exact ellipsoidal maps, no flat-Earth approximation:
     ECEF   = ((N + h) cos phi cos lam, (N + h) cos phi sin lam, (N (1 - e2) + h) sin phi)
     ENU    = R(phi0, lam0) (ECEF - ECEF0)
 
-The inverse starts with Bowring's latitude (Survey Review 23, 1976) and refines it by a fixed number of iterations,
-so that no stopping rule decides the result; the error is below 1e-11 rad for heights within 50 km. The elementary
-functions are those of `signals._kernel`: the same bits on every machine.
+The inverse starts with Bowring's latitude (Survey Review 23, 1976) and refines it by a fixed number of iterations; the
+error is below 1e-11 rad for heights within 50 km. The elementary functions are those of `signals._kernel`, which give
+the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _BOWRING_STEPS = 3
 
 
 def ecef_from_geodetic(latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vec3:
-    """Return the ECEF position [m] of a geodetic one; altitude above the ellipsoid."""
+    """Return the ECEF position [m] of a geodetic position; the altitude is above the ellipsoid."""
     phi, lam = latitude_deg * RAD_PER_DEG, longitude_deg * RAD_PER_DEG
     sin_phi, cos_phi = det_sin(phi), det_cos(phi)
     normal = SEMI_MAJOR_M / math.sqrt(1.0 - E2 * sin_phi * sin_phi)
@@ -43,7 +43,7 @@ def geodetic_from_ecef(p: Vec3) -> tuple[float, float, float]:
     """Return (latitude_deg, longitude_deg, altitude_m above the ellipsoid) of an ECEF position [m], not at a pole."""
     x, y, z = p
     r = math.sqrt(x * x + y * y)
-    # Parametric latitude by its tangent, so that no step needs another arc tangent.
+    # Iterates the tangent of the parametric latitude, so that no step needs an arc tangent.
     tan_beta = z * SEMI_MAJOR_M / (r * SEMI_MINOR_M)
     sin_phi = cos_phi = 0.0
     for _ in range(_BOWRING_STEPS):
@@ -55,13 +55,13 @@ def geodetic_from_ecef(p: Vec3) -> tuple[float, float, float]:
         sin_phi, cos_phi = up / length, out / length
         tan_beta = (1.0 - FLATTENING) * up / out
     root = math.sqrt(1.0 - E2 * sin_phi * sin_phi)
-    # This form of the height divides by no cosine or sine, which may vanish.
+    # This form of the height has no division by a cosine or sine, which may be 0.
     altitude_m = r * cos_phi + z * sin_phi - SEMI_MAJOR_M * root
     return (det_atan2(sin_phi, cos_phi) * DEG_PER_RAD, det_atan2(y, x) * DEG_PER_RAD, altitude_m)
 
 
 class Site(Protocol):
-    """A place on Earth; altitude above the ellipsoid."""
+    """A position on Earth; the altitude is above the ellipsoid."""
 
     @property
     def latitude_deg(self) -> float: ...

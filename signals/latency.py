@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-_LONGEST_NS = 2**63 - 1
+_MAX_NS = 2**63 - 1
 _SUB_BITS = 5  # 32 bins per factor of two: a quantile is within 1/32 = 3 % of the true value
 
 
@@ -22,11 +22,11 @@ class LatencyHistogram:
         self.max_ns = 0
 
     def add(self, duration_ns: int) -> None:
-        """Count one duration, limited to 0 .. 2^63 - 1: a clock that is set back gives negative ones."""
+        """Count one duration, limited to 0 .. 2^63 - 1; it is negative if the clock was set back."""
         if duration_ns < 0:
             duration_ns = 0
-        elif duration_ns > _LONGEST_NS:
-            duration_ns = _LONGEST_NS
+        elif duration_ns > _MAX_NS:
+            duration_ns = _MAX_NS
         shift = duration_ns.bit_length() - 1 - _SUB_BITS
         if shift > 0:
             self._bins[(shift << _SUB_BITS) + (duration_ns >> shift)] += 1

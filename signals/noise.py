@@ -2,9 +2,9 @@
 
 A draw is a pure function of (seed, stream name, sample index, lane): Philox4x64-10 (Salmon et al., "Parallel
 random numbers: as easy as 1, 2, 3", SC 2011) gives 64 uniform bits, and the inverse normal distribution function
-(Wichura, algorithm AS 241, Applied Statistics 37, 1988; relative accuracy about 1e-16) turns them into a normal.
-So adding, skipping or reordering one sensor never changes another's noise, and sample 10,000 can be drawn without the
-9,999 before it.
+(Wichura, algorithm AS 241, Applied Statistics 37, 1988; relative accuracy about 1e-16) turns them into a normal number.
+Adding, skipping or reordering one sensor therefore never changes the noise of another, and sample 10,000 can be drawn
+without the 9,999 before it.
 
 numpy's own `Generator.normal` is not used: its ziggurat calls the C library's exp and log1p, whose last bit
 depends on the CPU. The native generator (native/noise_stream.hpp) uses only + - * / sqrt, comparisons and integer
@@ -52,7 +52,7 @@ class NoiseStream:
 
     def uniform_block(self, block: int) -> NDArray[np.float64]:
         """Return the uniforms on (0, 1) of samples [block*256, (block+1)*256), shape (256, lanes)."""
-        # Counter word 2 holds the block, words 0-1 run within it: blocks never overlap.
+        # Counter word 2 is the block and words 0-1 count within the block, so blocks never overlap.
         key = np.array(self._key, np.uint64)
         bits = np.random.Philox(key=key, counter=[0, 0, block, 0]).random_raw(_BLOCK * self.lanes)
         # 52 bits and half a step: never 0, never 1, and 1 - p is exact.

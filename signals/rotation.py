@@ -57,7 +57,7 @@ def applied(R: Rotation, v: Vec3) -> Vec3:
     return (R[0] * x + R[1] * y + R[2] * z, R[3] * x + R[4] * y + R[5] * z, R[6] * x + R[7] * y + R[8] * z)
 
 
-def upright_of(q_WB: Quat) -> float:
+def cos_tilt_of(q_WB: Quat) -> float:
     """Return the cosine of the tilt: the z component in W of the z axis of B."""
     return 1.0 - 2.0 * (q_WB[1] * q_WB[1] + q_WB[2] * q_WB[2])
 

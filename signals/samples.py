@@ -3,9 +3,9 @@
 World frame W is ENU (east, north, up), body frame B is FLU (forward, left, up), SI units. Every field is annotated with
 its unit and, where it has one, its frame ("B->W": rotates B into W); `SAMPLE_FIELDS` holds them as a table.
 
-Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable, and impossible to alias. Frames
-(`ImageSample`, `PointCloudSample`, `RadarSample`) carry numpy arrays instead: each sample owns its arrays, shares them
-with no other sample, and they are read-only. Two frames are equal if all their bytes are.
+Samples are NamedTuples of plain floats: cheap to make 250 times a second, hashable and immutable. Frames
+(`ImageSample`, `PointCloudSample`, `RadarSample`) hold numpy arrays instead, which are read-only and shared with no
+other sample. Two frames are equal if all their bytes are equal.
 
 To add a sample type, write a NamedTuple that begins with `seq`, `t_capture_ns` and `t_available_ns`, annotate every
 field with its unit and frame, and add the type to `Sample` (one with arrays to `FrameSample` and `FRAME_SAMPLES`). A
@@ -193,7 +193,7 @@ FRAME_SAMPLES = (ImageSample, PointCloudSample, RadarSample)
 
 
 def arrays_of(sample: FrameSample) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield every array of a frame by name, in the order of its digest: fields in order, channels sorted."""
+    """Yield name and array of every array of a frame in the order of the digest: fields in order, channels sorted."""
     if isinstance(sample, ImageSample | RadarSample):
         for name in sorted(sample.channels):
             yield name, sample.channels[name]
@@ -204,7 +204,7 @@ def arrays_of(sample: FrameSample) -> Iterator[tuple[str, NDArray[Any]]]:
 
 
 def same_frame(a: object, b: object) -> bool:
-    """Return True if two frames are equal, arrays by their bytes: a NaN equals the same NaN, and 0.0 is not -0.0."""
+    """Return True if two frames are equal, arrays by their bytes: NaN equals NaN, 0.0 differs from -0.0."""
     if type(a) is not type(b) or not isinstance(a, FRAME_SAMPLES) or not isinstance(b, FRAME_SAMPLES):
         return False
     if tuple(a[:5]) != tuple(b[:5]):
@@ -244,11 +244,11 @@ RADAR_UNITS: dict[str, tuple[str, str]] = {
 
 def _units_and_frames(sample_type: Any) -> dict[str, tuple[str, str]]:
     """Return field -> (unit, frame), read from the annotations."""
-    found = {}
+    fields = {}
     for name, hint in get_type_hints(sample_type, include_extras=True).items():
         unit, *frame = hint.__metadata__
-        found[name] = (unit, frame[0] if frame else "-")
-    return found
+        fields[name] = (unit, frame[0] if frame else "-")
+    return fields
 
 
 # Every type that may flow between stages: field -> (unit, frame); frame "-" if none applies.

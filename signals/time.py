@@ -1,4 +1,4 @@
-"""Integer time. Every instant is an `int` of nanoseconds since the start of the run; no code adds floats to make time.
+"""Integer time. Every instant is an `int` of nanoseconds since the start of the run; times are never sums of floats.
 
 A rate that does not divide the tick is kept exact on average by `RateAccumulator`: an event of a 100 Hz sensor
 on a 250 Hz tick falls on ticks 0, 3, 5, 8, 10, ... (period 2.5 ticks), never on a drifting timer.
@@ -24,10 +24,10 @@ def is_due(tick: int, *, event_mhz: int, tick_mhz: int) -> bool:
 
 
 class RateAccumulator:
-    """Finds the ticks on which an event of a given rate is due, exactly on average and without drift.
+    """Schedule of the ticks on which an event of a given rate is due, exact on average and without drift.
 
-    By tick k, floor(k * num / den) + 1 events should have happened, with num/den = rate_event/rate_tick in lowest
-    terms; an event is due whenever this count grows.
+    By tick k, floor(k * event_mhz / tick_mhz) + 1 events should have happened; an event is due whenever this count
+    grows.
 
     Rates are in millihertz, so that 0.5 Hz and 29.97 Hz are integers.
     """

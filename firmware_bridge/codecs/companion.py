@@ -27,7 +27,7 @@ from firmware_bridge.codecs.companion_detections import detections_from_map
 from firmware_bridge.codecs.companion_view import View, view_from_map
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.untrusted import number, shown, whole
-from signals.desired import MOST_KNOTS, DesiredState, Knot
+from signals.desired import MAX_KNOTS, DesiredState, Knot
 from signals.detections import Detections
 from signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSample
 
@@ -111,8 +111,8 @@ def desired_map(desired: DesiredState) -> dict[str, Any]:
 
 
 def _knots(values: object) -> tuple[Knot, ...]:
-    if type(values) is not list or len(values) > MOST_KNOTS:
-        raise CodecError(f"desired.ahead: {shown(values)}; expected a list of at most {MOST_KNOTS} knots")
+    if type(values) is not list or len(values) > MAX_KNOTS:
+        raise CodecError(f"desired.ahead: {shown(values)}; expected a list of at most {MAX_KNOTS} knots")
     knots = []
     for i, knot in enumerate(values):
         if type(knot) is not list or len(knot) != 3:

@@ -12,11 +12,11 @@ from typing import Any
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.untrusted import number, shown, whole
-from signals.detections import LONGEST_LABEL, MOST_BOXES, MOST_OBJECTS, Detection, Detections, FoundObject
+from signals.detections import MAX_BOXES, MAX_LABEL_LENGTH, MAX_OBJECTS, Detection, Detections, FoundObject
 from signals.samples import Vec3
 
 KEYS = ("topic", "t_capture_ns", "size_px", "boxes", "objects")
-_LABEL = re.compile(rf"[A-Za-z0-9_ .-]{{1,{LONGEST_LABEL}}}")
+_LABEL = re.compile(rf"[A-Za-z0-9_ .-]{{1,{MAX_LABEL_LENGTH}}}")
 _LARGEST = 1e6  # m, m/s, pixels
 _MOST_PIXELS = 65_536  # across
 _MOST_TIME_NS = 2**62
@@ -36,7 +36,7 @@ def detections_from_map(values: object) -> Detections:
     if type(size) is not list or len(size) != 2:
         raise CodecError(f"detections.size_px: {shown(size)}; expected width and height")
     width, height = (_whole("size_px", n, 1, _MOST_PIXELS) for n in size)
-    boxes = _rows("boxes", values.get("boxes"), 9, MOST_BOXES)
+    boxes = _rows("boxes", values.get("boxes"), 9, MAX_BOXES)
     objects = values.get("objects")
     return Detections(
         topic,
@@ -86,7 +86,7 @@ def _box(place: str, row: list[Any]) -> Detection:
 
 def _objects(values: object) -> tuple[FoundObject, ...]:
     found = []
-    for i, row in enumerate(_rows("objects", values, 7, MOST_OBJECTS)):
+    for i, row in enumerate(_rows("objects", values, 7, MAX_OBJECTS)):
         place = f"objects[{i}]"
         sigma_m = _number(place, row[6])
         if sigma_m < 0.0:
@@ -118,7 +118,9 @@ def _rows(name: str, values: object, length: int, most: int) -> list[list[Any]]:
 
 def _label(place: str, value: object) -> str:
     if type(value) is not str or not _LABEL.fullmatch(value):
-        raise CodecError(f"detections.{place}: {shown(value)} is not a label of 1 to {LONGEST_LABEL} plain characters")
+        raise CodecError(
+            f"detections.{place}: {shown(value)} is not a label of 1 to {MAX_LABEL_LENGTH} plain characters"
+        )
     return value
 
 

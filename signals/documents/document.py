@@ -36,12 +36,12 @@ class Document:
         return self.source
 
     def marks(self, place: Place) -> bool:
-        """Return True if the document itself holds a value at this place."""
+        """Return True if the document contains a value at this place, with its line."""
         return place in self.lines
 
 
 def shown_path(path: Path) -> str:
-    """Return `path` as a person at this working directory would write it."""
+    """Return `path` relative to the working directory if it lies in it, else unchanged."""
     try:
         return path.resolve().relative_to(Path.cwd()).as_posix()
     except (ValueError, OSError, RuntimeError):  # outside it; no working directory; symbolic links in a circle

@@ -1,4 +1,4 @@
-"""Strict JSON that keeps line numbers: duplicate keys are an error, and places are found on demand."""
+"""Strict JSON with line numbers, which are determined when a message needs them. Duplicate keys are an error."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from signals.documents.document import Document, Place, read_text, shown_path
 from signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 64_000_000
-_MAX_TWICE = 20  # duplicate keys that are located, each by a pass over the whole text
+_MAX_DUPLICATES = 20  # duplicate keys that are located, each by a pass over the whole text
 _LEXEME = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|[^\s{}\[\],:"]+')
 
 
@@ -44,10 +44,10 @@ def _places(text: str) -> Iterator[tuple[Place, int]]:
     place: list[str | int] = []
     in_object: list[bool] = []
     expect_key = False
-    line, seen = 1, 0
+    line, counted_to = 1, 0
     for match in _LEXEME.finditer(text):
-        line += text.count("\n", seen, match.start())
-        seen = match.start()
+        line += text.count("\n", counted_to, match.start())
+        counted_to = match.start()
         lexeme = match.group()
         if lexeme in ",:":
             if lexeme == "," and in_object:
@@ -102,17 +102,20 @@ def parse_json(text: str, source: str) -> Document:
         raise ConfigError([Problem(source, f"is not valid JSON: {error}")]) from None
     document = Document(source, data, _Lines(text))
     if duplicates:
-        raise ConfigError([_twice(text, source, key) for key in list(dict.fromkeys(duplicates))[:_MAX_TWICE]])
+        raise ConfigError(
+            [_duplicate_problem(text, source, key) for key in list(dict.fromkeys(duplicates))[:_MAX_DUPLICATES]]
+        )
     return document
 
 
-def _twice(text: str, source: str, key: str) -> Problem:
-    """Name the second of two equal keys."""
-    first: dict[Place, int] = {}
+def _duplicate_problem(text: str, source: str, key: str) -> Problem:
+    """Return the problem at the second of two equal keys."""
+    first_line: dict[Place, int] = {}
     for place, line in _places(text):
-        if place and place[-1] == key and place in first:
-            return Problem(f"{source}:{line}", f"{key!r} is given twice", f"the first one is on line {first[place]}")
-        first[place] = line
+        if place and place[-1] == key and place in first_line:
+            hint = f"the first one is on line {first_line[place]}"
+            return Problem(f"{source}:{line}", f"{key!r} is given twice", hint)
+        first_line[place] = line
     return Problem(source, f"{key!r} is given twice")
 
 

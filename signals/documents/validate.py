@@ -1,7 +1,7 @@
-"""Checks the data of a file against a pydantic model, and reports all problems at once in plain words.
+"""Validation of a file's data by a pydantic model, with messages in plain words for all problems.
 
-The data are read in pydantic's strict JSON mode: "1" is no number, 1 is not true, a whole number may stand for a real
-one, a list may stand for a tuple. NaN and infinity are always refused.
+The data are read in pydantic's strict JSON mode: "1" is no number, 1 is not true, a whole number is accepted as a real
+number, a list as a tuple. NaN and infinity are always refused.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from signals.documents.document import Document, Place
 from signals.documents.yaml_lines import dotted, read_yaml
 from signals.errors import ConfigError, Problem
 
-MAX_HINTS = 50  # problems of one check that get the nearest legal word as a hint
-MAX_WORD = 100  # characters of a word that are compared
-MAX_KNOWN = 2000  # legal words that it is compared with
+MAX_HINTS = 50  # problems of one validation that get the nearest legal word as a hint
+MAX_WORD = 100  # characters of a word that are compared with legal words
+MAX_KNOWN = 2000  # legal words that a word is compared with
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -52,7 +52,7 @@ class Section(StrictModel):
 
 
 class Located(Protocol):
-    """Source of data that knows where each place was written."""
+    """Source of data that knows the file and line of each place."""
 
     def where(self, place: Place) -> str: ...
 
@@ -89,10 +89,10 @@ def load_model(path: Path, model: type[Model]) -> tuple[Model, Document]:
 def validate(
     model: type[Model], data: Any, located: Located, *, below: Place = ()
 ) -> tuple[Model | None, list[Problem]]:
-    """Build `model` from `data`, which is at place `below` of `located`.
+    """Build `model` from `data`, which is at place `below` of `located`; return the model and all problems.
 
-    Returns the model and no problems; or every problem, with a model of the data without the wrong values (None if that
-    is not possible). Such a repaired model serves only to find further problems.
+    If there are problems, the model is built without the wrong values (None if that is not possible), and serves only
+    to find further problems.
     """
     if not isinstance(data, dict):
         return None, [_problem(located, below, f"must be a mapping of keys, not {shown(data)}")]
@@ -103,10 +103,10 @@ def validate(
         message = f"must be a finite number{f' in{unit}' if unit else ''}, not {value}"
         problems.append(_problem(located, below + place, message))
         _remove(data, place)
-    built, found, wrong = _attempt(model, data, located, below)
-    problems += found
-    if built is None and wrong:
-        for place in sorted(wrong, key=len, reverse=True):
+    built, new_problems, wrong_places = _attempt(model, data, located, below)
+    problems += new_problems
+    if built is None and wrong_places:
+        for place in sorted(wrong_places, key=len, reverse=True):
             _remove(data, place)
         built, _, _ = _attempt(model, data, located, below)
     return built, problems
@@ -119,18 +119,18 @@ def _attempt(
         return model.model_validate_json(json.dumps(data), strict=True), [], []
     except ValidationError as error:
         problems: dict[str, Problem] = {}
-        wrong: list[Place] = []
+        wrong_places: list[Place] = []
         for item in error.errors(include_url=False):
             kind = item["type"]
             place = _place(item["loc"], data, last=kind == "missing")
             if kind != "missing":
-                wrong.append(place)
+                wrong_places.append(place)
             if kind == "extra_forbidden" and len(problems) >= MAX_HINTS:
                 problem = _problem(located, below + place, "unknown key", colon=True)
             else:
                 problem = _translate(model, data, item, place, located, below)
             problems.setdefault(str(problem), problem)
-        return None, list(problems.values()), [p for p in wrong if p]
+        return None, list(problems.values()), [p for p in wrong_places if p]
 
 
 def _place(loc: tuple[int | str, ...], data: Any, *, last: bool) -> Place:
@@ -220,12 +220,12 @@ def _problem(located: Located, place: Place, message: str, hint: str = "", *, co
 
 
 def at(located: Located, place: Place, message: str, hint: str = "") -> Problem:
-    """Return a problem at a place, worded as in this module: `message` starts with the verb."""
+    """Return a problem at a place; `message` starts with the verb, as in this module."""
     return _problem(located, place, message, hint)
 
 
 def shown(value: Any) -> str:
-    """Return a value as written in the file, shortened."""
+    """Return a value as text for a message, shortened."""
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, list):

@@ -1,8 +1,8 @@
-"""Strict YAML that keeps line numbers.
+"""Strict YAML with line numbers.
 
-Scalars follow the YAML 1.2 core schema, which avoids the surprises of YAML 1.1: `on`, `yes` and `no` are text, `1:30`
-is text and not 90, `010` is ten, `1e3` is a number, dates are text. A duplicate key in a mapping is an error, and so is
-a key that is not text. Anchors, aliases and `<<` merges work.
+Scalars follow the YAML 1.2 core schema, not YAML 1.1: `on`, `yes` and `no` are text, `1:30` is text and not 90, `010`
+is ten, `1e3` is a number, dates are text. Duplicate keys and keys that are not text are errors. Anchors, aliases and
+`<<` merges work.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _float(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
 
 
 def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
-    # Readers fold the line breaks of Unicode unless they are escaped, which only this style does.
+    # Only the style '"' escapes the line breaks of Unicode; readers change them if they are not escaped.
     style = '"' if any(char in value for char in "\x85\u2028\u2029") else None
     return dumper.represent_scalar(_STR, value, style=style)
 
@@ -101,7 +101,7 @@ def _scalar(tag: str, text: str) -> Any:
 
 
 class _Builder:
-    """Builds plain data from a tree of YAML nodes; collects lines and problems."""
+    """Builder of plain data from a tree of YAML nodes; it collects lines and problems."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -151,7 +151,7 @@ class _Builder:
             self.problem(node, f"the tag {_short(node.tag)} is not understood")
         first_line: dict[str, int] = {}
         merged: list[yaml.Node] = []
-        own: list[tuple[str, yaml.Node, yaml.Node]] = []
+        own_entries: list[tuple[str, yaml.Node, yaml.Node]] = []
         for key_node, value_node in node.value:
             if key_node.tag == _MERGE:
                 merged += value_node.value if isinstance(value_node, yaml.SequenceNode) else [value_node]
@@ -172,10 +172,10 @@ class _Builder:
                 )
                 continue
             first_line[key] = key_node.start_mark.line + 1
-            own.append((key, key_node, value_node))
+            own_entries.append((key, key_node, value_node))
         result: dict[str, Any] = {}
         # Own keys first, then merges from left to right: the first one wins, by the definition of YAML's merge type.
-        for key, key_node, value_node in own:
+        for key, key_node, value_node in own_entries:
             self.lines[(*place, key)] = key_node.start_mark.line + 1
             result[key] = self.build(value_node, (*place, key))
         for other in merged:
@@ -187,8 +187,9 @@ class _Builder:
             for key, value in (extra.build(other, place) or {}).items():
                 if key not in result:
                     result[key] = value
-                    deep = (*place, key)
-                    self.lines.update({p: n for p, n in extra.lines.items() if p[: len(deep)] == deep})
+                    merged_place = (*place, key)
+                    lines = {p: n for p, n in extra.lines.items() if p[: len(merged_place)] == merged_place}
+                    self.lines.update(lines)
             self._values = extra._values
             self.problems += extra.problems
         return result

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 from signals._kernel import det_cos, rotate_into_body
 from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream
-from signals.rotation import upright_of
+from signals.rotation import cos_tilt_of
 from signals.samples import FlowSample, TruthState
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
@@ -87,7 +87,7 @@ class OpticalFlow(InstalledSensor):
         vx, vy, _ = rotate_into_body(truth.q_WB, truth.v_WB_W)
         rx, ry, rz = p.mount_m
         vx, vy = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz
-        upright = upright_of(truth.q_WB)
+        upright = cos_tilt_of(truth.q_WB)
         in_range = p.min_distance_m <= true_m <= p.max_distance_m and true_m > 0.0
         # Out of range there is no flow; the rotation alone keeps the next trapezoid finite.
         fx, fy = (wx + vy / true_m, wy - vx / true_m) if in_range else (wx, wy)

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from signals._kernel import det_cos
 from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream, normal_from_uniform
-from signals.rotation import upright_of
+from signals.rotation import cos_tilt_of
 from signals.samples import RangeSample, TruthState
 from signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
@@ -70,7 +70,7 @@ class RangeFinder(InstalledSensor):
         n, drop = self._white.normal(seq)
         true_m = self._range.distance_m(truth)
         sigma = max(p.noise_m, p.relative_noise * true_m)
-        upright = upright_of(truth.q_WB)
+        upright = cos_tilt_of(truth.q_WB)
         distance = math.floor((true_m * self._scale + sigma * n) / p.resolution_m + 0.5) * p.resolution_m
         seen = (
             true_m >= 0.0

@@ -19,7 +19,7 @@ from typing import Any
 from hil.run.recorder.mcap.cdr import Layout, schema_text
 from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords
 from hil.run.recorder.mcap.topics import WORLD
-from signals.detections import Detection, Detections, words_of
+from signals.detections import Detection, Detections, detection_text
 from signals.samples import Vec3
 from signals.time import NS_PER_S
 
@@ -141,7 +141,7 @@ def _overlay_layout(detections: Detections, channel: int) -> Layout:
         outline, label = f"points[{i}]", f"texts[{i}]"
         x0, y0, x1, y1 = found.box_px
         lengths |= {f"{outline}.points": 4, f"{outline}.outline_colors": 0}
-        strings[f"{label}.text"] = words_of(found)
+        strings[f"{label}.text"] = detection_text(found)
         for at in (outline, label):
             values |= {f"{at}.timestamp.sec": seconds, f"{at}.timestamp.nanosec": nanoseconds}
         for k, (x, y) in enumerate(((x0, y0), (x1, y0), (x1, y1), (x0, y1))):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hil.run.recorder.frame_series import DATATYPES
 from hil.run.recorder.reading import RecordedMessage
-from signals.detections import MOST_BOXES, Detection, Detections
+from signals.detections import MAX_BOXES, Detection, Detections
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 from sim.radar.chirp import Chirp
@@ -103,7 +103,7 @@ def detections(message: RecordedMessage) -> Detections:
     """Return the boxes of a hil_msgs/Detections, without the list of objects."""
     v = message.decode()
     boxes = []
-    for at in (f"detections[{i}]" for i in range(MOST_BOXES)):
+    for at in (f"detections[{i}]" for i in range(MAX_BOXES)):
         if f"{at}.label" not in v:
             break
         x0, y0, x1, y1 = (float(v[f"{at}.box_px[{k}]"]) for k in range(4))

@@ -28,7 +28,7 @@ from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation, Script
 from hil.config.schema import Limits
 from hil.run.verdict.verdict import AIRBORNE_M, Measurements, Row, Verdict, judge
-from signals.rotation import norm, upright_of
+from signals.rotation import cos_tilt_of, norm
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 
@@ -116,7 +116,7 @@ class _Window:
 
 
 def _tilt_deg(truth: TruthState, origin: Vec3) -> float:  # noqa: ARG001
-    return math.degrees(math.acos(max(-1.0, min(1.0, upright_of(truth.q_WB)))))
+    return math.degrees(math.acos(max(-1.0, min(1.0, cos_tilt_of(truth.q_WB)))))
 
 
 def _horizontal_m(truth: TruthState, origin: Vec3) -> float:

@@ -34,7 +34,7 @@ from typing import Literal
 from hil.config.missions.path import Leg, LegKind, waypoint_legs
 from hil.config.schema import Limits
 from signals.documents.validate import unit_of
-from signals.rotation import upright_of
+from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 
 REACH_MARGIN_M = 1.0
@@ -150,7 +150,7 @@ class FlightMeasurement:
                 self._touched = False
                 self._min_upright = None
         if self._touched:
-            upright = upright_of(truth.q_WB)
+            upright = cos_tilt_of(truth.q_WB)
             if self._min_upright is None or not upright >= self._min_upright:
                 self._min_upright = upright
         if self._airborne and self._waypoint < len(self._fly_legs):

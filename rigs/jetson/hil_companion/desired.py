@@ -14,7 +14,7 @@ from hil_companion.errors import CutError
 
 UNIT_NORM_TOLERANCE = 1e-3
 FLAGS = ("land", "hold")
-MOST_KNOTS, LONGEST_AHEAD_S, LEAST_STEP_S = 32, 5.0, 1e-3
+MAX_KNOTS, MAX_AHEAD_S, MIN_STEP_S = 32, 5.0, 1e-3
 LARGEST = 1e9  # m, m/s, ...: the bench's limit, far beyond any command
 
 
@@ -63,15 +63,15 @@ class Desired:
             raise CutError("desired ahead: for each knot a time, a position and a velocity are needed") from None
         if given and (self.p_W is None or self.v_W is None):
             raise CutError("desired ahead without p_W and v_W: both are needed as its first point")
-        if len(given) > MOST_KNOTS:
-            raise CutError(f"desired ahead: {len(given)} knots; {MOST_KNOTS} are the most")
+        if len(given) > MAX_KNOTS:
+            raise CutError(f"desired ahead: {len(given)} knots; {MAX_KNOTS} are the most")
         before_s = 0.0
         for at_s, p_W, v_W in given:
             dt_s = _number("ahead", at_s)
-            if dt_s is None or not before_s + LEAST_STEP_S <= dt_s <= LONGEST_AHEAD_S:
+            if dt_s is None or not before_s + MIN_STEP_S <= dt_s <= MAX_AHEAD_S:
                 raise CutError(
-                    f"desired ahead: {at_s} s; times rise from 0 to {LONGEST_AHEAD_S:g} s at most, "
-                    f"by {LEAST_STEP_S:g} s at least"
+                    f"desired ahead: {at_s} s; times rise from 0 to {MAX_AHEAD_S:g} s at most, "
+                    f"by {MIN_STEP_S:g} s at least"
                 )
             if p_W is None or v_W is None:
                 raise CutError("desired ahead: for each knot a time, a position and a velocity are needed")

@@ -13,7 +13,7 @@ from typing import Any, Sequence
 
 from hil_companion.errors import CutError
 
-MOST_BOXES, MOST_OBJECTS, LONGEST_LABEL = 128, 256, 64
+MAX_BOXES, MAX_OBJECTS, MAX_LABEL_LENGTH = 128, 256, 64
 _LARGEST = 1e6
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_ .-]+")
 
@@ -49,7 +49,7 @@ class Detections:
             raise CutError(f"detections: {error}") from None
 
     def _map(self) -> dict[str, Any]:
-        boxes = sorted(self.boxes, key=lambda d: -d.score)[:MOST_BOXES]
+        boxes = sorted(self.boxes, key=lambda d: -d.score)[:MAX_BOXES]
         rows = [
             [
                 _label(d.label),
@@ -71,7 +71,7 @@ class Detections:
 
 
 def _objects(objects: Sequence[Found]) -> list[list[Any]]:
-    newest = sorted(objects, key=lambda one: (-one.t_ns, one.number))[:MOST_OBJECTS]
+    newest = sorted(objects, key=lambda one: (-one.t_ns, one.number))[:MAX_OBJECTS]
     return [
         [
             int(one.number),
@@ -87,7 +87,7 @@ def _objects(objects: Sequence[Found]) -> list[list[Any]]:
 
 
 def _label(label: Any) -> str:
-    plain = _NOT_PLAIN.sub("-", str(label))[:LONGEST_LABEL]
+    plain = _NOT_PLAIN.sub("-", str(label))[:MAX_LABEL_LENGTH]
     if not plain:
         raise CutError("detections: a label must not be empty")
     return plain

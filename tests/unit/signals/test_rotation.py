@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from signals._kernel import quaternion_of_axes, roll_pitch_yaw, rotate_into_body, rotate_into_world
-from signals.rotation import applied, conjugate, matrix_of, product, upright_of, yaw_of
+from signals.rotation import applied, conjugate, cos_tilt_of, matrix_of, product, yaw_of
 
 TURNS = Rotation.random(200, rng=3)
 Q = [tuple(q) for q in TURNS.as_quat(scalar_first=True).tolist()]
@@ -40,7 +40,7 @@ def test_angles_are_those_of_z_y_x() -> None:
         yaw, pitch, roll = turn.as_euler("ZYX")
         np.testing.assert_allclose(roll_pitch_yaw(q), (roll, pitch, yaw), atol=1e-12)
         np.testing.assert_allclose(yaw_of(q), yaw, atol=1e-13)
-        np.testing.assert_allclose(upright_of(q), turn.as_matrix()[2, 2], atol=1e-14)
+        np.testing.assert_allclose(cos_tilt_of(q), turn.as_matrix()[2, 2], atol=1e-14)
 
 
 def test_axes_give_their_quaternion_for_every_largest_component() -> None:

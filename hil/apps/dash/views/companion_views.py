@@ -9,7 +9,7 @@ import numpy as np
 
 from firmware_bridge.codecs.companion_view import View
 from hil.apps.dash.streams import map_client
-from signals.detections import Detections, words_of
+from signals.detections import Detections, detection_text
 
 
 def view_streams(views: Mapping[str, View], wanted: Iterable[str], sent: dict[str, int]) -> dict[str, Any]:
@@ -50,7 +50,13 @@ def boxes_of(detected: Mapping[str, Detections], streams: Iterable[str]) -> dict
         if newest is not None:
             width, height = newest.size_px
             rows = [
-                [d.box_px[0] / width, d.box_px[1] / height, d.box_px[2] / width, d.box_px[3] / height, words_of(d)]
+                [
+                    d.box_px[0] / width,
+                    d.box_px[1] / height,
+                    d.box_px[2] / width,
+                    d.box_px[3] / height,
+                    detection_text(d),
+                ]
                 for d in newest.boxes
             ]
             boxes[stream] = {"t_ns": newest.t_capture_ns, "boxes": rows}
