@@ -98,7 +98,7 @@ def box_differences(
 ) -> tuple[float, int, int]:
     """Compare the boxes of two back ends, picture by picture.
 
-    Returns the greatest distance of matching edges [px], the number of boxes that only one back end found, and the
+    Return the greatest distance of matching edges [px], the number of boxes that only one back end found, and the
     number compared. A box above the threshold may match one up to 0.01 below the threshold, because of rounding.
     """
     difference_px, unmatched, compared = 0.0, 0, 0

@@ -8,8 +8,8 @@ gives a ratio of rates; the result is the median ratio. The error of the link is
 as they were sent.
 
 The far process runs this module with the arguments ADDRESS HOST:PORT SCALE [KEY BENCH_KEY]. It answers every frame on
-the link, and every block of a frame's length on the bare socket, until the link closes. Its answers to the first frames
-report how many arrays differ from the same arrays generated there.
+the link, and on the bare socket every time that it has received the bytes of a frame. Its answers to the first frames
+report how many arrays differ from those that it generates itself.
 """
 
 from __future__ import annotations

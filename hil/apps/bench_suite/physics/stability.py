@@ -178,8 +178,8 @@ def _row(cell: Cell, name: str, method: Method) -> Row:
         "verdict": verdict,
         "message": message,
     }
-    shown = error if np.isfinite(error) else 1e300  # JSON has no infinity
-    return Row(f"{cell.sweep} {cell.value:g} {cell.unit}", name, shown, cell.error_unit, took, details)
+    finite_error = error if np.isfinite(error) else 1e300  # JSON has no infinity
+    return Row(f"{cell.sweep} {cell.value:g} {cell.unit}", name, finite_error, cell.error_unit, took, details)
 
 
 def _cells() -> list[Cell]:
@@ -217,7 +217,7 @@ def _cells() -> list[Cell]:
     return cells
 
 
-def _compared_with_reference(sweep: str, value: float, unit: str, flight: Flight, what: str) -> Cell:
+def _compared_with_reference(sweep: str, value: float, unit: str, flight: Flight, quantity: str) -> Cell:
     reference: list[Float64] = []
 
     def error(method: Method) -> float:
@@ -226,11 +226,11 @@ def _compared_with_reference(sweep: str, value: float, unit: str, flight: Flight
         flown = method.fly(flight, record=True)
         if not np.isfinite(flown).all():
             return float("inf")
-        if what == "position":
+        if quantity == "position":
             return float(np.max(np.linalg.norm(flown[:, :3] - reference[0][:, :3], axis=1)))
         return attitude_error_rad(flown, reference[0])
 
-    tolerance, error_unit = (1e-3, "m") if what == "position" else (0.01, "rad")
+    tolerance, error_unit = (1e-3, "m") if quantity == "position" else (0.01, "rad")
     return Cell(sweep, value, unit, tolerance, error_unit, error)
 
 

@@ -209,7 +209,7 @@ def cast(
 ) -> tuple[NDArray[np.int32], Float64, Float64]:
     """Cast rays with mj_multiRay; `directions_W` is (n, 3), unit vectors.
 
-    Returns geom (n,), -1 for none, distance (n,) [m] and normal (n, 3).
+    Return geom (n,), -1 for none, distance (n,) [m] and normal (n, 3).
     """
     n = len(directions_W)
     geom, distance, normal = np.zeros(n, np.int32), np.zeros(n), np.zeros((n, 3))

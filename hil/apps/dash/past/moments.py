@@ -53,7 +53,7 @@ class _PastRun:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.views = PreviewSensors(folder / "bench.yaml")
+        self.previews = PreviewSensors(folder / "bench.yaml")
         self.maps: dict[str, list[View]] = {}
         for client, view in read_views(folder / VIEWS_NAME):
             self.maps.setdefault(client, []).append(view)
@@ -72,7 +72,7 @@ class Moments:
         """Return the scene of a run; None if there is no such run. Raises HilError if it cannot be loaded."""
         with self._lock:
             past = self._past(name)
-            return None if past is None else past.views.triangles()
+            return None if past is None else past.previews.triangles()
 
     def maps(self, name: str) -> list[str]:
         """Return the streams of companions that published a map."""
@@ -88,8 +88,8 @@ class Moments:
                 return None
             wanted = list(dict.fromkeys(streams))[:_MAX_STREAMS]
             newest = _newest(past.folder / MCAP_NAME, t_ns, wanted, past.clients)
-            frames = [*_frames(newest, wanted, past.views), *_maps(past, t_ns, wanted)]
-            head = {"t_ns": t_ns, "actors": past.views.places(t_ns), "boxes": _boxes(newest, past.clients, wanted)}
+            frames = [*_frames(newest, wanted, past.previews), *_maps(past, t_ns, wanted)]
+            head = {"t_ns": t_ns, "actors": past.previews.places(t_ns), "boxes": _boxes(newest, past.clients, wanted)}
             return packed_update(head, frames)
 
     def _past(self, name: str) -> _PastRun | None:
@@ -165,7 +165,7 @@ def _detections_topic(client: str) -> str:
     return f"/companion/{client}/detections"
 
 
-def _frames(newest: dict[str, RecordedMessage], wanted: Sequence[str], views: PreviewSensors) -> list[StreamFrame]:
+def _frames(newest: dict[str, RecordedMessage], wanted: Sequence[str], previews: PreviewSensors) -> list[StreamFrame]:
     """Return the newest frame of each wanted stream."""
     frames = []
     for stream, port in _ports(wanted).items():
@@ -173,7 +173,7 @@ def _frames(newest: dict[str, RecordedMessage], wanted: Sequence[str], views: Pr
         if message is not None:
             try:
                 payload = _payload(stream, message) | _pose(newest.get(f"{port}/pose"))
-                frames.append(encoded_frame(stream, payload, views.classes))
+                frames.append(encoded_frame(stream, payload, previews.classes))
             except HilError:
                 continue  # recorded in a format of another version
     return frames

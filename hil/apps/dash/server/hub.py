@@ -126,7 +126,7 @@ class Hub:
             if frames:
                 # The run makes its next update while these frames are encoded, so that panes do not lower the rate.
                 self.request_update()
-                await self._encode(frames)
+                await self._encode_frames(frames)
         elif kind == "end":
             self.result = message.get("run")
             self._state_changed()
@@ -136,7 +136,7 @@ class Hub:
     def _store_slow(self, slow: dict[str, Any]) -> None:
         self._slow, self._slow_version = slow, self._slow_version + 1
 
-    async def _encode(self, payloads: dict[str, Any]) -> None:
+    async def _encode_frames(self, payloads: dict[str, Any]) -> None:
         previews = self._current_previews()
         classes = None if previews is None else previews.classes
         self._store(await asyncio.get_running_loop().run_in_executor(self._threads, _encoded, payloads, classes))
@@ -152,9 +152,9 @@ class Hub:
             return
         wanted = sorted({stream for page in self.pages for stream in page.streams} - set(PREVIEW_STREAMS))
         self._requested = True
-        self._to_run({"kind": "next", "streams": wanted})
+        self._send_to_run({"kind": "next", "streams": wanted})
 
-    def _to_run(self, message: dict[str, Any]) -> None:
+    def _send_to_run(self, message: dict[str, Any]) -> None:
         if self._run_link is not None:
             self._run_link.write(packed(message))
 
@@ -177,22 +177,22 @@ class Hub:
             self._start_previews()
             await self._send_updates()
         elif kind == "sticks":
-            self._sticks(page, message)
+            self._pass_on_sticks(page, message)
         elif kind in _RUN_COMMANDS:
-            self._to_run(message)
+            self._send_to_run(message)
 
-    def _sticks(self, page: Page, message: dict[str, Any]) -> None:
+    def _pass_on_sticks(self, page: Page, message: dict[str, Any]) -> None:
         """Pass on the sticks of one page at a time: the first that holds its dead-man switch, until release."""
         if self._pilot is not None and self._pilot is not page:
             return
         self._pilot = page if message.get("held") is True else None
-        self._to_run(message)
+        self._send_to_run(message)
 
     async def remove(self, page: Page) -> None:
         """Remove a page that was closed, and release its dead-man switch."""
         self.pages.discard(page)
         if self._pilot is page:
-            self._sticks(page, {"kind": "sticks", "held": False})
+            self._pass_on_sticks(page, {"kind": "sticks", "held": False})
 
     def _state_changed(self) -> None:
         self._version += 1
@@ -209,9 +209,9 @@ class Hub:
             if page.ready and page.version != self._version:
                 page.ready, page.version = False, self._version
                 with contextlib.suppress(OSError, RuntimeError):
-                    await page.send(self._update(page))
+                    await page.send(self._encode_update(page))
 
-    def _update(self, page: Page) -> bytes:
+    def _encode_update(self, page: Page) -> bytes:
         new_run = page.run != self._run
         if new_run:
             page.run, page.events = self._run, self._event_count - len(self._events)
@@ -266,17 +266,17 @@ class Hub:
 
     def _start_previews(self) -> None:
         """Start to render the previews of open panes, unless they are being rendered."""
-        if (self._rendering is None or self._rendering.done()) and self._wanted_previews() and "p" in self.state:
+        if (self._rendering is None or self._rendering.done()) and self._open_previews() and "p" in self.state:
             self._rendering = asyncio.get_running_loop().create_task(self._render_previews())
 
-    def _wanted_previews(self) -> list[str]:
+    def _open_previews(self) -> list[str]:
         return sorted({s for page in self.pages for s in page.streams if s.startswith(f"{PREVIEW_PREFIX}/")})
 
     async def _render_previews(self) -> None:
         loop = asyncio.get_running_loop()
         rendered: tuple[Any, ...] = ()  # streams, run and time of the last rendering
         while True:
-            wanted, previews, state = self._wanted_previews(), self._current_previews(), self.state
+            wanted, previews, state = self._open_previews(), self._current_previews(), self.state
             due = (*wanted, self._run, state.get("t_ns"))
             if not wanted or previews is None or "p" not in state or due == rendered:
                 return

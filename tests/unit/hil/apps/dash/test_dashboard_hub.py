@@ -128,7 +128,7 @@ def test_one_page_flies_at_a_time_and_a_closed_page_releases_its_switch() -> Non
     async def scenario() -> None:
         hub, first, second = Hub(), Collecting().page, Collecting().page
         said: list[dict[str, Any]] = []
-        hub._to_run = said.append  # type: ignore[method-assign]
+        hub._send_to_run = said.append  # type: ignore[method-assign]
         held = {"kind": "sticks", "held": True, "axes": [0, 0, 0, 0]}
         await hub.receive(first, held)
         await hub.receive(second, held)
