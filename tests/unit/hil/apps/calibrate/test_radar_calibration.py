@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -262,6 +263,13 @@ def test_the_command_refuses_other_files(
     recording_file.write_text("nothing")
     assert run_command_line(["calibrate", "radar", str(recording_file)]) == 2
     assert "is not a radar recording" in capsys.readouterr().err
+
+
+def test_receivers_that_the_chip_lacks_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recording, path = recording_of(frames_of(truth(), 10)), tmp_path / "r.npz"
+    save_recording(path, replace(recording, rx_antennas=(2, *range(7, 6 + recording.receivers))))
+    assert run_command_line(["calibrate", "radar", str(path)]) == 2
+    assert "uses the receivers 2, 7" in capsys.readouterr().err
 
 
 def test_an_unwritable_output_ends_with_an_error(
