@@ -24,7 +24,7 @@ def start(
     hold: bool = False,
     **options: Any,
 ) -> int:
-    """Make a CUT by name and run it; topics, control and hold come from the options or else from the CUT's class.
+    """Make a CUT by name and run it; topics, control and hold come from the options, or else from the CUT.
 
     `options`: further arguments of `run`. Returns the exit status.
     """
@@ -45,7 +45,7 @@ def start(
 
 
 def topic_list(texts: Sequence[str] | None) -> list[str] | None:
-    """Split options, each of which may hold several patterns with commas between; None if there is none."""
+    """Split each text at its commas and return all patterns; None if there is none."""
     return [t.strip() for text in texts or () for t in text.split(",") if t.strip()] or None
 
 
@@ -80,7 +80,7 @@ def parser() -> argparse.ArgumentParser:
         type=float,
         default=math.inf,
         metavar="S",
-        help="timeout for reconnecting after a loss; default: none",
+        help="timeout for reconnecting after a loss; default: unlimited",
     )
     return options
 
@@ -91,13 +91,13 @@ def _stop(number: int, frame: Any) -> None:  # noqa: ARG001
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status: 0 ended, 2 wrong options, 3 error."""
-    # Both end the client like Ctrl-C, with a bye to the bench: a service manager sends SIGTERM, and a program started
-    # in the background by a shell script ignores SIGINT unless a handler is set.
+    # Both signals end the client with a bye to the bench. A service manager sends SIGTERM. SIGINT is ignored in a
+    # background job of a shell script unless a handler is set.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
     given = parser().parse_args(arguments)
     if math.isnan(given.wait) or math.isnan(given.reconnect):
-        to_stderr("error: --wait and --reconnect are seconds")
+        to_stderr("error: --wait and --reconnect must be numbers of seconds, not nan")
         return OPTION_STATUS
     return start(
         given.cut,

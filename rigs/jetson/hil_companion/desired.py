@@ -15,7 +15,7 @@ from hil_companion.errors import CutError
 UNIT_NORM_TOLERANCE = 1e-3
 FLAGS = ("land", "hold")
 MAX_KNOTS, MAX_AHEAD_S, MIN_STEP_S = 32, 5.0, 1e-3
-LARGEST = 1e9  # m, m/s, ...: the bench's limit, far beyond any command
+LARGEST = 1e9  # limit of the bench for any number, in its SI unit
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Desired:
         if given and (self.p_W is None or self.v_W is None):
             raise CutError("desired ahead without p_W and v_W: both are needed as its first point")
         if len(given) > MAX_KNOTS:
-            raise CutError(f"desired ahead: {len(given)} knots; {MAX_KNOTS} are the most")
+            raise CutError(f"desired ahead: {len(given)} knots; at most {MAX_KNOTS} are allowed")
         before_s = 0.0
         for at_s, p_W, v_W in given:
             dt_s = _number("ahead", at_s)
@@ -87,10 +87,10 @@ class Desired:
             return
         if self.q_WB is None and self.w_B is None:
             raise CutError("desired thrust without q_WB or w_B: a thrust is flown with an attitude or body rates")
-        path = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")
-        others = [name for name in path if getattr(self, name) is not None]
-        if others:
-            raise CutError(f"desired thrust with {', '.join(others)}: either an attitude is flown, or a path")
+        path_fields = ("p_W", "v_W", "a_W", "yaw_rad", "yaw_rate_radps")
+        conflicts = [name for name in path_fields if getattr(self, name) is not None]
+        if conflicts:
+            raise CutError(f"desired thrust with {', '.join(conflicts)}: either an attitude is flown, or a path")
 
     def _keep(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)  # as plain floats and lists, whatever types the CUT passed

@@ -20,7 +20,7 @@ _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_ .-]+")
 
 @dataclass(frozen=True)
 class Found:
-    """One object in the world: its position and velocity at its last sighting."""
+    """One object in the world, with its position and velocity at the last sighting."""
 
     number: int  # identifies the object in all later messages
     label: str
@@ -57,7 +57,7 @@ class Detections:
                 *_box(d.box_px),
                 None if d.range_m is None else _number("range_m", d.range_m, 0.0),
                 None if d.radial_speed_mps is None else _number("radial_speed_mps", d.radial_speed_mps),
-                None if d.p_W is None else _three("p_W", d.p_W),
+                None if d.p_W is None else _vector("p_W", d.p_W),
             ]
             for d in boxes
         ]
@@ -71,18 +71,18 @@ class Detections:
 
 
 def _objects(objects: Sequence[Found]) -> list[list[Any]]:
-    newest = sorted(objects, key=lambda one: (-one.t_ns, one.number))[:MAX_OBJECTS]
+    newest = sorted(objects, key=lambda found: (-found.t_ns, found.number))[:MAX_OBJECTS]
     return [
         [
-            int(one.number),
-            _label(one.label),
-            int(one.t_ns),
-            _three("p_W", one.p_W),
-            _three("v_W", one.v_W),
-            int(one.sightings),
-            _number("sigma_m", one.sigma_m, 0.0),
+            int(found.number),
+            _label(found.label),
+            int(found.t_ns),
+            _vector("p_W", found.p_W),
+            _vector("v_W", found.v_W),
+            int(found.sightings),
+            _number("sigma_m", found.sigma_m, 0.0),
         ]
-        for one in sorted(newest, key=lambda one: one.number)
+        for found in sorted(newest, key=lambda found: found.number)
     ]
 
 
@@ -96,20 +96,20 @@ def _label(label: Any) -> str:
 def _box(box_px: Any) -> list[float]:
     x0, y0, x1, y1 = (_number("box_px", v) for v in box_px)
     if not (x0 <= x1 and y0 <= y1):
-        raise CutError(f"detections: box_px {tuple(box_px)}: left before right, top before bottom")
+        raise CutError(f"detections: box_px {tuple(box_px)}: x0 <= x1 and y0 <= y1 are needed")
     return [x0, y0, x1, y1]
 
 
-def _three(name: str, values: Any) -> list[float]:
+def _vector(name: str, values: Any) -> list[float]:
     x, y, z = (_number(name, v) for v in values)
     return [x, y, z]
 
 
-def _number(name: str, value: Any, least: float = -_LARGEST, most: float = _LARGEST) -> float:
+def _number(name: str, value: Any, low: float = -_LARGEST, high: float = _LARGEST) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
-    if not least <= number <= most:
+    if not low <= number <= high:
         raise CutError(f"detections: {name} {value!r}: a finite number of sensible size is needed")
     return number

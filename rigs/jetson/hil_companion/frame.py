@@ -1,4 +1,4 @@
-"""One frame: the samples of the bench's sensors since the frame before, as read-only views on the received bytes.
+"""One frame: the samples of the bench's sensors since the previous frame, as read-only views on the received bytes.
 
 Nothing is copied. Arrays that came by socket keep their bytes alive. Arrays in the shared ring (`Frame.in_ring`) are
 overwritten after the frame has been answered; use `Frame.copy()` to keep them.
@@ -92,13 +92,13 @@ class Frame:
         self.tick = fields.integer("tick")
         self.t_ns = fields.integer("t_ns")
         self.t_sent_ns = fields.integer("t_sent_ns")  # the bench's clock
-        self.dropped = fields.integer("dropped")  # frames that were not sent to this client since the one before
+        self.dropped = fields.integer("dropped")  # frames not sent to this client since the previous one
         release = header.get("release")
         self.release: int | None = None if release is None else fields.integer("release")
         self.samples = samples
         self.in_ring = in_ring
         self.t_received_ns = t_received_ns
-        self.latency_ns = 0  # round trip plus computing time of the frame before; 0: not known yet
+        self.latency_ns = 0  # round trip plus computing time of the previous frame; 0: not known yet
 
     def __getitem__(self, topic: str) -> Sample:
         try:
@@ -137,15 +137,15 @@ def _copies(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def can_map() -> bool:
-    """Return True if this system shows shared memory as files."""
+    """Return True if this system has its shared memory as files in /dev/shm."""
     return FOLDER.is_dir()
 
 
 class RingView:
     """The bench's shared memory, mapped read-only; the arrays of a frame are read in place. Raises CompanionError.
 
-    It is mapped by its file because multiprocessing.shared_memory maps for writing and, before Python 3.13, registers
-    the memory with a resource tracker that removes it when this process ends, while the bench still uses it.
+    The memory is mapped by its file, because multiprocessing.shared_memory maps for writing. Before Python 3.13 that
+    module also registers the memory with a resource tracker, which removes it at the end of this process.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -170,7 +170,7 @@ def read_samples(header: Header, parts: Sequence[Any], ring: RingView | None = N
         memory, base = getattr(parts[1], "buffer", parts[1]) if len(parts) > 1 else b"", 0
     samples: dict[str, Sample] = {}
     for number, entries in enumerate(fields.sequence("samples", MAX_TOPICS)):
-        sample = _sample(Fields(entries, f"{fields.place}.samples[{number}]"), memory, base)
+        sample = _sample(Fields(entries, f"{fields.path}.samples[{number}]"), memory, base)
         if sample.topic in samples:
             raise BadMessage(f"frame {header.get('frame')}: {sample.topic!r} comes twice")
         samples[sample.topic] = sample
@@ -181,7 +181,7 @@ def _sample(fields: Fields, memory: Any, base: int) -> Sample:
     topic, values = fields.text("topic", MAX_TOPIC), fields.mapping("values")
     arrays: dict[str, np.ndarray] = {}
     for number, entries in enumerate(fields.sequence("arrays", MAX_ARRAYS)):
-        name, array = _array(Fields(entries, f"{fields.place}.arrays[{number}]"), memory, base)
+        name, array = _array(Fields(entries, f"{fields.path}.arrays[{number}]"), memory, base)
         if name in arrays or name in values:
             raise BadMessage(f"{topic}: {name!r} comes twice")
         arrays[name] = array
@@ -193,16 +193,16 @@ def _array(fields: Fields, memory: Any, base: int) -> tuple[str, np.ndarray]:
     """Return name and read-only array; its offset in the memory is counted from `base`. Raises BadMessage."""
     name, kind = fields.text("name", 100), fields.text("dtype", 8)
     if not _DTYPE.match(kind):
-        raise fields.wrong("dtype", "the name of a little-endian number type, such as <f4,")
+        raise fields.type_error("dtype", "the name of a little-endian number type, such as <f4,")
     dtype, shape = np.dtype(kind), fields.sequence("shape", MAX_DIMENSIONS)
     size = dtype.itemsize
     for n in shape:
         if type(n) is not int or not 0 <= n < 2**31:
-            raise fields.wrong("shape", "whole numbers, not negative,")
+            raise fields.type_error("shape", "whole numbers, not negative,")
         size *= n
     begin = base + fields.integer("offset")
     if begin + size > len(memory):
-        raise BadMessage(f"{name}: {size} bytes at {begin}, where there are {len(memory)}")
+        raise BadMessage(f"{name}: {size} bytes at {begin} reach beyond the end of the message, {len(memory)}")
     array: np.ndarray = np.ndarray(shape, dtype, memory, begin) if size else np.empty(shape, dtype)
     array.flags.writeable = False
     return name, array

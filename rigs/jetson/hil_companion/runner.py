@@ -23,7 +23,7 @@ from hil_companion.link.options import DEFAULT_WAIT_S
 END_STATUS, OPTION_STATUS, ERROR_STATUS = 0, 2, 3
 BACK_OFF_S, BACK_OFF_MAX_S = 0.1, 5.0
 DROPPED = "dropped"  # status of an `end` for this client only, which may connect again
-# Refusals that are temporary after a loss: the bench may not have noticed yet that the old connection is gone.
+# Refusals that are temporary after a loss, because the bench may not have noticed the end of the old connection yet.
 _TEMPORARY = ("name", "full", "control")
 
 Cut = Callable[[Frame], Optional[Desired]]
@@ -84,7 +84,7 @@ class Runner:
         client = Client.connect(self._address, wait_s=self._wait_s, **self._options)
         back_off_s = BACK_OFF_S
         while True:
-            before = self.frames
+            frames_before = self.frames
             try:
                 with client:
                     self._serve(client)
@@ -93,7 +93,7 @@ class Runner:
                 if self._reconnect_s <= 0:
                     raise
                 self._say(f"{error}; connecting again")
-            back_off_s = BACK_OFF_S if self.frames > before else min(2 * back_off_s, BACK_OFF_MAX_S)
+            back_off_s = BACK_OFF_S if self.frames > frames_before else min(2 * back_off_s, BACK_OFF_MAX_S)
             client = self._reconnect(back_off_s)
 
     def _reconnect(self, back_off_s: float) -> Client:
@@ -117,7 +117,7 @@ class Runner:
         self._session, self._schema = welcome.session, welcome.schema
         name = self._options["name"]
         self._say(f"{name}: connected to {self._address} ({welcome.mode}, {welcome.rate_hz:g} Hz)")
-        sent: dict[str, Any] | None = None  # the last report; a new one is sent only if it differs
+        sent_report: dict[str, Any] | None = None  # a new report is sent only if it differs
         show = getattr(self._cut, "view", None) if welcome.views_every_ns > 0 else None
         shown_ns = -welcome.views_every_ns
         for frame in client.frames():
@@ -126,10 +126,10 @@ class Runner:
             t2_ns = time.monotonic_ns() - began_ns
             finished, report = bool(getattr(self._cut, "finished", False)), getattr(self._cut, "report", None)
             entries = dict(report) if isinstance(report, Mapping) else None
-            changed = entries if entries != sent else None
+            changed = entries if entries != sent_report else None
             detections = getattr(self._cut, "detections", None)
             client.done(frame, desired, t2_ns=t2_ns, finished=finished, report=changed, detections=detections)
-            sent = entries
+            sent_report = entries
             self.frames += 1
             if show is not None and frame.t_ns - shown_ns >= welcome.views_every_ns:
                 shown_ns = frame.t_ns

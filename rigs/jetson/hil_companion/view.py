@@ -14,7 +14,7 @@ import numpy as np
 
 from hil_companion.errors import CutError
 
-UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # near: too near to an obstacle to fly there
+UNKNOWN, FREE, NEAR, OCCUPIED = CELLS = (0, 1, 2, 3)  # NEAR: inside the safety margin of an obstacle
 MAX_SIDE, MAX_POINTS = 256, 256  # the bench's limits
 LARGEST_M = 1e7
 _LEVEL = 6  # zlib's compression level
@@ -31,7 +31,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class View:
-    """One view. Too large a map is pooled to blocks of cells, too many points are thinned."""
+    """One view. A map that is too large is reduced to blocks of cells; too many points are thinned."""
 
     p_W: Sequence[float]  # [m]
     yaw_rad: float
@@ -81,13 +81,13 @@ def _points(name: str, points: Any) -> bytes:
     xy = np.asarray(points, np.float64)
     if xy.ndim != 2 or xy.shape[1] != 2 or not bool((np.abs(xy) <= LARGEST_M).all()):
         raise CutError(f"view {name}: finite points (n, 2) are needed, this is {xy.shape}")
-    every = -(-len(xy) // (MAX_POINTS - 1))
-    thinned = xy[::every] if (len(xy) - 1) % every == 0 else np.concatenate([xy[::every], xy[-1:]])
+    stride = -(-len(xy) // (MAX_POINTS - 1))
+    thinned = xy[::stride] if (len(xy) - 1) % stride == 0 else np.concatenate([xy[::stride], xy[-1:]])
     return np.ascontiguousarray(thinned, "<f4").tobytes()
 
 
 def _numbers(name: str, values: Any, count: int) -> list[float]:
-    made = [float(value) for value in values]
-    if len(made) != count or not all(abs(value) <= LARGEST_M for value in made):
-        raise CutError(f"view {name} {made}: {count} finite numbers are needed")
-    return made
+    numbers = [float(value) for value in values]
+    if len(numbers) != count or not all(abs(value) <= LARGEST_M for value in numbers):
+        raise CutError(f"view {name} {numbers}: {count} finite numbers are needed")
+    return numbers

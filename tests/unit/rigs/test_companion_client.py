@@ -376,7 +376,7 @@ def test_curve_admits_valid_keys_and_names_the_error_otherwise(tmp_path: Path) -
         guard.configure_curve_callback(credentials_provider=allowed)
         socket.curve_server, socket.curve_secretkey, socket.curve_publickey = True, bench_secret, bench_public
         address = f"tcp://127.0.0.1:{socket.bind_to_random_port('tcp://127.0.0.1')}"
-        for wrong, words in ((unknown, "does not allow"), (other_bench, "public key"), ({}, "asks for keys")):
+        for wrong, words in ((unknown, "does not allow"), (other_bench, "public key"), ({}, "requires keys")):
             with pytest.raises(WrongKeys, match=words):
                 Client.connect(address, name="x", wait_s=5.0, **wrong)
 

@@ -32,9 +32,9 @@ from hil_companion.navigation.rotation import matrix_of
 
 LOCALISERS = ("own", "truth", "none")
 TRUTH = "truth"
-_MOST_PIECES = 8  # along each side
+_MAX_PIECES = 8  # along each side
 _WEAK_SHARE = 0.6  # of the threshold
-_TIMED = 50  # pictures between two updates of the computing time in the report
+_TIMED_PICTURES = 50  # pictures between two updates of the computing time in the report
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ class DetectSettings:
     objects: Sequence[str] | None = ("person",)  # labels tracked through the world; None: all
     least_sightings: int = 3  # sightings above the threshold from which a track is reported
     weak_score: float | None = None  # weaker boxes extend tracks down to this score; None: 0.6 of the threshold
-    out: str | None = None  # folder for pictures and the journal; None: the bench's
+    out: str | None = None  # folder for pictures and the journal; None: the folder that the bench assigns
     picture_every_s: float = 1.0
 
     def __post_init__(self) -> None:
         if self.localiser not in LOCALISERS:
             raise OptionError(f"detect: localiser {self.localiser!r}: one of {', '.join(LOCALISERS)} is needed")
-        if not is_list(self.tiles, int, 2) or not all(1 <= n <= _MOST_PIECES for n in self.tiles):
-            raise OptionError(f"detect: tiles {self.tiles!r}: two whole numbers from 1 to {_MOST_PIECES} are needed")
+        if not is_list(self.tiles, int, 2) or not all(1 <= n <= _MAX_PIECES for n in self.tiles):
+            raise OptionError(f"detect: tiles {self.tiles!r}: two whole numbers from 1 to {_MAX_PIECES} are needed")
         if self.objects is not None and not is_list(self.objects, str):
             raise OptionError(f"detect: objects {self.objects!r}: a list of labels is needed")
         if not is_list(self.start, (int, float), 4):
@@ -116,8 +116,8 @@ class Detect:
     def _reset(self) -> None:
         self._tracks = Tracks(int(self._settings.least_sightings))
         self._reported: list[Found] = []
-        self._ms: list[float] = []
-        self._looked = self._boxes = self._without_place = 0
+        self._detect_ms: list[float] = []  # computing time of each picture
+        self._picture_count = self._box_count = self._boxes_without_place = 0
 
     def start(self, welcome: Welcome) -> None:
         """Begin a session with the calibrations that the bench sends. Raises CutError."""
@@ -149,7 +149,7 @@ class Detect:
         self._check_size(rgb)
         begun_ns = time.perf_counter_ns()
         found = self._detect(rgb)
-        self._ms.append((time.perf_counter_ns() - begun_ns) * 1e-6)
+        self._detect_ms.append((time.perf_counter_ns() - begun_ns) * 1e-6)
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
         # A box below the threshold can extend a track, unless another label is more likely there.
@@ -160,9 +160,9 @@ class Detect:
         height, width = rgb.shape[:2]
         boxes = [d for d in found if d.score >= self._threshold]
         self.detections = Detections(self._settings.camera, t_ns, (width, height), boxes, objects)
-        self._looked += 1
-        self._boxes += len(boxes)
-        self._without_place += sum(d.p_W is None for d in boxes)
+        self._picture_count += 1
+        self._box_count += len(boxes)
+        self._boxes_without_place += sum(d.p_W is None for d in boxes)
         self.report = self._report()
         if self._journal is not None:
             self._journal.picture(frame.frame, t_ns, found, colours)
@@ -184,9 +184,9 @@ class Detect:
             return found
         # The pieces add small objects; large ones are detected best in the whole picture.
         for x0, y0, x1, y1 in pieces((rgb.shape[1], rgb.shape[0]), across, down):
-            for one in self._detector.detect(np.ascontiguousarray(rgb[y0:y1, x0:x1])):
-                a, b, c, d = one.box_px
-                found.append(replace(one, box_px=(a + x0, b + y0, c + x0, d + y0)))
+            for detection in self._detector.detect(np.ascontiguousarray(rgb[y0:y1, x0:x1])):
+                a, b, c, d = detection.box_px
+                found.append(replace(detection, box_px=(a + x0, b + y0, c + x0, d + y0)))
         return without_duplicates(found)
 
     def _check_size(self, rgb: np.ndarray) -> None:
@@ -217,9 +217,9 @@ class Detect:
         if TRUTH not in frame:
             raise CutError("detect: localiser 'truth' needs the topic truth; the bench sends none")
         truth = frame[TRUTH]
-        back_s = (frame.t_ns - t_ns) * 1e-9  # a picture may be a little older than the truth in its frame
+        age_s = (frame.t_ns - t_ns) * 1e-9  # a picture may be a little older than the truth in its frame
         p, v = (np.asarray(truth[name], float) for name in ("p_WB", "v_WB_W"))
-        p_then = (p - back_s * v).tolist()
+        p_then = (p - age_s * v).tolist()
         w, x, y, z = (float(c) for c in truth["q_WB"])
         return NavState(t_ns, (p_then[0], p_then[1], p_then[2]), (0.0, 0.0, 0.0), (w, x, y, z))
 
@@ -230,7 +230,7 @@ class Detect:
         return RadarView(frame[topic], *self._radar_mount)
 
     def _track(self, found: Sequence[Any], colours: Sequence[Any], t_ns: int, *, by_depth: bool) -> list[Found] | None:
-        """Add all boxes with a place to the tracks; return the reported tracks, None if they are unchanged."""
+        """Add all boxes with a position to the tracks; return the reported tracks, None if they are unchanged."""
         assert self._geolocation is not None
         own_m = 0.0 if self._own_pose is None else self._own_pose.sigma_m
         sightings = [
@@ -260,14 +260,14 @@ class Detect:
             "model": self._detector.model.path.name,
             "localiser": self._settings.localiser,
             "range_from": "depth" if self._settings.depth else "ground",
-            "pictures": self._looked,
-            "boxes": self._boxes,
-            "boxes_without_place": self._without_place,
+            "pictures": self._picture_count,
+            "boxes": self._box_count,
+            "boxes_without_place": self._boxes_without_place,
             "objects": len(self._reported),
         }
-        count = len(self._ms) // _TIMED * _TIMED
+        count = len(self._detect_ms) // _TIMED_PICTURES * _TIMED_PICTURES
         if count:
-            report["detect_ms_p50"] = round(sorted(self._ms[:count])[count // 2], 2)
+            report["detect_ms_p50"] = round(sorted(self._detect_ms[:count])[count // 2], 2)
         return report
 
 

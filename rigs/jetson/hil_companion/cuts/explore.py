@@ -1,4 +1,4 @@
-"""Flies to a goal through a place without a map, with LiDAR, GPS, IMU and barometer.
+"""Flies to a goal through an unmapped area, with LiDAR, GPS, IMU and barometer.
 
 The goal is the setting `goal` or else the last of the bench's waypoints. The state of the flight goes to the bench with
 every answer (`report`); pictures go to the folder `pictures`, or else to the folder that the bench assigns.
@@ -27,8 +27,9 @@ from hil_companion.view import FREE, NEAR, OCCUPIED, UNKNOWN, Grid, View
 
 GOAL_W = (70.0, 60.0, 10.0)
 LOCALISERS = ("slam", "truth")
-# Half the side of the map, and its margin behind the goal for detours. A goal beyond the largest map ends as no_path.
-_LEAST_HALF_M, _MOST_HALF_M, _BEYOND_GOAL_M = 128.0, 300.0, 48.0
+# Half the side of the map, and its margin behind the goal for detours. With a goal beyond the largest map, the flight
+# ends as no_path.
+_MIN_HALF_M, _MAX_HALF_M, _BEYOND_GOAL_M = 128.0, 300.0, 48.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class ExploreSettings:
     slam: Mapping[str, Any] | None = None  # fields of `SlamSettings`
     lidar: str = "lidar"  # topic
     camera: str | None = None  # topic of a camera to show in the pictures
-    pictures: str | None = None  # folder; None: the bench's
+    pictures: str | None = None  # folder; None: the folder that the bench assigns
     picture_every_s: float = 1.0
 
     def __post_init__(self) -> None:
@@ -79,7 +80,7 @@ class Explore:
         self._folder = output_folder(s.pictures)
         self._explorer: Explorer | None = None
         self._pictures: Pictures | None = None
-        self._landing = False  # pictures end once the bench lands the vehicle
+        self._landing = False  # True once the bench lands the vehicle: no more pictures
         self.topics = s.topics
 
     @property
@@ -105,7 +106,7 @@ class Explore:
         calibration = welcome.sensors.get(s.lidar, {})
         x, y, _, _ = self._start
         half_m = max(abs(goal[0] - x), abs(goal[1] - y)) + _BEYOND_GOAL_M
-        half_m = min(max(half_m, _LEAST_HALF_M), _MOST_HALF_M)
+        half_m = min(max(half_m, _MIN_HALF_M), _MAX_HALF_M)
         localiser = self._make_localiser(flight_settings, calibration, 2.0 * half_m)
         goal_W, mapped_W = (float(goal[0]), float(goal[1])), (x - half_m, y - half_m, x + half_m, y + half_m)
         self._explorer = Explorer(flight_settings, localiser, goal_W, calibration, mapped_W=mapped_W, lidar=s.lidar)

@@ -1,11 +1,11 @@
 """Minimum-snap path through waypoints, within a corridor about the straight legs, as fast as the limits allow.
 
 Mellinger and Kumar, "Minimum snap trajectory generation and control for quadrotors", ICRA 2011, minimise the integral
-of the squared 4th derivative of piecewise polynomials through waypoints. The polynomials are written here by position,
-velocity, acceleration and jerk at both ends of each segment. That makes them of 7th order, keeps derivatives up to the
-3rd continuous, and gives the optimum in closed form (Richter, Bry and Roy, "Polynomial trajectory planning for
-aggressive quadrotor flight", ISRR 2013). As in that paper, a segment that leaves the corridor gets one more waypoint in
-its middle, until none does.
+of the squared 4th derivative of piecewise polynomials through waypoints. Here each polynomial is defined by position,
+velocity, acceleration and jerk at both ends of its segment. It is therefore of 7th order, derivatives up to the 3rd are
+continuous, and the optimum has a closed form (Richter, Bry and Roy, "Polynomial trajectory planning for aggressive
+quadrotor flight", ISRR 2013). As in that paper, a segment that leaves the corridor gets one more waypoint in its
+middle, until no segment leaves it.
 
     minimise 1/2 x' H x + g' x     x: free values at the nodes, a column per axis; time in mean durations
 """
@@ -21,10 +21,10 @@ from hil_companion.cuts.snap_path import SnapPath, derivative_row, snap_weights
 
 SAME_PLACE_M = 0.05
 MAX_LEGS = 12  # planned together; the equations are dense, and their solution takes cubic time
-MAX_ROUNDS = 10  # of added waypoints; a segment is then a thousandth of its leg
+MAX_ROUNDS = 10  # rounds of added waypoints; after 10 halvings a segment is a thousandth of its leg
 MARGIN = 1.001  # because peaks may lie between the samples
-AT_NODE = 4  # position, velocity, acceleration, jerk
-STRAIGHT_ON = 1e-6  # lower bound of 1 / cos(turn / 2) - 1
+NODE_VALUES = 4  # position, velocity, acceleration, jerk
+MIN_BEND = 1e-6  # lower bound of 1 / cos(turn / 2) - 1
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ def _within_corridor(points_W: np.ndarray, limits: Limits) -> SnapPath:
     nodes_W = points_W
     for _ in range(MAX_ROUNDS):
         path = least_snap(nodes_W, leg_times_s(nodes_W, limits))
-        left = np.flatnonzero(distances_m(path, nodes_W).max(axis=1) > limits.corridor_m)
-        if not len(left):
+        outside = np.flatnonzero(distances_m(path, nodes_W).max(axis=1) > limits.corridor_m)
+        if not len(outside):
             return _timed(path, limits)
-        nodes_W = np.insert(nodes_W, left + 1, 0.5 * (nodes_W[left] + nodes_W[left + 1]), axis=0)
+        nodes_W = np.insert(nodes_W, outside + 1, 0.5 * (nodes_W[outside] + nodes_W[outside + 1]), axis=0)
     # The corridor is too narrow for curves: fly the straight legs one by one, each from rest to rest.
     legs = [least_snap(points_W[i : i + 2], np.ones(1)) for i in range(len(points_W) - 1)]
     whole = _timed(legs[0], limits)
@@ -78,10 +78,10 @@ def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
     """Return the minimum-snap path through all nodes from rest to rest, with one segment between two nodes."""
     unit_s = float(np.mean(times_s))
     times = times_s / unit_s
-    known = np.full((AT_NODE * len(nodes_W), 3), np.nan)
-    known[::AT_NODE] = nodes_W
-    known[1:AT_NODE] = known[1 - AT_NODE :] = 0.0
-    spans = [slice(AT_NODE * i, AT_NODE * (i + 2)) for i in range(len(times))]
+    known = np.full((NODE_VALUES * len(nodes_W), 3), np.nan)
+    known[::NODE_VALUES] = nodes_W
+    known[1:NODE_VALUES] = known[1 - NODE_VALUES :] = 0.0
+    spans = [slice(NODE_VALUES * i, NODE_VALUES * (i + 2)) for i in range(len(times))]
     to_coefficients = [_to_coefficients(time) for time in times]
     cost, weights = np.zeros((len(known), len(known))), snap_weights()
     for span, time, to_c in zip(spans, times, to_coefficients):
@@ -95,7 +95,7 @@ def least_snap(nodes_W: np.ndarray, times_s: np.ndarray) -> SnapPath:
 
 def _to_coefficients(time: float) -> np.ndarray:
     """Return the matrix from the values at both ends of a segment to its coefficients."""
-    at_ends = np.array([derivative_row(s, k) / time**k for s in (0.0, 1.0) for k in range(AT_NODE)])
+    at_ends = np.array([derivative_row(s, k) / time**k for s in (0.0, 1.0) for k in range(NODE_VALUES)])
     inverse: np.ndarray = np.linalg.inv(at_ends)
     return inverse
 
@@ -110,15 +110,15 @@ def distances_m(path: SnapPath, nodes_W: np.ndarray) -> np.ndarray:
 
 
 def leg_times_s(nodes_W: np.ndarray, limits: Limits) -> np.ndarray:
-    """Estimate the duration of each leg: half of the acceleration between corners, each as fast as an arc allows.
+    """Estimate the duration of each leg: corners at the speed that an arc allows, half of the acceleration between.
 
     v = sqrt(a R)     R (1 / cos(turn / 2) - 1) = the corridor's radius
     """
     legs = np.diff(nodes_W, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     cosines = (legs[:-1] * legs[1:]).sum(axis=1) / (lengths[:-1] * lengths[1:])
-    half = np.sqrt(np.clip(0.5 * (1.0 + cosines), 1e-12, 1.0))  # cosine of half the turn
-    radius_m = limits.corridor_m / np.maximum(1.0 / half - 1.0, STRAIGHT_ON)
+    half_cosines = np.sqrt(np.clip(0.5 * (1.0 + cosines), 1e-12, 1.0))  # of half the turn
+    radius_m = limits.corridor_m / np.maximum(1.0 / half_cosines - 1.0, MIN_BEND)
     v = np.minimum(limits.speed_mps, np.sqrt(limits.accel_mps2 * radius_m))
     v, a = np.array([0.0, *v, 0.0]), 0.5 * limits.accel_mps2
     for here, there, i in [(i, i + 1, i) for i in range(len(legs))] + [(i + 1, i, i) for i in range(len(legs))][::-1]:

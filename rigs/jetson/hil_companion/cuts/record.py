@@ -1,6 +1,6 @@
 """Writes frames to a folder: one .npy file per array, and `frames.jsonl` with the rest of each frame on a line.
 
-It keeps the first frames up to a number and a total size, and writes nothing after that.
+The first frames are written, up to a number of frames and a total size.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ class Record:
     ) -> None:
         if keep_frames < 0 or not keep_mb >= 0:
             raise OptionError("keep_frames and keep_mb cannot be below 0")
-        self.frames = 0  # kept
-        self.bytes = 0
+        self.frames = 0  # written
+        self.bytes = 0  # written
         self.full = False
         self._out = Path(out)
         self._keep_frames = keep_frames
         self._keep_bytes = keep_mb * 1e6
-        self._finish = stop  # say `finished` when full
+        self._finish_when_full = stop
         self._index: IO[str] | None = None
 
     @property
     def finished(self) -> bool:
-        return self._finish and self.full
+        return self._finish_when_full and self.full
 
     def start(self, welcome: Welcome) -> None:
         """Make the folder. Raises CutError if it holds an earlier recording."""
         if self._index is not None:
             raise CutError(f"{self._out}: the bench began another session; each is recorded in a folder of its own")
-        about = {
+        description = {
             "schema": welcome.schema,
             "session": welcome.session,
             "mode": welcome.mode,
@@ -61,7 +61,7 @@ class Record:
         try:
             (self._out / ARRAYS_NAME).mkdir(parents=True, exist_ok=True)
             self._index = (self._out / INDEX_NAME).open("x", encoding="utf-8")
-            (self._out / WELCOME_NAME).write_text(_json(about) + "\n", encoding="utf-8")
+            (self._out / WELCOME_NAME).write_text(_json(description) + "\n", encoding="utf-8")
         except FileExistsError as error:
             raise CutError(f"{self._out}: a recording is there already; name another folder (--set out=DIR)") from error
         except OSError as error:

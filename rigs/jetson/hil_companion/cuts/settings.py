@@ -9,20 +9,23 @@ from typing import Any
 
 from hil_companion.errors import OptionError
 
-OUT_VARIABLE = "HIL_COMPANION_OUT"  # set by the bench: the folder for files of a client that it starts
+OUT_VARIABLE = "HIL_COMPANION_OUT"  # folder for a client's files; the bench sets it for clients that it starts
 
 
 def number(cut: str, name: str, value: Any, *, above: float = -math.inf) -> float:
     """Return a setting as a float. Raises OptionError unless it is a finite number greater than `above`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= above:
-        raise OptionError(f"{cut}: {name} {value!r}: a number{'' if above < 0 else ' above 0'} is needed")
+        limit = f" above {above:g}" if math.isfinite(above) else ""
+        raise OptionError(f"{cut}: {name} {value!r}: a number{limit} is needed")
     return float(value)
 
 
 def is_list(values: Any, kind: Any, count: int | None = None) -> bool:
-    """Return True for a list or tuple of values of this type, booleans excluded, and of this length if one is given."""
-    typed = isinstance(values, (list, tuple)) and all(isinstance(v, kind) and not isinstance(v, bool) for v in values)
-    return typed and (count is None or len(values) == count)
+    """Return True for a list or tuple of `count` values of the type `kind`, no booleans; `count` None: any number."""
+    has_kind = isinstance(values, (list, tuple)) and all(
+        isinstance(v, kind) and not isinstance(v, bool) for v in values
+    )
+    return has_kind and (count is None or len(values) == count)
 
 
 def output_folder(setting: str | None) -> Path | None:

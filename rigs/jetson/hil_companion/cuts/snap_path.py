@@ -28,7 +28,7 @@ class PathPoint(NamedTuple):
 
 
 class SnapPath:
-    """Consecutive segments. `coefficients[i, :, axis]` are those of s = time within segment i / its duration."""
+    """Consecutive segments: `coefficients[i, :, axis]` of segment i, in s = time within the segment / its duration."""
 
     def __init__(self, durations_s: np.ndarray, coefficients: np.ndarray) -> None:
         self.durations_s = np.asarray(durations_s, float)

@@ -1,8 +1,8 @@
-"""Flies through the bench's waypoints on a path of least snap, and lands at the last one.
+"""Flies through the bench's waypoints on a minimum-snap path, and lands at the last one.
 
     take-off   straight up to the first waypoint's height, then across to it if it is not straight above
     path       through the waypoints, in simulated time; planned before the first frame comes
-    descent    straight down from the last waypoint until the vehicle stands on the ground; the path ends below it
+    descent    straight down from the last waypoint until the vehicle stands on the ground; its path ends below ground
     land       the landing command, until the vehicle is down or `land_s` have passed
 
 The vehicle's position is read from `truth` if the bench sends that topic. Otherwise the vehicle is assumed to start
@@ -28,11 +28,12 @@ from hil_companion.frame import Frame
 from hil_companion.link.protocol import Welcome
 from hil_companion.navigation.rotation import matrix_of, roll_pitch_yaw
 
-ARRIVED_M = 0.3
-AHEAD_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # times of the path sent ahead, enough for a slow computer to keep to it
+ARRIVED_M = 0.3  # nearer than this to the end of a phase, the vehicle has reached it
+AHEAD_S = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # times of the knots sent ahead; a computer may take this long for an answer
 BELOW_M = 0.5  # the descent ends this far below the start, so that the vehicle reaches the ground
 SINK_MPS, SINK_MPS2 = 0.7, 0.5  # limits of the descent, gentle because it ends on the ground
-DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0  # landed: this near the start's height, this slow, for this long
+# The vehicle has landed if it was at most this high above the start and slower than this, for this long.
+DOWN_M, DOWN_MPS, DOWN_S = 0.15, 0.1, 1.0
 TURN_FROM_MPS = 0.3  # below this horizontal speed the path defines no heading
 TRUTH = "truth"
 HALVINGS = 30  # bisection steps for a time between two frames
@@ -48,8 +49,8 @@ class WaypointsSettings:
     takeoff_speed_mps: float = 1.0
     yaw: float | str = "forward"  # radians from east, or "forward"
     yaw_rate_radps: float = 1.0
-    # Command the path's point this much later than the frame. "measured": by the measured latency of the frame before;
-    # the bench then does not extrapolate, and the flight depends on the speed of this machine.
+    # Time from the frame to the commanded point of the path. "measured": the measured latency of the previous frame;
+    # then the bench does not extrapolate, and the flight depends on the speed of this machine.
     lookahead_s: float | str = 0.0
     wait_s: float = 30.0  # timeout for reaching the end of a phase
     land_s: float = 60.0  # timeout for the landing
@@ -78,8 +79,8 @@ class Waypoints:
         self.finished = False
         self.hold = s.lookahead_s == "measured"
         self._limits = Limits(s.speed_mps, s.accel_mps2, s.corridor_m)
-        self._climb = Limits(s.takeoff_speed_mps, s.accel_mps2, s.corridor_m)
-        self._sink = Limits(min(s.takeoff_speed_mps, SINK_MPS), min(s.accel_mps2, SINK_MPS2), s.corridor_m)
+        self._climb_limits = Limits(s.takeoff_speed_mps, s.accel_mps2, s.corridor_m)
+        self._sink_limits = Limits(min(s.takeoff_speed_mps, SINK_MPS), min(s.accel_mps2, SINK_MPS2), s.corridor_m)
         self._waypoints_W = np.zeros((0, 3))
         self._path: SnapPath | None = None  # through the waypoints; None for a single one
         self._phases: list[SnapPath] = []
@@ -92,15 +93,15 @@ class Waypoints:
         self._phase = 0
         self._descent = -1  # index of the descent among the phases, -1 if there is none
         self._phase_t_ns = 0  # start time of the present phase
-        self._t_ns: int | None = None  # time of the frame before
-        self._before: State | None = None  # in the frame before
-        self._now: State | None = None
+        self._t_ns: int | None = None  # time of the previous frame
+        self._state_before: State | None = None  # in the previous frame
+        self._state_now: State | None = None
         self._yaw_rad = 0.0
         self._start_W = np.zeros(3)
         self._down_since_ns: int | None = None
 
     def start(self, welcome: Welcome) -> None:
-        """Begin a session: plan the path through the bench's waypoints. Raises CutError if it has none."""
+        """Begin a session: plan the path through the bench's waypoints. Raises CutError if the bench has none."""
         if not welcome.waypoints_W:
             raise CutError("waypoints: the bench has none to fly; give it a mission with waypoints")
         self._reset()
@@ -121,12 +122,13 @@ class Waypoints:
         dt_s = 0.0 if self._t_ns is None else (frame.t_ns - self._t_ns) * 1e-9
         self._t_ns = frame.t_ns
         t_s = (frame.t_ns - self._phase_t_ns) * 1e-9
-        self._before, self._now = self._now, None if p_W is None else State(frame.t_ns, p_W, v_W)
+        self._state_before = self._state_now
+        self._state_now = None if p_W is None else State(frame.t_ns, p_W, v_W)
         while self._phase < len(self._phases):
             over_s = self._over_since(t_s, p_W, v_W)
             if over_s is None:
                 break
-            # The next phase begins at the computed time, not at this frame's: the frame rate must not move the flight.
+            # The next phase begins at the computed time, not at this frame's, so the frame rate does not shift it.
             self._phase += 1
             self._phase_t_ns += round((t_s - over_s) * 1e9)
             t_s = over_s
@@ -146,7 +148,8 @@ class Waypoints:
     def _path_ahead(self, t_s: float, p_W: np.ndarray | None) -> list[Any]:
         """Return knots (seconds later, position, velocity) of the path from `t_s` of the present phase on.
 
-        The knots continue into the next phase only if the vehicle keeps up with the path; else that phase has to wait.
+        The knots continue into the next phase only if the vehicle keeps up with the path, because otherwise the next
+        phase will begin later.
         """
         commanded_W = self._phases[self._phase].at(t_s).p_W
         keeps_up = p_W is None or float(np.linalg.norm(p_W - commanded_W)) < ARRIVED_M
@@ -165,7 +168,7 @@ class Waypoints:
         first = self._waypoints_W[0]
         self._start_W = np.array([first[0], first[1], 0.0]) if p_W is None else p_W
         above = np.array([self._start_W[0], self._start_W[1], first[2]])
-        for points, limits in (([self._start_W, above], self._climb), ([above, first], self._limits)):
+        for points, limits in (([self._start_W, above], self._climb_limits), ([above, first], self._limits)):
             if float(np.linalg.norm(points[1] - points[0])) > SAME_PLACE_M:
                 self._phases.append(plan(np.array(points), limits))
         if self._path is not None:
@@ -175,7 +178,7 @@ class Waypoints:
         if p_W is not None:
             self._descent = len(self._phases)
             ground = [last[0], last[1], min(p_W[2], last[2]) - BELOW_M]
-            self._phases.append(plan(np.array([last, ground]), self._sink))
+            self._phases.append(plan(np.array([last, ground]), self._sink_limits))
         self._begun = True
         self._phase_t_ns = frame.t_ns
         q_WB = frame[TRUTH]["q_WB"] if TRUTH in frame and "q_WB" in frame[TRUTH] else None
@@ -185,9 +188,10 @@ class Waypoints:
             self._yaw_rad = roll_pitch_yaw(matrix_of(np.asarray(q_WB, float).reshape(-1, 4)[-1]))[2]
 
     def _over_since(self, t_s: float, p_W: np.ndarray | None, v_W: np.ndarray | None) -> float | None:
-        """Return for how many seconds the present phase has been over; None while it is not.
+        """Return the seconds since the end of the present phase; None while it has not ended.
 
-        A phase is over once its time has passed and the vehicle has reached its end, or `wait_s` later at the latest.
+        A phase ends when its time has passed and the vehicle has reached its last point, or `wait_s` later at the
+        latest.
         """
         path = self._phases[self._phase]
         past_s = t_s - path.duration_s
@@ -203,7 +207,7 @@ class Waypoints:
         if float(np.linalg.norm(p_W - end_W)) >= ARRIVED_M:
             wait_s = self._settings.wait_s
             return past_s - wait_s if past_s > wait_s else None
-        before, now = self._before, self._now
+        before, now = self._state_before, self._state_now
         if before is None or now is None or float(np.linalg.norm(before.p_W - end_W)) < ARRIVED_M:
             return past_s
         return min(past_s, came_within_s(before, now, end_W, ARRIVED_M))
@@ -223,13 +227,13 @@ class Waypoints:
         return frame.latency_ns * 1e-9 if lookahead_s == "measured" else float(lookahead_s)
 
     def _turn(self, point: PathPoint, dt_s: float) -> None:
-        """Turn the commanded yaw towards the path's direction, the short way round, at the allowed rate at most."""
+        """Turn the commanded yaw towards the path's direction, by the smaller angle, at the allowed rate at most."""
         east, north = float(point.v_W[0]), float(point.v_W[1])
         if self._settings.yaw != "forward" or math.hypot(east, north) < TURN_FROM_MPS:
             return
-        off = math.remainder(math.atan2(north, east) - self._yaw_rad, 2.0 * math.pi)
-        most = self._settings.yaw_rate_radps * dt_s
-        self._yaw_rad = math.remainder(self._yaw_rad + min(max(off, -most), most), 2.0 * math.pi)
+        error_rad = math.remainder(math.atan2(north, east) - self._yaw_rad, 2.0 * math.pi)
+        max_rad = self._settings.yaw_rate_radps * dt_s
+        self._yaw_rad = math.remainder(self._yaw_rad + min(max(error_rad, -max_rad), max_rad), 2.0 * math.pi)
 
 
 def _true_state(frame: Frame) -> Any:
@@ -250,7 +254,7 @@ class State:
 
 
 def came_within_s(before: State, now: State, place_W: np.ndarray, radius_m: float) -> float:
-    """Return for how many seconds before `now` the vehicle has been within the radius of a place.
+    """Return the seconds before `now` at which the vehicle came within the radius of a place.
 
     The vehicle was outside at `before` and is inside at `now`. Between them it is interpolated by the cubic through
     both positions and velocities (Hermite), so the result hardly depends on the frame rate.

@@ -14,7 +14,7 @@ MAX_WAITING = 128  # incomplete frames kept; more than the credits that a client
 
 
 class Barrier:
-    """Joins parts of frames to whole frames and delivers them in rising order."""
+    """Joins parts of frames to whole frames and delivers these in rising order."""
 
     def __init__(self) -> None:
         self._waiting: dict[int, tuple[Frame, list[str]]] = {}
@@ -59,7 +59,7 @@ class Barrier:
 
 def _join(whole: Frame, part: Frame, wanted: list[str], topics: list[str]) -> None:
     if (part.tick, part.t_ns) != (whole.tick, whole.t_ns) or sorted(topics) != sorted(wanted):
-        raise BadMessage(f"frame {part.frame}: its parts disagree on tick, time or topics")
+        raise BadMessage(f"frame {part.frame}: its parts differ in tick, time or topics")
     for topic, sample in part.samples.items():
         if topic in whole.samples:
             raise BadMessage(f"frame {part.frame}: {topic!r} came on two ports")

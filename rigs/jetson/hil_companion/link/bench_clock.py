@@ -11,11 +11,11 @@ PONGS_KEPT = 16
 
 
 class BenchClock:
-    """Offset and round trip between the bench's clock and this machine's [ns], None before the first answer.
+    """Offset between the bench's clock and this machine's, and round trip [ns]; None before the first answer.
 
     With client times t0 (ping sent) and t3 (pong received) and bench times t1, t2 in between, the round trip is
     (t3 - t0) - (t2 - t1), and the offset bench - client is ((t1 - t0) + (t2 - t3)) / 2, wrong by at most half the round
-    trip. The estimate is that of the shortest of the last 16 round trips.
+    trip. Of the last 16 pings the one with the shortest round trip counts.
     """
 
     def __init__(self) -> None:
@@ -26,7 +26,7 @@ class BenchClock:
         fields = Fields(pong, "pong")
         t0, t1, t2 = (fields.integer(f"t_{name}_ns") for name in ("client", "bench_received", "bench_sent"))
         round_trip_ns, there_ns, back_ns = (t_received_ns - t0) - (t2 - t1), t1 - t0, t2 - t_received_ns
-        if round_trip_ns >= 0:  # a negative round trip contradicts itself and is ignored
+        if round_trip_ns >= 0:  # a negative round trip is impossible: the answer is wrong
             self._measured.append((round_trip_ns, (there_ns + back_ns) // 2))
 
     @property

@@ -63,8 +63,8 @@ class Client:
     ) -> Client:
         """Say hello and wait for the welcome. Raises OptionError, NoBench, WrongKeys, Refused, SchemaChanged.
 
-        `options`: the fields of `ClientOptions`. `schema`: the schema of an earlier session; a bench that sends other
-        data now is refused with SchemaChanged.
+        `options`: the fields of `ClientOptions`. `schema`: the schema of an earlier session; if the bench's schema
+        differs now, SchemaChanged is raised.
         """
         self = cls(ClientOptions(name=name, **options), context)
         try:
@@ -111,7 +111,7 @@ class Client:
         shared_memory = options.shared_memory and can_map()
         hello = protocol.message("hello", schema=schema, shared_memory=shared_memory, **entries)
         connection.send(hello)
-        greeted = max(1, connection.handshakes)
+        hello_handshakes = max(1, connection.handshakes)  # handshakes at the last hello
         deadline_s = time.monotonic() + options.wait_s
         while True:
             left_s = deadline_s - time.monotonic()
@@ -122,8 +122,8 @@ class Client:
             if header is not None:
                 break
             connection.watch()
-            if connection.handshakes > greeted:  # the bench restarted before it answered: the first hello is lost
-                greeted = connection.handshakes
+            if connection.handshakes > hello_handshakes:  # the bench restarted before it answered; the hello is lost
+                hello_handshakes = connection.handshakes
                 connection.send(hello)
         self.welcome = protocol.read_welcome(header)
         if options.control and not self.welcome.control:
@@ -155,7 +155,7 @@ class Client:
             if header["k"] == "refused":
                 raise _refused(header)
         except BadMessage as error:
-            raise NoBench(f"{connection.address}: what answers there is no bench ({error})") from error
+            raise NoBench(f"{connection.address}: the program that answers there is no bench ({error})") from error
         return None  # a late message to an earlier client
 
     # --- receiving ---
@@ -163,7 +163,7 @@ class Client:
     def frames(self, timeout_s: float = math.inf) -> Iterator[Frame]:
         """Yield frames until the bench ends; `end` then holds its status.
 
-        Raises ConnectionLost (also where no frame comes within `timeout_s`), Refused, BadMessage.
+        Raises ConnectionLost (also if no frame comes within `timeout_s`), Refused, BadMessage.
         """
         while True:
             frame = self.receive(timeout_s)
@@ -199,18 +199,18 @@ class Client:
 
         A lost connection is reported only once nothing is left to read. Raises ConnectionLost.
         """
-        taken = 0
+        count = 0
         for connection in self._connections:
             parts = connection.receive()
             while parts is not None:
-                taken += 1
+                count += 1
                 self._handle(parts)
                 parts = connection.receive() if self.end is None else None
-        if taken == 0:
+        if count == 0:
             for connection in self._connections:
                 if connection.watch():
                     raise ConnectionLost(f"{connection.address}: the connection was lost")
-        return taken
+        return count
 
     def _handle(self, parts: Sequence[Any]) -> None:
         t_received_ns = time.monotonic_ns()
@@ -225,7 +225,7 @@ class Client:
                 text = f"{self._address}: {MAX_BAD_IN_A_ROW} unusable messages in a row; the last: {error}"
                 raise BadMessage(text) from error
             if header.get("k") == "frame":
-                self.give_credit()  # it used one, and will never be answered
+                self.give_credit()  # the frame used a credit and will never be answered
         else:
             self._bad_in_a_row = 0
 
@@ -264,7 +264,7 @@ class Client:
         """Answer a frame. Its views into the shared ring are invalid afterwards, its other arrays stay valid.
 
         `t2_ns`: the CUT's computing time. `report`: names with texts, numbers or booleans that the bench records for
-        this client; it replaces the report before. `detections`: boxes and objects of a picture in this frame.
+        this client in place of the previous report. `detections`: boxes and objects of a picture in this frame.
         Raises CutError, CompanionError, ConnectionLost.
         """
         if desired is not None and not isinstance(desired, Desired):
@@ -288,14 +288,14 @@ class Client:
         self._send("done", t_sent_ns=time.monotonic_ns(), **answer)
 
     def show(self, frame: Frame, view: View) -> None:
-        """Send a view for display and replay; not sent to a bench that wants none (`welcome.views_every_ns` 0)."""
+        """Send a view for display and replay, unless `welcome.views_every_ns` is 0: then the bench wants none."""
         if not isinstance(view, View):
             raise CutError(f"a CUT shows a View or None, not {type(view).__name__}")
         if self.welcome.views_every_ns > 0:
             self._send("view", frame=frame.frame, t_ns=frame.t_ns, **view.as_map())
 
     def give_credit(self, n: int = 1) -> None:
-        """Allow the bench to send `n` more frames ahead of the answers."""
+        """Allow the bench to send `n` more frames without waiting for answers."""
         self._send("credit", n=n)
 
     def ping(self) -> None:
@@ -337,7 +337,7 @@ class Client:
 
 
 def reachable(port: str, address: str) -> str:
-    """Return a port's address with a wildcard host replaced by the host of `address`, where this client connected."""
+    """Return a port's address; a wildcard host is replaced by the host of `address`, to which this client connected."""
     wildcard = re.match(r"tcp://(?:\*|0\.0\.0\.0|\[::\]):(\d+)\Z", port)
     connected = re.match(r"tcp://(.*):\d+\Z", address)
     return f"tcp://{connected.group(1)}:{wildcard.group(1)}" if wildcard and connected else port
@@ -353,5 +353,6 @@ def _no_answer(connection: Connection, wait_s: float) -> str:
     if connection.handshakes:
         return f"{connection.address}: a program listens there, but did not answer as a bench within {wait_s:g} s"
     return (
-        f"{connection.address}: no bench there within {wait_s:g} s; is `hil run` up, with a companion, at this address?"
+        f"{connection.address}: no bench there within {wait_s:g} s; "
+        "does `hil run` listen there, with a section companion?"
     )

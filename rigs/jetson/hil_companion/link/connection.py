@@ -18,7 +18,7 @@ from hil_companion.errors import ConnectionLost, OptionError, WrongKeys
 SILENT_S = 5  # TCP keep-alive timeout: a machine that is silent for longer counts as lost
 RECONNECT_MS = 100
 RECONNECT_MAX_MS = 5000
-HIGH_WATER = 128  # messages; more than the credits that a client can give
+HIGH_WATER = 128  # limit of queued messages; more than the credits that a client can give
 BYE_LINGER_MS = 200
 MAX_BROKEN_HANDSHAKES = 3  # failures without a stated reason; fewer may come from a bench that is just ending
 
@@ -40,8 +40,8 @@ PathLike = Union[str, Path]
 def read_key(path: PathLike, *, secret: bool) -> bytes:
     """Read the key from a file that `hil keys` wrote: 40 Z85 characters on a line of their own, other lines ignored.
 
-    A line counts as a key by its length and characters, since a Z85 key may begin with '#' like a comment. As with
-    ssh, a secret key that other users can read is refused. Raises OptionError.
+    A line is a key by its length and characters; it may begin with '#' like a comment. As with ssh, a secret key that
+    other users can read is refused. Raises OptionError.
     """
     try:
         lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -89,7 +89,7 @@ class Connection:
                 (zmq.SNDHWM, HIGH_WATER),
                 (zmq.RCVHWM, HIGH_WATER),
                 (zmq.MAXMSGSIZE, max_message_bytes),
-                # ZeroMQ's own heartbeats are off: one can abort a libzmq 4.3 at the far end (its issue 4841).
+                # ZeroMQ's own heartbeats are off: they can abort the bench's libzmq 4.3 (libzmq issue 4841).
                 (zmq.TCP_KEEPALIVE, 1),
                 (zmq.TCP_KEEPALIVE_IDLE, 1),
                 (zmq.TCP_KEEPALIVE_INTVL, 1),
@@ -118,12 +118,12 @@ class Connection:
         try:
             self.socket.send(message, zmq.NOBLOCK)
         except zmq.Again:
-            raise ConnectionLost(f"{self.address}: the connection was lost, no more messages are taken") from None
+            raise ConnectionLost(f"{self.address}: the connection was lost, or the bench reads no messages") from None
 
     def receive(self) -> list[Any] | None:
         """Return the parts of one waiting message, uncopied; None if no message waits."""
         if not _readable(self.socket):
-            return None  # cheaper than the exception below, and with several ports most are silent
+            return None  # cheaper than the exception below; with several ports most have no message
         try:
             parts: list[Any] = self.socket.recv_multipart(zmq.NOBLOCK, copy=False)
         except zmq.Again:
@@ -150,11 +150,11 @@ class Connection:
             if self._broken_handshakes < MAX_BROKEN_HANDSHAKES:
                 return
         if self._keys is None:
-            why = "the bench asks for keys (--key and --bench-key) or does not speak ZeroMQ"
+            why = "the bench requires keys (--key and --bench-key), or the program there does not speak ZeroMQ"
         elif kind == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
             why = f"the bench does not allow this client's key (status {value}): give it the .pub file"
         else:
-            why = "the bench's public key is another, or it uses no keys"
+            why = "--bench-key is not this bench's public key, or the bench uses no keys"
         raise WrongKeys(f"{self.address}: handshake failed: {why}")
 
     def close(self, linger_ms: int = 0) -> None:
@@ -162,7 +162,7 @@ class Connection:
             return
         if self._monitor is not None:
             self.socket.disable_monitor()
-            self._monitor.close(linger=0)  # with a linger time the context would wait for it forever
+            self._monitor.close(linger=0)  # with a linger time, closing the context would wait forever
         self.socket.close(linger=linger_ms)
 
 

@@ -1,4 +1,4 @@
-"""The companion protocol, version 3, on the client's side: headers to send, and checked reading of received headers.
+"""The companion protocol, version 3, on the client's side: packing of headers, and checked reading of received headers.
 
 Every message is multipart. Part 0 is the header, a msgpack map. Part 1 holds the bytes of arrays (C order, little
 endian) unless they lie in shared memory. Types, ranges and sizes of a header are checked before any of it is used.
@@ -25,7 +25,7 @@ MAX_HEADER_BYTES = 1 << 20
 MAX_TOPICS = 1024
 MAX_CREDIT = 64
 MAX_WAYPOINTS = 10_000
-MOST_ENTRIES, LONGEST_TEXT = 32, 200  # limits of a report
+MAX_REPORT_ENTRIES, MAX_REPORT_TEXT = 32, 200
 _REPORT_NAME = re.compile(r"[A-Za-z0-9_]{1,64}\Z")
 
 Header = Dict[str, Any]
@@ -54,14 +54,14 @@ def unpack(data: Any) -> Header:
 
 def checked_report(report: Mapping[str, Any]) -> dict[str, Any]:
     """Return a CUT's report, a small flat map, with plain values. Raises CutError for what the bench would refuse."""
-    if len(report) > MOST_ENTRIES:
-        raise CutError(f"a report of {len(report)} entries; the bench takes {MOST_ENTRIES}")
+    if len(report) > MAX_REPORT_ENTRIES:
+        raise CutError(f"a report of {len(report)} entries; the bench takes at most {MAX_REPORT_ENTRIES}")
     checked: dict[str, Any] = {}
     for name, value in report.items():
         if not isinstance(name, str) or not _REPORT_NAME.match(name):
             raise CutError(f"report {name!r}: names are 1 to 64 letters, digits and _")
         if isinstance(value, str):
-            checked[name] = value[:LONGEST_TEXT]
+            checked[name] = value[:MAX_REPORT_TEXT]
         elif isinstance(value, (bool, int)) and abs(value) < 2**53:
             checked[name] = value
         elif isinstance(value, float) and math.isfinite(value):
@@ -81,7 +81,7 @@ class Ring:
 
 @dataclass(frozen=True)
 class Welcome:
-    """The bench's description of itself and of the session to an accepted client."""
+    """Description of the bench and of the session, sent to an accepted client."""
 
     schema: str
     session: str  # identifies one run of the bench; differs after a restart
@@ -139,21 +139,21 @@ def read_welcome(header: Header) -> Welcome:
 
 
 def _point(point: Any, i: int) -> tuple[float, float, float]:
-    place = f"welcome.waypoints_W[{i}]"
+    path = f"welcome.waypoints_W[{i}]"
     if not isinstance(point, list) or len(point) != 3:
-        raise BadMessage(f"{place}: three numbers are needed")
-    at = Fields(dict(zip("xyz", point)), place)
-    return at.number("x"), at.number("y"), at.number("z")
+        raise BadMessage(f"{path}: three numbers are needed")
+    fields = Fields(dict(zip("xyz", point)), path)
+    return fields.number("x"), fields.number("y"), fields.number("z")
 
 
 def _ring(entries: Header | None) -> Ring | None:
     if entries is None:
         return None
-    at = Fields(entries, "welcome.ring")
-    name = at.text("name", 255).lstrip("/")
+    fields = Fields(entries, "welcome.ring")
+    name = fields.text("name", 255).lstrip("/")
     if not name or "/" in name or name.startswith("."):
-        raise at.wrong("name", "the plain name of a shared memory")
-    return Ring(name, at.integer("bytes", 1))
+        raise fields.type_error("name", "the plain name of a shared memory")
+    return Ring(name, fields.integer("bytes", 1))
 
 
 def read_end(header: Header) -> End:
