@@ -9,8 +9,8 @@
     goal_in_obstacle   the goal lies in an obstacle or in a closed area
     no_path            no path is left: the vehicle is enclosed
     stuck              no progress for stuck_s, position unknown, or time_limit_s exceeded
-    lidar_lost         no usable sweep for lidar_lost_s; it brakes after a third of a second and does not climb
-    imu_lost           roll and pitch unknown for imu_lost_s; it brakes at once
+    lidar_lost         no usable sweep for lidar_lost_s; the vehicle brakes after a third of a second and does not climb
+    imu_lost           roll and pitch unknown for imu_lost_s; the vehicle brakes at once
 
 Only sensor data are used, never the autopilot's own position: velocity commands close the loop over the estimate. The
 commands depend on the frames only.
@@ -47,11 +47,11 @@ _AT_HEIGHT_M = 0.5
 _HEIGHT_GAIN_PER_S, _SINK_MPS = 0.8, 1.0
 _HOLD_GAIN_PER_S, _HOLD_MPS = 0.5, 0.5
 _SLOW_MPS = 0.5
-_WIDE = 3.0  # factor on distance and time of the second check of progress, against flying to and fro
+_WIDE_FACTOR = 3.0  # on distance and time of the second check of progress, which detects flying to and fro
 _GROUND_M = 128.0  # half side of the ground's height map if the mapped area is not given
 _NEAR_M = 6.0  # obstacles of the newest sweep within this distance enter the planning map at once
-_FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # an estimate faster than twice the set speed plus wind is wrong
-_UNSURE_M, _LOST_M = 0.3, 3.0  # position sigma above which it flies slower, and above which its position is unknown
+_FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # an estimate faster than 2 times `speed_mps` plus 4 m/s is wrong
+_UNSURE_M, _LOST_M = 0.3, 3.0  # standard deviations of the position: above, flight is slower; position is unknown
 
 
 class Explorer:
@@ -92,8 +92,8 @@ class Explorer:
         self._begun_ns: int | None = None
         self._before_ns: int | None = None
         self._planned_ns: int | None = None  # time of the sweep that the route was planned with
-        self._shut_since_ns: int | None = None
-        self._anchor: tuple[int, np.ndarray] | None = None  # time and place of the last progress
+        self._no_path_since_ns: int | None = None
+        self._anchor: tuple[int, np.ndarray] | None = None  # time and position of the last progress
         self._wide_anchor: tuple[int, np.ndarray] | None = None  # the same for the second check of progress
         self._outcome_ns = 0
         self._hold_W: np.ndarray | None = None
@@ -110,7 +110,7 @@ class Explorer:
     # --- one frame ---
 
     def step(self, frame: Frame) -> Desired:
-        """Return the command for a frame; a frame that is not newer gets the previous command."""
+        """Return the command for a frame; for a repeated or older frame, return the previous command."""
         if self._command is None or self._before_ns is None or frame.t_ns > self._before_ns:
             self._command = self._step(frame)
         return self._command
@@ -164,7 +164,7 @@ class Explorer:
         elif abs(p_W[2] - self.settings.height_m) < _AT_HEIGHT_M:
             self.report.phase = "fly"
         elif self._over_s(frame) > self.settings.time_limit_s:
-            self._end(frame, STUCK, "it did not get to the height of the flight")
+            self._end(frame, STUCK, "the vehicle did not reach the height of the flight")
         if not self._senses.ready(frame.t_ns):
             v_xy = self._steering.stop(dt_s)
             return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), 0.0), yaw_rad=self._steering.yaw_rad)
@@ -205,10 +205,10 @@ class Explorer:
             return self._steering.slew(retreat_W, dt_s, hard=True)
         if not route.found:
             return self._steering.stop(dt_s)
-        # Without sweeps that fit the map the position comes from GPS and IMU only, so it flies slowly.
-        most = s.speed_mps * min(1.0, _UNSURE_M / max(sigma, 1e-6)) if estimate.lidar_ok else s.slow_mps
-        most = max(s.slow_mps, most)
-        return self._steering.follow(self.map, clearances, near, route.points_W, p_W, v_W, dt_s, most_mps=most)
+        # Without sweeps that fit the map, the position comes from GPS and IMU only, so the vehicle flies slowly.
+        max_mps = s.speed_mps * min(1.0, _UNSURE_M / max(sigma, 1e-6)) if estimate.lidar_ok else s.slow_mps
+        max_mps = max(s.slow_mps, max_mps)
+        return self._steering.follow(self.map, clearances, near, route.points_W, p_W, v_W, dt_s, max_mps=max_mps)
 
     def _plan(
         self,
@@ -252,25 +252,27 @@ class Explorer:
         s, t_ns = self.settings, frame.t_ns
         if self._anchor is None or np.hypot(*(p_W - self._anchor[1])) > s.progress_m:
             self._anchor = (t_ns, p_W.copy())
-        if self._wide_anchor is None or np.hypot(*(p_W - self._wide_anchor[1])) > _WIDE * s.progress_m:
+        if self._wide_anchor is None or np.hypot(*(p_W - self._wide_anchor[1])) > _WIDE_FACTOR * s.progress_m:
             self._wide_anchor = (t_ns, p_W.copy())
         if route.found:
-            self._shut_since_ns = None
+            self._no_path_since_ns = None
             left_m = float(np.hypot(*(p_W - route.goal_W)))
             if left_m < s.goal_radius_m and float(np.hypot(*v_W)) < _SLOW_MPS:
                 moved_m = math.hypot(route.goal_W[0] - self.goal_W[0], route.goal_W[1] - self.goal_W[1])
                 self._end(frame, GOAL, f"moved by {moved_m:.1f} m" if moved_m > 0.0 else "")
-        elif self._shut_since_ns is None:
-            self._shut_since_ns = t_ns
-        elif (t_ns - self._shut_since_ns) * 1e-9 > s.no_path_s:
-            what = "the goal lies in an obstacle" if route.why == GOAL_IN_OBSTACLE else "no way is left"
-            self._end(frame, route.why, what)
+        elif self._no_path_since_ns is None:
+            self._no_path_since_ns = t_ns
+        elif (t_ns - self._no_path_since_ns) * 1e-9 > s.no_path_s:
+            reason = "the goal lies in an obstacle" if route.why == GOAL_IN_OBSTACLE else "no path is left"
+            self._end(frame, route.why, reason)
         if self.report.outcome == FLYING and (t_ns - self._anchor[0]) * 1e-9 > s.stuck_s:
-            self._end(frame, STUCK, f"no {s.progress_m:g} m farther in {s.stuck_s:g} s")
-        if self.report.outcome == FLYING and (t_ns - self._wide_anchor[0]) * 1e-9 > _WIDE * s.stuck_s:
-            self._end(frame, STUCK, f"to and fro within {_WIDE * s.progress_m:g} m for {_WIDE * s.stuck_s:g} s")
+            self._end(frame, STUCK, f"less than {s.progress_m:g} m of progress in {s.stuck_s:g} s")
+        if self.report.outcome == FLYING and (t_ns - self._wide_anchor[0]) * 1e-9 > _WIDE_FACTOR * s.stuck_s:
+            self._end(
+                frame, STUCK, f"to and fro within {_WIDE_FACTOR * s.progress_m:g} m for {_WIDE_FACTOR * s.stuck_s:g} s"
+            )
         if self.report.outcome == FLYING and self._over_s(frame) > s.time_limit_s:
-            self._end(frame, STUCK, f"not there after {s.time_limit_s:g} s")
+            self._end(frame, STUCK, f"not at the goal after {s.time_limit_s:g} s")
         return self.report.outcome != FLYING
 
     def _end(self, frame: Frame, outcome: str, why: str) -> None:
@@ -326,7 +328,7 @@ class Explorer:
         if self.map is None or not self.route.found:
             return None
         return self._steering.follow(
-            self.map, clearances, near, self.route.points_W, p_W, v_W, dt_s, most_mps=self.settings.slow_mps
+            self.map, clearances, near, self.route.points_W, p_W, v_W, dt_s, max_mps=self.settings.slow_mps
         )
 
     def _brake_without_position(self, frame: Frame, dt_s: float) -> Desired:
@@ -335,7 +337,7 @@ class Explorer:
             self._anchor = (frame.t_ns, np.zeros(2))
         if self.report.outcome == FLYING:
             if (frame.t_ns - self._anchor[0]) * 1e-9 > self.settings.stuck_s:
-                self._end(frame, STUCK, "its position is not known")
+                self._end(frame, STUCK, "the position is not known")
         else:
             self.report.below = UNKNOWN
             self.finished = self.finished or (frame.t_ns - self._outcome_ns) * 1e-9 >= self.settings.unsafe_hover_s
@@ -361,14 +363,14 @@ class Explorer:
         return (frame.t_ns - (self._begun_ns or 0)) * 1e-9
 
 
-def _limited(v: np.ndarray, most: float) -> np.ndarray:
-    size = float(np.hypot(*v))
-    return v if size <= most else v * (most / size)
+def _limited(v: np.ndarray, max_norm: float) -> np.ndarray:
+    norm = float(np.hypot(*v))
+    return v if norm <= max_norm else v * (max_norm / norm)
 
 
 def _room_m(near: Nearby, p_W: np.ndarray, away: np.ndarray) -> float:
     """Return the distance to the nearest obstacle within 45 degrees of a direction."""
     d = near.level_W - p_W
-    far = np.hypot(d[:, 0], d[:, 1])
-    behind = d @ away > 0.7071 * far
-    return float(far[behind].min()) if behind.any() else math.inf
+    distances_m = np.hypot(d[:, 0], d[:, 1])
+    behind = d @ away > 0.7071 * distances_m
+    return float(distances_m[behind].min()) if behind.any() else math.inf

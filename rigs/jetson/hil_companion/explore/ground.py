@@ -1,12 +1,13 @@
 """Landing sites: a height map from all sweeps, and the nearest bare ground.
 
-The LiDAR sees little straight below the vehicle, so the map remembers what it saw on the way. A cell holds the highest
-return in it, and sinks by up to `_SINK_M` with each sweep that shows it lower, so that people who walked on disappear
-within a second. Bare ground lies at most `_BARE_M` above the start's height, unlike roofs and cars.
+The LiDAR sees little straight below the vehicle, so the map keeps the returns of earlier sweeps. A cell holds the
+height of its highest return. With each sweep whose return in it is lower, the height falls by up to `_SINK_M`, so
+people who walked on disappear within a second. Bare ground lies at most `_BARE_M` above the start's height, unlike
+roofs and cars.
 
 After an outcome other than the goal, the vehicle hovers `hover_s` over bare ground. Over a roof, a car, people or
 unknown ground it flies to the nearest reachable bare ground, as long as its sensors work. If there is none, it hovers
-`unsafe_hover_s` and reports what is below.
+`unsafe_hover_s` and reports the surface below.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ _CELL_M = 0.5
 _BARE_M = 0.5
 _SINK_M = 0.15
 _KNOWN_SHARE = 0.4  # share of known cells that a site needs; the sweeps' rings leave gaps
-_NOTHING = -1e3
-_WITHIN_M = 30.0
+_NOTHING = -1e3  # height of a cell without a return
+_WITHIN_M = 30.0  # largest distance of a landing site
 
 
 class Ground:
     """Height map of a rectangle. `area_W`: x and y of two corners; `level_m`: the start's height."""
 
     def __init__(self, area_W: tuple[float, float, float, float], level_m: float, radius_m: float) -> None:
-        """Make an unknown map. `radius_m`: of the area that a landing needs."""
+        """Make an unknown map. `radius_m`: radius of the area that a landing needs."""
         x0, y0, x1, y1 = area_W
         self._corner_W, self._level_m = np.array([x0, y0]), level_m
         self._top_m = np.full((math.ceil((y1 - y0) / _CELL_M), math.ceil((x1 - x0) / _CELL_M)), _NOTHING, np.float32)
@@ -54,7 +55,7 @@ class Ground:
         top[at] = np.maximum(top[at], before - _SINK_M)
 
     def stood_on(self, x_m: float, y_m: float) -> None:
-        """Mark the place where the vehicle stands as ground."""
+        """Mark the ground on which the vehicle stands."""
         reach = np.arange(-3, 4) * _CELL_M
         x, y = (a.reshape(-1) for a in np.meshgrid(reach + x_m, reach + y_m))
         self.add(np.stack([x, y, np.full(len(x), self._level_m)], axis=1))
@@ -74,9 +75,9 @@ class Ground:
     def places(self, x_m: float, y_m: float, within_m: float) -> np.ndarray:
         """Return positions (n, 2) of bare ground within a distance, the nearest first."""
         bare = (self._top_m > _NOTHING) & (self._top_m <= self._level_m + _BARE_M)
-        taken = cv2.dilate((self._top_m > self._level_m + _BARE_M).astype(np.uint8), self._disc) > 0
+        occupied = cv2.dilate((self._top_m > self._level_m + _BARE_M).astype(np.uint8), self._disc) > 0
         share = cv2.filter2D(bare.astype(np.float32), -1, self._disc / float(self._disc.sum()))
-        rows, columns = np.nonzero((share >= _KNOWN_SHARE) & ~taken)
+        rows, columns = np.nonzero((share >= _KNOWN_SHARE) & ~occupied)
         xy = (np.stack([columns, rows], axis=-1) + 0.5) * _CELL_M + self._corner_W
         away_m = np.hypot(xy[:, 0] - x_m, xy[:, 1] - y_m)
         order = np.argsort(away_m, kind="stable")
@@ -110,7 +111,7 @@ class Landing:
 
 
 def _reachable(plan_map: PlanMap, p_W: np.ndarray) -> np.ndarray:
-    """Return the mask of the price grid's cells that are connected with the vehicle's."""
+    """Return the mask of the price grid's cells that are connected with the vehicle's cell."""
     here = plan_map.plan_cell(float(p_W[0]), float(p_W[1]))
     passable = np.isfinite(plan_map.price).astype(np.uint8)
     passable[here] = 1

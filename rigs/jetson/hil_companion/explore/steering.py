@@ -102,7 +102,7 @@ class Steering:
         v_W: np.ndarray,
         dt_s: float,
         *,
-        most_mps: float = math.inf,
+        max_mps: float = math.inf,
     ) -> np.ndarray:
         """Return the velocity command (2,) along a path (n, 2). `p_W`, `v_W`: the vehicle's position and velocity."""
         s = self._settings
@@ -130,7 +130,7 @@ class Steering:
         free_mps = s.speed_that_stops_mps(free_m)
         goal_mps = min(s.speed_that_stops_mps(left_m), max(_GOAL_GAIN_PER_S * left_m, 0.1))
         corner_mps = _corner_mps(s, path_W, at, place)
-        least_mps = min(s.speed_mps, most_mps, known_mps, free_mps, near_mps, corner_mps, goal_mps)
+        least_mps = min(s.speed_mps, max_mps, known_mps, free_mps, near_mps, corner_mps, goal_mps)
         return self.slew(direction * least_mps, dt_s, hard=free_mps < speed_mps - 0.3)
 
     def slew(self, wanted_W: np.ndarray, dt_s: float, *, hard: bool = False) -> np.ndarray:

@@ -87,7 +87,7 @@ def test_slow_beside_walls_and_before_corners() -> None:
 def test_an_uncertain_pose_lowers_the_speed() -> None:
     steering, path = Steering(FLIGHT), np.array([(0.0, 0.0), (19.0, 0.0)])
     for _ in range(60):
-        v_W = steering.follow(open_map(), CLEARANCES, nearby(), path, np.zeros(2), np.zeros(2), 0.1, most_mps=1.2)
+        v_W = steering.follow(open_map(), CLEARANCES, nearby(), path, np.zeros(2), np.zeros(2), 0.1, max_mps=1.2)
     assert float(np.hypot(*v_W)) == pytest.approx(1.2)
 
 

@@ -22,16 +22,16 @@ import numpy as np
 
 from hil_companion.explore.mapping.scan import Scan
 
-OCCUPIED, FREE = 0.8, -0.5  # log-odds beyond which a cell counts as one of them
+OCCUPIED, FREE = 0.8, -0.5  # log-odds above which a cell is occupied, and below which it is free
 STEP = 0.05  # log-odds
-_HIT, _MISS = 24, -6
-_LEAST, _MOST = -40, 70
+_HIT, _MISS = 24, -6  # change of a cell by a hit and by a beam that passes, in steps
+_LOWEST, _HIGHEST = -40, 70  # limits of a cell, in steps
 _UNITS = 4096  # resolution of a position within a cell
-_MOST_COUNT = 48  # largest weight of a mean, so that later hits still change it
-_BINS = 720
-SIDE = 32
+_MAX_COUNT = 48  # largest weight of a mean, so that later hits still change it
+_BINS = 720  # azimuths of a turn
+SIDE = 32  # cells along each side of a tile
 CELLS = SIDE * SIDE
-SHIFT, LOW_BITS = 5, 31
+SHIFT, LOW_BITS = 5, 31  # index of a cell -> its tile and its index within the tile, for tiles of 32
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class GridView:
 
 
 class Tiles:
-    """One layer of all particles. `dtype`: of a cell, 0 where unknown; `across`: tiles along each side of the area."""
+    """One layer of all particles. `dtype`: type of a cell, 0 is unknown; `across`: tiles along each side."""
 
     def __init__(self, particles: int, across: int, dtype: type) -> None:
         self.across = across
@@ -84,13 +84,13 @@ class Tiles:
 
     def writable(self, particles: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return the tile numbers of distinct pairs (particle, place), copied first if another particle holds them."""
-        held = np.bincount(self.table.reshape(-1), minlength=len(self.pool))
-        held[0] = 2  # the unknown tile counts as shared
+        holders = np.bincount(self.table.reshape(-1), minlength=len(self.pool))
+        holders[0] = 2  # the unknown tile counts as shared
         at = self.table[particles, places]
-        shared = np.flatnonzero(held[at] > 1)
+        shared = np.flatnonzero(holders[at] > 1)
         if len(shared):
             # All writers of a shared tile get copies; the original is reused later if no other particle holds it.
-            free = np.flatnonzero(held == 0)
+            free = np.flatnonzero(holders == 0)
             if len(free) < len(shared):
                 more = max(len(shared) - len(free), len(self.pool) // 2)
                 free = np.concatenate([free, np.arange(len(self.pool), len(self.pool) + more)])
@@ -131,12 +131,12 @@ class Maps:
         self.grid = Tiles(particles, across, np.int8)
         self.hits = Tiles(particles, across, np.uint32)
         self.version = 0
-        # Azimuth and distance of all cells about a particle's own cell, up to the range and one tile more.
+        # Azimuth and distance of all cells within the range plus one tile about a particle's cell.
         self._reach_cells = math.ceil(range_m / cell_m)
         n = self._reach_cells + SIDE
         dy, dx = np.mgrid[-n : n + 1, -n : n + 1]
         self._middle = n
-        self._far = np.minimum(np.hypot(dx, dy) * 16.0, 65535.0).astype(np.uint16)  # sixteenths of a cell
+        self._distance = np.minimum(np.hypot(dx, dy) * 16.0, 65535.0).astype(np.uint16)  # sixteenths of a cell
         self._azimuth = (np.floor((np.arctan2(dy, dx) + math.pi) * (_BINS / (2.0 * math.pi))) % _BINS).astype(np.uint16)
 
     def cells(self, xy: np.ndarray) -> np.ndarray:
@@ -163,7 +163,7 @@ class Maps:
         if who:
             tiles = self.grid.writable(np.concatenate(who), np.concatenate(places))
             total = np.add(self.grid.pool[tiles], np.concatenate(changes), dtype=np.int16)
-            self.grid.pool[tiles] = np.clip(total, _LEAST, _MOST, out=total)
+            self.grid.pool[tiles] = np.clip(total, _LOWEST, _HIGHEST, out=total)
         self.version += 1
 
     def resample(self, ancestors: np.ndarray) -> None:
@@ -182,10 +182,10 @@ class Maps:
         origin = self.origin_W + self.cell_m * np.array([column, row])
         return GridView(cells * np.float32(STEP), (float(origin[0]), float(origin[1])), self.cell_m, self.version)
 
-    def hit_xy(self, particle: int, least: int = 1) -> np.ndarray:
-        """Return positions (n, 2) of one particle's cells with at least `least` hits."""
+    def hit_xy(self, particle: int, min_hits: int = 1) -> np.ndarray:
+        """Return positions (n, 2) of one particle's cells with at least `min_hits` hits."""
         cells, row, column = self.hits.assembled(particle)
-        rows, columns = np.nonzero((cells >> 24) >= least)
+        rows, columns = np.nonzero((cells >> 24) >= min_hits)
         packed = cells[rows, columns]
         x, y = columns + column + _low(packed), rows + row + _high(packed)
         return np.stack([x, y], axis=-1) * self.cell_m + self.origin_W
@@ -214,9 +214,9 @@ class Maps:
                 packed = pool.take((table.take(tile_row + tile_column) << (2 * SHIFT)) + (in_row + in_column))
                 dx = (packed & 0xFFF).astype(np.float32) * unit + from_x
                 dy = ((packed >> 12) & 0xFFF).astype(np.float32) * unit + from_y
-                far = dx * dx + dy * dy
-                better = (far < best) & (packed > 0)
-                np.copyto(best, far, where=better)
+                squared = dx * dx + dy * dy
+                better = (squared < best) & (packed > 0)
+                np.copyto(best, squared, where=better)
                 np.copyto(found, packed, where=better)
                 np.copyto(dx_best, dx, where=better)
                 np.copyto(dy_best, dy, where=better)
@@ -244,14 +244,15 @@ class Maps:
         gain = 1.0 / (count + 1.0)
         x = _low(packed) + gain * (new_x - _low(packed))
         y = _high(packed) + gain * (new_y - _high(packed))
-        pool[spot] = _packed(x, y, np.minimum(count + 1.0, _MOST_COUNT))
+        pool[spot] = _packed(x, y, np.minimum(count + 1.0, _MAX_COUNT))
 
     def _missed(
         self, centre: np.ndarray, turn: int, reach_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Return the change of the cells about a position that beams passed; None outside the area.
+        """Return the change of the cells about a position that beams have passed; None outside the area.
 
-        Column and row of the first tile, number of columns and rows of tiles, and the change (tiles, cells).
+        The parts of the result are column and row of the first tile, number of columns and rows of tiles, and the
+        change (tiles, cells).
         """
         across = self.grid.across
         low = np.clip((centre - self._reach_cells) >> SHIFT, 0, across)
@@ -261,9 +262,9 @@ class Maps:
         begin, end = low * SIDE - centre + self._middle, high * SIDE - centre + self._middle
         part = (slice(begin[1], end[1]), slice(begin[0], end[0]))
         reach = np.roll(reach_m, turn) * (16.0 / self.cell_m)
-        # A cell is passed only up to its far corner, hence half a cell less.
+        # A beam has passed a cell only if it has passed its far corner, hence half a cell less.
         limit = np.clip(reach - 8.0, 0.0, 65535.0).astype(np.uint16)
-        passed = self._far[part] < limit[self._azimuth[part]]
+        passed = self._distance[part] < limit[self._azimuth[part]]
         change = passed.astype(np.int8) * np.int8(_MISS)
         wide, tall = (int(n) for n in high - low)
         change = change.reshape(tall, SIDE, wide, SIDE).transpose(0, 2, 1, 3).reshape(tall * wide, CELLS)

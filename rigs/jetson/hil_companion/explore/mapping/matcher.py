@@ -2,7 +2,7 @@
 
 For each point b of the scan (in H) with its normal n, and the nearest mean hit h of the particle's map,
 
-    r = n . (h - (R(yaw) b + p))           distance from the surface; displacements along it cost nothing
+    r = n . (h - (R(yaw) b + p))           distance from the surface; displacements along the surface do not change r
 
 Gauss-Newton minimises sum w r^2 / s^2 + (x - x_0)' Q^-1 (x - x_0), with mean x_0 and covariance Q of the pose predicted
 by the motion. w is Cauchy's weight times the number of hits, so that moving objects weigh little. A particle's weight
@@ -25,9 +25,9 @@ _SIGMA_M = 0.05  # of a point about its surface: range noise, cell size, tilt
 _OUTLIER_M = 0.10  # Cauchy's scale
 _RANDOM = 0.02  # likelihood of a beam on an unmapped object
 _RIPE = 3  # hits from which a cell counts in full
-_WITNESSES = 8.0  # number of independent measurements in one scan, for the weights
-_INDEPENDENT = 0.4  # share of independent points in one scan, for the covariance
-_LEAST_POINTS = 12
+_INDEPENDENT_POINTS = 8.0  # number of independent measurements in one scan, for the weights
+_INDEPENDENT_SHARE = 0.4  # share of independent points in one scan, for the covariance
+_MIN_POINTS = 12
 
 
 class Match(NamedTuple):
@@ -44,12 +44,12 @@ def match(maps: Maps, predicted: np.ndarray, information: np.ndarray, xy: np.nda
     """Match scan points (m, 2) with normals (m, 2), both in H. `predicted`: (n, 3); `information`: (3, 3), Q^-1."""
     pose = predicted.copy()
     n = len(pose)
-    if len(xy) < _LEAST_POINTS:
+    if len(xy) < _MIN_POINTS:
         spread = np.repeat(np.linalg.inv(information)[None], n, axis=0)
         return Match(pose, spread, np.zeros(n), np.zeros(n), np.zeros(n))
     has_normal = (normal != 0.0).any(axis=1)
     reach = maps.cell_m
-    for turn_number in range(_ROUNDS):
+    for round_number in range(_ROUNDS):
         c, s = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
         bx, by = c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]
         cells = np.stack([bx + pose[:, :1], by + pose[:, 1:2]], axis=-1)
@@ -67,24 +67,24 @@ def match(maps: Maps, predicted: np.ndarray, information: np.ndarray, xy: np.nda
             r = r0 - nx * move[:, :1] - ny * move[:, 1:2] - turn * move[:, 2:]
             w = ripe / (1.0 + (r * (1.0 / _OUTLIER_M)) ** 2) * (1.0 / (_SIGMA_M * _SIGMA_M))
             H, g = _normal_equations(w, r, nx, ny, turn)
-            H = _INDEPENDENT * H + information
+            H = _INDEPENDENT_SHARE * H + information
             off = predicted - pose
             off[:, 2] = wrapped(off[:, 2])
-            g = _INDEPENDENT * g + off @ information
+            g = _INDEPENDENT_SHARE * g + off @ information
             pose = pose + np.linalg.solve(H, g[:, :, None])[:, :, 0]
         step = np.abs(pose - begin).max(axis=0)
-        if turn_number and max(step[0], step[1]) < _SETTLED_M and step[2] < _SETTLED_RAD:
+        if round_number and max(step[0], step[1]) < _SETTLED_M and step[2] < _SETTLED_RAD:
             break
     move = pose - begin
     r = r0 - nx * move[:, :1] - ny * move[:, 1:2] - turn * move[:, 2:]
     known = np.isfinite(far)
     likely = np.where(known, np.exp(-0.5 * (r * (1.0 / _SIGMA_M)) ** 2) * ripe, 0.0)
-    log_likelihood = np.log(likely + _RANDOM).mean(axis=1) * _WITNESSES
+    log_likelihood = np.log(likely + _RANDOM).mean(axis=1) * _INDEPENDENT_POINTS
     off = predicted - pose
     off[:, 2] = wrapped(off[:, 2])
     log_likelihood -= 0.5 * np.einsum("ni,ij,nj->n", off, information, off)
-    near = known & (np.abs(r) < 2.5 * _SIGMA_M)
-    inliers = near.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    on_surface = known & (np.abs(r) < 2.5 * _SIGMA_M)
+    inliers = on_surface.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     return Match(pose, np.linalg.inv(H), log_likelihood, inliers, known.mean(axis=1))
 
 

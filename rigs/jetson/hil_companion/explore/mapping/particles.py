@@ -5,7 +5,7 @@ estimates it in closed form (Rao-Blackwellisation, as for the maps). With b this
 
     fix = p + b + noise      weight *= N(fix; p + m, V + s^2)      K = V / (V + s^2)      m += K (fix - p - m)
 
-A lasting error of the fixes is thus estimated as a shift, and white noise weighs the particles as it should.
+A lasting error of the fixes is thus estimated as a shift, and only their white noise affects the weights.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from hil_companion.navigation.rotation import wrapped
 
 _DRIFT_M2_PS = 0.02**2  # growth of the shift's variance
-_MOST_LOG = 8.0  # largest change of a log weight by one fix
+_MAX_LOG_CHANGE = 8.0  # of a weight by one fix
 _GATE = 6.0  # standard deviations
 
 
 class Particles:
-    """A set of particles. `start`: x, y, yaw of all at first."""
+    """A set of particles. `start`: initial x, y, yaw of all particles."""
 
     def __init__(self, count: int, start: tuple[float, float, float], seed: int) -> None:
         self.pose = np.repeat(np.array([start], float), count, axis=0)
@@ -46,7 +46,7 @@ class Particles:
 
     @property
     def best(self) -> int:
-        """Return the index of the heaviest particle; of equal ones the first."""
+        """Return the index of the particle with the largest weight; of equal ones the first."""
         return int(np.argmax(self.log_weight))
 
     def mean(self) -> np.ndarray:
@@ -86,7 +86,7 @@ class Particles:
         total = self.shift_variance + variance
         if float((off * off).sum(axis=1).min()) > _GATE * _GATE * total:
             return  # an outlier for all particles
-        self.weigh(np.maximum(-0.5 * (off * off).sum(axis=1) / total, -_MOST_LOG))
+        self.weigh(np.maximum(-0.5 * (off * off).sum(axis=1) / total, -_MAX_LOG_CHANGE))
         gain = self.shift_variance / total
         self.shift = self.shift + gain * off
         self.shift_variance *= 1.0 - gain

@@ -1,4 +1,4 @@
-"""Correlative search for a pose in a map: every shift by cells at every heading of a window about the expected pose.
+"""Correlative search for a pose in a map: tries every shift by cells and every heading in a window.
 
 The map is a picture of the cells with hits, dilated by one cell. A pose's score is the share of the scan's points on
 set cells. Each point adds the part of the picture about its cell, which scores all shifts at once.
@@ -13,7 +13,7 @@ import numpy as np
 
 _POINTS = 150
 _REACH_M = 40.0  # points beyond are not used, because they would need finer steps of heading
-_NEARER = 1e-6  # cost of a metre in points: of equal scores the pose nearest to the expected one wins
+_DISTANCE_COST = 1e-6  # points per metre: of equal scores the pose nearest to the expected one wins
 
 
 class Found(NamedTuple):
@@ -41,17 +41,17 @@ def search(
     picture[at[:, 1], at[:, 0]] = 1
     picture = cv2.dilate(picture, np.ones((3, 3), np.uint8))
     shifts = np.arange(-n, n + 1) * cell_m
-    far = np.hypot(shifts[:, None], shifts[None, :])
+    distances_m = np.hypot(shifts[:, None], shifts[None, :])
     turns = int(np.ceil(window_rad / (cell_m / _REACH_M)))
     best, pose = -1.0, about
     for turn in sorted(range(-turns, turns + 1), key=abs):
         yaw = about[2] + turn * cell_m / _REACH_M
         c, s = np.cos(yaw), np.sin(yaw)
         xy = scan_xy @ np.array([[c, s], [-s, c]])
-        hits = np.zeros(far.shape, np.uint8)  # _POINTS at most
+        hits = np.zeros(distances_m.shape, np.uint8)  # _POINTS at most
         for column, row in (np.floor(xy / cell_m).astype(int) + half - n).tolist():
             hits += picture[row : row + 2 * n + 1, column : column + 2 * n + 1]
-        score = hits - _NEARER * far
+        score = hits - _DISTANCE_COST * distances_m
         here = int(np.argmax(score))
         if score.flat[here] > best:
             best = float(score.flat[here])

@@ -6,8 +6,8 @@ Each frame:
     2  GPS, baro  correct velocity and height; GPS positions weigh the particles
     3  sweep      is motion-corrected and levelled (sweep.py) and reduced to two dimensions (scan.py)
     4  particles  move by the IMU; each is matched with its own map and sampled from the matched pose's covariance
-    5  weights    by the likelihood of the match; resampled if too few particles are effective
-    6  maps       a third of the particles in turn add the sweep to their maps
+    5  weights    come from the likelihood of the match; particles are resampled if too few are effective
+    6  maps       get the sweep, each third of the particles in turn
     7  IMU filter is corrected by the particles' mean and predicted to the frame's time
 
 Without a usable sweep the IMU filter continues with GPS alone and moves the particles, and `lidar_ok` is False. When
@@ -33,14 +33,14 @@ from hil_companion.navigation.geodesy import BaroHeights, GpsFixes
 from hil_companion.navigation.inertial import SPEED, XY, YAW, InertialFilter, Z
 from hil_companion.navigation.rotation import matrix_of, roll_pitch_yaw, wrapped
 
-_TURNS = 3  # frames in which every particle's map is updated once
+_TURNS = 3  # number of sweeps in which every particle's map is updated once
 _STILL_M, _STILL_RAD, _STILL_FRAMES = 0.08, 0.04, 9  # motion, or frames, after which a map is updated again
-_LEAST_RETURNS = 200
-_LEAST_KNOWN, _LEAST_INLIERS = 0.15, 0.35
+_MIN_RETURNS = 200
+_MIN_KNOWN, _MIN_INLIERS = 0.15, 0.35
 _FLOOR_M, _FLOOR_RAD = 0.03, 0.004  # lower bound of a match's standard deviation
 _STEP_M, _STEP_RAD, _TURN_SHARE = 0.01, 0.0005, 0.003  # noise of the IMU's motion between two sweeps
 _WINDOW_M, _WINDOW_RAD = (1.0, 12.0), (0.06, 0.3)  # smallest and largest half width of a search
-_LEAST_SHARE = 0.5  # share of points on the map from which a search counts as successful
+_MIN_SHARE = 0.5  # share of points on the map from which a search counts as successful
 _GROUND_SIGMA_M = 0.15  # of the ground's height in a sweep: objects on it, tilt
 _BARO_SIGMA_M = 0.25
 _GPS_SPEED_SIGMA_MPS = 0.15
@@ -49,7 +49,7 @@ _GPS_LOST_S = 0.6
 _SURE_M = 0.5  # largest standard deviation of a position at which a new part of the map may begin
 _SETTLE = 8  # consecutive sweeps that must fit after a loss before maps are updated again
 _IMU_LOST_S = 0.2
-_REST_S = 3.0  # after a gap in the IMU, the time to wait for fitting sweeps before the IMU counts as usable anyway
+_REST_S = 3.0  # after a gap in the IMU's rows: timeout for fitting sweeps, then the IMU counts as usable without them
 _LEVEL_RAD = 0.05  # with more tilt uncertainty a sweep is not used: at 30 m its heights would be 1.5 m off at 1 sigma
 _RESAMPLE = 0.5  # effective share of the particles below which they are resampled
 
@@ -164,7 +164,7 @@ class Slam:
         self._apply_aiding()
         sweep = make_sweep(self._inertial, lidar, s)
         predicted, motion = self._predicted(before)
-        if sweep.returns < _LEAST_RETURNS or self._inertial.tilt_sigma_rad > _LEVEL_RAD:
+        if sweep.returns < _MIN_RETURNS or self._inertial.tilt_sigma_rad > _LEVEL_RAD:
             self.particles.pose = predicted
             self._continue_with_gps()
             return
@@ -201,13 +201,13 @@ class Slam:
     def _fits(self, found: Match, *, late: bool) -> bool:
         """Return True if the scan lies on the map of the best particle.
 
-        In an unmapped place every scan fits; after a loss (`late`) only if the position is known by other sensors.
+        In an unmapped area every scan fits; after a loss (`late`) only if the position is known by other sensors.
         """
         best = self.particles.best
         self._inliers = float(found.inliers[best])
-        if float(found.known[best]) < _LEAST_KNOWN:
+        if float(found.known[best]) < _MIN_KNOWN:
             return not late or self._sigma_m < _SURE_M
-        return self._inliers >= _LEAST_INLIERS
+        return self._inliers >= _MIN_INLIERS
 
     @property
     def _sigma_m(self) -> float:
@@ -215,7 +215,7 @@ class Slam:
         return math.sqrt(max(0.0, float(max(i.cov[0, 0], i.cov[1, 1]))))
 
     def _relocalise(self, predicted: np.ndarray, motion: np.ndarray, scan: Scan) -> tuple[np.ndarray, np.ndarray]:
-        """Search in the best particle's map; return the shifted poses and their covariance, unchanged if it fails."""
+        """Search in the best particle's map; return the shifted poses and their covariance, or both unchanged."""
         i, best = self._inertial, self.particles.best
         window_m = min(_WINDOW_M[1], max(_WINDOW_M[0], 3.0 * self._sigma_m))
         window_rad = min(_WINDOW_RAD[1], max(_WINDOW_RAD[0], 3.0 * math.sqrt(max(0.0, float(i.cov[8, 8])))))
@@ -227,7 +227,7 @@ class Slam:
             window_rad=window_rad,
             cell_m=self.settings.cell_m,
         )
-        if found.share < _LEAST_SHARE:
+        if found.share < _MIN_SHARE:
             return predicted, motion
         wide = np.diag([self.settings.cell_m**2, self.settings.cell_m**2, 0.01**2])
         return predicted + (found.pose - predicted[best]), motion + wide
@@ -284,11 +284,11 @@ class Slam:
         self._turn = (self._turn + 1) % _TURNS
         pose = self.particles.pose
         n = len(pose)
-        mine = np.arange(n) % _TURNS == self._turn if n > 1 else np.ones(n, bool)
+        has_turn = np.arange(n) % _TURNS == self._turn if n > 1 else np.ones(n, bool)
         self._waited += 1
         off = np.abs(pose - self._inserted)
         moved = (np.hypot(off[:, 0], off[:, 1]) > _STILL_M) | (off[:, 2] > _STILL_RAD) | (self._waited >= _STILL_FRAMES)
-        due = np.flatnonzero((mine & moved) | all_particles)
+        due = np.flatnonzero((has_turn & moved) | all_particles)
         self.maps.insert(due, pose[due], scan)
         self._inserted[due] = pose[due]
         self._waited[due] = 0

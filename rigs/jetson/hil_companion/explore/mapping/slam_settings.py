@@ -20,26 +20,26 @@ class SlamSettings:
     cell_m: float = 0.25
     area_m: float = 256.0  # side of the mapped square, centred on the start
     flight_height_m: float = 10.0  # height of the grid above the ground
-    band_half_m: float = 1.0  # half height of the band about it in which hits are obstacles
+    band_half_m: float = 1.0  # half height of the band about the flight's height in which hits are obstacles
     ground_z_m: float = 0.0
     map_range_m: float = 30.0  # longest range used for the grid
     match_range_m: float = 75.0  # longest range used for matching
     match_points: int = 200
-    decimation: int = 1  # n: azimuth slots n times as wide
+    decimation: int = 1  # factor on the width of an azimuth slot
     lidar_topic: str = "lidar"
     lidar_p_BL: tuple[float, float, float] = (0.0, 0.0, 0.12)
     lidar_q_BL: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
     # Elevation of each ring; empty: unknown, then beams without a return are not used.
     lidar_elevation_deg: tuple[float, ...] = VLP16_DEG
-    lidar_rings_sure: bool = False  # the elevations come from the bench: returns beside their ring are errors
+    lidar_rings_sure: bool = False  # True: the elevations come from the bench, so returns beside their ring are errors
     gps_sigma_m: float | None = None  # None: as the receiver reports
     lidar_lost_s: float = 0.35  # longest time without a usable sweep
 
     def __post_init__(self) -> None:
         problems = [
             f"{name} {getattr(self, name)!r} must be {what}"
-            for name, (what, good) in _MEANT.items()
-            if not good(getattr(self, name))
+            for name, (what, is_legal) in _RULES.items()
+            if not is_legal(getattr(self, name))
         ]
         if problems:
             raise OptionError("slam: " + "; ".join(problems))
@@ -57,12 +57,12 @@ def _numbers(values: Any, count: int | None = None) -> bool:
     return isinstance(values, (tuple, list)) and all(map(_number, values)) and count in (None, len(values))
 
 
-def _whole(least: int, most: int) -> tuple[str, Callable[[Any], bool]]:
-    return f"{least} to {most}", lambda v: type(v) is int and least <= v <= most
+def _whole(low: int, high: int) -> tuple[str, Callable[[Any], bool]]:
+    return f"a whole number from {low} to {high}", lambda v: type(v) is int and low <= v <= high
 
 
 _LENGTHS = ("cell_m", "area_m", "flight_height_m", "band_half_m", "map_range_m", "match_range_m", "lidar_lost_s")
-_MEANT: dict[str, tuple[str, Callable[[Any], bool]]] = {
+_RULES: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "particles": _whole(1, 1000),
     "match_points": _whole(10, 5000),
     "decimation": _whole(1, 16),
@@ -72,7 +72,7 @@ _MEANT: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "ground_z_m": ("a number", _number),
     "lidar_p_BL": ("three numbers", lambda v: _numbers(v, 3)),
     "lidar_q_BL": (
-        "four numbers of length 1",
+        "a quaternion of unit norm",
         lambda v: _numbers(v, 4) and abs(sum(c * c for c in v) - 1.0) < 1e-3,
     ),
     "lidar_elevation_deg": ("angles, -90 to 90", lambda v: _numbers(v) and all(abs(e) < 90.0 for e in v)),

@@ -6,7 +6,7 @@ heading.
 
     p_H = R_HB(t_c) [ R_BB(t) (R_BL p_L + p_BL) + p_BB(t) ]         t the return's own time
 
-An empty slot, whose beam was sent without a return, is distinguished from an unknown one.
+An empty slot (a beam was sent and had no return) is distinguished from an unknown one.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from hil_companion.navigation.inertial import InertialFilter
 from hil_companion.navigation.rotation import matrix_of, roll_pitch_yaw
 
 AZIMUTHS = 720
-_TABLE_S = 1e-3  # resolution of the motion table; half of it at 1 rad/s and 40 m: 2 cm
-_MOST_SWEEP_S = 0.2
-_MOST_M = 200.0  # of a range
+_TABLE_S = 1e-3  # resolution of the motion table; the error at 1 rad/s and 40 m is at most 2 cm
+_MAX_SWEEP_S = 0.2
+_MAX_RANGE_M = 200.0
 _ALIVE = 4  # neighbouring azimuths to each side, one of which must have a return for a beam to count as sent
 _BAD, _EMPTY = -1.0, 0.0
-_MOST_RINGS = 256
-_STRANGE = 0.01  # share of returns beside their ring that may be transmission errors
+_MAX_RINGS = 256
+_MAX_BESIDE_SHARE = 0.01  # share of returns beside their ring that may be transmission errors
 _MOVED_M = 0.2
 _AT_REST_M, _DIFFERENT = 0.05, 5  # this many different sweeps of a vehicle at rest show that the LiDAR has noise
-_EVERY = 7  # every 7th point is compared
+_STRIDE = 7  # every 7th point is compared
 _OFF_M, _OFF_RAD = 0.05, 0.015  # tolerance of a return beside its ring, since beams do not start at one point
 
 
@@ -45,7 +45,7 @@ class Sweep(NamedTuple):
 
 
 def make_sweep(inertial: InertialFilter, lidar: Any, settings: SlamSettings) -> Sweep:
-    """Make a sweep; the state of `inertial` is that of the capture. Invalid data of a broken LiDAR is left out."""
+    """Make a sweep, with `inertial` at the time of the capture. Invalid data of a broken LiDAR is left out."""
     elevation_deg: Sequence[float] = settings.lidar_elevation_deg
     azimuths = AZIMUTHS // settings.decimation
     points = np.asarray(lidar["points_L"], np.float32).reshape(-1, 3)
@@ -56,14 +56,14 @@ def make_sweep(inertial: InertialFilter, lidar: Any, settings: SlamSettings) -> 
     with np.errstate(invalid="ignore", over="ignore"):
         level_m = np.hypot(points[:, 0], points[:, 1])
         range_m = np.sqrt(level_m * level_m + points[:, 2] * points[:, 2])
-        good = np.isfinite(range_m) & (range_m > 0.05) & (range_m < _MOST_M)
+        good = np.isfinite(range_m) & (range_m > 0.05) & (range_m < _MAX_RANGE_M)
     if len(elevation_deg):
         beside = good & ~on_ring(points, ring, elevation_deg)
         if settings.lidar_rings_sure:
             good &= ~beside
-        elif np.count_nonzero(beside) > _STRANGE * max(1, np.count_nonzero(good)):
+        elif np.count_nonzero(beside) > _MAX_BESIDE_SHARE * max(1, np.count_nonzero(good)):
             elevation_deg = ()  # another device than configured: beams without a return are not used
-    rings = len(elevation_deg) or (min(max(int(ring.max()) + 1, 1), _MOST_RINGS) if n else 1)
+    rings = len(elevation_deg) or (min(max(int(ring.max()) + 1, 1), _MAX_RINGS) if n else 1)
     known = (ring >= 0) & (ring < rings)
     good &= known
     order = np.argsort(_elevations(elevation_deg, ring[good], points[good], level_m[good], rings), kind="stable")
@@ -99,7 +99,7 @@ def make_sweep(inertial: InertialFilter, lidar: Any, settings: SlamSettings) -> 
 def _elevations(
     elevation_deg: Sequence[float], ring: np.ndarray, points: np.ndarray, level_m: np.ndarray, rings: int
 ) -> np.ndarray:
-    """Return a key for each ring to sort them by: the given elevation, or the mean slope of the ring's returns."""
+    """Return a sort key for each ring: the given elevation, or the mean slope of the ring's returns."""
     if len(elevation_deg):
         return np.asarray(elevation_deg, float)
     slope = points[:, 2] / np.maximum(level_m, 1e-3)
@@ -107,7 +107,7 @@ def _elevations(
 
 
 def _nearest(slot: np.ndarray, range_m: np.ndarray, slots: np.ndarray) -> np.ndarray:
-    """Fill `slots` with the smallest range of each; return the indices of these returns."""
+    """Fill each slot with the smallest range of its returns; return the indices of these returns."""
     holder = np.full(len(slots), -1, np.int64)
     order = np.argsort(-range_m, kind="stable")
     holder[slot[order]] = order  # the nearest return of each slot is written last
@@ -162,14 +162,14 @@ def _level(R_WB: np.ndarray) -> np.ndarray:
 def _motion(inertial: InertialFilter) -> tuple[np.ndarray, np.ndarray]:
     """Return rotation and shift from B at past times to B at the filter's time, for each 1 ms step backwards."""
     t_ns = inertial.t_ns or 0
-    moments = inertial.states_since(t_ns - int(_MOST_SWEEP_S * 1e9))
+    moments = inertial.states_since(t_ns - int(_MAX_SWEEP_S * 1e9))
     moments = [m for m in moments if m.t_ns <= t_ns] or [inertial.state()]
     q = np.array([m.q for m in moments])
     flip = np.cumsum(np.concatenate([[0], np.sum(q[1:] * q[:-1], axis=1) < 0.0])) % 2 == 1
     q[flip] *= -1.0
     p = np.array([m.p for m in moments])
     t = np.array([(m.t_ns - t_ns) * 1e-9 for m in moments])
-    steps = -_TABLE_S * np.arange(int(_MOST_SWEEP_S / _TABLE_S) + 1)
+    steps = -_TABLE_S * np.arange(int(_MAX_SWEEP_S / _TABLE_S) + 1)
     if len(t) > 1:
         q = np.stack([np.interp(steps, t, q[:, k]) for k in range(4)], axis=-1)
         p = np.stack([np.interp(steps, t, p[:, k]) for k in range(3)], axis=-1)
@@ -185,7 +185,7 @@ def _motion(inertial: InertialFilter) -> tuple[np.ndarray, np.ndarray]:
 def _rays(
     elevation_deg: np.ndarray, azimuths: int, R_HL: np.ndarray, azimuth: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
-    """Return the direction of each slot's centre in H; its time is that of returns at the nearest azimuth."""
+    """Return the direction of each slot's centre in H at the time of the returns at the nearest azimuth."""
     when = np.full(azimuths, -1, np.int64)
     when[azimuth] = step
     seen = np.flatnonzero(when >= 0)
@@ -223,7 +223,7 @@ def on_ring(points_L: np.ndarray, ring: np.ndarray, elevation_deg: Sequence[floa
 
 
 class FreshSweeps:
-    """Detects repeated sweeps of a LiDAR that hangs, with an old or a new timestamp. Ask once for each, in order.
+    """Detects repeated sweeps of a LiDAR that hangs, with an old or a new timestamp. Call `is_new` once per sweep.
 
     A noisy sensor never repeats a sweep. Without noise, identical points count as repeated only if the vehicle has
     moved since they first came.
@@ -232,7 +232,7 @@ class FreshSweeps:
     def __init__(self) -> None:
         self._t_ns: int | None = None
         self._points = b""
-        self._first_W = np.zeros(3)  # where the vehicle was when these points first came
+        self._first_W = np.zeros(3)  # the vehicle's position when these points first came
         self._rest_W = np.zeros(3)
         self._different = 0
 
@@ -245,7 +245,7 @@ class FreshSweeps:
         t_ns = int(sweep.t_capture_ns)
         if t_ns > now_ns or (self._t_ns is not None and t_ns <= self._t_ns):
             return False
-        points = np.asarray(sweep["points_L"], np.float32).reshape(-1, 3)[::_EVERY].tobytes()
+        points = np.asarray(sweep["points_L"], np.float32).reshape(-1, 3)[::_STRIDE].tobytes()
         here_W = np.array(p_W, float)
         if points != self._points:
             self._points, self._first_W = points, here_W

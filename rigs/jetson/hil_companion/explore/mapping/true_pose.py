@@ -1,4 +1,4 @@
-"""Localisation by the true pose, with the SLAM's map, to test planning and flight alone:
+"""Localisation by the true pose, with the SLAM's map, to test planning and flight alone.
 
 hil run rigs/explore.yaml --set companion.settings.localiser=truth
 """
