@@ -1,9 +1,9 @@
 """Pictures of the explorer's map and plan: a sequence of PNGs, a film, and a contact sheet of the flight.
 
-The left half shows the map about the vehicle: occupied cells dark, free cells light, unknown cells grey, cells too near
-to an obstacle reddish, walls found as lines blue, the plan green, the flown path black, particles orange, the goal as a
-cross, the newest sweep at the flight's height red. The right half shows the camera's picture, if there is one, and the
-legend. The corner shows the particles about their mean, a metre across, with the world's axes.
+The left half shows the map about the vehicle. Cells: occupied dark, free light, unknown grey, too near to an obstacle
+reddish. Lines: walls blue, plan green, flown path black. Points: particles orange, newest sweep at the flight's height
+red. A cross marks the goal. The right half shows the camera's picture, if there is one, and the legend. The lower right
+corner shows the particles about their mean, one metre across, with the world's axes.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from hil_companion.errors import CutError
 from hil_companion.explore.explorer import Explorer
 from hil_companion.frame import Frame
 
-STRIP_NAME, FILM_NAME = "report.png", "film.avi"  # the bench shows the first on its report page
+SHEET_NAME, FILM_NAME = "report.png", "film.avi"  # the bench shows the contact sheet on its report page
 SIDE_PX, _SPREAD_PX = 480, 110
-_STRIP_MOST, _STRIP_ACROSS = 9, 3
+_SHEET_PICTURES, _SHEET_COLUMNS = 9, 3
 _FILM_HZ = 5.0
 # Colours in BGR order.
 _OCCUPIED, _FREE, _UNKNOWN, _TOO_NEAR = (40, 40, 40), (250, 250, 250), (190, 190, 190), (190, 200, 255)
@@ -32,7 +32,7 @@ _LEGEND = (
     (_FREE, "free"),
     (_UNKNOWN, "unknown"),
     (_OCCUPIED, "occupied"),
-    (_TOO_NEAR, "too near to it"),
+    (_TOO_NEAR, "too near"),
     (_WALL, "wall found"),
     (_SWEEP, "newest sweep"),
     (_PLAN, "plan"),
@@ -49,10 +49,10 @@ class Pictures:
         self._folder, self._every_ns, self._camera = folder, round(every_s * 1e9), camera
         self._next_ns = 0
         self._flown: list[tuple[float, float]] = []
-        self._drawn: list[np.ndarray] = []
+        self._small_pictures: list[np.ndarray] = []
         self._film: Any = None
         self._count = 0
-        self._seen: np.ndarray | None = None
+        self._camera_picture: np.ndarray | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -67,7 +67,7 @@ class Pictures:
         if math.isfinite(x) and math.isfinite(y):
             self._flown.append((x, y))
         if self._camera is not None and self._camera in frame:
-            self._seen = np.array(frame[self._camera].array[..., ::-1])  # as BGR, for OpenCV
+            self._camera_picture = np.array(frame[self._camera].array[..., ::-1])  # as BGR, for OpenCV
         if frame.t_ns >= self._next_ns and explorer.map is not None:
             self._next_ns = frame.t_ns + self._every_ns
             self._keep(self._draw(explorer, frame))
@@ -77,16 +77,17 @@ class Pictures:
         if self._film is not None:
             self._film.release()
             self._film = None
-        if not self._drawn:
+        pictures = self._small_pictures
+        if not pictures:
             return
-        count = min(_STRIP_MOST, len(self._drawn))
-        chosen = [self._drawn[round(i * (len(self._drawn) - 1) / max(count - 1, 1))] for i in range(count)]
-        while len(chosen) % _STRIP_ACROSS and len(chosen) > _STRIP_ACROSS:
+        count = min(_SHEET_PICTURES, len(pictures))
+        chosen = [pictures[round(i * (len(pictures) - 1) / max(count - 1, 1))] for i in range(count)]
+        while len(chosen) % _SHEET_COLUMNS and len(chosen) > _SHEET_COLUMNS:
             chosen.append(np.full_like(chosen[0], 255))
-        across = min(_STRIP_ACROSS, len(chosen))
-        rows = [np.hstack(chosen[i : i + across]) for i in range(0, len(chosen), across)]
-        self._write(STRIP_NAME, np.vstack(rows))
-        self._drawn = []
+        columns = min(_SHEET_COLUMNS, len(chosen))
+        rows = [np.hstack(chosen[i : i + columns]) for i in range(0, len(chosen), columns)]
+        self._write(SHEET_NAME, np.vstack(rows))
+        self._small_pictures = []
 
     def _keep(self, picture: np.ndarray) -> None:
         self._count += 1
@@ -97,7 +98,7 @@ class Pictures:
             self._film = cv2.VideoWriter(str(self._folder / FILM_NAME), fourcc, _FILM_HZ, size)
         with contextlib.suppress(cv2.error):
             self._film.write(picture)
-        self._drawn.append(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        self._small_pictures.append(cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
 
     def _write(self, name: str, picture: np.ndarray) -> None:
         done, data = cv2.imencode(".png", picture)
@@ -146,14 +147,14 @@ class Pictures:
         page[: picture.shape[0], : picture.shape[1]] = picture
         page = page[::-1].copy()  # north is up
         _draw_scale(page, scale / plan_map.cell_m)
-        if self._seen is not None:
-            seen = self._seen
-            shown = cv2.resize(seen, (SIDE_PX, round(SIDE_PX * seen.shape[0] / seen.shape[1])))
-            beside = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
-            rows = min(SIDE_PX, shown.shape[0])
-            beside[:rows] = shown[:rows]
-            _draw_legend(beside, rows)
-            page = np.hstack([page, beside])
+        if self._camera_picture is not None:
+            height, width = self._camera_picture.shape[:2]
+            scaled = cv2.resize(self._camera_picture, (SIDE_PX, round(SIDE_PX * height / width)))
+            right_half = np.full((SIDE_PX, SIDE_PX, 3), 255, np.uint8)
+            rows = min(SIDE_PX, scaled.shape[0])
+            right_half[:rows] = scaled[:rows]
+            _draw_legend(right_half, rows)
+            page = np.hstack([page, right_half])
         _draw_spread(page, estimate)
         report = explorer.report
         left = f"{report.goal_distance_m:.1f} m left" if math.isfinite(report.goal_distance_m) else ""
@@ -180,7 +181,7 @@ def _draw_spread(page: np.ndarray, estimate: Any) -> None:
 
 
 def _draw_scale(page: np.ndarray, px_per_m: float) -> None:
-    """Draw a bar of a round length in the lower right corner of the map."""
+    """Draw a scale bar in the lower right corner of the map."""
     length_m = next((m for m in (100, 50, 20, 10, 5) if m * px_per_m < 0.3 * SIDE_PX), 2)
     right, y = SIDE_PX - _SPREAD_PX - 12, SIDE_PX - 30
     left = right - round(length_m * px_per_m)

@@ -31,13 +31,13 @@ from hil_companion.explore.planning.flight_settings import FlightSettings
 from hil_companion.frame import Frame, Sample
 from hil_companion.navigation.rotation import matrix_of, quaternion_of
 
-_LEAST_M = 0.1  # of a range
+_MIN_RANGE_M = 0.1
 _KEPT_S = 2.0
 _NEAR_M = 4.0
 _CELL_M = 0.1
-_SPARE = 0.02  # of slope
-_LOWEST_SHARE = 1.0  # per cent of outliers among the returns below the lowest ring
-_FEWEST_POINTS = 20  # of a usable sweep
+_SLOPE_MARGIN = 0.02
+_OUTLIER_PERCENT = 1.0  # of the returns that may lie below the lowest ring
+_MIN_POINTS = 20  # of a usable sweep
 _STALE_SWEEP_S = 0.35
 
 
@@ -54,10 +54,10 @@ class BlindSpot:
         """
         while self._kept and (t_ns - self._kept[0][0]) * 1e-9 > _KEPT_S:
             self._kept.popleft()
-        lowest = float(np.percentile(_slope(points_W, eye_W)[0], _LOWEST_SHARE)) if len(points_W) else 0.0
+        lowest = float(np.percentile(_slope(points_W, eye_W)[0], _OUTLIER_PERCENT)) if len(points_W) else 0.0
         before = np.concatenate([np.zeros((0, 3)), *(points for _, points in self._kept)])
         slope, away_m = _slope(before, eye_W)
-        hidden = before[(slope < lowest + _SPARE) & (away_m < _NEAR_M)][:, :2]
+        hidden = before[(slope < lowest + _SLOPE_MARGIN) & (away_m < _NEAR_M)][:, :2]
         _, away_m = _slope(level_W, eye_W)
         near = level_W[(away_m < _NEAR_M) & (level_W[:, 2] < eye_W[2])]
         if len(near):
@@ -93,7 +93,7 @@ class Nearby:
 
 
 class SweepReader:
-    """Converts sweeps of one LiDAR to obstacles. `calibration`: the bench's; `slab_m`: half height of the band used."""
+    """Converts sweeps of one LiDAR to obstacles in a band of half height `slab_m`; `calibration` is the bench's."""
 
     def __init__(self, calibration: Mapping[str, Any] | None, slab_m: float) -> None:
         entries = calibration or {}
@@ -104,7 +104,7 @@ class SweepReader:
         self._blind_spot = BlindSpot()
 
     def read(self, sample: Sample, at: SlamEstimate, yaw_rate_radps: float, height_m: float) -> Nearby:
-        """Convert a sweep. Obstacles count about the vehicle's height and, if it is near, about the flight's height."""
+        """Convert a sweep. Obstacles count at about the vehicle's height, and at the flight's height if it is near."""
         points_L = np.asarray(sample["points_L"], float).reshape(-1, 3)
         offset_ns = np.asarray(sample["time_offset_ns"], float).reshape(-1)
         ring = np.asarray(sample["ring"]).reshape(-1).astype(np.int64) if "ring" in sample else None
@@ -112,7 +112,7 @@ class SweepReader:
         points_L, offset_ns = points_L[:n], offset_ns[:n]
         with np.errstate(over="ignore", invalid="ignore"):
             squared_m2 = (points_L * points_L).sum(axis=1)
-        good = np.isfinite(squared_m2) & (squared_m2 > _LEAST_M * _LEAST_M)
+        good = np.isfinite(squared_m2) & (squared_m2 > _MIN_RANGE_M * _MIN_RANGE_M)
         if self._elevation_deg and ring is not None:
             good &= on_ring(points_L, ring[:n], self._elevation_deg)
         points_L, offset_ns = points_L[good], offset_ns[good]
@@ -167,7 +167,7 @@ class Senses:
             rows = np.asarray(frame[self._imu]["gyro_radps"], float).reshape(-1, 3)
             rate = float(np.mean(rows[:, 2])) if len(rows) and np.isfinite(rows).all() else 0.0
         near = self._reader.read(sweep, estimate, rate, self._settings.height_m)
-        if near.usable >= _FEWEST_POINTS:
+        if near.usable >= _MIN_POINTS:
             self.near = near
 
     def ready(self, t_ns: int) -> bool:

@@ -4,22 +4,22 @@
     v <= v_stop(known)          known: along the path to the first cell that is unknown or blocked
     v <= v_stop(free)           free: along the present velocity to the first obstacle of the newest sweep
     v <= v_near(d)              from slow_mps at `hard_m` from obstacles to speed_mps at `comfort_m`
-    v <= v_corner(s)            v^2 = v_i^2 + 2 a s before a corner s ahead; v_i^2 = a R, R the radius of the arc that
-                                passes the corner at a quarter of a metre
+    v <= v_corner(s)            v^2 = v_i^2 + 2 a s at a distance s before a corner; v_i^2 = a R, with R the radius of
+                                an arc that passes 0.25 m from the corner
     v <= v_stop(left)           left: to the goal
 
 v_stop is `FlightSettings.speed_that_stops_mps`. The velocity points at the path a little ahead. It changes with at most
 `accel_mps2`, and with twice that when it brakes for an obstacle.
 
-The retreat rule: within the orange band of an obstacle the vehicle moves straight away from it.
+The retreat rule: nearer than `orange_m` to an obstacle, the vehicle moves straight away from it.
 
-    red      the clearance is nearly used up: stop, then back off
+    red      nearer than `red_m`: stop, then back off
     orange   away from the nearest point of the obstacle until the band is left
     clear    follow the plan
 
-The band is left with some distance to spare, so that the rule does not switch on and off at its edge. If another
-obstacle leaves no room to retreat, the vehicle stays between the two and follows the plan slowly, since a planned
-passage is wide enough.
+The rule ends a little beyond `orange_m`, so that it does not switch on and off at the limit. If another obstacle leaves
+no room to retreat, the vehicle stays between the two and follows the plan slowly, since a planned passage is wide
+enough.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from hil_companion.explore.planning.plan_map import Clearances, PlanMap
 from hil_companion.explore.planning.route import nearest_on
 from hil_companion.explore.senses import Nearby
 
-_LOOK_FIRST_M, _LOOK_S, _LOOK_MOST_M = 0.8, 0.5, 2.5
+_LOOK_MIN_M, _LOOK_S, _LOOK_MAX_M = 0.8, 0.5, 2.5  # distance ahead at which the velocity points: min + time * speed
 _CORNER_TIP_M = 0.25
 _SEEN_AHEAD_M = 15.0
 _KNOWN_SPARE_M = 0.3
@@ -108,7 +108,7 @@ class Steering:
         s = self._settings
         at, place = nearest_on(path_W, p_W)
         speed_mps = float(np.hypot(*v_W))
-        look_m = min(_LOOK_FIRST_M + _LOOK_S * speed_mps, _LOOK_MOST_M)
+        look_m = min(_LOOK_MIN_M + _LOOK_S * speed_mps, _LOOK_MAX_M)
         target = _ahead(path_W, at, place, look_m)
         towards = target - p_W
         distance_m = float(np.hypot(*towards))
@@ -130,15 +130,15 @@ class Steering:
         free_mps = s.speed_that_stops_mps(free_m)
         goal_mps = min(s.speed_that_stops_mps(left_m), max(_GOAL_GAIN_PER_S * left_m, 0.1))
         corner_mps = _corner_mps(s, path_W, at, place)
-        least_mps = min(s.speed_mps, max_mps, known_mps, free_mps, near_mps, corner_mps, goal_mps)
-        return self.slew(direction * least_mps, dt_s, hard=free_mps < speed_mps - 0.3)
+        limit_mps = min(s.speed_mps, max_mps, known_mps, free_mps, near_mps, corner_mps, goal_mps)
+        return self.slew(direction * limit_mps, dt_s, hard=free_mps < speed_mps - 0.3)
 
     def slew(self, wanted_W: np.ndarray, dt_s: float, *, hard: bool = False) -> np.ndarray:
         """Change the command towards a velocity with at most `accel_mps2`, or twice that if `hard`."""
         change = wanted_W - self.v_W
         size = float(np.hypot(*change))
-        most = self._settings.accel_mps2 * dt_s * (2.0 if hard else 1.0)
-        self.v_W = wanted_W.copy() if size <= most else self.v_W + change * (most / size)
+        max_change = self._settings.accel_mps2 * dt_s * (2.0 if hard else 1.0)
+        self.v_W = wanted_W.copy() if size <= max_change else self.v_W + change * (max_change / size)
         return self.v_W
 
     def stop(self, dt_s: float) -> np.ndarray:
@@ -146,13 +146,13 @@ class Steering:
         return self.slew(np.zeros(2), dt_s, hard=True)
 
     def turn(self, yaw_rad: float, v_W: np.ndarray, dt_s: float) -> float:
-        """Turn the commanded yaw towards the velocity, the short way round; it starts at the present `yaw_rad`."""
+        """Turn the commanded yaw towards the velocity, by the smaller angle. `yaw_rad`: its value at the first call."""
         if self.yaw_rad is None:
             self.yaw_rad = yaw_rad
         if float(np.hypot(*v_W)) > _TURN_FROM_MPS:
-            off = math.remainder(math.atan2(float(v_W[1]), float(v_W[0])) - self.yaw_rad, 2.0 * math.pi)
-            most = self._settings.yaw_rate_radps * dt_s
-            self.yaw_rad = math.remainder(self.yaw_rad + min(max(off, -most), most), 2.0 * math.pi)
+            error_rad = math.remainder(math.atan2(float(v_W[1]), float(v_W[0])) - self.yaw_rad, 2.0 * math.pi)
+            max_rad = self._settings.yaw_rate_radps * dt_s
+            self.yaw_rad = math.remainder(self.yaw_rad + min(max(error_rad, -max_rad), max_rad), 2.0 * math.pi)
         return self.yaw_rad
 
 
@@ -218,7 +218,7 @@ def _ahead_on_map(
 def _corner_mps(s: FlightSettings, path_W: np.ndarray, at: int, place: np.ndarray) -> float:
     """Return the largest speed from which the vehicle can brake for the corners ahead."""
     ahead_m = float(np.hypot(*(path_W[at + 1] - place)))
-    most = math.inf
+    max_mps = math.inf
     for i in range(at + 1, len(path_W) - 1):
         if ahead_m > _SEEN_AHEAD_M:
             break
@@ -229,6 +229,6 @@ def _corner_mps(s: FlightSettings, path_W: np.ndarray, at: int, place: np.ndarra
             radius_m = _CORNER_TIP_M / max(1.0 / max(math.cos(0.5 * turn), 1e-3) - 1.0, 1e-6)
             corner = max(s.accel_mps2 * radius_m, s.slow_mps * s.slow_mps * 0.5)
             before_m = max(ahead_m - s.reaction_s * s.slow_mps, 0.0)
-            most = min(most, math.sqrt(corner + 2.0 * s.accel_mps2 * before_m))
+            max_mps = min(max_mps, math.sqrt(corner + 2.0 * s.accel_mps2 * before_m))
         ahead_m += float(np.hypot(*b))
-    return most
+    return max_mps

@@ -1,4 +1,4 @@
-"""Geolocation of boxes: range from depth or from the ground, then the place in the world by the camera's pose.
+"""Geolocation of boxes: range from depth or from the ground, then the position in the world by the camera's pose.
 
 Depth    the middle of a box shows the object and its background. The object's depth is that of the nearest cluster:
          starting from the 25th percentile, three times the median of all depths within a tenth (0.6 m at least) of the
@@ -20,13 +20,13 @@ from hil_companion.errors import CutError
 from hil_companion.navigation.inertial import NavState
 from hil_companion.navigation.rotation import matrix_of
 
-# Standard deviation of a place by box, lens and attitude: a constant [m] and a share of the range.
+# Standard deviation of a position due to box, lens and attitude: a constant [m] and a share of the range.
 _DEPTH_SIGMA, _GROUND_SIGMA = (0.25, 0.025), (0.5, 0.06)
 _MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # part of the box that shows mostly the object
 _NEAR_SHARE, _CLUSTER_SHARE, _CLUSTER_M, _ROUNDS = 0.25, 0.1, 0.6, 3
-_LEAST_PIXELS, _MOST_M = 4, 1000.0
+_MIN_PIXELS, _MAX_DEPTH_M = 4, 1000.0
 _EDGE_PX = 1.5  # a box that ends this near to the picture's lower edge does not show the object's lower end
-_LEAST_DOWN = 0.05  # downward component of a unit ray; with a flatter ray the range is too uncertain
+_MIN_DOWN = 0.05  # downward component of a unit ray; with a flatter ray the range is too uncertain
 _ANGLE_RAD, _RANGE_M, _RANGE_SHARE = 0.06, 1.0, 0.1  # tolerances of a radar point, besides half the box's angle
 
 _FISHEYE = "equidistant"
@@ -79,8 +79,8 @@ def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
     columns = slice(max(0, math.floor(left)), min(width, max(math.ceil(right), math.floor(left) + 2)))
     rows = slice(max(0, math.floor(top)), min(height, max(math.ceil(bottom), math.floor(top) + 2)))
     values = np.asarray(depth_m[rows, columns], float).ravel()
-    values = values[np.isfinite(values) & (values > 0.0) & (values < _MOST_M)]
-    if len(values) < _LEAST_PIXELS:
+    values = values[np.isfinite(values) & (values > 0.0) & (values < _MAX_DEPTH_M)]
+    if len(values) < _MIN_PIXELS:
         return None
     # The lower median is one of the depths; a mean could fall between two clusters, where no depth lies.
     values.sort()
@@ -92,10 +92,10 @@ def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
 
 
 def ground_range(p_WC: np.ndarray, R_WC: np.ndarray, ray_C: np.ndarray, ground_z_m: float) -> float | None:
-    """Return the distance along a ray to level ground [m]; None if it does not meet the ground."""
+    """Return the distance along a ray to level ground [m]; None if the ray does not meet the ground."""
     ray_W = R_WC @ (ray_C / np.linalg.norm(ray_C))
     above_m = float(p_WC[2]) - ground_z_m
-    if ray_W[2] > -_LEAST_DOWN or above_m <= 0.0:
+    if ray_W[2] > -_MIN_DOWN or above_m <= 0.0:
         return None
     return above_m / -float(ray_W[2])
 
@@ -147,7 +147,7 @@ class RadarView:
 
 
 class Geolocation:
-    """Places detections of one camera in the world. `ground_z_m`: height of the ground, used without depth."""
+    """Locates detections of one camera in the world. `ground_z_m`: height of the ground, used without depth."""
 
     def __init__(self, camera: Camera, *, ground_z_m: float) -> None:
         self.camera = camera
@@ -156,11 +156,11 @@ class Geolocation:
     def place(
         self, boxes: Sequence[Any], pose: NavState | None, depth_m: np.ndarray | None, radar: RadarView | None
     ) -> list[Any]:
-        """Return the same detections with range, speed and place, each None if it is unknown."""
+        """Return the same detections with range, speed and position, each None if it is unknown."""
         return [self._placed(box, pose, depth_m, radar) for box in boxes]
 
     def sigma_m(self, range_m: float, own_sigma_m: float, *, by_depth: bool) -> float:
-        """Return the horizontal standard deviation of a place, per axis [m]."""
+        """Return the horizontal standard deviation of a position, per axis [m]."""
         fixed_m, share = _DEPTH_SIGMA if by_depth else _GROUND_SIGMA
         return float(np.hypot(fixed_m + share * range_m, own_sigma_m))
 

@@ -44,7 +44,7 @@ class Journal:
     def close(self, found: Sequence[Found]) -> None:
         try:
             self._lines.close()
-            text = json.dumps([vars(one) for one in found], indent=2)
+            text = json.dumps([vars(obj) for obj in found], indent=2)
             (self._folder / FOUND_NAME).write_text(text + "\n", encoding="utf-8")
         except OSError as error:
             raise CutError(f"detect: {self._folder} cannot be written ({error.strerror or error})") from error

@@ -18,7 +18,7 @@ from hil_companion.navigation.inertial import SPEED, XYZ, InertialFilter, NavSta
 IMU, GPS, BARO = "imu", "gps", "baro"
 TOPICS = (IMU, GPS, BARO)
 _GATE = 5.0
-_LEAST_SIGMA_M, _UP_SHARE = 0.05, 1.6
+_MIN_SIGMA_M, _UP_FACTOR = 0.05, 1.6  # vertical standard deviation = factor * horizontal
 _SPEED_SIGMA_MPS = 0.1
 _BARO_SIGMA_M = 0.5
 _LOST_NS = 3_000_000_000
@@ -74,8 +74,8 @@ class OwnPose:
             if p_W is None or then is None:
                 continue
             # The error at the time of the fix corrects the present state, about a tenth of a second later.
-            sigma_m = max(_LEAST_SIGMA_M, sigma_m)
-            variance = np.array([sigma_m, sigma_m, _UP_SHARE * sigma_m]) ** 2
+            sigma_m = max(_MIN_SIGMA_M, sigma_m)
+            variance = np.array([sigma_m, sigma_m, _UP_FACTOR * sigma_m]) ** 2
             off = p_W - np.array(then.p)
             self._filter.correct_states(XYZ, off, variance, _GATE if self._settled else 0.0)
             self._filter.correct_states(SPEED, v_W - np.array(then.v), np.full(3, _SPEED_SIGMA_MPS**2))

@@ -10,8 +10,8 @@ import numpy as np
 
 from hil_companion.errors import CutError
 
-STRIP_NAME = "report.png"  # the bench shows it on its page
-_ACROSS, _STRIP_MOST, _KEPT_MOST = 3, 9, 60
+SHEET_NAME = "report.png"  # the bench shows the contact sheet on its report page
+_SHEET_COLUMNS, _SHEET_PICTURES, _MAX_CANDIDATES = 3, 9, 60
 _SIDE_PX = 426  # width of a picture in the contact sheet
 _JPEG_QUALITY = 88
 _COLOURS = (
@@ -31,7 +31,7 @@ class BoxPictures:
         self._folder, self._every_ns = folder, round(every_s * 1e9)
         self._next_ns = 0
         self._count = 0
-        self._kept: list[tuple[int, int, np.ndarray]] = []  # boxes, number, picture
+        self._candidates: list[tuple[int, int, np.ndarray]] = []  # number of boxes, number of the picture, picture
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -47,24 +47,24 @@ class BoxPictures:
         self._write(f"{self._count:04d}.jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
         height = round(_SIDE_PX * picture.shape[0] / picture.shape[1])
         small = cv2.resize(picture, (_SIDE_PX, height), interpolation=cv2.INTER_AREA)
-        self._kept.append((len(found), self._count, small))
-        if len(self._kept) > _KEPT_MOST:
-            self._kept.remove(min(self._kept, key=lambda kept: (kept[0], kept[1])))
+        self._candidates.append((len(found), self._count, small))
+        if len(self._candidates) > _MAX_CANDIDATES:
+            self._candidates.remove(min(self._candidates, key=lambda candidate: (candidate[0], candidate[1])))
 
     def close(self) -> None:
         """Write the contact sheet: pictures with the most boxes, in the order of time."""
-        if not self._kept:
+        if not self._candidates:
             return
-        best = sorted(self._kept, key=lambda kept: (-kept[0], kept[1]))[: 3 * _STRIP_MOST]
-        best.sort(key=lambda kept: kept[1])
-        count = min(_STRIP_MOST, len(best))
+        best = sorted(self._candidates, key=lambda candidate: (-candidate[0], candidate[1]))[: 3 * _SHEET_PICTURES]
+        best.sort(key=lambda candidate: candidate[1])
+        count = min(_SHEET_PICTURES, len(best))
         chosen = [best[round(i * (len(best) - 1) / max(count - 1, 1))][2] for i in range(count)]
-        while len(chosen) % _ACROSS and len(chosen) > _ACROSS:
+        while len(chosen) % _SHEET_COLUMNS and len(chosen) > _SHEET_COLUMNS:
             chosen.append(np.full_like(chosen[0], 255))
-        across = min(_ACROSS, len(chosen))
-        rows = [np.hstack(chosen[i : i + across]) for i in range(0, len(chosen), across)]
-        self._write(STRIP_NAME, np.vstack(rows), [])
-        self._kept = []
+        columns = min(_SHEET_COLUMNS, len(chosen))
+        rows = [np.hstack(chosen[i : i + columns]) for i in range(0, len(chosen), columns)]
+        self._write(SHEET_NAME, np.vstack(rows), [])
+        self._candidates = []
 
     def _write(self, name: str, picture: np.ndarray, options: list[int]) -> None:
         done, data = cv2.imencode(Path(name).suffix, picture, options)

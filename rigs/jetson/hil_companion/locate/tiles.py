@@ -1,7 +1,7 @@
-"""Detection in pieces of a picture, so that small objects keep their pixels in the network's smaller input.
+"""Detection in pieces of a picture, so that small objects are not scaled down to the network's smaller input.
 
 Pieces overlap by a quarter, so that an object cut by a border is whole in the neighbouring piece. Overlapping boxes of
-one label count as one object, as does a box that lies almost wholly in another one: a part cut off by a border.
+one label count as one object. A box that lies almost wholly in another one shows a part of the same object.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from hil_companion.detect.decode import overlaps
 
 _OVERLAP = 0.25
 _SEATS = ("bench",)  # labels of objects that people sit on
-_SAME_IOU, _HELD_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
+_SAME_IOU, _INSIDE_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
 
 Piece = Tuple[int, int, int, int]  # x0, y0, x1, y1
 
@@ -34,18 +34,18 @@ def _spans(length: int, count: int) -> list[tuple[int, int]]:
 def without_duplicates(found: Sequence[Any]) -> list[Any]:
     """Return the highest-scoring box of each object, in falling order of score."""
     kept: list[Any] = []
-    for one in sorted(found, key=lambda d: (-d.score, d.box_px)):
-        if not any(one.label == other.label and _same(one.box_px, other.box_px) for other in kept):
-            kept.append(one)
+    for box in sorted(found, key=lambda d: (-d.score, d.box_px)):
+        if not any(box.label == other.label and _same(box.box_px, other.box_px) for other in kept):
+            kept.append(box)
     return kept
 
 
-def has_rival(one: Any, found: Sequence[Any]) -> bool:
-    """Return True if a higher-scoring box of another label overlaps this one. Seats are no rivals of people on them."""
+def has_rival(box: Any, found: Sequence[Any]) -> bool:
+    """Return True if a higher-scoring box of another label, other than a seat, overlaps this box."""
     return any(
-        other.score > one.score
-        and other.label not in (one.label, *_SEATS)
-        and _iou(one.box_px, other.box_px) > _RIVAL_IOU
+        other.score > box.score
+        and other.label not in (box.label, *_SEATS)
+        and _iou(box.box_px, other.box_px) > _RIVAL_IOU
         for other in found
     )
 
@@ -53,8 +53,8 @@ def has_rival(one: Any, found: Sequence[Any]) -> bool:
 def _same(a: Sequence[float], b: Sequence[float]) -> bool:
     first, second = np.asarray(a, float), np.asarray(b, float)
     wide, high = np.maximum(np.minimum(first[2:], second[2:]) - np.maximum(first[:2], second[:2]), 0.0)
-    least = min(np.prod(first[2:] - first[:2]), np.prod(second[2:] - second[:2]))
-    return bool(_iou(a, b) > _SAME_IOU or wide * high > _HELD_SHARE * least)
+    smaller_area = min(np.prod(first[2:] - first[:2]), np.prod(second[2:] - second[:2]))
+    return bool(_iou(a, b) > _SAME_IOU or wide * high > _INSIDE_SHARE * smaller_area)
 
 
 def _iou(a: Sequence[float], b: Sequence[float]) -> float:

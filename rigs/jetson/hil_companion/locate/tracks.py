@@ -1,16 +1,16 @@
 """Tracks of sighted objects in the world, each with a position, a velocity and a number.
 
 A moving object has a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]. An object that
-was seen to stand still stays there, with a random walk of `_STROLL` [m / sqrt(s)]. A Kalman filter estimates the state
+was seen to stand still has a random walk of its position, `_STROLL` [m / sqrt(s)]. A Kalman filter estimates the state
 (x, y, vx, vy); the height is a mean. The sightings of one picture are assigned to tracks one to one, cheapest pair
 first, with
 
     cost = d^2 + ln det S + colour^2      d: distance in standard deviations of S, at most `_GATE`
 
-`colour` is the colour difference in units of `_COLOUR`. A track that was out of sight for a while is continued by a
-sighting with matching colours, or without them only near its predicted place. A sighting that fits no track starts a
-new one, which is reported after `least` sightings above the detection threshold; weaker sightings only extend a track.
-Two tracks that meet at one place, and were never in one picture, are merged.
+`colour` is the colour difference in units of `_COLOUR`. After a track was out of sight for a while, a sighting
+continues it only if the colours match or the sighting is near the track. A sighting that fits no track starts a new
+one, which is reported after `least` sightings above the detection threshold; weaker sightings only extend a track. Two
+tracks at the same position that were never in one picture are merged.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ import numpy as np
 from hil_companion.detections import Found
 
 _ACCEL, _STROLL = 0.35, 0.12
-_FIRST_SPEED_MPS, _MOST_SPEED_MPS = 0.9, 2.5
+_FIRST_SPEED_MPS, _MAX_SPEED_MPS = 0.9, 2.5
 _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _GATE, _NEAR_M = 3.2, 5.0
 _AWAY_S, _REACH_MPS, _MOST_AWAY_S = 1.6, 2.2, 60.0
-_COLOUR, _MOST_COLOUR = 5.0, 2.2  # CIE units per unit of cost, and the largest difference within one track
+_COLOUR, _MAX_COLOUR = 5.0, 2.2  # CIE units per unit of cost, and the largest difference within one track
 # After a long absence colours must fit better: a person reported twice is a smaller error than two taken for one.
 _LONG_S, _SURE_COLOUR = 8.0, 1.0
 _COLOURS_KEPT = 12.0  # largest weight of the mean colours, in sightings
@@ -45,7 +45,7 @@ _WEIGHTS = np.array([0.33, 1.0, 1.0] * 2)
 
 @dataclass(frozen=True)
 class Sighting:
-    """One box with a place in the world."""
+    """One box with a position in the world."""
 
     label: str
     p_W: tuple[float, float, float]
@@ -109,10 +109,10 @@ class Track:
             colour = colour_difference(self.colours, seen.colours) / _COLOUR
         if away_s > _AWAY_S:
             moved_m = float(np.hypot(*(np.array(seen.p_W[:2]) - self.state[:2])))
-            most = _MOST_COLOUR if away_s < _LONG_S else _SURE_COLOUR
-            recognised = colour is not None and colour < most and away_s < _MOST_AWAY_S
+            max_colour = _MAX_COLOUR if away_s < _LONG_S else _SURE_COLOUR
+            recognised = colour is not None and colour < max_colour and away_s < _MOST_AWAY_S
             limit_m = _NEAR_M + _REACH_MPS * away_s if recognised and not self.stands else _NEAR_M
-            if moved_m > limit_m or (colour is not None and colour > _MOST_COLOUR and not self.stands):
+            if moved_m > limit_m or (colour is not None and colour > _MAX_COLOUR and not self.stands):
                 return math.inf
         return squared + math.log(float(np.linalg.det(S))) + (0.0 if colour is None else colour * colour)
 
@@ -126,8 +126,8 @@ class Track:
         A[:, :2] -= K
         self.cov = A @ cov @ A.T + K @ K.T * seen.sigma_m**2
         speed = float(np.hypot(*self.state[2:]))
-        if speed > _MOST_SPEED_MPS:
-            self.state[2:] *= _MOST_SPEED_MPS / speed
+        if speed > _MAX_SPEED_MPS:
+            self.state[2:] *= _MAX_SPEED_MPS / speed
         self.t_ns = t_ns
         self.sightings += 1
         self.sure += seen.sure
@@ -201,9 +201,9 @@ class Tracks:
 
 
 def box_colours(rgb: np.ndarray, box_px: Sequence[float]) -> np.ndarray | None:
-    """Return the colours of the upper and lower half of a box's middle: six numbers, two medians in CIE L*a*b*.
+    """Return the median colours of the upper and the lower part of a box's middle: six numbers, CIE L*a*b*.
 
-    Medians suppress the background. None if the box is too small.
+    Medians suppress the background. The result is None if the box is too small.
     """
     x0, y0, x1, y1 = box_px
     if y1 - y0 < _LEAST_HEIGHT_PX:

@@ -1,6 +1,6 @@
 """GPS and barometer readings as positions and heights in W, relative to the vehicle's start.
 
-The first fix defines the start, so a constant error of the receiver cancels; its later drift does not. The mean height
+The first fix defines the start, so a constant error of the receiver cancels, but not its later drift. The mean height
 of the barometer in its first frames, on the ground, defines the start's height.
 """
 
@@ -18,7 +18,7 @@ _ZERO_FRAMES = 10  # frames of the barometer on the ground
 
 
 class LocalPlane:
-    """Local tangent plane of WGS-84 for a few kilometres about a fix, by the ellipsoid's radii and the height there.
+    """Local tangent plane of WGS-84 for a few kilometres about a fix, from the ellipsoid's radii of curvature there.
 
     Its error is 1 mm at 100 m and 2 cm at 1 km.
     """

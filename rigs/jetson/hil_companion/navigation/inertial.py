@@ -2,9 +2,9 @@
 
     q' = q exp((w - b_g) dt)     v' = v + (R (f - b_a) + g) dt     p' = p + v dt + ...
 
-A Kalman filter estimates 15 errors: position, velocity, attitude (in W), b_g and b_a. The filter's state lags at the
-newest sweep; newer rows of the IMU are queued, and `predict` adds them for the present state. A late measurement (GPS)
-is compared with the recorded state at its own time, and the difference corrects the present state.
+A Kalman filter estimates 15 errors: position, velocity, attitude (in W), b_g and b_a. The filter's state is that of
+the last `advance`; later rows of the IMU are queued, and `predict` adds them for the present state. A late measurement
+(GPS) is compared with the recorded state at its own time, and the difference corrects the present state.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _GAP_S = 0.05
 _REACTION_S, _STOP_S, _LEVEL_S = 0.3, 1.0, 0.5
 _COAST_MPS_PER_RTS, _COAST_RAD_PER_RTS = 1.5, 0.3  # process noise of velocity and heading during a gap
 _TILT_RAD, _SPIN_RADPS = 0.15, 0.25  # tilt that may build up unobserved, and the rate at which it does
-_UNSURE_TILT_RAD = 0.04  # above this tilt uncertainty, gravity corrects roll and pitch,
-_SHAKE_MPS2 = 2.0  # with the vehicle's own acceleration as its noise
+_UNSURE_TILT_RAD = 0.04  # above this tilt uncertainty, gravity corrects roll and pitch
+_SHAKE_MPS2 = 2.0  # noise of that correction: the vehicle's own acceleration
 
 XY, Z, XYZ, SPEED, YAW = (0, 1), (2,), (0, 1, 2), (3, 4, 5), (8,)  # indices of errors
 P, V, TH, BG, BA = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
@@ -85,7 +85,7 @@ class InertialFilter:
                 self.last_imu_ns = int(t)
 
     def advance(self, to_ns: int) -> None:
-        """Advance the state to `to_ns` by the queued rows; the rest after the last row is bridged by the model."""
+        """Advance the state to `to_ns` by the queued rows; after the last row the model of a gap continues it."""
         if self.t_ns is None:
             self.t_ns = self._rows[0][0] if self._rows else to_ns
             self._past.append(self.state())
@@ -123,7 +123,7 @@ class InertialFilter:
         self.t_ns, self.p, self.v, self.q = state.t_ns, np.array(state.p), np.array(state.v), state.q
 
     def record(self, state: NavState) -> None:
-        """Record a state known from elsewhere, in place of rows of the IMU."""
+        """Record a given state, such as a true one, in place of rows of the IMU."""
         self.last_imu_ns = state.t_ns
         self._past.append(state)
 
@@ -197,7 +197,7 @@ class InertialFilter:
         return self.correct(np.eye(15)[list(states)], innovation, variance, gate)
 
     def correct_place(self, innovation: np.ndarray, variance: np.ndarray, *, above_m: float) -> None:
-        """Correct x and y found by matching objects `above_m` above the vehicle, whose place a tilt error displaces.
+        """Correct x and y by a match with objects `above_m` above the vehicle; a tilt error displaces these objects.
 
         p_found - p = d_theta x (0, 0, above)
         """
@@ -278,7 +278,7 @@ class InertialFilter:
 
 
 def _silent(row_ns: int | None, t_ns: int) -> bool:
-    """Return True if the gap since the last row is too long to be ordinary."""
+    """Return True if the gap since the last row is longer than `_GAP_S`."""
     return row_ns is None or (t_ns - row_ns) * 1e-9 > _GAP_S
 
 
@@ -298,6 +298,6 @@ def _coasted(m: NavState, to_ns: int, row_ns: int | None) -> NavState:
 
 
 def _brakes_s(dt: float, row_ns: int | None, to_ns: int) -> float:
-    """Return how many of the last `dt` seconds of a gap lie after the vehicle's reaction time."""
+    """Return the part of the last `dt` seconds of a gap that lies after the vehicle's reaction time."""
     silent_s = dt if row_ns is None else (to_ns - row_ns) * 1e-9
     return min(dt, max(0.0, silent_s - _REACTION_S))

@@ -37,18 +37,18 @@ def search(price: np.ndarray, start: Cell, goal: Cell) -> tuple[list[Cell], floa
     padded = np.full((height + 2, stride), np.inf)
     padded[1:-1, 1:-1] = price
     passable = np.isfinite(padded)
-    least = float(padded[passable].min()) if passable.any() else 1.0
+    lowest_price = float(padded[passable].min()) if passable.any() else 1.0
     first = (start[0] + 1) * stride + start[1] + 1
     last = (goal[0] + 1) * stride + goal[1] + 1
     dy = np.abs(np.arange(height + 2) - (goal[0] + 1))[:, None]
     dx = np.abs(np.arange(stride) - (goal[1] + 1))[None, :]
     octile = np.maximum(dx, dy) + (math.sqrt(2.0) - 1.0) * np.minimum(dx, dy)
-    ahead = (octile * (least * _TIES)).ravel().tolist()
+    ahead = (octile * (lowest_price * _TIES)).ravel().tolist()
     prices = padded.ravel().tolist()
     infinite = math.inf
     for end in (first, last):
         if prices[end] == infinite:
-            prices[end] = max(least, 1.0)
+            prices[end] = max(lowest_price, 1.0)
     half, diagonal = 0.5, 0.5 * math.sqrt(2.0)
     straight = (1, -1, stride, -stride)
     slanted = ((stride + 1, stride, 1), (stride - 1, stride, -1), (1 - stride, -stride, 1), (-stride - 1, -stride, -1))
@@ -64,12 +64,12 @@ def search(price: np.ndarray, start: Cell, goal: Cell) -> tuple[list[Cell], floa
         if here in done:
             continue
         done.add(here)
-        so_far, own = cost[here], prices[here]
+        cost_here, price_here = cost[here], prices[here]
         for step in straight:
             there = here + step
             p = prices[there]
             if p != infinite:
-                through = so_far + half * (own + p)
+                through = cost_here + half * (price_here + p)
                 if there not in cost or through < cost[there]:
                     cost[there] = through
                     came[there] = here
@@ -78,7 +78,7 @@ def search(price: np.ndarray, start: Cell, goal: Cell) -> tuple[list[Cell], floa
             there = here + step
             p = prices[there]
             if p != infinite and prices[here + beside] != infinite and prices[here + across] != infinite:
-                through = so_far + diagonal * (own + p)
+                through = cost_here + diagonal * (price_here + p)
                 if there not in cost or through < cost[there]:
                     cost[there] = through
                     came[there] = here
@@ -104,8 +104,10 @@ def plan(price: np.ndarray, start: Cell, goal: Cell) -> list[Cell] | None:
     top, left = int(rows[0]) * BLOCK, int(columns[0]) * BLOCK
     part = price[top : (int(rows[-1]) + 1) * BLOCK, left : (int(columns[-1]) + 1) * BLOCK]
     band = band[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    near = band.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[: part.shape[0], : part.shape[1]]
-    found = search(np.where(near > 0, part, np.inf), (start[0] - top, start[1] - left), (goal[0] - top, goal[1] - left))
+    in_band = band.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[: part.shape[0], : part.shape[1]]
+    found = search(
+        np.where(in_band > 0, part, np.inf), (start[0] - top, start[1] - left), (goal[0] - top, goal[1] - left)
+    )
     if found is not None:
         return [(row + top, column + left) for row, column in found[0]]
     # The coarse path led through a block whose fine cells are not connected.
@@ -114,7 +116,7 @@ def plan(price: np.ndarray, start: Cell, goal: Cell) -> list[Cell] | None:
 
 
 def coarser(price: np.ndarray, blocks: int) -> np.ndarray:
-    """Return the lowest price of each block: impassable here means impassable in the finer grid."""
+    """Return the lowest price of each block; a block is impassable if all of its cells are."""
     height, width = price.shape
     padded = np.pad(price, ((0, -height % blocks), (0, -width % blocks)), constant_values=np.inf)
     h, w = padded.shape

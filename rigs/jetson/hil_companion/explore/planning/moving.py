@@ -2,7 +2,7 @@
 
 Such a cell is an obstacle while sweeps show it and `keep_s` longer. Afterwards it counts as vacated, even if it is
 still occupied in the grid because no beam has crossed it since. A cell that stays occupied for `settle_s` becomes
-static. A cell beside a static one was always static: part of a wall that a beam had missed at first.
+static. A cell beside a static one counts as static, too: it is part of a wall that beams missed at first.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class MovingObstacles:
 
     def __init__(self, *, keep_s: float = 1.0, settle_s: float = 8.0) -> None:
         self._keep_s, self._settle_s = keep_s, settle_s
-        self._frame: Any | None = None  # x, y, cell size and shape of the last grid
+        self._grid_frame: Any | None = None  # x, y, cell size and shape of the last grid
         self._was_free = np.zeros((0, 0), bool)
         # Cells that were free and are occupied, by their flat index in the grid, ascending:
         self._cell = np.zeros(0, np.int64)
@@ -56,14 +56,14 @@ class MovingObstacles:
         return out
 
     def _carry_over(self, grid: GridView, shape: tuple[int, ...]) -> None:
-        """Move the memory to the frame of a grid that has grown or covers another area."""
+        """Move the memory to the cells of a grid that has grown or covers another area."""
         x, y, cell_m = float(grid.origin_W[0]), float(grid.origin_W[1]), float(grid.cell_m)
         frame = (x, y, cell_m, shape)
-        if frame == self._frame:
+        if frame == self._grid_frame:
             return
         was_free = np.zeros(shape, bool)
-        if self._frame is not None and self._frame[2] == cell_m:
-            up, right = round((self._frame[1] - y) / cell_m), round((self._frame[0] - x) / cell_m)
+        if self._grid_frame is not None and self._grid_frame[2] == cell_m:
+            up, right = round((self._grid_frame[1] - y) / cell_m), round((self._grid_frame[0] - x) / cell_m)
             rows, columns = np.nonzero(self._was_free)
             rows, columns = rows + up, columns + right
             inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
@@ -75,7 +75,7 @@ class MovingObstacles:
             self._since_s, self._seen_s = self._since_s[inside], self._seen_s[inside]
         else:
             self._cell, self._since_s, self._seen_s = np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
-        self._frame, self._was_free = frame, was_free
+        self._grid_frame, self._was_free = frame, was_free
 
 
 def _marked(cell: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

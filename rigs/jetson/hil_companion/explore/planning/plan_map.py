@@ -1,7 +1,7 @@
-"""The map for planning: distances to obstacles and unknown cells on a fine grid, prices of a metre on a coarser one.
+"""The map for planning: a fine grid of distances to obstacles and unknown cells, and a coarse grid of prices for A*.
 
-The fine grid is the SLAM's, padded so that start and goal lie on it. The cells of the price grid, for A*, are blocks of
-fine cells of about half a metre.
+The fine grid is the SLAM's, padded so that it contains start and goal. A cell of the price grid is a block of fine
+cells, about half a metre wide, and holds the cost of a metre of path through it.
 
 The SLAM's grid is first cleaned by its straight lines, since most buildings consist of walls: segments found by the
 probabilistic Hough transform close small gaps in walls, and specks on no segment, with few cells and little evidence,
@@ -23,11 +23,11 @@ from hil_companion.explore.planning.flight_settings import FlightSettings
 PLAN_CELL_M = 0.5
 _MARGIN_M = 8.0  # about all known cells, for a path round the outermost wall
 MOST_CELLS = 6_000_000  # of the fine grid
-_SEEN_SHARE = 0.5  # a cell is unknown if fewer of the nine cells about it are known than this share
+_KNOWN_SHARE = 0.5  # a cell is unknown if a smaller share of the nine cells about it is known
 FREE, UNKNOWN_BAND = -0.3, 0.3  # log-odds: free below, occupied above
 SURE, SURELY_FREE = 2.5, -1.4  # log-odds of cells that cleaning never removes, or never fills
 _VOTES = 8  # cells on a line
-_SHORTEST_M, _GAP_M = 2.0, 0.8  # no vehicle with its clearance fits through a gap this small
+_MIN_WALL_M, _GAP_M = 2.0, 0.8  # of a line; the vehicle with its clearance does not fit through such a gap
 MOST_SIGMA_M = 0.4  # more position uncertainty lowers the speed instead of the clearances, which would close streets
 _NEAR_PRICE = 1.5  # a metre at `hard_m` from an obstacle costs 1 + this
 _SPECK_CELLS = 2  # occupied cells among the nine about a cell, up to which it is a speck
@@ -52,11 +52,11 @@ def sigma_m(covariance_xy: np.ndarray) -> float:
 
 def clearances_for(settings: FlightSettings, sigma: float, cell_m: float) -> Clearances:
     """Return the clearances for a standard deviation of the position."""
-    least = settings.vehicle_radius_m + settings.clearance_m
+    smallest = settings.vehicle_radius_m + settings.clearance_m
     spread = 2.0 * min(sigma, MOST_SIGMA_M)
-    hard = least + spread + settings.slow_mps * settings.reaction_s + 0.7072 * cell_m
+    hard = smallest + spread + settings.slow_mps * settings.reaction_s + 0.7072 * cell_m
     comfort = hard + settings.speed_mps * settings.reaction_s
-    red = least + 0.1
+    red = smallest + 0.1
     # Red and orange are measured in the newest sweep, independent of the position's error.
     return Clearances(red, max(red + 0.1, hard - 0.5 * spread - 0.1), hard, comfort)
 
@@ -91,7 +91,7 @@ def segments(occupied: np.ndarray, cell_m: float) -> np.ndarray:
         rho=1.0,
         theta=math.pi / 90.0,
         threshold=_VOTES,
-        minLineLength=_SHORTEST_M / cell_m,
+        minLineLength=_MIN_WALL_M / cell_m,
         maxLineGap=_GAP_M / cell_m,
     )
     return np.zeros((0, 4), np.int32) if found is None else np.asarray(found, np.int32).reshape(-1, 4)
@@ -201,8 +201,8 @@ def make_map(
         there = (row >= 0) & (row < occupied.shape[0]) & (column >= 0) & (column < occupied.shape[1])
         occupied[row[there], column[there]] = True
     distance = distances_m(occupied, cell_m)
-    seen = np.where(unknown_mask(log_odds), np.float32(0.0), np.float32(1.0))
-    unknown = (cv2.blur(seen, (3, 3)) < _SEEN_SHARE) & ~occupied
+    known = np.where(unknown_mask(log_odds), np.float32(0.0), np.float32(1.0))
+    unknown = (cv2.blur(known, (3, 3)) < _KNOWN_SHARE) & ~occupied
     h, w = distance.shape[0] // blocks, distance.shape[1] // blocks
     pooled = cv2.resize(distance, (w, h), interpolation=cv2.INTER_AREA)
     share = cv2.resize(unknown.astype(np.float32), (w, h), interpolation=cv2.INTER_AREA)

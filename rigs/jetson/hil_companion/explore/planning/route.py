@@ -15,8 +15,7 @@ import numpy as np
 from hil_companion.explore.planning.astar import plan
 from hil_companion.explore.planning.plan_map import Clearances, PlanMap
 
-_BETTER = 0.93  # a new route must cost less than this share of the old one's cost,
-_BETTER_M = 1.5  # less this
+_BETTER, _BETTER_M = 0.93, 1.5  # a new route must cost less than 0.93 times the old route's cost minus 1.5
 _ESCAPE_M, _ESCAPE_PRICE = 3.0, 30.0
 _SMALL_AREA_M2 = 2500.0  # a smaller enclosed area is a building or a yard
 
@@ -28,7 +27,7 @@ class Route:
     points_W: np.ndarray
     cost: float  # sum of metres times their price
     why: str = ""  # "", "no_path" or "goal_in_obstacle"
-    goal_W: tuple[float, float] = (math.nan, math.nan)  # the goal, or its replacement near by
+    goal_W: tuple[float, float] = (math.nan, math.nan)  # the goal, or the free point that replaces it
 
     @property
     def found(self) -> bool:
@@ -56,7 +55,7 @@ class Router:
         cells = plan(escaping.price, escaping.plan_cell(*start_W), escaping.plan_cell(*goal))
         if cells is None:
             self._before = None
-            return Route(np.zeros((0, 2)), math.inf, _what_is_shut(escaping, start_W, goal), goal)
+            return Route(np.zeros((0, 2)), math.inf, _no_path_reason(escaping, start_W, goal), goal)
         points = escaping.plan_centres(cells)
         points[0] = start_W
         points[-1] = goal
@@ -98,9 +97,9 @@ def _step_costs(plan_map: PlanMap, cells: list[tuple[int, int]], points_W: np.nd
 
 
 def straightened(plan_map: PlanMap, points_W: np.ndarray, costs: np.ndarray | None = None) -> np.ndarray:
-    """Return the path without the points that straight lines can skip at no greater cost.
+    """Return the path without the points that a straight line can skip without a higher cost.
 
-    `costs` (n - 1,): from point to point; None: by the map.
+    `costs` (n - 1,): cost from each point to the next; None: computed from the map.
     """
     if len(points_W) <= 2:
         return points_W
@@ -177,7 +176,7 @@ def _free_goal(
     return float(best[0]), float(best[1])
 
 
-def _what_is_shut(plan_map: PlanMap, start_W: np.ndarray, goal_W: tuple[float, float]) -> str:
+def _no_path_reason(plan_map: PlanMap, start_W: np.ndarray, goal_W: tuple[float, float]) -> str:
     """Return "goal_in_obstacle" if the goal lies in the smaller enclosed area, else "no_path"."""
     areas = []
     for x, y in ((float(start_W[0]), float(start_W[1])), goal_W):
