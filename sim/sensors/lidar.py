@@ -94,8 +94,8 @@ class Lidar(InstalledSensor):
         self._rays: _Rays | None = None
         self._before: TruthState | None = None
 
-    def follow(self, before: TruthState | None) -> None:
-        """Set the truth of the previous sweep, for callers that do not take sweeps in order."""
+    def set_previous_truth(self, before: TruthState | None) -> None:
+        """Set the true state at the previous sweep, for callers that do not take sweeps in order."""
         self._before = before
 
     def sample(self, truth: TruthState, seq: int) -> PointCloudSample:

@@ -100,7 +100,7 @@ class BatchMaker:
         """Take a due sample; `EPOCH_NS` is added to its times, as in all files of the data set."""
         sensor = self.sensors[due.sensor]
         if isinstance(sensor, Lidar):
-            sensor.follow(due.previous)
+            sensor.set_previous_truth(due.previous)
         sample: FrameSample = sensor.sample(truth, due.seq)
         return sample._replace(
             t_capture_ns=sample.t_capture_ns + EPOCH_NS, t_available_ns=sample.t_available_ns + EPOCH_NS
