@@ -18,9 +18,9 @@ from hil_companion.detect.model_file import ModelFile
 
 _FILL = 114  # of 255: about the mean of camera pictures
 CENTRE_VARIANCE, SIZE_VARIANCE = 0.1, 0.2
-_MOST_GROWTH = 4.0  # largest exponent of the size; larger offsets are no boxes, but must not overflow
-_MOST_CANDIDATES = 400  # per class, before suppression
-MOST_DETECTIONS = 100  # per picture
+_MAX_GROWTH = 4.0  # largest exponent of the size; larger offsets are no boxes, but must not overflow
+_MAX_CANDIDATES = 400  # per class, before suppression
+MAX_DETECTIONS = 100  # per picture
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Letterbox:
 def boxes_px(anchors_px: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Return boxes (N, 4) as x0, y0, x1, y1 in pixels of the input, from anchors and offsets (N, 4)."""
     centre = anchors_px[:, :2] + CENTRE_VARIANCE * offsets[:, :2] * anchors_px[:, 2:]
-    half = 0.5 * anchors_px[:, 2:] * np.exp(np.clip(SIZE_VARIANCE * offsets[:, 2:], -_MOST_GROWTH, _MOST_GROWTH))
+    half = 0.5 * anchors_px[:, 2:] * np.exp(np.clip(SIZE_VARIANCE * offsets[:, 2:], -_MAX_GROWTH, _MAX_GROWTH))
     return np.concatenate([centre - half, centre + half], axis=1)
 
 
@@ -91,8 +91,8 @@ def overlaps(box: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def suppressed(boxes: np.ndarray, scores: np.ndarray, iou: float) -> list[int]:
-    """Return the indices that remain, best first, after each box removed those that overlap it by more than `iou`."""
-    left = np.argsort(-scores, kind="stable")[:_MOST_CANDIDATES]
+    """Return the indices of the remaining boxes, best first. Each removes worse boxes that overlap it by over `iou`."""
+    left = np.argsort(-scores, kind="stable")[:_MAX_CANDIDATES]
     kept: list[int] = []
     while left.size:
         best = int(left[0])
@@ -118,10 +118,12 @@ def decode(
         raise ValueError(
             f"logits {logits.shape} and offsets {offsets.shape} for {len(anchors)} anchors and {classes} classes"
         )
-    least = model.score_threshold if threshold is None else threshold
+    min_score = model.score_threshold if threshold is None else threshold
     # Logits are compared, to compute the exponential only for the few that remain. A NaN is never a detection.
-    least_logit = -np.inf if least <= 0.0 else np.inf if least >= 1.0 else float(np.log(least / (1.0 - least)))
-    candidates = logits >= least_logit
+    min_logit = (
+        -np.inf if min_score <= 0.0 else np.inf if min_score >= 1.0 else float(np.log(min_score / (1.0 - min_score)))
+    )
+    candidates = logits >= min_logit
     width, height = picture_size_px
     found: list[tuple[float, int, int, np.ndarray]] = []
     fit = Letterbox.of(picture_size_px, model.input_px)
@@ -135,7 +137,7 @@ def decode(
             found.append((-float(scores[i]), number, int(rows[i]), boxes[i]))
     found.sort(key=lambda f: f[:3])
     detections: list[Detection] = []
-    for negative_score, number, _, box in found[:MOST_DETECTIONS]:
+    for negative_score, number, _, box in found[:MAX_DETECTIONS]:
         x0, y0, x1, y1 = np.clip(fit.back(box[None])[0], 0.0, (width, height, width, height)).tolist()
         if x1 > x0 and y1 > y0:
             detections.append(Detection(model.classes[number], (x0, y0, x1, y1), -negative_score))

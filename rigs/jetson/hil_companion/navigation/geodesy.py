@@ -13,7 +13,7 @@ import numpy as np
 
 _A_M = 6378137.0
 _E2 = 6.69437999014e-3
-_FIX_3D, _MOST_SIGMA_M = 3, 50.0
+_FIX_3D, _MAX_SIGMA_M = 3, 50.0
 _ZERO_FRAMES = 10  # frames of the barometer on the ground
 
 
@@ -59,7 +59,7 @@ class GpsFixes:
         for k, t_ns in enumerate(gps["t_capture_ns"]):
             place = (gps["latitude_deg"][k], gps["longitude_deg"][k], gps["altitude_m"][k])
             sigma_m, speed = gps["horizontal_accuracy_m"][k], gps["v_W"][k]
-            sane = np.isfinite((*place, sigma_m, *speed)).all() and 0.0 <= sigma_m < _MOST_SIGMA_M
+            sane = np.isfinite((*place, sigma_m, *speed)).all() and 0.0 <= sigma_m < _MAX_SIGMA_M
             if gps["fix_type"][k] < _FIX_3D or not sane:
                 continue
             p_W = None if self._plane is None else self._start_W + np.array(self._plane.enu(*place))

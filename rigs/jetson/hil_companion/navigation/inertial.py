@@ -19,10 +19,10 @@ from hil_companion.navigation.rotation import matrix_of, product, quaternion_of,
 
 G_MPS2 = 9.80665
 _KEPT_ROWS = 1000  # recorded states: a second at 1 kHz
-_MOST_QUEUED = 4096
+_MAX_QUEUED = 4096
 _GYRO_RAD_PER_RTS, _ACCEL_MPS_PER_RTS = 5e-4, 0.02  # noise, including vibration and scale errors
 _GYRO_WALK, _ACCEL_WALK = 2e-5, 2e-3
-_MOST_RADPS, _MOST_MPS2 = 60.0, 400.0  # beyond the range of a drone's gyro and accelerometer: such rows are errors
+_MAX_RADPS, _MAX_MPS2 = 60.0, 400.0  # beyond the range of a drone's gyro and accelerometer: such rows are errors
 # A gap between rows longer than _GAP_S is bridged by a model: constant velocity for _REACTION_S; then the vehicle
 # brakes because its IMU is silent, and speed and tilt decay with these time constants.
 _GAP_S = 0.05
@@ -62,7 +62,7 @@ class InertialFilter:
         self._force_W: np.ndarray | None = None  # mean specific force of the last `advance`; None: it had no rows
         self._row_ns: int | None = None  # time of the last integrated row
         self._silent_s = 0.0  # duration of the present gap, as far as it was bridged
-        self._rows: deque[tuple[int, tuple[float, ...], tuple[float, ...]]] = deque(maxlen=_MOST_QUEUED)
+        self._rows: deque[tuple[int, tuple[float, ...], tuple[float, ...]]] = deque(maxlen=_MAX_QUEUED)
         self._past: deque[NavState] = deque(maxlen=_KEPT_ROWS)
 
     def add_rows(
@@ -78,7 +78,7 @@ class InertialFilter:
         Rows that are not finite, beyond any sensor's range or newer than `upto_ns` are left out.
         """
         for t, w, f in zip(t_ns, gyro_radps, accel_mps2):
-            sane = max(map(abs, w)) < _MOST_RADPS and max(map(abs, f)) < _MOST_MPS2
+            sane = max(map(abs, w)) < _MAX_RADPS and max(map(abs, f)) < _MAX_MPS2
             sane = sane and np.isfinite(w).all() and np.isfinite(f).all() and t <= upto_ns
             if sane and (self.last_imu_ns is None or t > self.last_imu_ns):
                 self._rows.append((int(t), tuple(w), tuple(f)))

@@ -14,7 +14,7 @@ from tests.worlds.scripted_bench import CLIENT
 
 from hil_companion.detect.model_file import Level, by_anchor  # isort: skip
 from hil_companion.detect.backends import open_backend  # isort: skip
-from hil_companion.detect.decode import MOST_DETECTIONS, decode, overlaps  # isort: skip
+from hil_companion.detect.decode import MAX_DETECTIONS, decode, overlaps  # isort: skip
 from hil_companion.detect.detector import check_picture  # isort: skip
 from hil_companion.detect.decode import Letterbox  # isort: skip
 from hil_companion.detect.model_file import ModelFile  # isort: skip
@@ -123,9 +123,9 @@ def test_equal_scores_come_in_one_order_and_many_are_cut_off(model: ModelFile) -
     logits[:, :] = 1.0
     offsets[:, 2:] = -5.0  # so small that no two boxes of one cell overlap much
     found = decode(model, logits, offsets, (64, 48))
-    assert len(found) == MOST_DETECTIONS
+    assert len(found) == MAX_DETECTIONS
     assert found == decode(model, logits.copy(), offsets.copy(), (64, 48))
-    assert [f.label for f in found] == ["person"] * MOST_DETECTIONS
+    assert [f.label for f in found] == ["person"] * MAX_DETECTIONS
 
 
 def test_threshold_nan_and_boxes_outside(model: ModelFile) -> None:

@@ -22,13 +22,13 @@ from hil_companion.explore.planning.flight_settings import FlightSettings
 
 PLAN_CELL_M = 0.5
 _MARGIN_M = 8.0  # about all known cells, for a path round the outermost wall
-MOST_CELLS = 6_000_000  # of the fine grid
+MAX_CELLS = 6_000_000  # of the fine grid
 _KNOWN_SHARE = 0.5  # a cell is unknown if a smaller share of the nine cells about it is known
 FREE, UNKNOWN_BAND = -0.3, 0.3  # log-odds: free below, occupied above
 SURE, SURELY_FREE = 2.5, -1.4  # log-odds of cells that cleaning never removes, or never fills
 _VOTES = 8  # cells on a line
 _MIN_WALL_M, _GAP_M = 2.0, 0.8  # of a line; the vehicle with its clearance does not fit through such a gap
-MOST_SIGMA_M = 0.4  # more position uncertainty lowers the speed instead of the clearances, which would close streets
+MAX_SIGMA_M = 0.4  # more position uncertainty lowers the speed instead of the clearances, which would close streets
 _NEAR_PRICE = 1.5  # a metre at `hard_m` from an obstacle costs 1 + this
 _SPECK_CELLS = 2  # occupied cells among the nine about a cell, up to which it is a speck
 
@@ -53,7 +53,7 @@ def sigma_m(covariance_xy: np.ndarray) -> float:
 def clearances_for(settings: FlightSettings, sigma: float, cell_m: float) -> Clearances:
     """Return the clearances for a standard deviation of the position."""
     smallest = settings.vehicle_radius_m + settings.clearance_m
-    spread = 2.0 * min(sigma, MOST_SIGMA_M)
+    spread = 2.0 * min(sigma, MAX_SIGMA_M)
     hard = smallest + spread + settings.slow_mps * settings.reaction_s + 0.7072 * cell_m
     comfort = hard + settings.speed_mps * settings.reaction_s
     red = smallest + 0.1
@@ -231,7 +231,7 @@ def _framed(
     margin = round(_MARGIN_M / cell_m)
     low, high = (low - margin) // blocks * blocks, -(-(high + margin) // blocks) * blocks
     height, width = (int(n) for n in high - low)
-    if height * width > MOST_CELLS:
+    if height * width > MAX_CELLS:
         raise TooFar(f"a map of {width * cell_m:.0f} by {height * cell_m:.0f} m is more than can be planned on")
     framed = np.zeros((height, width), np.float32)
     first, last = np.maximum(low, 0), np.minimum(high, all_odds.shape)
