@@ -1,4 +1,4 @@
-"""Bench, rig, mission and sensor files to typed settings.
+"""Typed settings of a bench, read from bench, rig, mission and sensor files.
 
 `load_bench` reads and checks a whole bench and reports every problem at once, each with its file and line.
 """

@@ -1,4 +1,4 @@
-"""A bench that has been checked."""
+"""The configuration of a bench after validation, with the contents of the files that it names."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from hil.config.missions import Geopoint, Mission
 from hil.config.missions.script import MissionScript
 from hil.config.schema import BenchConfig
-from hil.config.sensors.noise import noise_factors, noisy_parameters
+from hil.config.sensors.noise import noise_factors, scaled_parameters
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import drawn
 from sim.scene.scene import Scene
@@ -20,10 +20,10 @@ from sim.world_loader import load_world
 
 @dataclass(frozen=True)
 class Bench:
-    """The settings of a bench, and the contents of the files that they name.
+    """Settings of a bench, and the contents of the files that they name.
 
     `files` maps 'bench', 'rig', 'vehicle', 'scene' and 'mission' to the file that each was read from, if there is one.
-    If the mission is a script, 'plan' is the file that it flies.
+    If the mission is a script with a plan, 'plan' is the file of that plan.
     """
 
     config: BenchConfig
@@ -34,11 +34,11 @@ class Bench:
     script: MissionScript | None = None
 
     def sensor_parameters(self, name: str) -> Any:
-        """Return the parameters of a sensor with the noise that the seed gives it."""
-        return noisy_parameters(self.config, name)
+        """Return the parameters of a sensor, with its noise scaled by the factor drawn from the seed."""
+        return scaled_parameters(self.config, name)
 
-    def drawn(self) -> dict[str, Any] | None:
-        """Return the random choices of `randomize` as data, None where it is off."""
+    def random_choices(self) -> dict[str, Any] | None:
+        """Return the random choices of `randomize` as data, None if it is off."""
         choices = drawn(self.scene, self.config.randomize, load_world)
         if choices is not None and self.config.randomize.noise is not None:
             choices["noise"] = noise_factors(self.config)
@@ -51,5 +51,5 @@ class Bench:
 
 
 def site_of(scene: Scene) -> Geopoint:
-    """Return the place on WGS-84 of the scene's origin."""
+    """Return latitude, longitude and altitude of the scene's origin."""
     return Geopoint(scene.site.latitude_deg, scene.site.longitude_deg, scene.site.altitude_m)

@@ -1,7 +1,7 @@
 """Search path of benches, rigs, scenes, vehicles and missions.
 
-They are looked for beside the file that names them, then in the working directory, then in the installed `rigs`
-package. A user's bench can therefore bring its own rig, and `hil run` works in an empty folder.
+They are searched for beside the file that names them, then in the working directory, then in the installed `rigs`
+package. A bench can therefore have its own rig beside it, and `hil run` works in an empty folder.
 """
 
 from __future__ import annotations
@@ -24,54 +24,54 @@ def default_bench() -> Path | None:
 
 
 def _is_file(path: Path) -> bool:
-    """Return True if `path` exists and is not a folder. The reader refuses devices and pipes, and says why."""
+    """Return True if `path` exists and is not a folder. `read_yaml` refuses devices and pipes."""
     try:
         return path.exists() and not path.is_dir()
     except PermissionError:
-        return True  # the reader reports it
+        return True  # `read_yaml` reports it
     except OSError:  # a name that is too long
         return False
 
 
-def find(what: str, name: str, beside: Sequence[Path]) -> Path | None:
+def find(kind: str, name: str, beside: Sequence[Path]) -> Path | None:
     """Return the file of a 'rig', 'scene', 'vehicle' or 'mission' by bare name or relative path, None if there is none.
 
     `beside` are the folders to search first.
     """
     for folder in (*beside, Path()):
-        for candidate in _candidates(what, name, folder, folder / "rigs"):
+        for candidate in _candidates(kind, name, folder, folder / "rigs"):
             if _is_file(candidate):
                 return candidate
-    for candidate in _candidates(what, name, _PACKAGE.parent, _PACKAGE):
+    for candidate in _candidates(kind, name, _PACKAGE.parent, _PACKAGE):
         if _is_file(candidate):
             return candidate
     return None
 
 
-def _candidates(what: str, name: str, folder: Path, rigs_folder: Path) -> list[Path]:
-    if is_bare(what, name):
-        return [rigs_folder / FOLDERS[what] / f"{name}.yaml"]
+def _candidates(kind: str, name: str, folder: Path, rigs_folder: Path) -> list[Path]:
+    if is_bare(kind, name):
+        return [rigs_folder / FOLDERS[kind] / f"{name}.yaml"]
     try:
         return [folder / Path(name).expanduser()]
     except RuntimeError:  # '~name/...' without such a user
         return []
 
 
-def is_bare(what: str, name: str) -> bool:
+def is_bare(kind: str, name: str) -> bool:
     """Return True if `name` is a name and not the path of a file. Missions have paths only."""
-    return what != "mission" and "/" not in name and "\\" not in name and not Path(name).suffix
+    return kind != "mission" and "/" not in name and "\\" not in name and not Path(name).suffix
 
 
-def available(what: str, beside: Sequence[Path]) -> list[str]:
+def available(kind: str, beside: Sequence[Path]) -> list[str]:
     """Return every bare name that `find` would find, sorted."""
     folders = [folder / "rigs" for folder in (*beside, Path())] + [_PACKAGE]
-    found = [path for folder in folders for path in (folder / FOLDERS[what]).glob("*.yaml")]
-    return sorted({path.stem for path in found if what != "rig" or not _names_a_rig(path)})
+    paths = [path for folder in folders for path in (folder / FOLDERS[kind]).glob("*.yaml")]
+    return sorted({path.stem for path in paths if kind != "rig" or not _is_bench(path)})
 
 
-def _names_a_rig(path: Path) -> bool:
-    """Return True if a file beside the rigs is a bench: a bench names its rig, a rig does not."""
+def _is_bench(path: Path) -> bool:
+    """Return True if a file in a folder of rigs is a bench. A bench has the key `rig`, a rig has not."""
     try:
         return any(line.startswith("rig:") for line in path.read_text(encoding="utf-8").splitlines())
     except (OSError, UnicodeDecodeError):
-        return False  # the reader reports it
+        return False  # `read_yaml` reports it

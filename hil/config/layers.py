@@ -15,7 +15,7 @@ SET = "--set "
 
 @dataclass
 class Settings:
-    """Merged plain data. `origins` maps a place in it to where it was last written: 'hil.yaml:12', '--set seed'."""
+    """Merged plain data. `origins`: place of a value -> source that set it last: 'hil.yaml:12', '--set seed'."""
 
     data: dict[str, Any] = field(default_factory=dict)
     origins: dict[Place, str] = field(default_factory=dict)
@@ -28,39 +28,39 @@ class Settings:
                 return origin
         return "defaults"
 
-    def lay(self, document: Document) -> None:
-        """Merge a document over the settings: mappings key by key, everything else is replaced whole."""
-        self._lay((), document.data, document)
+    def merge(self, document: Document) -> None:
+        """Merge a document over the settings: mappings key by key; any other value is replaced whole."""
+        self._merge((), document.data, document)
 
-    def put(self, place: Place, value: Any, origin: str) -> None:
+    def set(self, place: Place, value: Any, origin: str) -> None:
         """Set one value, creating the mappings that lead to it."""
         nested: Any = value
-        for part in reversed(place):
-            nested = {part: nested}
-        self._lay((), nested, _OneOrigin(origin, place))
+        for key in reversed(place):
+            nested = {key: nested}
+        self._merge((), nested, _SingleOrigin(origin, place))
 
-    def _lay(self, place: Place, value: Any, document: Document | _OneOrigin) -> None:
-        here = self._at(place)
-        if isinstance(value, dict) and isinstance(here, dict):
+    def _merge(self, place: Place, value: Any, document: Document | _SingleOrigin) -> None:
+        present = self._value_at(place)
+        if isinstance(value, dict) and isinstance(present, dict):
             if document.marks(place):
                 self.origins[place] = document.where(place)
             for key, child in value.items():
-                self._lay((*place, key), child, document)
+                self._merge((*place, key), child, document)
             return
         if place:
             if place in self.origins:
                 self._forget(place)
-            parent = self._at(place[:-1])
+            parent = self._value_at(place[:-1])
             assert isinstance(parent, dict)
             if isinstance(value, dict):
                 parent[place[-1]] = {}
-                self._lay(place, value, document)
+                self._merge(place, value, document)
                 self.origins.setdefault(place, document.where(place))
                 return
             parent[place[-1]] = value
         self._mark(place, value, document)
 
-    def _mark(self, place: Place, value: Any, document: Document | _OneOrigin) -> None:
+    def _mark(self, place: Place, value: Any, document: Document | _SingleOrigin) -> None:
         self.origins[place] = document.where(place)
         children: Any = ()
         if isinstance(value, dict):
@@ -70,13 +70,13 @@ class Settings:
         for key, child in children:
             self._mark((*place, key), child, document)
 
-    def _at(self, place: Place) -> Any:
-        here: Any = self.data
-        for part in place:
-            if not isinstance(here, dict) or part not in here:
+    def _value_at(self, place: Place) -> Any:
+        value: Any = self.data
+        for key in place:
+            if not isinstance(value, dict) or key not in value:
                 return None
-            here = here[part]
-        return here
+            value = value[key]
+        return value
 
     def _forget(self, place: Place) -> None:
         for other in [p for p in self.origins if p[: len(place)] == place]:
@@ -84,8 +84,8 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _OneOrigin:
-    """A stand-in for a document: every place has the same origin, and only `target` and below are marked."""
+class _SingleOrigin:
+    """Replaces a document for one value: every place has the same origin, and only `target` and its children count."""
 
     origin: str
     target: Place
@@ -102,15 +102,14 @@ def parse_setting(text: str) -> tuple[Place, Any, str]:
     key, equals, value_text = text.partition("=")
     key = key.strip()
     if not equals:
-        message = "has no value"
-        raise ConfigError([Problem(f"{SET}{text}", message, f"write --set {key or 'KEY'}=VALUE")])
+        raise ConfigError([Problem(f"{SET}{text}", "has no value", f"write --set {key or 'KEY'}=VALUE")])
     parts = key.split(".")
     if not all(part.strip() for part in parts):
         raise ConfigError([Problem(f"{SET}{text}", "has an empty key", "write --set section.key=VALUE")])
     if len(parts) > MAX_DEPTH:
         raise ConfigError([Problem(f"{SET}{key[:40]}...", f"is nested too deeply: more than {MAX_DEPTH} levels")])
     origin = f"{SET}{key}"
-    # Parsed apart from the key, because "KEY: VALUE" could be a nested mapping or an alias. An empty value is null.
+    # The value is parsed alone, because "KEY: VALUE" could be a nested mapping or an alias. An empty value is null.
     try:
         document = parse_yaml(value_text, origin)
     except ConfigError as error:
@@ -119,8 +118,8 @@ def parse_setting(text: str) -> tuple[Place, Any, str]:
     return tuple(parts), value, origin
 
 
-def lay_settings(settings: Settings, texts: Sequence[str]) -> list[Problem]:
-    """Merge every `--set` over the settings, in order. Returns the problems of those that cannot be read."""
+def merge_options(settings: Settings, texts: Sequence[str]) -> list[Problem]:
+    """Merge the texts of `--set` over the settings, in order. Returns the problems of texts that cannot be read."""
     problems: list[Problem] = []
     for text in texts:
         try:
@@ -129,11 +128,11 @@ def lay_settings(settings: Settings, texts: Sequence[str]) -> list[Problem]:
             problems += error.problems
             continue
         for length in range(1, len(place)):
-            here = settings._at(place[:length])
-            if here is not None and not isinstance(here, dict):
-                hint = f"{dotted(place[:length])} is {here!r}"
+            value_there = settings._value_at(place[:length])
+            if value_there is not None and not isinstance(value_there, dict):
+                hint = f"{dotted(place[:length])} is {value_there!r}"
                 problems.append(Problem(origin, f"{dotted(place[:length])} has no keys below it", hint))
                 break
         else:
-            settings.put(place, value, origin)
+            settings.set(place, value, origin)
     return problems

@@ -1,4 +1,4 @@
-"""Reads files and command-line options and merges them to a checked bench.
+"""Reads files and command-line options, and merges them into one validated bench.
 
 Later layers replace earlier ones: defaults, the rig's file, the bench file, command-line options, `--set`. Mappings
 merge key by key, everything else is replaced whole. All problems of all layers are reported at once, each with the
@@ -17,18 +17,18 @@ from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, vehicle_problems
 from hil.config.checks.part_settings import resolve_parts
 from hil.config.files import available, default_bench, find, is_bare
-from hil.config.layers import Settings, lay_settings, parse_setting
+from hil.config.layers import Settings, merge_options, parse_setting
 from hil.config.missions import Mission, load_mission
 from hil.config.missions.script import MissionScript
 from hil.config.missions.script_file import (
     bench_problems,
     is_script,
-    lay_script,
+    merge_script,
     mission_problems,
     read_script,
     with_gusts,
 )
-from hil.config.renamed import take_renamed
+from hil.config.renamed import replace_renamed_keys
 from hil.config.scenes import read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, BenchConfig
 from hil.config.sensors.noise import noise_problems
@@ -60,19 +60,19 @@ def load_bench(
     the texts of `--set`. Raises ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
-    given = {key: value for key, value in options.items() if value is not None}
+    options = {key: value for key, value in options.items() if value is not None}
     try:
-        return _Loading(path, given, settings).bench()
+        return _Loading(path, options, settings).bench()
     except ConfigError as error:
         raise ConfigError(_shortened(error.problems)) from None
 
 
 def _shortened(problems: list[Problem]) -> list[Problem]:
     """Return the first MAX_PROBLEMS problems and the number of the others."""
-    more = len(problems) - MAX_PROBLEMS
-    if more <= 0:
+    excess = len(problems) - MAX_PROBLEMS
+    if excess <= 0:
         return problems
-    return [*problems[:MAX_PROBLEMS], Problem("and", f"{more} more problems")]
+    return [*problems[:MAX_PROBLEMS], Problem("and", f"{excess} more problems")]
 
 
 class _Loading:
@@ -94,13 +94,13 @@ class _Loading:
         self.beside = [bench_path.parent] if bench_path is not None else []
         rig = self._rig(document, options, settings)
         if "sensors" not in document.data and (rig is None or "sensors" not in rig.data):
-            self.settings.put(("sensors",), STANDARD_SENSORS, "defaults")
+            self.settings.set(("sensors",), STANDARD_SENSORS, "defaults")
         if rig is not None:
-            self.settings.lay(rig)
-        self.settings.lay(document)
+            self.settings.merge(rig)
+        self.settings.merge(document)
         for key, value in options.items():
-            self.settings.put((key,), value, f"--{key}")
-        self.problems += lay_settings(self.settings, settings)
+            self.settings.set((key,), value, f"--{key}")
+        self.problems += merge_options(self.settings, settings)
 
     def _take_complete(self, bench: Document) -> bool:
         """Remove `complete` from the data and return it. It describes the file and is not a setting of the bench."""
@@ -117,18 +117,18 @@ class _Loading:
                 self.problems.append(Problem("--rig", message, 'remove "complete: true" from the file'))
             return None
         choice = Settings()
-        choice.put(("rig",), BenchConfig.model_fields["rig"].default, "defaults")
+        choice.set(("rig",), BenchConfig.model_fields["rig"].default, "defaults")
         if "rig" in bench.data:
-            choice.put(("rig",), bench.data["rig"], bench.where(("rig",)))
+            choice.set(("rig",), bench.data["rig"], bench.where(("rig",)))
         if "rig" in options:
-            choice.put(("rig",), options["rig"], "--rig")
+            choice.set(("rig",), options["rig"], "--rig")
         for text in settings:
             if text.partition("=")[0].strip() == "rig":
                 try:
                     _, value, origin = parse_setting(text)
                 except ConfigError:
-                    continue  # reported by lay_settings
-                choice.put(("rig",), value, origin)
+                    continue  # reported by merge_options
+                choice.set(("rig",), value, origin)
         path = self._file("rig", choice.data["rig"], choice)
         if path is None:
             return None
@@ -144,29 +144,29 @@ class _Loading:
         keep = {key: value for key, value in document.data.items() if key not in ("rig", "complete")}
         return Document(document.source, keep, document.lines)
 
-    def _file(self, what: str, name: Any, located: Settings) -> Path | None:
+    def _file(self, kind: str, name: Any, located: Settings) -> Path | None:
         """Find the file that a setting names. Returns None and reports a problem if there is none."""
         if not isinstance(name, str):
             return None  # reported when all settings are validated
-        path = find(what, name, self.beside) if name.strip() else None
+        path = find(kind, name, self.beside) if name.strip() else None
         if path is None:
-            if is_bare(what, name):
-                hint = nearest(name, available(what, self.beside))
-                self.problems.append(at(located, (what,), f"is unknown: {name!r}", hint))
+            if is_bare(kind, name):
+                hint = nearest(name, available(kind, self.beside))
+                self.problems.append(at(located, (kind,), f"is unknown: {name!r}", hint))
             else:
                 places = [shown_path(folder) for folder in (*self.beside, Path())]
-                looked = "looked beside " + " and in ".join(dict.fromkeys(places)) + " and in the installed rigs"
-                self.problems.append(at(located, (what,), f"names a file that does not exist: {name}", looked))
+                hint = "looked beside " + " and in ".join(dict.fromkeys(places)) + " and in the installed rigs"
+                self.problems.append(at(located, (kind,), f"names a file that does not exist: {name}", hint))
             return None
-        self.files[what] = path
+        self.files[kind] = path
         return path
 
-    def _read(self, what: str, path: Path) -> Document | None:
+    def _read(self, kind: str, path: Path) -> Document | None:
         try:
             return read_yaml(path)
         except ConfigError as error:
             self.problems += error.problems
-            self.files.pop(what, None)
+            self.files.pop(kind, None)
             return None
 
     def _vehicle(self) -> Vehicle | None:
@@ -209,7 +209,7 @@ class _Loading:
         return self._file("mission", name, self.settings) if name is not None else None
 
     def _script(self, path: Path | None) -> MissionScript | None:
-        """Read the mission if it is a script, and lay its limits and faults over the settings."""
+        """Read the mission if it is a script, and merge its limits and faults over the settings."""
         if path is None or not is_script(path):
             return None
         try:
@@ -220,7 +220,7 @@ class _Loading:
         if script.plan_path is not None:
             self.files["plan"] = script.plan_path
         if not self.complete:  # a complete file already contains them
-            lay_script(self.settings, script)
+            merge_script(self.settings, script)
         return script
 
     def _mission(self, path: Path | None, scene: Scene | None) -> Mission | None:
@@ -236,17 +236,17 @@ class _Loading:
         """Build the bench. Raises ConfigError with every problem found."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
-        self.problems += take_renamed(self.settings, translate=self.complete)
+        self.problems += replace_renamed_keys(self.settings, translate=self.complete)
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
-        config, wrong = validate(BenchConfig, data, self.settings)
+        config, config_problems = validate(BenchConfig, data, self.settings)
         tick_hz = (config or BenchConfig()).tick_hz
-        sensors, problems = resolve_sensors(section, self.settings, tick_hz=tick_hz)
-        self.problems += wrong + problems
+        sensors, sensor_problems = resolve_sensors(section, self.settings, tick_hz=tick_hz)
+        self.problems += config_problems + sensor_problems
         if config is not None:
-            parts, wrong = resolve_parts(config.parts, self.settings)
+            parts, part_problems = resolve_parts(config.parts, self.settings)
             config = config.model_copy(update={"sensors": sensors, "parts": parts})
-            self.problems += wrong
+            self.problems += part_problems
             for check in (cross_problems, autopilot_problems, noise_problems):
                 self.problems += check(config, self.settings)
             if config.companion.on or config.companion.control:
@@ -269,9 +269,9 @@ class _Loading:
                 self.problems += bench_problems(script, sensors=types, rotors=len(vehicle.rotors))
             if config is not None and scene is not None and not self.complete:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
-        if config is not None and mission is not None and not problems:
-            fed = config.autopilot_sensors()
-            missing = [kind for kind in FLIGHT_KINDS if kind not in fed]
+        if config is not None and mission is not None and not sensor_problems:
+            autopilot_kinds = config.autopilot_sensors()
+            missing = [kind for kind in FLIGHT_KINDS if kind not in autopilot_kinds]
             if missing:
                 message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a mission"
                 self.problems.append(at(self.settings, ("sensors",), message))
@@ -281,7 +281,7 @@ class _Loading:
 
 
 def _in_order(problems: list[Problem]) -> list[Problem]:
-    """Sort problems by file, in order of first appearance, and line, the command line last. Drops repeats."""
+    """Sort problems by file, in order of first appearance, and by line, the command line last, without repetitions."""
     files: dict[str, int] = {}
     keyed: dict[str, tuple[tuple[bool, int, int], Problem]] = {}
     for problem in problems:

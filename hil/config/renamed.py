@@ -15,11 +15,11 @@ RENAMED_KEYS = {
 }
 
 
-def take_renamed(settings: Settings, *, translate: bool) -> list[Problem]:
-    """Take old keys out of the settings, so that they are not unknown keys too, and report each of them.
+def replace_renamed_keys(settings: Settings, *, translate: bool) -> list[Problem]:
+    """Remove old keys from the settings, so that validation does not report them as unknown, and report each of them.
 
-    With `translate` their values are moved to the new keys instead: for files with complete settings, which the bench
-    itself wrote into the folder of a run.
+    With `translate` their values are moved to the new keys instead of reported. This is for files with complete
+    settings, which the bench itself wrote into the folder of a run.
     """
     problems = []
     for old, new in RENAMED_KEYS.items():
@@ -31,7 +31,7 @@ def take_renamed(settings: Settings, *, translate: bool) -> list[Problem]:
             continue
         place, value = (*section, key), mapping.pop(key)
         if translate and not settings.where(place).startswith(COMMAND_LINE):
-            settings.put(tuple(new.split(".")), value, settings.where(place))
+            settings.set(tuple(new.split(".")), value, settings.where(place))
         else:
             problems.append(at(settings, place, f"is now called {new}", "rename it"))
     return problems

@@ -1,4 +1,4 @@
-"""Benches written to files that give the same bench again."""
+"""Writes a bench to files from which the same bench can be loaded."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def resolved_yaml(config: BenchConfig) -> str:
         }
         for name, sensor in config.sensors.items()
     }
-    head = "# Complete settings of one run; no rig file is laid under them.\n"
+    head = "# Complete settings of one run; no rig file is merged with them.\n"
     return head + dump_yaml(data)
 
 
 def save_bench(bench: Bench, folder: Path) -> Path:
-    """Write bench.yaml with every setting, and copy the files it names beside it. Returns the path of bench.yaml.
+    """Write bench.yaml with every setting, and copy the files that it names into `folder`. Returns its path.
 
     Copied are the vehicle, the scene with its map, the mission and the plan of a script, so that the folder can be
     loaded on any machine.
@@ -39,11 +39,11 @@ def save_bench(bench: Bench, folder: Path) -> Path:
     names: dict[str, str] = {}
     if "scene" in bench.files:
         names["scene"] = save_scene(bench.scene, bench.files["scene"], folder)
-    for what in ("vehicle", "mission"):
-        if what in bench.files:
-            source = bench.files[what]
-            names[what] = f"{what}{source.suffix}"
-            (folder / names[what]).write_bytes(source.read_bytes())
+    for kind in ("vehicle", "mission"):
+        if kind in bench.files:
+            source = bench.files[kind]
+            names[kind] = f"{kind}{source.suffix}"
+            (folder / names[kind]).write_bytes(source.read_bytes())
     if "plan" in bench.files:  # a script finds its plan by name beside itself
         (folder / bench.files["plan"].name).write_bytes(bench.files["plan"].read_bytes())
     path = folder / "bench.yaml"

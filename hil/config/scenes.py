@@ -1,4 +1,4 @@
-"""The scene of a bench: reading it, checking it with its map, and copying it to the folder of a run."""
+"""Reads the scene of a bench, checks it with its map, and copies it to the folder of a run."""
 
 from __future__ import annotations
 
@@ -35,18 +35,18 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
 
 
 def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
-    """Report what is wrong with the map of a scene, and with the take-off place of the vehicle."""
+    """Report problems of a scene's map and of the vehicle's take-off place."""
     if scene.plain and not scene.boxes:
         return []
     try:
         load_world(scene)
-        wrong = take_off_problem(scene, vehicle) if vehicle is not None else None
+        take_off = take_off_problem(scene, vehicle) if vehicle is not None else None
     except ConfigError as error:
         return error.problems
-    if wrong is None:
+    if take_off is None:
         return []
-    place = ("map",) if scene.map is not None else ("boxes",)
-    return [scene.file.problem(place, *wrong)]
+    message, hint = take_off
+    return [scene.file.problem(("boxes",) if scene.map is None else ("map",), message, hint)]
 
 
 def save_scene(scene: Scene, source: Path, folder: Path) -> str:
@@ -59,13 +59,14 @@ def save_scene(scene: Scene, source: Path, folder: Path) -> str:
         name = f"scene{source.suffix}"
         (folder / name).write_bytes(source.read_bytes())
         return name
-    read = read_map_file((scene.file.folder / scene.map.mjcf).expanduser())
-    below = folder / _MAP_FOLDER
-    below.mkdir(exist_ok=True)
-    (below / "map.xml").write_text(read.text, encoding="utf-8")
-    for name, data in read.assets.items():
-        (below / name).write_bytes(data)
-    kept = scene.model_copy(update={"map": scene.map.model_copy(update={"mjcf": f"{_MAP_FOLDER}/map.xml"})})
+    map_file = read_map_file((scene.file.folder / scene.map.mjcf).expanduser())
+    map_folder = folder / _MAP_FOLDER
+    map_folder.mkdir(exist_ok=True)
+    (map_folder / "map.xml").write_text(map_file.text, encoding="utf-8")
+    for name, data in map_file.assets.items():
+        (map_folder / name).write_bytes(data)
+    new_map = scene.map.model_copy(update={"mjcf": f"{_MAP_FOLDER}/map.xml"})
+    copied = scene.model_copy(update={"map": new_map})
     head = f"# The scene of {shown_path(source)}, with its map in {_MAP_FOLDER}/.\n"
-    (folder / "scene.yaml").write_text(head + dump_yaml(kept.model_dump(mode="json")), encoding="utf-8")
+    (folder / "scene.yaml").write_text(head + dump_yaml(copied.model_dump(mode="json")), encoding="utf-8")
     return "scene.yaml"

@@ -45,7 +45,7 @@ class MockFaults(Section):
 
 
 MOCK_AIRFRAMES = ("x500", "iris")
-# The bench waits for the answers of these at every tick; the others run on wall-clock time.
+# The bench waits for the answer of these autopilots at every tick; the others run on wall-clock time.
 LOCKSTEP_KINDS = frozenset({"mock", "px4_sitl", "ardupilot_sitl"})
 # The user's own firmware; PROGRAM_KINDS run as a program on this machine.
 FIRMWARE_KINDS = frozenset({"px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"})
@@ -85,7 +85,7 @@ class Autopilot(Section):
         10.0  # free-running links: longest time that a board may be unplugged
     )
     # Runs the bench and the firmware that it starts on one processor, the firmware first. Timing is then more
-    # repeatable and no slower on an idle machine; on a busy one the bench leaves the processor by itself.
+    # repeatable and no slower on an idle machine; on a busy machine the bench stops sharing by itself.
     share_processor: bool = True
     # A reboot of ArduPilot SITL in the run: ERROR, or the vehicle returns to its start and the run continues.
     on_restart: Literal["error", "reset"] = "error"
@@ -137,7 +137,7 @@ class Router(Section):
     more: tuple[ClientAddress, ...] = ()  # further clients
     # Repeats clients' heartbeats and OFFBOARD set-points in simulated time when the run is faster than real time.
     repeat_heartbeats: bool = True
-    # Messages from clients must be signed with the key in this file, and messages to them are; null: no signing.
+    # Clients must sign their messages with the key in this file, and the bench signs its own; null: no signing.
     signing_key_file: str | None = None
 
     def endpoints(self) -> list[Endpoint]:
@@ -219,7 +219,7 @@ class Record(Section):
 
 
 class Trajectory(Section):
-    """A course for `hil dataset`, flown round and round from the take-off place (hil/apps/dataset/trajectory.py)."""
+    """A course for `hil dataset`, flown repeatedly from the take-off place (hil/apps/dataset/trajectory.py)."""
 
     preset: Literal["square", "circle", "figure_eight", "survey"] = "square"
     side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square around the course
@@ -251,7 +251,7 @@ Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 
 class Goal(Section):
-    """A place that the companion must find a way to. It is sent to the companion as the only waypoint."""
+    """A position to which the companion must find a path. It is sent to the companion as the only waypoint."""
 
     p_W: tuple[Coordinate, Coordinate, Coordinate]  # [m]; z is the height of the flight
     outcome: str = "goal"  # expected report of the client; another one if the goal cannot be reached
@@ -319,7 +319,7 @@ class BenchConfig(Section):
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends
-    # Level of the cameras that name none (sim/frame/quality.py); null: their own settings.
+    # Level of cameras without a `quality` of their own (sim/frame/quality.py); null: their own settings.
     quality: QualityName | None = None
     pace: Annotated[float, Field(gt=0, le=1000)] | None = None  # times real time; null: as fast as possible
     autopilot: Autopilot = Autopilot()
@@ -353,9 +353,9 @@ class BenchConfig(Section):
     def _whole_nanoseconds(cls, tick_hz: int) -> int:
         if NS_PER_S % tick_hz:
             fitting = [hz for hz in range(100, 1001) if NS_PER_S % hz == 0]
-            near = min(fitting, key=lambda hz: abs(hz - tick_hz))
+            nearest = min(fitting, key=lambda hz: abs(hz - tick_hz))
             raise ValueError(
-                f"{tick_hz} Hz is not a whole number of nanoseconds per tick; the nearest that is: {near} Hz"
+                f"{tick_hz} Hz is not a whole number of nanoseconds per tick; the nearest that is: {nearest} Hz"
             )
         return tick_hz
 

@@ -199,7 +199,7 @@ class BenchRun:
             "seed": config.seed,
             "rig": config.rig,
             "scene": context.bench.scene.name,
-            "randomize": context.bench.drawn(),
+            "randomize": context.bench.random_choices(),
             "sim_s": sim_s,
             "wall_s": wall_s,
             "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,

@@ -126,7 +126,7 @@ def finish(
         {
             "complete": True,
             "made_from": dict(made_from),
-            "randomize": plan.bench.drawn(),
+            "randomize": plan.bench.random_choices(),
             "licence": LICENCE,
             "frames": len(counts.frame_t_ns),
             "first_t_ns": counts.frame_t_ns[0],

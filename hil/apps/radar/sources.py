@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from hil.config import BenchConfig, load_bench
 from hil.config.checks.radar_checks import view_of
-from hil.config.layers import Settings, lay_settings
-from hil.config.sensors.preset_values import find_preset, laid_over
+from hil.config.layers import Settings, merge_options
+from hil.config.sensors.preset_values import find_preset, merge_keys
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.reading_frames import RADAR_FRAME, capture_ns, image, radar_frame
 from hil.run.recorder.recorder import MCAP_NAME
@@ -256,16 +256,16 @@ _SENSOR_KEYS = frozenset({"preset", "kind", "autopilot", "rate_hz"})  # keys of 
 def settings_of(
     recorded: Mapping[str, Any] | None, *, preset: str | None, default_preset: str, texts: Sequence[str]
 ) -> RadarParameters:
-    """Return a radar's parameters: those of `preset` or `recorded`, with `texts` laid over them.
+    """Return a radar's parameters: those of `preset` or `recorded`, with `texts` merged over them.
 
     `recorded` is the radar's complete section in a bench; a given `preset` replaces it, and `default_preset` is used if
     both are None. Raises ConfigError with every problem.
     """
     settings = Settings()
-    problems: list[Problem] = lay_settings(settings, texts)
+    problems: list[Problem] = merge_options(settings, texts)
     base: dict[str, Any] = {}
     if preset is not None or recorded is None:
-        settings.put(("preset",), preset or default_preset, "--preset")
+        settings.set(("preset",), preset or default_preset, "--preset")
         preset_values = find_preset(preset or default_preset, settings, ("preset",), problems)
         if preset_values is not None and not isinstance(preset_values.parameters, RadarParameters):
             problems.append(Problem("--preset", f"is a {preset_values.kind}, not a radar"))
@@ -276,7 +276,7 @@ def settings_of(
     if problems:
         raise ConfigError(problems)
     overrides = {key: value for key, value in settings.data.items() if key != "preset"}
-    parameters, problems = validate(RadarParameters, laid_over(RadarParameters, base, overrides), settings)
+    parameters, problems = validate(RadarParameters, merge_keys(RadarParameters, base, overrides), settings)
     if problems or parameters is None:
         raise ConfigError(problems)
     return parameters

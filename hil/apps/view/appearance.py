@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from hil.config.layers import Settings, lay_settings
+from hil.config.layers import Settings, merge_options
 from hil.config.schema import BenchConfig
 from signals.documents.document import Document
 from signals.documents.validate import Section, validate
@@ -53,8 +53,8 @@ class ViewAppearance(Section):
 def read_appearance(settings: Sequence[str]) -> ViewAppearance:
     """Read the appearance from `KEY=VALUE` texts of `--set`. Raises ConfigError with every problem."""
     layers = Settings()
-    layers.lay(Document("defaults", {}))
-    problems = lay_settings(layers, settings)
+    layers.merge(Document("defaults", {}))
+    problems = merge_options(layers, settings)
     appearance, invalid = validate(ViewAppearance, layers.data, layers)
     if problems or invalid or appearance is None:
         raise ConfigError([*problems, *invalid])

@@ -1,4 +1,4 @@
-"""Checks of the section `autopilot`: keys and values that its kind does not have."""
+"""Checks that the keys and values of the section `autopilot` fit its kind."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, Autopilot, BenchCon
 from signals.documents.validate import COMMAND_LINE, Located, at, nearest
 from signals.errors import Problem
 
-# Keys of the section `autopilot` that only some kinds have, besides the mock's.
+# Key of the section `autopilot` -> kinds of real firmware that have it.
 _KEYS_OF_KINDS = {
     "binary": PROGRAM_KINDS | {"ardupilot_eahrs"},
     "arguments": PROGRAM_KINDS | {"ardupilot_eahrs"},
@@ -24,48 +24,48 @@ _KEYS_OF_KINDS = {
 
 
 def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
-    """Report settings that the chosen autopilot does not have or cannot fly with."""
+    """Report settings that do not fit the chosen autopilot."""
     problems: list[Problem] = []
 
-    def wrong(key: str, message: str, hint: str = "") -> None:
+    def report(key: str, message: str, hint: str = "") -> None:
         problems.append(at(settings, ("autopilot", key), message, hint))
 
     autopilot = config.autopilot
     if autopilot.transport == "loopback" and autopilot.port is not None:
-        wrong("port", "has no meaning with the transport 'loopback'", "leave it out")
+        report("port", "has no meaning with the transport 'loopback'", "leave it out")
     if autopilot.is_mock:
         if not autopilot.start and autopilot.port is None:
-            wrong("start", "is false, but no autopilot.port says where the autopilot is")
+            report("start", "is false, but autopilot.port is not set")
         for key in ("binary", "mavlink_port", "arguments", "env"):
             if getattr(autopilot, key):
-                wrong(key, "has no meaning for the mock autopilot", "leave it out or choose another rig")
+                report(key, "has no meaning for the mock autopilot", "leave it out or choose another rig")
         if autopilot.airframe not in MOCK_AIRFRAMES:
             hint = nearest(autopilot.airframe, MOCK_AIRFRAMES)
-            wrong("airframe", f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
+            report("airframe", f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
         problems += _param_problems(autopilot.params, settings)
     elif autopilot.faults != MockFaults():
-        wrong("faults", "are only for the mock autopilot", "see faults.links for faults of any link")
+        report("faults", "are only for the mock autopilot", "see faults.links for faults of any link")
     if autopilot.transport == "loopback" and autopilot.kind != "mock":
-        wrong("transport", "is 'loopback', which only the mock in lockstep can", "leave it out")
+        report("transport", "is 'loopback', which only the mock in lockstep can", "leave it out")
     for key, kinds in _KEYS_OF_KINDS.items():
         given = getattr(autopilot, key) != Autopilot.model_fields[key].get_default(call_default_factory=True)
         if given and autopilot.kind not in kinds and not autopilot.is_mock:
-            wrong(key, f"has no meaning for {autopilot.kind}", "leave it out or choose another rig")
+            report(key, f"has no meaning for {autopilot.kind}", "leave it out or choose another rig")
     if autopilot.on_restart != "error" and autopilot.kind != "ardupilot_sitl":
-        wrong("on_restart", f"has no meaning for {autopilot.kind}", "leave it out")
+        report("on_restart", f"has no meaning for {autopilot.kind}", "leave it out")
     if autopilot.kind in PROGRAM_KINDS:
         for key in ("params", "arguments", "env"):
             if getattr(autopilot, key) and not autopilot.start:
                 message = "has no effect: the bench does not start the autopilot (autopilot.start is false)"
-                wrong(key, message, "give it to the program that you start")
+                report(key, message, "give it to the program that you start")
         if autopilot.start and autopilot.binary is None:
             message = "must name your own build of the firmware, which the bench starts"
             hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"
-            wrong("binary", message, hint)
+            report("binary", message, hint)
         elif autopilot.start and not Path(str(autopilot.binary)).expanduser().is_file():
-            wrong("binary", f"names a program that does not exist: {autopilot.binary}")
+            report("binary", f"names a program that does not exist: {autopilot.binary}")
     if autopilot.mavlink_port == "none" and config.mission is not None:
-        wrong("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
+        report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
     return problems
 
 

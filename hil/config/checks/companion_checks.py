@@ -15,67 +15,69 @@ from signals.errors import ConfigError, Problem
 
 
 def companion_problems(config: BenchConfig, settings: Settings, *, scripted: bool) -> list[Problem]:
-    """Report what is wrong with the companion link. `scripted` is True if the mission is a script."""
+    """Report problems of the companion link. `scripted`: the mission is a script."""
     companion = config.companion
     problems: list[Problem] = []
 
-    def wrong(key: str, message: str, hint: str = "") -> None:
+    def report(key: str, message: str, hint: str = "") -> None:
         problems.append(at(settings, ("companion", key), message, hint))
 
     if not companion.on:
         if companion.control:
-            wrong("control", "is true, but there are no clients", "name some in companion.start, or their number")
+            report("control", "is true, but there are no clients", "name some in companion.start, or their number")
         return problems
     real_time = not config.autopilot.lockstep or config.pace == 1.0
     if companion.time == "realtime" and not real_time:
-        wrong("time", "is 'realtime', but the run is not paced to real time", "--set pace=1")
+        report("time", "is 'realtime', but the run is not paced to real time", "--set pace=1")
     if companion.time != "realtime" and not config.autopilot.lockstep:
         message = f"is {companion.time!r}, but {config.autopilot.kind} runs on wall-clock time"
-        wrong("time", message, "--set companion.time=realtime")
+        report("time", message, "--set companion.time=realtime")
     cuts = [started.name for started in companion.start]
     for name in unknown_clients(cuts):
-        wrong("start", f"names a client that does not exist: {name!r}", nearest(name, known_clients()))
+        report("start", f"names a client that does not exist: {name!r}", nearest(name, known_clients()))
     names = [client_name(cut) for cut in cuts]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        wrong("start", f"names {', '.join(twice)} twice: names of clients must differ", "start one, or as MODULE:NAME")
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        report(
+            "start", f"names {', '.join(repeated)} twice: names of clients must differ", "start one, or as MODULE:NAME"
+        )
     if companion.trace is not None and companion.time == "realtime" and companion.control:
-        wrong("trace", "cannot replay a run in real time: its answers belong to no ticks", "leave it out")
+        report("trace", "cannot replay a run in real time: its answers belong to no ticks", "leave it out")
     if message := rate_problem(companion.rate_hz, config):
-        wrong("rate_hz", message)
+        report("rate_hz", message)
     if companion.setpoint_hz > config.tick_hz:
-        wrong("setpoint_hz", f"must be at most the tick's rate, {config.tick_hz} Hz, not {companion.setpoint_hz:g} Hz")
+        report("setpoint_hz", f"must be at most the tick's rate, {config.tick_hz} Hz, not {companion.setpoint_hz:g} Hz")
     if companion.control and scripted:
-        wrong("control", "is true, but the mission is a script", "name its plan as the mission, or do without control")
+        report("control", "is true, but the mission is a script", "name its plan as the mission, or do without control")
     if companion.control and config.manual.device is not None:
-        wrong(
+        report(
             "control",
             f"is true, but manual.device is {config.manual.device!r}: both would command the vehicle",
             "leave one out",
         )
     if companion.trace is not None and not Path(companion.trace).is_file():
-        wrong("trace", f"names a file that does not exist: {companion.trace}")
+        report("trace", f"names a file that does not exist: {companion.trace}")
     if companion.trace is not None:
         return problems  # a trace needs no link
     groups = len(config.sensors) + 1  # one more for the true state
     first = companion.sensor_port
     if companion.arrangement == "ports" and first is not None:
         if first <= companion.port < first + groups:
-            wrong("port", f"lies among the sensors' ports, {first} to {first + groups - 1}")
+            report("port", f"lies among the sensors' ports, {first} to {first + groups - 1}")
         elif first + groups > 65536:
-            wrong("sensor_port", f"leaves no room for {groups} ports", f"at most {65536 - groups}")
+            report("sensor_port", f"leaves no room for {groups} ports", f"at most {65536 - groups}")
     key = "host"
     try:
-        made = link_settings(companion)
+        link = link_settings(companion)
         key = "keys"
-        if made.keys is not None:
-            read_bench_keys(made.keys)
-            missing = sorted({*names} - {*read_allowed(made.keys).values()})
+        if link.keys is not None:
+            read_bench_keys(link.keys)
+            missing = sorted({*names} - {*read_allowed(link.keys).values()})
             if missing and companion.arrangement != "shared_memory":
-                hint = f"hil keys {made.keys} {' '.join(missing)}"
-                wrong("keys", f"names a folder without keys of {', '.join(missing)}", hint)
+                hint = f"hil keys {link.keys} {' '.join(missing)}"
+                report("keys", f"names a folder without keys of {', '.join(missing)}", hint)
     except ConfigError as error:
         for problem in error.problems:
             place = "" if problem.where == "companion" else f"{problem.where}: "
-            wrong(key, f"cannot be used: {place}{problem.message}", problem.hint)
+            report(key, f"cannot be used: {place}{problem.message}", problem.hint)
     return problems

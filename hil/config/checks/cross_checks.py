@@ -23,45 +23,45 @@ def rate_problem(rate_hz: float, config: BenchConfig) -> str:
 
 
 def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
-    """Report every pair of settings that exclude each other."""
+    """Report settings that exclude each other, or do not fit the tick of the bench."""
     problems: list[Problem] = []
 
-    def wrong(place: Place, message: str, hint: str = "") -> None:
+    def report(place: Place, message: str, hint: str = "") -> None:
         problems.append(at(settings, place, message, hint))
 
     for name, sensor in config.sensors.items():
         place = ("sensors", name, "rate_hz")
         if sensor.rate_hz > config.tick_hz:
-            wrong(place, rate_problem(sensor.rate_hz, config), "lower it or raise tick_hz")
+            report(place, rate_problem(sensor.rate_hz, config), "lower it or raise tick_hz")
         elif sensor.kind == "imu" and sensor.rate_hz != config.tick_hz:
             message = f"must be the tick's rate, {config.tick_hz} Hz, not {sensor.rate_hz:g} Hz"
-            wrong(place, message, "an imu is read at every tick: leave rate_hz out")
+            report(place, message, "an imu is read at every tick: leave rate_hz out")
         elif message := rate_problem(sensor.rate_hz, config):
-            wrong(place, message)
+            report(place, message)
     sample_types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
     for index, key, message in fault_problems(config.faults.sensors, sample_types):
-        wrong(("faults", "sensors", index, key), message)
+        report(("faults", "sensors", index, key), message)
     step_us = config.physics.step_us
     if step_us is not None and config.tick_ns % (step_us * 1000):
         message = f"must divide the tick of {config.tick_ns / 1000:g} us, and {step_us} us does not"
-        wrong(("physics", "step_us"), message)
+        report(("physics", "step_us"), message)
     if config.goal is not None:
         if config.mission is not None:
-            wrong(("goal",), "cannot go with a mission: a flight is judged by one of them", "--set mission=null")
+            report(("goal",), "cannot go with a mission: a flight is judged by one of them", "--set mission=null")
         if not (config.companion.on and config.companion.control):
-            wrong(("goal",), "needs a companion that finds the way", "companion: {start: [explore], control: true}")
+            report(("goal",), "needs a companion that finds the way", "companion: {start: [explore], control: true}")
     if config.search is not None:
         if not config.companion.on:
-            wrong(("search",), "needs a companion that searches", "companion: {start: [detect]}")
+            report(("search",), "needs a companion that searches", "companion: {start: [detect]}")
         camera = config.sensors.get(config.search.camera)
         if camera is None or camera.kind != "camera":
             cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
             hint = nearest(config.search.camera, cameras) or f"cameras: {', '.join(cameras) or 'none'}"
-            wrong(("search", "camera"), f"is no camera of this bench: {config.search.camera!r}", hint)
+            report(("search", "camera"), f"is no camera of this bench: {config.search.camera!r}", hint)
     if config.faults.links and config.autopilot.kind == "ardupilot_sitl":
-        wrong(("faults", "links"), "cannot be applied to ArduPilot SITL", "see faults.sensors and faults.rotors")
+        report(("faults", "links"), "cannot be applied to ArduPilot SITL", "see faults.sensors and faults.rotors")
     if not config.autopilot.lockstep and config.pace not in (None, 1.0):
-        wrong(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
+        report(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
     return problems
 
 

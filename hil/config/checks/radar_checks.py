@@ -1,4 +1,4 @@
-"""Checks of radars against the rest of the bench: the camera they read, their rate, and what they can see."""
+"""Checks of radars against the rest of the bench: the camera they read, their rate, and their masks."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def rate_problems(name: str, parameters: RadarParameters, rate_hz: float, settin
 
 
 def frame_problems(sensors: Mapping[str, SensorConfig], broken: Collection[str], settings: Settings) -> list[Problem]:
-    """Report radars whose `frame` is not a camera. `broken` are the sensors with problems of their own."""
+    """Report radars whose `frame` is not a camera. `broken`: sensors with problems of their own."""
     problems = []
     cameras = [name for name, sensor in sensors.items() if sensor.kind == "camera"]
     for name, parameters in radars(sensors).items():
@@ -61,7 +61,7 @@ def frame_problems(sensors: Mapping[str, SensorConfig], broken: Collection[str],
 
 
 def world_problems(config: BenchConfig, scene: Scene, settings: Settings) -> list[Problem]:
-    """Report masks that leave nothing of this scene: no pixel, or only classes that it does not have."""
+    """Report masks that leave no pixel, or only classes that this scene does not have."""
     problems = []
     for name, p in radars(config.sensors).items():
         if p.frame is not None and getattr(config.sensors.get(p.frame), "kind", "") != "camera":

@@ -12,8 +12,8 @@ from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame
 from signals.mission import MissionItem
 
-MAX_ITEMS = 2_000  # what the mock autopilot stores
-MAX_HEIGHT_M = 5_000.0  # above home; beyond the reach of a multicopter of this class
+MAX_ITEMS = 2_000  # capacity of the mock autopilot
+MAX_HEIGHT_M = 5_000.0  # above home; a multicopter of this class flies lower
 MAX_DISTANCE_M = 100_000.0  # from the scene's site
 
 # MAV_FRAME numbers that a mission may use.
@@ -30,7 +30,7 @@ WAYPOINT_COMMANDS = {16: "waypoint", 17: "loiter", 18: "loiter turns", 19: "loit
 TAKEOFF_COMMANDS = {22: "take-off", 84: "VTOL take-off"}
 LAND_COMMANDS = {21: "landing", 85: "VTOL landing"}
 PLACE_COMMANDS = WAYPOINT_COMMANDS | TAKEOFF_COMMANDS | LAND_COMMANDS  # commands that name a place to fly to
-# These may leave their place open (null, or 0, 0), which means the place where the vehicle then is.
+# Commands whose place may be open (null, or 0, 0): the place at which the vehicle then is.
 MAY_BE_OPEN = frozenset((17, 19, *TAKEOFF_COMMANDS, *LAND_COMMANDS))
 
 
@@ -55,7 +55,7 @@ class Mission:
 
     @property
     def waypoints(self) -> tuple[MissionItem, ...]:
-        """The items that are places to fly to, without take-off and landing."""
+        """Items that name a place to fly to, without take-off and landing."""
         return tuple(item for item in self.items if item.command in WAYPOINT_COMMANDS)
 
 
@@ -64,7 +64,7 @@ class RawItem:
     """One item of a file, before scaling. NaN stands for a value that the file leaves open."""
 
     where: Callable[[int | None], str]  # 'file:line' of params[i], or of the item itself (None)
-    name: str  # what the file calls it: 'item 3'
+    name: str  # for messages: 'item 3'
     frame: int
     command: int
     params: tuple[float, float, float, float, float, float, float]
@@ -82,13 +82,13 @@ def checked_mission(
 ) -> Mission:
     """Scale the items to MISSION_ITEM_INT.
 
-    Raises ConfigError with `problems`, which the reader of the file found, and everything that makes it unflyable.
+    Raises ConfigError with `problems`, found by the reader of the file, and the reasons why it cannot be flown.
     """
-    found = problems_of(source, items, site=site, complete=not problems)
-    # For a mission that is far too long only that is reported, not a thousand other problems.
-    found = found if len(items) > MAX_ITEMS else problems + found
-    if found:
-        raise ConfigError(found)
+    all_problems = problems_of(source, items, site=site, complete=not problems)
+    if len(items) <= MAX_ITEMS:  # of a longer mission only the length is reported
+        all_problems = problems + all_problems
+    if all_problems:
+        raise ConfigError(all_problems)
     return Mission(path, tuple(_item(seq, raw) for seq, raw in enumerate(items)), home)
 
 
@@ -104,7 +104,7 @@ def _item(seq: int, raw: RawItem) -> MissionItem:
 def problems_of(
     source: str, items: Sequence[RawItem], *, site: Geopoint | None, complete: bool = True
 ) -> list[Problem]:
-    """Report everything that makes a mission unflyable. `site` is the origin of the scene, None if unknown.
+    """Report why a mission cannot be flown. `site` is the origin of the scene, None if unknown.
 
     `complete` is False if some items could not be read; missing items are then not reported.
     """
@@ -123,24 +123,24 @@ def problems_of(
 
 
 def _pure_loops(items: Sequence[RawItem]) -> list[Problem]:
-    """Report endless jumps that lead back to themselves without a place to fly to in between.
+    """Report endless jumps from which a mission returns to the same jump without flying to a place.
 
-    The autopilot would never leave them. Jumps with a number of repetitions come to an end and are allowed.
+    The autopilot would never leave such a loop. Jumps with a number of repetitions come to an end and are allowed.
     """
     problems: list[Problem] = []
     for start, raw in enumerate(items):
-        at = start
+        index = start
         for _ in range(len(items)):
-            item = items[at]
+            item = items[index]
             endless = item.command == JUMP and item.params[1] < 0
-            if (at == start and not endless) or item.command in PLACE_COMMANDS or item.command == RETURN:
+            if (index == start and not endless) or item.command in PLACE_COMMANDS or item.command == RETURN:
                 break
-            at = int(item.params[0]) if endless else at + 1
-            if at == start:
+            index = int(item.params[0]) if endless else index + 1
+            if index == start:
                 message = f"{raw.name}: the mission never ends: this jumps back for ever and flies to no place"
                 problems.append(Problem(raw.where(1), message, "let it jump to a waypoint, or a number of times"))
                 break
-            if at >= len(items):
+            if index >= len(items):
                 break
     return problems
 
@@ -153,11 +153,11 @@ def on_globe(point: Geopoint) -> bool:
 def _item_problems(raw: RawItem, count: int, site: Geopoint | None) -> list[Problem]:
     problems: list[Problem] = []
 
-    def wrong(index: int | None, message: str, hint: str = "") -> None:
+    def report(index: int | None, message: str, hint: str = "") -> None:
         problems.append(Problem(raw.where(index), f"{raw.name} {message}", hint))
 
     if raw.frame != FRAME_MISSION and raw.frame not in POSITION_FRAMES:
-        wrong(
+        report(
             None,
             f"has the coordinate frame {raw.frame}, which missions do not use",
             "known: 0 above sea level, 3 above home, 10 above terrain, 2 no position",
@@ -165,45 +165,45 @@ def _item_problems(raw: RawItem, count: int, site: Geopoint | None) -> list[Prob
         return problems
     for index, value in enumerate(raw.params):
         if math.isinf(value) or abs(value) > 3e38:
-            wrong(index, f"has a value that is not finite: param {index + 1} = {value}")
+            report(index, f"has a value that is not finite: param {index + 1} = {value}")
     if problems:
         return problems
     if raw.command == JUMP:
         target = raw.params[0]
         if not (target == target and target == int(target) and 0 <= target < count):
-            wrong(0, "jumps to an item that does not exist")
+            report(0, "jumps to an item that does not exist")
     if raw.command not in PLACE_COMMANDS:
         if not all(math.isnan(v) or abs(v) < (200 if raw.frame in POSITION_FRAMES else 2**31) for v in raw.params[4:6]):
-            wrong(4, f"cannot be sent: params 5 and 6 are {raw.params[4]:g} and {raw.params[5]:g}")
+            report(4, f"cannot be sent: params 5 and 6 are {raw.params[4]:g} and {raw.params[5]:g}")
         return problems
-    what = PLACE_COMMANDS[raw.command]
+    command_name = PLACE_COMMANDS[raw.command]
     if raw.frame == FRAME_MISSION:
-        wrong(None, f"({what}) has the frame 2, which carries no position", "use 3: altitude above home")
+        report(None, f"({command_name}) has the frame 2, which carries no position", "use 3: altitude above home")
         return problems
-    return problems + _place_problems(raw, what, site)
+    return problems + _place_problems(raw, command_name, site)
 
 
-def _place_problems(raw: RawItem, what: str, site: Geopoint | None) -> list[Problem]:
+def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None) -> list[Problem]:
     problems: list[Problem] = []
     latitude, longitude, altitude = raw.params[4:]
 
-    def wrong(index: int, message: str, hint: str = "") -> None:
-        problems.append(Problem(raw.where(index), f"{raw.name} ({what}) {message}", hint))
+    def report(index: int, message: str, hint: str = "") -> None:
+        problems.append(Problem(raw.where(index), f"{raw.name} ({command_name}) {message}", hint))
 
     open_place = raw.command in MAY_BE_OPEN and all(math.isnan(v) or v == 0.0 for v in (latitude, longitude))
     if not open_place:
-        good = True
+        on_earth = True
         for index, name, value, limit in ((4, "latitude", latitude, 90.0), (5, "longitude", longitude, 180.0)):
             if math.isnan(value):
-                wrong(index, f"has no {name}")
-                good = False
+                report(index, f"has no {name}")
+                on_earth = False
             elif abs(value) > limit:
-                wrong(index, f"has the {name} {value:g} deg, outside -{limit:g} to {limit:g} deg")
-                good = False
-        if good and site is not None:
+                report(index, f"has the {name} {value:g} deg, outside -{limit:g} to {limit:g} deg")
+                on_earth = False
+        if on_earth and site is not None:
             distance_m = math.hypot(*LocalFrame(site).enu_from_geodetic(latitude, longitude, site.altitude_m))
             if distance_m > MAX_DISTANCE_M:
-                wrong(
+                report(
                     4,
                     f"is {distance_m / 1000:.0f} km from the scene's site at {site.latitude_deg:.5f}, "
                     f"{site.longitude_deg:.5f}; at most {MAX_DISTANCE_M / 1000:g} km are accepted",
@@ -211,17 +211,17 @@ def _place_problems(raw: RawItem, what: str, site: Geopoint | None) -> list[Prob
                 )
     if math.isnan(altitude):
         if raw.command not in LAND_COMMANDS:
-            wrong(6, "has no altitude")
+            report(6, "has no altitude")
         return problems
     ground_m: float | None = 0.0
     if raw.frame in GLOBAL_FRAMES:
         ground_m = None if site is None else site.altitude_m
     height_m = altitude - (ground_m if ground_m is not None else 0.0)
-    above = "the ground" if raw.frame in TERRAIN_FRAMES else "home" if raw.frame in RELATIVE_FRAMES else "the site"
+    reference = "the ground" if raw.frame in TERRAIN_FRAMES else "home" if raw.frame in RELATIVE_FRAMES else "the site"
     if height_m > MAX_HEIGHT_M + (0.0 if ground_m is not None else 9_000.0):
-        wrong(6, f"cannot be reached: {height_m:g} m above {above}, more than {MAX_HEIGHT_M:g} m")
+        report(6, f"cannot be reached: {height_m:g} m above {reference}, more than {MAX_HEIGHT_M:g} m")
     elif raw.command in TAKEOFF_COMMANDS and ground_m is not None and height_m <= 0.0:
-        wrong(6, f"goes to {height_m:g} m above {above}: it must climb")
+        report(6, f"goes to {height_m:g} m above {reference}: it must climb")
     elif raw.command not in LAND_COMMANDS and ground_m is not None and height_m < 0.0:
-        wrong(6, f"is below the ground: {-height_m:g} m below {above}")
+        report(6, f"is below the ground: {-height_m:g} m below {reference}")
     return problems

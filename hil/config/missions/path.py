@@ -21,7 +21,7 @@ from signals.mission import MissionItem
 from signals.samples import Vec3
 from sim.scene.scene import Scene
 
-MAX_LEGS = 5_000  # an endless mission is followed this far
+MAX_LEGS = 5_000  # after so many legs a mission counts as endless
 ACCEPTANCE_RADIUS_M = 2.0  # PX4's default of NAV_ACC_RAD, for items without a radius
 
 
@@ -32,7 +32,7 @@ class LegKind(Enum):
     FLY = "fly"  # to a waypoint
     APPROACH = "approach"  # level flight to above the landing place
     DESCENT = "descent"  # landing
-    ENDLESS = "endless"  # no leg, but a mark: the jump `seq` never ends, and the path is cut off here
+    ENDLESS = "endless"  # marks the end of a path that was cut off, because the jump `seq` never ends
     RETURN = "return"  # home, at a height that the autopilot chooses; heights of start and end are meaningless
 
 
@@ -47,7 +47,7 @@ class Leg(NamedTuple):
 
 
 class PlanPoint(NamedTuple):
-    """The end of a leg with its label for people: the number of a waypoint from 1, or a word."""
+    """The end of a leg with its label: the number of a waypoint from 1, or a word."""
 
     p_W: Vec3
     label: str
@@ -60,7 +60,7 @@ def waypoint_legs(legs: Sequence[Leg]) -> list[Leg]:
     """Return the legs that end at a waypoint, in flying order; take-off, return and landing are not waypoints.
 
     Wherever waypoints are counted or numbered for people (run.json, verdict, console, report, dashboard), waypoint n is
-    the n-th of these legs, from 1. One that a jump leads back to counts each time.
+    the n-th of these legs, from 1. A waypoint that a jump repeats counts each time.
     """
     return [leg for leg in legs if leg.kind is LegKind.FLY]
 
@@ -114,31 +114,31 @@ def _flown_order(items: tuple[MissionItem, ...]) -> tuple[list[MissionItem], int
     DO_JUMP leads to item `param1`, `param2` times (-1: without end).
     """
     order: list[MissionItem] = []
-    jumped: dict[int, int] = {}
-    at = 0
+    jumped: dict[int, int] = {}  # index of a jump -> times it was followed
+    index = 0
     last_jump: int | None = None
     # Bounded, because an endless loop of items without a place would never fill `order`.
     for _ in range(20 * MAX_LEGS):
-        if at >= len(items):
+        if index >= len(items):
             return order, None
         if len(order) >= MAX_LEGS:
             break
-        item = items[at]
+        item = items[index]
         if item.command == JUMP:
-            done = jumped.get(at, 0)
+            done = jumped.get(index, 0)
             if item.param2 < 0 or done < item.param2:
-                jumped[at] = done + 1
-                last_jump = at
-                at = int(item.param1)
+                jumped[index] = done + 1
+                last_jump = index
+                index = int(item.param1)
                 continue
         else:
             order.append(item)
-        at += 1
+        index += 1
     return order, last_jump
 
 
 def _place(item: MissionItem, frame: LocalFrame, scene: Scene, here: Vec3, home_W: Vec3) -> Vec3:
-    """Return the place of an item in W [m]. An item with an open place is above or below `here`."""
+    """Return the place of an item in W [m]. If the item leaves it open, it is above or below `here`."""
     if item.frame in GLOBAL_FRAMES:
         up = item.alt_m - scene.site.altitude_m
     elif item.frame in TERRAIN_FRAMES:

@@ -2,8 +2,8 @@
 
 Format: https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html. Simple items are used
 unchanged. For surveys and corridor scans the items that QGroundControl computed (`TransectStyleComplexItem.Items`) are
-flown. The speeds at the top of the file are estimates of the planner, which QGroundControl does not send either; a
-speed is commanded by DO_CHANGE_SPEED.
+flown. The speeds at the top of the file are only used by QGroundControl to plan, and are not sent to the autopilot;
+DO_CHANGE_SPEED commands a speed.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ class _PlanReader:
         self.jump_ids: dict[int, int] = {}  # doJumpId -> sequence number
         self.jumps: list[tuple[int, Place]] = []
 
-    def wrong(self, place: Place, message: str, hint: str = "") -> None:
+    def report(self, place: Place, message: str, hint: str = "") -> None:
         self.problems.append(Problem(self.document.where(place), message, hint))
 
     def plan(self) -> tuple[list[RawItem], Geopoint | None]:
         """Return the items and the planned home position; problems are in `problems`."""
         data = self.document.data
         if not isinstance(data, dict) or data.get("fileType") != "Plan":
-            has = data.get("fileType") if isinstance(data, dict) else None
+            file_type = data.get("fileType") if isinstance(data, dict) else None
             message = "is not a QGroundControl plan" + (
-                f" but a {has!r} file" if has else ': it has no "fileType": "Plan"'
+                f" but a {file_type!r} file" if file_type else ': it has no "fileType": "Plan"'
             )
-            self.wrong(("fileType",), message)
+            self.report(("fileType",), message)
             return [], None
         mission = data.get("mission")
         if not isinstance(mission, dict):
-            self.wrong(("mission",), 'has no "mission"')
+            self.report(("mission",), 'has no "mission"')
             return [], None
         entries = mission.get("items")
         if not isinstance(entries, list):
-            self.wrong(("mission", "items"), 'the mission has no list "items"')
+            self.report(("mission", "items"), 'the mission has no list "items"')
             return [], None
         for index, entry in enumerate(entries):
             self.entry(entry, ("mission", "items", index), f"item {index + 1}")
@@ -64,29 +64,29 @@ class _PlanReader:
             self._complex(entry, place, name)
         else:
             hint = nearest(kind, ("SimpleItem", "ComplexItem")) if isinstance(kind, str) else ""
-            self.wrong((*place, "type"), f"{name} is not a SimpleItem or ComplexItem", hint)
+            self.report((*place, "type"), f"{name} is not a SimpleItem or ComplexItem", hint)
 
     def _complex(self, entry: dict[str, Any], place: Place, name: str) -> None:
         kind = entry.get("complexItemType")
         transects = entry.get("TransectStyleComplexItem")
         if not isinstance(transects, dict):
-            self.wrong(
+            self.report(
                 place,
                 f"{name} is a complex item of type {shown(kind)}, which cannot be expanded",
                 "surveys and corridor scans can",
             )
             return
-        inner = transects.get("Items")
-        inside = (*place, "TransectStyleComplexItem")
-        if not isinstance(inner, list):
-            self.wrong(inside, f"{name} ({kind}) holds no computed items", "save it again in QGroundControl")
+        items = transects.get("Items")
+        transects_place = (*place, "TransectStyleComplexItem")
+        if not isinstance(items, list):
+            self.report(transects_place, f"{name} ({kind}) holds no computed items", "save it again in QGroundControl")
             return
-        for index, item in enumerate(inner):
+        for index, item in enumerate(items):
             label = f"{name} ({kind}), part {index + 1}"
             if not isinstance(item, dict) or item.get("type", "SimpleItem") != "SimpleItem":
-                self.wrong((*inside, "Items", index), f"{label} is not a SimpleItem")
+                self.report((*transects_place, "Items", index), f"{label} is not a SimpleItem")
             else:
-                self._simple(item, (*inside, "Items", index), label)
+                self._simple(item, (*transects_place, "Items", index), label)
 
     def _simple(self, entry: dict[str, Any], place: Place, name: str) -> None:
         numbers: list[int] = []
@@ -94,23 +94,25 @@ class _PlanReader:
             value = entry.get(key)
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 65535:
                 problem = f"must be a number, not {shown(value)}" if key in entry else "is missing"
-                self.wrong((*place, key), f"{name}: {key} {problem}")
+                self.report((*place, key), f"{name}: {key} {problem}")
             else:
                 numbers.append(value)
         params = entry.get("params")
         if not isinstance(params, list) or len(params) != 7:
             count = f"{len(params)}" if isinstance(params, list) else "none"
-            self.wrong((*place, "params"), f"{name}: params must be a list of 7 numbers, found {count}")
+            self.report((*place, "params"), f"{name}: params must be a list of 7 numbers, found {count}")
             return
         values: list[float] = []
         for index, value in enumerate(params):
-            spot = (*place, "params", index)
+            value_place = (*place, "params", index)
             if value is None:
                 values.append(math.nan)
             elif isinstance(value, bool) or not isinstance(value, int | float):
-                self.wrong(spot, f"{name}: param {index + 1} must be a number or null, not {shown(value)}")
+                self.report(value_place, f"{name}: param {index + 1} must be a number or null, not {shown(value)}")
             elif not _is_finite(value):
-                self.wrong(spot, f"{name}: param {index + 1} is not finite: {shown(value)}", "null leaves a value open")
+                self.report(
+                    value_place, f"{name}: param {index + 1} is not finite: {shown(value)}", "null leaves a value open"
+                )
             else:
                 values.append(float(value))
         if len(numbers) != 2 or len(values) != 7:
@@ -139,26 +141,28 @@ class _PlanReader:
         for seq, place in self.jumps:
             item = self.items[seq]
             target = item.params[0]
-            found = self.jump_ids.get(int(target)) if _is_finite(target) and target == int(target) else None
-            if found is None:
+            target_seq = self.jump_ids.get(int(target)) if _is_finite(target) and target == int(target) else None
+            if target_seq is None:
                 message = f"{item.name} jumps to the item with doJumpId {target:g}, which does not exist"
-                self.wrong((*place, "params", 0), message)
-                found = 0
+                self.report((*place, "params", 0), message)
+                target_seq = 0
             _, p2, p3, p4, p5, p6, p7 = item.params
-            self.items[seq] = replace(item, params=(float(found), p2, p3, p4, p5, p6, p7))
+            self.items[seq] = replace(item, params=(float(target_seq), p2, p3, p4, p5, p6, p7))
 
     def _home(self, mission: dict[str, Any]) -> Geopoint | None:
         home = mission.get("plannedHomePosition")
         if home is None:
             return None
-        fits = isinstance(home, list) and len(home) == 3
-        if not fits or not all(isinstance(v, int | float) and not isinstance(v, bool) and _is_finite(v) for v in home):
+        has_three = isinstance(home, list) and len(home) == 3
+        if not has_three or not all(
+            isinstance(v, int | float) and not isinstance(v, bool) and _is_finite(v) for v in home
+        ):
             message = "plannedHomePosition must be latitude, longitude and altitude"
-            self.wrong(("mission", "plannedHomePosition"), message)
+            self.report(("mission", "plannedHomePosition"), message)
             return None
         point = Geopoint(*(float(v) for v in home))
         if not on_globe(point):
-            self.wrong(("mission", "plannedHomePosition"), "plannedHomePosition is not on the globe")
+            self.report(("mission", "plannedHomePosition"), "plannedHomePosition is not on the globe")
         return point
 
 

@@ -28,14 +28,14 @@ from sim.sensors.faults import DriftAway, Dropout, Freeze, Offset, StuckBit
 
 _ARM_DISARM = 400  # MAV_CMD_COMPONENT_ARM_DISARM
 _DAY_S = 86_400.0
-_KINDS_OF_ACTION = ("set_mode", "arm", "param", "command", "gust", "fault")
-_HAPPENINGS = ("armed", "disarmed", "takeoff", "landed", "waypoint N", "item N", "mode WORD")
+_ACTION_KINDS = ("set_mode", "arm", "param", "command", "gust", "fault")
+_EVENTS = ("armed", "disarmed", "takeoff", "landed", "waypoint N", "item N", "mode WORD")
 SENSOR_FAULTS = {"freeze": Freeze, "dropout": Dropout, "offset": Offset, "drift": DriftAway, "stuck_bit": StuckBit}
 AUTOPILOT_FAULTS = ("die", "stall", "wrong_time", "garbage", "noise")
 
 SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit
 Injected = RotorFault | GustEvent | SensorFault
-"""A disturbance that may begin during the flight, at a time that is not known before."""
+"""A disturbance that an action can begin during the flight."""
 
 Instant = Annotated[float, Field(ge=0.0, le=_DAY_S)]
 Real32 = Annotated[float, Field(ge=-3e38, le=3e38)]
@@ -52,7 +52,7 @@ class GustSpec(StrictModel):
     """A gust in the convention of weather reports: a direction of 270 is a west wind, which blows to the east."""
 
     speed_mps: Annotated[float, Field(gt=0.0, le=50.0)]
-    direction_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # that it comes from, clockwise from north
+    direction_deg: Annotated[float, Field(ge=0.0, le=360.0)]  # from which it blows, clockwise from north
     for_s: Annotated[float, Field(ge=0.0, le=_DAY_S)]  # at full strength
     rise_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 0.5  # rise time, and fall time
 
@@ -66,7 +66,7 @@ class GustSpec(StrictModel):
 
 
 class ActionSpec(StrictModel):
-    """One entry of `actions`: a time or an event, and exactly one thing to do."""
+    """One entry of `actions`: a time or an event, and exactly one action."""
 
     at_s: Instant | None = None
     after: str | None = None
@@ -81,9 +81,9 @@ class ActionSpec(StrictModel):
 
     @field_validator("after")
     @classmethod
-    def _known_happening(cls, text: str | None) -> str | None:
+    def _known_event(cls, text: str | None) -> str | None:
         if text is not None:
-            parse_happening(text)
+            parse_event(text)
         return text
 
     @field_validator("set_mode")
@@ -102,15 +102,15 @@ class ActionSpec(StrictModel):
         return params
 
     @model_validator(mode="after")
-    def _one_thing_at_one_time(self) -> ActionSpec:
+    def _one_action_at_one_time(self) -> ActionSpec:
         if (self.at_s is None) == (self.after is None):
             raise ValueError("an action needs either at_s or after")
         if self.delay_s is not None and self.after is None:
             raise ValueError("delay_s goes with after")
-        things = [name for name in _KINDS_OF_ACTION if getattr(self, name) is not None]
-        if len(things) != 1:
-            has = f"has {' and '.join(things)}" if things else "has none"
-            raise ValueError(f"an action does exactly one of {', '.join(_KINDS_OF_ACTION)}; this one {has}")
+        kinds = [name for name in _ACTION_KINDS if getattr(self, name) is not None]
+        if len(kinds) != 1:
+            has = f"has {' and '.join(kinds)}" if kinds else "has none"
+            raise ValueError(f"an action does exactly one of {', '.join(_ACTION_KINDS)}; this one {has}")
         return self
 
     @property
@@ -120,7 +120,7 @@ class ActionSpec(StrictModel):
 
     @property
     def text(self) -> str:
-        """The thing to do, in the words of the script."""
+        """The action in the words of the script."""
         if self.set_mode is not None:
             return f"set_mode {self.set_mode}"
         if self.arm is not None:
@@ -187,7 +187,7 @@ class Script(StrictModel):
     """The contents of a script file."""
 
     description: str = ""
-    plan: str | None = None  # a .plan or .waypoints file beside the script; null: only the actions
+    plan: str | None = None  # a .plan or .waypoints file beside the script; null: only actions
     outcome: Literal["complete", "aborted", "any"] = "complete"  # required end of the plan
     actions: tuple[ActionSpec, ...] = ()
     limits: dict[str, Any] = Field(default_factory=dict)  # merged over those of the bench
@@ -197,15 +197,15 @@ class Script(StrictModel):
     @classmethod
     def _labels_differ(cls, expect: tuple[Expectation, ...]) -> tuple[Expectation, ...]:
         labels = [entry.label for entry in expect]
-        twice = next((label for label in labels if labels.count(label) > 1), None)
-        if twice is not None:
-            raise ValueError(f"two measurements are called {twice!r}: give one of them another name")
+        repeated = next((label for label in labels if labels.count(label) > 1), None)
+        if repeated is not None:
+            raise ValueError(f"two measurements are called {repeated!r}: give one of them another name")
         return expect
 
 
 @dataclass(frozen=True)
 class MissionScript:
-    """A script that has been read. `plan_path` is the file of its plan, `document` has the lines of the script."""
+    """A script that has been read. `plan_path` is the file of its plan, `document` knows the line of each key."""
 
     path: Path
     script: Script
@@ -214,16 +214,16 @@ class MissionScript:
 
     @property
     def sensors_at_risk(self) -> frozenset[str]:
-        """Sensors that may fail at a time that is not known before the flight."""
-        waiting = [spec for spec in self.script.actions if spec.fault is not None and not spec.in_settings]
-        return frozenset(spec.fault["sensor"] for spec in waiting if spec.fault and "sensor" in spec.fault)
+        """Sensors with faults that begin at an event of the flight."""
+        on_event = [spec for spec in self.script.actions if spec.fault is not None and not spec.in_settings]
+        return frozenset(spec.fault["sensor"] for spec in on_event if spec.fault and "sensor" in spec.fault)
 
     def name_of(self, index: int) -> str:
         """Return the place of an action in the script and what it does, for messages."""
         return f"{self.document.where(('actions', index))}: {self.script.actions[index].text}"
 
 
-def parse_happening(text: str) -> VehicleEvent:
+def parse_event(text: str) -> VehicleEvent:
     """Parse an event of the flight such as 'waypoint 3'. Raises ValueError.
 
     Waypoints count from 1 as in the verdict, items from 0 as in the plan.
@@ -236,7 +236,7 @@ def parse_happening(text: str) -> VehicleEvent:
         return VehicleEvent(word, int(rest))
     if word == "mode" and rest in WORDS:
         return VehicleEvent(word, word=plain_word(rest))
-    raise ValueError(f"no event is called {text!r}; known: {', '.join(_HAPPENINGS)}")
+    raise ValueError(f"no event is called {text!r}; known: {', '.join(_EVENTS)}")
 
 
 def fault_at(fault: Mapping[str, Any], at_s: float) -> dict[str, Any]:
@@ -255,8 +255,8 @@ def injected_at(spec: ActionSpec, at_s: float) -> Injected:
     assert spec.fault is not None
     entry = fault_at(spec.fault, at_s)
     model: Any = SENSOR_FAULTS[entry["kind"]] if "sensor" in entry else RotorFault
-    made: Injected = model.model_validate(entry)
-    return made
+    injected: Injected = model.model_validate(entry)
+    return injected
 
 
 def flight_actions(
@@ -267,7 +267,7 @@ def flight_actions(
     for index, spec in enumerate(mission_script.script.actions):
         if spec.in_settings:
             continue
-        after = None if spec.after is None else parse_happening(spec.after)
+        after = None if spec.after is None else parse_event(spec.after)
         if after is not None and after.kind == "waypoint":
             assert mission is not None  # checked when the script was read
             after = VehicleEvent("item", mission.waypoints[after.number - 1].seq)

@@ -1,7 +1,7 @@
 """Reads mission scripts (.yaml) and merges their faults and limits over the settings of the bench.
 
-Every problem is reported at once with its line in the script, also problems with the bench: a sensor that it does not
-have, a rotor that the vehicle lacks.
+Every problem is reported at once with its line in the script, also where a
+script does not fit the bench, such as a sensor or rotor that does not exist.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hil.config.missions.script import (
     Script,
     fault_at,
     injected_at,
-    parse_happening,
+    parse_event,
 )
 from signals.documents.document import Place, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, validate
@@ -43,7 +43,7 @@ def read_script(path: Path) -> MissionScript:
     """Read and check a script. Raises ConfigError with every problem found."""
     document = read_yaml(path)
     script, problems = validate(Script, document.data, document)
-    # From the raw data, so that one wrong action does not hide problems of the others.
+    # Checked in the raw data, so that an invalid action does not hide the problems of the others.
     entries = document.data.get("actions") if isinstance(document.data, dict) else None
     for index, entry in enumerate(entries if isinstance(entries, list) else ()):
         if isinstance(entry, dict) and isinstance(entry.get("fault"), dict):
@@ -55,8 +55,8 @@ def read_script(path: Path) -> MissionScript:
     if script.plan is not None:
         plan_path = _find_plan(path, script.plan)
         if plan_path is None:
-            looked = f"looked beside {shown_path(path)}"
-            problems.append(at(document, ("plan",), f"names a file that does not exist: {script.plan}", looked))
+            hint = f"looked beside {shown_path(path)}"
+            problems.append(at(document, ("plan",), f"names a file that does not exist: {script.plan}", hint))
         elif plan_path.suffix.lower() not in PLAN_SUFFIXES:
             problems.append(at(document, ("plan",), f"must be a {' or '.join(PLAN_SUFFIXES)} file, not {script.plan}"))
     elif not script.actions and not problems:
@@ -114,24 +114,24 @@ def mission_problems(script: MissionScript, mission: Mission | None) -> list[Pro
     """Report actions that wait for a waypoint or item that the plan does not have."""
     problems: list[Problem] = []
     for index, spec in enumerate(script.script.actions):
-        what = None if spec.after is None else parse_happening(spec.after)
-        if what is None or what.kind not in ("waypoint", "item"):
+        event = None if spec.after is None else parse_event(spec.after)
+        if event is None or event.kind not in ("waypoint", "item"):
             continue
         place: Place = ("actions", index, "after")
         if mission is None:
             if script.script.plan is None:  # else the problems of the plan are reported
                 problems.append(at(script.document, place, f"waits for {spec.after}, but the script has no plan"))
-        elif what.kind == "waypoint" and what.number > len(mission.waypoints):
+        elif event.kind == "waypoint" and event.number > len(mission.waypoints):
             message = f"waits for {spec.after}, but the plan has {len(mission.waypoints)}"
-            problems.append(at(script.document, place, message, "take-off and landing are none"))
-        elif what.kind == "item" and what.number >= len(mission.items):
+            problems.append(at(script.document, place, message, "take-off and landing are not waypoints"))
+        elif event.kind == "item" and event.number >= len(mission.items):
             message = f"waits for {spec.after}, but the plan has items 0 to {len(mission.items) - 1}"
             problems.append(at(script.document, place, message))
     return problems
 
 
 def bench_problems(script: MissionScript, *, sensors: Mapping[str, type], rotors: int) -> list[Problem]:
-    """Report faults that wait for an event and do not fit the bench. `sensors` maps names to sample types."""
+    """Report faults that wait for an event and do not fit the bench. `sensors`: name -> sample type."""
     problems: list[Problem] = []
     for index, spec in enumerate(script.script.actions):
         if spec.fault is None or spec.in_settings:
@@ -139,26 +139,26 @@ def bench_problems(script: MissionScript, *, sensors: Mapping[str, type], rotors
         place: Place = ("actions", index, "fault")
         fault: Any = injected_at(spec, 0.0)
         if isinstance(fault, RotorFault):
-            found = [("rotor", message) for _, message in misfits([fault], rotors)]
+            misfitting = [("rotor", message) for _, message in misfits([fault], rotors)]
         else:
-            found = [(key, message) for _, key, message in fault_problems([fault], sensors)]
-        problems += [at(script.document, (*place, key), message) for key, message in found]
+            misfitting = [(key, message) for _, key, message in fault_problems([fault], sensors)]
+        problems += [at(script.document, (*place, key), message) for key, message in misfitting]
     return problems
 
 
-def lay_script(settings: Settings, script: MissionScript) -> None:
-    """Merge limits and timed faults over the settings, with their lines as origin. The command line still wins."""
+def merge_script(settings: Settings, script: MissionScript) -> None:
+    """Merge limits and timed faults over the settings. Limits set on the command line take precedence."""
     where = script.document.where
     for key, value in script.script.limits.items():
         place: Place = ("limits", key)
         if not settings.where(place).startswith(COMMAND_LINE):
-            settings.put(place, value, where(place))
+            settings.set(place, value, where(place))
     for index, spec in enumerate(script.script.actions):
         if spec.fault is None or spec.at_s is None:
             continue
         origin = where(("actions", index, "fault"))
         if "autopilot" in spec.fault:
-            settings.put(("autopilot", "faults", f"{spec.fault['autopilot']}_at_s"), spec.at_s, origin)
+            settings.set(("autopilot", "faults", f"{spec.fault['autopilot']}_at_s"), spec.at_s, origin)
         elif "link" in spec.fault:
             _append(settings, ("faults", "links"), {**spec.fault["link"], "at_s": spec.at_s}, origin)
         else:
@@ -169,13 +169,15 @@ def lay_script(settings: Settings, script: MissionScript) -> None:
 def _append(settings: Settings, place: tuple[str, str], entry: dict[str, Any], origin: str) -> None:
     """Append an entry to a list of the settings and keep the origins of the others."""
     section = settings.data.get(place[0])
-    here = section.get(place[1]) if isinstance(section, dict) else None
-    if (section is not None and not isinstance(section, dict)) or (here is not None and not isinstance(here, list)):
-        return  # wrong in the bench's own file, and reported there
-    before = {p: o for p, o in settings.origins.items() if p[: len(place)] == place}
-    index = len(here or ())
-    settings.put(place, [*(here or ()), entry], origin)
-    settings.origins.update(before)
+    present = section.get(place[1]) if isinstance(section, dict) else None
+    if (section is not None and not isinstance(section, dict)) or (
+        present is not None and not isinstance(present, list)
+    ):
+        return  # a mistake in the bench file, which validation reports
+    origins = {p: o for p, o in settings.origins.items() if p[: len(place)] == place}
+    index = len(present or ())
+    settings.set(place, [*(present or ()), entry], origin)
+    settings.origins.update(origins)
     settings.origins[(*place, index)] = origin
 
 

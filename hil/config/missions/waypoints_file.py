@@ -3,8 +3,8 @@
 Format: https://mavlink.io/en/file_formats/#mission_plain_text_file. One line per item, twelve columns:
 index, current, frame, command, param 1 to 4, latitude, longitude, altitude, autocontinue.
 
-Mission Planner and MAVProxy write home first, as a waypoint above mean sea level (frame 0). A first line of that kind
-is therefore the planned home and is not flown.
+Mission Planner and MAVProxy write home first, as a waypoint above mean sea level (frame 0). Such a first line is
+therefore the planned home and is not flown.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from signals.errors import ConfigError, Problem
 _LIMIT_BYTES = 16_000_000
 _COLUMNS = ("index", "current", "frame", "command", "param 1", "param 2", "param 3", "param 4", "latitude",
             "longitude", "altitude", "autocontinue")  # fmt: skip
-_WHOLE = (0, 1, 2, 3, 11)
+_WHOLE_NUMBERS = (0, 1, 2, 3, 11)  # indices of columns
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?(?:nan|inf|infinity)", re.I | re.A)
 
 
@@ -40,7 +40,7 @@ def read_waypoints(path: Path, *, site: Geopoint | None = None) -> Mission:
 
 
 def parse_waypoints(text: str, path: Path, *, site: Geopoint | None = None) -> Mission:
-    """Parse and check a mission; `path` is only its name. Raises ConfigError with every problem found."""
+    """Parse and check a mission; `path` is used only in messages. Raises ConfigError with every problem found."""
     source = shown_path(path)
     lines = text.splitlines()
     first = next((line.strip() for line in lines if line.strip()), "")
@@ -83,10 +83,10 @@ def _numbers(line: str, where: str, problems: list[Problem]) -> list[float] | No
             problems.append(Problem(where, f"{name} must be a number, not {shown(column)}"))
             continue
         value = float(column)
-        open_value = math.isnan(value) and 4 <= index < 8
-        if not open_value and not (math.isfinite(value) and abs(value) < 3e38):
+        is_open = math.isnan(value) and 4 <= index < 8
+        if not is_open and not (math.isfinite(value) and abs(value) < 3e38):
             problems.append(Problem(where, f"{name} is not finite: {column[:40]}"))
-        elif index in _WHOLE and (value != int(value) or not 0 <= value <= 65535):
+        elif index in _WHOLE_NUMBERS and (value != int(value) or not 0 <= value <= 65535):
             problems.append(Problem(where, f"{name} must be a whole number from 0, not {column}"))
         else:
             values.append(value)
@@ -105,7 +105,7 @@ def _raw_item(values: list[float], where: str) -> RawItem:
 
 
 def _split_home(items: list[RawItem]) -> tuple[Geopoint | None, list[RawItem]]:
-    """Remove the planned home from the front. Jump targets are then lowered by one, like the numbers of all items."""
+    """Return the planned home, if the first item is one, and the other items. Jump targets are lowered by one then."""
     if not items or items[0].frame != FRAME_GLOBAL or items[0].command != WAYPOINT:
         return None, items
     home = Geopoint(*items[0].params[4:])

@@ -1,1 +1,1 @@
-"""The sensors of a bench: presets, the keys of a file over them, and the noise that a seed gives them."""
+"""The sensors of a bench: presets, keys of a bench file merged over them, and noise scaled by the seed."""

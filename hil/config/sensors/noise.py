@@ -14,7 +14,7 @@ from sim.sensors.noise_factor import noise_factor, with_noise
 
 
 def noise_factors(config: BenchConfig) -> dict[str, float]:
-    """Return the factor on the errors of each sensor; a sensor that keeps its errors is left out."""
+    """Return the noise factor of each sensor that has one."""
     limits, seed = config.randomize.noise, config.randomize.seed
     if limits is None:
         return {}
@@ -23,8 +23,8 @@ def noise_factors(config: BenchConfig) -> dict[str, float]:
     return {name: factor for name, factor in factors.items() if factor is not None}
 
 
-def noisy_parameters(config: BenchConfig, name: str) -> Any:
-    """Return the parameters of a sensor with its errors scaled by its own factor."""
+def scaled_parameters(config: BenchConfig, name: str) -> Any:
+    """Return the parameters of a sensor, with its noise scaled by its factor if it has one."""
     sensor = config.sensors[name]
     factor = noise_factors(config).get(name)
     return sensor.parameters if factor is None else with_noise(sensor.kind, sensor.parameters, factor)
@@ -35,10 +35,19 @@ def noise_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     problems = []
     for name, factor in noise_factors(config).items():
         try:
-            noisy_parameters(config, name)
+            scaled_parameters(config, name)
         except pydantic.ValidationError as error:
             item = error.errors(include_url=False)[0]
-            where = ".".join(map(str, item["loc"]))
-            message = f"makes the errors of {name!r} {factor:.3g} times as large, and {where} is then out of its range"
-            problems.append(at(settings, ("randomize", "noise"), message, "narrow the limits of its kind"))
+            parameter = ".".join(map(str, item["loc"]))
+            message = (
+                f"makes the errors of {name!r} {factor:.3g} times as large, and {parameter} is then out of its range"
+            )
+            problems.append(
+                at(
+                    settings,
+                    ("randomize", "noise"),
+                    message,
+                    "narrow the limits of this kind of sensor in randomize.noise",
+                )
+            )
     return problems

@@ -1,6 +1,6 @@
 """Presets of sensors, and the keys of a bench file merged over them.
 
-A preset is the name of an installed one, or the path of a file of the same form (`sim.sensors.presets`) relative to
+A bench names an installed preset, or the path of a file of the same form (`sim.sensors.presets`) relative to
 the file that names it. A section of a preset, such as a radar's `chirp`, is merged key by key. A list, and a section
 that has several possible models, is replaced whole.
 """
@@ -46,12 +46,12 @@ def _read(name: str, settings: Settings, place: Place, problems: list[Problem]) 
         folder = Path(source if line.isdigit() else origin).parent
     try:
         path = folder / Path(name).expanduser()
-        there = path.is_file()
+        exists = path.is_file()
     except (OSError, RuntimeError, ValueError):  # too long, '~name' without such a user, or a zero byte
-        there = False
-    if not there:
-        looked = f"looked in {shown_path(folder.resolve())}"
-        problems.append(at(settings, place, f"names a file that does not exist: {name}", looked))
+        exists = False
+    if not exists:
+        hint = f"looked in {shown_path(folder.resolve())}"
+        problems.append(at(settings, place, f"names a file that does not exist: {name}", hint))
         return None
     try:
         return load_preset(Path(shown_path(path)))
@@ -60,19 +60,19 @@ def _read(name: str, settings: Settings, place: Place, problems: list[Problem]) 
         return None
 
 
-def laid_over(model: type[BaseModel], base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge `over` into a copy of `base`, both plain data of `model`, at any depth where a mapping has one model."""
-    return _laid_over(model, base, over, inside=False)
+def merge_keys(model: type[BaseModel], base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `base` with the keys of `over`, both plain data of `model`; mappings with one model are merged too."""
+    return _merge_section_keys(model, base, over, inside=False)
 
 
-def _laid_over(
+def _merge_section_keys(
     model: type[BaseModel], base: Mapping[str, Any], over: Mapping[str, Any], *, inside: bool
 ) -> dict[str, Any]:
     merged = dict(base)
     for key, value in over.items():
         section = _section(model, key, optional=inside)
         if section is not None and isinstance(value, dict) and isinstance(base.get(key), dict):
-            merged[key] = _laid_over(section, base[key], value, inside=True)
+            merged[key] = _merge_section_keys(section, base[key], value, inside=True)
         else:
             merged[key] = value
     return merged

@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field, create_model
 from hil.config.checks.radar_checks import frame_problems, rate_problems
 from hil.config.layers import Settings
 from hil.config.schema import SensorConfig
-from hil.config.sensors.preset_values import find_preset, is_preset_path, laid_over
+from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
 from signals.documents.document import Place
 from signals.documents.validate import at, nearest, shown, validate
 from signals.errors import Problem
@@ -25,7 +25,7 @@ from sim.sensors.radar_parameters import VIEW_KEYS, RadarParameters
 AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps", "range_finder", "optical_flow")
 FLIGHT_KINDS = ("gps", "barometer", "magnetometer")  # needed, besides the imu, to fly a mission
 # Names of the bench's own ports and of topics of the recording.
-_TAKEN_NAMES = frozenset(
+_RESERVED_NAMES = frozenset(
     {"truth", "actuators", "physics", "autopilot", "recorder", "events", "mavlink", "tf", "tf_static", "clock"}
 )
 _OWN_KEYS = ("preset", "kind", "autopilot", "rate_hz")
@@ -48,7 +48,7 @@ def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[
     if not isinstance(section, dict):
         return {}, [at(settings, ("sensors",), f"must be a mapping of names to sensors, not {shown(section)}")]
     problems: list[Problem] = []
-    found: dict[str, tuple[SensorConfig, bool | None]] = {}
+    resolved: dict[str, tuple[SensorConfig, bool | None]] = {}
     broken_kinds: set[str] = set()
     broken: set[str] = set()
     for name, entry in section.items():
@@ -59,8 +59,8 @@ def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[
             broken_kinds.add(kind or name)
             broken.add(name)
         else:
-            found[name] = (sensor, flag)
-    chosen = _choose(found, broken_kinds, settings, problems)
+            resolved[name] = (sensor, flag)
+    chosen = _mark_autopilot_sensors(resolved, broken_kinds, settings, problems)
     problems += frame_problems(chosen, broken, settings)
     return chosen, problems
 
@@ -68,12 +68,12 @@ def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[
 def _resolve(
     name: str, entry: Any, settings: Settings, problems: list[Problem], tick_hz: int
 ) -> tuple[SensorConfig | None, bool | None, str | None]:
-    """Return one sensor, its `autopilot` flag as given, and its kind if that is known."""
+    """Return one sensor, the value of its key `autopilot`, and its kind; None for what is unknown."""
     place: Place = ("sensors", name)
     if not name.isidentifier():
         problems.append(at(settings, place, "cannot be the name of a sensor", "use letters, digits and _"))
-    elif name in _TAKEN_NAMES:
-        hint = f"the bench's own streams have that name; taken are {', '.join(sorted(_TAKEN_NAMES))}"
+    elif name in _RESERVED_NAMES:
+        hint = f"the bench uses this name itself; reserved names: {', '.join(sorted(_RESERVED_NAMES))}"
         problems.append(at(settings, place, "cannot be the name of a sensor", hint))
     if not isinstance(entry, dict):
         problems.append(at(settings, place, f"must be a mapping of keys, not {shown(entry)}"))
@@ -86,17 +86,17 @@ def _resolve(
     if own.get("frame") is not None:  # the view of that camera replaces the view of the preset
         values = {key: value for key, value in values.items() if key not in VIEW_KEYS}
     if kind == "camera":
-        values, own = _at_quality(values, own, settings)
-    values = laid_over(KINDS[kind].parameters, values, own)
+        values, own = _with_quality_level(values, own, settings)
+    values = merge_keys(KINDS[kind].parameters, values, own)
     if kind == "imu":
         # An imu is read at every tick, so its rate may be left out.
         values.setdefault("rate_hz", tick_hz)
-    built, wrong = validate(_entry_model(kind), values, settings, below=place)
-    problems += wrong
-    if wrong or built is None:
+    checked, entry_problems = validate(_entry_model(kind), values, settings, below=place)
+    problems += entry_problems
+    if entry_problems or checked is None:
         return None, None, kind
-    parameters = KINDS[kind].parameters.model_validate(built.model_dump(exclude=set(_OWN_KEYS)))
-    rate_hz: float = built.rate_hz  # type: ignore[attr-defined]
+    parameters = KINDS[kind].parameters.model_validate(checked.model_dump(exclude=set(_OWN_KEYS)))
+    rate_hz: float = checked.rate_hz  # type: ignore[attr-defined]
     if isinstance(parameters, LidarParameters):
         points = parameters.pattern.points(period_ns_from_hz(rate_hz))
         if points > MAX_POINTS:
@@ -104,21 +104,25 @@ def _resolve(
             problems.append(at(settings, (*place, "rate_hz"), message, "raise it"))
             return None, None, kind
     if isinstance(parameters, RadarParameters):
-        too_fast = rate_problems(name, parameters, rate_hz, settings)
-        problems += too_fast
-        if too_fast:
+        overlaps = rate_problems(name, parameters, rate_hz, settings)
+        problems += overlaps
+        if overlaps:
             return None, None, kind
-    named: str | None = entry.get("preset")
-    if named is not None and is_preset_path(named):
-        named = None  # a user's file may change later; its values are in the parameters
-    flag: bool | None = built.autopilot  # type: ignore[attr-defined]
-    return SensorConfig(kind=kind, preset=named, autopilot=False, rate_hz=rate_hz, parameters=parameters), flag, kind
+    preset_name: str | None = entry.get("preset")
+    if preset_name is not None and is_preset_path(preset_name):
+        preset_name = None  # a user's file may change later; its values are in the parameters
+    flag: bool | None = checked.autopilot  # type: ignore[attr-defined]
+    return (
+        SensorConfig(kind=kind, preset=preset_name, autopilot=False, rate_hz=rate_hz, parameters=parameters),
+        flag,
+        kind,
+    )
 
 
-def _at_quality(
+def _with_quality_level(
     values: dict[str, Any], own: dict[str, Any], settings: Settings
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Apply the quality level of the camera, or else of the bench. Returns the new preset values and own keys."""
+    """Return the preset values and own keys after applying the quality level of the camera, or else of the bench."""
     if own.get("quality") is None and settings.data.get("quality") is not None:
         own = {**own, "quality": settings.data["quality"]}
     quality = own.get("quality")
@@ -133,18 +137,18 @@ def _at_quality(
 def _preset_and_kind(
     name: str, entry: Mapping[str, Any], settings: Settings, problems: list[Problem]
 ) -> tuple[Preset | None, str | None]:
-    """Return the preset and the kind of a sensor. The kind is the one given, the preset's, or the sensor's name."""
+    """Return the preset and the kind of a sensor: the key `kind`, else the preset's kind, else the sensor's name."""
     place: Place = ("sensors", name)
     kind = entry.get("kind")
     preset = None
-    good = True
+    valid = True
     if entry.get("preset") is not None:
         preset = find_preset(entry["preset"], settings, (*place, "preset"), problems)
-        good = preset is not None
+        valid = preset is not None
     if kind is not None and (not isinstance(kind, str) or kind not in KINDS):
         problems.append(at(settings, (*place, "kind"), f"is unknown: {shown(kind)}", nearest(str(kind), KINDS)))
-        good = False
-    if not good:
+        valid = False
+    if not valid:
         return None, None
     if preset is not None:
         if kind is not None and kind != preset.kind:
@@ -161,15 +165,18 @@ def _preset_and_kind(
     return preset, kind
 
 
-def _choose(
-    found: Mapping[str, tuple[SensorConfig, bool | None]],
+def _mark_autopilot_sensors(
+    resolved: Mapping[str, tuple[SensorConfig, bool | None]],
     broken_kinds: set[str],
     settings: Settings,
     problems: list[Problem],
 ) -> dict[str, SensorConfig]:
-    """Mark the sensor of each kind that feeds the flight controller: the flagged one, else the first not excluded."""
+    """Mark the sensor of each kind that feeds the flight controller.
+
+    It is the one with `autopilot: true`, otherwise the first without `autopilot: false`.
+    """
     chosen: dict[str, str] = {}
-    for name, (sensor, flag) in found.items():
+    for name, (sensor, flag) in resolved.items():
         if flag is not True:
             continue
         place: Place = ("sensors", name, "autopilot")
@@ -180,12 +187,12 @@ def _choose(
             problems.append(at(settings, place, message))
         else:
             chosen[sensor.kind] = name
-    for name, (sensor, flag) in found.items():
+    for name, (sensor, flag) in resolved.items():
         if flag is None and sensor.kind in AUTOPILOT_KINDS:
             chosen.setdefault(sensor.kind, name)
     if "imu" not in chosen and "imu" not in broken_kinds:
         problems.append(at(settings, ("sensors",), "must hold an imu that feeds the flight controller"))
     return {
         name: sensor.model_copy(update={"autopilot": chosen.get(sensor.kind) == name})
-        for name, (sensor, _) in found.items()
+        for name, (sensor, _) in resolved.items()
     }

@@ -74,7 +74,7 @@ MOCK = "has no meaning for the mock autopilot (leave it out or choose another ri
     [
         ("mock", "  binary: px4", f"autopilot.binary {MOCK}"),
         ("mock_hitl", "  env: {A: b}", f"autopilot.env {MOCK}"),
-        ("mock_hitl", "  start: false", "autopilot.start is false, but no autopilot.port says where the autopilot is"),
+        ("mock_hitl", "  start: false", "autopilot.start is false, but autopilot.port is not set"),
         ("mock_hitl", "  airframe: x499",
          "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: x500, iris)"),
         ("mock_hitl", "  params: {MPC_XY_PP: 1}",

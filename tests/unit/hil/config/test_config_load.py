@@ -91,7 +91,7 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
         ("autopilot:\n  params: {lower: 1}\n",
          "b.yaml:2: autopilot.params: 'lower' cannot be a parameter: 1 to 16 of A-Z, 0-9 and _"),
         ("autopilot: {start: false}\n",
-         "b.yaml:1: autopilot.start is false, but no autopilot.port says where the autopilot is"),
+         "b.yaml:1: autopilot.start is false, but autopilot.port is not set"),
         ("router:\n  gcs: localhost\n",
          "b.yaml:2: router.gcs: must look like udp:127.0.0.1:14550 (clients listen there), udpin:127.0.0.1:14551 or"
          " tcp:127.0.0.1:5790 (they connect to the bench), not 'localhost'"),

@@ -51,7 +51,7 @@ def test_off_is_the_scene_itself() -> None:
     assert randomized(YARD, Randomize(), 3) is YARD
     assert drawn(YARD, Randomize(), load_world) is None
     assert Randomize() == load_bench().config.randomize
-    assert load_bench().drawn() is None
+    assert load_bench().random_choices() is None
 
 
 def test_the_same_seed_draws_the_same_and_each_seed_something_else() -> None:
@@ -278,18 +278,18 @@ EVERYTHING = "randomize={light: true, haze: true, textures: true, people: true, 
 def test_a_saved_bench_draws_the_same_again(tmp_path: Path) -> None:
     bench = load_bench(seed=9, settings=[FRONT, EVERYTHING, "weather.visibility_m=5000"])
     again = load_bench(save_bench(bench, tmp_path))
-    assert again.drawn() == bench.drawn()
+    assert again.random_choices() == bench.random_choices()
     assert again.scene.light == bench.scene.light
     for name in bench.config.sensors:
         assert again.sensor_parameters(name) == bench.sensor_parameters(name)
-    told = bench.drawn()
+    told = bench.random_choices()
     assert told is not None
     assert set(told) == {"seed", *FEATURES}
     assert told["seed"] == 9
     assert set(told["noise"]) == {"imu", "gps", "front"}
     assert bench.sensor_parameters("imu") != bench.config.sensors["imu"].parameters
     other = load_bench(seed=9, settings=[FRONT, EVERYTHING, "randomize.seed=10"])
-    assert other.drawn() != told
+    assert other.random_choices() != told
     assert json.loads(json.dumps(told)) is not None
 
 

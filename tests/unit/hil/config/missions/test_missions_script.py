@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from hil.config import Bench, load_bench, save_bench
-from hil.config.missions.script import GustSpec, parse_happening
+from hil.config.missions.script import GustSpec, parse_event
 from hil.config.missions.script_file import read_script
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.recorder.reading import read_messages
@@ -189,11 +189,11 @@ def test_an_empty_script_or_one_that_waits_for_a_plan_it_lacks_is_refused() -> N
 
 
 def test_events_of_a_flight() -> None:
-    assert parse_happening("waypoint 3") == ("waypoint", 3, "")
-    assert parse_happening("mode AUTO") == ("mode", 0, "MISSION")
+    assert parse_event("waypoint 3") == ("waypoint", 3, "")
+    assert parse_event("mode AUTO") == ("mode", 0, "MISSION")
     for text in ("", "waypoint", "waypoint x", "takeoff 3", "mode", "mode auto", "landing"):
         with pytest.raises(ValueError, match="no event is called"):
-            parse_happening(text)
+            parse_event(text)
 
 
 def test_a_flight_by_modes_alone_is_disturbed_by_its_script() -> None:
