@@ -1,7 +1,7 @@
 """Progress of a run on the console.
 
-On a terminal a bar: simulated time, speed relative to real time, phase, waypoints, time left. Otherwise (a CI log) a
-line about every ten seconds of simulated time.
+On a terminal it is a bar with simulated time, speed relative to real time, phase, waypoints and time left. Otherwise,
+as in a CI log, it is one line about every ten seconds of simulated time.
 """
 
 from __future__ import annotations
@@ -127,6 +127,6 @@ class Progress(ProgressDisplay):
         text = f"{t_ns / NS_PER_S:.1f} s  {self._speed(t_ns, now_s):.1f}x  {phase}"
         if waypoints:
             text += f"  {reached} of {waypoints} waypoints"
-        # Waypoints predict the end better than the time limit, which only a run that fails reaches.
+        # Waypoints predict the end better than the time limit, which only failing runs reach.
         total, done = (float(waypoints), float(reached)) if waypoints else (self._limit_ns or None, float(t_ns))
         self._bar.update(self._task, total=total, completed=done, text=text, refresh=True)

@@ -1,4 +1,4 @@
-"""The vehicle of a bench. Where the autopilot may reboot, the vehicle can return to its start while time goes on."""
+"""The vehicle of a bench. If the autopilot may reboot, the vehicle can return to its start while time goes on."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def make_physics(bench: Bench) -> Any:
     """Return the bench's vehicle: a `QuadrotorPhysics`, or a `RestartablePhysics` where the autopilot may reboot."""
     config = bench.config
 
-    def vehicle() -> QuadrotorPhysics:
+    def make() -> QuadrotorPhysics:
         return QuadrotorPhysics(
             bench.vehicle,
             bench.scene,
@@ -64,5 +64,5 @@ def make_physics(bench: Bench) -> Any:
         )
 
     if config.autopilot.on_restart == "reset":
-        return RestartablePhysics(vehicle, tick_ns=config.tick_ns)
-    return vehicle()
+        return RestartablePhysics(make, tick_ns=config.tick_ns)
+    return make()

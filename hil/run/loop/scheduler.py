@@ -1,4 +1,4 @@
-"""The tick loop. This header is the authority on what one tick does and what a failure leaves undefined.
+"""The tick loop. This header defines what one tick does, and what is undefined after a failure.
 
     t_k = k * tick_ns                 integer nanoseconds; time is never a sum of floats
 
@@ -44,7 +44,7 @@ from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
 from signals.time import RateAccumulator
 from sim.physics.quadrotor import QuadrotorPhysics
 
-_SERVE_MARGIN_S = 0.0005  # companions are not served in the last part of the time before a tick's deadline
+_SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
 _HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
 _RANGING_KINDS = ("range_finder", "optical_flow")
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
@@ -195,13 +195,13 @@ class Scheduler:
         return self._latched
 
     def step(self) -> None:
-        """Run one tick. Raises HilError; the header says what is undefined then."""
+        """Run one tick. Raises HilError; the header of this file defines the state after it."""
         tick = self.tick
-        begun: ActuatorFrame | None = None
+        command: ActuatorFrame | None = None
         if self._begin is not None:
-            begun = self._begin(tick)
-            if begun is not None:
-                self._latched = begun
+            command = self._begin(tick)
+            if command is not None:
+                self._latched = command
         elif self._tick_wall_ns is not None:
             self._wait_for_deadline(self._tick_wall_ns)
         clock = time.perf_counter_ns
@@ -219,27 +219,27 @@ class Scheduler:
         newest, ranging = self._for_autopilot(released)
 
         t2 = clock()
-        extra = b""
+        commands = b""
         for source in self._commands:
-            extra += source.step(t_ns, self._frames)
+            commands += source.step(t_ns, self._frames)
 
         t3 = clock()
         recorded_first = self._record_first
         frames_ns = companion_ns = 0
         if recorded_first:
             frames_ns = self._sample_frames(truth, released)
-            self._record(truth, begun, released)
+            self._record(truth, command, released)
             companion_ns = self._exchange_all(truth, released)
-        r3 = clock()
+        send_start = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
         imu, mag, baro, gps = (newest.get(kind) for kind in _HIL_SENSOR_KINDS)
-        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, extra, ranging)
+        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, ranging)
 
         t4 = clock()
         if not recorded_first:
             frames_ns = self._sample_frames(truth, released)
-            self._record(truth, begun, released)
+            self._record(truth, command, released)
         self._recorder.sent(tick, t_ns, sent)
         if not recorded_first:
             companion_ns = self._exchange_all(truth, released)
@@ -248,7 +248,7 @@ class Scheduler:
         try:
             actuators = self._link.wait(tick, t_ns)
         finally:
-            # Frames that arrived belong in the recording even if the reply itself never came.
+            # Frames that arrived are recorded even if the reply itself is missing.
             self._frames = self._link.take_frames()
             self._unrecorded = (tick, self._frames, None)
         t6 = clock()
@@ -262,17 +262,17 @@ class Scheduler:
         phase["physics"].add(t1 - t0)
         phase["sensors"].add(t2 - t1)
         phase["commands"].add(t3 - t2)
-        phase["send"].add(t4 - r3)
+        phase["send"].add(t4 - send_start)
         phase["frames"].add(frames_ns)
-        phase["record"].add(t5 - t4 + r3 - t3 - frames_ns - companion_ns)
+        phase["record"].add(t5 - t4 + send_start - t3 - frames_ns - companion_ns)
         phase["companion"].add(companion_ns)
         phase["wait"].add(t6 - t5)
         # The wait for a companion is not the bench's own work. Processor time leaves it out already.
         self.own_ns.add(own_end - own_start - (companion_ns if own_clock is clock else 0))
         self.step_ns.add(t6 - t0)
 
-    def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before: int) -> int:
-        """Sample each sensor that is due. `before`: wall clock at the start; returns it at the end [ns]."""
+    def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before_ns: int) -> int:
+        """Sample each sensor that is due. `before_ns`: wall clock at the start. Return the wall clock at the end."""
         clock, queue = time.perf_counter_ns, self._queue
         for slot in slots:
             if slot.due():
@@ -280,35 +280,35 @@ class Scheduler:
                 slot.samples += 1  # also for a sample that dropped out: noise is keyed by this number
                 if sample is not None:
                     queue.push(slot.port, sample)
-                after = clock()
-                slot.timing.add(after - before)
-                before = after
-        return before
+                after_ns = clock()
+                slot.timing.add(after_ns - before_ns)
+                before_ns = after_ns
+        return before_ns
 
     def _sample_frames(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
-        """Sample the frame sensors and append what they release to `released`. Return the time it took [ns]."""
+        """Sample the frame sensors and append their released samples to `released`. Return the time taken [ns]."""
         if not self._frame_sensors:
             return 0
-        begun = time.perf_counter_ns()
-        took = self._sample(self._frame_sensors, truth, begun) - begun
+        start_ns = time.perf_counter_ns()
+        took_ns = self._sample(self._frame_sensors, truth, start_ns) - start_ns
         released += self._queue.release(truth.t_ns)
-        return took
+        return took_ns
 
     def _exchange_all(self, truth: TruthState, released: list[tuple[str, Sample]]) -> int:
-        """Pass the released samples to the companions. Return the time it took [ns]."""
+        """Pass the released samples to the companions. Return the time taken [ns]."""
         if not self._exchanges:
             return 0
-        begun = time.perf_counter_ns()
+        start_ns = time.perf_counter_ns()
         for exchange in self._exchanges:
             exchange.step(truth, released)
-        return time.perf_counter_ns() - begun
+        return time.perf_counter_ns() - start_ns
 
-    def _record(self, truth: TruthState, begun: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
-        """Record what is known before the tick is sent. The sent bytes follow, in every arrangement of the phases."""
+    def _record(self, truth: TruthState, command: ActuatorFrame | None, released: list[tuple[str, Sample]]) -> None:
+        """Record what is known before the tick is sent. The sent bytes are recorded afterwards in all cases."""
         self._record_received()
         recorder = self._recorder
-        if begun is not None:
-            recorder.actuators(begun)
+        if command is not None:
+            recorder.actuators(command)
         recorder.truth(truth)
         for event in self._physics.take_events():
             recorder.event(event.t_ns, event.kind, event.text)

@@ -108,7 +108,7 @@ def _check_inputs(stages: Iterable[StageSpec], producer: dict[str, str]) -> None
 
 
 def _needed(stages: Iterable[StageSpec], producer: dict[str, str], by_name: dict[str, StageSpec]) -> frozenset[str]:
-    """Return the names of the sinks and of all stages that they need, directly or not."""
+    """Return the names of the sinks and of all stages that they need, directly or through other stages."""
     needed: set[str] = set()
     queue = [stage.name for stage in stages if stage.sink]
     while queue:

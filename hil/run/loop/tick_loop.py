@@ -25,7 +25,7 @@ def fly_ticks(run: RunContext, *, quiet: bool) -> None:
     end_tick = round(config.duration_s * config.tick_hz)
     until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
     after_ticks, armed_tick = _AFTER_DISARM_NS // config.tick_ns, None
-    before, after, ended = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
+    before_hooks, after_hooks, end_checks = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
     progress = Progress(
         tick_ns=config.tick_ns,
         sim_limit_ns=end_tick * config.tick_ns,
@@ -43,17 +43,17 @@ def fly_ticks(run: RunContext, *, quiet: bool) -> None:
             for part in run.parts:
                 stack.enter_context(part.around_flight())
             while scheduler.tick < end_tick:
-                for prepare in before:
-                    prepare()
+                for before_tick in before_hooks:
+                    before_tick()
                 try:
                     scheduler.step()
                 except RestartRequested:
                     _restart_vehicle(run)
                     continue
                 progress.tick(scheduler.tick)
-                for follow in after:
-                    follow(scheduler.tick)
-                if any(end() for end in ended):
+                for after_tick in after_hooks:
+                    after_tick(scheduler.tick)
+                if any(ended() for ended in end_checks):
                     break
                 if scheduler.actuators.armed:
                     armed_tick = scheduler.tick
@@ -72,5 +72,5 @@ def _restart_vehicle(run: RunContext) -> None:
 
 
 def _overridden(run: RunContext, name: str) -> list[Any]:
-    """Return this method of the parts that override it, so that the others cost no time in a tick."""
+    """Return this method of each part that overrides it, so that other parts cost no time in a tick."""
     return [getattr(part, name) for part in run.parts if getattr(type(part), name) is not getattr(Part, name)]

@@ -26,7 +26,7 @@ from signals.time import NS_PER_S
 _BOXES, _DETECTIONS = "vision_msgs/Detection2DArray", "hil_msgs/Detections"
 _OVERLAY = "foxglove_msgs/ImageAnnotations"
 _LINE_LOOP = 2
-_YELLOW, _WHITE, _SHADE, _CLEAR = (1.0, 0.83, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.6), (0.0,) * 4
+_YELLOW, _WHITE, _BACKGROUND, _CLEAR = (1.0, 0.83, 0.0, 1.0), (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.6), (0.0,) * 4
 _UNKNOWN_POSITION: Vec3 = (math.nan, math.nan, math.nan)
 
 
@@ -62,35 +62,39 @@ class DetectionSeries:
         self._pending.clear()
         return [records.block() for records in self._records]
 
-    def _message(self, layout: Layout, t_ns: int, stamped: Detections | None = None) -> bytes:
+    def _message(self, layout: Layout, t_ns: int, detections: Detections | None = None) -> bytes:
         record = layout.records(1)
         record["$sequence"], record["$log"], record["$publish"] = self._count, t_ns, t_ns
-        if stamped is not None:
-            seconds, nanoseconds = divmod(stamped.t_capture_ns, NS_PER_S)
+        if detections is not None:
+            seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
             record["header.stamp.sec"], record["header.stamp.nanosec"] = seconds, nanoseconds
         return record.tobytes()
 
 
 def _boxes_layout(detections: Detections, frame_id: str, channel: int) -> Layout:
-    """Return the layout of one message. Its size depends on the labels, so no two messages share one."""
+    """Return the layout of one message. Each message has its own, because the labels differ in length."""
     strings = {"header.frame_id": frame_id}
     lengths = {"detections": len(detections.boxes)}
     values: dict[str, Any] = {}
     seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
-    for i, found in enumerate(detections.boxes):
-        at = f"detections[{i}]"
-        x0, y0, x1, y1 = found.box_px
-        strings |= {f"{at}.header.frame_id": WORLD, f"{at}.results[0].hypothesis.class_id": found.label, f"{at}.id": ""}
-        lengths[f"{at}.results"] = 1
+    for i, detection in enumerate(detections.boxes):
+        path = f"detections[{i}]"
+        x0, y0, x1, y1 = detection.box_px
+        strings |= {
+            f"{path}.header.frame_id": WORLD,
+            f"{path}.results[0].hypothesis.class_id": detection.label,
+            f"{path}.id": "",
+        }
+        lengths[f"{path}.results"] = 1
         values |= {
-            f"{at}.header.stamp.sec": seconds,
-            f"{at}.header.stamp.nanosec": nanoseconds,
-            f"{at}.results[0].hypothesis.score": found.score,
-            f"{at}.results[0].pose.pose.position": found.p_W or _UNKNOWN_POSITION,
-            f"{at}.results[0].pose.pose.orientation": (0.0, 0.0, 0.0, 1.0),
-            f"{at}.bbox.center.position": (0.5 * (x0 + x1), 0.5 * (y0 + y1)),
-            f"{at}.bbox.size_x": x1 - x0,
-            f"{at}.bbox.size_y": y1 - y0,
+            f"{path}.header.stamp.sec": seconds,
+            f"{path}.header.stamp.nanosec": nanoseconds,
+            f"{path}.results[0].hypothesis.score": detection.score,
+            f"{path}.results[0].pose.pose.position": detection.p_W or _UNKNOWN_POSITION,
+            f"{path}.results[0].pose.pose.orientation": (0.0, 0.0, 0.0, 1.0),
+            f"{path}.bbox.center.position": (0.5 * (x0 + x1), 0.5 * (y0 + y1)),
+            f"{path}.bbox.size_x": x1 - x0,
+            f"{path}.bbox.size_y": y1 - y0,
         }
     return Layout(_BOXES, channel=channel, strings=strings, lengths=lengths, values=values)
 
@@ -100,34 +104,34 @@ def _full_layout(detections: Detections, frame_id: str, channel: int) -> Layout:
     strings = {"header.frame_id": frame_id, "topic": detections.topic}
     lengths = {"detections": len(detections.boxes), "objects": len(objects)}
     values: dict[str, Any] = {"width": detections.size_px[0], "height": detections.size_px[1]}
-    for i, found in enumerate(detections.boxes):
-        at = f"detections[{i}]"
-        strings[f"{at}.label"] = found.label
-        values |= {f"{at}.{name}": value for name, value in _numbers(found).items()}
-    for i, object_ in enumerate(objects):
-        at = f"objects[{i}]"
-        seconds, nanoseconds = divmod(object_.t_ns, NS_PER_S)
-        strings[f"{at}.label"] = object_.label
+    for i, detection in enumerate(detections.boxes):
+        path = f"detections[{i}]"
+        strings[f"{path}.label"] = detection.label
+        values |= {f"{path}.{name}": value for name, value in _numbers(detection).items()}
+    for i, obj in enumerate(objects):
+        path = f"objects[{i}]"
+        seconds, nanoseconds = divmod(obj.t_ns, NS_PER_S)
+        strings[f"{path}.label"] = obj.label
         values |= {
-            f"{at}.number": object_.number,
-            f"{at}.last_seen.sec": seconds,
-            f"{at}.last_seen.nanosec": nanoseconds,
-            f"{at}.position": object_.p_W,
-            f"{at}.velocity": object_.v_W,
-            f"{at}.sightings": object_.sightings,
-            f"{at}.sigma_m": object_.sigma_m,
+            f"{path}.number": obj.number,
+            f"{path}.last_seen.sec": seconds,
+            f"{path}.last_seen.nanosec": nanoseconds,
+            f"{path}.position": obj.p_W,
+            f"{path}.velocity": obj.v_W,
+            f"{path}.sightings": obj.sightings,
+            f"{path}.sigma_m": obj.sigma_m,
         }
     return Layout(_DETECTIONS, channel=channel, strings=strings, lengths=lengths, values=values)
 
 
-def _numbers(found: Detection) -> dict[str, Any]:
-    x0, y0, x1, y1 = found.box_px
+def _numbers(detection: Detection) -> dict[str, Any]:
+    x0, y0, x1, y1 = detection.box_px
     return {
-        "score": found.score,
+        "score": detection.score,
         "box_px": (x0, y0, x1, y1),
-        "range_m": math.nan if found.range_m is None else found.range_m,
-        "radial_speed_mps": math.nan if found.radial_speed_mps is None else found.radial_speed_mps,
-        "position": found.p_W or _UNKNOWN_POSITION,
+        "range_m": math.nan if detection.range_m is None else detection.range_m,
+        "radial_speed_mps": math.nan if detection.radial_speed_mps is None else detection.radial_speed_mps,
+        "position": detection.p_W or _UNKNOWN_POSITION,
     }
 
 
@@ -137,13 +141,13 @@ def _overlay_layout(detections: Detections, channel: int) -> Layout:
     lengths = {"circles": 0, "points": count, "texts": count}
     seconds, nanoseconds = divmod(detections.t_capture_ns, NS_PER_S)
     values: dict[str, Any] = {}
-    for i, found in enumerate(detections.boxes):
+    for i, detection in enumerate(detections.boxes):
         outline, label = f"points[{i}]", f"texts[{i}]"
-        x0, y0, x1, y1 = found.box_px
+        x0, y0, x1, y1 = detection.box_px
         lengths |= {f"{outline}.points": 4, f"{outline}.outline_colors": 0}
-        strings[f"{label}.text"] = detection_text(found)
-        for at in (outline, label):
-            values |= {f"{at}.timestamp.sec": seconds, f"{at}.timestamp.nanosec": nanoseconds}
+        strings[f"{label}.text"] = detection_text(detection)
+        for path in (outline, label):
+            values |= {f"{path}.timestamp.sec": seconds, f"{path}.timestamp.nanosec": nanoseconds}
         for k, (x, y) in enumerate(((x0, y0), (x1, y0), (x1, y1), (x0, y1))):
             values |= {f"{outline}.points[{k}].x": x, f"{outline}.points[{k}].y": y}
         values |= {
@@ -154,6 +158,6 @@ def _overlay_layout(detections: Detections, channel: int) -> Layout:
             f"{label}.position": (x0, y0),
             f"{label}.font_size": 8.0,
             f"{label}.text_color": _WHITE,
-            f"{label}.background_color": _SHADE,
+            f"{label}.background_color": _BACKGROUND,
         }
     return Layout(_OVERLAY, channel=channel, strings=strings, lengths=lengths, values=values)

@@ -6,7 +6,7 @@ Every item is hashed as tag (one byte), length (uint32, little-endian) and bytes
          q_WB (w-x-y-z), v_WB_W, w_WB_B, a_WB_W, alpha_WB_B, number of rotors as uint32, rotor speeds as doubles,
          contact as uint8
     "S"  the bytes sent to the autopilot in one tick
-    "R"  one frame received from it
+    "R"  one frame received from the autopilot
     "F"  one picture or point cloud released: port, sequence, times [ns] as int64, pose as seven doubles (position,
          w-x-y-z), then each array (channels sorted by name): name, element type, shape, bytes. Texts end with a zero
          byte, a shape is the number of dimensions and the lengths as uint32

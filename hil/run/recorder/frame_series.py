@@ -1,4 +1,4 @@
-"""Pictures, point clouds and radar frames as ROS 2 messages: sensor_msgs/Image, CameraInfo, PointCloud2, RadarFrame.
+"""Pictures, point clouds and radar frames as ROS 2 messages: Image, CameraInfo, PointCloud2, hil_msgs/RadarFrame.
 
 Beside the data of a port `front` there are `/front/pose`, the sensor's pose in `world` at capture, and, once, its mount
 on the vehicle in `/tf_static`. Pixels keep their type: 8- and 16-bit ids as mono8 and mono16, distances and speeds as
@@ -7,8 +7,8 @@ range-Doppler maps 32FC1 pictures, its points and tracks point clouds. A message
 recording equals the measurement bit for bit.
 
 Every field of a record array becomes a field of a point cloud. Foxglove and RViz draw a cloud by its fields x, y and z.
-Therefore the coordinates of a position in a frame F, `x_F` or the three of `p_F_m`, get those names, and the three of a
-velocity `v_F_mps` get vx, vy, vz. The bytes are those of the array.
+Therefore the coordinates of a position in a frame F (`x_F`, or the elements of `p_F_m`) get those names, and the
+elements of a velocity `v_F_mps` become vx, vy, vz. The bytes of the array stay the same.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class BlobTopic:
 
 
 class FrameSeries:
-    """Collects the samples of one camera, LiDAR or radar between two chunks, by reference, as samples never change."""
+    """Collects references to the samples of one camera, LiDAR or radar between two chunks. Samples never change."""
 
     def __init__(self, port: str, description: FrameDescription | None) -> None:
         self._port = port
@@ -111,16 +111,16 @@ class FrameSeries:
         """Return the records of all samples added since the last call."""
         for sample, log_ns in self._pending:
             if "pose" not in self._topics:
-                self._mount(file, sample, log_ns)
+                self._add_mount(file, sample, log_ns)
             if isinstance(sample, ImageSample):
-                self._picture(file, sample, log_ns)
-                self._pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
+                self._add_picture(file, sample, log_ns)
+                self._add_pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
             elif isinstance(sample, RadarSample):
-                self._radar(file, sample, log_ns)
-                self._pose(file, sample, log_ns, sample.p_WR, sample.q_WR)
+                self._add_radar(file, sample, log_ns)
+                self._add_pose(file, sample, log_ns, sample.p_WR, sample.q_WR)
             else:
-                self._cloud(file, sample, log_ns)
-                self._pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
+                self._add_cloud(file, sample, log_ns)
+                self._add_pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
         self._pending.clear()
         self.pending_bytes = 0
         return [topic.pending.block() for topic in self._topics.values()]
@@ -132,29 +132,32 @@ class FrameSeries:
             topic = self._topics[name] = BlobTopic(file, path, type_name, **layout)
         return topic
 
-    def _mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+    def _add_mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
         """Add the mount of the sensor on the vehicle, once."""
-        d = self._description
+        description = self._description
         prefix = "transforms[0]"
         topic = self._topic(
             file,
             "tf_static",
             "tf2_msgs/TFMessage",
-            strings={f"{prefix}.header.frame_id": BODY, f"{prefix}.child_frame_id": d.frame_id},
+            strings={f"{prefix}.header.frame_id": BODY, f"{prefix}.child_frame_id": description.frame_id},
             lengths={"transforms": 1},
             header=f"{prefix}.header",
         )
-        mount = {f"{prefix}.transform.translation": d.p_BC, f"{prefix}.transform.rotation": _xyzw(d.q_BC)}
+        mount = {
+            f"{prefix}.transform.translation": description.p_BC,
+            f"{prefix}.transform.rotation": _xyzw(description.q_BC),
+        }
         topic.add(sample, log_ns, mount)
 
-    def _pose(self, file: McapFile, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
+    def _add_pose(self, file: McapFile, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
         topic = self._topic(file, "pose", "geometry_msgs/PoseStamped", strings={"header.frame_id": WORLD})
         topic.add(sample, log_ns, {"pose.position": p, "pose.orientation": _xyzw(q)})
 
-    def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
+    def _add_picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
         frame = {"header.frame_id": self._description.frame_id}
         for name in sorted(sample.channels):
-            self._image(file, sample, log_ns, name, sample.channels[name])
+            self._add_image(file, sample, log_ns, name, sample.channels[name])
         p = self._description.projection
         if p is not None:
             topic = self._topic(
@@ -167,37 +170,37 @@ class FrameSeries:
             )
             topic.add(sample, log_ns, {})
 
-    def _image(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
-        little = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
-        values = 1 if picture.ndim == 2 else picture.shape[2]
+    def _add_image(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
+        little_endian = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
+        components = 1 if picture.ndim == 2 else picture.shape[2]
         topic = self._topic(
             file,
             name,
             "sensor_msgs/Image",
             strings={
                 "header.frame_id": self._description.frame_id,
-                "encoding": _ENCODINGS[(little.dtype.str, values)],
+                "encoding": _ENCODINGS[(little_endian.dtype.str, components)],
             },
             values={
                 "height": picture.shape[0],
                 "width": picture.shape[1],
-                "step": little.dtype.itemsize * values * picture.shape[1],
+                "step": little_endian.dtype.itemsize * components * picture.shape[1],
             },
             item_bytes=1,
         )
-        topic.add(sample, log_ns, {}, little.tobytes())
+        topic.add(sample, log_ns, {}, little_endian.tobytes())
 
-    def _radar(self, file: McapFile, sample: RadarSample, log_ns: int) -> None:
+    def _add_radar(self, file: McapFile, sample: RadarSample, log_ns: int) -> None:
         for name in sorted(sample.channels):
             array = sample.channels[name]
             if name == "raw":
-                self._raw(file, sample, log_ns, array)
+                self._add_raw(file, sample, log_ns, array)
             elif array.dtype.names:
-                self._records(file, sample, log_ns, name, array)
+                self._add_records(file, sample, log_ns, name, array)
             else:
-                self._image(file, sample, log_ns, name, array)
+                self._add_image(file, sample, log_ns, name, array)
 
-    def _raw(self, file: McapFile, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
+    def _add_raw(self, file: McapFile, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
         receivers, chirps, samples = raw.shape
         sweep = self._description.sweep
         topic = self._topic(
@@ -212,10 +215,10 @@ class FrameSeries:
         pose = {"position": sample.p_WR, "orientation": _xyzw(sample.q_WR)}
         topic.add(sample, log_ns, pose, np.ascontiguousarray(raw, "<u2").tobytes())
 
-    def _cloud(self, file: McapFile, sample: PointCloudSample, log_ns: int) -> None:
-        self._records(file, sample, log_ns, "", cloud_records(sample))
+    def _add_cloud(self, file: McapFile, sample: PointCloudSample, log_ns: int) -> None:
+        self._add_records(file, sample, log_ns, "", cloud_records(sample))
 
-    def _records(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
+    def _add_records(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
         topic = self._topics.get(name) or self._cloud_topic(file, name, records.dtype)
         topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
 
@@ -261,8 +264,7 @@ def cloud_fields(dtype: np.dtype[Any]) -> list[CloudField]:
     """Return the fields of a PointCloud2 whose points are records of this type."""
     fields = []
     for name, kind, offset in _scalars(dtype):
-        little = kind.newbyteorder("<").str
-        fields.append(CloudField(name, offset, DATATYPES[little]))
+        fields.append(CloudField(name, offset, DATATYPES[kind.newbyteorder("<").str]))
     return fields
 
 
@@ -276,8 +278,8 @@ def _scalars(dtype: np.dtype[Any]) -> Iterator[tuple[str, np.dtype[Any], int]]:
             names = tuple(f"{name}_{i}" for i in range(int(np.prod(kind.shape))))
         else:
             names = (re.sub(r"^([xyz])_[A-Z]$", r"\1", name),)
-        for i, part in enumerate(names):
-            yield part, kind.base, offset + i * kind.base.itemsize
+        for i, scalar_name in enumerate(names):
+            yield scalar_name, kind.base, offset + i * kind.base.itemsize
 
 
 def _xyzw(q: Quat) -> tuple[float, float, float, float]:

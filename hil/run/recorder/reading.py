@@ -21,9 +21,9 @@ from mcap.writer import MCAP0_MAGIC
 from hil.run.recorder.mcap.cdr import decode
 from signals.errors import RecordingError
 
-_DAMAGE = (McapError, ValueError, struct.error, zstandard.ZstdError)  # raised by the library for damaged bytes
+_DAMAGE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError)  # raised by the library for damaged bytes
 
-# Order of the messages within one tick: that of cause and effect, so that the first difference causes the later ones.
+# Order of the topics within one tick, from cause to effect, so that the first difference is the cause of later ones.
 _PHASES = ("/truth/", "/tf", "", "/mavlink/to_autopilot", "/mavlink/from_autopilot", "/actuators", "/events")
 
 
@@ -45,8 +45,8 @@ class RecordedMessage(NamedTuple):
 class Recording:
     """A recording opened for reading.
 
-    After `scan` or a full pass over `chunks`: `metadata` and `attachments` by name, `last_ns` the log time of the last
-    readable message, `complete` is True if the writer finished the file.
+    After `scan` or a full pass over `chunks`: `metadata` and `attachments` by name, `last_ns` is the log time of the
+    last readable message, `complete` is True if the writer finished the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -89,7 +89,7 @@ class Recording:
                 self.complete = True
             except (EndOfFile, RecordLengthLimitExceeded):
                 return  # the writer was killed
-            except _DAMAGE as error:
+            except _DAMAGE_ERRORS as error:
                 raise RecordingError(f"{self.path}: the file is damaged ({error})") from error
 
     def _records(self, chunk: Chunk) -> Iterator[McapRecord]:
@@ -103,7 +103,7 @@ class Recording:
             records = StreamReader(data, skip_magic=True).records  # type: ignore[arg-type]
             while data.count < size:
                 yield next(records)
-        except _DAMAGE as error:
+        except _DAMAGE_ERRORS as error:
             raise RecordingError(f"{self.path}: a chunk is damaged ({error})") from error
 
     def read_declarations(self, chunk: Chunk) -> None:
@@ -121,16 +121,16 @@ class Recording:
 
     def messages_of(self, chunk: Chunk) -> list[RecordedMessage]:
         """Return the messages of a chunk ordered by time, and within one tick by cause and effect."""
-        found: list[RecordedMessage] = []
+        messages: list[RecordedMessage] = []
         for record in self._records(chunk):
             if isinstance(record, Message):
                 topic, type_name = self._channels[record.channel_id]
                 times = record.log_time, record.publish_time
-                found.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))
+                messages.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))
             else:
                 self._store_declaration(record)
-        found.sort(key=causal_order)
-        return found
+        messages.sort(key=causal_order)
+        return messages
 
     def messages(self) -> Iterator[RecordedMessage]:
         """Yield every readable message, in order."""

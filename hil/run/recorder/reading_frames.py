@@ -27,7 +27,7 @@ _PIXELS = {
     "32FC3": ("<f4", 3),
 }
 _KINDS = {number: kind for kind, number in DATATYPES.items()}
-_MOST_FIELDS = 64  # in a point cloud
+_MAX_FIELDS = 64  # in a point cloud
 
 
 class RecordedRadarFrame(NamedTuple):
@@ -79,7 +79,7 @@ def cloud(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
     """Return the capture time [ns] and the records of a sensor_msgs/PointCloud2 written by this bench."""
     values = message.decode()
     names, formats, offsets = [], [], []
-    for i in range(_MOST_FIELDS):
+    for i in range(_MAX_FIELDS):
         if f"fields[{i}].name" not in values:
             break
         names.append(values[f"fields[{i}].name"])
@@ -101,20 +101,20 @@ def capture_ns(values: dict[str, Any]) -> int:
 
 def detections(message: RecordedMessage) -> Detections:
     """Return the boxes of a hil_msgs/Detections, without the list of objects."""
-    v = message.decode()
+    values = message.decode()
     boxes = []
-    for at in (f"detections[{i}]" for i in range(MAX_BOXES)):
-        if f"{at}.label" not in v:
+    for path in (f"detections[{i}]" for i in range(MAX_BOXES)):
+        if f"{path}.label" not in values:
             break
-        x0, y0, x1, y1 = (float(v[f"{at}.box_px[{k}]"]) for k in range(4))
-        range_m, speed_mps = (float(v[f"{at}.{name}"]) for name in ("range_m", "radial_speed_mps"))
+        x0, y0, x1, y1 = (float(values[f"{path}.box_px[{k}]"]) for k in range(4))
+        range_m, speed_mps = (float(values[f"{path}.{name}"]) for name in ("range_m", "radial_speed_mps"))
         boxes.append(
             Detection(
-                v[f"{at}.label"],
-                float(v[f"{at}.score"]),
+                values[f"{path}.label"],
+                float(values[f"{path}.score"]),
                 (x0, y0, x1, y1),
                 range_m if range_m == range_m else None,  # NaN: unknown
                 speed_mps if speed_mps == speed_mps else None,
             )
         )
-    return Detections(v["topic"], capture_ns(v), (int(v["width"]), int(v["height"])), tuple(boxes))
+    return Detections(values["topic"], capture_ns(values), (int(values["width"]), int(values["height"])), tuple(boxes))

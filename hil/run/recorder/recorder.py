@@ -28,11 +28,11 @@ from signals.time import NS_PER_S
 
 MCAP_NAME = "run.mcap"
 TLOG_NAME = "flight.tlog"
-_FLUSH_NS = NS_PER_S  # at most this much simulated time is lost when the process is killed
-_FLUSH_TICKS = 512  # or this many ticks, on benches with a higher tick rate
-_FLUSH_FRAMES = 4096  # or this many MAVLink frames, at most 280 bytes each: about 1 MiB of memory
-_FLUSH_BYTES = 16 << 20  # or this much memory in pictures and point clouds
-_EVENTS_KEPT = 2000  # in memory for the report; the recording has all
+_FLUSH_NS = NS_PER_S  # flush after this much simulated time, the most that is lost when the process is killed
+_FLUSH_TICKS = 512  # flush after this many ticks, on benches with a higher tick rate
+_FLUSH_FRAMES = 4096  # flush after this many MAVLink frames, at most 280 bytes each: about 1 MiB of memory
+_FLUSH_BYTES = 16 << 20  # flush after this much memory in pictures and point clouds
+_MAX_EVENTS = 2000  # in memory for the report; the recording has all
 
 
 class Event(NamedTuple):
@@ -56,13 +56,13 @@ class Tap(Protocol):
 class Album:
     """Selects one frame of each sensor for the report, in bounded memory for any length of flight.
 
-    Keeps the newest three of the frames 0, 1, 2, 4, 8, ... of each port, one of which is near the middle of the flight.
+    Keeps the newest three of the frames 0, 1, 2, 4, 8, ... of each port; one of them is near the middle of the flight.
     The middle frame of a radar may be empty, so a radar is shown by its frame with the most points, then the most
     tracks, then the lowest number.
     """
 
     def __init__(self) -> None:
-        self._kept: dict[str, list[FrameSample]] = {}
+        self._candidates: dict[str, list[FrameSample]] = {}
         self._last: dict[str, int] = {}
         self._fullest: dict[str, tuple[tuple[int, int], FrameSample]] = {}
 
@@ -71,23 +71,24 @@ class Album:
         seq = sample.seq
         self._last[port] = seq
         if seq & (seq - 1) == 0:
-            kept = self._kept.setdefault(port, [])
-            kept.append(sample)
-            del kept[:-3]
+            candidates = self._candidates.setdefault(port, [])
+            candidates.append(sample)
+            del candidates[:-3]
         if isinstance(sample, RadarSample):
-            found = (len(sample.channels.get("points", ())), len(sample.channels.get("tracks", ())))
-            if found > (self._fullest[port][0] if port in self._fullest else (0, 0)):
-                self._fullest[port] = found, sample
+            counts = (len(sample.channels.get("points", ())), len(sample.channels.get("tracks", ())))
+            if counts > (self._fullest[port][0] if port in self._fullest else (0, 0)):
+                self._fullest[port] = counts, sample
 
     def shown(self) -> dict[str, FrameSample]:
         """Return the selected frame of each port, ports in alphabetical order."""
         return {
-            port: self._fullest[port][1] if port in self._fullest else self._middle(port) for port in sorted(self._kept)
+            port: self._fullest[port][1] if port in self._fullest else self._middle(port)
+            for port in sorted(self._candidates)
         }
 
     def _middle(self, port: str) -> FrameSample:
         half = self._last[port] / 2
-        return min(self._kept[port], key=lambda sample: abs(sample.seq - half))
+        return min(self._candidates[port], key=lambda sample: abs(sample.seq - half))
 
 
 class Recorder:
@@ -202,7 +203,7 @@ class Recorder:
 
     def event(self, t_ns: int, kind: str, text: str) -> None:
         """Record an event: a phase, a status text, a fault."""
-        if len(self.events) < _EVENTS_KEPT:
+        if len(self.events) < _MAX_EVENTS:
             self.events.append(Event(t_ns, kind, text))
         if self._mcap:
             self._mcap.event(t_ns, kind, text)
@@ -218,7 +219,7 @@ class Recorder:
 
     def flush(self) -> None:
         """Write everything so far to disk. Raises the first RecordingError after all files have been tried."""
-        self._each(lambda sink: sink.flush(self._tick))
+        self._for_each_sink(lambda sink: sink.flush(self._tick))
 
     def close(self, status: str) -> None:
         """Finish the files; `status` (PASS, FAIL, ERROR) and the digest go into the recording. Idempotent.
@@ -229,13 +230,13 @@ class Recorder:
             return
         self._closed = True
         result = {"status": status, "digest": self.digest}
-        self._each(lambda sink: sink.close(self._tick, result))
+        self._for_each_sink(lambda sink: sink.close(self._tick, result))
 
-    def _each(self, act: Callable[[McapSink | TlogSink], None]) -> None:
+    def _for_each_sink(self, action: Callable[[McapSink | TlogSink], None]) -> None:
         failures = []
         for sink in self._sinks:
             try:
-                act(sink)
+                action(sink)
             except RecordingError as error:
                 failures.append(error)
         if failures:

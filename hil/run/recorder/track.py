@@ -1,4 +1,4 @@
-"""The flown track for the report: decimated, and bounded in size for any length of run."""
+"""The flown track for the report, decimated to a bounded size for any length of run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from signals.samples import ActuatorFrame, TruthState
 from signals.time import NS_PER_S
 
 _RATE_HZ = 25
-_POINTS = 30_000  # 20 minutes at 25 Hz; then every second point is removed and the spacing doubles
+_MAX_ROWS = 30_000  # 20 minutes at 25 Hz; then every second row is removed and the spacing doubles
 
 
 class TrackArrays(NamedTuple):
@@ -29,9 +29,9 @@ class TrackArrays(NamedTuple):
 
 
 class Track:
-    """Keeps every k-th tick, at most 25 per second and 30,000 in all."""
+    """Keeps every k-th tick, at most 25 per second of flight and 30,000 in all."""
 
-    def __init__(self, tick_ns: int, *, limit: int = _POINTS) -> None:
+    def __init__(self, tick_ns: int, *, limit: int = _MAX_ROWS) -> None:
         self._stride = max(1, NS_PER_S // _RATE_HZ // tick_ns)
         self._limit = limit
         self._next_tick = 0

@@ -1,4 +1,4 @@
-"""Declares the stages of a bench and their ports, from which `plan_stages` finds the ones without a consumer.
+"""Declares the stages of a bench and their ports. `plan_stages` drops the stages without a consumer.
 
 Cameras and radars have one stage per channel, so that only the channels with a consumer are computed. A camera `front`
 with the channels rgb and depth has the stages `front/rgb` and `front/depth`, and its samples hold the channels that the
@@ -71,7 +71,7 @@ def recorded_ports(config: BenchConfig) -> tuple[Port, ...]:
 
 
 def wanted_parts(name: str, sensor: SensorConfig, plan: StagePlan) -> dict[str, tuple[str, ...]]:
-    """Return the sensor's parameter that lists channels or outputs, with those that the plan kept; else empty."""
+    """Return the parameter that lists the sensor's channels or outputs -> those that the plan kept. Others: empty."""
     parts = KINDS[sensor.kind].parts
     if parts is None:
         return {}
@@ -85,7 +85,7 @@ def is_wanted(name: str, sensor: SensorConfig, plan: StagePlan) -> bool:
 
 
 def needs_frames(config: BenchConfig, plan: StagePlan | None = None) -> bool:
-    """Return True if a sensor needs the world's geometry; with a plan, only sensors that it kept count."""
+    """Return True if a sensor needs the world's geometry. With a plan, only sensors in the plan count."""
     return any(
         KINDS[sensor.kind].needs_frames and (plan is None or is_wanted(name, sensor, plan))
         for name, sensor in config.sensors.items()
@@ -125,7 +125,7 @@ def description(name: str, sensor: Any) -> FrameDescription:
 
 
 def make_frames(bench: Bench) -> FrameSource:
-    """Return the geometry for cameras, LiDARs and radars. Raises ConfigError if the scene's map is wrong."""
+    """Return the geometry for cameras, LiDARs and radars. Raises ConfigError if the scene's map is invalid."""
     from sim.world_loader import load_world  # loaded only for benches that need a map
 
     return SharedFrames(load_world(bench.scene))

@@ -33,20 +33,20 @@ class SensorSlots:
         recorder: Recorder,
         out: Path,
     ) -> None:
-        """Build the `wanted` sensors. `frames`: geometry for cameras, LiDARs and radars, None if there are none.
+        """Build the `wanted` sensors. `frames`: geometry for cameras, LiDARs and radars, None if none is wanted.
 
-        Describes these to the recorder and writes their calibrations to `out`.
+        Describes cameras, LiDARs and radars to the recorder, and writes camera calibrations to `out`.
         """
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
-        self._plain: dict[str, Any] = {}  # by name, without faults
+        self._without_faults: dict[str, Any] = {}  # by name
         self._faulty: dict[str, FaultySensor] = {}
         simulated = SimulatedSensors(bench, wanted, frames)
         # Cameras come before the radars that read them; the order within a tick has no other effect.
         order = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
         for name in order:
             sensor = simulated.make(name, wanted_parts(name, wanted[name], plan))
-            self._plain[name] = sensor
+            self._without_faults[name] = sensor
             if isinstance(sensor, Radar):
                 self.radars[name] = sensor
             if frames is not None and KINDS[wanted[name].kind].needs_frames:
@@ -65,12 +65,12 @@ class SensorSlots:
         slot = next((slot for slot in self.slots if slot.port == name), None)
         if slot is None:
             raise ValueError(f"no sensor {name!r} is sampled in this run")
-        self._faulty[name] = FaultySensor(self._plain[name], (), on_event=self._recorder.event)
+        self._faulty[name] = FaultySensor(self._without_faults[name], (), on_event=self._recorder.event)
         slot.sample = self._faulty[name].sample
 
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config, script = self._bench.config, self._bench.script
-        instance = self._plain[name]
+        instance = self._without_faults[name]
         faults = [fault for fault in config.faults.sensors if fault.sensor == name]
         if faults or (script is not None and name in script.sensors_at_risk):
             instance = self._faulty[name] = FaultySensor(instance, faults, on_event=self._recorder.event)

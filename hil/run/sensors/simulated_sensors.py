@@ -27,15 +27,15 @@ CALIBRATION_FOLDER = "calibration"
 
 
 class SimulatedSensors:
-    """Makes sensors of one bench that share one `frames`."""
+    """Makes sensors of one bench that share one source of frames."""
 
     def __init__(self, bench: Bench, names: Collection[str], frames: FrameSource | None) -> None:
         """`names`: sensors that will be made. `frames`: the world's geometry, None if none of them needs it."""
         self._bench, self._frames = bench, frames
         sensors = bench.config.sensors
         wanted = {name: sensors[name] for name in sensors if name in names}
-        read = {p.frame for p in radars(wanted).values() if p.frame is not None}
-        self._shared = {name: view_of(sensors[name]) for name in sorted(read)}
+        cameras = {p.frame for p in radars(wanted).values() if p.frame is not None}
+        self._shared = {name: view_of(sensors[name]) for name in sorted(cameras)}
 
     def make(self, name: str, parts: Mapping[str, Any] | None = None) -> Any:
         """Return the sensor of that name. `parts`: parameters that replace the bench's own, such as fewer channels.
@@ -43,23 +43,23 @@ class SimulatedSensors:
         Raises the errors of `sim.sensors.catalog.make_sensor`.
         """
         config = self._bench.config
-        sensor = config.sensors[name]
-        made = make_sensor(
+        settings = config.sensors[name]
+        sensor = make_sensor(
             Installation(
                 name,
-                rate_hz=sensor.rate_hz,
+                rate_hz=settings.rate_hz,
                 seed=config.seed,
                 scene=self._bench.scene,
                 step_ns=config.tick_ns,
                 frames=self._frames,
-                shared=self._shared.get(getattr(sensor.parameters, "frame", None) or name),
+                shared=self._shared.get(getattr(settings.parameters, "frame", None) or name),
             ),
-            kind=sensor.kind,
+            kind=settings.kind,
             overrides=self._bench.sensor_parameters(name).model_dump() | dict(parts or {}),
         )
-        if isinstance(made, Radar):
-            made.view.add_reader(made.channels, partial(is_due, **tick_rates(sensor, config.tick_hz)))
-        return made
+        if isinstance(sensor, Radar):
+            sensor.view.add_reader(sensor.channels, partial(is_due, **tick_rates(settings, config.tick_hz)))
+        return sensor
 
 
 def tick_rates(sensor: SensorConfig, tick_hz: int) -> dict[str, int]:
@@ -70,7 +70,7 @@ def tick_rates(sensor: SensorConfig, tick_hz: int) -> dict[str, int]:
 def write_calibration(out: Path, name: str, sensor: Any, *, rate_hz: float) -> list[Path]:
     """Write NAME.camera_info.yaml (ROS), NAME.opencv.yaml and NAME.sensor.yaml (EuRoC) and return their paths.
 
-    Sensors without a camera model have no files. Raises RecordingError if a file cannot be written.
+    For a sensor without a camera model nothing is written. Raises RecordingError if a file cannot be written.
     """
     camera = getattr(sensor, "model", None)
     if not isinstance(camera, CameraModel):

@@ -76,15 +76,15 @@ class EncodedFrames(FrameSeries):
         self._png.clear()
         return blocks
 
-    def _mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+    def _add_mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
         if self.with_transform:
             self.with_transform = False
-            super()._mount(file, sample, log_ns)
+            super()._add_mount(file, sample, log_ns)
 
-    def _picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
+    def _add_picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
         png = self._png[sample.seq]
         not_encoded = {name: picture for name, picture in sample.channels.items() if name not in png}
-        super()._picture(file, sample._replace(channels=not_encoded), log_ns)
+        super()._add_picture(file, sample._replace(channels=not_encoded), log_ns)
         for name in sorted(png):
             topic = self._topic(
                 file,

@@ -1,4 +1,4 @@
-"""CDR encoding of ROS 2 messages with a fixed layout, a thousand messages at a time.
+"""CDR encoding of ROS 2 messages with a fixed layout, about a thousand messages at a time.
 
 Encoding single messages in Python costs microseconds each. Instead, a `Layout` computes once per topic the byte offset
 of every field of the MCAP message record (record header, CDR header, body) as a numpy record type. Frame names and
@@ -55,7 +55,7 @@ class Field(NamedTuple):
 @cache
 def fields(type_name: str) -> tuple[Field, ...]:
     """Return the fields of `type_name` ("package/Name") without constants."""
-    found = []
+    result = []
     for line in DEFINITIONS[type_name].splitlines():
         kind, name = line.split()
         if "=" in name:
@@ -64,8 +64,8 @@ def fields(type_name: str) -> tuple[Field, ...]:
         if kind.endswith("]"):
             kind, _, text = kind[:-1].partition("[")
             length = int(text) if text else -1
-        found.append(Field(kind, name, length))
-    return tuple(found)
+        result.append(Field(kind, name, length))
+    return tuple(result)
 
 
 def schema_text(type_name: str) -> str:
@@ -107,9 +107,9 @@ class Layout:
         self._formats: list[Any] = ["u1", "<u8", "<u2", "<u4", "<u8", "<u8", "S4"]
         self._offsets = [0, 1, 9, 11, 15, 23, 31]
         self._origin = MESSAGE_PREFIX.size + len(CDR_HEADER)
-        self._end = 0  # bytes of body so far
+        self._end = 0  # size of the body so far [bytes]
         self._constants: list[tuple[str, Any]] = []
-        self._place(type_name, "")
+        self._add_fields(type_name, "")
         self.size = self._origin + self._end
         self.dtype = np.dtype(
             {"names": self._names, "formats": self._formats, "offsets": self._offsets, "itemsize": self.size}
@@ -141,7 +141,7 @@ class Layout:
         self._offsets.append(self._origin + self._end)
         self._end += size * count
 
-    def _place(self, type_name: str, prefix: str) -> None:
+    def _add_fields(self, type_name: str, prefix: str) -> None:
         for field in fields(type_name):
             name = prefix + field.name
             if field.type == "string":
@@ -163,51 +163,51 @@ class Layout:
                 self._add(name, "<f8", 8, len(fields(field.type)), vector=True)
             else:
                 for i in range(1 if count is None else count):
-                    self._place(field.type, f"{name}." if count is None else f"{name}[{i}].")
+                    self._add_fields(field.type, f"{name}." if count is None else f"{name}[{i}].")
 
 
 def decode(type_name: str, data: bytes) -> dict[str, Any]:
     """Return the values of one CDR message by dotted path, in order: {"linear_acceleration.x": 0.1, ...}. Slow.
 
-    An array of uint8 is one value of type bytes, one of uint16 a tuple; other arrays have one value per element.
+    An array of uint8 is one value of type bytes, an array of uint16 a tuple; other arrays have one value per element.
     """
     if data[:4] != CDR_HEADER:
         raise ValueError(f"{type_name}: not little-endian plain CDR")
     body = memoryview(data)[4:]
     values: dict[str, Any] = {}
 
-    def walk(name: str, prefix: str, at: int) -> int:
+    def walk(name: str, prefix: str, offset: int) -> int:
         for field in fields(name):
             path = prefix + field.name
             count = field.length
             if count == -1:
-                at += -at % 4
-                (count,) = struct.unpack_from("<I", body, at)
-                at += 4
+                offset += -offset % 4
+                (count,) = struct.unpack_from("<I", body, offset)
+                offset += 4
             if field.type == "string":
-                at += -at % 4
-                (length,) = struct.unpack_from("<I", body, at)
-                values[path] = bytes(body[at + 4 : at + 3 + length]).decode(errors="replace")
-                at += 4 + length
+                offset += -offset % 4
+                (length,) = struct.unpack_from("<I", body, offset)
+                values[path] = bytes(body[offset + 4 : offset + 3 + length]).decode(errors="replace")
+                offset += 4 + length
             elif field.type in _PRIMITIVES:
                 _, code, size = _PRIMITIVES[field.type]
                 n = 1 if count is None else count
                 if n:
-                    at += -at % size
+                    offset += -offset % size
                 if field.type == "uint8" and count is not None:
-                    values[path] = bytes(body[at : at + n])
+                    values[path] = bytes(body[offset : offset + n])
                 elif field.type == "uint16" and count is not None:
-                    values[path] = struct.unpack_from(f"<{n}H", body, at)
+                    values[path] = struct.unpack_from(f"<{n}H", body, offset)
                 elif count is None:
-                    (values[path],) = struct.unpack_from("<" + code, body, at)
+                    (values[path],) = struct.unpack_from("<" + code, body, offset)
                 else:
-                    for i, value in enumerate(struct.unpack_from(f"<{n}{code}", body, at)):
+                    for i, value in enumerate(struct.unpack_from(f"<{n}{code}", body, offset)):
                         values[f"{path}[{i}]"] = value
-                at += n * size
+                offset += n * size
             else:
                 for i in range(1 if count is None else count):
-                    at = walk(field.type, f"{path}." if count is None else f"{path}[{i}].", at)
-        return at
+                    offset = walk(field.type, f"{path}." if count is None else f"{path}[{i}].", offset)
+        return offset
 
     walk(type_name, "", 0)
     return values

@@ -57,9 +57,9 @@ class TopicWriter:
     def block(self, columns: Columns, log_ns: NDArray[np.uint64]) -> Block:
         """Return the records of all rows; of every k-th row for a decimated topic."""
         if self._every > 1:
-            keep = columns["tick"] % self._every == 0
-            columns = {name: column[keep] for name, column in columns.items()}
-            log_ns = log_ns[keep]
+            selected = columns["tick"] % self._every == 0
+            columns = {name: column[selected] for name, column in columns.items()}
+            log_ns = log_ns[selected]
         topic = self._topic
         records = self._layout.records(len(log_ns))
         records["$sequence"] = columns["seq"]
@@ -246,7 +246,7 @@ class McapSink:
         self._actuators.rows.append(frame)
 
     def event(self, t_ns: int, kind: str, text: str) -> None:
-        """Record an event. The kinds "debug", "warning" and "error" are its level; all other kinds are information."""
+        """Record an event. Its level is the kind if that is "debug", "warning" or "error", otherwise information."""
         self._events.add(t_ns, kind, text)
 
     def detected(self, t_ns: int, client: str, detections: Detections) -> None:

@@ -1,4 +1,4 @@
-"""Table of the topics of every sample type: message types, and the sample field for each message field.
+"""Table of the topics of every sample type, with message types and the sample field of each message field.
 
 The world frame is "world" (ENU), the vehicle's "base_link" (FLU), as in ROS REP 103, so values are neither rotated nor
 scaled: every double in the file is the double of the sample. If no ROS message has a field for a value (pressure

@@ -158,7 +158,7 @@ def test_a_bench_names_a_part_of_the_users_own(own_part: Path) -> None:
         ("mine.counter: {tocks: 3}", r"b\.yaml:2.*tocks: unknown key.*ticks"),
         ("mine.missing: {}", r"b\.yaml:2.*cannot be imported.*mine\.missing"),
         ("missing: {}", r"b\.yaml:2.*cannot be imported"),
-        ("catalog: {}", r"b\.yaml:2.*without settings of its own"),
+        ("catalog: {}", r"b\.yaml:2.*that has no settings"),
     ],
 )
 def test_wrong_parts_are_named_with_file_and_line(own_part: Path, section: str, message: str) -> None:

@@ -174,7 +174,7 @@ def test_the_album_shows_the_middle_of_the_flight() -> None:
             album.add("front", image(k, channels=("material",)))
         (sample,) = album.shown().values()
         assert last / 3 - 1 <= sample.seq <= 2 * last / 3 + 1
-        assert len(album._kept["front"]) <= 3
+        assert len(album._candidates["front"]) <= 3
 
 
 def test_the_album_shows_a_radar_at_its_fullest() -> None:
