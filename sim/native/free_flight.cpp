@@ -4,6 +4,7 @@
 
 #include "detmath.hpp"
 #include "dormand_prince.hpp"
+#include "rotation.hpp"
 
 namespace hil::sim {
 
@@ -16,6 +17,7 @@ constexpr double kWayPerStep = 0.06;   // m
 constexpr double kDampingPerStep = 2.0, kDampingPerClassicalStep = 1.0;
 constexpr double kLagsPerStep = 2.0;   // motor time constants
 constexpr double kWhirlPerStep = 1.0;  // rad of an unbalanced rotor
+constexpr double kPolePerStep = 0.4;   // distances to the nearest pole of a rotor's thrust
 
 double largest(const double *v) {
     double most = v[0];
@@ -149,6 +151,46 @@ double order8_step(const RigidBodyParams &params, double t, double h, const Roto
     return finish_step(s, y, path);
 }
 
+// Velocity of a rotor's hub through the air, in B.
+void hub_velocity(const double R[9], const double *s, const double *wind_W, const double *r, double *out) {
+    const double d[3] = {s[kV] - wind_W[0], s[kV + 1] - wind_W[1], s[kV + 2] - wind_W[2]};
+    const double *w = s + kW;
+    out[0] = (R[0] * d[0] + R[3] * d[1] + R[6] * d[2]) + (w[1] * r[2] - w[2] * r[1]);
+    out[1] = (R[1] * d[0] + R[4] * d[1] + R[7] * d[2]) + (w[2] * r[0] - w[0] * r[2]);
+    out[2] = (R[2] * d[0] + R[5] * d[1] + R[8] * d[2]) + (w[0] * r[1] - w[1] * r[0]);
+}
+
+// Longest step that the poles of the rotors' thrust allow (free_flight.hpp), `longest` if none is near. The poles lie in
+// the complex plane of the rotor's speed at radius a / (x0 sqrt(kappa)), 45 degrees off the axes, for the descent into
+// the own wake, and at +-i V / sqrt(kappa) for the speed V across the rotor. Both are at least O / sqrt(2) away.
+double step_by_poles(const RigidBodyParams &params, const TickWind &wind, const Rotors &rotors, double t,
+                     double longest, const double *s) {
+    bool far = true;
+    for (int i = 0; i < rotors.count; ++i) {
+        const double change = std::fabs(rotors.rate[i] * rotors.lag[i]) * longest;
+        if (change * 1.5 > kPolePerStep * (rotors.command[i] + rotors.lag[i])) far = false;
+    }
+    if (far) return longest;
+    double R[9], wind_W[3];
+    rotation_matrix(s + kQ, R);
+    wind_at(wind, t, wind_W);
+    double step = longest;
+    for (int i = 0; i < rotors.count; ++i) {
+        double hub[3];
+        hub_velocity(R, s, wind_W, params.rotor_position_m[i], hub);
+        const double speed = rotors.command[i] + rotors.lag[i];
+        const double rate = std::fabs(rotors.rate[i] * rotors.lag[i]);
+        const double ring = hub[2] < 0.0 ? -hub[2] / kVortexRingCentre : 0.0;
+        const double across2 = (hub[0] * hub[0] + hub[1] * hub[1]) / params.air.kappa_m2;
+        const double aside = ring * std::sqrt(0.5 / params.air.kappa_m2);
+        const double along = speed - aside;
+        const double ring2 = along * along + aside * aside, across = speed * speed + across2;
+        const double distance = std::sqrt(ring2 < across ? ring2 : across);
+        if (step * rate > kPolePerStep * distance) step = kPolePerStep * distance / rate;
+    }
+    return step;
+}
+
 // Number of times to halve the steps; `fastest` is the greatest speed of an unbalanced rotor.
 int level_for(const RigidBodyParams &params, const TickPlan &plan, const TickWind &wind, double fastest,
               const double *s) {
@@ -230,13 +272,24 @@ double free_flight_tick(const RigidBodyParams &params, const TickPlan &plan, con
     for (int k = 0; k < kPoseVelocity; ++k) s[k] = state[k];
 
     const int level = level_for(params, plan, wind, fastest, s);
-    steps = plan.base << level;
-    const double h = plan.tick_s / steps;
+    const bool poles = !plan.classical && params.air.kappa_m2 > 0.0 &&
+                       (params.air.descent_loss > 0.0 || params.air.ground_floor > 0.0);
+    const int shortest = plan.base << (kLevels - 1);  // the unit of `done`: steps begin at multiples of their length
     double travelled = 0.0;
-    for (int step = 0; step < steps; ++step) {
-        travelled += plan.classical
-                         ? classical_step(params, step * h, h, plan.half[level], wind, rotors, s, path + 7 * step)
-                         : order8_step(params, step * h, h, plan.node[level], wind, rotors, s, path + 7 * step);
+    steps = 0;
+    for (int done = 0; done < shortest; ++steps) {
+        const double t = done * (plan.tick_s / shortest);
+        int fine = level;
+        if (poles) {
+            const double limit = step_by_poles(params, wind, rotors, t, plan.tick_s / (plan.base << level), s);
+            while (fine < kLevels - 1 && plan.tick_s / (plan.base << fine) > limit) ++fine;
+        }
+        while (done % (1 << (kLevels - 1 - fine)) != 0) ++fine;
+        const double h = plan.tick_s / (plan.base << fine);
+        double *reached = path + 7 * steps;
+        travelled += plan.classical ? classical_step(params, t, h, plan.half[fine], wind, rotors, s, reached)
+                                    : order8_step(params, t, h, plan.node[fine], wind, rotors, s, reached);
+        done += 1 << (kLevels - 1 - fine);
     }
     for (int k = 0; k < kPoseVelocity; ++k) state[k] = s[k];
     for (int i = 0; i < n; ++i) {

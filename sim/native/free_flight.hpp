@@ -19,6 +19,10 @@
 //                                  + n J O_max / I_min                                     (classical: lambda h <= 1)
 //   h <= 2 tau            fast change of thrust                                    (not the classical)
 //   O h <= 1              an unbalanced rotor
+// and each step, also within the tick, until
+//   |dO/dt| h <= 0.4 d    a rotor that starts in a descent or across the wind (not the classical); d is the distance from
+//                         its speed O to the nearest pole of its thrust as a function of complex O (rotor_air.hpp):
+//                         O = a / (x0 sqrt(kappa)) e^(+-i pi/4) of the vortex ring state, +-i V / sqrt(kappa)
 // The choice depends only on the state: same bits on every machine, with contact skipping on or off.
 //
 // Wind within the tick: wind(t) = start + t slope.

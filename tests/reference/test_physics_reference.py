@@ -98,6 +98,31 @@ def test_five_hard_seconds_stay_a_thousandth_of_the_limit(name: str) -> None:
     assert rotors < 1e-11
 
 
+def switched_commands(vehicle: Vehicle, case: str) -> Float64:
+    """Rotors that stop and start again in a descent: their speed crosses the vortex ring state within a step."""
+    t = np.arange(1250) * 0.004
+    commands = np.full((len(t), 4), vehicle.hover_control)
+    if case == "all stop for 0.1 s":
+        commands[(t >= 1.0) & (t < 1.1)] = 0.0
+    elif case == "one stops for 0.1 s":
+        commands[(t >= 1.0) & (t < 1.1), 0] = 0.0
+    elif case == "all switch at 2.5 Hz":
+        commands[:] = (np.floor(5.0 * t) % 2)[:, None] * 2.0 * vehicle.hover_control
+    else:
+        random = np.random.default_rng(3).integers(0, 2, (50, 4))
+        commands = np.repeat(random, 25, axis=0) * (2.0 * vehicle.hover_control)
+    return np.clip(commands, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("case", ["all stop for 0.1 s", "one stops for 0.1 s", "all switch at 2.5 Hz", "random"])
+@pytest.mark.parametrize("name", ["x500", "iris"])
+def test_rotors_that_stop_and_start_in_a_descent(name: str, case: str) -> None:
+    vehicle = load_vehicle(name)
+    position, attitude, _ = Flown(vehicle, switched_commands(vehicle, case)).errors()
+    assert position < 2e-8
+    assert attitude < 2e-8
+
+
 def test_classical_method_is_of_order_four() -> None:
     vehicle = load_vehicle("x500")
     commands = hard_commands(vehicle, 2.0, 8_000_000)
