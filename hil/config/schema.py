@@ -247,6 +247,14 @@ class Limits(Section):
     landed_tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 30.0
 
 
+class Crash(Section):
+    """A crash ends the flight as FAIL; null: it is no sign of a crash. Definitions: hil/run/parts/judges/crash.py."""
+
+    impact_mps: Annotated[float, Field(gt=0)] | None = 6.0
+    tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0
+    rest_s: Annotated[float, Field(gt=0)] | None = 10.0
+
+
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 
@@ -335,6 +343,7 @@ class BenchConfig(Section):
     record: Record = Record()
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
+    crash: Crash | None = Crash()  # null: a crash does not end the flight
     goal: Goal | None = None  # null: not judged
     search: Search | None = None  # null: not judged
     parts: dict[str, Any] = Field(default_factory=dict)  # further parts of a run, each with settings of its own

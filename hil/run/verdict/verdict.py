@@ -320,6 +320,10 @@ class Verdict:
         reasons = (*self.reasons, *reasons)
         return replace(self, status="FAIL" if reasons else "PASS", reasons=reasons, rows=(*self.rows, *rows))
 
+    def with_cause(self, reason: str) -> Verdict:
+        """Return this verdict as a FAIL with `reason` before all others, which follow from it."""
+        return replace(self, status="FAIL", reasons=(reason, *self.reasons))
+
 
 UNJUDGED = Verdict("PASS", (), (), FlightMeasurement(()).result())  # of a flight without any measurement
 

@@ -1,0 +1,127 @@
+"""Ends a flight that has crashed, as FAIL, instead of flying on to its time limit. Judged from ground truth.
+
+A vehicle has crashed when
+
+impact   it has been in the air and touches something at more than `impact_mps` (speed of the tick before)
+tilt     it is in contact and tilted by more than `tilt_deg` for 1 s: it lies on its side or back
+rest     it has been in the air and rests for `rest_s`, armed, more than 5 m from its start and from the end of its plan.
+         Only for flights of a plan: where a script or a companion should land is not known
+
+The flight goes on for another second, so that the recording shows the end of it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hil.config import Bench
+from hil.config.schema import Crash
+from hil.run.part import Part, RunContext
+from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Verdict
+from signals.rotation import upright_of
+from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_S
+
+_LIE_NS = NS_PER_S  # contact and tilt must last this long
+_GAP_NS = NS_PER_S // 2  # a vehicle that bounces or trembles is still in contact
+_NEAR_M = 5.0
+_AFTERMATH_NS = NS_PER_S
+
+
+class CrashPart(Part):
+    name = "crash"
+
+    def __init__(self, limits: Crash) -> None:
+        self._limits = limits
+        self._min_upright = -2.0 if limits.tilt_deg is None else math.cos(math.radians(limits.tilt_deg))
+        self._rest_ns = None if limits.rest_s is None else round(limits.rest_s * NS_PER_S)
+        self._allowed_W: list[Vec3] = []  # places of rest
+        self._has_plan = False
+        self._start_z_m: float | None = None
+        self._airborne = False
+        self._previous: TruthState | None = None
+        self._contact_ns: int | None = None  # newest contact
+        self._tilted_ns: int | None = None  # since then in contact and tilted
+        self._resting_ns: int | None = None  # since then at rest and armed
+        self._ends_ns: int | None = None
+        self._reason: str | None = None
+
+    def begin(self, run: RunContext) -> None:
+        self._run = run
+        x, y, z = run.physics.state[:3].tolist()
+        self._start_z_m = z
+        self._has_plan = bool(run.legs)
+        self._allowed_W = [(x, y, z), *(leg.end_W for leg in run.legs[-1:])]
+
+    def after_tick(self, tick: int) -> None:  # noqa: ARG002 (the truth has its tick)
+        truth = self._run.scheduler.truth
+        if truth is None or self._reason is not None:
+            return
+        previous, self._previous = self._previous, truth
+        assert self._start_z_m is not None
+        if not truth.in_contact:
+            self._airborne = self._airborne or truth.p_WB[2] > self._start_z_m + AIRBORNE_M
+            if self._contact_ns is None or truth.t_ns - self._contact_ns > _GAP_NS:
+                self._contact_ns = self._tilted_ns = self._resting_ns = None
+                return
+        else:
+            self._contact_ns = truth.t_ns
+            touched = previous is not None and not previous.in_contact
+            if touched and self._airborne and self._limits.impact_mps is not None:
+                assert previous is not None
+                speed = _speed_mps(previous)
+                if not speed <= self._limits.impact_mps:
+                    self._crashed(truth, speed, f"impact at {speed:.1f} m/s")
+                    return
+        self._lies(truth)
+        if self._airborne and self._has_plan:
+            self._rests(truth)
+
+    def _lies(self, truth: TruthState) -> None:
+        if upright_of(truth.q_WB) >= self._min_upright:
+            self._tilted_ns = None
+        elif self._tilted_ns is None:
+            self._tilted_ns = truth.t_ns
+        elif truth.t_ns - self._tilted_ns >= _LIE_NS:
+            self._crashed(truth, _speed_mps(truth), "it lies on its side or back")
+
+    def _rests(self, truth: TruthState) -> None:
+        armed = self._run.scheduler.actuators.armed
+        if self._rest_ns is None or not armed or _speed_mps(truth) > REST_SPEED_MPS or self._allowed(truth.p_WB):
+            self._resting_ns = None
+        elif self._resting_ns is None:
+            self._resting_ns = truth.t_ns
+        elif truth.t_ns - self._resting_ns >= self._rest_ns:
+            self._crashed(truth, _speed_mps(truth), "it rests, armed, away from the end of its plan")
+
+    def _allowed(self, p_WB: Vec3) -> bool:
+        return any(math.hypot(p_WB[0] - x, p_WB[1] - y) <= _NEAR_M for x, y, _ in self._allowed_W)
+
+    def _crashed(self, truth: TruthState, speed_mps: float, how: str) -> None:
+        if self._reason is not None:
+            return
+        x, y, z = truth.p_WB
+        tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, upright_of(truth.q_WB)))))
+        self._reason = (
+            f"crashed: {how}, {truth.t_ns / NS_PER_S:.2f} s after the start at ({x:.1f}, {y:.1f}, {z:.1f}) m, "
+            f"speed {speed_mps:.1f} m/s, tilt {tilt_deg:.0f} deg"
+        )
+        self._ends_ns = truth.t_ns + _AFTERMATH_NS
+        self._run.event("error", self._reason)
+
+    def ended(self) -> bool:
+        return self._ends_ns is not None and self._run.now_ns() >= self._ends_ns
+
+    def verdict(self, verdict: Verdict) -> Verdict:
+        if self._reason is None:
+            return verdict
+        return verdict.with_cause(self._reason)
+
+
+def _speed_mps(truth: TruthState) -> float:
+    return math.hypot(*truth.v_WB_W)
+
+
+def make(bench: Bench) -> Part:
+    assert bench.config.crash is not None
+    return CrashPart(bench.config.crash)

@@ -1,0 +1,128 @@
+"""When a flight counts as crashed: impact, lying on its side, resting armed away from its plan; and when it does not."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hil.config import load_bench
+from hil.config.missions.path import planned_path
+from hil.config.schema import Crash
+from hil.run.bench_run import run_bench
+from hil.run.parts.judges.crash import CrashPart
+from hil.run.verdict.verdict import UNJUDGED
+from signals.samples import TruthState
+
+TICK_NS = 4_000_000
+UPRIGHT, ON_ITS_SIDE = (1.0, 0.0, 0.0, 0.0), (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+PLAN = load_bench()
+
+
+class Judged:
+    """A crash part with a vehicle that is put where the test wants it."""
+
+    def __init__(self, limits: Crash | None = None, *, plan: bool = True) -> None:
+        self.events: list[str] = []
+        self.scheduler = SimpleNamespace(truth=None, actuators=SimpleNamespace(armed=True))
+        self.physics = SimpleNamespace(state=SimpleNamespace())
+        self.now_ns_value = 0
+        self.part = CrashPart(limits or Crash())
+        legs = planned_path(PLAN.mission, PLAN.scene, home_W=(0.0, 0.0, 0.2)) if plan and PLAN.mission else ()
+        run: Any = SimpleNamespace(
+            scheduler=self.scheduler,
+            legs=legs,
+            now_ns=lambda: self.now_ns_value,
+            event=lambda _kind, text: self.events.append(text),
+            physics=SimpleNamespace(state=_Start()),
+        )
+        self.tick = 0
+        self.part.begin(run)
+
+    def stay(
+        self,
+        seconds: float,
+        p: tuple[float, float, float],
+        *,
+        v: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        q: tuple[float, float, float, float] = UPRIGHT,
+        contact: bool = False,
+        armed: bool = True,
+    ) -> bool:
+        """Keep a state for some time and return True if the flight has ended by then."""
+        zero = (0.0, 0.0, 0.0)
+        self.scheduler.actuators.armed = armed
+        for _ in range(round(seconds * 250)):
+            t_ns = self.tick * TICK_NS
+            self.scheduler.truth = TruthState(self.tick, t_ns, p, q, v, zero, zero, zero, (0.0,) * 4, contact)
+            self.part.after_tick(self.tick)
+            self.tick += 1
+            self.now_ns_value = self.tick * TICK_NS
+            if self.part.ended():
+                return True
+        return False
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        return self.part.verdict(UNJUDGED).reasons
+
+
+class _Start:
+    def __getitem__(self, _: slice) -> Any:
+        return SimpleNamespace(tolist=lambda: [0.0, 0.0, 0.2])
+
+
+def test_impact_ends_the_flight_a_second_later() -> None:
+    judged = Judged()
+    assert not judged.stay(2.0, (5.0, 0.0, 3.0), v=(0.0, 0.0, -7.0))
+    assert judged.stay(1.2, (5.0, 0.0, 0.2), v=(0.0, 0.0, -1.0), contact=True)
+    (reason,) = judged.reasons
+    assert reason.startswith("crashed: impact at 7.0 m/s, 2.00 s after the start at (5.0, 0.0, 0.2) m")
+    assert judged.events == [reason]
+
+
+@pytest.mark.parametrize("limits", [Crash(impact_mps=None), Crash(impact_mps=8.0)])
+def test_impact_below_its_limit_or_without_one(limits: Crash) -> None:
+    judged = Judged(limits)
+    judged.stay(1.0, (5.0, 0.0, 3.0), v=(0.0, 0.0, -7.0))
+    assert not judged.stay(1.0, (5.0, 0.0, 0.2), v=(0.0, 0.0, -1.0), contact=True)
+    assert judged.reasons == ()
+
+
+def test_a_landing_is_no_crash() -> None:
+    judged = Judged()
+    judged.stay(1.0, (0.0, 0.0, 3.0), v=(0.0, 0.0, -1.5))
+    assert not judged.stay(30.0, (0.0, 0.0, 0.2), contact=True)
+    assert judged.reasons == ()
+
+
+def test_lying_on_its_side_before_take_off_and_after() -> None:
+    judged = Judged()
+    assert judged.stay(3.0, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=True)
+    assert "it lies on its side or back" in judged.reasons[0]
+    assert "tilt 90 deg" in judged.reasons[0]
+
+
+def test_a_flip_in_the_air_is_no_crash() -> None:
+    judged = Judged()
+    assert not judged.stay(5.0, (0.0, 0.0, 30.0), q=ON_ITS_SIDE, v=(0.0, 0.0, 3.0))
+    assert judged.reasons == ()
+
+
+@pytest.mark.parametrize(("armed", "plan", "crashed"), [(True, True, True), (False, True, False), (True, False, False)])
+def test_resting_away_from_the_plan(armed: bool, plan: bool, crashed: bool) -> None:
+    judged = Judged(plan=plan)
+    judged.stay(1.0, (40.0, 60.0, 3.0))
+    assert judged.stay(13.0, (40.0, 60.0, 0.2), contact=True, armed=armed) is crashed
+    assert bool(judged.reasons) is crashed
+
+
+def test_a_stopped_rotor_ends_the_run_with_its_cause_first(tmp_path: Path) -> None:
+    stopped = "faults.rotors=[{kind: stuck, rotor: 0, at_s: 20.0, speed_radps: 0}]"
+    result = run_bench(load_bench(settings=[stopped, "record.report=false"]), tmp_path, quiet=True)
+    assert result.status == "FAIL"
+    assert result.run["verdict"]["reasons"][0].startswith("crashed: impact at ")
+    assert result.run["sim_s"] < 30.0
