@@ -18,7 +18,7 @@ from hil.config import Bench
 from hil.config.schema import Crash
 from hil.run.part import Part, RunContext
 from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Verdict
-from signals.rotation import upright_of
+from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 
@@ -33,7 +33,7 @@ class CrashPart(Part):
 
     def __init__(self, limits: Crash) -> None:
         self._limits = limits
-        self._min_upright = -2.0 if limits.tilt_deg is None else math.cos(math.radians(limits.tilt_deg))
+        self._min_cos_tilt = -2.0 if limits.tilt_deg is None else math.cos(math.radians(limits.tilt_deg))
         self._rest_ns = None if limits.rest_s is None else round(limits.rest_s * NS_PER_S)
         self._allowed_W: list[Vec3] = []  # places of rest
         self._has_plan = False
@@ -78,7 +78,7 @@ class CrashPart(Part):
             self._rests(truth)
 
     def _lies(self, truth: TruthState) -> None:
-        if upright_of(truth.q_WB) >= self._min_upright:
+        if cos_tilt_of(truth.q_WB) >= self._min_cos_tilt:
             self._tilted_ns = None
         elif self._tilted_ns is None:
             self._tilted_ns = truth.t_ns
@@ -101,7 +101,7 @@ class CrashPart(Part):
         if self._reason is not None:
             return
         x, y, z = truth.p_WB
-        tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, upright_of(truth.q_WB)))))
+        tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, cos_tilt_of(truth.q_WB)))))
         self._reason = (
             f"crashed: {how}, {truth.t_ns / NS_PER_S:.2f} s after the start at ({x:.1f}, {y:.1f}, {z:.1f}) m, "
             f"speed {speed_mps:.1f} m/s, tilt {tilt_deg:.0f} deg"
