@@ -4,8 +4,8 @@ A vehicle has crashed when
 
 impact   it has been in the air and touches something at more than `impact_mps` (speed of the tick before)
 tilt     it is in contact and tilted by more than `tilt_deg` for 1 s: it lies on its side or back
-rest     it has been in the air and rests for `rest_s`, armed, more than 5 m from its start and from the end of its plan.
-         Only for flights of a plan: where a script or a companion should land is not known
+rest     it has been in the air and rests for `rest_s`, armed, more than 5 m from its start and from the end of its
+         plan. Only for flights of a plan: where a script or a companion should land is not known
 
 The flight goes on for another second, so that the recording shows the end of it.
 """

@@ -1,4 +1,4 @@
-"""When a flight counts as crashed: impact, lying on its side, resting armed away from its plan; and when it does not."""
+"""Crashes: impact, lying on its side, resting armed away from the plan; and flights that have none of them."""
 
 from __future__ import annotations
 
