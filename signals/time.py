@@ -18,32 +18,32 @@ def period_ns_from_hz(rate_hz: float) -> int:
     return round(NS_PER_S / rate_hz)
 
 
-def is_due(tick: int, *, event_mhz: int, tick_mhz: int) -> bool:
+def is_due(tick: int, *, event_millihz: int, tick_millihz: int) -> bool:
     """Return True if a `RateAccumulator` of these rates, called on every tick from 0 on, is due on this tick."""
-    return tick == 0 or tick * event_mhz // tick_mhz > (tick - 1) * event_mhz // tick_mhz
+    return tick == 0 or tick * event_millihz // tick_millihz > (tick - 1) * event_millihz // tick_millihz
 
 
 class RateAccumulator:
     """Schedule of the ticks on which an event of a given rate is due, exact on average and without drift.
 
-    By tick k, floor(k * event_mhz / tick_mhz) + 1 events should have happened; an event is due whenever this count
-    grows.
+    By tick k, floor(k * event_millihz / tick_millihz) + 1 events should have happened; an event is due whenever this
+    count grows.
 
     Rates are in millihertz, so that 0.5 Hz and 29.97 Hz are integers.
     """
 
     __slots__ = ("_acc", "_den", "_num")
 
-    def __init__(self, *, event_mhz: int, tick_mhz: int) -> None:
-        if event_mhz <= 0 or tick_mhz <= 0:
+    def __init__(self, *, event_millihz: int, tick_millihz: int) -> None:
+        if event_millihz <= 0 or tick_millihz <= 0:
             raise ValueError("rates must be above zero")
-        if event_mhz > tick_mhz:
+        if event_millihz > tick_millihz:
             raise ValueError(
-                f"an event at {event_mhz / 1000:g} Hz cannot be served by a tick of {tick_mhz / 1000:g} Hz"
+                f"an event at {event_millihz / 1000:g} Hz cannot be served by a tick of {tick_millihz / 1000:g} Hz"
             )
-        self._num = event_mhz
-        self._den = tick_mhz
-        self._acc = tick_mhz  # tick 0 is due
+        self._num = event_millihz
+        self._den = tick_millihz
+        self._acc = tick_millihz  # tick 0 is due
 
     def due(self) -> bool:
         """Advance by one tick; return True if the event is due on it. Call exactly once per tick."""

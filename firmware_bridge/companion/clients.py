@@ -1,12 +1,10 @@
 """The client registry of a session: each client with its credit, its frames under way, its clock and its counts.
 
-The offset of a client's clock comes from its answers.
+The offset of a client's clock comes from its answers. A frame is sent by the bench, received and answered by the
+client, and the answer arrives at the bench, each at a time on that machine's clock (RFC 5905, section 8):
 
-With a frame sent at T1 (bench), received at T2, answered at T3 (client) and the answer here at T4 (bench), RFC 5905
-(section 8):
-
-    offset = ((T2 - T1) + (T3 - T4)) / 2        client's clock minus the bench's
-    delay  = (T4 - T1) - (T3 - T2)              time on the wire, both ways
+    offset = ((received - sent) + (answered - arrived)) / 2        client's clock minus the bench's
+    delay  = (arrived - sent) - (answered - received)              time on the wire, both ways
 
 The offset is wrong by half the difference between the two directions, so by at most delay / 2. The exchange with the
 least delay among the last ones is used (RFC 5905, section 10, the clock filter); the delay of an older one counts as
@@ -26,7 +24,7 @@ from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.companion.frames import ClientInfo, Reply
 from signals.latency import LatencyHistogram
 
-_CLOCKS_APART_NS = 1_000_000  # how much longer than on the bench's clock a function may take on the client's
+_CLOCK_TOLERANCE_NS = 1_000_000  # for t2 against the time that the frame was away: two clocks measure these
 _UNKNOWN = 256  # unregistered senders of malformed messages that are remembered
 _EXCHANGES = 64
 _DRIFT = 100e-6  # quartz: some tens of ppm on each side
@@ -49,12 +47,13 @@ class ClockOffset:
         self._kept: deque[tuple[int, float, ClockReading]] = deque()  # number, delay as if taken at time 0, reading
         self._count = 0
 
-    def add(self, t1_ns: int, t2_ns: int, t3_ns: int, t4_ns: int) -> None:
-        """Add one exchange: bench sent, client received, client sent, bench received."""
-        delay_ns = (t4_ns - t1_ns) - (t3_ns - t2_ns)
-        if delay_ns < 0 or t3_ns < t2_ns:
+    def add(self, sent_ns: int, received_ns: int, answered_ns: int, arrived_ns: int) -> None:
+        """Add one exchange: times of the bench's clock (sent, arrived) and of the client's (received, answered)."""
+        delay_ns = (arrived_ns - sent_ns) - (answered_ns - received_ns)
+        if delay_ns < 0 or answered_ns < received_ns:
             return  # a clock jumped, or the client's times are wrong
-        self._add(ClockReading(t4_ns, ((t2_ns - t1_ns) + (t3_ns - t4_ns)) // 2, delay_ns))
+        offset_ns = ((received_ns - sent_ns) + (answered_ns - arrived_ns)) // 2
+        self._add(ClockReading(arrived_ns, offset_ns, delay_ns))
 
     def add_reading(self, t_ns: int, offset_ns: int, delay_ns: int) -> None:
         """Add a reading that the client measured itself."""
@@ -81,7 +80,7 @@ class UnderWay(NamedTuple):
 
     t_begun_ns: int  # when the bench began to send it
     t_sent_ns: int
-    slot: int | None  # of the ring
+    slot: int | None  # in the ring buffer; None if the frame was sent by socket
 
 
 @dataclass
@@ -92,13 +91,17 @@ class ClientStats:
     dropped: int = 0  # not sent: no credit, a full buffer, or not joined yet
     bytes: int = 0  # of headers and arrays, those in shared memory included
     malformed: int = 0
-    returned: int = 0
-    overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # send to answer, less t2
-    clock_offset_ns: int = 0  # client's clock minus the bench's, the last reading
+    returned: int = 0  # how often it reconnected after it was lost
+    overhead: LatencyHistogram = field(default_factory=LatencyHistogram)  # send to answer, less the computing time t2
+    clock_offset_ns: int = 0  # client's clock minus the bench's: best reading at the last answer
 
 
 class Client:
-    """A registered client. `ports`: identity and connection on each sensor's port, where sensors have their own."""
+    """A registered client.
+
+    With a port for each sensor, `groups` holds the sensors whose topics it receives, and `ports` its ZeroMQ identity
+    and connection on the port of each.
+    """
 
     def __init__(
         self, hello: Hello, identity: bytes, fd: int, topics: frozenset[str], groups: frozenset[str], stats: ClientStats
@@ -108,12 +111,12 @@ class Client:
         self.identity, self.fd = identity, fd
         self.credit = hello.credit
         self.under_way: dict[int, UnderWay] = {}
-        self.dropped_since = 0
+        self.dropped_since = 0  # frames dropped since the last one sent to it
         self.malformed_in_a_row = 0
         self.clock = ClockOffset()
         self.groups = groups
         self.ports: dict[str, tuple[bytes, int]] = {}
-        self.in_ring = False
+        self.in_ring = False  # True if its arrays go through the ring buffer in shared memory
         self.user = ""  # public key, with CURVE
 
     @property
@@ -134,7 +137,7 @@ class Client:
         self.dropped_since += frames
 
     def answered(self, done: Done, t_ns: int) -> tuple[Reply, list[int | None]]:
-        """Take its answer to a frame, received at `t_ns`: return the reply, and the slots of the ring that it has read.
+        """Process its answer, received at `t_ns`. Return the reply, and the slots that it has finished reading.
 
         CodecError if the answer does not fit the frames under way.
         """
@@ -145,7 +148,7 @@ class Client:
         if done.detections is not None and done.detections.topic not in self.topics:
             raise CodecError(f"done: detections in {done.detections.topic[:60]!a}, a topic that it does not get")
         sent = self.under_way[done.frame]
-        if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCKS_APART_NS:
+        if done.t2_ns > t_ns - sent.t_sent_ns + _CLOCK_TOLERANCE_NS:
             raise CodecError(f"done: t2_ns {done.t2_ns} is longer than the frame was away, {t_ns - sent.t_sent_ns}")
         # Frames are answered in order: the client has skipped the older ones.
         answered = [self.under_way.pop(n) for n in list(self.under_way) if n <= done.frame]

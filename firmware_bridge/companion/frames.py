@@ -66,7 +66,7 @@ class SessionFacts:
     sensors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # calibration, by sensor
     waypoints_W: tuple[tuple[float, float, float], ...] = ()
     control: bool = True  # a client may control the vehicle
-    views_every_ns: int = 0  # simulated time between views of a client; 0: none are wanted
+    views_every_ns: int = 0  # simulated time between the maps that a client sends for display; 0: none
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,20 @@ _MAX_CLIENTS = 32
 
 @dataclass(frozen=True)
 class CompanionSettings:
-    """`bind` is the address of the first port, where clients join: ipc:// for shared memory, else tcp://.
+    """Address, arrangement, keys and limits.
 
-    With several ports, the sensors' ports are on the same host: any free ones, or `first_port`, +1, +2, ... in the
-    order of the sensors' names, so that a firewall can be configured.
+    `bind` is the port where clients join: ipc:// for shared memory, tcp:// for several ports, either for one port.
+    With several ports, the sensors' ports are on the same host: any free ones, or `first_sensor_port`, +1, +2, ... in
+    the order of the sensors' names, so that a firewall can be configured.
     """
 
     bind: str = "tcp://127.0.0.1:5570"
     arrangement: Arrangement = "one_port"
     keys: Path | None = None  # folder made by `hil keys`; required unless `bind` is a loopback address
-    first_port: int | None = None
+    first_sensor_port: int | None = None
     max_clients: int = _MAX_CLIENTS
     max_message_bytes: int = 128 << 10  # largest part of a client's message; a larger one ends its connection
-    ring_bytes: int = 64 << 20
+    ring_bytes: int = 64 << 20  # size of the ring buffer in shared memory
 
     def __post_init__(self) -> None:
         problems = []

@@ -93,7 +93,7 @@ class Sockets:
             self._open(CONTROL, s.bind, s, keys, "companion.port=0")
             if s.arrangement == "ports":
                 for i, group in enumerate(sorted({group_of(topic) for topic in topics})):
-                    port = "*" if s.first_port is None else str(s.first_port + i)
+                    port = "*" if s.first_sensor_port is None else str(s.first_sensor_port + i)
                     self._open(group, f"tcp://{s.host}:{port}", s, keys, "companion.sensor_port=null")
         except BaseException:
             self.close(0)

@@ -1,4 +1,4 @@
-"""The interfaces of USB, serial ports and HID to the inventory, and the records that they list.
+"""Protocols by which the device inventory (inventory.py) lists USB, serial and HID devices, and their records.
 
 Implementations: `PyUsbBus`, `PySerialPorts` and `HidApi`; `mock_bus` has mocks to plug and unplug by program.
 """

@@ -94,7 +94,7 @@ class _OpenHid:
 
 
 def _hidapi() -> ModuleType:
-    """Return hidapi's module. On Linux the one over hidraw: the other detaches the device from the kernel."""
+    """Return hidapi's module. On Linux prefer its hidraw build: the libusb build detaches the kernel's driver."""
     for name in ("hidraw", "hid") if sys.platform == "linux" else ("hid",):
         try:
             module = __import__(name)

@@ -74,10 +74,10 @@ class OffboardPilot(PhasedFlight):
     ) -> None:
         super().__init__((), **settings)
         self._tick_ns = tick_ns
-        self._tick_mhz, self._setpoint_mhz = round(1000 * NS_PER_S / tick_ns), round(1000 * setpoint_hz)
-        if not 2000 < self._setpoint_mhz <= self._tick_mhz:
+        self._tick_millihz, self._setpoint_millihz = round(1000 * NS_PER_S / tick_ns), round(1000 * setpoint_hz)
+        if not 2000 < self._setpoint_millihz <= self._tick_millihz:
             raise ValueError(
-                f"set-points at {setpoint_hz:g} Hz on ticks at {self._tick_mhz / 1000:g} Hz: "
+                f"set-points at {setpoint_hz:g} Hz on ticks at {self._tick_millihz / 1000:g} Hz: "
                 "autopilots need more than 2 Hz, and there is at most one a tick; change setpoint_hz or tick_hz"
             )
         if not stale_s > 0.0 or not takeoff_height_m > 0.0:
@@ -122,7 +122,7 @@ class OffboardPilot(PhasedFlight):
         # One tick after the grid on which frames leave, so that the answer to a frame is sent at once.
         behind = t_ns // self._tick_ns - 1
         if self._streaming_since_ns is not None and is_due(
-            behind, event_mhz=self._setpoint_mhz, tick_mhz=self._tick_mhz
+            behind, event_millihz=self._setpoint_millihz, tick_millihz=self._tick_millihz
         ):
             self._link.send(self._follower.message(t_ns))
             self.set_points += 1

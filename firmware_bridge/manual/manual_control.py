@@ -121,7 +121,7 @@ class ManualControlSource:
         self.sent = 0  # MANUAL_CONTROL messages
         self._device, self._reopen = device, reopen
         self._buttons, self._modes = buttons, modes
-        self._rate_mhz = round(rate_hz * 1000)
+        self._rate_millihz = round(rate_hz * 1000)
         self._neutral_ns, self._retry_ns = round(neutral_s * NS_PER_S), round(retry_s * NS_PER_S)
         self._link = VehicleLink(target_sysid=target_sysid, compid=_COMPID)
         self._commands = Commands(self._link, tries=_TRIES)
@@ -148,9 +148,9 @@ class ManualControlSource:
 
     def _poll_when_due(self, t_ns: int) -> None:
         # Poll n is due at n / rate, in whole nanoseconds from the start: no drift whatever the tick.
-        if t_ns * self._rate_mhz < self._next * 1000 * NS_PER_S:
+        if t_ns * self._rate_millihz < self._next * 1000 * NS_PER_S:
             return
-        self._next = t_ns * self._rate_mhz // (1000 * NS_PER_S) + 1
+        self._next = t_ns * self._rate_millihz // (1000 * NS_PER_S) + 1
         state = self._poll(t_ns)
         held = state is not None and state.held
         if not held:

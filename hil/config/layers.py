@@ -42,7 +42,7 @@ class Settings:
     def _merge(self, place: Place, value: Any, document: Document | _SingleOrigin) -> None:
         present = self._value_at(place)
         if isinstance(value, dict) and isinstance(present, dict):
-            if document.marks(place):
+            if document.covers(place):
                 self.origins[place] = document.where(place)
             for key, child in value.items():
                 self._merge((*place, key), child, document)
@@ -85,7 +85,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class _SingleOrigin:
-    """Replaces a document for one value: every place has the same origin, and only `target` and its children count."""
+    """Source of one value, at `target`, in place of a `Document`: all places have the origin `origin`."""
 
     origin: str
     target: Place
@@ -93,7 +93,7 @@ class _SingleOrigin:
     def where(self, place: Place) -> str:  # noqa: ARG002
         return self.origin
 
-    def marks(self, place: Place) -> bool:
+    def covers(self, place: Place) -> bool:
         return place[: len(self.target)] == self.target
 
 

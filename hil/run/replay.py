@@ -154,8 +154,8 @@ def _refuse_not_repeatable(run_dir: Path) -> None:
     if run.get("deterministic") is False and not killed and not (run_dir / TRACE_NAME).is_file():
         raise RecordingError(
             f"{run_dir}: this run on rig {run.get('rig')} does not repeat bit for bit: it had a free-running autopilot "
-            "or companion, signing, input from outside (MAVLink, sticks, dashboard) or pictures of another renderer; "
-            "replay needs a lockstep run without these"
+            "or companion, signing, input from outside (MAVLink, sticks, dashboard) or pictures of a renderer that "
+            "does not repeat; replay needs a lockstep run without these"
         )
 
 

@@ -35,7 +35,7 @@ class Document:
                 return f"{self.source}:{line}"
         return self.source
 
-    def marks(self, place: Place) -> bool:
+    def covers(self, place: Place) -> bool:
         """Return True if the document contains a value at this place, with its line."""
         return place in self.lines
 

@@ -12,7 +12,8 @@ A camera without a level has that of `medium`. A level overrides the preset, and
 `{preset: camera_320x240, quality: high, shadows: false}` has no shadows. If the resolution (or `intrinsics`) is given
 beside `cinematic`, the number of pixels stays and each takes 16 samples.
 
-Only colour changes: the other channels are the truth at the pixel's centre, the same at every level of one resolution.
+Only colour changes: the other channels are the truth at the pixel's centre, the same at all levels that have the same
+resolution.
 Cameras whose colour MuJoCo draws use only the shadows and the resolution of a level.
 """
 

@@ -47,7 +47,8 @@ inline double as_double(PyObject *item) {
     return value;
 }
 
-// Converts a tuple of N numbers to an array. Written without nanobind's casters, because the calls take a microsecond.
+// Converts a tuple of N numbers to an array. Written without nanobind's casters, which would add much to
+// the microsecond that a whole call takes.
 template <std::size_t N>
 void unpack(const nb::tuple &source, double (&out)[N], const char *what) {
     if (source.size() != N) {

@@ -1,5 +1,5 @@
-// sim._kernels: radar echoes of pictures, with their tables. Contracts: sim/native/radar/scatterers.hpp, reflection.hpp
-// and directions.hpp.
+// sim._kernels: conversion of rendered pictures to radar echoes, and the tables that it needs. Contracts:
+// sim/native/radar/scatterers.hpp, reflection.hpp and directions.hpp.
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
@@ -98,7 +98,7 @@ void bind_radar_scatterers(nb::module_ &m) {
                      (!segmentation || has_shape(*segmentation, height, width)),
                  "the channels of a picture differ in size");
             need(direction_R.shape(0) == pixels && blocks.shape(0) == (pixels + rd::kLanes - 1) / rd::kLanes,
-                 "the picture's size differs from that of the plan's camera");
+                 "the picture's size differs from that of the camera for which the pixel tables were made");
             need(class_kept.has_value() == segmentation.has_value(), "class_kept and segmentation must be given together");
             const std::size_t room = range_m.shape(0);
             need(room >= pixels && speed_mps.shape(0) == room && echo_direction_R.shape(0) == room &&

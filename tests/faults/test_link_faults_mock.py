@@ -88,7 +88,7 @@ class Flight:
                     kind=sensor.kind,
                     overrides=sensor.parameters.model_dump(),
                 ),
-                RateAccumulator(event_mhz=round(sensor.rate_hz * 1000), tick_mhz=250_000),
+                RateAccumulator(event_millihz=round(sensor.rate_hz * 1000), tick_millihz=250_000),
             )
             for name, sensor in config.sensors.items()
         ]

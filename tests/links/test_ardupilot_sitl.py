@@ -53,6 +53,7 @@ def test_parameters_fit_the_vehicle(tmp_path):
     parameters = copter_parameters(
         hover_control=0.598, thrust_model_factor=1.0, tick_hz=400, more={"LOG_DISARMED": 1, "MOT_SPIN_ARM": 0.05}
     )
+    # d / (d + 2 SPIN_MIN) with d = SPIN_MAX - SPIN_MIN (`thrust_expo` with a factor of 1)
     assert parameters["MOT_THST_EXPO"] == pytest.approx(8 / 11, abs=1e-6)
     assert parameters["MOT_THST_HOVER"] == pytest.approx(
         hover_throttle(0.598, 1.0, spin_min=SPIN_MIN, spin_max=SPIN_MAX), abs=1e-6

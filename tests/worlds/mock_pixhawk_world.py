@@ -35,7 +35,7 @@ class World:
 
         self._imu = sensor("imu", "icm20689", TICK_HZ)
         self._others = [
-            (sensor(name, preset, rate), RateAccumulator(event_mhz=rate * 1000, tick_mhz=TICK_HZ * 1000))
+            (sensor(name, preset, rate), RateAccumulator(event_millihz=rate * 1000, tick_millihz=TICK_HZ * 1000))
             for name, preset, rate in (("gps", "here_plus", 10), ("baro", "ms5611", 50), ("mag", "ist8310", 50))
         ]
         self._seq = [0, 0, 0]

@@ -32,7 +32,7 @@ POWER_SCALE = (
     * WIDE.axis_gain**2
     * CHIRP.wavelength_m**2
     / (4.0 * np.pi) ** 3
-)  # A^2 over sigma / R^4, on the axis
+)  # on the axis A^2 = POWER_SCALE sigma / R^4
 
 
 def world_of(folder: Path, bodies: str, surface: dict[str, float] | None = None) -> World:

@@ -109,7 +109,7 @@ class Flight:
             self.clients,
             FramePacing(
                 self.mode,
-                RateAccumulator(event_mhz=FRAME_HZ * 1000, tick_mhz=TICK_HZ * 1000),
+                RateAccumulator(event_millihz=FRAME_HZ * 1000, tick_millihz=TICK_HZ * 1000),
                 self.timeouts,
                 self.link_delay_ns,
             ),

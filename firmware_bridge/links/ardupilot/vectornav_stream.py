@@ -102,7 +102,7 @@ class VectorNavStream:
         self.device = device
         self._solution = solution
         self._period_ns = period_ns
-        self._tick_mhz = 1000 * NS_PER_S // period_ns
+        self._tick_millihz = 1000 * NS_PER_S // period_ns
         self._readings = Readings()
         self._seen: set[str] = set()
         self._outputs: dict[int, BinaryOutput] = {}
@@ -118,7 +118,7 @@ class VectorNavStream:
     def problems(self, baud: int | None) -> list[str]:
         """Describe each request of the autopilot that cannot be met, with its remedy."""
         device, found = self.device, []
-        tick_hz = self._tick_mhz / 1000
+        tick_hz = self._tick_millihz / 1000
         requested_hz = max((device.base_rate_hz / out.divisor for out in device.outputs.values()), default=0.0)
         if requested_hz > _NEARLY * tick_hz:
             found.append(
@@ -208,9 +208,11 @@ class VectorNavStream:
     def _set_rates(self) -> None:
         """Take over new requests of the autopilot."""
         self._outputs = dict(self.device.outputs)
-        base_mhz = self.device.base_rate_hz * 1000
+        base_millihz = self.device.base_rate_hz * 1000
         rates = []
         for _, output in sorted(self._outputs.items()):
-            event_mhz = min(round(base_mhz / output.divisor), self._tick_mhz)
-            rates.append(_Due(output, RateAccumulator(event_mhz=event_mhz, tick_mhz=self._tick_mhz).due))
+            event_millihz = min(round(base_millihz / output.divisor), self._tick_millihz)
+            rates.append(
+                _Due(output, RateAccumulator(event_millihz=event_millihz, tick_millihz=self._tick_millihz).due)
+            )
         self._rates = tuple(rates)

@@ -3,9 +3,11 @@
 The same flight is run alone, with a page without panes, with two panes of the run's own pictures, and with two panes
 that the server renders. The run is in this process; the server and the page have their own processes, as in
 `hil run --dash`. The page is only a socket, so the cost of a browser is not included; it requests the next update as
-soon as it has received one. The error of a watched flight is the share of flights whose digest differs from that of the
-flight alone. The time is the processor time of the run's own thread for requests and updates, as a share of the flight.
-The best of several flights counts, because other load on the machine can only add to the time.
+soon as it has received one.
+
+In the table, the error is the share of watched flights whose digest differs from that of the flight alone. The cost is
+the processor time of the run's own thread for requests and updates, divided by the duration of the flight. The least of
+several flights counts, because other load on the machine can only add to it.
 
 Afterwards many updates are sent through the real server as fast as possible, and its memory is compared.
 """

@@ -69,7 +69,7 @@ class SampleClock:
         self._previous.clear()
         for name, sensor in self.sensors.items():
             mhz = round(sensor.rate_hz * 1000)
-            self._rates[name] = RateAccumulator(event_mhz=mhz, tick_mhz=self.tick_hz * 1000)
+            self._rates[name] = RateAccumulator(event_millihz=mhz, tick_millihz=self.tick_hz * 1000)
 
     def due(self, truth: TruthState) -> tuple[DueSample, ...]:
         """Return the samples due at this tick, in the order of `sensors`. Call once per tick."""

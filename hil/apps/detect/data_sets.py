@@ -30,7 +30,7 @@ from sim.scene.scene import load_scene
 BENCH = Path(__file__).resolve().parents[3] / "rigs" / "datasets" / "detect.yaml"
 SCENES = ("city_park", "urban_delivery", "training_village")
 COURSES = ("survey", "figure_eight", "circle", "square")
-# One set in four has no textures and one has shadows: `high` takes four times as long as `medium`.
+# Of four sets, one has no textures and only one has shadows, because `high` takes four times as long as `medium`.
 QUALITIES = ("medium", "low", "medium", "high")
 MIN_HEIGHT_M, MAX_HEIGHT_M = 2.0, 20.0
 _ROOT = 1.1347241384015194  # positive root of x^6 = x + 1, the constant of R_5
@@ -68,7 +68,7 @@ class DataSetPlan:
 class DataSetSeries:
     """A series of data sets: their number, frames per set and first seed.
 
-    `people` is the minimum and maximum number of people to add to those of the map; None adds none.
+    `people` is the minimum and maximum number of people to add to those of the map; None: as in the bench file.
     """
 
     sets: int

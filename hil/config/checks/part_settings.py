@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hil.config.layers import Settings
+from hil.config.layers import Settings as MergedSettings
 from signals.documents.validate import at, nearest, validate
 from signals.errors import Problem
 
@@ -27,8 +27,8 @@ def part_module(name: str) -> Any:
     return import_module(name)
 
 
-def resolve_parts(parts: dict[str, Any], settings: Settings) -> tuple[dict[str, Any], list[Problem]]:
-    """Return the settings model of each part in the section `parts`, and all problems."""
+def resolve_parts(parts: dict[str, Any], settings: MergedSettings) -> tuple[dict[str, Any], list[Problem]]:
+    """Return each part's validated settings, by its name in the section `parts`, and all problems."""
     models: dict[str, Any] = {}
     problems: list[Problem] = []
     for name, data in parts.items():

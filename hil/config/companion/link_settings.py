@@ -16,7 +16,7 @@ def link_settings(companion: Companion) -> CompanionSettings:
         bind=bind_address(companion),
         arrangement=companion.arrangement,
         keys=keys,
-        first_port=companion.sensor_port,
+        first_sensor_port=companion.sensor_port,
         max_clients=32,
         ring_bytes=companion.ring_mb << 20,
     )

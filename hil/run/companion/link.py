@@ -118,7 +118,7 @@ class CompanionLink:
             self._answers,
             FramePacing(
                 companion.time,
-                RateAccumulator(event_mhz=round(companion.rate_hz * 1000), tick_mhz=config.tick_hz * 1000),
+                RateAccumulator(event_millihz=round(companion.rate_hz * 1000), tick_millihz=config.tick_hz * 1000),
                 Timeouts(companion.reply_timeout_s, companion.reconnect_s, companion.on_loss == "error"),
                 None if companion.link_delay_s is None else round(companion.link_delay_s * NS_PER_S),
             ),

@@ -54,7 +54,7 @@ def radar_figure(
 
 
 def plain_map(raw: NDArray[Any]) -> Power:
-    """Return a range-Doppler map for display, (chirps, samples / 2), with Hann windows and chirp means removed."""
+    """Return a map for display, (chirps, samples / 2), with Hann windows after subtraction of each chirp's mean."""
     _, chirps, samples = raw.shape
     signal = raw - raw.mean(axis=2, keepdims=True)
     fast = np.fft.rfft(signal * np.hanning(samples), axis=2)[:, :, : samples // 2]
@@ -88,7 +88,7 @@ def draw_map(panel: Axes, power: Power, chirp: Chirp, name: str = "range-Doppler
     else:
         panel.set(xlabel="range [m]", ylabel="radial speed [m/s], + goes away")
     panel.set_title(name, fontsize=9.5, loc="left")
-    colour_bar(panel, norm, POWER_MAP, "power [dB of 1 count2]", "min")
+    colour_bar(panel, norm, POWER_MAP, "power [dB re 1 count²]", "min")
 
 
 def range_extent(chirp: Chirp, bins: int) -> tuple[float, float]:
@@ -214,4 +214,4 @@ def _draw_rows(
     norm = colour_scale(level)
     show_levels(axes, level, norm, across, upward)
     bar = figure.colorbar(ScalarMappable(norm, POWER_MAP), ax=axes, extend="min", pad=0.01)
-    bar.set_label("[dB of 1 count2]", fontsize=8)
+    bar.set_label("[dB re 1 count²]", fontsize=8)

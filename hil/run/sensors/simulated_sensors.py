@@ -64,7 +64,7 @@ class SimulatedSensors:
 
 def tick_rates(sensor: SensorConfig, tick_hz: int) -> dict[str, int]:
     """Return sensor rate and tick rate [mHz], as arguments of `is_due` and `RateAccumulator`."""
-    return {"event_mhz": round(sensor.rate_hz * 1000), "tick_mhz": tick_hz * 1000}
+    return {"event_millihz": round(sensor.rate_hz * 1000), "tick_millihz": tick_hz * 1000}
 
 
 def write_calibration(out: Path, name: str, sensor: Any, *, rate_hz: float) -> list[Path]:

@@ -9,24 +9,25 @@
 namespace hil::sim::radar {
 namespace {
 
-constexpr double kMargin = 1.2;  // the bound neglects that the remainder is not linear in the speed
+constexpr double kMargin = 1.2;  // the bound neglects that the phase's remainder (echo_model.hpp) is not linear in the speed
 constexpr int kPoints = 33;
 
 }  // namespace
 
 RemainderSpread::RemainderSpread(const EchoModel &model) {
-    // Greatest derivative of kappa_1 mu nu + kappa_2 nu^2 + kappa_3 mu^2 by v, in cycles per m/s.
+    // Greatest derivative of kappa_1 mu nu + kappa_2 nu^2 + kappa_3 mu^2 by the speed v, in cycles per m/s (symbols:
+    // echo_model.hpp, where the code's migration, curve and bend are explained).
     const double rate = model.delay_per_mps * (1.0 + 4.0 * kMaxSpeed * model.delay_per_mps);
-    const double chirp = 2.0 * model.bend * model.delay_per_mps * model.delay_per_mps * kMaxSpeed;
+    const double bend_rate = 2.0 * model.bend * model.delay_per_mps * model.delay_per_mps * kMaxSpeed;
     double moment[kMaxNodes + 1] = {};
     const double half_m = 0.5 * (model.chirps - 1), half_n = 0.5 * (model.samples - 1);
     const double worst = 2.0 * det::kPi *
-                         (model.migration * rate * half_m * half_n + model.curve * rate * half_n * half_n + chirp * half_m * half_m);
+                         (model.migration * rate * half_m * half_n + model.curve * rate * half_n * half_n + bend_rate * half_m * half_m);
     for (int i = 0; i < kPoints; ++i) {
         for (int j = 0; j < kPoints; ++j) {
             const double mu = half_m * (i + 0.5) / kPoints, nu = half_n * (j + 0.5) / kPoints;
             const double phase = 2.0 * det::kPi *
-                                 (model.migration * rate * mu * nu + model.curve * rate * nu * nu + chirp * mu * mu);
+                                 (model.migration * rate * mu * nu + model.curve * rate * nu * nu + bend_rate * mu * mu);
             const double square = (phase / worst) * (phase / worst);
             double power = 1.0;
             for (int k = 1; k <= kMaxNodes; ++k) {
@@ -36,14 +37,15 @@ RemainderSpread::RemainderSpread(const EchoModel &model) {
         }
     }
     // Chebyshev nodes: the polynomial of the nodes is at most 2^(1 - k) on [-1, 1], so the error of exp(i theta s) is at
-    // most theta^k 2^(1 - k) / k! (Davis, Interpolation and Approximation, 3.3).
-    double factorial = 1.0, two = 2.0;
+    // most theta^k 2^(1 - k) / k! (Davis, Interpolation and Approximation, 3.3). theta is the change of phase over half
+    // a span and s the position in it.
+    double factorial = 1.0, chebyshev = 2.0;
     slope_[0] = 0.0;
     for (int k = 1; k <= kMaxNodes; ++k) {
         factorial *= k;
-        two *= 0.5;
-        const double at_one = kMargin * std::sqrt(moment[k]) * two / factorial;
-        slope_[k] = worst * det::exp(det::log(at_one) / k);
+        chebyshev *= 0.5;  // 2^(1 - k)
+        const double error_at_1_mps = kMargin * std::sqrt(moment[k]) * chebyshev / factorial;
+        slope_[k] = worst * det::exp(det::log(error_at_1_mps) / k);
     }
 }
 
@@ -102,7 +104,8 @@ void plan_panels(const SpeedHistogram &histogram, const RemainderSpread &spread,
                  PanelPlan &plan) {
     double reach[kMaxNodes + 1] = {};
     for (int k = 1; k <= kMaxNodes; ++k) reach[k] = spread.half_span(k, error);
-    // best[j]: cost of the cheapest cut of the bins before j; from[j]: first bin of its last panel.
+    // best[j]: cost of the cheapest cut of the bins before j; from[j]: first bin of its last panel; with[j]: nodes of that
+    // panel, 0 if it is summed directly, -1 if bin j - 1 is empty.
     double best[kSpeedBins + 1];
     int from[kSpeedBins + 1], with[kSpeedBins + 1];
     best[0] = 0.0;

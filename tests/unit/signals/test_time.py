@@ -12,7 +12,7 @@ from signals.time import RateAccumulator, period_ns_from_hz
 
 
 def due_ticks(event_hz: float, tick_hz: float, ticks: int) -> list[int]:
-    rate = RateAccumulator(event_mhz=round(event_hz * 1000), tick_mhz=round(tick_hz * 1000))
+    rate = RateAccumulator(event_millihz=round(event_hz * 1000), tick_millihz=round(tick_hz * 1000))
     return [k for k in range(ticks) if rate.due()]
 
 
@@ -25,9 +25,9 @@ def test_100_hz_on_250_hz_is_100_hz_not_83() -> None:
 def test_event_n_falls_on_the_first_tick_at_or_after_its_time(event: int, tick: int, ticks: int) -> None:
     if event > tick:
         with pytest.raises(ValueError, match="cannot be served"):
-            RateAccumulator(event_mhz=event, tick_mhz=tick)
+            RateAccumulator(event_millihz=event, tick_millihz=tick)
         return
-    rate = RateAccumulator(event_mhz=event, tick_mhz=tick)
+    rate = RateAccumulator(event_millihz=event, tick_millihz=tick)
     due = [k for k in range(ticks) if rate.due()]
     # Event n is due at n/event s = tick number ceil(n * tick / event): closed form in integers.
     expected = []

@@ -1,11 +1,11 @@
 """Checks of `hil bench radar`: single points, a walking person, and a real recording.
 
-- Table 3 of the paper; range, speed, angle and amplitude of single points; superposition.
-- The paper's two scenes through the whole chain: a person walks away to 7 m, and back. The radar is fixed 1.8 m up,
-  faces along the walk and takes 20 frames per second. The first 100 frames in which the person is in view and walks in
-  the direction count. The true range is the mean and the true speed the median over the pixels of the person. If
-  there are several tracks, the one nearest in range is compared. The person counts as detected if this track has points
-  in the frame and its range is less than 0.5 m off.
+- Table 3 of the AirLoop paper; range, speed, angle and amplitude of single points; superposition.
+- The two scenes of the AirLoop paper through the whole chain: a person walks away to 7 m, and back. The radar is fixed
+  1.8 m up, faces along the walk and takes 20 frames per second. Only the first 100 frames are counted in which the
+  person is in view and walks in the wanted direction. The true range is the mean and the true speed the median over the
+  pixels of the person. If there are several tracks, the one nearest in range is compared. The person counts as detected
+  if this track has points in the frame and its range is less than 0.5 m off.
 - A simulated recording compared with a real one: fitted on the first half of its frames, compared on the second half.
   HIL_RADAR_RECORDING names the user's .npz or .npy file; without it this part is left out.
 """
@@ -52,7 +52,7 @@ _GATE_M = 0.5
 
 
 def characteristic_checks() -> list[Check]:
-    """Return checks against table 3 of the paper, to half of the last digit. Its d_res assumes c = 3e8 m/s."""
+    """Return checks against table 3 of the AirLoop paper, to half of the last digit. Its d_res assumes c = 3e8 m/s."""
     chirp = radar_parameters().chirp
     paper_c = 3e8 / SPEED_OF_LIGHT_MPS
     checks = []
@@ -67,7 +67,7 @@ def characteristic_checks() -> list[Check]:
 
 
 def target_checks(*, quick: bool) -> list[Check]:
-    """Return checks of point targets after processing, and of amplitude law and superposition of the exact sum."""
+    """Return checks of point targets after processing, of the amplitude law, and of superposition (direct method)."""
     p = radar_parameters()
     rng = np.random.Generator(np.random.Philox(5))
     worst = {"range": 0.0, "speed": 0.0, "azimuth": 0.0, "elevation": 0.0}
@@ -94,7 +94,13 @@ def target_checks(*, quick: bool) -> list[Check]:
         Check("point targets: speed", worst["speed"], "<=", 0.05, "bins"),
         Check("point targets: azimuth", worst["azimuth"], "<=", 0.5, "degrees"),
         Check("point targets: elevation", worst["elevation"], "<=", 0.5, "degrees"),
-        Check("superposition of the exact sum", _superposition_error(p), "<=", 1e-12, "1"),
+        Check(
+            "superposition: signal of two sets of echoes and sum of their signals, direct method",
+            _superposition_error(p),
+            "<=",
+            1e-12,
+            "1",
+        ),
         Check(
             "amplitude law: a sphere at 5 to 80 m, difference from the closed form",
             _amplitude_law_error_db(p),
@@ -243,14 +249,14 @@ def _walk(
 
 
 def recording_checks(result: BenchmarkResult) -> list[Check]:
-    """Return checks of noise, odd codes and correlations (NCC) of a simulated recording against a real one."""
+    """Return checks of a simulated recording against a real one: noise, share of odd ADC values, correlations (NCC)."""
     file = os.environ.get(RECORDING)
     if not file:
         result.left_out.append(f"a real recording: set {RECORDING} to its file")
         return []
     recording = load_recording(Path(file))
     half = recording.frames // 2
-    # Static reflectors stay in the fixed pattern, because no scene is simulated here.
+    # No scene is simulated here, so `keep_echoes` counts static reflectors as part of the constant background.
     fitted = calibrate(recording, frames=(0, half), keep_echoes=True, where=file)
     real = recording.adc[half:]
     chain = RadarReceiverChain(recording.chirp, fitted.impairments, real.shape[1], seed=1, name="radar")
@@ -268,7 +274,7 @@ def recording_checks(result: BenchmarkResult) -> list[Check]:
         Check("noise power, worst bin", float(np.abs(comparison.noise_power_db).max()), "<=", 0.5, "dB"),
         Check("range-Doppler noise", float(np.abs(comparison.range_doppler_noise_db).max()), "<=", 0.5, "dB"),
         Check(
-            f"share of odd codes, difference from the recording's ({real_odd:.3f})",
+            f"share of odd ADC values, difference from the recording's ({real_odd:.3f})",
             abs(simulated_odd - real_odd),
             "<=",
             0.02,

@@ -2,7 +2,7 @@
 
 raw             uint16 (receivers, chirps, samples): ADC counts
 range_doppler   float32 (chirps, samples / 2): power in ADC counts squared; rows by speed, zero in the middle
-radar.json      the chirp with the manufacturer's keys, and the quantities derived from it
+radar.json      the chirp with the keys of `sim.radar.recording`, and the quantities derived from it
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ class Strength:
     """Ranges of the random changes, and shares of the pictures to which they apply."""
 
     zoom: tuple[float, float] = (0.85, 2.2)
-    stretch: float = 0.12  # natural logarithm of the ratio of width to height
+    stretch: float = 0.12  # natural logarithm of the factor by which width grows and height shrinks
     mosaic_share: float = 0.1
     brightness: float = 0.25
     contrast: float = 0.25
@@ -90,7 +90,7 @@ def _zoomed(e: Example, s: Strength, rng: np.random.Generator) -> Example:
     zoom = float(np.exp(rng.uniform(np.log(s.zoom[0]), np.log(s.zoom[1]))))
     stretch = float(np.exp(rng.uniform(-s.stretch, s.stretch)))
     zoom_x, zoom_y = zoom * stretch, zoom / stretch
-    # The upper left corner is uniform over the positions at which the picture lies in the input area or covers it.
+    # On each axis, a smaller picture lies anywhere within the input area; a larger one anywhere that leaves no gap.
     shift_x = float(rng.uniform(min(0.0, width * (1 - zoom_x)), max(0.0, width * (1 - zoom_x))))
     shift_y = float(rng.uniform(min(0.0, height * (1 - zoom_y)), max(0.0, height * (1 - zoom_y))))
     mirrored = bool(rng.random() < 0.5)
@@ -109,7 +109,7 @@ def _zoomed(e: Example, s: Strength, rng: np.random.Generator) -> Example:
 
 
 def _mosaic(examples: list[Example], rng: np.random.Generator) -> Example:
-    """Combine four pictures at 0.6 of their size, each cropped to a quarter: smaller objects, new surroundings."""
+    """Combine four pictures at 0.6 of their size, each cropped to a quarter of the output."""
     height, width = examples[0].rgb.shape[:2]
     rgb = np.empty_like(examples[0].rgb)
     boxes, classes, areas = [], [], []

@@ -38,7 +38,8 @@ class Batch(NamedTuple):
 def blob_of(pictures: list[Rgb]) -> Tensor:
     """Return the network's input, (B, 3, H, W) in channels-last memory, as the companion's `Detector.blob` makes it."""
     height, width, _ = pictures[0].shape
-    scale = np.tile(1.0 / (255.0 * np.array(STD)), width).astype(np.float32)  # one row: numpy is slow on short axes
+    # Repeated over a whole picture row, because numpy broadcasts slowly along an axis of 3.
+    scale = np.tile(1.0 / (255.0 * np.array(STD)), width).astype(np.float32)
     shift = np.tile(np.array(MEAN) / np.array(STD), width).astype(np.float32)
     blob = np.empty((len(pictures), height, width * 3), np.float32)
     for out, rgb in zip(blob, pictures, strict=True):
@@ -76,6 +77,7 @@ class Batches:
 
     def epoch(self, number: int) -> Iterator[Batch]:
         """Yield the batches of epoch `number`."""
+        # The low half of the key is a picture's number in `Augmenter.example`; all ones is the number of no picture.
         order = self._order(np.random.Generator(np.random.Philox(key=[self._seed, (number << 32) | 0xFFFFFFFF])))
         waiting: deque[Future[Batch]] = deque()
         with ThreadPoolExecutor(1) as pool:

@@ -90,8 +90,8 @@ class SensorsPart(Part):
     def samples_due(self, name: str, ticks: int) -> int:
         """Return how many samples a sensor, or a channel of a camera, has in the first `ticks` ticks."""
         sensor, _, _ = name.partition("/")
-        rate_mhz = round(self._config.sensors[sensor].rate_hz * 1000)
-        return (ticks - 1) * rate_mhz // (self._config.tick_hz * 1000) + 1 if ticks else 0
+        rate_millihz = round(self._config.sensors[sensor].rate_hz * 1000)
+        return (ticks - 1) * rate_millihz // (self._config.tick_hz * 1000) + 1 if ticks else 0
 
     def report(self, run: RunContext) -> Report:
         frames = run.recorder.album.shown()

@@ -1,7 +1,8 @@
 """Flies to a goal through an unmapped area, with LiDAR, GPS, IMU and barometer.
 
-The goal is the setting `goal` or else the last of the bench's waypoints. The state of the flight goes to the bench with
-every answer (`report`); pictures go to the folder `pictures`, or else to the folder that the bench assigns.
+The goal is the setting `goal`, or else the last of the bench's waypoints, or else `GOAL_W`. The flight's state goes to
+the bench with every answer (`report`); pictures go to the folder `pictures`, or else to the folder that the bench
+assigns.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ _MIN_HALF_M, _MAX_HALF_M, _BEYOND_GOAL_M = 128.0, 300.0, 48.0
 class ExploreSettings:
     """Settings of `explore`. Raises OptionError."""
 
-    goal: Sequence[float] | None = None  # x, y [m] and optionally the flight's height; None: the last waypoint
+    goal: Sequence[float] | None = (
+        None  # x, y [m] and optionally the flight's height; None: the last waypoint, or `GOAL_W`
+    )
     start: Sequence[float] = (0.0, 0.0, 0.23, 0.0)  # x, y, z [m] and yaw [rad] before take-off
     localiser: str = "slam"
     seed: int = 1
@@ -116,6 +119,7 @@ class Explore:
     def _make_localiser(self, settings: FlightSettings, calibration: Mapping[str, Any], area_m: float) -> Slam:
         s = self._settings
         slam: dict[str, Any] = {"area_m": area_m, "lidar_topic": s.lidar, **lidar_settings(calibration)}
+        # `slab_m` and `band_half_m` are half heights of the band of obstacles, for the planner and for SLAM.
         slam.update(flight_height_m=settings.height_m, band_half_m=settings.slab_m)
         slam.update(s.slam or {})
         kind = Slam

@@ -21,7 +21,10 @@ NPY_HEADER_BYTES = 128  # for an array of few dimensions
 
 
 class Record:
-    """The CUT `record`: keeps at most `keep_frames` frames and `keep_mb` megabytes (10^6 bytes) in the folder `out`."""
+    """The CUT `record`: keeps at most `keep_frames` frames and `keep_mb` megabytes (10^6 bytes) in the folder `out`.
+
+    With `stop`, the client ends as soon as one of these limits is reached.
+    """
 
     topics = ("*",)
     control = False

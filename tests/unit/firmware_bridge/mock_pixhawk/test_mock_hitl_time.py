@@ -26,7 +26,7 @@ def test_the_clock_counts_from_power_on_with_offset_and_drift(drift_ppm):
 
 
 @pytest.mark.parametrize("drift_ppm", [0.0, 37.5, -200.0, 5000.0, 123.456])
-def test_a_sleep_until_a_time_ends_at_it_and_not_before(drift_ppm):
+def test_source_ns_is_the_first_instant_at_which_the_board_reads_that_time(drift_ppm):
     time = SimulatedTime()
     time.now_ns = 123
     clock = BoardClock(time, offset_us=11, drift_ppm=drift_ppm)
@@ -58,11 +58,11 @@ def test_timesync_answers_with_the_boards_clock():
 
 def test_timesync_shows_the_drift():
     world = hitl_world(drift_ppm=100.0, offset_us=1_000_000)
-    cable = world.autopilot
+    board_link = world.autopilot
     world.run(1.0)
-    first, at_ns = timesync(cable.board, 1).tc1, cable.time.now_ns
+    first, at_ns = timesync(board_link.board, 1).tc1, board_link.time.now_ns
     world.run(10.0)
-    gained_ns = timesync(cable.board, 2).tc1 - first - (cable.time.now_ns - at_ns)
+    gained_ns = timesync(board_link.board, 2).tc1 - first - (board_link.time.now_ns - at_ns)
     assert gained_ns == pytest.approx(10e9 * 100e-6, abs=3_000)
 
 
@@ -104,7 +104,7 @@ def test_a_second_imu_corrupts_the_first():
     before = world.autopilot.firmware.estimate.euler[1]
     world.run(4.0)
     estimate = world.autopilot.firmware.estimate
-    estimate.refresh(-2)
+    estimate.refresh(-2)  # a time not used so far, so that the state is copied again
     assert abs(estimate.euler[1] - before) > 0.02 or not estimate.attitude_ok
 
 

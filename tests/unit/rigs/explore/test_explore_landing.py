@@ -1,4 +1,4 @@
-"""The explorer's height map of the ground, and where it hovers after an outcome."""
+"""The explorer's height map of the ground, and where it hovers after it gave up."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def field(x0: float, x1: float, y0: float, y1: float, z: float = 0.0) -> np.ndar
 
 
 def test_bare_ground_roofs_and_unseen_cells() -> None:
-    ground = Ground(AREA, 0.0, 0.9)
+    ground = Ground(AREA, level_m=0.0, radius_m=0.9)
     assert ground.below(0.0, 0.0) == UNKNOWN
     ground.stood_on(0.0, 0.0)
     assert ground.below(0.0, 0.0) == GROUND
@@ -41,10 +41,10 @@ def test_bare_ground_roofs_and_unseen_cells() -> None:
 
 
 def test_people_who_left_are_removed_and_people_who_stay_are_kept() -> None:
-    ground = Ground(AREA, 0.0, 0.9)
+    ground = Ground(AREA, level_m=0.0, radius_m=0.9)
     person = np.array([(3.1, 3.1, 1.7)])
     for k in range(40):
-        ground.add(np.concatenate([field(0.0, 6.0, 0.0, 6.0), person[: k < 20]]))
+        ground.add(np.concatenate([field(0.0, 6.0, 0.0, 6.0), person if k < 20 else person[:0]]))
         if k == 19:
             assert ground.below(3.1, 3.1) == OBSTACLE
     assert ground.below(3.1, 3.1) == GROUND
@@ -52,7 +52,7 @@ def test_people_who_left_are_removed_and_people_who_stay_are_kept() -> None:
 
 @pytest.mark.parametrize(("roof", "below"), [((5.0, 13.0), GROUND), ((-60.0, 60.0), OBSTACLE)])
 def test_it_does_not_stay_over_a_roof_where_it_can_help_it(roof: tuple[float, float], below: str) -> None:
-    """The time limit ends the flight over a roof: it flies beside it, or reports that it hovers over an obstacle."""
+    """If the time runs out over a roof, the vehicle flies off it or, if it cannot, reports the obstacle below."""
     flat = Flat((), (30.0, 0.0), settings={"time_limit_s": 8.0, "unsafe_hover_s": 4.0, "height_m": HEIGHT_M})
     flat.p[2] = 0.2
 

@@ -69,11 +69,11 @@ def test_any_number_of_chirps_and_samples(samples: int, chirps: int, receivers: 
 
 
 @pytest.mark.parametrize("name", WINDOWS)
-def test_an_echo_of_amplitude_a_is_a_squared_at_its_peak(name: WindowName) -> None:
+def test_peak_power_is_the_square_of_the_amplitude(name: WindowName) -> None:
     maps = RangeDoppler(CHIRP, 3, Processing(range_window=name, doppler_window=name, clutter="none"))
     row, column = 41, 12
     speed = (row - 32) * maps.speed_step_mps
-    # The beat of a moving echo is at its range plus speed f_c / S.
+    # A moving echo at range r appears at r + v f_c / S.
     range_m = column * maps.range_step_m - speed * CHIRP.center_frequency_hz / CHIRP.slope_hz_per_s
     power = maps.compute(counts(signal_of([(range_m, speed, 10.0, 5.0, 1000.0)])))
     assert np.unravel_index(power.argmax(), power.shape) == (row, column)
@@ -91,15 +91,16 @@ def test_windows_are_symmetric_and_have_their_spectra(name: WindowName, n: int) 
 
 
 def test_lobes_of_the_windows_are_those_of_the_books() -> None:
+    # Greatest power from 2.5 bins on, or 7.5 for Taylor, whose nearer side lobes are equal.
     highest = {
         name: 10.0 * math.log10(side_lobes(window(name, 256), 256, 8)[0][8 if name == "taylor" else 3])
         for name in WINDOWS
     }
-    assert highest["none"] == pytest.approx(-17.8, abs=0.3)  # the second, 2.5 bins off
+    assert highest["none"] == pytest.approx(-17.8, abs=0.3)  # the second side lobe
     assert highest["hann"] == pytest.approx(-31.5, abs=1.0)
     assert highest["taylor"] == pytest.approx(-40.0, abs=3.5)
     table = ratio_table(window("hann", 64), 64)
-    # Hann: a(d) = sinc(d) / (1 - d^2); half a bin off, the two nearest are equal and the third 1/5 of them.
+    # Ratio (a+ - a-) / (a- + a0 + a+) with a(d) = sinc(d) / (1 - d^2) (Hann). At d = 1/2, a0 = a+ = 1 and a- = 0.2.
     assert table[0] == 0.0
     assert table[-1] == pytest.approx((1.0 - 0.2) / 2.2, abs=2e-3)
     assert np.all(np.diff(table) > 0.0)
@@ -121,15 +122,16 @@ def test_clutter_removal_takes_what_stands_still_and_leaves_what_moves() -> None
         assert power.max() == pytest.approx(gain * plain[row - 1 : row + 2].max(), rel=0.1)
 
 
-def test_a_learned_background_leaves_a_person_who_stands_still() -> None:
+def test_a_learned_background_absorbs_a_standing_person_at_the_gain() -> None:
     leakage, person = (0.4, 0.0, 0.0, 0.0, 500.0), (4.0, 0.0, 0.0, 0.0, 30.0)
     maps = RangeDoppler(CHIRP, 3, Processing(clutter="background"))
     empty, with_person = counts(signal_of([leakage])), counts(signal_of([leakage, person]))
     assert maps.compute(empty).max() < 1e-20  # the first frame is the background
-    maps.compute(empty, 0.05)
+    maps.compute(empty, background_gain=0.05)
     for frame in range(20):
-        power = maps.compute(with_person, 0.05)
+        power = maps.compute(with_person, background_gain=0.05)
         expected = (30.0 * 0.95**frame) ** 2
+        # 4 m lies between two cells, which costs up to 1.4 dB of the peak.
         assert power[32, 9:12].max() == pytest.approx(0.75 * expected, rel=0.35)
         assert power[32, :4].max() < 0.01 * expected + 0.1
     maps.reset()

@@ -191,9 +191,11 @@ def test_neither_order_nor_rates_matter() -> None:
 
 @pytest.mark.parametrize("rates", [(10_000, 250_000), (100_000, 250_000), (29_970, 1_000_000), (250_000, 250_000)])
 def test_the_ticks_of_a_rate_can_be_told_beforehand(rates: tuple[int, int]) -> None:
-    event_mhz, tick_mhz = rates
-    rate = RateAccumulator(event_mhz=event_mhz, tick_mhz=tick_mhz)
-    assert [rate.due() for _ in range(500)] == [is_due(k, event_mhz=event_mhz, tick_mhz=tick_mhz) for k in range(500)]
+    event_millihz, tick_millihz = rates
+    rate = RateAccumulator(event_millihz=event_millihz, tick_millihz=tick_millihz)
+    assert [rate.due() for _ in range(500)] == [
+        is_due(k, event_millihz=event_millihz, tick_millihz=tick_millihz) for k in range(500)
+    ]
 
 
 def test_nobody_reads_what_cameras_change() -> None:

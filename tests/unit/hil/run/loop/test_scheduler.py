@@ -109,7 +109,7 @@ class LateBaro:
 def make(script: Script, *more: SensorSlot, **settings: Any) -> Scheduler:
     wiring = Wiring(
         physics=script,
-        sensors=[*more, SensorSlot(script, RateAccumulator(event_mhz=250_000, tick_mhz=250_000))],
+        sensors=[*more, SensorSlot(script, RateAccumulator(event_millihz=250_000, tick_millihz=250_000))],
         link=script,  # type: ignore[arg-type]
         ports={"imu": "imu", "barometer": "baro"},
         commands=[script],
@@ -165,7 +165,7 @@ def test_the_station_receives_a_tick_later_and_the_record_is_in_order() -> None:
 
 def test_a_sensor_with_latency_reaches_the_autopilot_late() -> None:
     script = Script()
-    run(make(script, SensorSlot(LateBaro(), RateAccumulator(event_mhz=50_000, tick_mhz=250_000))), 10)
+    run(make(script, SensorSlot(LateBaro(), RateAccumulator(event_millihz=50_000, tick_millihz=250_000))), 10)
     arrivals = {call[1]: call[2] for call in script.calls if call[0] == "send" and call[2] is not None}
     # Captured on ticks 0 and 5, available 10 ms later: the first ticks at or after are 3 and 8.
     assert arrivals == {3: 0, 8: 1}

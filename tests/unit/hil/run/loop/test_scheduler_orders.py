@@ -1,4 +1,4 @@
-"""The tick's other orders: autopilots that run freely, that keep every processor busy, that restart."""
+"""Order of the steps of a tick for autopilots that run freely, that keep every processor busy, or that restart."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def command(tick: int, value: float) -> ActuatorFrame:
 def test_a_free_running_tick_begins_with_the_newest_command() -> None:
     script = Script(lockstep=False, deterministic=False)
     script.commands = {2: command(2, 0.5), 3: command(3, 0.6)}
-    scheduler = make(script, pace=1.0)  # the link's clock is the only one
+    scheduler = make(script, pace=1.0)  # ignored: a free-running link starts each tick by its own clock
     for _ in range(5):
         scheduler.step()
     ticks = " ".join(script.names()).split("begin")[1:]
@@ -36,7 +36,7 @@ def test_a_free_running_tick_begins_with_the_newest_command() -> None:
     assert script.names()[:9] == [
         "begin", "advance", "imu", "commands", "send", "rec truth", "rec sample", "rec sent", "wait",
     ]  # fmt: skip
-    # It moves the vehicle in the tick at whose beginning it was there, and until another one comes.
+    # A command moves the vehicle from the first tick that begins after its arrival, until a newer command arrives.
     assert [call[2] for call in script.calls if call[0] == "advance"] == [0.0, 0.0, 0.5, 0.6, 0.6]
     # Recorded once, in the tick in which it applies, after the frames of that tick.
     recorded = [call for call in script.calls if call[0] in ("rec actuators", "rec received", "rec truth")]
@@ -117,16 +117,18 @@ class Watcher:
         (2, ["imu", "commands", "look", "rec truth", "rec sample", "rec sample", "send", "rec sent", "wait"]),
     ],
 )
-def test_cameras_are_sampled_after_the_autopilot_has_its_samples(processors: int, order: list[str]) -> None:
+def test_cameras_are_sampled_after_the_send_or_before_it_with_two_busy_processors(
+    processors: int, order: list[str]
+) -> None:
     script = Script(busy_processors=processors)
-    rate = RateAccumulator(event_mhz=250_000, tick_mhz=250_000)
+    rate = RateAccumulator(event_millihz=250_000, tick_millihz=250_000)
     scheduler = make(script, SensorSlot(Watcher(script), rate, after_send=True))
     for _ in range(4):
         scheduler.step()
     names = script.names()
     assert names[names.index("imu") : names.index("take")] == order
     told = [(call[1], call[2].seq) for call in script.calls if call[0] == "rec sample"]
-    # A picture that is there at once is released in its own tick, a later one in the next, before that tick's own.
+    # A picture without delay is released in its own tick, a delayed one in the next tick, before that tick's picture.
     assert [seq for port, seq in told if port == "front"] == [0, 1, 2]
     assert told[:2] == [("imu", 0), ("front", 0)]
     ticks = [n for n, call in enumerate(script.calls) if call[0] == "rec truth"]
