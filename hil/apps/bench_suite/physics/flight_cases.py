@@ -1,6 +1,6 @@
 """Flights on which the physics benchmarks compare methods, and the methods: this project and MuJoCo.
 
-All flights use the x500 with a motor lag of 50 ms in both directions, and without rotor inertia, ground effect and
+All flights but `switching` use the x500 with a motor lag of 50 ms in both directions, and without rotor inertia, ground effect and
 descent loss, which MuJoCo's model does not have. This project and MuJoCo use the same native function for rotor and
 air forces; in MuJoCo it is the control callback, so no Python runs in a step.
 
@@ -74,6 +74,7 @@ class Flight:
     commands: Float64  # (ticks, rotors), 0 to 1
     wind_W_mps: Vec3 = (0.0, 0.0, 0.0)
     tick_ns: int = TICK_NS
+    effects: Effects = PLAIN
 
     @property
     def duration_s(self) -> float:
@@ -110,6 +111,15 @@ def gust(seconds: float = 3.0) -> Flight:
     vehicle = bench_vehicle()
     commands = np.full((round(seconds / TICK_S), 4), vehicle.hover_control)
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
+
+
+def switching(seconds: float = 5.0) -> Flight:
+    """Return a flight of the iris with all effects, whose rotors stop and start at random every 0.1 s."""
+    vehicle = load_vehicle("iris")
+    ticks = round(seconds / TICK_S)
+    running = np.random.default_rng(3).integers(0, 2, (-(-ticks // 25), len(vehicle.rotors)))
+    commands = np.repeat(running, 25, axis=0)[:ticks] * min(1.0, 2.0 * vehicle.hover_control)
+    return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, effects=Effects())
 
 
 def tumble(seconds: float, spin_radps: float = 20.0) -> Flight:
@@ -177,7 +187,7 @@ class _ProjectStepper:
             flight.vehicle,
             flight.scene,
             flight.tick_ns,
-            effects=PLAIN,
+            effects=flight.effects,
             start=FlightStart(p_WB=tuple(flight.start[:3].tolist())),
             disturbances=Disturbances(wind=Wind(steady_W_mps=flight.wind_W_mps)),
             integration=Integration(method=method, step_ns=step_ns),
@@ -224,7 +234,7 @@ class _MujocoStepper:
         self._body = rigid_body(
             flight.vehicle,
             np.concatenate([flight.start, np.zeros(6)]),
-            effects=PLAIN,
+            effects=flight.effects,
             gravity_mps2=flight.scene.gravity_mps2,
             wind_W_mps=flight.wind_W_mps,
             steps=TickSteps(tick_s=flight.tick_ns / 1e9, free=1),

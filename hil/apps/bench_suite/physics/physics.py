@@ -5,10 +5,11 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     hover      5 s near hover                       greatest position error [m]
     vigorous   5 s to 10 rad/s and 24 m/s           greatest position error [m]
     gust       3 s in a wind front of 12 m/s        greatest position error [m]
+    switching  5 s with rotors that stop and start  greatest position error [m]; this project only, with all effects
     tumble     20 rad/s without torque, 60 s        greatest relative drift of energy or angular momentum
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
 
-Errors of the first three are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are the
+Errors of the first four are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are the
 best of several runs in one process, with the methods run in turn, and include Python. Time and error come from the
 same code.
 """
@@ -32,6 +33,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
     hover,
     landing,
     spin_drift,
+    switching,
     tumble,
     vigorous,
 )
@@ -52,18 +54,25 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     result = BenchmarkResult(time_label="wall seconds per simulated second")
     reference = load_reference("multirotor_reference")
     methods = _methods()
-    for name, flight in (("hover", hover()), ("vigorous", vigorous()), ("gust", gust())):
+    own: list[Method] = [method for method in methods if isinstance(method, ThisProject)]
+    flights = {"hover": hover(), "vigorous": vigorous(), "gust": gust(), "switching": switching()}
+    for name, flight in flights.items():
+        compared = own if name == "switching" else methods
         status(f"{name}: reference")
         exact = reference.fly(
             flight.vehicle,
             flight.start,
-            reference.Inputs(flight.commands, wind_W=np.tile(flight.wind_W_mps, (len(flight.commands) + 1, 1))),
+            reference.Inputs(
+                flight.commands,
+                wind_W=np.tile(flight.wind_W_mps, (len(flight.commands) + 1, 1)),
+                effects=flight.effects.model_dump(),
+            ),
             tick_s=flight.tick_ns / 1e9,
             gravity_mps2=flight.scene.gravity_mps2,
         )
         status(name)
-        times = _best_times(flight, methods, rounds=2 if quick else 7)
-        for method in methods:
+        times = _best_times(flight, compared, rounds=2 if quick else 7)
+        for method in compared:
             flown = method.fly(flight, record=True)
             details = {"attitude_error_rad": attitude_error_rad(flown, exact)}
             error = _position_error_m(flown, exact)
@@ -124,10 +133,11 @@ def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, rounds:
 
 def _flight_checks(result: BenchmarkResult) -> list[Check]:
     row = {(r.case, r.method): r for r in result.rows}
-    own, euler = row["vigorous", _OWN], row["vigorous", _EULER_1MS]
+    own, euler, switched = row["vigorous", _OWN], row["vigorous", _EULER_1MS], row["switching", _OWN]
     return [
         Check("vigorous flight, 5 s: position error", own.error, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: attitude error", own.details["attitude_error_rad"], "<=", 1e-6, "rad"),
+        Check("rotors that stop and start, 5 s: position error", switched.error, "<=", 1e-6, "m"),
         Check("vigorous flight: wall time per simulated second", 1e3 * own.time_s, "<=", 2.0, "ms"),
         Check("times more accurate than MuJoCo Euler at 1 ms", euler.error / own.error, ">=", 1000.0, "x"),
         Check("wall time over that of MuJoCo Euler at 1 ms", own.time_s / euler.time_s, "<=", 1.0, "x"),

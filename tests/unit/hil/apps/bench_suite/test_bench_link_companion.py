@@ -75,12 +75,12 @@ def test_a_flight_returns_its_recorded_figures(tmp_path: Path, monkeypatch: pyte
     assert differ == 0
     assert compared > 10
     # A recording of other pictures is noticed.
-    write = FrameSeries._image
+    write = FrameSeries._add_image
 
     def spoilt(self: FrameSeries, file: Any, sample: Any, log_ns: int, name: str, picture: NDArray[Any]) -> None:
         write(self, file, sample, log_ns, name, picture ^ 1 if picture.ndim == 3 else picture)
 
-    monkeypatch.setattr(FrameSeries, "_image", spoilt)
+    monkeypatch.setattr(FrameSeries, "_add_image", spoilt)
     differ, _ = differing_arrays(tmp_path / "b", seconds=0.05)
     assert differ > 0
 
