@@ -1,8 +1,8 @@
 """Flights on which the physics benchmarks compare methods, and the methods: this project and MuJoCo.
 
-All flights but `switching` use the x500 with a motor lag of 50 ms in both directions, and without rotor inertia, ground effect and
-descent loss, which MuJoCo's model does not have. This project and MuJoCo use the same native function for rotor and
-air forces; in MuJoCo it is the control callback, so no Python runs in a step.
+All flights but `switching` use the x500 with a motor lag of 50 ms in both directions, and without rotor inertia,
+ground effect and descent loss, which MuJoCo's model does not have. This project and MuJoCo use the same native
+function for rotor and air forces; in MuJoCo it is the control callback, so no Python runs in a step.
 
 MuJoCo holds the rotors' speeds as activations. With dyntype `filterexact` it solves the lag in closed form over a step,
 which is best for Euler and implicitfast. With RK4 the activation then stays constant over the stages and the order
