@@ -25,8 +25,8 @@ from firmware_bridge.companion.frames import ClientInfo, Reply
 from signals.latency import LatencyHistogram
 
 _CLOCK_TOLERANCE_NS = 1_000_000  # for t2 against the time that the frame was away: two clocks measure these
-_UNKNOWN = 256  # unregistered senders of malformed messages that are remembered
-_EXCHANGES = 64
+_MAX_UNKNOWN = 256  # unregistered senders of malformed messages that are remembered
+_EXCHANGES = 64  # window of the filter
 _DRIFT = 100e-6  # quartz: some tens of ppm on each side
 
 
@@ -61,11 +61,11 @@ class ClockOffset:
 
     def _add(self, reading: ClockReading) -> None:
         kept = self._kept
-        counts_as = reading.delay_ns - 2.0 * _DRIFT * reading.t_ns
+        delay_at_0_ns = reading.delay_ns - 2.0 * _DRIFT * reading.t_ns
         self._count += 1
-        while kept and kept[-1][1] > counts_as:
+        while kept and kept[-1][1] > delay_at_0_ns:
             kept.pop()
-        kept.append((self._count, counts_as, reading))
+        kept.append((self._count, delay_at_0_ns, reading))
         while kept[0][0] <= self._count - _EXCHANGES:
             kept.popleft()
 
@@ -172,7 +172,7 @@ class Client:
             done.report,
             done.detections,
         )
-        return reply, [one.slot for one in answered]
+        return reply, [frame.slot for frame in answered]
 
     def info(self) -> ClientInfo:
         return ClientInfo(self.name, self.topics, self.control, self.credit, self.stats.returned)
@@ -225,6 +225,6 @@ class ClientRegistry:
         """Count a malformed message of an unregistered sender. Return how many it has sent in a row."""
         in_a_row = self._unknown.pop(identity, 0) + 1
         self._unknown[identity] = in_a_row
-        while len(self._unknown) > _UNKNOWN:
+        while len(self._unknown) > _MAX_UNKNOWN:
             self._unknown.popitem(last=False)
         return in_a_row

@@ -1,9 +1,9 @@
 """CURVE key pairs of the bench and its clients: makes and reads them, and lists the authorized clients.
 
 A folder holds `bench.key` and `bench.pub`, and `NAME.key` and `NAME.pub` of each client. A file is a comment line and
-the key as 40 characters of Z85 (ZeroMQ RFC 32). A secret file is refused if other users
-may read it. A client is authorized if its public key lies in the bench's folder; removing NAME.pub revokes it. The
-client's own folder needs only its key and `bench.pub`.
+the key as 40 characters of Z85 (ZeroMQ RFC 32). A secret file is refused if other users may read it. A client is
+authorized if its public key lies in the bench's folder; removing NAME.pub revokes it. The client's own folder needs
+only its key and `bench.pub`.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def make_keys(folder: Path, names: Sequence[str] = ()) -> list[Path]:
     if len(set(names)) != len(names):
         problems.append(Problem(str(folder), "a name is given twice"))
     wanted = [name for name in names if not _bad(name)]
-    bench_there = _file(folder, BENCH, "key").exists() and _file(folder, BENCH, "pub").exists()
-    if not bench_there:
+    has_bench_keys = _file(folder, BENCH, "key").exists() and _file(folder, BENCH, "pub").exists()
+    if not has_bench_keys:
         wanted.insert(0, BENCH)
     elif not names:
         problems.append(Problem(str(folder), "has the bench's keys already", "name a client, or remove the files"))

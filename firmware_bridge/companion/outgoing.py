@@ -18,7 +18,7 @@ _SENT_UNCHANGED = frozenset(np.dtype(t) for t in ("?", "u1", "i1", "<u2", "<i2",
 
 
 class Outgoing:
-    """One frame. Parts that several clients get are made once."""
+    """One frame. Parts of it that several clients get are made once."""
 
     def __init__(self, frame: CompanionFrame) -> None:
         """Raise CodecError for arrays that cannot be sent."""
@@ -40,18 +40,18 @@ class Outgoing:
         ZeroMQ sends a part of one megabyte in half the time of ten parts of a tenth. Sending without a copy is slower:
         pyzmq learns through a thread when ZeroMQ has finished with the memory.
         """
-        ready = self._bodies.get(topics)
-        if ready is None:
+        body = self._bodies.get(topics)
+        if body is None:
             block = self.block(topics)
-            together = np.empty(block.size, np.uint8)
-            block.copy_to(together.data)
-            ready = self._bodies[topics] = [zmq.Frame(together, copy=True)] if block.size else []
-        return ready
+            data = np.empty(block.size, np.uint8)
+            block.copy_to(data.data)
+            body = self._bodies[topics] = [zmq.Frame(data, copy=True)] if block.size else []
+        return body
 
     def header(
         self,
         topics: frozenset[str],
-        within: frozenset[str],
+        block_topics: frozenset[str],
         *,
         t_sent_ns: int,
         dropped: int,
@@ -60,10 +60,10 @@ class Outgoing:
     ) -> bytes:
         """Return the header for a client of these topics.
 
-        Its arrays lie in the block of the topics `within`, which several clients share. `release`: where that block
-        begins in the shared memory.
+        The arrays lie in the block of `block_topics`, which several clients share. `release`: offset of that block in
+        the shared memory.
         """
-        f, samples = self.frame, self._laid_out(within)[1]
+        f, samples = self.frame, self._laid_out(block_topics)[1]
         head: dict[str, Any] = {"k": "frame", "frame": f.frame, "tick": f.tick, "t_ns": f.t_ns}
         head |= {"t_sent_ns": t_sent_ns, "dropped": dropped}
         head["samples"] = [sample for topic, sample in samples.items() if topic in topics]

@@ -30,9 +30,9 @@ from firmware_bridge.companion.sockets import CONTROL, Received, Sockets, Unreac
 from firmware_bridge.companion.validator import HelloValidator
 from signals.errors import HandshakeError, LinkClosed
 
-_SERVE_NS = 500_000  # then the caller's limit is checked; only one message can take longer
+_SERVE_NS = 500_000  # for processing messages before the caller's limit is checked; one message can take longer
 _MS = 1_000_000
-_NAP_NS = 100_000
+_SLEEP_NS = 100_000
 _ROUND_MS = 50  # how often the caller's own checks run while no message comes
 _LINGER_MS = 300  # for the last messages to leave
 _REFUSALS_KEPT = 20
@@ -110,15 +110,15 @@ class CompanionServer:
     ) -> tuple[ClientInfo, ...]:
         """Wait until so many clients have joined. HandshakeError with their names and the refusals if they do not."""
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
-        while len(self.living) < count:
+        while len(self.ready_names) < count:
             left_ns = deadline_ns - self._clock_ns()
             if left_ns <= 0:
-                here = ", ".join(self.living) or "none"
+                names = ", ".join(self.ready_names) or "none"
                 refused = f"; refused: {'; '.join(self.refused)}" if self.refused else ""
                 raise HandshakeError(
                     self.endpoint,
-                    f"{len(self.living)} of {count} clients within {limit_s:g} s ({here}){refused}; start the others, "
-                    "or raise companion.connect_timeout_s",
+                    f"{len(self.ready_names)} of {count} clients within {limit_s:g} s ({names}){refused}; start the "
+                    "others, or raise companion.connect_timeout_s",
                 )
             self.poll(min(left_ns * 1e-9, _ROUND_MS * 1e-3))
             if while_waiting is not None:
@@ -126,7 +126,7 @@ class CompanionServer:
         return self.clients
 
     @property
-    def living(self) -> tuple[str, ...]:
+    def ready_names(self) -> tuple[str, ...]:
         """Names of the clients that frames can be sent to, in the order in which they joined."""
         return tuple(name for name, client in self._clients.by_name.items() if client.ready)
 
@@ -146,7 +146,7 @@ class CompanionServer:
 
     def limit_topics(self, topics: frozenset[str]) -> None:
         """Refuse, from now on, clients that ask for other topics than these."""
-        self._validator.limit = topics
+        self._validator.computed_topics = topics
 
     def stats(self) -> dict[str, ClientStats]:
         """Return the counts of every client of the session, by name."""
@@ -181,17 +181,17 @@ class CompanionServer:
                 client.count_dropped()
         readers = [client for client in targets if client.in_ring]
         slot: int | None = None
-        within: frozenset[str] = frozenset().union(*(client.topics for client in readers))
+        block_topics: frozenset[str] = frozenset().union(*(client.topics for client in readers))
         if readers and self._ring is not None:
-            slot = self._ring.put(out.block(within), [client.name for client in readers])
-        return [client.name for client in targets if self._send_to(client, out, slot, within, t_begun_ns)]
+            slot = self._ring.put(out.block(block_topics), [client.name for client in readers])
+        return [client.name for client in targets if self._send_to(client, out, slot, block_topics, t_begun_ns)]
 
     def _send_to(
-        self, client: Client, out: Outgoing, slot: int | None, within: frozenset[str], t_begun_ns: int
+        self, client: Client, out: Outgoing, slot: int | None, block_topics: frozenset[str], t_begun_ns: int
     ) -> bool:
-        """Send to one client. Return False, and count a drop, if its buffer or the ring is full.
+        """Send to one client. Return False, and count a drop, if its buffer or the ring buffer is full.
 
-        `slot` of the ring contains the block of the topics `within`.
+        `slot` of the ring buffer contains the arrays of `block_topics`.
         """
         t_sent_ns = self._clock_ns()
         sent = False
@@ -200,7 +200,7 @@ class CompanionServer:
                 sent = self._send_parts(client, out, t_sent_ns)
             elif slot is not None:
                 header = out.header(
-                    client.topics, within, t_sent_ns=t_sent_ns, dropped=client.dropped_since, release=slot
+                    client.topics, block_topics, t_sent_ns=t_sent_ns, dropped=client.dropped_since, release=slot
                 )
                 client.stats.bytes += len(header) + out.array_bytes(client.topics)
                 sent = self._push(client.identity, CONTROL, [header])
@@ -219,21 +219,23 @@ class CompanionServer:
         return True
 
     def _send_parts(self, client: Client, out: Outgoing, t_sent_ns: int) -> bool:
-        """Send over the one socket, or each sensor's topics over its own."""
+        """Send over the common socket, or each sensor's topics over the sensor's socket."""
         topics = sorted(client.topics & out.topics)
         parts = [(CONTROL, client.topics)]
-        whole: list[str] | None = None
+        frame_topics: list[str] | None = None
         if client.groups and topics:
-            whole = topics
+            frame_topics = topics
             groups = [(group, frozenset(t for t in topics if group_of(t) == group)) for group in client.groups]
             # Small ones first: the client reads them while the large ones are being sent.
             parts = sorted((p for p in groups if p[1]), key=lambda p: (out.block(p[1]).size, p[0]))
         sent = True
-        for group, mine in parts:
-            header = out.header(mine, mine, t_sent_ns=t_sent_ns, dropped=client.dropped_since, ports_of_frame=whole)
-            client.stats.bytes += len(header) + out.block(mine).size
+        for group, part_topics in parts:
+            header = out.header(
+                part_topics, part_topics, t_sent_ns=t_sent_ns, dropped=client.dropped_since, ports_of_frame=frame_topics
+            )
+            client.stats.bytes += len(header) + out.block(part_topics).size
             identity = client.identity if group == CONTROL else client.ports[group][0]
-            sent = self._push(identity, group, [header, *out.body(mine)]) and sent
+            sent = self._push(identity, group, [header, *out.body(part_topics)]) and sent
         return sent
 
     def _push(self, identity: bytes, group: str, parts: Sequence[bytes | zmq.Frame]) -> bool:
@@ -245,10 +247,10 @@ class CompanionServer:
         if self._ring is not None and slot is not None:
             self._ring.release(slot, client.name)
 
-    # --- what comes in ---
+    # --- received messages ---
 
     def poll(self, limit_s: float) -> list[Reply]:
-        """Return the answers that have come, or the first that come within the limit. Serves all else meanwhile."""
+        """Return the received answers, or wait up to the limit for one. Other messages are processed meanwhile."""
         deadline_ns = self._clock_ns() + int(limit_s * 1e9)
         replies: list[Reply] = []
         while self._sockets is not None:
@@ -257,33 +259,33 @@ class CompanionServer:
             if replies or left_ns <= 0:
                 break
             if left_ns < _MS:  # the poller counts whole milliseconds
-                time.sleep(min(left_ns, _NAP_NS) * 1e-9)
+                time.sleep(min(left_ns, _SLEEP_NS) * 1e-9)
             else:
                 self._sockets.wait(min(left_ns // _MS, _ROUND_MS))
         return replies
 
     def _serve(self, sockets: Sockets, replies: list[Reply]) -> None:
-        """Take one message of each socket in turn, for a short time only, so that no flood blocks the bench.
+        """Process one message of each socket in turn, for a short time, so that no flood blocks the bench.
 
-        Another socket is the first each time.
+        Each call begins with another socket.
         """
         self._remove_ended(sockets)
         end_ns = self._clock_ns() + _SERVE_NS
         waiting = sockets.in_turn()
         while waiting:
-            still = []
+            not_empty = []
             for group, bound in waiting:
                 message = bound.receive()
                 if message is not None:
-                    still.append((group, bound))
+                    not_empty.append((group, bound))
                     self._take(group, message, replies)
                     if self._clock_ns() >= end_ns:
                         return  # the caller checks its limit and calls again
-            waiting = still
+            waiting = not_empty
         self._remove_ended(sockets)  # all messages of ended connections have been taken now
 
     def _remove_ended(self, sockets: Sockets, *, at_once: bool = False) -> None:
-        """Remove clients whose connection has ended. `at_once`: even if messages of theirs may still be unread."""
+        """Remove clients whose connection has ended. `at_once`: even if some of their messages may be unread."""
         for group, bound in sockets.by_group.items():
             ended = bound.ended(self.settings.max_clients, at_once=at_once)
             for text in bound.texts():
@@ -353,11 +355,11 @@ class CompanionServer:
             if client.ready:
                 self._joined(client)
             return
-        here = self._clients.at(message.identity)
-        if here is not None:
+        joined = self._clients.at(message.identity)
+        if joined is not None:
             # A client that lost its connection while joining cannot know whether its first hello arrived, and sends
             # it again.
-            if hello == here.hello:
+            if hello == joined.hello:
                 return
             raise CodecError("hello: this client has joined already; send a bye first")
         if self._sockets is not None:
@@ -413,7 +415,7 @@ class CompanionServer:
             self._on_event(kind, text)
 
     def _malformed(self, group: str, identity: bytes, client: Client | None, why: str) -> None:
-        """Report it to the sender. After too many in a row it is removed and gets no more reports."""
+        """Report the fault to the sender, which is removed after too many in a row."""
         self.malformed += 1
         in_a_row = self._clients.count_malformed(identity) if client is None else client.malformed_in_a_row + 1
         if in_a_row <= _MALFORMED_IN_A_ROW:

@@ -82,10 +82,10 @@ class SharedRing:
     def put(self, block: Block, holders: Iterable[str]) -> int | None:
         """Copy a block in. Return where it begins, or None if no slot fits."""
         size = max(block.size, ALIGN)
-        place = self._gap(size)
-        if place is None or self._view is None:
+        gap = self._gap(size)
+        if gap is None or self._view is None:
             return None
-        index, start = place
+        index, start = gap
         block.copy_to(self._view[start:])
         self._slots.insert(index, (start, start + size, set(holders)))
         return start
@@ -93,8 +93,8 @@ class SharedRing:
     def _gap(self, size: int) -> tuple[int, int] | None:
         """Return (index among the slots, start) of the first gap that fits, or None."""
         start = 0
-        for index, (taken, end, _) in enumerate(self._slots):
-            if taken - start >= size:
+        for index, (slot_start, end, _) in enumerate(self._slots):
+            if slot_start - start >= size:
                 return index, start
             start = end
         return (len(self._slots), start) if self.size - start >= size else None
@@ -118,7 +118,7 @@ class SharedRing:
 
 
 def _allocate(name: str, size: int) -> None:
-    """Reserve the memory; without this the process dies at a write that finds none. OSError if there is none."""
+    """Reserve the memory: otherwise a write could kill the process. Raise OSError if there is not enough."""
     path = _FOLDER / name
     if path.exists():
         descriptor = os.open(path, os.O_RDWR)

@@ -30,18 +30,18 @@ from firmware_bridge.companion.keys import KeyPair, read_allowed, read_bench_key
 from firmware_bridge.companion.settings import CompanionSettings
 from signals.errors import PortBusy, PortNotFound
 
-CONTROL = ""  # the group of the first socket, where clients join; the others are the sensors' own
+CONTROL = ""  # group of the socket where clients join; each other group is a sensor with a socket of its own
 RECEIVE_HWM = 256  # messages of one connection that wait here unread
 _SEND_HWM = 192  # messages to one client: 64 frames, and answers to pings
 _HANDSHAKE_MS = 3000
-_VANISHED_S = 2  # a machine whose kernel is silent for so long is gone; a stalled process does not count
+_VANISHED_S = 2  # a machine whose kernel does not answer for so long is lost; a stalled process still answers
 _EVENTS = (
     zmq.EVENT_DISCONNECTED
     | zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL
     | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
     | zmq.EVENT_HANDSHAKE_FAILED_AUTH
 )
-_TEXTS = 100
+_MAX_TEXTS = 100
 _IPC = "ipc://"
 _DOMAIN = "companion"
 
@@ -76,7 +76,7 @@ class Sockets:
     """All sockets of a session by group: CONTROL, and with `arrangement: ports` one for each sensor."""
 
     def __init__(self, settings: CompanionSettings, topics: Sequence[str]) -> None:
-        """ConfigError (keys), PortBusy, PortNotFound."""
+        """Bind all sockets. Raise ConfigError (keys), PortBusy or PortNotFound."""
         s = settings
         self.by_group: dict[str, BenchSocket] = {}
         self._poller: zmq.Poller = zmq.Poller()
@@ -104,7 +104,7 @@ class Sockets:
         bound.register(self._poller)
 
     def in_turn(self) -> list[tuple[str, BenchSocket]]:
-        """Return all sockets by group, another one first each time."""
+        """Return all sockets by group. Each call begins with another one."""
         sockets = list(self.by_group.items())
         self._turn = (self._turn + 1) % len(sockets)
         return sockets[self._turn :] + sockets[: self._turn]
@@ -114,7 +114,7 @@ class Sockets:
         self._poller.poll(limit_ms)
 
     def close(self, linger_ms: int) -> None:
-        """Close all sockets. Messages still to send have so long."""
+        """Close all sockets. Messages that wait to be sent get `linger_ms`."""
         for bound in self.by_group.values():
             bound.close(linger_ms)
         self.by_group.clear()
@@ -148,7 +148,7 @@ class BenchSocket:
         keys: KeyPair | None,
         any_free: str,
     ) -> None:
-        """`any_free`: the setting by which the bench takes any free port. PortBusy, PortNotFound."""
+        """`any_free`: the setting by which the bench takes any free port. Raise PortBusy or PortNotFound."""
         self._socket = s = context.socket(zmq.ROUTER)
         for option, value in (
             (zmq.LINGER, 0),
@@ -175,7 +175,7 @@ class BenchSocket:
         self._folder: Path | None = None
         self._file: Path | None = None
         self._received = 0
-        self._ended: deque[tuple[int, int]] = deque()  # connection, and the value of `_received` with all its messages
+        self._ended: deque[tuple[int, int]] = deque()  # descriptor, and `_received` once all its messages are read
         self._texts: list[str] = []
         try:
             self._bind(address, any_free)
@@ -185,7 +185,7 @@ class BenchSocket:
         self.endpoint = s.getsockopt_string(zmq.LAST_ENDPOINT)
 
     def _bind(self, address: str, any_free: str) -> None:
-        """Bind. `ipc://*` is a file in a new folder. Only its user may open the file of a local socket."""
+        """Bind. `ipc://*` is a file in a new folder. Only the bench's user may open a local socket's file."""
         if address == f"{_IPC}*":
             try:
                 self._folder = Path(tempfile.mkdtemp(prefix="hil-companion-")).absolute()
@@ -245,8 +245,8 @@ class BenchSocket:
     def ended(self, others: int, *, at_once: bool = False) -> list[int]:
         """Return descriptors of ended connections, once all their messages have been received, or `at_once`.
 
-        ZeroMQ reads the connections in turn: with so many `others`, no message of an ended one is left after
-        RECEIVE_HWM rounds, or as soon as no message is left at all.
+        `others`: number of other connections. ZeroMQ reads all connections in turn, so no message of an ended one is
+        left after RECEIVE_HWM rounds, or as soon as no message is left at all.
         """
         while int(self._monitor.getsockopt(zmq.EVENTS)) & zmq.POLLIN:
             event = recv_monitor_message(self._monitor, zmq.NOBLOCK)
@@ -269,7 +269,7 @@ class BenchSocket:
         return texts
 
     def _text(self, text: str) -> None:
-        if len(self._texts) < _TEXTS:
+        if len(self._texts) < _MAX_TEXTS:
             self._texts.append(text)
 
     def close(self, linger_ms: int) -> None:
@@ -286,7 +286,7 @@ class BenchSocket:
 
 
 def _has_listener(path: str) -> bool:
-    """Return True if a program listens on this path, which ZeroMQ would take over without an error."""
+    """Return True if a program listens on this path. ZeroMQ would take the path over without an error."""
     if not os.path.exists(path):
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe, suppress(OSError):

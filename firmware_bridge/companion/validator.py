@@ -10,17 +10,17 @@ from firmware_bridge.companion.clients import Client, ClientRegistry
 from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.settings import CompanionSettings
 
-_NAMES = 256  # of clients in a session: the counts of each are kept to its end
+_MAX_NAMES = 256  # client names in a session, whose counts are kept until it ends
 
 
 class HelloValidator:
     """Accepts or refuses the clients of one session."""
 
     def __init__(self, settings: CompanionSettings, facts: SessionFacts, clients: ClientRegistry) -> None:
-        self._settings, self._clients, self._flown = settings, clients, facts.control
+        self._settings, self._clients, self._control_allowed = settings, clients, facts.control
         self.available = dict(facts.topics)
         self.schema = schema_hash(facts.topics)
-        self.limit: frozenset[str] | None = None  # of topics, once the run has been planned
+        self.computed_topics: frozenset[str] | None = None  # the topics of this run, once they are known
 
     def topics_of(self, patterns: Iterable[str]) -> frozenset[str]:
         """Return the topics that match these patterns. HelloRefused if one matches none or is not computed."""
@@ -32,11 +32,11 @@ class HelloValidator:
                     "topic", f"no topic matches {pattern!r}; available: {', '.join(sorted(self.available)) or 'none'}"
                 )
             wanted.update(named)
-        if self.limit is not None and not wanted <= self.limit:
+        if self.computed_topics is not None and not wanted <= self.computed_topics:
             raise HelloRefused(
                 "topic",
-                f"{', '.join(sorted(wanted - self.limit))}: not computed in this run: no client had subscribed to it "
-                f"at its start; computed: {', '.join(sorted(self.limit)) or 'none'}",
+                f"{', '.join(sorted(wanted - self.computed_topics))}: not computed in this run: no client had "
+                f"subscribed to it at its start; computed: {', '.join(sorted(self.computed_topics)) or 'none'}",
             )
         return frozenset(wanted)
 
@@ -50,11 +50,11 @@ class HelloValidator:
         others = [c for c in self._clients.by_name.values() if c.identity != identity]
         if any(c.name == hello.name for c in others):
             raise HelloRefused("name", f"a client named {hello.name} is connected already; choose another name")
-        if hello.name not in self._clients.stats and len(self._clients.stats) >= _NAMES:
-            raise HelloRefused("full", f"{_NAMES} names have been used in this session; only they may join again")
+        if hello.name not in self._clients.stats and len(self._clients.stats) >= _MAX_NAMES:
+            raise HelloRefused("full", f"{_MAX_NAMES} names have been used in this session; only they may join again")
         if len(others) >= self._settings.max_clients:
             raise HelloRefused("full", f"{len(others)} clients are connected, the most that the bench accepts")
-        if hello.control and not self._flown:
+        if hello.control and not self._control_allowed:
             text = "no client can control the vehicle in this run (companion.control is false)"
             raise HelloRefused("control", text)
         if hello.control:
@@ -67,7 +67,7 @@ class HelloValidator:
         """Return the client that opens this connection to a sensor's port. HelloRefused if it may not."""
         client = self._clients.by_name.get(hello.name)
         if client is None or (hello.session is not None and hello.session != session) or client.user != user:
-            raise HelloRefused("name", f"no client {hello.name} has joined; send the hello to the first port first")
+            raise HelloRefused("name", f"no client {hello.name} has joined; send a hello to the main port first")
         if group not in client.groups:
             raise HelloRefused("topic", f"{hello.name} has subscribed to no topic of {group}")
         if group in client.ports:

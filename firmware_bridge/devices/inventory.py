@@ -153,14 +153,14 @@ def _list(kind: str, lister: Callable[[], Sequence[_T]], notes: list[str], faile
 def _autopilots(on_usb: Sequence[UsbDevice], serial: Sequence[SerialPort]) -> tuple[list[Autopilot], list[SerialPort]]:
     """Return the boards, and the ports that belong to none."""
     found: list[Autopilot] = []
-    left = list(serial)
+    unassigned = list(serial)
     boards = [(device, row) for device in on_usb if (row := identify_board(device.vendor_id, device.product_id))]
     joined = join_ports([device for device, _ in boards], serial)
-    for (device, row), mine in zip(boards, joined, strict=True):
-        left = [port for port in left if port not in mine]
-        found.append(_autopilot(row, device, mine))
+    for (device, row), board_ports in zip(boards, joined, strict=True):
+        unassigned = [port for port in unassigned if port not in board_ports]
+        found.append(_autopilot(row, device, board_ports))
     groups: dict[tuple[object, ...], list[SerialPort]] = {}
-    for port in left:
+    for port in unassigned:
         if port.vendor_id is not None and port.product_id is not None:
             key = (port.vendor_id, port.product_id, port.serial_number, usb_location(port))
             groups.setdefault(key, []).append(port)
@@ -171,14 +171,14 @@ def _autopilots(on_usb: Sequence[UsbDevice], serial: Sequence[SerialPort]) -> tu
         by_ids = identify_board(first.vendor_id, first.product_id)
         if by_ids is None:
             continue
-        left = [port for port in left if port not in group]
+        unassigned = [port for port in unassigned if port not in group]
         # A USB board without ports and with the same ids is this board, listed by libusb.
         twin = next((a for a in found if not a.ports and usb_ids(a) == usb_ids(first)), None)
         if twin is not None:
             found.remove(twin)
         device = UsbDevice(first.vendor_id, first.product_id, location=usb_location(first))
         found.append(_autopilot(by_ids, device, sorted(group, key=port_order)))
-    return found, left
+    return found, unassigned
 
 
 def _autopilot(row: BoardId, device: UsbDevice, ports: list[SerialPort]) -> Autopilot:
@@ -197,9 +197,9 @@ def _autopilot(row: BoardId, device: UsbDevice, ports: list[SerialPort]) -> Auto
         notes.append(NO_PORT_NOTE)
     if row.generic and not bootloader:
         notes.append(GENERIC_NOTE)
-    closed = ", ".join(port.device for port in ports if not port.accessible)
-    if closed:
-        notes.append(NO_PORT_ACCESS.format(device=closed))
+    no_access = ", ".join(port.device for port in ports if not port.accessible)
+    if no_access:
+        notes.append(NO_PORT_ACCESS.format(device=no_access))
     return Autopilot(
         board=row.name,
         vendor_id=row.vendor_id,

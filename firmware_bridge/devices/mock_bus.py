@@ -125,8 +125,8 @@ class MockDesk:
     usb: MockUsbBus = field(default_factory=MockUsbBus)
     ports: MockSerialPorts = field(default_factory=MockSerialPorts)
     hid: MockHid = field(default_factory=MockHid)
-    _sockets: int = 0
-    _ttys: int = 0
+    _plugged_count: int = 0  # for locations and paths
+    _ttys: int = 0  # serial devices so far
 
     def find(self) -> Devices:
         """Return the inventory of these buses."""
@@ -144,8 +144,8 @@ class MockDesk:
         usb_texts: bool = True,
     ) -> MockBoard:
         """Plug a board in. `ports`: its serial devices, or their number. `usb_texts` False: they cannot be read."""
-        self._sockets += 1
-        location = f"1-{self._sockets}"
+        self._plugged_count += 1
+        location = f"1-{self._plugged_count}"
         if isinstance(ports, int):
             names = [f"/dev/ttyACM{self._ttys + i}" for i in range(ports)]
             self._ttys += ports
@@ -193,9 +193,9 @@ class MockDesk:
         accessible: bool = True,
     ) -> MockPad:
         """Plug a gamepad in. Without `descriptor`, reading its report descriptor fails."""
-        self._sockets += 1
+        self._plugged_count += 1
         interface = HidInterface(
-            f"/dev/hidraw{self._sockets}".encode(),
+            f"/dev/hidraw{self._plugged_count}".encode(),
             vendor_id,
             product_id,
             product=product,
@@ -207,23 +207,23 @@ class MockDesk:
         self.hid.plugged.append(pad)
         return pad
 
-    def replug(self, thing: MockBoard | MockPad) -> None:
+    def replug(self, device: MockBoard | MockPad) -> None:
         """Plug in again what was unplugged."""
-        if isinstance(thing, MockPad):
-            thing.present = True
-            self.hid.plugged.append(thing)
+        if isinstance(device, MockPad):
+            device.present = True
+            self.hid.plugged.append(device)
             return
-        if thing.usb.vendor_id:
-            self.usb.plugged.append(thing.usb)
-        self.ports.plugged.extend(thing.ports)
+        if device.usb.vendor_id:
+            self.usb.plugged.append(device.usb)
+        self.ports.plugged.extend(device.ports)
 
-    def unplug(self, thing: MockBoard | MockPad) -> None:
+    def unplug(self, device: MockBoard | MockPad) -> None:
         """Unplug: the device is no longer listed, and reading it fails."""
-        if isinstance(thing, MockPad):
-            thing.present = False
-            self.hid.plugged.remove(thing)
+        if isinstance(device, MockPad):
+            device.present = False
+            self.hid.plugged.remove(device)
             return
-        if thing.usb.vendor_id:
-            self.usb.plugged.remove(thing.usb)
-        for port in thing.ports:
+        if device.usb.vendor_id:
+            self.usb.plugged.remove(device.usb)
+        for port in device.ports:
             self.ports.plugged.remove(port)

@@ -45,7 +45,7 @@ class PySerialPorts:
 
 
 def may_open(path: str | bytes) -> bool:
-    """Return True if this user may read and write the device file, and where devices are no files (Windows)."""
+    """Return True if this user may read and write the device file, or if devices are not files (Windows)."""
     return not os.path.exists(path) or os.access(path, os.R_OK | os.W_OK)
 
 
@@ -72,33 +72,33 @@ def join_ports(devices: Sequence[UsbDevice], ports: Iterable[SerialPort]) -> lis
     number, and then by ids, each only if a single device is possible: a wrong guess would fly the wrong vehicle.
     """
     joined: list[list[SerialPort]] = [[] for _ in devices]
-    left = list(ports)
+    unassigned = list(ports)
 
     def take(i: int, fits: Callable[[SerialPort], bool]) -> None:
         ids = (devices[i].vendor_id, devices[i].product_id)
-        mine = [port for port in left if (port.vendor_id, port.product_id) == ids and fits(port)]
-        joined[i] += mine
-        left[:] = [port for port in left if port not in mine]
+        matching = [port for port in unassigned if (port.vendor_id, port.product_id) == ids and fits(port)]
+        joined[i] += matching
+        unassigned[:] = [port for port in unassigned if port not in matching]
 
     for i, device in enumerate(devices):
         if device.location is not None:
             take(i, lambda port, place=device.location: usb_location(port) == place)  # type: ignore[misc]
-    without = [i for i in range(len(devices)) if not joined[i]]
-    known = Counter((devices[i].vendor_id, devices[i].product_id, devices[i].serial_number) for i in without)
-    for i in without:
+    portless = [i for i in range(len(devices)) if not joined[i]]
+    same_serial = Counter((devices[i].vendor_id, devices[i].product_id, devices[i].serial_number) for i in portless)
+    for i in portless:
         d = devices[i]
-        if d.serial_number is not None and known[d.vendor_id, d.product_id, d.serial_number] == 1:
+        if d.serial_number is not None and same_serial[d.vendor_id, d.product_id, d.serial_number] == 1:
             take(i, lambda port, number=d.serial_number: port.serial_number == number)  # type: ignore[misc]
-    kinds = Counter((device.vendor_id, device.product_id) for device in devices)
-    for i in without:
+    same_ids = Counter((device.vendor_id, device.product_id) for device in devices)
+    for i in portless:
         d = devices[i]
-        if not joined[i] and kinds[d.vendor_id, d.product_id] == 1:
+        if not joined[i] and same_ids[d.vendor_id, d.product_id] == 1:
             take(i, lambda port, d=d: _is_possible(d, port))  # type: ignore[misc]
-    return [sorted(mine, key=port_order) for mine in joined]
+    return [sorted(device_ports, key=port_order) for device_ports in joined]
 
 
 def _is_possible(device: UsbDevice, port: SerialPort) -> bool:
-    """Return True if no fact that both have contradicts. Locations differ in form on some systems and prove nothing."""
-    both = device.serial_number is not None and port.serial_number is not None
-    places = device.location is not None and port.location is not None
-    return device.serial_number == port.serial_number if both else not places
+    """Return True if the serial numbers are equal, or if one is unknown and one location is, too."""
+    both_serials = device.serial_number is not None and port.serial_number is not None
+    both_locations = device.location is not None and port.location is not None
+    return device.serial_number == port.serial_number if both_serials else not both_locations

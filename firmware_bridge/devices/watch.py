@@ -25,7 +25,7 @@ _LISTED_BY = {
 
 @dataclass(frozen=True)
 class Change:
-    """A device was plugged in, or `unplugged`: then `item` is its last known state."""
+    """Plugging or unplugging of a device. If it was `unplugged`, `item` is its last known state."""
 
     kind: str  # autopilot, serial port or gamepad
     item: Item
@@ -47,27 +47,27 @@ class DeviceWatch:
     def poll(self) -> list[Change]:
         """List all devices and compare. Return the changes."""
         self.devices = devices = self._find()
-        now = _items(devices)
+        current = _items(devices)
         if self._known is None:
-            self._known = now
+            self._known = current
             return []
         known = self._known
         for key, (kind, item) in known.items():
-            # A bus that could not be listed proves no absence.
-            if key not in now and devices.failed & _LISTED_BY[kind]:
-                now[key] = (kind, item)
-        events: list[Change] = [Change(*known[key], unplugged=True) for key in known if key not in now]
+            # If its bus could not be listed, the device may still be present.
+            if key not in current and devices.failed & _LISTED_BY[kind]:
+                current[key] = (kind, item)
+        events: list[Change] = [Change(*known[key], unplugged=True) for key in known if key not in current]
         waiting: set[_Key] = set()
-        for key in [key for key in now if key not in known]:
-            kind, item = now[key]
+        for key in [key for key in current if key not in known]:
+            kind, item = current[key]
             # A board is on USB a moment before its serial port exists: wait for the next poll.
             if isinstance(item, Autopilot) and not item.ports and not item.bootloader and key not in self._settling:
                 waiting.add(key)
-                del now[key]
+                del current[key]
                 continue
             events.append(Change(kind, item, unplugged=False))
         self._settling = waiting
-        self._known = now
+        self._known = current
         return events
 
 

@@ -128,7 +128,7 @@ def test_the_number_of_clients_and_of_pilots_is_limited() -> None:
         two.hello("two", control=True)
         server.poll(0.02)
         assert two.expect("refused")["code"] == "control"
-        until(server, lambda: "two" not in server.living)
+        until(server, lambda: "two" not in server.ready_names)
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_wrong_keys_are_refused_and_the_right_one_is_served(key: str, tmp_path: 
         until(server, lambda: bool(events.of("wire")))
         step(server, client, 0)
         assert ("key is not among" if key == "other key" else "failed in the handshake") in events.of("wire")[0]
-        assert server.living == ("cut",)
+        assert server.ready_names == ("cut",)
         assert stranger.silent()
 
 
@@ -224,7 +224,7 @@ def test_unknown_client_on_a_sensors_port_gets_nothing() -> None:
             server.poll(0.02)
             assert thief.expect("refused")["code"] == "name"
             imu.hello(topics=["imu"])
-            until(server, lambda: server.living == ("cut",))
+            until(server, lambda: server.ready_names == ("cut",))
             thief.hello(topics=["imu"])  # another's name
             server.poll(0.02)
             assert thief.expect("refused")["code"] == "name"

@@ -180,10 +180,10 @@ def test_slot_of_a_client_found_gone_while_sending_is_free_again(tmp_path: Path)
             with RawClient(bind) as client:
                 join(server, client)
             end_s = time.monotonic() + 5.0
-            while server.living and time.monotonic() < end_s:
+            while server.ready_names and time.monotonic() < end_s:
                 time.sleep(0.01)  # for ZeroMQ to notice; the server is not asked meanwhile
                 server.send(frame_of(number))
-            assert server.living == ()
+            assert server.ready_names == ()
         with RawClient(bind) as client:
             join(server, client)
             step(server, client, 100)

@@ -106,11 +106,11 @@ def test_several_ports_each_carry_their_sensor() -> None:
         until(server, lambda: server.topics != frozenset())
         ports = client.expect("welcome")["ports"]
         assert ports["front/rgb"] == ports["front/depth"] != ports["baro"]
-        assert server.living == ()  # no client is known on those ports yet
+        assert server.ready_names == ()  # no client is known on those ports yet
         with RawClient(ports["baro"]) as baro, RawClient(ports["front/rgb"]) as front:
             baro.hello(topics=["front/*", "baro"])
             front.hello(topics=["front/*", "baro"])
-            until(server, lambda: server.living == ("cut",))
+            until(server, lambda: server.ready_names == ("cut",))
             assert server.send(frame_of(3)) == ["cut"]
             whole = ["baro", "front/depth", "front/rgb"]
             header, parts = front.receive()
@@ -122,11 +122,11 @@ def test_several_ports_each_carry_their_sensor() -> None:
             client.done(3)
             answered(server)
             front.close()
-            until(server, lambda: server.living == ())  # frames would not be whole
+            until(server, lambda: server.ready_names == ())  # frames would not be whole
             assert server.send(frame_of(4)) == []
             with RawClient(ports["front/rgb"]) as again:
                 again.hello(topics=["front/*", "baro"])
-                until(server, lambda: server.living == ("cut",))
+                until(server, lambda: server.ready_names == ("cut",))
                 assert server.send(frame_of(5)) == ["cut"]
                 assert again.expect("frame")["dropped"] == 1
 
@@ -179,7 +179,7 @@ def test_messages_come_in_their_order_and_the_last_before_the_end(arrangement: s
         client.close(linger_ms=5000)
         (reply,) = answered(server)
         assert reply.frame == 0
-        until(server, lambda: server.living == ())
+        until(server, lambda: server.ready_names == ())
         assert server.lost == {"cut": "it left: enough"}
     with serving(arrangement=arrangement, bind=bind, ring_bytes=8192) as server, RawClient(server.endpoint) as client:
         join(server, client, credit=1)

@@ -219,7 +219,7 @@ def test_loopback():
 
 
 def test_death_of_a_loopback_peer_is_a_hang_up_after_its_last_output():
-    wire = LoopbackTransport(Echo(), deaths=(ZeroDivisionError,))
+    wire = LoopbackTransport(Echo(), crashes=(ZeroDivisionError,))
     wire.open()
     wire.write(b"abc")
     wire.write(b"die")

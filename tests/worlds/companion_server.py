@@ -151,7 +151,7 @@ def join(server: CompanionServer, client: RawClient, name: str = "cut", **change
     welcome = client.expect("welcome")
     if welcome["ring"] is not None:
         client.map(welcome["ring"])
-    until(server, lambda: name in server.living)
+    until(server, lambda: name in server.ready_names)
     return welcome
 
 
