@@ -29,7 +29,7 @@ class LinkCaps:
     kind: str  # its name in a bench file
     lockstep: bool  # simulated time stands still until the autopilot has answered; if not, the link has `begin`
     deterministic: bool  # the same input bytes give the same output bytes in every run
-    boot_sensors: int | None  # first HIL_SENSORs without an answer; None: unknown, found at wall-clock pace
+    boot_sensors: int | None  # HIL_SENSORs that a booting autopilot does not answer; None: unknown
     busy_processors: int = 1  # processors that the autopilot keeps busy, where it runs on this machine
     takes_truth: bool = False  # `observe` must give it the true state before each `send`
 
@@ -38,9 +38,9 @@ class LinkCaps:
 class LinkTimeouts:
     """Limits of a link on the wall clock [s]; infinite for no limit."""
 
-    reply_s: float = 10.0  # for the answer to a tick; of a free-running autopilot, for anything at all
+    reply_s: float = 10.0  # for the answer to a tick; with a free-running autopilot, for any message
     connect_s: float = 20.0  # for the first message after `open`
-    reconnect_s: float = 10.0  # for a transport that has gone to come back (free-running links only)
+    reconnect_s: float = 10.0  # for a lost transport to come back (free-running links only)
 
 
 @dataclass
@@ -91,7 +91,7 @@ class AutopilotLink:
     """
 
     _stats: LinkStats
-    _ignores_sigterm = False  # the program, while it waits for the bench
+    _ignores_sigterm = False  # True if the program ignores SIGTERM while it waits for the bench
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class AutopilotLink:
         raise NotImplementedError
 
     def _await_far_side(self) -> None:
-        """Wait for the autopilot. Named LinkErrors if it does not answer."""
+        """Wait for the autopilot. Raise a named LinkError if it does not answer."""
         raise NotImplementedError
 
     def _parsers(self) -> Sequence[FrameParser]:
@@ -156,7 +156,7 @@ class AutopilotLink:
 
     @property
     def name(self) -> str:
-        return f"autopilot ({self._caps.kind}, {', '.join(one.name for one in self._named_connections)})"
+        return f"autopilot ({self._caps.kind}, {', '.join(connection.name for connection in self._named_connections)})"
 
     @property
     def pid(self) -> int | None:
@@ -164,7 +164,7 @@ class AutopilotLink:
         return None if self._process is None else self._process.pid
 
     def open(self) -> None:
-        """Open the connections, start the program, wait for the far side. Named LinkErrors if that fails."""
+        """Open the connections, start the program, wait for the far side. Raise a named LinkError on failure."""
         self._frames = []
         self._reset()
         try:
@@ -180,7 +180,7 @@ class AutopilotLink:
 
     def close(self) -> None:
         """Close the link and end the program that `open` started. May be called at any time, any number of times."""
-        # The connections first: a well-behaved far side sees the hang-up and ends by itself.
+        # Connections close first, so that a far side that notices it can end by itself.
         for connection in self._all_connections:
             connection.close()
         process, self._process = self._process, None

@@ -40,11 +40,11 @@ class FirmwareBuild:
     folder: Path  # its working folder
     log: Path
     arguments: Sequence[str] = ()
-    env: Mapping[str, str] = field(default_factory=dict)  # over the environment of the bench
+    env: Mapping[str, str] = field(default_factory=dict)  # overrides the environment of the bench
 
 
 class ChildProcess:
-    """`argv`, run without standard input, its standard error in `stderr_path` (or a temporary file).
+    """A process that runs `argv` without standard input. Standard error goes to `stderr_path` or a temporary file.
 
     Its working directory is `cwd` (made if it does not exist), or the bench's. It can import the bench's packages.
     With `log_output`, standard output joins standard error: firmware logs there. `env` overrides the environment.

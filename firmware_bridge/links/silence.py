@@ -43,7 +43,7 @@ class Diagnosis(NamedTuple):
 
 
 class VehicleMonitor:
-    """Keeps the vehicle's last heartbeat and texts, and the last commands to it. Cheap enough for every tick."""
+    """Memory of the vehicle's last heartbeat and texts, and of the last commands to it."""
 
     def __init__(self) -> None:
         self.texts: deque[str] = deque(maxlen=_TEXTS)
@@ -92,7 +92,7 @@ class VehicleMonitor:
             return Diagnosis(
                 "terminated",
                 "the flight was terminated: PX4 does not answer afterwards, and the thrust in its last answer is not "
-                f"meant; look for the reason in its texts and log{said}",
+                f"valid; look for the reason in its texts and log{said}",
             )
         if offboard and not self.base_mode & _ARMED_BIT:
             return Diagnosis(

@@ -6,8 +6,8 @@
     rtt    = t2 - t1
     offset = t - (t1 + t2) / 2          autopilot's clock minus the bench's, wrong by at most rtt / 2
 
-Queues only add to a round trip, so the answer with the shortest one is the best (the clock filter of RFC 5905): one
-best answer is kept per block of time, and a line through the blocks gives the drift. An answer that contradicts the
+Queues only lengthen a round trip, so the answer with the shortest one is the best (the clock filter of RFC 5905). The
+best answer of each block of time is kept, and a line through the blocks gives the drift. An answer that contradicts the
 best one by more than both uncertainties means that the autopilot's clock jumped (it rebooted): the filter then starts
 anew. Times are passed in; no clock is read here.
 """
@@ -60,7 +60,7 @@ class TimeSync:
         """Return the payload of the request to send at `now_ns`, or None while none is due."""
         if self._next_ns is not None and now_ns < self._next_ns:
             return None
-        # From now, not from when it was due: after a pause one request is enough.
+        # Counted from now, not from the due time: after a pause one request is enough.
         self._next_ns = now_ns + self._period_ns
         self._requested.append(now_ns)
         return pack(_Timesync(0, now_ns))
@@ -108,7 +108,7 @@ class TimeSync:
         blocks = self._blocks
         if len(blocks) < 3 or blocks[-1].t_ns - blocks[0].t_ns < _DRIFT_SPAN_NS:
             return None
-        t0_ns, offset0_ns = blocks[0].t_ns, blocks[0].offset_ns  # small numbers: floats hold them exactly
+        t0_ns, offset0_ns = blocks[0].t_ns, blocks[0].offset_ns  # differences are small enough for exact floats
         t, y, rtt = np.array([(b.t_ns - t0_ns, b.offset_ns - offset0_ns, b.rtt_ns) for b in blocks], dtype=float).T
         return float(np.polyfit(t / NS_PER_S, y / NS_PER_S, 1, w=1.0 / (rtt + 1.0))[0])
 

@@ -10,7 +10,7 @@ from signals.errors import LinkClosed
 
 _READ_SIZE = 65536
 # Both sides may write at once. Bytes that arrive while a long write waits are kept, up to this many: a far
-# side that sends more without ever reading is broken.
+# side that sends more without reading is at fault.
 _INBOX_LIMIT = 4 * 1024 * 1024
 _WRITE_STALL_S = 5.0
 

@@ -23,13 +23,13 @@ class LoopbackTransport:
     """Carries bytes to `peer` and back without threads, sockets or waiting: the same bytes as over any other transport.
 
     No bytes can arrive without a write, so `read` returns at once, whatever its timeout. An exception of one of the
-    classes in `deaths`, raised by the peer, counts as its crash: `LinkClosed` here.
+    classes in `crashes`, raised by the peer, counts as its crash: `LinkClosed` here.
     """
 
-    def __init__(self, peer: Peer, *, deaths: tuple[type[Exception], ...] = ()) -> None:
+    def __init__(self, peer: Peer, *, crashes: tuple[type[Exception], ...] = ()) -> None:
         self._peer = peer
-        self._deaths = deaths
-        self._dead: str | None = None
+        self._crashes = crashes
+        self._end_text: str | None = None
         self._inbox = b""
         self._open = False
 
@@ -39,7 +39,7 @@ class LoopbackTransport:
 
     def open(self) -> None:
         self._open = True
-        self._dead = None
+        self._end_text = None
         self._inbox = self._peer.boot()
 
     def close(self) -> None:
@@ -49,19 +49,19 @@ class LoopbackTransport:
     def write(self, data: bytes) -> None:
         if not self._open:
             raise LinkClosed(self.name, "the loopback is not open; call `open` first")
-        if self._dead is None:
+        if self._end_text is None:
             try:
                 self._inbox += self._peer.feed(data)
-            except self._deaths as death:
+            except self._crashes as crash:
                 # As on a real line, the write does not notice the crash; the next read does.
-                self._dead = f"the far side died ({type(death).__name__}: {death})"
+                self._end_text = f"the far side died ({type(crash).__name__}: {crash})"
 
     def read(self, timeout_s: float) -> bytes:  # noqa: ARG002 (nothing to wait for)
         if not self._open:
             raise LinkClosed(self.name, "the loopback is not open; call `open` first")
         data, self._inbox = self._inbox, b""
-        if not data and self._dead is not None:
-            raise LinkClosed(self.name, self._dead)
+        if not data and self._end_text is not None:
+            raise LinkClosed(self.name, self._end_text)
         return data
 
     def fileno(self) -> int | None:

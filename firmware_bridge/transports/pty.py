@@ -21,8 +21,8 @@ class PtyTransport(StreamTransport):
     """
 
     def __init__(self) -> None:
-        self._near: int | None = None
-        self._far: int | None = None
+        self._bench_end: int | None = None
+        self._far_end: int | None = None
         self._far_path = ""
 
     @property
@@ -36,33 +36,33 @@ class PtyTransport(StreamTransport):
 
     def open(self) -> None:
         try:
-            self._near, self._far = os.openpty()
+            self._bench_end, self._far_end = os.openpty()
         except OSError as error:
             raise PortNotFound(
                 "pty", f"the system gives no pseudo-terminal ({error.strerror}); is /dev/pts mounted?"
             ) from error
-        self._far_path = os.ttyname(self._far)
+        self._far_path = os.ttyname(self._far_end)
         # Raw in both directions from the start: bytes written before the far side has configured its end stay intact.
-        tty.setraw(self._far)
-        self._stream = FdStream(self._near, self.name)
+        tty.setraw(self._far_end)
+        self._stream = FdStream(self._bench_end, self.name)
 
     def close(self) -> None:
         self._stream = None
-        self._release_far()
-        near, self._near = self._near, None
-        if near is not None:
-            os.close(near)
+        self._close_far_end()
+        descriptor, self._bench_end = self._bench_end, None
+        if descriptor is not None:
+            os.close(descriptor)
 
-    def _release_far(self) -> None:
-        far, self._far = self._far, None
-        if far is not None:
-            os.close(far)
+    def _close_far_end(self) -> None:
+        descriptor, self._far_end = self._far_end, None
+        if descriptor is not None:
+            os.close(descriptor)
 
     def read(self, timeout_s: float) -> bytes:
         data = super().read(timeout_s)
-        if data and self._far is not None:
-            self._release_far()
+        if data and self._far_end is not None:
+            self._close_far_end()
         return data
 
     def fileno(self) -> int | None:
-        return self._near
+        return self._bench_end

@@ -1,6 +1,6 @@
 """MAVLink beside the JSON interface: commands to ArduPilot SITL, and its telemetry.
 
-UDP (`--serial0 udpclient:127.0.0.1:PORT`): SITL sends to the bench's port from a port of its own, a new one after every
+UDP (`--serial0 udpclient:127.0.0.1:PORT`): SITL sends to the bench's port from a port of its own, which changes at each
 reboot. TCP (its default): SITL waits for the bench on 5760 + 10 * instance, before its first servo packet and again
 after every reboot; and it stands still while a TCP client leaves more than 1 kB unread.
 
@@ -29,7 +29,7 @@ class MavlinkChannel:
         self._tcp = isinstance(transport, TcpClient)
         self._connected = False
         self._retry_at_s = 0.0
-        self._kept = b""  # for an autopilot that has not sent anything yet
+        self._kept = b""  # until the autopilot's first bytes show its address
         self.parser = FrameParser()
 
     @property

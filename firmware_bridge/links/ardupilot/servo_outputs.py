@@ -22,7 +22,7 @@ _ACCEPTED = 0
 _ARMED_BIT = 0x80
 _SYSID = 1  # the autopilot's
 
-# 3000 us is the least for a main loop of 400 Hz, 6000 us for one of 200 Hz, 10,000 us for one of 125 Hz.
+# Minimum of a main loop of 400 Hz: 3000 us; of 200 Hz: 6000 us; of 125 Hz: 10,000 us.
 INTERVALS_US = (3000, 4000, 6000, 8000, 10_000, 14_000, 20_000)
 _SHARE_OF_LOOP = 0.8
 _REPEAT_NS = NS_PER_S
@@ -33,12 +33,12 @@ SERVO_OUTPUT_RAW = MSGID["SERVO_OUTPUT_RAW"]
 _unpack = struct.Struct("<I8HB8H").unpack_from
 _LENGTH = 37
 _TIME_WRAP_US = 1 << 32
-_ORDER_US = 1_000_000  # a step back by less is a message out of order
+_ORDER_US = 1_000_000  # a step back by less means messages out of order
 _PAUSE_US = 60_000_000  # longest silence in which the time may have wrapped
 
 
 def servo_output(frame: Frame) -> tuple[int, tuple[int, ...]] | None:
-    """Return (time since boot [us], pulse widths [us] of outputs 1 to 16, 0: none), None for outputs 17 to 32.
+    """Return (time since boot [us], pulse widths [us] of outputs 1 to 16; 0: no pulse), or None for outputs 17 to 32.
 
     A sender that knows only eight outputs (MAVLink 1) leaves the others 0.
     """
@@ -63,8 +63,8 @@ class ServoOutputs:
         self._time_us: int | None = None
         self._came_ns: int | None = None
         self._requested_ns: int | None = None
-        least_us = 1000 * (1000 // (_SHARE_OF_LOOP * loop_hz))  # ArduPilot counts whole milliseconds
-        self._step = sum(interval_us < least_us for interval_us in INTERVALS_US[:-1])
+        min_us = 1000 * (1000 // (_SHARE_OF_LOOP * loop_hz))  # ArduPilot counts whole milliseconds
+        self._step = sum(interval_us < min_us for interval_us in INTERVALS_US[:-1])
         self._alive = False
         self._new: tuple[int, tuple[float, ...]] | None = None
         self.granted_us: int | None = None

@@ -1,8 +1,8 @@
 """Packets of the simulated VectorNav for each tick, made from the bench's samples and the truth.
 
 IMU packet        IMU, magnetometer, barometer: the bench's samples, with their errors. Only for a tick with a new
-                  IMU sample: the autopilot's main loop counts each packet as one. None before each of the three
-                  sensors has given a sample
+                  IMU sample: the autopilot's main loop counts each packet as one. No packet is sent before each of
+                  the three sensors has given a sample
 solution          the truth with simulated errors; with a position only after the first fix
 GNSS packet       the newest GPS sample, if it has not been sent yet: a dropout stays a dropout
 
@@ -37,7 +37,7 @@ GPS_START_NS = (1_767_268_800 - 315_964_800 + 18) * NS_PER_S
 _FIX_3D = 3
 _FIX_LOST_NS = NS_PER_S
 _BITS_PER_BYTE = 10  # 8N1
-_NEARLY = 1.1  # divisors are whole numbers: 266.7 packets a second may be requested where 250 were meant
+_RATE_TOLERANCE = 1.1  # divisors are whole numbers: 266.7 packets per second are requested instead of 250
 
 
 # Place in W [m] -> latitude [deg], longitude [deg], altitude above mean sea level [m].
@@ -68,29 +68,31 @@ class InsSolution:
 
     def solve(self, truth: TruthState) -> tuple[Quat, Vec3, Vec3]:
         """Return attitude B to W, place (latitude, longitude, altitude), velocity in W [m/s]."""
-        keep = 0.0  # the first time: no memory
+        kept_share = 0.0  # at the first time there is no earlier error
         if self._t_ns is not None:
-            keep = exp(-(truth.t_ns - self._t_ns) / (self.errors.correlation_s * NS_PER_S))
+            kept_share = exp(-(truth.t_ns - self._t_ns) / (self.errors.correlation_s * NS_PER_S))
         self._t_ns = truth.t_ns
-        fresh = sqrt(1.0 - keep * keep)
-        self._state = [keep * x + fresh * n for x, n in zip(self._state, self._noise.normal(self._index), strict=True)]
+        new_share = sqrt(1.0 - kept_share * kept_share)
+        self._state = [
+            kept_share * x + new_share * n for x, n in zip(self._state, self._noise.normal(self._index), strict=True)
+        ]
         self._index += 1
         e, s = self.errors, self._state
         p, v = truth.p_WB, truth.v_WB_W
         place = self._geodetic((p[0] + e.position_m * s[0], p[1] + e.position_m * s[1], p[2] + e.position_m * s[2]))
         velocity = (v[0] + e.velocity_mps * s[3], v[1] + e.velocity_mps * s[4], v[2] + e.velocity_mps * s[5])
         half = radians(e.attitude_deg) / 2.0
-        return _turned(truth.q_WB, (half * s[6], half * s[7], half * s[8])), place, velocity
+        return _rotated(truth.q_WB, (half * s[6], half * s[7], half * s[8])), place, velocity
 
 
-def _turned(q: Quat, half_B: Vec3) -> Quat:
-    """Return q (1, half_B), normalised: q turned in B by a small angle."""
+def _rotated(q: Quat, half_B: Vec3) -> Quat:
+    """Return q (1, half_B), normalised: q after a rotation by the small angle 2 half_B in B [rad]."""
     raw = product(q, (1.0, *half_B))
     norm = sqrt(sum(r * r for r in raw))
     return (raw[0] / norm, raw[1] / norm, raw[2] / norm, raw[3] / norm)
 
 
-class _Due(NamedTuple):
+class _ScheduledOutput(NamedTuple):
     output: BinaryOutput
     due: Callable[[], bool]
 
@@ -106,7 +108,7 @@ class VectorNavStream:
         self._readings = Readings()
         self._seen: set[str] = set()
         self._outputs: dict[int, BinaryOutput] = {}
-        self._rates: tuple[_Due, ...] = ()
+        self._rates: tuple[_ScheduledOutput, ...] = ()
         self._fix_ns: int | None = None
         self._gps_is_new = False
 
@@ -120,7 +122,7 @@ class VectorNavStream:
         device, found = self.device, []
         tick_hz = self._tick_millihz / 1000
         requested_hz = max((device.base_rate_hz / out.divisor for out in device.outputs.values()), default=0.0)
-        if requested_hz > _NEARLY * tick_hz:
+        if requested_hz > _RATE_TOLERANCE * tick_hz:
             found.append(
                 f"the autopilot requested {requested_hz:g} IMU packets a second and gets one a tick, {tick_hz:g}: set "
                 f"EAHRS_RATE {tick_hz:g} with SCHED_LOOP_RATE {tick_hz / 2:g}, or tick_hz {requested_hz:g}"
@@ -213,6 +215,8 @@ class VectorNavStream:
         for _, output in sorted(self._outputs.items()):
             event_millihz = min(round(base_millihz / output.divisor), self._tick_millihz)
             rates.append(
-                _Due(output, RateAccumulator(event_millihz=event_millihz, tick_millihz=self._tick_millihz).due)
+                _ScheduledOutput(
+                    output, RateAccumulator(event_millihz=event_millihz, tick_millihz=self._tick_millihz).due
+                )
             )
         self._rates = tuple(rates)

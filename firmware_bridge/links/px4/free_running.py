@@ -67,9 +67,9 @@ class FreeRunningLink(RealtimeLink):
         self._check_process("ended before its first heartbeat")
 
     def _command(self, tick: int) -> ActuatorFrame | None:
-        """Return the newest command, once. InvalidControls if its commands are not numbers again and again.
+        """Return the newest command, once. InvalidControls if many commands in a row are not numbers.
 
-        A single one is counted and skipped: about one damaged message in 65536 has a good checksum.
+        A single such command is counted and skipped: about one damaged message in 65536 has a good checksum.
         """
         latest, self._latest = self._latest, None
         if latest is None:

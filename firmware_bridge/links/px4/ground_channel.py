@@ -27,7 +27,7 @@ class GroundChannel:
     def __init__(self, port: int, *, host: str = "127.0.0.1") -> None:
         self._peer = (host, port)
         self._socket = UdpInbox(host=host)
-        self._far_port = f":{port:04X}"
+        self._peer_port = f":{port:04X}"
         self.parser = FrameParser()  # counts damaged frames
 
     @property
@@ -62,22 +62,22 @@ class GroundChannel:
         time.sleep(_ACT_S)
 
     def far_side_bound(self) -> bool:
-        """Return True if a program (PX4) listens on the far port. False where the system does not report it."""
-        return self._far_socket() is not None
+        """Return True if a program (PX4) listens on PX4's port. False where the system does not report it."""
+        return self._peer_socket() is not None
 
     def _unread(self) -> bool:
         """Return True if bytes wait in the far side's socket. False where the system does not report it."""
-        fields = self._far_socket()
+        fields = self._peer_socket()
         return fields is not None and fields[4].partition(":")[2] != "00000000"
 
-    def _far_socket(self) -> list[str] | None:
-        """Return the fields of /proc/net/udp for the socket on the far port."""
+    def _peer_socket(self) -> list[str] | None:
+        """Return the fields of /proc/net/udp for the socket on PX4's port."""
         try:
             lines = _PROC_UDP.read_text().splitlines()[1:]
         except OSError:
             return None
         for line in lines:
             fields = line.split()
-            if fields[1].endswith(self._far_port):
+            if fields[1].endswith(self._peer_port):
                 return fields
         return None

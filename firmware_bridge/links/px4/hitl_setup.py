@@ -35,14 +35,14 @@ _Heartbeat = message_class("HEARTBEAT")
 _TYPE_GCS, _AUTOPILOT_INVALID, _STATE_ACTIVE = 6, 8, 4
 _REBOOT = 246
 _TRIES, _TRY_S = 5, 1.0
-_TRIES_OF_A_KNOWN = 3  # of a board that has answered for others: it lacks this parameter, or an answer was lost
+_TRIES_OF_A_KNOWN = 3  # if the board has answered for other parameters: it lacks this one, or an answer was lost
 _LISTEN_S = 3.0
 _SLICE_S = 0.05
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One parameter that HITL needs otherwise. `found` is None if the board does not have it."""
+    """A parameter whose value is not the one that HITL needs. `found` is None if the board does not have it."""
 
     name: str
     found: float | None

@@ -5,7 +5,7 @@
 
 A producer that falls behind by up to 20 ms catches up in the following ticks. Beyond that the origin moves to the
 present (a slip): the autopilot stamps samples on arrival, so a burst of stale samples would show it a motion that never
-was. Each slip leaves simulated time that much further behind the wall clock.
+happened. Each slip leaves simulated time that much further behind the wall clock.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class DeadlineSchedule:
         on_slip: Callable[[int], None] | None = None,
     ) -> None:
         if period_ns <= 0 or lead_ns < 0:
-            raise ValueError(f"period {period_ns} must be above 0 ns, lead {lead_ns} not below")
+            raise ValueError(f"period {period_ns} ns must be above 0, lead {lead_ns} ns must not be below 0")
         self.period_ns = period_ns
         self.lead_ns = lead_ns
         self.slip_count = 0
@@ -51,7 +51,7 @@ class DeadlineSchedule:
         return self._origin_ns + tick * self.period_ns
 
     def wait_until_due(self, tick: int) -> int:
-        """Sleep until the lead before the deadline of `tick`. Return that deadline. Slips if it is long past."""
+        """Sleep until `lead_ns` before the deadline of `tick` and return the deadline. Slip if that is long past."""
         now_ns = self._clock_ns()
         if self._origin_ns is None:
             self._origin_ns = now_ns + self.lead_ns - tick * self.period_ns

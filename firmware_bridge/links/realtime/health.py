@@ -25,8 +25,8 @@ P999_WARNING_NS = 5 * NS_PER_MS  # more than one period of 250 Hz: samples chang
 STALL_WARNING_NS = 50 * NS_PER_MS
 STALL_ERROR_NS = 200 * NS_PER_MS
 ACTUATOR_AGE_P99_WARNING_NS = 20 * NS_PER_MS  # about 200 Hz is normal: p99 below 10 ms
-SHARE_NEEDS = 100  # frames sent; with fewer no share is judged
-# PX4 HITL sends at about 200 Hz (p90 of the interval 6.2 ms): four in a row are missing.
+MIN_FRAMES = 100  # with fewer frames no share is judged
+# PX4 HITL sends at about 200 Hz (p90 of the interval 6.2 ms), so four commands in a row are missing.
 GAP_NS = 20 * NS_PER_MS
 
 
@@ -44,7 +44,7 @@ class ActuatorAge:
         self.gap_count = 0
         self.longest_gap_ns = 0
         self._arrived_ns: int | None = None
-        self._counted = False  # the gap since the last arrival
+        self._counted = False  # True once the gap since the last arrival has been counted
 
     def arrived(self, t_ns: int) -> None:
         """Count the arrival of a command, which is latched from now on."""
@@ -81,17 +81,17 @@ def judge_sending(stats: SendStats, schedule: DeadlineSchedule | None = None) ->
     lost = stats.dropped + stats.refused
     slips = 0 if schedule is None else schedule.slip_count  # each a gap longer than 20 ms before one sample
     offered = stats.sent + lost
-    bad = stats.late_20ms + lost + slips
-    if offered >= SHARE_NEEDS and bad / offered > LATE_SHARE_WARNING:
-        level: Literal["warning", "error"] = "error" if bad / offered > LATE_SHARE_ERROR else "warning"
-        findings.append(Finding(level, _late_text(bad, offered, lost) + _remedy(stats)))
+    late = stats.late_20ms + lost + slips
+    if offered >= MIN_FRAMES and late / offered > LATE_SHARE_WARNING:
+        level: Literal["warning", "error"] = "error" if late / offered > LATE_SHARE_ERROR else "warning"
+        findings.append(Finding(level, _late_text(late, offered, lost) + _remedy(stats)))
     longest_ns = stats.longest_gap_ns
     if longest_ns > STALL_WARNING_NS:
         level = "error" if longest_ns > STALL_ERROR_NS else "warning"
         text = f"the samples stopped for {longest_ns / NS_PER_MS:.0f} ms: long stalls end in the autopilot's failsafe"
         findings.append(Finding(level, text + _remedy(stats)))
     p999_ns = stats.lateness.quantile_ns(0.999)
-    if stats.sent >= SHARE_NEEDS and p999_ns > P999_WARNING_NS and not findings:
+    if stats.sent >= MIN_FRAMES and p999_ns > P999_WARNING_NS and not findings:
         text = f"one sample in a thousand was more than {p999_ns / NS_PER_MS:.1f} ms late (p99.9; good is below 5 ms)"
         findings.append(Finding("warning", text + _remedy(stats)))
     if stats.stalled and offered and stats.stalled / offered > LATE_SHARE_WARNING:
@@ -109,7 +109,7 @@ def judge_actuators(age: ActuatorAge) -> list[Finding]:
     """Return the findings about the commands from the autopilot."""
     findings: list[Finding] = []
     p99_ns = age.age.quantile_ns(0.99)
-    if age.age.count >= SHARE_NEEDS and p99_ns > ACTUATOR_AGE_P99_WARNING_NS:
+    if age.age.count >= MIN_FRAMES and p99_ns > ACTUATOR_AGE_P99_WARNING_NS:
         text = (
             f"one tick in a hundred used an actuator command older than {p99_ns / NS_PER_MS:.0f} ms: the control loop "
             "is slower than in flight; use a link that carries about 200 commands per second"
@@ -125,10 +125,10 @@ def judge_actuators(age: ActuatorAge) -> list[Finding]:
     return findings
 
 
-def _late_text(bad: int, offered: int, lost: int) -> str:
+def _late_text(late: int, offered: int, lost: int) -> str:
     never = f", {lost} of them never sent" if lost else ""
     return (
-        f"{100 * bad / offered:.2g} % of the samples were more than 20 ms late ({bad} of {offered}{never}); at 2.6 % "
+        f"{100 * late / offered:.2g} % of the samples were more than 20 ms late ({late} of {offered}{never}); at 2.6 % "
         "PX4 was seen to report High Accelerometer Bias and to hover at a wrong height"
     )
 

@@ -37,7 +37,7 @@ class PacedLine:
         )
 
     def push(self, deadline_ns: int, data: bytes, *, keep: bool) -> None:
-        """Send `data` at `deadline_ns`; with `keep` also if it is late. LinkClosed if the bench writes and cannot."""
+        """Send `data` at `deadline_ns`; with `keep` also if it is late. LinkClosed if the bench's own write fails."""
         if self._sender is not None:
             self._sender.push(deadline_ns, data, keep=keep)
             return

@@ -75,7 +75,7 @@ class RealtimeSender:
         stats: SendStats,
         *,
         period_ns: int,
-        most_pending: int = 16,
+        max_pending: int = 16,
         stall_limit_ns: int = 5_000_000_000,
         stale_ns: int = 0,
     ) -> None:
@@ -83,18 +83,18 @@ class RealtimeSender:
         self.stats = stats
         stats.pending = 0
         self.error: tuple[int, int] | None = None  # errno, and the deadline of the frame that met it [ns]
-        self._most_pending = most_pending
+        self._max_pending = max_pending
         self._pid = os.getpid()
         self._stopped = False
         self._reports = b""
         self._last_sent_ns = 0
-        self._control, far = socket.socketpair()
+        self._control, process_end = socket.socketpair()
         self._control.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SOCKET_BYTES)
-        with far:
-            arguments = [str(n) for n in (fd, far.fileno(), period_ns, stale_ns, stall_limit_ns)]
+        with process_end:
+            arguments = [str(n) for n in (fd, process_end.fileno(), period_ns, stale_ns, stall_limit_ns)]
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", sender_process.__file__, *arguments],
-                pass_fds=(fd, far.fileno()),
+                pass_fds=(fd, process_end.fileno()),
                 stdin=subprocess.DEVNULL,
                 process_group=0,  # Ctrl-C at the terminal reaches the bench only
             )
@@ -110,7 +110,7 @@ class RealtimeSender:
             raise ValueError(f"{len(frame)} bytes in one frame; 1 to {LONGEST_FRAME} can be sent")
         self.collect()
         stats = self.stats
-        if self._stopped or self.error is not None or stats.pending >= self._most_pending:
+        if self._stopped or self.error is not None or stats.pending >= self._max_pending:
             stats.refused += 1
             return False
         self._control.setblocking(True)  # the socket's buffer is large enough

@@ -36,7 +36,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
             params=_param_texts(bench.config),
             faults=[parse_fault(text) for text in autopilot.faults.texts()],
         )
-        transport = LoopbackTransport(peer, deaths=(Died,))
+        transport = LoopbackTransport(peer, crashes=(Died,))
     else:
         transport, start = mock_on_a_pty(bench.config, around, boot_sensors)
     return LockstepLink(

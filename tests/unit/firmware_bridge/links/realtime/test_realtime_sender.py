@@ -89,7 +89,7 @@ def sender(line: Line) -> Iterator[Sender]:
 
 
 def test_frames_leave_in_order_whole_once_and_never_early(line: Line) -> None:
-    sender = Sender(line.near.fileno(), most_pending=50)
+    sender = Sender(line.near.fileno(), max_pending=50)
     start = time.monotonic_ns() + 5_000_000
     for k in range(50):
         assert sender.push(start + k * 1_000_000, frame(k))
@@ -163,7 +163,7 @@ def test_on_a_full_line_frames_are_left_out_but_never_part_of_one_and_commands_w
 
 
 def test_a_full_queue_refuses_frames_and_stop_ends_at_once_without_sending(line: Line) -> None:
-    sender = Sender(line.near.fileno(), most_pending=3)
+    sender = Sender(line.near.fileno(), max_pending=3)
     later = time.monotonic_ns() + HOUR_NS
     assert [sender.push(later, frame(k)) for k in range(5)] == [True, True, True, False, False]
     assert (sender.stats.pushed, sender.stats.refused, sender.stats.pending) == (3, 2, 3)
