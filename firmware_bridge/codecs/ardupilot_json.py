@@ -6,7 +6,7 @@ Servo packet, little-endian, one UDP datagram (libraries/SITL/SIM_JSON.h in Ardu
 
 State line. SITL does not parse JSON: it searches the first occurrence of a key's name and reads the number or the
 bracket two characters after it. So `encode_state` follows these rules:
-    - a newline at the begin and at the end; no space after a colon; numbers only
+    - a newline at the beginning and at the end; no space after a colon; numbers only
     - a key whose name contains another's (velocity_wind: velocity) comes after it
     - finite numbers only: a NaN ends ArduPilot with SIGFPE. Refused with `CodecError`, which names the field
 
@@ -16,10 +16,10 @@ Rounding: the position is printed with %.12g and read as a double: 5e-12 of the 
 numbers are printed with %.9g and read as 32-bit floats; nine digits keep a float's own 6e-8 of the value. (SITL then
 keeps the position in 1e-7 degrees and whole centimetres of altitude: 11 mm and 10 mm, its sensors' resolution.)
 
-Time: SITL adds the difference of two timestamps, in microseconds, to an integer clock and drops the fraction. Printed
-plainly, differences come out as 2499.9999 us and lose a microsecond now and then. Timestamps are therefore whole
-microseconds, stretched by 1e-7: each difference then exceeds its whole number by a little, and SITL's clock counts
-exactly the bench's microseconds, without limit.
+Time: SITL adds the difference of two timestamps, in microseconds, to an integer clock and drops the fraction. Without
+correction, some differences are 2499.9999 us and lose a microsecond. Timestamps are therefore whole microseconds,
+stretched by 1e-7: each difference then exceeds its whole number by a little, and SITL's clock counts exactly the
+bench's microseconds, in runs of any length.
 """
 
 from __future__ import annotations
@@ -200,11 +200,11 @@ def air_data(truth: TruthState, wind_W_mps: Vec3) -> tuple[float, tuple[float, f
 
 
 def thrust_expo(thrust_model_factor: float, *, spin_min: float, spin_max: float) -> float:
-    """Return the MOT_THST_EXPO with which ArduPilot's thrust is linear on rotors with T ~ f u^2 + (1 - f) u. Exact.
+    """Return the MOT_THST_EXPO that makes ArduPilot's thrust linear on rotors with T ~ f u^2 + (1 - f) u, exactly.
 
-    ArduPilot outputs u = spin_min + (spin_max - spin_min) a with e a^2 + (1 - e) a = the wanted thrust, 0..1. With u in
-    the rotor's curve both are quadratics in a without a constant (thrust above that at spin_min), and e is the share of
-    the square. For f = 1 and spin 0.15 to 0.95 it is 8/11.
+    ArduPilot outputs u = spin_min + (spin_max - spin_min) a with e a^2 + (1 - e) a = the wanted thrust, 0..1. With
+    this u, the rotors' thrust above that at spin_min is a quadratic in a without a constant term as well, and e is the
+    share of its square. For f = 1 and spin 0.15 to 0.95 it is 8/11.
     """
     f, d = thrust_model_factor, spin_max - spin_min
     square = f * d

@@ -33,7 +33,7 @@ from signals.samples import CHANNEL_UNITS, RADAR_UNITS, SAMPLE_FIELDS, ImageSamp
 
 MAGIC = "hil-companion"
 VERSION = 3
-MAX_CREDIT = 64
+MAX_CREDIT = 64  # frames
 REFUSALS = ("magic", "version", "schema", "topic", "name", "control", "full", "malformed")
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _PATTERN = re.compile(r"[A-Za-z0-9_./*?\[\]!-]{1,128}")
@@ -286,8 +286,8 @@ def _hello(m: dict[str, Any]) -> Hello:
         if m.get("magic") != MAGIC:
             raise HelloRefused("magic", f"magic {shown(m.get('magic'))}; expected {MAGIC!r}: is it another program?")
         if type(m.get("version")) is not int or m["version"] != VERSION:
-            other = f"version {shown(m.get('version'))}; the bench has {VERSION}: use the client from its rigs/jetson"
-            raise HelloRefused("version", other)
+            problem = f"version {shown(m.get('version'))}; the bench has {VERSION}: use the client from its rigs/jetson"
+            raise HelloRefused("version", problem)
         name = m.get("name")
         if type(name) is not str or not _NAME.fullmatch(name):
             raise HelloRefused("name", f"name {shown(name)}; expected 1 to 64 characters of A-Z a-z 0-9 _ . -")

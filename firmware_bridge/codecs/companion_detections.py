@@ -18,9 +18,9 @@ from signals.samples import Vec3
 KEYS = ("topic", "t_capture_ns", "size_px", "boxes", "objects")
 _LABEL = re.compile(rf"[A-Za-z0-9_ .-]{{1,{MAX_LABEL_LENGTH}}}")
 _LARGEST = 1e6  # m, m/s, pixels
-_MOST_PIXELS = 65_536  # across
-_MOST_TIME_NS = 2**62
-_MOST_COUNT = 2**31
+_MAX_PIXELS = 65_536  # across
+_MAX_TIME_NS = 2**62
+_MAX_COUNT = 2**31
 
 
 def detections_from_map(values: object) -> Detections:
@@ -35,12 +35,12 @@ def detections_from_map(values: object) -> Detections:
         raise CodecError(f"detections.topic: {shown(topic)} is not the name of a topic")
     if type(size) is not list or len(size) != 2:
         raise CodecError(f"detections.size_px: {shown(size)}; expected width and height")
-    width, height = (_whole("size_px", n, 1, _MOST_PIXELS) for n in size)
+    width, height = (_whole("size_px", n, 1, _MAX_PIXELS) for n in size)
     boxes = _rows("boxes", values.get("boxes"), 9, MAX_BOXES)
     objects = values.get("objects")
     return Detections(
         topic,
-        _whole("t_capture_ns", values.get("t_capture_ns"), 0, _MOST_TIME_NS),
+        _whole("t_capture_ns", values.get("t_capture_ns"), 0, _MAX_TIME_NS),
         (width, height),
         tuple(_box(f"boxes[{i}]", row) for i, row in enumerate(boxes)),
         None if objects is None else _objects(objects),
@@ -93,23 +93,23 @@ def _objects(values: object) -> tuple[FoundObject, ...]:
             raise CodecError(f"detections.{place}: sigma {sigma_m:g} m is below 0")
         found.append(
             FoundObject(
-                _whole(place, row[0], 0, _MOST_COUNT),
+                _whole(place, row[0], 0, _MAX_COUNT),
                 _label(place, row[1]),
-                _whole(place, row[2], 0, _MOST_TIME_NS),
+                _whole(place, row[2], 0, _MAX_TIME_NS),
                 _vector(place, row[3]),
                 _vector(place, row[4]),
-                _whole(place, row[5], 0, _MOST_COUNT),
+                _whole(place, row[5], 0, _MAX_COUNT),
                 sigma_m,
             )
         )
-    if len({one.number for one in found}) != len(found):
+    if len({item.number for item in found}) != len(found):
         raise CodecError("detections.objects: two objects have the same number")
     return tuple(found)
 
 
-def _rows(name: str, values: object, length: int, most: int) -> list[list[Any]]:
-    if type(values) is not list or len(values) > most:
-        raise CodecError(f"detections.{name}: {shown(values)}; expected a list of at most {most}")
+def _rows(name: str, values: object, length: int, max_rows: int) -> list[list[Any]]:
+    if type(values) is not list or len(values) > max_rows:
+        raise CodecError(f"detections.{name}: {shown(values)}; expected a list of at most {max_rows}")
     for i, row in enumerate(values):
         if type(row) is not list or len(row) != length:
             raise CodecError(f"detections.{name}[{i}]: {shown(row)}; expected {length} entries")

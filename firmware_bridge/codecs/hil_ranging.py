@@ -19,7 +19,7 @@ DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
 _DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270
 _LASER = 0  # MAV_DISTANCE_SENSOR_LASER
 _UNKNOWN_VARIANCE = 255
-_INVALID, _LEAST, _BEST = 1, 2, 100  # signal_quality; 0 means "not known"
+_INVALID, _MIN_QUALITY, _MAX_QUALITY = 1, 2, 100  # signal_quality; 0 means "not known"
 _UNKNOWN_DISTANCE = -1.0
 
 _pack_flow = struct.Struct("<QI5fIfhBB").pack
@@ -52,7 +52,7 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
         0.0,
         0.0,
         0.0,
-        _INVALID if sample.quality <= 0 else min(max(sample.quality, _LEAST), _BEST),
+        _INVALID if sample.quality <= 0 else min(max(sample.quality, _MIN_QUALITY), _MAX_QUALITY),
     )
 
 

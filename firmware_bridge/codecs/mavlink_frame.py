@@ -27,7 +27,7 @@ MAX_FRAME_LENGTH = 10 + 255 + _CRC_LENGTH + _SIGNATURE_LENGTH
 _DATAGRAM_LIMIT = 1400  # bytes; PX4 reads datagrams of at most 1600
 NO_FRAME = 0xFFFFFFFF  # message id of bytes outside of frames
 
-_LATE_GAP = 240  # a sequence number that is further ahead than this is one up to 16 behind
+_LATE_GAP = 240  # gaps from this on are late frames, up to 16 behind (modulo 256)
 _ZEROS = bytes(256)
 _EXTRA_BYTE = {msgid: bytes((shape.crc_extra,)) for msgid, shape in SHAPES.items()}
 _start_byte = re.compile(b"[\xfd\xfe]").search
@@ -185,7 +185,7 @@ class FrameSplitter:
     """Splits a byte stream into units: whole frames, and the single bytes between them.
 
     Unlike the parser it takes frames of unknown messages (other dialects) by their length, and drops no byte: all come
-    out, in order. Incremental: holds back at most the begin of one frame, which `flush` releases.
+    out, in order. Incremental: holds back at most the beginning of one frame, which `flush` releases.
     """
 
     __slots__ = ("_pending",)

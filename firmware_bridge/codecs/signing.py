@@ -4,9 +4,9 @@ A signed frame has incompatibility flag 1 and 13 bytes after its checksum:
 
     link id, 1 byte | timestamp, 6 bytes, little-endian, 10 us since 2015-01-01T00:00Z | signature, 6 bytes
 
-The signature is the first bytes of SHA-256(key, frame up to and with the timestamp). A timestamp must be greater than
-the last one of the same stream (link id, system, component); the first one of a stream may be a minute behind the
-receiver's clock at most. The receiver moves its clock up to the timestamp of each accepted frame.
+The signature is the first bytes of SHA-256(key, frame up to and including the timestamp). A timestamp must be greater
+than the last one of the same stream (link id, system, component); the first one of a stream may be at most a minute
+behind the receiver's clock. The receiver moves its clock up to the timestamp of each accepted frame.
 
 A timestamp is never used twice, also not in another run: autopilots keep the last one over their restarts and refuse
 older ones. So it comes from the wall clock, not from simulated time, and a run in which the bench signs is not

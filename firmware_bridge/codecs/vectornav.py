@@ -3,7 +3,7 @@
 Layouts: VectorNav's interface control documents; their use by ArduPilot's driver: docs/ardupilot-on-a-board.md.
 
 Set-up, text:      $VNWRG,75,3,2,01,0721*CC CR LF     answered with the same, or with $VNERR,nn
-    CC is the exclusive or of all characters between $ and *; four digits are a CRC-16 instead, XX is no check.
+    CC is the exclusive or of all characters between $ and *; four digits are a CRC-16 instead, XX means no checksum.
     Register 75 to 77: ports, divisor of the base rate, groups, one mask of fields for each group. The device sends
     any selection of `_FIELDS`.
 Measurements, binary, little-endian:     FA groups masks payload CRC
@@ -67,7 +67,7 @@ _FIELDS: dict[tuple[int, int], tuple[str, tuple[str, ...]]] = {
     (_GNSS2, 4): ("B", ("fix",)),
 }
 
-# Ins status.
+# Bits of the INS status.
 INS_TRACKING = 2  # mode, bits 0 and 1
 INS_GNSS_FIX = 4
 
@@ -252,7 +252,7 @@ class BinaryOutput(NamedTuple):
     packet: PacketFormat
 
 
-# $VNERR,nn
+# Numbers nn of $VNERR,nn
 _BAD_CHECKSUM, _BAD_COMMAND, _TOO_FEW, _TOO_MANY, _BAD_VALUE, _BAD_REGISTER, _READ_ONLY = 3, 4, 5, 6, 7, 8, 9
 _REFUSALS = {
     _BAD_CHECKSUM: "a wrong checksum",
@@ -292,8 +292,8 @@ class VectorNavDevice:
         self.outputs: dict[int, BinaryOutput] = {}
         self.streaming = True
         self.starts = 0
-        self.commands = 0  # good ones
-        self.refused = ""  # the last one
+        self.commands = 0  # accepted
+        self.refused = ""  # description of the last refused command
         self._pending = b""
         self._registers = {
             0: "", _MODEL: model, 2: "7", 3: "100000001", 4: "2.1.0.0", 5: str(baud), 6: "14", 7: "40",

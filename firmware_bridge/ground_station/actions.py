@@ -1,7 +1,7 @@
 """Carries out a mission script: actions at simulated times, or after events of the vehicle.
 
 A pure function of (simulated time, frames received), as the ground station is: no I/O and no clock of its own. It has
-its own component id on the ground station's system, so that answers to the two cannot be confused.
+its own component id on the ground station's system, so that answers to script and station cannot be confused.
 
 Requests to the autopilot are made one after the other, in the order in which they fall due, each until it has been
 answered; an `Effect` (a gust, a fault) takes place at its instant, independently of them. No request is sent before the
@@ -252,7 +252,7 @@ class ActionSource:
             self._on_event(t_ns, kind, text)
 
     def _wake_ns(self) -> int:
-        """Return when the next work is due if no frames come."""
+        """Return the time of the next step that is due without frames."""
         wake = [self._due[0][0]] if self._due else []
         if self._job is not None:
             wake.append(self._job.due_ns)
@@ -333,15 +333,15 @@ class _ParamJob:
     def __init__(self, link: VehicleLink, wanted: SetParam, *, bytewise: bool, t_ns: int) -> None:
         self._link, self._wanted, self._bytewise = link, wanted, bytewise
         self._kind: int | None = None  # MAV_PARAM_TYPE, once it is known
-        self._value = 0.0  # as the autopilot can hold it
+        self._value = 0.0  # as the autopilot can store it
         self._done = False
-        self._unfit: HandshakeError | None = None
+        self._error: HandshakeError | None = None
         self._tries = 0
         self.due_ns = t_ns
 
     def step(self, t_ns: int) -> bool:
-        if self._unfit is not None:
-            raise self._unfit
+        if self._error is not None:
+            raise self._error
         if self._done or t_ns < self.due_ns:
             return self._done
         if self._tries >= _TRIES:
@@ -360,8 +360,8 @@ class _ParamJob:
         if self._kind is None:
             link.send(_ParamRequestRead(link.target_sysid, link.target_compid, name, -1))
         else:
-            bits = param_as_sent(self._value, self._kind, bytewise=self._bytewise)
-            link.send(_ParamSet(link.target_sysid, link.target_compid, name, bits, self._kind))
+            sent_value = param_as_sent(self._value, self._kind, bytewise=self._bytewise)
+            link.send(_ParamSet(link.target_sysid, link.target_compid, name, sent_value, self._kind))
         return False
 
     def on_value(self, t_ns: int, message: Any) -> None:
@@ -369,11 +369,11 @@ class _ParamJob:
             return
         if self._kind is None:
             wanted, self._kind = self._wanted, message.param_type
-            held = param_as_held(wanted.value, message.param_type)
-            if held is None:  # raised in `step`, which ends this action
+            stored = param_as_held(wanted.value, message.param_type)
+            if stored is None:  # raised in `step`, which ends this action
                 text = f"{wanted.name} takes a whole number of 32 bits, not {wanted.value:g}"
-                self._unfit = HandshakeError("mission script", text)
-            self._value = held or 0.0
+                self._error = HandshakeError("mission script", text)
+            self._value = stored or 0.0
             self._tries = 0
             self.due_ns = t_ns
         elif param_as_read(message.param_value, self._kind, bytewise=self._bytewise) == self._value:

@@ -24,7 +24,7 @@ class Commands:
 
     def __init__(self, link: VehicleLink, *, tries: int = 5) -> None:
         self._link = link
-        self._most_tries = tries
+        self._max_tries = tries
         self._command = 0
         self._params: tuple[float, ...] = ()
         self._tries = 0
@@ -66,9 +66,9 @@ class Commands:
         """Send again if the answer is overdue. HandshakeError after the last try."""
         if self.due_ns is None or t_ns < self.due_ns:
             return
-        if self._tries >= self._most_tries:
+        if self._tries >= self._max_tries:
             raise refused(
-                f"{enum_name('MAV_CMD', self._command)} was sent {self._most_tries} times without an answer; "
+                f"{enum_name('MAV_CMD', self._command)} was sent {self._max_tries} times without an answer; "
                 "is the autopilot's MAVLink command service running?"
             )
         self._transmit(t_ns)

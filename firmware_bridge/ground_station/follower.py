@@ -3,15 +3,15 @@
     no desired state yet          hold the position that the vehicle had when the set-points began
     one that moves (`moves`)      fly it until the next one
     one that does not             hold the position commanded last, or the vehicle's own, with the desired yaw
-    none new for `stale_ns`       the same, with the yaw commanded last, and one warning
+    none new for `stale_ns`       hold the same position, with the yaw commanded last, and warn once
 
 A desired state is valid for one instant: that of the frame which it answers. Its rates extrapolate it to the instant t
 of each set-point (`extrapolated`), unless it has `hold`. So it makes little difference which of two frames an answer
 belongs to, and which set-point carries it first.
 
-Set-points are NED and FRD; yaw from north, clockwise, in [-pi, pi]. The type masks name exactly the values that are not
-given; given values are never left to the autopilot. PX4 and ArduPilot agree on all of it except the thrust of
-SET_ATTITUDE_TARGET, which ArduPilot takes as a climb rate (0.5: none) unless GUID_OPTIONS has bit 3 (8) set.
+Set-points are NED and FRD; yaw from north, clockwise, in [-pi, pi]. The type masks exclude exactly the values that are
+not given. PX4 and ArduPilot agree on all of this except the thrust of SET_ATTITUDE_TARGET, which ArduPilot takes as a
+climb rate (0.5: none) unless GUID_OPTIONS has bit 3 (8) set.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Applied(NamedTuple):
 
     t_apply_ns: int
     desired: DesiredState
-    t_of_ns: int
+    t_valid_ns: int
 
 
 class DesiredQueue:
@@ -62,22 +62,22 @@ class DesiredQueue:
         """The time from which the next one applies; None if none waits."""
         return self._heap[0][0] if self._heap else None
 
-    def put(self, desired: DesiredState, t_apply_ns: int, t_of_ns: int) -> None:
+    def put(self, desired: DesiredState, t_apply_ns: int, t_valid_ns: int) -> None:
         """Add a desired state. Of two for the same time the later added one applies; older ones are ignored."""
-        heapq.heappush(self._heap, (t_apply_ns, self._puts, desired, t_of_ns))
+        heapq.heappush(self._heap, (t_apply_ns, self._puts, desired, t_valid_ns))
         self._puts += 1
 
     def advance(self, t_ns: int) -> None:
-        """Make `current` the newest that applies at `t_ns`."""
+        """Make `current` the newest desired state that applies at `t_ns`."""
         heap = self._heap
         while heap and heap[0][0] <= t_ns:
-            t_apply_ns, _, desired, t_of_ns = heapq.heappop(heap)
+            t_apply_ns, _, desired, t_valid_ns = heapq.heappop(heap)
             if self.current is None or t_apply_ns >= self.current.t_apply_ns:
-                self.current = Applied(t_apply_ns, desired, t_of_ns)
+                self.current = Applied(t_apply_ns, desired, t_valid_ns)
 
 
 class Follower:
-    """Makes the set-points. `on_event(t_ns, kind, text)` gets the companion's silence, and its end."""
+    """Makes the set-points. `on_event(t_ns, kind, text)` gets an event when the companion falls silent or returns."""
 
     def __init__(
         self,
@@ -147,7 +147,7 @@ class Follower:
         desired = applied.desired
         if desired.hold or not desired.changes:
             return desired
-        return extrapolated(desired, (t_ns - applied.t_of_ns) / NS_PER_S)
+        return extrapolated(desired, (t_ns - applied.t_valid_ns) / NS_PER_S)
 
     def _position(self, desired: DesiredState) -> Vec3 | None:
         p_W = desired.p_W

@@ -128,7 +128,7 @@ class MissionUpload:
                 f"{_TRIES} s of simulated time; is the autopilot's mission service running?"
             )
         if self._requested == len(self._items):
-            # It has them all, or requests the last one again by itself; so the acknowledgement was lost.
+            # The vehicle has all items (it would request a missing one again), so its acknowledgement was lost.
             self._unconfirmed += 1
             self._offer(t_ns)
         elif self._requested:

@@ -4,7 +4,7 @@
     MISSION     AUTO.MISSION       AUTO                 flies the uploaded mission
     HOLD        AUTO.LOITER        BRAKE                stops and holds the position
     RTL         AUTO.RTL           RTL                  returns home and lands
-    LAND        AUTO.LAND          LAND                 lands at its place
+    LAND        AUTO.LAND          LAND                 lands where it is
     TAKEOFF     AUTO.TAKEOFF       -                    climbs to the take-off height (ArduPilot: NAV_TAKEOFF)
     OFFBOARD    OFFBOARD           GUIDED               flies a companion's set-points; GUIDED is the same word
     POSITION    POSCTL             POSHOLD              manual, position held
@@ -72,7 +72,7 @@ WORDS: tuple[str, ...] = (*MODE_TABLE[PX4], *_SYNONYMS)
 
 
 def plain_word(word: str) -> str:
-    """Return the main one of synonymous words: AUTO is MISSION, GUIDED is OFFBOARD."""
+    """Return the main word for a synonym: MISSION for AUTO, OFFBOARD for GUIDED."""
     return _SYNONYMS.get(word, word)
 
 

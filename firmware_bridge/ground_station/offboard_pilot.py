@@ -38,7 +38,7 @@ _RETRY_NS = NS_PER_S
 _ORIGIN_TRIES = 5
 # PX4 enters OFFBOARD only where set-points have been coming for a while.
 _STREAM_FIRST_NS = NS_PER_S
-_CLIMBED = 0.9  # part of the take-off height, above which ArduPilot's take-off counts as flown
+_CLIMBED_SHARE = 0.9  # of the take-off height, above which ArduPilot's take-off counts as flown
 
 
 class OffboardPilot(PhasedFlight):
@@ -56,7 +56,7 @@ class OffboardPilot(PhasedFlight):
         (MSGID["GLOBAL_POSITION_INT"], 200_000.0),
         (MSGID["GPS_GLOBAL_ORIGIN"], 1_000_000.0),
     )
-    waypoints = 0  # as `GroundStation` has them
+    waypoints = 0  # there is no mission: see `GroundStation`
     reached = 0
     set_points = 0  # sent so far
 
@@ -89,7 +89,7 @@ class OffboardPilot(PhasedFlight):
         self._stale_ns = round(stale_s * NS_PER_S)
         self._follower = Follower(self._link, self._frame, self._queue, stale_ns=self._stale_ns, on_event=self._report)
         self._origin_tries = 0
-        self._unfit_since_ns: int | None = None
+        self._not_ready_since_ns: int | None = None
         self._streaming_since_ns: int | None = None  # set-points; None: none are sent
         self._ground_d_m = 0.0  # D of the place where it was armed
         self._in_mode: bool | None = None  # from its heartbeat; None before it was first in the mode
@@ -104,12 +104,12 @@ class OffboardPilot(PhasedFlight):
         """True while no new desired states come and the vehicle holds its position."""
         return self._follower.stale
 
-    def set_desired(self, desired: DesiredState, t_apply_ns: int, t_of_ns: int | None = None) -> None:
+    def set_desired(self, desired: DesiredState, t_apply_ns: int, t_valid_ns: int | None = None) -> None:
         """Apply `desired` from the first step with t_ns >= `t_apply_ns` until the next one applies.
 
-        `t_of_ns`: the instant for which it was computed, that of the frame it answers; None: `t_apply_ns`.
+        `t_valid_ns`: the instant for which it was computed, that of the frame it answers; None: `t_apply_ns`.
         """
-        self._queue.put(desired, t_apply_ns, t_apply_ns if t_of_ns is None else t_of_ns)
+        self._queue.put(desired, t_apply_ns, t_apply_ns if t_valid_ns is None else t_valid_ns)
         self._due_ns = min(self._due_ns, t_apply_ns)
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
@@ -119,7 +119,7 @@ class OffboardPilot(PhasedFlight):
             self._queue.advance(t_ns)
             self._decide(t_ns)
             self._decide_by(self._queue.next_ns)
-        # One tick after the grid on which frames leave, so that the answer to a frame is sent at once.
+        # Set-points leave one tick after frames do, so that the answer to a frame is sent at once.
         behind = t_ns // self._tick_ns - 1
         if self._streaming_since_ns is not None and is_due(
             behind, event_millihz=self._setpoint_millihz, tick_millihz=self._tick_millihz
@@ -142,12 +142,12 @@ class OffboardPilot(PhasedFlight):
     def _preflight(self, t_ns: int) -> None:
         healthy = self._health.ready(t_ns)
         if not (healthy and self._place_known(t_ns)):
-            if self._unfit_since_ns is None:
-                self._unfit_since_ns = t_ns
+            if self._not_ready_since_ns is None:
+                self._not_ready_since_ns = t_ns
             problem = "it does not send its position (LOCAL_POSITION_NED)" if healthy else self._health.problem()
-            self._check_preflight(t_ns, self._unfit_since_ns, problem)
+            self._check_preflight(t_ns, self._not_ready_since_ns, problem)
             return
-        self._unfit_since_ns = self._retry_ns = None
+        self._not_ready_since_ns = self._retry_ns = None
         if self._heartbeats.autopilot != ARDUPILOT:
             if self._streaming_since_ns is None:
                 self._streaming_since_ns = t_ns
@@ -213,7 +213,7 @@ class OffboardPilot(PhasedFlight):
 
     def _climbed(self) -> bool:
         assert self._frame.p_N is not None
-        return self._ground_d_m - self._frame.p_N[2] >= _CLIMBED * self._takeoff_height_m
+        return self._ground_d_m - self._frame.p_N[2] >= _CLIMBED_SHARE * self._takeoff_height_m
 
     def _check_mode(self, t_ns: int) -> None:
         beat = self._heartbeats

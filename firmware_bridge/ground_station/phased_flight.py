@@ -41,7 +41,7 @@ _TEXTS_LIMIT = 1000  # bounds the memory for a vehicle that sends texts without 
 
 
 class Phase(Enum):
-    """The phases in the order of a flight, none of which has all of them."""
+    """The phases in the order of a flight. No flight has all of them."""
 
     CONNECTING = "connecting"
     UPLOADING = "uploading"

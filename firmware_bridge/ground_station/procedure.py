@@ -1,4 +1,4 @@
-"""Mission upload and start on each firmware: the steps differ, the mission does not.
+"""Mission upload and start, whose steps differ between firmwares.
 
             PX4                            ArduPilot
 items       unchanged                      after a place-holder for home, which is its item 0; NaN params become 0
@@ -21,7 +21,7 @@ _COMPONENT_ARM_DISARM = 400
 _MISSION_START = 300
 _WAYPOINT = 16
 _FRAME_GLOBAL, _FRAME_MISSION = 0, 2
-# Without a place, so their frame has no meaning: planners write 0 or 3 as often as 2, but PX4 accepts only 2.
+# Commands without a place, whose frame has no meaning: planners write 0, 2 or 3, but PX4 accepts only 2.
 # RTL; CONDITION_DELAY, _DISTANCE, _YAW; DO_JUMP, CHANGE_SPEED, relay, servo, actuator, mount, gripper, camera.
 _PLACELESS = frozenset(
     (20, 93, 112, 114, 115, 177, 178, 181, 183, 187, 197, 205, 206, 211, 212, 214, 530, 2000, 2001, 2500, 2501, 3000)
@@ -38,7 +38,7 @@ class Step(NamedTuple):
 
 
 def start_steps(autopilot: int) -> tuple[Step, ...]:
-    """Return the steps, in order, with which `autopilot` (MAV_AUTOPILOT) flies the mission that it holds."""
+    """Return the steps, in order, with which `autopilot` (MAV_AUTOPILOT) flies the mission that it has stored."""
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
     if autopilot == ARDUPILOT:
         return (

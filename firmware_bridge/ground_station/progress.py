@@ -38,13 +38,13 @@ class Progress:
     """Counts of one flight of `items`. An item is identified by its index."""
 
     def __init__(self, items: Sequence[MissionItem]) -> None:
-        self._known = bool(items)
+        self._items_known = bool(items)
         self._waypoints = [index for index, item in enumerate(items) if is_waypoint(item)]
-        flown = navigation_items(items)
-        self.lands_by_itself = bool(flown) and flown[-1].command in _ENDINGS
+        flight_items = navigation_items(items)
+        self.lands_by_itself = bool(flight_items) and flight_items[-1].command in _ENDINGS
         landings = [index for index in self._waypoints if items[index].command in (_LAND, _VTOL_LAND)]
         self._final_landing = landings[-1] if landings and landings[-1] == self._waypoints[-1] else None
-        # With jumps an item is reached more than once, so that only the vehicle knows the end.
+        # With jumps an item is reached more than once, so only the vehicle knows when the mission is complete.
         self._jumps = any(item.command == _DO_JUMP for item in items)
         self._reached: dict[int, None] = {}
         self._reported_complete = False
@@ -60,7 +60,7 @@ class Progress:
     @property
     def reached(self) -> int:
         """Number of waypoints that the vehicle reported as reached; of an unknown mission, of all items."""
-        if not self._known:
+        if not self._items_known:
             return len(self._reached)
         return sum(index in self._reached for index in self._waypoints)
 
@@ -88,7 +88,7 @@ class Progress:
             self.flown = True
 
     def on_landed(self) -> None:
-        """Count a landing under way as reached at the end of the flight, even without the vehicle's report."""
+        """Count the last landing as reached at the end of the flight, even without the vehicle's report."""
         last = self._final_landing
         if last is not None and self.current == last and self.reached == self.waypoints - 1:
             self._reached[last] = None

@@ -47,7 +47,7 @@ def px4_ned(origin: Place, place: Place) -> Vec3:
     """Project as PX4's estimator and position controller do."""
     lat0, lat = origin.lat_deg * RAD_PER_DEG, place.lat_deg * RAD_PER_DEG
     sin0, cos0, sin_lat, cos_lat = det_sin(lat0), det_cos(lat0), det_sin(lat), det_cos(lat)
-    dlon = _turn_deg(place.lon_deg - origin.lon_deg) * RAD_PER_DEG
+    dlon = _wrapped_deg(place.lon_deg - origin.lon_deg) * RAD_PER_DEG
     north = cos0 * sin_lat - sin0 * cos_lat * det_cos(dlon)
     east = cos_lat * det_sin(dlon)
     sin_c = sqrt(north * north + east * east)
@@ -60,7 +60,7 @@ def px4_ned(origin: Place, place: Place) -> Vec3:
 def ardupilot_ned(origin: Place, place: Place) -> Vec3:
     """Project as ArduPilot's estimator does."""
     scale = det_cos(0.5 * (origin.lat_deg + place.lat_deg) * RAD_PER_DEG)
-    north_deg, east_deg = place.lat_deg - origin.lat_deg, _turn_deg(place.lon_deg - origin.lon_deg)
+    north_deg, east_deg = place.lat_deg - origin.lat_deg, _wrapped_deg(place.lon_deg - origin.lon_deg)
     return (
         north_deg * _ARDUPILOT_M_PER_DEG,
         east_deg * _ARDUPILOT_M_PER_DEG * scale,
@@ -72,8 +72,8 @@ def ardupilot_place(origin: Place, p_N: Vec3) -> Place:
     """Return the place of a point: the inverse of `ardupilot_ned`."""
     north_deg = p_N[0] / _ARDUPILOT_M_PER_DEG
     scale = det_cos((origin.lat_deg + 0.5 * north_deg) * RAD_PER_DEG)
-    east_deg = _turn_deg(p_N[1] / (_ARDUPILOT_M_PER_DEG * scale))
-    return Place(origin.lat_deg + north_deg, _turn_deg(origin.lon_deg + east_deg), origin.alt_m - p_N[2])
+    east_deg = _wrapped_deg(p_N[1] / (_ARDUPILOT_M_PER_DEG * scale))
+    return Place(origin.lat_deg + north_deg, _wrapped_deg(origin.lon_deg + east_deg), origin.alt_m - p_N[2])
 
 
 def ardupilot_sitl_world(home: Place, home_W: Vec3) -> Callable[[Vec3], Place]:
@@ -87,7 +87,7 @@ def ardupilot_sitl_world(home: Place, home_W: Vec3) -> Callable[[Vec3], Place]:
 
 
 def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:
-    """Return the origin from which `place` is at `p_N`. Each of the fixed steps gains a factor of distance/radius."""
+    """Return the origin from which `place` is at `p_N`. Each step reduces the error by distance / Earth radius."""
     per_deg = _ARDUPILOT_M_PER_DEG
     lat, lon = place.lat_deg, place.lon_deg
     for _ in range(6):
@@ -97,7 +97,7 @@ def origin_of(place: Place, p_N: Vec3, project: Projection) -> Place:
     return Place(lat, lon, place.alt_m + p_N[2])
 
 
-def _turn_deg(angle_deg: float) -> float:
+def _wrapped_deg(angle_deg: float) -> float:
     """Return a difference of longitudes in [-180, 180]."""
     if angle_deg > 180.0:
         return angle_deg - 360.0

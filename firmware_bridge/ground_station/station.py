@@ -62,7 +62,7 @@ class GroundStation(PhasedFlight):
 
     @property
     def reached(self) -> int:
-        """Number of them that the vehicle has reported as reached."""
+        """Number of these items that the vehicle has reported as reached."""
         return self._progress.reached
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:

@@ -35,17 +35,14 @@ class VehicleLink:
         self._out.append(self._encoder.frame(message.MSGID, pack(message)))
 
     def is_for_us(self, message: Any) -> bool:
-        """Return True if an answer is for this component, not for another one or an SDK on the same vehicle.
+        """Return True if an answer is for this component, not for another client of the same vehicle.
 
-        A zero is from an autopilot that does not address its answers.
+        A zero comes from an autopilot that does not address its answers.
         """
         return message.target_system in (0, GCS_SYSID) and message.target_component in (0, self._compid)
 
     def dispatch(self, frames: Sequence[Frame], handlers: Mapping[int, Callable[[Any], None]]) -> bool:
-        """Call the handlers of the vehicle's messages. Return True if there was any.
-
-        Without a given vehicle, it is the first autopilot that sends a heartbeat.
-        """
+        """Call the handlers of the vehicle's messages. Return True if one was called."""
         if not self.target_sysid:
             self.target_sysid = first_autopilot(frames, self.target_compid)
         sysid, compid = self.target_sysid, self.target_compid
@@ -89,14 +86,14 @@ _REAL32 = 9  # MAV_PARAM_TYPE; below it the integers
 
 
 def param_as_held(value: float, kind: int) -> float | None:
-    """Return the value as a parameter of MAV_PARAM_TYPE `kind` holds it, in 32 bits; None if it cannot."""
+    """Return the value as a parameter of MAV_PARAM_TYPE `kind` stores it, in 32 bits; None if it does not fit."""
     if kind >= _REAL32:
         return float(struct.unpack("<f", struct.pack("<f", value))[0])
     return float(value) if value == int(value) and abs(value) < 2**31 else None
 
 
 def param_as_sent(value: float, kind: int, *, bytewise: bool = True) -> float:
-    """Return the float that carries a value: of an integer PX4 sends the bits (`bytewise`), ArduPilot the float."""
+    """Return the float that carries a value. PX4 sends an integer's bits (`bytewise`), ArduPilot its value."""
     if kind >= _REAL32 or not bytewise:
         return value
     return float(struct.unpack("<f", struct.pack("<i", int(value)))[0])

@@ -21,8 +21,8 @@ _FORM = re.compile(r"(udp|udpin|tcp):([A-Za-z0-9._-]+):([0-9]{1,5})")
 class Endpoint(NamedTuple):
     """The address that a client listens on (`remote`) and the one that it sends to (`local`).
 
-    `remote` None: clients contact `local` first, over UDP or, with `tcp`, over TCP. A `local` host of "" is this
-    machine's own address towards `remote`.
+    `remote` None: clients contact `local` first, over UDP or, with `tcp`, over TCP. A `local` host of "" stands for
+    this machine's address on the network of `remote`.
     """
 
     remote: Address | None

@@ -1,4 +1,4 @@
-"""Keeps clients' streams alive in simulated time when the bench runs faster than real time.
+"""Repeats clients' messages in simulated time when the bench runs faster than real time.
 
 An autopilot measures the age of a ground station's heartbeat or an OFFBOARD set-point in its own, simulated time. A
 client sends by the wall clock: at 20 times real time its 20 Hz stream arrives at 1 Hz of simulated time, and PX4's
@@ -30,7 +30,7 @@ _ALIVE_NS = 2 * NS_PER_S
 _STREAM_MIN_NS = NS_PER_S
 _STREAM_PERIODS = 5
 _PERIOD_MIN_NS = 10_000_000
-_ARRIVALS = 10  # over which a rate is measured
+_ARRIVALS = 10  # kept to measure the rate
 _SOURCES_LIMIT = 64
 
 
@@ -108,7 +108,7 @@ class Hold:
                 source.setpoint = None
                 source.arrivals_wall_ns.clear()
                 continue
-            # Counted from the time it was due: no drift where a tick does not fall on it.
+            # Counted from the due time, so that there is no drift if no tick falls on it.
             source.setpoint_due_ns += period_ns * ((t_ns - source.setpoint_due_ns) // period_ns + 1)
             copies.append(source.setpoint)
             self.setpoints += 1

@@ -72,14 +72,14 @@ class ClientSigning:
         self._signer = Signer(key, LINK_TO_CLIENTS, clock)
 
     def check(self, frame: Frame) -> Check:
-        """Return GOOD if the frame may pass."""
+        """Return GOOD if the frame may pass, otherwise the reason against it."""
         found = self._verifier.check(frame)
         if found is Check.UNSIGNED and frame.msgid in ACCEPTED_UNSIGNED:
             return Check.GOOD
         return found
 
     def sign(self, raw: bytes) -> bytes:
-        """Return the frame signed for clients; as it is if the autopilot has signed it."""
+        """Return the frame signed for clients, or unchanged if the autopilot has signed it."""
         return raw if is_signed(raw) else self._signer.sign(raw)
 
 
