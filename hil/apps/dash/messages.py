@@ -29,8 +29,8 @@ class StreamFrame(NamedTuple):
 
 
 def packed(message: dict[str, Any]) -> bytes:
-    """Encode a message between a run and the page's server."""
-    data: bytes = msgpack.packb(message)
+    """Encode a message between a run and the page's server. Text that UTF-8 cannot express gets question marks."""
+    data: bytes = msgpack.packb(message, unicode_errors="replace")
     return data
 
 

@@ -215,7 +215,7 @@ class LiveRun:
         self._extend_trail()
         if connection.busy:
             connection.push()
-        for message in connection.read():
+        for message in sorted(connection.read(), key=lambda message: message.get("kind") != "stop"):
             self._carry_out(message)
         idle = not connection.busy and not connection.lost
         if self._requested is not None and idle and now_ns >= self._update_ns:

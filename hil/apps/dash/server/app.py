@@ -137,23 +137,32 @@ class Dashboard:
         await socket.accept()
         page = Page(socket.send_bytes)
         self.hub.pages.add(page)
+        receiving = asyncio.create_task(self._receive_all(socket, page))
+        losing = asyncio.create_task(page.lost.wait())
         try:
+            await asyncio.wait([receiving, losing], return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self.hub.remove(page)
+            receiving.cancel()
+            losing.cancel()
+        # A page that does not read its updates would not read the closing frame either.
+        if not page.lost.is_set():
+            with contextlib.suppress(RuntimeError, OSError, WebSocketDisconnect):
+                await socket.close()
+
+    async def _receive_all(self, socket: WebSocket, page: Page) -> None:
+        with contextlib.suppress(WebSocketDisconnect, KeyError, RuntimeError, OSError):  # closed, or a binary message
             while True:
-                text = await socket.receive_text()
-                message = _message(text)
+                message = _message(await socket.receive_text())
                 if message is not None:
                     await self._receive(page, message)
-        except (WebSocketDisconnect, KeyError, RuntimeError, OSError):
-            pass  # the page was closed, or sent a binary message
-        finally:
-            await self.hub.remove(page)
-            with contextlib.suppress(RuntimeError, OSError):
-                await socket.close()
 
     async def _receive(self, page: Page, message: dict[str, Any]) -> None:
         kind = message.get("kind")
         if kind not in ("start", "reset"):
-            await self.hub.receive(page, message)
+            if kind == "stop" and not self.hub.begun:
+                self.run.interrupt()
+            self.hub.receive(page, message)
             return
         # When a page shows the result of a run, the run's process may not have exited yet.
         if kind == "start" and self.run.running and not await self.run.exited():
@@ -164,7 +173,7 @@ class Dashboard:
             arguments = run_arguments(message, self._config) if kind == "start" else self._last_arguments
         except ValueError as error:
             self.hub.message = str(error)
-            await self.hub.publish()
+            self.hub.publish()
             return
         if arguments is None:  # this server has started no run that could be reset
             return

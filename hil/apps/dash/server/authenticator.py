@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import hmac
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import quote, urlencode
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
@@ -73,8 +73,8 @@ class Authenticator:
         if self._token is None and _host_name(host) not in _LOOPBACK_NAMES:
             return 403, "this page is served to this machine only, as localhost or 127.0.0.1"
         if origins:
-            parts = urlsplit(origins[0].lower())
-            if parts.scheme not in ("http", "https") or parts.netloc != host:
+            scheme, _, netloc = origins[0].lower().partition("://")
+            if scheme not in ("http", "https") or netloc != host:
                 return 403, "no requests from pages of other sites"
         elif request.scope["type"] == "http" and request.scope["method"] not in ("GET", "HEAD"):
             return 403, "a request that changes something needs an Origin header"
@@ -91,8 +91,9 @@ class Authenticator:
     def _token_to_cookie(request: HTTPConnection, token: str) -> ASGIApp:
         """Return a redirect to the address without the token, which sets the cookie. Addresses end up in logs."""
         query = {name: value for name, value in request.query_params.items() if name != "token"}
-        # Exactly one leading slash: an address that begins with two would name another host.
-        path = "/" + request.scope["path"].lstrip("/") + (f"?{urlencode(query)}" if query else "")
+        # Exactly one leading slash: an address that begins with two would name another host. Browsers read backslashes
+        # as slashes, and drop control characters.
+        path = "/" + quote(request.scope["path"].lstrip("/\\\t\r\n")) + (f"?{urlencode(query)}" if query else "")
         redirect = RedirectResponse(path, 303)
         redirect.set_cookie(COOKIE, token, httponly=True, samesite="strict")
         return redirect

@@ -1,7 +1,9 @@
 """Distributes the newest values of one run to any number of pages.
 
 Updates are not queued. A page requests an update when it is ready for one and gets the newest values, so a slow page
-gets fewer updates. The run is asked for an update only while a page waits for one, and only for streams of open panes.
+gets fewer updates. Each page has its own sender, and a page that does not read an update within a time limit is
+disconnected, so no page delays another one or the run. The run is asked for an update only while a page waits for one,
+and only for streams of open panes.
 All storage is bounded, so a page can stay open for weeks.
 """
 
@@ -32,6 +34,9 @@ _EVENTS = 300
 _READ = 1 << 18
 _MAX_STREAMS = 16  # of one page
 _RUN_COMMANDS = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
+_MAX_STREAM_CHARS = 200  # of a stream's name
+_SEND_LIMIT_S = 10.0  # for one update to one page
+_MAX_UNSENT = 1 << 18  # bytes to the run; above it every message but a stop is dropped
 
 
 class Page:
@@ -39,6 +44,8 @@ class Page:
 
     def __init__(self, send: Callable[[bytes], Awaitable[None]]) -> None:
         self.send = send
+        self.sender: asyncio.Task[None] | None = None  # sends one update
+        self.lost = asyncio.Event()  # set when an update could not be sent
         self.streams: tuple[str, ...] = ()
         self.ready = False
         # What was sent last:
@@ -59,6 +66,7 @@ class Hub:
         self.about: dict[str, Any] = {}
         self.result: dict[str, Any] | None = None  # run.json of the run that ended
         self.running = False  # a run is connected
+        self.begun = False  # that run flies, so it reads messages
         self.message = ""  # why the last start failed
         self.run_ended = asyncio.Event()
         self.run_ended.set()
@@ -84,7 +92,7 @@ class Hub:
         """Follow the run at the other end of `link` until it is over or its process has ended."""
         reader, writer = await asyncio.open_connection(sock=link)
         self._run_link, self._requested = writer, False
-        self.running, self.result, self.message = True, None, ""
+        self.running, self.begun, self.result, self.message = True, False, None, ""
         self.run_ended.clear()
         unpacker = Unpacker()
         try:
@@ -100,11 +108,12 @@ class Hub:
             with contextlib.suppress(OSError):
                 await writer.wait_closed()
             self.run_ended.set()
-            await self._send_updates()
+            self._send_updates()
 
     async def _handle(self, message: dict[str, Any]) -> None:
         kind = message.pop("kind", None)
         if kind == "begin":
+            self.begun = True
             self.about = message
             self._run += 1
             self.state = {}
@@ -130,7 +139,7 @@ class Hub:
         elif kind == "end":
             self.result = message.get("run")
             self._state_changed()
-        await self._send_updates()
+        self._send_updates()
         self.request_update()
 
     def _store_slow(self, slow: dict[str, Any]) -> None:
@@ -151,46 +160,56 @@ class Hub:
         if self._run_link is None or self._requested or not any(page.ready for page in self.pages):
             return
         wanted = sorted({stream for page in self.pages for stream in page.streams} - set(PREVIEW_STREAMS))
-        self._requested = True
         self._send_to_run({"kind": "next", "streams": wanted})
+        self._requested = True
 
     def _send_to_run(self, message: dict[str, Any]) -> None:
         if self._run_link is not None:
             self._run_link.write(packed(message))
 
+    def _command_run(self, message: dict[str, Any]) -> None:
+        """Pass a page's message on to the run. One that cannot be encoded, or that finds the buffer full, is dropped."""
+        link = self._run_link
+        full = link is not None and link.transport.get_write_buffer_size() > _MAX_UNSENT
+        if message.get("kind") == "stop" or not full:
+            with contextlib.suppress(ValueError, OverflowError):
+                self._send_to_run(message)
+
     # -- pages ----------------------------------------------------------------------------------------------------
 
-    async def receive(self, page: Page, message: dict[str, Any]) -> None:
+    def receive(self, page: Page, message: dict[str, Any]) -> None:
         """Handle a message of a page, except those that start a run."""
         kind = message.get("kind")
         if kind == "next":
             page.ready = True
-            await self._send_updates()
+            self._send_updates()
             self.request_update()
         elif kind == "streams":
             wanted = message.get("streams")
             if isinstance(wanted, list):
-                page.streams = tuple(s for s in wanted if isinstance(s, str))[:_MAX_STREAMS]
+                page.streams = tuple(s for s in wanted if _is_stream(s))[:_MAX_STREAMS]
                 for stream in [s for s in page.frames if s not in page.streams]:
                     del page.frames[stream]
             page.version = -1  # frames of the new streams may be here already
             self._start_previews()
-            await self._send_updates()
+            self._send_updates()
         elif kind == "sticks":
             self._pass_on_sticks(page, message)
         elif kind in _RUN_COMMANDS:
-            self._send_to_run(message)
+            self._command_run(message)
 
     def _pass_on_sticks(self, page: Page, message: dict[str, Any]) -> None:
         """Pass on the sticks of one page at a time: the first that holds its dead-man switch, until release."""
         if self._pilot is not None and self._pilot is not page:
             return
         self._pilot = page if message.get("held") is True else None
-        self._send_to_run(message)
+        self._command_run(message)
 
-    async def remove(self, page: Page) -> None:
+    def remove(self, page: Page) -> None:
         """Remove a page that was closed, and release its dead-man switch."""
         self.pages.discard(page)
+        if page.sender is not None:
+            page.sender.cancel()
         if self._pilot is page:
             self._pass_on_sticks(page, {"kind": "sticks", "held": False})
 
@@ -198,26 +217,30 @@ class Hub:
         self._version += 1
         self._start_previews()
 
-    async def publish(self) -> None:
+    def publish(self) -> None:
         """Send updates after another object has changed `message` or `result`."""
         self._state_changed()
-        await self._send_updates()
+        self._send_updates()
 
-    async def _send_updates(self) -> None:
-        """Send every waiting page the changes that it has not received yet."""
-        for page in list(self.pages):
-            if page.ready and page.version != self._version:
+    def _send_updates(self) -> None:
+        """Start to send every waiting page the changes that it has not received yet."""
+        for page in self.pages:
+            if page.ready and page.version != self._version and page.sender is None:
+                page.sender = asyncio.get_running_loop().create_task(self._send(page))
+
+    async def _send(self, page: Page) -> None:
+        """Send one page its update, and another one if the page has asked for it meanwhile."""
+        try:
+            while page.ready and page.version != self._version:
                 page.ready, page.version = False, self._version
-                with contextlib.suppress(OSError, RuntimeError):
-                    await page.send(self._encode_update(page))
+                await asyncio.wait_for(page.send(self._encode_update(page)), _SEND_LIMIT_S)
+            page.sender = None
+        except Exception:  # noqa: BLE001 (whatever fails here ends this page only)
+            page.lost.set()
 
     def _encode_update(self, page: Page) -> bytes:
         new_run = page.run != self._run
-        if new_run:
-            page.run, page.events = self._run, self._event_count - len(self._events)
-            page.frames.clear()
-            page.slow = -1
-        new_events = min(self._event_count - page.events, len(self._events))
+        new_events = len(self._events) if new_run else min(self._event_count - page.events, len(self._events))
         head: dict[str, Any] = {
             "kind": "update",
             "going": self.running,
@@ -229,16 +252,19 @@ class Hub:
         if new_run:
             head["about"] = self.about
             head["run"] = self._run
-        if page.slow != self._slow_version:
-            page.slow, head["slow"] = self._slow_version, self._slow
-        page.events = self._event_count
+        if new_run or page.slow != self._slow_version:
+            head["slow"] = self._slow
+        known = {} if new_run else page.frames
+        sent = {stream: version for stream, version in known.items() if stream in page.streams}
         frames = []
         for stream in page.streams:
             version, frame = self._frames.get(stream, (-1, None))
-            if frame is not None and page.frames.get(stream) != version:
-                page.frames[stream] = version
+            if frame is not None and sent.get(stream) != version:
+                sent[stream] = version
                 frames.append(frame)
-        return packed_update(head, frames)
+        data = packed_update(head, frames)
+        page.run, page.slow, page.events, page.frames = self._run, self._slow_version, self._event_count, sent
+        return data
 
     # -- previews -------------------------------------------------------------------------------------------------
 
@@ -289,7 +315,7 @@ class Hub:
             if self.state and previews is self._previews:
                 self._store(frames)
                 if self._run_link is None or not self._requested:  # else they are sent with the run's next update
-                    await self._send_updates()
+                    self._send_updates()
             # A pause of four times the rendering time uses a fifth of a processor. It is limited to 0.1 s, so that
             # previews are not old; slow rendering then uses up to half a processor.
             took_s = loop.time() - began
@@ -298,6 +324,11 @@ class Hub:
     @staticmethod
     def _render(previews: PreviewSensors, wanted: list[str], state: dict[str, Any]) -> dict[str, StreamFrame]:
         return _encoded(previews.render(wanted, state["p"], state["q"], state["t_ns"]), previews.classes)
+
+
+def _is_stream(name: Any) -> bool:
+    """Return True for text that may name a stream: printable, and not too long."""
+    return isinstance(name, str) and name.isprintable() and len(name) <= _MAX_STREAM_CHARS
 
 
 def _encoded(payloads: dict[str, Any], classes: Classes | None) -> dict[str, StreamFrame]:

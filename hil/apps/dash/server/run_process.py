@@ -41,12 +41,16 @@ class RunProcess:
         await asyncio.wait([self._task])
         return True
 
-    async def stop(self) -> None:
-        """Interrupt the run as Ctrl-C does, and wait for its end."""
-        process, task = self._process, self._task
-        if process is not None and process.returncode is None:
+    def interrupt(self) -> None:
+        """Interrupt the run as Ctrl-C does."""
+        if self._process is not None and self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
+                self._process.send_signal(signal.SIGINT)
+
+    async def stop(self) -> None:
+        """Interrupt the run, and wait for its end."""
+        process, task = self._process, self._task
+        self.interrupt()
         if task is not None:
             done, _ = await asyncio.wait([task], timeout=_STOP_S)
             if not done and process is not None and process.returncode is None:
@@ -84,4 +88,4 @@ class RunProcess:
         await self._following
         if hub.result is None:  # the run failed before it could report a result
             hub.message = error_text.decode(errors="replace").strip() or f"the run ended with status {status}"
-        await hub.publish()
+        hub.publish()

@@ -17,6 +17,7 @@ from hil.apps.dash.server.app import Dashboard
 from signals.errors import PortBusy, PortNotFound
 
 _LARGEST_SOCKET_MESSAGE = 65_536
+_UNREAD_LIMIT_MS = 30_000  # a connection whose peer reads nothing for so long is closed
 _LINGER_S = 2.0  # wait for a page that is only being reloaded
 
 
@@ -28,10 +29,13 @@ def open_port(host: str, port: int) -> socket.socket:
     except (OSError, UnicodeError) as error:
         raise PortNotFound(name, f"no such address ({error})") from error
     try:
-        return socket.create_server((str(address[0]), int(address[1])), family=family, backlog=64)
+        listening = socket.create_server((str(address[0]), int(address[1])), family=family, backlog=64)
     except OSError as error:
         reason = error.strerror or str(error)
         raise PortBusy(name, f"the dashboard cannot listen there ({reason}); choose another with --port") from error
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux; connections inherit it
+        listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNREAD_LIMIT_MS)
+    return listening
 
 
 def new_token(host: str) -> str | None:

@@ -39,6 +39,12 @@ class Collecting:
         self.got = [*self.got[-3:], data]
 
 
+async def request_update(hub: Hub, page: Page) -> None:
+    hub.receive(page, {"kind": "next"})
+    while page.sender is not None:
+        await asyncio.sleep(0)
+
+
 def state(k: int, *, pictures: bool = True) -> dict[str, Any]:
     picture = {"t_ns": k, "p": (0.0, 0.0, 0.0), "q": (1.0, 0.0, 0.0, 0.0)} | array_payload(
         np.zeros((24, 32), np.float32)
@@ -58,11 +64,11 @@ def test_a_slow_page_gets_the_newest_and_no_queue() -> None:
     async def scenario() -> None:
         hub, slow = Hub(), Collecting()
         hub.pages.add(slow.page)
-        await hub.receive(slow.page, {"kind": "streams", "streams": ["front/depth"]})
+        hub.receive(slow.page, {"kind": "streams", "streams": ["front/depth"]})
         for k in range(500):
             await hub._handle(state(k, pictures=k > 490))
         assert slow.got == []  # it has not requested an update
-        await hub.receive(slow.page, {"kind": "next"})
+        await request_update(hub, slow.page)
         (data,) = slow.got
         head = head_of(data)
         assert head["state"]["tick"] == 499
@@ -84,8 +90,8 @@ def test_slowly_changing_values_are_sent_once_to_each_page() -> None:
             if k:
                 del told["slow"]
             await hub._handle(told)
-            await hub.receive(early.page, {"kind": "next"})
-        await hub.receive(late.page, {"kind": "next"})
+            await request_update(hub, early.page)
+        await request_update(hub, late.page)
         first, second = (head_of(data) for data in early.got)
         assert first["slow"]["links"] == []
         assert "slow" not in second
@@ -103,16 +109,89 @@ def test_the_run_is_asked_only_for_what_open_panes_show() -> None:
         await asyncio.sleep(0.05)
         assert nothing(theirs)
         hub.pages.add(page.page)
-        await hub.receive(page.page, {"kind": "streams", "streams": ["front/rgb", "view/camera/rgb"]})
+        hub.receive(page.page, {"kind": "streams", "streams": ["front/rgb", "view/camera/rgb"]})
         await asyncio.sleep(0.05)
         assert nothing(theirs)
-        await hub.receive(page.page, {"kind": "next"})
-        await hub.receive(page.page, {"kind": "next"})
+        await request_update(hub, page.page)
+        await request_update(hub, page.page)
         await asyncio.sleep(0.05)
         assert theirs.recv(4096) == packed({"kind": "next", "streams": ["front/rgb"]})
         theirs.close()
         await following
         assert hub.running is False
+
+    asyncio.run(scenario())
+
+
+def test_a_page_that_never_reads_delays_no_other_page_and_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.apps.dash.server.hub._SEND_LIMIT_S", 0.05)
+
+    async def scenario() -> None:
+        async def never(_data: bytes) -> None:
+            await asyncio.Event().wait()
+
+        hub, deaf, page = Hub(), Page(never), Collecting()
+        ours, theirs = socket.socketpair()
+        theirs.setblocking(False)
+        following = asyncio.create_task(hub.follow(ours))
+        await asyncio.sleep(0.02)
+        hub.pages |= {deaf, page.page}
+        hub.receive(deaf, {"kind": "next"})
+        for k in range(3):
+            await hub._handle(state(k))
+            await request_update(hub, page.page)
+        assert head_of(page.got[-1])["state"]["tick"] == 2
+        hub.receive(page.page, {"kind": "stop"})
+        await asyncio.wait_for(deaf.lost.wait(), 5.0)
+        assert b"stop" in theirs.recv(4096)
+        theirs.close()
+        await following
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"kind": "streams", "streams": ["\ud800", "x" * 10_000, "a\nb", 3]},
+        {"kind": "inject", "fault": {"sensor": "\ud800"}},
+        {"kind": "wind", "velocity_W_mps": [1 << 70, 0, 0]},
+    ],
+)
+def test_messages_that_cannot_be_encoded_do_not_end_the_updates(message: dict[str, Any]) -> None:
+    async def scenario() -> None:
+        hub, page = Hub(), Collecting()
+        ours, theirs = socket.socketpair()
+        theirs.setblocking(False)
+        following = asyncio.create_task(hub.follow(ours))
+        await asyncio.sleep(0.02)
+        hub.pages.add(page.page)
+        hub.receive(page.page, message)
+        assert page.page.streams == ()
+        await request_update(hub, page.page)
+        await asyncio.sleep(0.02)
+        assert theirs.recv(4096).endswith(packed({"kind": "next", "streams": []}))
+        theirs.close()
+        await following
+
+    asyncio.run(scenario())
+
+
+def test_a_stop_is_passed_on_whatever_else_fills_the_buffer() -> None:
+    async def scenario() -> None:
+        hub, page = Hub(), Collecting()
+        ours, theirs = socket.socketpair()
+        following = asyncio.create_task(hub.follow(ours))
+        await asyncio.sleep(0.02)
+        for _ in range(1000):
+            hub.receive(page.page, {"kind": "inject", "fault": "x" * 10_000})
+        assert hub._run_link is not None
+        full = hub._run_link.transport.get_write_buffer_size()
+        assert full < 400_000
+        hub.receive(page.page, {"kind": "stop"})
+        assert hub._run_link.transport.get_write_buffer_size() > full
+        theirs.close()
+        await following
 
     asyncio.run(scenario())
 
@@ -130,12 +209,12 @@ def test_one_page_flies_at_a_time_and_a_closed_page_releases_its_switch() -> Non
         said: list[dict[str, Any]] = []
         hub._send_to_run = said.append  # type: ignore[method-assign]
         held = {"kind": "sticks", "held": True, "axes": [0, 0, 0, 0]}
-        await hub.receive(first, held)
-        await hub.receive(second, held)
+        hub.receive(first, held)
+        hub.receive(second, held)
         assert said == [held]
-        await hub.remove(first)
+        hub.remove(first)
         assert said[-1]["held"] is False
-        await hub.receive(second, held)
+        hub.receive(second, held)
         assert said[-1] is held
 
     asyncio.run(scenario())
@@ -147,12 +226,12 @@ def test_many_updates_do_not_grow_the_memory() -> None:
     async def scenario() -> None:
         hub, page = Hub(), Collecting()
         hub.pages.add(page.page)
-        await hub.receive(page.page, {"kind": "streams", "streams": ["front/depth"]})
+        hub.receive(page.page, {"kind": "streams", "streams": ["front/depth"]})
 
         async def hammered(count: int) -> int:
             for k in range(count):
                 await hub._handle(state(k))
-                await hub.receive(page.page, {"kind": "next"})
+                await request_update(hub, page.page)
             return tracemalloc.get_traced_memory()[0]
 
         await hammered(320)
