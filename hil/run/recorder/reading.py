@@ -21,7 +21,10 @@ from mcap.writer import MCAP0_MAGIC
 from hil.run.recorder.mcap.cdr import decode
 from signals.errors import RecordingError
 
-_DAMAGE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError)  # raised by the library for damaged bytes
+# Raised by the libraries for damaged bytes.
+DAMAGE_ERRORS = (
+    McapError, ValueError, LookupError, OverflowError, MemoryError, RuntimeError, struct.error, zstandard.ZstdError
+)  # fmt: skip
 
 # Order of the topics within one tick, from cause to effect, so that the first difference is the cause of later ones.
 _PHASES = ("/truth/", "/tf", "", "/mavlink/to_autopilot", "/mavlink/from_autopilot", "/actuators", "/events")
@@ -38,8 +41,11 @@ class RecordedMessage(NamedTuple):
     data: bytes
 
     def decode(self) -> dict[str, Any]:
-        """Return the values by dotted path. Only for types that this project writes."""
-        return decode(self.type_name, self.data)
+        """Return the values by dotted path. Raises RecordingError for bytes that are no message of this project."""
+        try:
+            return decode(self.type_name, self.data)
+        except DAMAGE_ERRORS as error:
+            raise RecordingError(f"{self.topic}, message {self.sequence}: damaged ({error!r})") from error
 
 
 class Recording:
@@ -89,7 +95,7 @@ class Recording:
                 self.complete = True
             except (EndOfFile, RecordLengthLimitExceeded):
                 return  # the writer was killed
-            except _DAMAGE_ERRORS as error:
+            except DAMAGE_ERRORS as error:
                 raise RecordingError(f"{self.path}: the file is damaged ({error})") from error
 
     def _records(self, chunk: Chunk) -> Iterator[McapRecord]:
@@ -103,7 +109,7 @@ class Recording:
             records = StreamReader(data, skip_magic=True).records  # type: ignore[arg-type]
             while data.count < size:
                 yield next(records)
-        except _DAMAGE_ERRORS as error:
+        except DAMAGE_ERRORS as error:
             raise RecordingError(f"{self.path}: a chunk is damaged ({error})") from error
 
     def read_declarations(self, chunk: Chunk) -> None:
@@ -117,6 +123,8 @@ class Recording:
         if isinstance(record, Schema):
             self._schemas[record.id] = record.name.replace("/msg/", "/")
         elif isinstance(record, Channel):
+            if record.schema_id not in self._schemas:
+                raise RecordingError(f"{self.path}: damaged: {record.topic} has no schema")
             self._channels[record.id] = (record.topic, self._schemas[record.schema_id])
 
     def messages_of(self, chunk: Chunk) -> list[RecordedMessage]:
@@ -124,6 +132,8 @@ class Recording:
         messages: list[RecordedMessage] = []
         for record in self._records(chunk):
             if isinstance(record, Message):
+                if record.channel_id not in self._channels:
+                    raise RecordingError(f"{self.path}: damaged: a message of an unknown channel {record.channel_id}")
                 topic, type_name = self._channels[record.channel_id]
                 times = record.log_time, record.publish_time
                 messages.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))

@@ -42,7 +42,8 @@ export class Runs {
     };
     cell(row, "").append(tick);
     cell(row, run.name, { kind: "mono" });
-    cell(row, run.error ? `${run.status} (${run.error})` : run.status, { kind: VERDICT_CLASS[run.status] ?? "" });
+    const status = run.error ? `${run.status} (${run.error})` : run.status;
+    cell(row, run.broken ? "broken" : status, { kind: run.broken ? "bad" : VERDICT_CLASS[run.status] ?? "", title: run.broken ?? "" });
     cell(row, base(run.rig)); cell(row, run.scene); cell(row, base(run.mission)); cell(row, String(run.seed ?? ""));
     cell(row, `${number(run.sim_s, 1)} s`, { kind: "num" });
     cell(row, number(run.realtime_factor, 1), { kind: "num" });
@@ -53,10 +54,15 @@ export class Runs {
   }
 
   async showOne(run) {
-    const summary = await json(`/api/runs/${run.name}/summary`);
-    if (!summary) return;
+    const answer = await fetch(`/api/runs/${run.name}/summary`);
     this.detail.hidden = false;
+    if (!answer.ok) {
+      this.detail.replaceChildren(heading(`${run.name}: broken`, "bad"), line(await answer.text(), "bad"));
+      return;
+    }
+    const summary = await answer.json();
     const parts = [heading(`${run.name}: ${summary.status}`, VERDICT_CLASS[summary.status])];
+    if (run.broken) parts.push(line(run.broken, "bad"));
     if (summary.error) parts.push(line(`${summary.error.type}: ${summary.error.message}`, "bad"));
     for (const reason of summary.verdict?.reasons ?? []) parts.push(line(reason, "warned"));
     parts.push(line(`digest ${summary.digest}${summary.deterministic ? "" : " (not deterministic)"}`, "mono digest"));

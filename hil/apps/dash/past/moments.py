@@ -7,7 +7,7 @@ vehicles come from the scene, where their poses are a function of time. Streams 
 
 from __future__ import annotations
 
-import json
+import contextlib
 import threading
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
@@ -16,19 +16,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from firmware_bridge.codecs.companion_view import View
 from hil.apps.dash.messages import StreamFrame, packed_update
+from hil.apps.dash.past.summary import read_summary
 from hil.apps.dash.streams import CLOUD_CHANNEL, map_client, map_stream
 from hil.apps.dash.views.companion_views import boxes_of, view_payload
 from hil.apps.dash.views.payloads import MAX_POINTS, array_payload, thinned
 from hil.apps.dash.views.pictures import encoded_frame
 from hil.apps.dash.views.preview_sensors import PreviewSensors
 from hil.run.companion.view_log import VIEWS_NAME, read_views
-from hil.run.recorder.reading import RecordedMessage
+from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage
 from hil.run.recorder.reading_frames import CLOUD, DETECTIONS, IMAGE, cloud, detections, image
 from hil.run.recorder.recorder import MCAP_NAME
 from signals.errors import HilError
@@ -111,9 +111,8 @@ def _maps(past: _PastRun, t_ns: int, wanted: Iterable[str]) -> list[StreamFrame]
 def _clients(folder: Path) -> list[str]:
     """Return the names of a run's companions."""
     try:
-        run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-        return sorted(map(str, run["companion"]["clients"]))
-    except (OSError, ValueError, KeyError, TypeError):
+        return sorted(map(str, (read_summary(folder) or {})["companion"]["clients"]))
+    except (HilError, KeyError, TypeError):
         return []
 
 
@@ -149,7 +148,7 @@ def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]
                 )
                 if complete and all(_detections_topic(client) in newest for client in clients):
                     break
-    except (OSError, McapError):
+    except (OSError, *DAMAGE_ERRORS):
         return {}
     return newest
 
@@ -157,7 +156,11 @@ def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]
 def _boxes(newest: dict[str, RecordedMessage], clients: Iterable[str], wanted: Sequence[str]) -> dict[str, Any]:
     """Return the newest detections in the wanted pictures."""
     messages = (newest.get(_detections_topic(client)) for client in clients)
-    decoded = [detections(message) for message in messages if message is not None and message.type_name == DETECTIONS]
+    decoded = []
+    for message in messages:
+        if message is not None and message.type_name == DETECTIONS:
+            with contextlib.suppress(HilError):  # recorded in a format of another version
+                decoded.append(detections(message))
     return boxes_of({boxes.topic: boxes for boxes in decoded}, wanted)
 
 
@@ -174,8 +177,8 @@ def _frames(newest: dict[str, RecordedMessage], wanted: Sequence[str], previews:
             try:
                 payload = _payload(stream, message) | _pose(newest.get(f"{port}/pose"))
                 frames.append(encoded_frame(stream, payload, previews.classes))
-            except HilError:
-                continue  # recorded in a format of another version
+            except (HilError, *DAMAGE_ERRORS):
+                continue  # damaged, or recorded in a format of another version
     return frames
 
 

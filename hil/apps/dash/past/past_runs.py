@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.apps.dash.past.moments import Moments, stream_of_topic
+from hil.apps.dash.past.summary import read_summary
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.recorder import MCAP_NAME
 from signals.errors import HilError, RecordingError
@@ -36,39 +37,58 @@ class PastRuns:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._tracks = lru_cache(_CACHED_TRACKS)(self._track_of)
+        self._damaged: dict[str, tuple[int, str]] = {}  # run -> time of its recording, and what is wrong with it
         self._lock = threading.Lock()
         self.moments = Moments(self.folder)
 
     def listed(self) -> list[dict[str, Any]]:
-        """Return the runs, newest first. Folders without a readable run.json are left out."""
+        """Return the runs, newest first. Folders without a run.json are left out; `broken` says what is damaged."""
         try:
             folders = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
         except OSError:
             return []
         runs = []
         for folder in sorted(folders, key=lambda p: p.name, reverse=True)[:_MAX_RUNS]:
-            summary = _summary(folder)
+            try:
+                summary = read_summary(folder)
+            except RecordingError as error:
+                runs.append({"name": folder.name, "status": "broken", "broken": str(error)})
+                continue
             if summary is not None:
-                row = {name: summary.get(name) for name in _FIELDS}
                 mission = summary.get("mission") or {}
-                error = summary.get("error") or {}
+                error_of = summary.get("error") or {}
                 runs.append(
                     {
                         "name": folder.name,
-                        **row,
+                        **{name: summary.get(name) for name in _FIELDS},
                         "mission": mission.get("file"),
                         "by_hand": len(summary.get("by_hand") or ()),
-                        "error": error.get("type"),
+                        "error": error_of.get("type"),
                         "recording": (folder / MCAP_NAME).is_file(),
                         "report": (folder / "report.html").is_file(),
+                        "broken": self._damage(folder),
                     }
                 )
         return runs
 
+    def _damage(self, folder: Path) -> str | None:
+        """Return what is wrong with a recording, as far as that is known without reading all of it."""
+        path = folder / MCAP_NAME
+        known_ns, text = self._damaged.get(folder.name, (0, ""))
+        try:
+            if not path.is_file():
+                return None
+            if path.stat().st_mtime_ns == known_ns:
+                return text
+            Recording(path)
+        except (OSError, RecordingError) as error:
+            return str(error)
+        return None
+
     def summary(self, name: str) -> dict[str, Any] | None:
-        """Return run.json of a run; None if there is no such run."""
+        """Return run.json of a run; None if there is no such run. Raises RecordingError if it is damaged."""
         folder = self.folder(name)
-        return None if folder is None else _summary(folder)
+        return None if folder is None else read_summary(folder)
 
     def folder(self, name: str) -> Path | None:
         """Return the folder of a run, always inside the folder of runs; None if there is no such run."""
@@ -100,7 +120,12 @@ class PastRuns:
         if not path.is_file():
             raise RecordingError(f"{name}: nothing was recorded (record.mcap was off), so there is nothing to replay")
         with self._lock:
-            return self._tracks(path, path.stat().st_mtime_ns)
+            written_ns = path.stat().st_mtime_ns
+            try:
+                return self._tracks(path, written_ns)
+            except RecordingError as error:
+                self._damaged[name] = (written_ns, str(error))
+                raise
 
     def _track_of(self, path: Path, _written_ns: int) -> dict[str, Any]:
         track = _read_track(path)
@@ -124,21 +149,18 @@ def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
     return [list(leg.end_W) for leg in planned_path(bench.mission, bench.scene, home_W=(x, y, z))]
 
 
-def _summary(folder: Path) -> dict[str, Any] | None:
-    try:
-        data = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return data if isinstance(data, dict) else None
-
-
 def _read_track(path: Path) -> dict[str, Any]:
     recording = Recording(path).scan()
     stride_ns = recording.last_ns // _MAX_POINTS
     rows = _TrackRows(stride_ns)
-    for message in recording.messages():
-        rows.add(message)
-    return rows.columns() | {"complete": recording.complete}
+    try:
+        for message in recording.messages():
+            rows.add(message)
+        track = rows.columns() | {"complete": recording.complete}
+        json.dumps(track, allow_nan=False)
+    except (KeyError, ValueError) as error:
+        raise RecordingError(f"{path}: damaged: its flight cannot be read ({error})") from error
+    return track
 
 
 class _TrackRows:

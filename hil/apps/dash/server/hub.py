@@ -168,7 +168,7 @@ class Hub:
             self._run_link.write(packed(message))
 
     def _command_run(self, message: dict[str, Any]) -> None:
-        """Pass a page's message on to the run. One that cannot be encoded, or that finds the buffer full, is dropped."""
+        """Pass a page's message on to the run. Drop one that cannot be encoded or finds the buffer full."""
         link = self._run_link
         full = link is not None and link.transport.get_write_buffer_size() > _MAX_UNSENT
         if message.get("kind") == "stop" or not full:

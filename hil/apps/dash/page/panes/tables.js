@@ -35,7 +35,7 @@ export function bytes(value) {
 export function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
 
 // "6 of 6 waypoints", from run.json's mission or a live state; empty without waypoints.
-export function reachedOf({ reached, waypoints }) { return waypoints ? `${reached} of ${waypoints} waypoints` : ""; }
+export function reachedOf(mission) { return mission?.waypoints ? `${mission.reached} of ${mission.waypoints} waypoints` : ""; }
 
 // Fill a list. The selection is kept if the list still has it.
 export function options(select, values, { none = null, chosen = null } = {}) {

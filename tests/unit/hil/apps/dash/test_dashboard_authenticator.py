@@ -118,3 +118,14 @@ def test_the_policy_allows_no_content_of_other_sites() -> None:
 def test_loopback() -> None:
     assert all(is_loopback(host) for host in ("localhost", "127.0.0.1", "127.9.9.9", "::1", "[::1]"))
     assert not any(is_loopback(host) for host in ("0.0.0.0", "::", "192.168.1.2", "bench", "127.0.0.1.nip.io"))
+
+
+@pytest.mark.parametrize("origin", ["http://[::1", "http://[", "//", "\\\\", "http://127.0.0.1:8710@evil.example"])
+def test_an_origin_that_is_no_address_is_refused(origin: str) -> None:
+    assert status(origin=origin) == 403
+
+
+@pytest.mark.parametrize("path", ["//evil.com/", "/\\evil.com/", "/\t/evil.com/", "/\\/\\evil.com/", "/\r\n/evil.com/"])
+def test_a_token_in_an_address_never_leads_to_another_host(path: str) -> None:
+    (answer,) = (said for said in ask(token="T", query="token=T", path=path) if "headers" in said)
+    assert dict(answer["headers"])[b"location"] == b"/evil.com/"

@@ -296,8 +296,7 @@ def test_past_runs_serve_no_other_files(tmp_path: Path) -> None:
     (tmp_path / "secret.json").write_text("{}")
     (run / "link.json").symlink_to(tmp_path / "secret.json")
     (tmp_path / "runs" / "latest").symlink_to(run)
-    (tmp_path / "runs" / "broken").mkdir()
-    (tmp_path / "runs" / "broken" / "run.json").write_text("{")
+    (tmp_path / "runs" / "empty").mkdir()
     past = PastRuns(tmp_path / "runs")
     assert [found["name"] for found in past.listed()] == ["one"]
     assert past.file("one", "report.html") == run / "report.html"

@@ -1,0 +1,90 @@
+"""Past runs whose files are damaged or hostile: marked as broken, without an effect on the others."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.responses import JSONResponse
+
+from hil.apps.dash.past.past_runs import PastRuns
+from hil.run.recorder.recorder import Recorder
+from signals.errors import RecordingError
+from tests.worlds.synthetic_flight import TICK_NS, fly, make_flight
+
+GOOD = {"status": "PASS", "digest": "ab", "mission": {"file": "a.plan"}, "error": None}
+HOSTILE = [
+    "",
+    "{",
+    "[]",
+    "7",
+    "[" * 100_000,
+    '{"status": "PASS", "sim_s": NaN}',
+    '{"status": "PASS", "sim_s": "long"}',
+    '{"status": "PASS", "digest": 7}',
+    '{"status": "PASS", "mission": "a.plan"}',
+    '{"status": "PASS", "mission": {"file": ["a"]}}',
+    '{"status": "PASS", "error": ["a"]}',
+    '{"status": "PASS", "by_hand": 5}',
+    '{"status": "PASS", "rig": "\\ud800"}',
+    '{"status": "PASS", "seed": ' + "9" * 5000 + "}",
+    b"\xff\xfe",
+]
+
+
+def runs_folder(folder: Path, **contents: Any) -> PastRuns:
+    for name, content in contents.items():
+        (folder / name).mkdir()
+        data = content if isinstance(content, bytes) else content.encode()
+        (folder / name / "run.json").write_bytes(data)
+    return PastRuns(folder)
+
+
+@pytest.mark.parametrize("content", HOSTILE, ids=lambda content: repr(content[:40]))
+def test_a_damaged_run_json_hides_no_other_run(tmp_path: Path, content: Any) -> None:
+    past = runs_folder(tmp_path, good=json.dumps(GOOD), hostile=content)
+    listed = {run["name"]: run for run in past.listed()}
+    JSONResponse(list(listed.values()))
+    assert listed["good"]["broken"] is None
+    assert listed["good"]["mission"] == "a.plan"
+    assert "hostile/run.json: damaged" in listed["hostile"]["broken"]
+    with pytest.raises(RecordingError, match="damaged"):
+        past.summary("hostile")
+
+
+def test_a_named_pipe_is_not_read(tmp_path: Path) -> None:
+    past = runs_folder(tmp_path, good=json.dumps(GOOD))
+    (tmp_path / "pipe").mkdir()
+    os.mkfifo(tmp_path / "pipe" / "run.json")
+    os.mkfifo(tmp_path / "good" / "run.mcap")
+    assert [run["name"] for run in past.listed()] == ["good"]
+
+
+def test_a_damaged_recording_is_named_and_marked(tmp_path: Path) -> None:
+    past = runs_folder(tmp_path, good=json.dumps(GOOD))
+    recorder = Recorder(tmp_path / "good", mcap=True, tlog=False, tick_ns=TICK_NS)
+    fly(recorder, make_flight(100))
+    recorder.close("PASS")
+    path = tmp_path / "good" / "run.mcap"
+    whole = path.read_bytes()
+    assert past.track("good")["t"]
+    assert past.listed()[0]["broken"] is None
+    generator = random.Random(1)
+    refused = 0
+    for n in range(150):
+        data = bytearray(whole)
+        for _ in range(1 + n % 5):
+            data[generator.randrange(len(data) if n % 3 else 400)] = generator.randrange(256)
+        path.write_bytes(data)
+        os.utime(path, ns=(n, n))
+        try:
+            JSONResponse(past.track("good"))
+        except RecordingError:
+            refused += 1
+            assert "damaged" in past.listed()[0]["broken"] or "not an MCAP" in past.listed()[0]["broken"]
+        past.moments.at("good", 10**9, ["front/rgb", "lidar/points"])
+    assert refused > 50
