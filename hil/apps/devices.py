@@ -126,7 +126,7 @@ def _print_tables(console: Console, devices: Devices) -> None:
     else:
         _note(console, _NO_GAMEPAD)
     for note in devices.notes:
-        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True)
+        console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True, markup=True)
 
 
 def _autopilot_rows(a: Autopilot) -> list[tuple[str, ...]]:
@@ -143,7 +143,7 @@ def _path_text(pad: Gamepad) -> str:
 
 
 def _heading(console: Console, text: str) -> None:
-    console.print(f"[bold]{text}[/]")
+    console.print(f"[bold]{text}[/]", markup=True)
 
 
 def _note(console: Console, text: str) -> None:
@@ -157,7 +157,7 @@ def _print_table(console: Console, header: Sequence[str], rows: Sequence[Sequenc
     def line(cells: Sequence[str]) -> str:
         return "  " + "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
-    console.print(f"[dim]{escape(line(header))}[/]", soft_wrap=True)
+    console.print(f"[dim]{escape(line(header))}[/]", soft_wrap=True, markup=True)
     for row in rows:
         console.print(line(row), markup=False, soft_wrap=True)
 
@@ -175,16 +175,19 @@ def check_board(console: Console, port: str, *, baud: int, fix: bool) -> bool:
         setup = HitlSetup(transport, parser, motors=_MOTORS, sysid=sysid)
         problems = setup.problems()
         for problem in problems:
-            console.print(f"[yellow]wrong[/]  {problem}")
+            console.print(f"[yellow]wrong[/]  {escape(str(problem))}", markup=True)
         settable = {problem.name: problem.wanted for problem in problems if problem.found is not None}
         if not problems:
-            console.print("[green]right[/]  SYS_HITL and the motors' outputs (HIL_ACT_FUNCn)")
+            console.print("[green]right[/]  SYS_HITL and the motors' outputs (HIL_ACT_FUNCn)", markup=True)
             if setup.commands_come():
-                console.print("[green]right[/]  the board sends motor commands: the connection is fast enough")
+                console.print(
+                    "[green]right[/]  the board sends motor commands: the connection is fast enough", markup=True
+                )
                 return True
             console.print(
                 "[yellow]wrong[/]  the board sends no HIL_ACTUATOR_CONTROLS: it was not restarted yet, or the "
-                "connection is too slow"
+                "connection is too slow",
+                markup=True,
             )
         if fix and (settable or not problems):
             setup.set(settable)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import typer
+from rich.markup import escape
 
 from hil.cli.console import error_console
 from hil.cli.live import check, companion, dash, devices, keys, replay, run
 from hil.cli.offline import bench, calibrate, dataset, radar, view
 from hil.cli.offline.detect import data, evaluate, train
+from hil.cli.status import CONFIG_STATUS
 
 app = typer.Typer(
     name="hil",
@@ -35,14 +38,37 @@ app.add_typer(_detect, name="detect")
 # Old to new names of options. Using an old name is an error that names the new one.
 RENAMED_OPTIONS = {"--judge-every": "--validate-every", "--least-objects": "--min-objects"}
 
+_EMPTY = re.compile(r"\s*|--[a-z-]+=\s*")
+
 # The base class of all usage errors; it has no public name in typer.
 _ClickError: type[typer.BadParameter] = typer.BadParameter.__mro__[2]
 
 
+def _refusal(arguments: Sequence[str]) -> str:
+    """Return what is wrong with arguments that no command can use: empty ones, and text that is not UTF-8."""
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            shown = argument.encode(errors="surrogateescape").decode(errors="backslashreplace")
+            return f"{shown} is not UTF-8; rename the file, or choose the locale in which it was named"
+        if _EMPTY.fullmatch(argument):
+            option = argument.rstrip("=") or (before if before.startswith("-") else "an argument")
+            return f"{option} is empty; give it a value or leave it out"
+    return ""
+
+
 def run_command_line(arguments: Sequence[str]) -> int:
     """Run one command and return its exit status. KeyboardInterrupt passes through."""
+    refusal = _refusal(arguments)
+    if refusal:
+        error_console.print(f"[bold red]error:[/] {escape(refusal)}", markup=True)
+        return CONFIG_STATUS
+    command = typer.main.get_command(app)
     try:
-        outcome = app(args=list(arguments), prog_name="hil", standalone_mode=False)
+        # Not `command.main`, which turns a KeyboardInterrupt into exit status 130 without a message.
+        with command.make_context("hil", list(arguments)) as context:
+            outcome = command.invoke(context)
     except typer.Exit as error:
         return error.exit_code
     except typer.Abort:
@@ -50,7 +76,7 @@ def run_command_line(arguments: Sequence[str]) -> int:
     except _ClickError as error:
         old = getattr(error, "option_name", "")
         if old in RENAMED_OPTIONS:
-            error_console.print(f"[bold red]error:[/] {old} is now called {RENAMED_OPTIONS[old]}")
+            error_console.print(f"[bold red]error:[/] {old} is now called {RENAMED_OPTIONS[old]}", markup=True)
         else:
             error.show()
         return error.exit_code

@@ -12,8 +12,9 @@ from rich.markup import escape
 from hil.cli.status import CONFIG_STATUS, ERROR_STATUS
 from signals.errors import ConfigError, HilError
 
-console = Console(highlight=False, soft_wrap=True)
-error_console = Console(stderr=True, highlight=False, soft_wrap=True)
+# Markup is off by default: names of files and people's texts may contain brackets and :words:.
+console = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
+error_console = Console(stderr=True, highlight=False, soft_wrap=True, markup=False, emoji=False)
 
 
 @contextlib.contextmanager
@@ -25,5 +26,5 @@ def exit_on_error(status: int = ERROR_STATUS) -> Iterator[None]:
         lines = [str(p) for p in error.problems] if isinstance(error, ConfigError) else [str(error)]
         with contextlib.suppress(OSError, ValueError):  # a closed pipe: the exit status still says what happened
             for line in lines:
-                error_console.print(f"[bold red]error:[/] {escape(line)}")
+                error_console.print(f"[bold red]error:[/] {escape(line)}", markup=True)
         raise typer.Exit(CONFIG_STATUS if isinstance(error, ConfigError) else status) from None

@@ -9,6 +9,7 @@ import contextlib
 import os
 import signal
 import sys
+from collections.abc import Callable
 from types import FrameType
 
 from hil.cli.status import ERROR_STATUS
@@ -43,9 +44,9 @@ def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
 def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
     # SIGINT needs a handler too, because a shell makes commands ignore it that a script starts in the background.
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), _stop)
+    _handle_signals(_stop)
+    with contextlib.suppress(AttributeError, ValueError):  # a name that is not UTF-8 can be printed
+        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
     sys.unraisablehook = _raise_again
     # The bench does not render with MuJoCo. A MUJOCO_GL set for other programs could make the import of MuJoCo fail.
     os.environ["MUJOCO_GL"] = "disabled"
@@ -53,7 +54,9 @@ def main() -> None:
         from hil.cli.app import run_command_line
 
         status = run_command_line(sys.argv[1:])
+        _end_at_signals(status)
     except KeyboardInterrupt as stop:
+        _end_at_signals(ERROR_STATUS)
         status = _print_error(str(stop) or "stopped from the keyboard", ERROR_STATUS)
     except BrokenPipeError:
         status = ERROR_STATUS  # standard output is closed, so there is no message
@@ -64,6 +67,22 @@ def main() -> None:
         status = _print_error(text, ERROR_STATUS)
     _replace_closed_streams()
     sys.exit(status)
+
+
+def _handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), handler)
+
+
+def _end_at_signals(status: int) -> None:
+    """Let a signal end the process at once with this status: the command is over, only the interpreter still exits."""
+
+    def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+        _replace_closed_streams()
+        os._exit(status)
+
+    _handle_signals(end)
 
 
 def _replace_closed_streams() -> None:

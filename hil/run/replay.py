@@ -22,7 +22,7 @@ from firmware_bridge.codecs.messages import NAME, unpack
 from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.run.recorder.recorder import MCAP_NAME
-from signals.errors import RecordingError
+from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
 CONFIG_NAME = "bench.yaml"
@@ -115,9 +115,13 @@ def _first_difference(
 def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | None = None) -> ReplayResult:
     """Run `run_dir/bench.yaml` again with `run(config, out_dir)` and compare.
 
-    `out_dir` defaults to `run_dir/replay`. Raises RecordingError if the run has no recording or no configuration, or
-    was not repeatable.
+    `out_dir` defaults to `run_dir/replay`. Raises ConfigError if there is no such folder, RecordingError if the
+    run has no recording or no configuration, or was not repeatable.
     """
+    if not run_dir.is_dir():
+        fault = "is a file, not the folder of a run" if run_dir.exists() else "does not exist"
+        hint = f"hil replay {run_dir.parent}" if run_dir.name == MCAP_NAME else "name the folder of a run"
+        raise ConfigError([Problem(str(run_dir), fault, hint)])
     config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
     for path, hint in ((recorded, "was record.mcap off?"), (config, "its resolved configuration")):
         if not path.is_file():

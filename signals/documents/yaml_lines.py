@@ -26,6 +26,7 @@ _NULL, _BOOL, _INT, _FLOAT, _STR, _MERGE = (
 
 
 MAX_DEPTH = 50  # nested mappings and lists; real files have five
+_MAX_NUMBER_CHARS = 400  # the greatest double has 309 digits
 _SURROGATE = re.compile("[\ud800-\udfff]")  # half a character: such text cannot be encoded
 
 # Plain scalars: tag, pattern, first characters.
@@ -130,10 +131,13 @@ class _Builder:
             if _SURROGATE.search(node.value):
                 self.problem(node, "holds half a surrogate pair, which is no character", "write the character itself")
                 return None
+            if node.tag in (_INT, _FLOAT) and len(node.value) > _MAX_NUMBER_CHARS:
+                self.problem(node, f"is a number of {len(node.value)} characters", f"{_MAX_NUMBER_CHARS} at most")
+                return None
             try:
                 return _scalar(node.tag, node.value)
             except ValueError:
-                self.problem(node, f"{node.value!r} is not a value of type {_short(node.tag)}")
+                self.problem(node, f"{node.value[:60]!r} is not a value of type {_short(node.tag)}")
                 return None
         self._open.append(node)
         try:

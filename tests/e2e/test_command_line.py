@@ -51,6 +51,29 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
     assert json.loads((tmp_path / "run.json").read_text())["error"]["type"] == "Interrupted"
 
 
+@pytest.mark.parametrize("arguments", ["check", "view city_park", "dataset", "replay .", "run"])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_a_signal_before_the_work_is_one_line_and_the_status_of_an_error(
+    name: str, arguments: str, tmp_path: Path
+) -> None:
+    # The signal comes while the command imports its modules.
+    program = (
+        "import os, signal, sys\n"
+        "class Stop:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'hil.run' or name.startswith('hil.apps.'):\n"
+        f"            sys.meta_path.remove(self); os.kill(os.getpid(), signal.{name})\n"
+        "sys.meta_path.insert(0, Stop())\n"
+        "from hil.cli.entry import main\n"
+        f"sys.argv = ['hil', *{arguments.split()!r}]\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (3, f"error: stopped by {name}\n")
+
+
 def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_run() -> None:
     code = (
         "import os, signal, sys, time\n"
@@ -128,7 +151,11 @@ def test_replay_never_overwrites_the_recording(tmp_path: Path, capsys: pytest.Ca
         (["nonsense"], 2),
         (["bench", "nonsense"], 2),
         (["--help"], 0),
-        (["replay", "nowhere at all"], 3),
+        (["replay", "nowhere at all"], 2),
+        (["run", "--out", ""], 2),
+        (["run", "--out="], 2),
+        (["view", " "], 2),
+        (["check", "--rig", "\udcff"], 2),
     ],
 )
 def test_usage_errors(arguments: list[str], status: int) -> None:

@@ -116,7 +116,7 @@ def _print(console: Console, calibration: Calibration, recording: Recording) -> 
         amplitudes = ", ".join(f"{a:.1f}" for a in echo.amplitude)
         console.print(f"reflector at {echo.range_m:.3f} m, {echo.snr_db:.0f} dB over the noise: {amplitudes} counts")
     for warning in calibration.warnings:
-        console.print(f"[yellow]warning:[/] {escape(warning)}")
+        console.print(f"[yellow]warning:[/] {escape(warning)}", markup=True)
 
 
 def _cells(row: Fitted) -> list[str]:

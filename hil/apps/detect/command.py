@@ -86,7 +86,10 @@ def train_detector(
         console.print(f"nothing to resume in {out}: starting from the beginning", markup=False)
     _make_folder(out)
     left_out = ", ".join(f"{n} ({c})" for n, c in training.left_out.items())
-    console.print(f"{len(pictures)} pictures, {len(validation)} for validation; classes: {', '.join(training.classes)}")
+    console.print(
+        f"{len(pictures)} pictures, {len(validation)} for validation; classes: {', '.join(training.classes)}",
+        markup=False,
+    )
     if left_out:
         console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
     epochs: list[Epoch] = []

@@ -34,12 +34,12 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
         for label, text in console_rows(companion):
             table.add_row(label, text)
     digest_note = "" if run["deterministic"] else "  (not deterministic)"
-    console.print(f"[bold {colour}]{run['status']}[/]")
+    console.print(f"[bold {colour}]{run['status']}[/]", markup=True)
     if error := run["error"]:
-        errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}")
+        errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}", markup=True)
     for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
         console.print(f"  {reason}", markup=False)
-    console.print(table)
+    console.print(table, markup=False)
     # Unbroken lines, so that they can be copied, compared and searched for.
     console.print(f"digest   {run['digest']}{digest_note}", markup=False)
     console.print(f"results  {folder}/  (report.html, run.json; {took_s:.1f} s in all)", markup=False)

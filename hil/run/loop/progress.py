@@ -38,9 +38,9 @@ class ProgressDisplay:
             self._bar = RichProgress(
                 TextColumn("[bold]{task.description}"),
                 BarColumn(bar_width=None),
-                TextColumn("{task.fields[text]}"),
+                TextColumn("{task.fields[text]}", markup=False),
                 *self._columns(),
-                console=Console(file=self._stream),
+                console=Console(file=self._stream, emoji=False),
                 auto_refresh=False,  # no second thread: it would disturb the timing of the run
                 transient=True,
             )

@@ -67,3 +67,31 @@ def test_help_loads_nothing_heavy(command: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stderr == "[]\n"
+
+
+def test_a_signal_outside_the_flight_is_no_status_of_typer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: object) -> str:
+        raise KeyboardInterrupt("stopped by SIGTERM")
+
+    monkeypatch.setattr("hil.apps.fly.check.check_bench", stopped)
+    with pytest.raises(KeyboardInterrupt, match="SIGTERM"):
+        run_command_line(["check"])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "--out", ""], "--out is empty"),
+        (["run", "--out="], "--out is empty"),
+        (["check", "--set", "seed=0x" + "f" * 60_000], "is a number of 60002 characters"),
+        (["check", "--set", "seed=" + "9" * 60_000], "is a number of 60000 characters"),
+        (["run", "--out", "a\udcff"], "a\\xff is not UTF-8"),
+        (["check", ":smile:[red]x.yaml"], ":smile:[red]x.yaml: no such file"),
+        (["replay", __file__], "is a file, not the folder of a run"),
+    ],
+)
+def test_odd_arguments_have_a_clear_message(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command_line(arguments) == 2
+    assert message in capsys.readouterr().err
