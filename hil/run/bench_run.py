@@ -22,6 +22,7 @@ from hil.run.loop.tick_loop import fly_ticks
 from hil.run.part import Part, Report, RunContext
 from hil.run.parts.catalog import parts_of
 from hil.run.recorder.recorder import Recorder
+from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import UNJUDGED, Verdict
@@ -50,13 +51,11 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
 
     `more`: parts that the caller adds to those of the bench, such as a dashboard. A failure of the bench is a result
     (status ERROR), not an exception, so that run.json always exists.
-    Raises RecordingError if `out` itself cannot be written, ConfigError if the settings of a part are invalid.
+    Raises RecordingError if `out` itself cannot be written or another run writes there, ConfigError if the settings
+    of a part are invalid.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
-    return BenchRun(bench, out, parts_of(bench, more), quiet=quiet).result()
+    with run_folder(out):
+        return BenchRun(bench, out, parts_of(bench, more), quiet=quiet).result()
 
 
 def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:

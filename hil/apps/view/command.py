@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from hil.apps.view.appearance import ViewAppearance, read_appearance
 from hil.apps.view.points import default_points, extent_of, looking_at, pose_of
 from hil.config.files import available, find, is_bare
+from hil.run.report.run_folder import run_folder
 from signals.classes import Classes
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem, RecordingError
@@ -77,12 +78,12 @@ def view_scene(
     points = _points(scene, world, frames, position, direction)
     folder = out if out is not None else Path("runs") / f"view-{scene.name}"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if variants:
-            from hil.apps.view.variants import draw_variants  # matplotlib
+        with run_folder(folder):
+            if variants:
+                from hil.apps.view.variants import draw_variants  # matplotlib
 
-            return draw_variants(folder, scene, appearance, variants, points[0], model)
-        return _write_pictures(folder, scene, frames, points, model, rendering)
+                return draw_variants(folder, scene, appearance, variants, points[0], model)
+            return _write_pictures(folder, scene, frames, points, model, rendering)
     except OSError as error:
         raise RecordingError(f"{folder}: the pictures cannot be written ({error.strerror or error})") from error
 

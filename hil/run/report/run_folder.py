@@ -3,12 +3,64 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import os
 import re
+import stat
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from hil.run.report.run_json import write_run_json
 from signals.errors import ConfigError, RecordingError
+
+# Files and folders that a run writes. A link in their place is removed first: writing would change what it points to.
+_SUFFIXES = (
+    *(".csv", ".html", ".json", ".jsonl", ".log", ".mcap", ".parm", ".part", ".plan", ".png", ".tlog", ".txt"),
+    *(".waypoints", ".yaml", ".yml", ".xml", ".obj", ".stl", ".msh", ".bin", ".hdr", ".skn"),
+)
+_FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
+
+
+@contextlib.contextmanager
+def run_folder(out: Path) -> Iterator[None]:
+    """Make the folder of a run, hold its lock, and remove links where the run writes.
+
+    The kernel releases the lock (flock) when the process ends. Raises RecordingError if the folder cannot be used or
+    another process writes into it.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        folder = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
+    try:
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            text = f"{out}: another run is writing here; wait until it has ended, or name another folder with --out"
+            raise RecordingError(text) from None
+        except OSError:
+            pass  # a file system without locks
+        _remove_links(out)
+        yield
+    finally:
+        os.close(folder)
+
+
+def _remove_links(folder: Path) -> None:
+    try:
+        for entry in list(os.scandir(folder)):
+            if entry.is_dir(follow_symlinks=False):
+                if entry.name in _FOLDERS:
+                    _remove_links(Path(entry.path))
+            elif entry.name in _FOLDERS or Path(entry.name).suffix.lower() in _SUFFIXES:
+                state = entry.stat(follow_symlinks=False)
+                if not stat.S_ISREG(state.st_mode) or state.st_nlink > 1:
+                    os.unlink(entry.path)
+    except OSError as error:
+        path = error.filename or folder
+        raise RecordingError(f"{path}: a link where the run writes cannot be removed ({error.strerror})") from error
 
 
 def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
@@ -41,7 +93,10 @@ def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
 def write_config_error(
     error: ConfigError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None
 ) -> None:
-    """Write the run.json of a run that never began because of a ConfigError, so that callers always find one."""
+    """Write the run.json of a run that never began because of a ConfigError, so that callers always find one.
+
+    Raises RecordingError if that is not possible, or another run writes into the folder.
+    """
     unmeasured = {"p50": None, "p99": None, "max": None}
     run = {
         "schema": 1,
@@ -66,4 +121,5 @@ def write_config_error(
         "sensors": {},
         "skipped": [],
     }
-    write_run_json(folder / "run.json", run)
+    with run_folder(folder):
+        write_run_json(folder / "run.json", run)

@@ -1,0 +1,58 @@
+"""The folder of a run: one writer at a time, and no link is followed out of it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from hil.cli.app import run_command_line
+from hil.config import load_bench
+from hil.run.bench_run import run_bench
+from hil.run.report.run_folder import run_folder
+from signals.errors import RecordingError
+
+SHORT = ("duration_s=0.1", "record.report=false", "autopilot.transport=loopback", "mission=null")
+
+
+def test_a_second_run_into_one_folder_is_an_error_and_changes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with run_folder(tmp_path):
+        with pytest.raises(RecordingError, match="another run is writing here"):
+            run_bench(load_bench(None, settings=SHORT), tmp_path, quiet=True)
+        assert run_command_line(["run", "-q", "--out", str(tmp_path)]) == 3
+        assert run_command_line(["run", "-q", "--out", str(tmp_path), "--rig", "nonsense"]) == 2
+        assert "another run is writing here" in capsys.readouterr().err
+        assert list(tmp_path.iterdir()) == []
+    assert run_bench(load_bench(None, settings=SHORT), tmp_path, quiet=True).run["error"] is None
+
+
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_links_in_the_folder_are_replaced(link: object, tmp_path: Path) -> None:
+    out, victim = tmp_path / "out", tmp_path / "victim"
+    out.mkdir()
+    victim.write_text("mine")
+    names = ["report.html", "run.mcap", "run.json", "autopilot.log", "bench.yaml", "bench.part", "flight.tlog"]
+    for name in names:
+        link(victim, out / name)  # type: ignore[operator]
+    (out / "notes").symlink_to(victim)
+    settings = ("duration_s=0.1", "record.report=true", "mission=null")
+    assert run_bench(load_bench(None, settings=settings), out, quiet=True).run["error"] is None
+    assert victim.read_text() == "mine"
+    assert (out / "notes").is_symlink()
+    assert not any((out / name).is_symlink() for name in names)
+    assert (out / "report.html").stat().st_size > 1000
+
+
+def test_a_link_in_place_of_a_folder_of_the_run_is_replaced(tmp_path: Path) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    out.mkdir()
+    elsewhere.mkdir()
+    (out / "calibration").symlink_to(elsewhere)
+    (out / "scene_map").mkdir()
+    (out / "scene_map" / "map.xml").symlink_to(elsewhere / "map.xml")
+    with run_folder(out):
+        assert not (out / "calibration").exists()
+        assert list((out / "scene_map").iterdir()) == []
