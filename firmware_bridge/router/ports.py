@@ -35,7 +35,7 @@ class Client:
     Made when its first bytes come; `active` from its first accepted frame on.
     """
 
-    __slots__ = ("_queue", "_queued_bytes", "active", "last_frame_ns", "name", "parser", "systems", "warned")
+    __slots__ = ("_queue", "_queued_bytes", "active", "last_frame_ns", "name", "parser", "systems")
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -44,7 +44,6 @@ class Client:
         self.systems: dict[int, set[int]] = {}  # system -> its components
         self.last_frame_ns = 0  # wall clock
         self.active = False
-        self.warned: set[str] = set()  # reasons for which there was a warning
         self._queue: deque[bytes] = deque()
         self._queued_bytes = 0
 

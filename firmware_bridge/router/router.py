@@ -40,6 +40,7 @@ _ECHO_NS = 500_000_000  # of wall clock: how long an echo through another router
 _ECHOES_REMEMBERED = 512
 _ECHO_REPEATS = 50  # the same frame from the same client more often within that time is a loop
 _EVENTS_LIMIT = 500  # per run
+_WARNINGS_LIMIT = 20  # per reason and run
 _REFUSALS = {
     Check.UNSIGNED: "its messages are dropped: they are not signed; give the client the router's signing key",
     Check.FORGED: "its messages are dropped: they are signed with another key, or altered; give it the router's key",
@@ -106,6 +107,7 @@ class Router:
         self._stats = RouterStats()
         self._events: list[tuple[str, str]] = []
         self._event_count = 0
+        self._warned: dict[str, set[str]] = {}  # reason -> names of the clients that were warned of
         self._between_clients: list[Frame] = []
         self._autopilot_ids: set[tuple[int, int]] = set()  # (system, component) in the autopilot's frames
         self._forwarded: dict[bytes, _Forwarded] = {}  # the last frames that went from client to client
@@ -352,9 +354,13 @@ class Router:
             self._event("warning" if why != "left" else "status", f"{client.name}: {why}")
 
     def _warn_once(self, client: Client, reason: str, text: str) -> None:
-        if reason not in client.warned:
-            client.warned.add(reason)
-            self._event("warning", f"{client.name}: {text}")
+        """Warn once per address and reason. UDP clients that are refused are not remembered otherwise."""
+        warned = self._warned.setdefault(reason, set())
+        if client.name in warned or len(warned) >= _WARNINGS_LIMIT:
+            return
+        warned.add(client.name)
+        last = "; further addresses are only counted" if len(warned) == _WARNINGS_LIMIT else ""
+        self._event("warning", f"{client.name}: {text}{last}")
 
     def _event(self, kind: str, text: str) -> None:
         # A client that connects and disconnects again and again must not fill the recording.

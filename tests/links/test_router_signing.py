@@ -111,6 +111,29 @@ def test_unsigned_clients_are_neither_read_nor_served(demanding: Router, client:
     good.close()
 
 
+def test_refused_datagrams_warn_once_an_address_and_leave_room_for_other_events(
+    demanding: Router, client: UdpClient
+) -> None:
+    to = address_of(demanding)
+    for n in range(1, 601):
+        client.say(heartbeat(client.encoder), to)
+        until(demanding, lambda _: demanding.stats.unsigned == n)  # noqa: B023 (called at once)
+    assert [kind for kind, _ in demanding.take_events()] == ["warning"]
+    others = [UdpClient() for _ in range(30)]
+    for other in others:
+        other.say(heartbeat(other.encoder), to)
+    until(demanding, lambda _: demanding.stats.unsigned == 630)
+    texts = [text for _, text in demanding.take_events()]
+    assert len(texts) == 19
+    assert texts[-1].endswith("further addresses are only counted")
+    signed = said(pymavlink(KEY))
+    client.say(signed, to)
+    until(demanding, lambda data: signed in data)
+    assert [kind for kind, _ in demanding.take_events()] == ["status"]
+    for other in others:
+        other.close()
+
+
 def test_a_radio_need_not_sign(demanding: Router, client: UdpClient) -> None:
     status = raw(client.encoder, "RADIO_STATUS", 1, 1, 1, 1, 1, 0, 0)
     client.say(status, address_of(demanding))
