@@ -22,7 +22,9 @@ from signals.documents.validate import nearest, validate
 from signals.errors import ConfigError, Problem
 from sim.scene import semantics
 from sim.scene.classes import MAX_CLASSES, class_table
+from sim.scene.compile_process import compile_with_limits
 from sim.scene.map_file import MapFile, read_map_file
+from sim.scene.map_limits import needs_limits, size_problems
 from sim.scene.map_section import GeneratedMap, MjcfMap
 from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.scene import Box, Scene
@@ -137,6 +139,7 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
             problems.append(
                 scene.file.problem(("map", "surfaces", material), f"is an unknown surface: {value!r}", hint)
             )
+    problems += size_problems(file.root)
     for element in file.root.walk():
         if element.tag == "freejoint" or (element.tag == "joint" and element.attributes.get("type") == "free"):
             message = "holds a free joint, but only the vehicle may fly, and the bench adds it"
@@ -184,7 +187,10 @@ def compile_map(
     """
     mujoco.set_mju_user_warning(_ignore)  # by default MuJoCo writes a log file into the working directory
     try:
-        model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+        if file is not None and needs_limits(file.root):
+            model = compile_with_limits(made.mjcf, made.assets)
+        else:
+            model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
         problem = file.problem(str(error)) if file is not None else None
         raise ConfigError(
