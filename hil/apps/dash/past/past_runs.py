@@ -47,7 +47,7 @@ class PastRuns:
             folders = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
         except OSError:
             return []
-        runs = []
+        runs: list[dict[str, Any]] = []
         for folder in sorted(folders, key=lambda p: p.name, reverse=True)[:_MAX_RUNS]:
             try:
                 summary = read_summary(folder)
