@@ -1,4 +1,4 @@
-"""One declared fault on one direction of the link: units in, units out, some of them later.
+"""Applies one declared fault to one direction of the link: takes units and returns them, some of them later.
 
 A hit is a pure function of (seed, index of the fault in the list, direction, number of the unit). Only units that the
 fault can hit are numbered, and only while it is active; so the same traffic gets the same hits, however the bytes were
@@ -18,11 +18,11 @@ from firmware_bridge.faults.link_fault import Direction, LinkFault
 from signals.noise import NoiseStream
 
 _BLOCK = 256  # of NoiseStream
-_LANES = 3  # hit or not; which byte of the unit; what it becomes
+_LANES = 3  # random numbers of a unit: whether it is hit, which byte changes, to which value
 
 
 class _Hits:
-    """The hits of one stage, drawn for a block of units at a time."""
+    """The hits of one stage, computed for a block of units at a time."""
 
     def __init__(self, seed: int, name: str, rate: float) -> None:
         self._stream = NoiseStream(seed, name, lanes=_LANES)
@@ -43,18 +43,18 @@ class _Hits:
         at, end = start, start + count
         while at < end and self._rate > 0.0:
             self._load(at // _BLOCK)
-            place = bisect_left(self._hits, at)
-            if place < len(self._hits):
-                return self._hits[place] < end
+            first = bisect_left(self._hits, at)
+            if first < len(self._hits):
+                return self._hits[first] < end
             at = (at // _BLOCK + 1) * _BLOCK
         return False
 
     def damage(self, number: int, unit: bytes) -> bytes:
         """Return `unit` with one byte changed."""
         self._load(number // _BLOCK)
-        _, where, what = self._block[number % _BLOCK].tolist()
-        at = int(where * len(unit))
-        changed = unit[at] ^ (1 + int(what * 255.0))
+        _, position, change = self._block[number % _BLOCK].tolist()
+        at = int(position * len(unit))
+        changed = unit[at] ^ (1 + int(change * 255.0))
         return unit[:at] + bytes((changed,)) + unit[at + 1 :]
 
 
@@ -70,8 +70,8 @@ class FaultStage:
         self._fault = fault
         self._direction: Direction = direction
         self._log = log
-        self._drawn = _Hits(seed, f"link_fault.{index}.{direction}", fault.rate or 0.0)
-        self._only = frozenset(MSGID[name] for name in fault.messages)
+        self._random_hits = _Hits(seed, f"link_fault.{index}.{direction}", fault.rate or 0.0)
+        self._message_ids = frozenset(MSGID[name] for name in fault.messages)
         self._begin_ns = fault.begin_ns
         self._end_ns = self._begin_ns + fault.length_ns
         self._count = 0  # units that could have been hit
@@ -79,24 +79,24 @@ class FaultStage:
         self._stall_end_wall_ns: int | None = None  # of the active stall
         self._stall_over = False
         # (wall clock of its release, unit); a stall releases all of its units at once.
-        self._held: deque[tuple[int, bytes]] = deque()
+        self._held_units: deque[tuple[int, bytes]] = deque()
         self._overtake_left = 0
 
     @property
     def holds(self) -> bool:
         """True while units are held back."""
-        return bool(self._held)
+        return bool(self._held_units)
 
     @property
     def next_release_ns(self) -> int | None:
         """Wall clock at which `poll` releases the next unit; None if none is held."""
-        if not self._held:
+        if not self._held_units:
             return None
-        return self._stall_end_wall_ns if self._stall_end_wall_ns is not None else self._held[0][0]
+        return self._stall_end_wall_ns if self._stall_end_wall_ns is not None else self._held_units[0][0]
 
     def clear(self) -> None:
         """Drop the units held back: the transport was closed."""
-        self._held.clear()
+        self._held_units.clear()
         self._burst_left = self._overtake_left = 0
 
     def poll(self, t_ns: int, wall_ns: int) -> list[bytes]:
@@ -107,8 +107,8 @@ class FaultStage:
             self._stall_end_wall_ns = None
             self._stall_over = True
         out = []
-        while self._held and self._held[0][0] <= wall_ns:
-            out.append(self._held.popleft()[1])
+        while self._held_units and self._held_units[0][0] <= wall_ns:
+            out.append(self._held_units.popleft()[1])
         return out
 
     def push(self, units: list[bytes], t_ns: int, wall_ns: int) -> list[bytes]:
@@ -117,13 +117,13 @@ class FaultStage:
         active = self._begin_ns <= t_ns < self._end_ns and not self._stall_over
         if active and self._fault.kind == "stall":
             return out + self._stall(units, t_ns, wall_ns)
-        if not active and not self._held:
+        if not active and not self._held_units:
             return out + units
         for unit in units:
             out += (
-                self._by_bytes(unit, t_ns, wall_ns, active)
+                self._pass_bytes(unit, t_ns, wall_ns, active)
                 if self._fault.unit == "byte"
-                else self._one(unit, t_ns, wall_ns, active)
+                else self._pass_unit(unit, t_ns, wall_ns, active)
             )
         return out
 
@@ -132,23 +132,23 @@ class FaultStage:
             self._stall_end_wall_ns = wall_ns + self._fault.length_ns
         for unit in units:
             self._log.hit(self._index, self._direction, unit, t_ns)
-            self._held.append((0, unit))
+            self._held_units.append((0, unit))
         return []
 
-    def _by_bytes(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
+    def _pass_bytes(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
         """Pass the bytes of one unit one by one. Bytes that leave at once stay one unit."""
-        quiet = not self._held and not self._burst_left
-        if quiet and active and not self._drawn.any_hit(self._count, len(unit)):
+        quiet = not self._held_units and not self._burst_left
+        if quiet and active and not self._random_hits.any_hit(self._count, len(unit)):
             self._count += len(unit)
             return [unit]
         out = []
         for i in range(len(unit)):
-            out += self._one(unit[i : i + 1], t_ns, wall_ns, active)
+            out += self._pass_unit(unit[i : i + 1], t_ns, wall_ns, active)
         return [b"".join(out)] if out else []
 
-    def _one(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
+    def _pass_unit(self, unit: bytes, t_ns: int, wall_ns: int, active: bool) -> list[bytes]:
         hit, number = False, self._count
-        if active and (not self._only or message_id(unit) in self._only):
+        if active and (not self._message_ids or message_id(unit) in self._message_ids):
             hit = self._is_hit(number)
             self._count += 1
         kind = self._fault.kind
@@ -164,13 +164,13 @@ class FaultStage:
             return []
         if kind == "duplicate":
             return [unit, unit]
-        return [self._drawn.damage(number, unit)]
+        return [self._random_hits.damage(number, unit)]
 
     def _is_hit(self, number: int) -> bool:
-        drawn = self._drawn.any_hit(number, 1)
+        begins = self._random_hits.any_hit(number, 1)
         if self._fault.kind == "reorder":
-            return drawn
-        if drawn:
+            return begins
+        if begins:
             self._burst_left = self._fault.burst
         hit = self._burst_left > 0
         self._burst_left -= hit
@@ -179,21 +179,21 @@ class FaultStage:
     def _delay(self, unit: bytes, hit: bool, wall_ns: int) -> list[bytes]:
         """Delay a unit. A line keeps its order: the units after a delayed one wait for it."""
         release_ns = wall_ns + self._fault.hold_ns if hit else wall_ns
-        if self._held:
-            release_ns = max(release_ns, self._held[-1][0])
+        if self._held_units:
+            release_ns = max(release_ns, self._held_units[-1][0])
         elif not hit:
             return [unit]
-        self._held.append((release_ns, unit))
+        self._held_units.append((release_ns, unit))
         return []
 
     def _reorder(self, unit: bytes, hit: bool, t_ns: int, wall_ns: int) -> list[bytes]:
-        """Hold one unit at a time until `burst` others have passed."""
-        if not self._held:
+        """Hold back one unit at a time until `burst` others have passed."""
+        if not self._held_units:
             if not hit:
                 return [unit]
             self._log.hit(self._index, self._direction, unit, t_ns)
-            self._held.append((wall_ns + self._fault.hold_ns, unit))
+            self._held_units.append((wall_ns + self._fault.hold_ns, unit))
             self._overtake_left = self._fault.burst
             return []
         self._overtake_left -= 1
-        return [unit] if self._overtake_left else [unit, self._held.popleft()[1]]
+        return [unit] if self._overtake_left else [unit, self._held_units.popleft()[1]]

@@ -31,7 +31,7 @@ from firmware_bridge.faults.link_fault import Direction, LinkFault
 from firmware_bridge.transports.transport import Transport
 from signals.errors import LinkClosed, PortNotFound
 
-# The begin of a frame without its end, followed by silence for this long, is no frame.
+# The beginning of a frame, followed by silence for this long, is no frame.
 _QUIET_NS = 200_000_000
 
 
@@ -79,7 +79,7 @@ class _Plug:
     def __init__(self, faults: Sequence[LinkFault], log: HitLog) -> None:
         self._waiting = [(index, fault) for index, fault in enumerate(faults) if fault.kind == "unplug"]
         self._log = log
-        self._out: tuple[int, int, int] | None = None  # index, end in simulated time, end by wall clock
+        self._active: tuple[int, int, int] | None = None  # index, end in simulated time, end by wall clock
 
     def add(self, index: int, fault: LinkFault) -> None:
         if fault.kind == "unplug":
@@ -88,28 +88,28 @@ class _Plug:
     @property
     def index(self) -> int:
         """Index of the active unplug fault."""
-        assert self._out is not None
-        return self._out[0]
+        assert self._active is not None
+        return self._active[0]
 
-    def pulled(self, t_ns: int, wall_ns: int) -> bool:
+    def unplug_if_due(self, t_ns: int, wall_ns: int) -> bool:
         """Unplug if a fault is due. Return True if so. Each fault unplugs once."""
-        for place, (index, fault) in enumerate(self._waiting):
+        for position, (index, fault) in enumerate(self._waiting):
             if t_ns >= fault.begin_ns:
-                del self._waiting[place]
-                self._out = (index, t_ns + fault.length_ns, wall_ns + fault.length_ns)
+                del self._waiting[position]
+                self._active = (index, t_ns + fault.length_ns, wall_ns + fault.length_ns)
                 self._log.plug(index, t_ns, out=True)
                 return True
         return False
 
-    def back_in(self, t_ns: int, wall_ns: int) -> bool:
+    def can_open(self, t_ns: int, wall_ns: int) -> bool:
         """Return True if the port can be opened: no fault is active, or it has ended."""
-        if self._out is None:
+        if self._active is None:
             return True
-        index, end_ns, end_wall_ns = self._out
+        index, end_ns, end_wall_ns = self._active
         if t_ns < end_ns and wall_ns < end_wall_ns:
             return False
         self._log.plug(index, t_ns, out=False)
-        self._out = None
+        self._active = None
         return True
 
 
@@ -142,8 +142,8 @@ class FaultyTransport:
         self._in = _Direction("from_autopilot", faults, seed=seed, log=self._log)
         self._heard_wall_ns = 0  # last bytes from the far side
         self._unplugged: str | None = None  # the error text of all calls until `open`
-        self._gone: LinkClosed | None = None  # raised once all bytes from the far side have been read
-        self._idle: tuple[int, int] | None = None
+        self._closed_error: LinkClosed | None = None  # raised once all bytes from the far side have been read
+        self._silent_pipe: tuple[int, int] | None = None
 
     @property
     def name(self) -> str:
@@ -163,11 +163,11 @@ class FaultyTransport:
     def open(self) -> None:
         """Open `inner`. PortNotFound while a fault keeps it unplugged."""
         t_ns, wall_ns = self._now_ns(), self._wall_ns()
-        if not self._plug.back_in(t_ns, wall_ns) or self._plug.pulled(t_ns, wall_ns):
+        if not self._plug.can_open(t_ns, wall_ns) or self._plug.unplug_if_due(t_ns, wall_ns):
             raise PortNotFound(self.name, f"unplugged by the declared link fault {self._plug.index}")
         self._out.clear()
         self._in.clear()
-        self._unplugged = self._gone = None
+        self._unplugged = self._closed_error = None
         self._inner.open()
         self._heard_wall_ns = wall_ns
 
@@ -176,13 +176,13 @@ class FaultyTransport:
         self._out.clear()
         self._in.clear()
         self._log.summarise(self._now_ns())
-        idle, self._idle = self._idle, None
-        for fd in idle or ():
+        pipe, self._silent_pipe = self._silent_pipe, None
+        for fd in pipe or ():
             with suppress(OSError):
                 os.close(fd)
 
     def _check_plug(self, t_ns: int, wall_ns: int) -> None:
-        if self._unplugged is None and self._plug.pulled(t_ns, wall_ns):
+        if self._unplugged is None and self._plug.unplug_if_due(t_ns, wall_ns):
             self._unplugged = f"unplugged by the declared link fault {self._plug.index} at {t_ns * 1e-9:g} s"
             # The far side sees the line closed as well.
             self._inner.close()
@@ -198,7 +198,7 @@ class FaultyTransport:
         if not self._out.stages:
             self._inner.write(data)
             return
-        # Writers write whole frames: a remainder is no frame.
+        # Callers write whole frames, so a remainder is no frame.
         units = self._out.splitter.feed(data) + self._out.splitter.flush()
         self._send(self._out.push(units, t_ns, wall_ns))
 
@@ -218,8 +218,8 @@ class FaultyTransport:
             data = self._in.push(self._quiet(wall_ns), t_ns, wall_ns)
             if data:
                 return data
-            if self._gone is not None and not self._in.holds:
-                raise self._gone
+            if self._closed_error is not None and not self._in.holds:
+                raise self._closed_error
             until_ns = min([deadline_ns, *self._wake_times()])
             wait_s = max(until_ns - wall_ns, 0) * 1e-9
             heard = self._listen(wait_s)
@@ -231,35 +231,35 @@ class FaultyTransport:
                 data = self._in.push(units, self._now_ns(), self._heard_wall_ns)
                 if data:
                     return data
-            elif self._gone is not None and not self._in.holds:
-                continue  # to raise it
+            elif self._closed_error is not None and not self._in.holds:
+                continue  # the next round raises the error
             elif self._in_memory and not self._holds:
                 return b""
             if self._wall_ns() >= deadline_ns:
                 return b""
 
     def _quiet(self, wall_ns: int) -> list[bytes]:
-        """Return bytes held back as the begin of a frame, once it is clear that they are none."""
+        """Return bytes held back as the beginning of a frame, once it is clear that they are none."""
         if not self._in.splitter.pending:
             return []
-        if self._in_memory or self._gone is not None or wall_ns - self._heard_wall_ns >= _QUIET_NS:
+        if self._in_memory or self._closed_error is not None or wall_ns - self._heard_wall_ns >= _QUIET_NS:
             return self._in.splitter.flush()
         return []
 
     def _wake_times(self) -> list[int]:
-        times = [at for side in (self._in, self._out) if (at := side.next_release_ns()) is not None]
+        times = [at for direction in (self._in, self._out) if (at := direction.next_release_ns()) is not None]
         if self._in.splitter.pending:
             times.append(self._heard_wall_ns + _QUIET_NS)
         return times
 
     def _listen(self, wait_s: float) -> bytes:
         """Read from `inner`, or sleep where its `read` does not wait."""
-        if self._gone is None:
+        if self._closed_error is None:
             try:
                 data = self._inner.read(wait_s)
             except LinkClosed as error:
                 # Raised after all bytes from the far side have been read.
-                self._gone = error
+                self._closed_error = error
                 return b""
             if data or not self._in_memory or not self._holds:
                 return data
@@ -284,6 +284,6 @@ class FaultyTransport:
         fd = self._inner.fileno()
         if fd is not None or not self._holds or self._unplugged is not None:
             return fd
-        if self._idle is None:
-            self._idle = os.pipe()
-        return self._idle[0]
+        if self._silent_pipe is None:
+            self._silent_pipe = os.pipe()
+        return self._silent_pipe[0]

@@ -24,7 +24,7 @@ class Calibration:
             )
 
     def position(self, raw: int) -> float:
-        """Return -1..1, each side of the centre scaled by itself, limited at the ends."""
+        """Return -1..1, each side of the centre scaled separately, limited at the ends."""
         if raw >= self.centre:
             return min((raw - self.centre) / (self.maximum - self.centre), 1.0)
         return max((raw - self.centre) / (self.centre - self.minimum), -1.0)
@@ -92,14 +92,14 @@ class StickMapping:
             )
             if layout.range_of(axis.source) is None
         ]
-        there = {b.button for b in layout.buttons}
+        available = {b.button for b in layout.buttons}
         wanted = {"dead-man": self.dead_man, "arm": self.arm, "disarm": self.disarm}
         wanted |= {f"mode {name}": button for button, name in self.modes.items()}
-        missing += [f"button {b} for {role}" for role, b in wanted.items() if b is not None and b not in there]
+        missing += [f"button {b} for {role}" for role, b in wanted.items() if b is not None and b not in available]
         if missing:
             axes = ", ".join(a.name for a in layout.axes)
             raise ManualControlError(
-                f"the device has no {'; no '.join(missing)}. It has the axes {axes} and {len(there)} buttons: "
+                f"the device has no {'; no '.join(missing)}. It has the axes {axes} and {len(available)} buttons: "
                 "give a mapping that names these"
             )
 

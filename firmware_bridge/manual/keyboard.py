@@ -74,7 +74,7 @@ class KeyboardSticks:
         self._dead_man_ns = round(dead_man_s * NS_PER_S)
         self._axes: dict[str, tuple[float, int]] = {}  # axis -> (direction, until)
         self._buttons: dict[int, int] = {}  # button -> until
-        self._alive_until_ns = 0
+        self._dead_man_until_ns = 0
         self._pending = b""
         self._waited = False
 
@@ -93,7 +93,7 @@ class KeyboardSticks:
 
         return StickState(
             Sticks(value("pitch"), value("roll"), value("throttle"), value("yaw")),
-            now_ns < self._alive_until_ns,
+            now_ns < self._dead_man_until_ns,
             frozenset(button for button, until in self._buttons.items() if now_ns < until),
         )
 
@@ -103,9 +103,9 @@ class KeyboardSticks:
     def _press(self, key: bytes, now_ns: int) -> None:
         if key == _ESCAPE:
             self._axes.clear()
-            self._alive_until_ns = now_ns
+            self._dead_man_until_ns = now_ns
             return
-        self._alive_until_ns = now_ns + self._dead_man_ns
+        self._dead_man_until_ns = now_ns + self._dead_man_ns
         key = key.lower() if len(key) == 1 else key
         if key == b" ":
             self._axes.clear()

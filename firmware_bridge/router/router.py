@@ -6,7 +6,7 @@ As PX4 and mavlink-router do:
 - frames of a client go to the autopilot and to the other clients; a frame addressed to a system goes only where that
   system has sent frames, and to the autopilot if it has sent none anywhere
 - no frame goes back to its sender: a client's frame that claims to be the autopilot's, or equals one that another
-  client was just sent, has come round a loop and is dropped
+  client was just sent, has returned through a loop and is dropped
 
 Frames are forwarded unchanged, signed or not (exceptions: `signing`). No call waits: a client that floods, stalls or
 sends invalid bytes costs a bounded amount of time and is counted.
@@ -60,7 +60,7 @@ class RouterStats:
     unsigned: int = 0
     forged: int = 0
     replayed: int = 0
-    unroutable: int = 0  # from the autopilot, to a system that no client is
+    unroutable: int = 0  # from the autopilot, to a system that no client has
     damaged_bytes: int = 0  # bytes from clients outside of valid frames
     dropped: int = 0  # frames to or from clients, because a buffer was full
     turned_away: int = 0  # refused datagrams and connections
@@ -347,7 +347,7 @@ class Router:
         copies = self._hold.due(t_ns, self._clock_ns())
         return b"".join(copy_for_autopilot(copy.raw, self._client_signing, self._autopilot_signing) for copy in copies)
 
-    # -- what happened ------------------------------------------------------------------------------------------
+    # -- events -------------------------------------------------------------------------------------------------
 
     def _disconnected(self, client: Client, why: str) -> None:
         if client.active or why != "left":

@@ -1,7 +1,7 @@
 """Starts a user's own ArduCopter SITL with the bench's External AHRS instead of its simulated sensors.
 
 SITL still simulates a vehicle of its own (`--model quad`), but its IMU, barometer, compass, GPS and motors are switched
-off, and its pose is not used. Only its battery is.
+off, and its pose is not used. Only its battery is used.
 
 Its two serial ports are pseudo-terminals of the bench. SITL serves its ports once in each round of its main loop (and
 every 10 ms), where a board's UART interrupts at each byte: packets reach the autopilot in pairs, up to a round late,
@@ -18,7 +18,7 @@ from firmware_bridge.links.child_process import ChildProcess, FirmwareBuild
 from firmware_bridge.transports.pty import PtyTransport
 
 BAUD = 921_600
-SENSOR_SERIAL = 4  # SERIAL4 of SITL has our VectorNav, SERIAL0 MAVLink
+SENSOR_SERIAL = 4  # SERIAL4 of SITL has the bench's VectorNav, SERIAL0 MAVLink
 _EKF_EXTERNAL = 11  # AHRS_EKF_TYPE: attitude, velocity and position are the device's; 3 is EKF3 on its measurements
 
 _DEVICE_TYPE_IMU = 0x320000  # of an accelerometer behind an External AHRS
@@ -29,9 +29,9 @@ _CORNER_CM = 50  # WPNAV_RADIUS: the usual 200 cuts a corner by 0.8 m
 
 
 class HeldPty(PtyTransport):
-    """A pseudo-terminal whose far end stays open here too, so that firmware that closes it to reboot has not hung up.
+    """A pseudo-terminal whose far end the bench keeps open: firmware that closes it to reboot does not end the link.
 
-    The end of the firmware shows in its process.
+    The end of the firmware is detected by its process.
     """
 
     def read(self, timeout_s: float) -> bytes:

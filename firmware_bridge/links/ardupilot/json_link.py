@@ -64,10 +64,10 @@ from signals.units import STANDARD_GRAVITY_MPS2
 
 _SLICE_S = 0.05
 _CHECK_S = 0.25  # how often the process is checked while waiting
-# SITL repeats after 1 s of silence. A repeat that has crossed our answer is followed by the next packet at once.
+# SITL repeats after 1 s of silence. A repeat that has crossed the bench's answer is followed by the next packet.
 _GRACE_S = 0.25
 _UNSETTLED_PACKETS = 1000  # the rate may change by 1 Hz a packet, from 1200
-_RATE_TOLERANCE_HZ = 1.5  # SITL reports the rate of our timestamps, one more or less
+_RATE_TOLERANCE_HZ = 1.5  # SITL reports the rate of the bench's timestamps, with an error of 1 Hz
 _MODULUS = 1 << 32
 _TIMEOUTS = LinkTimeouts(connect_s=60.0)
 
