@@ -30,7 +30,7 @@ from hil.config.missions.script_file import (
 )
 from hil.config.renamed import replace_renamed_keys
 from hil.config.scenes import read_scene, world_problems
-from hil.config.schema import STANDARD_SENSORS, BenchConfig
+from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
 from hil.config.sensors.noise import noise_problems
 from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors
 from signals.documents.document import Document, shown_path
@@ -201,7 +201,8 @@ class _Loading:
         if scene is not None and config is not None:
             scene = randomized(in_weather(scene, config.weather), config.randomize, config.seed)
         if scene is not None and not problems:
-            self.problems += world_problems(scene, vehicle)
+            start = Start() if config is None else config.start
+            self.problems += world_problems(scene, vehicle, start, self.settings)
         return scene
 
     def _mission_path(self) -> Path | None:

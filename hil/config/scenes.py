@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hil.config.schema import Start
 from signals.documents.document import shown_path
-from signals.documents.validate import validate
+from signals.documents.validate import Located, at, validate
 from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.take_off import take_off_problem
@@ -34,18 +35,21 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
     return scene, problems
 
 
-def world_problems(scene: Scene, vehicle: Vehicle | None) -> list[Problem]:
-    """Report problems of a scene's map and of the vehicle's take-off place."""
-    if scene.plain and not scene.boxes:
+def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located: Located) -> list[Problem]:
+    """Report problems of a scene's map and of the place where the vehicle starts."""
+    moved = start.p_W != Start().p_W
+    if scene.plain and not scene.boxes and not moved:
         return []
     try:
         load_world(scene)
-        take_off = take_off_problem(scene, vehicle) if vehicle is not None else None
+        take_off = take_off_problem(scene, vehicle, start.flight_start()) if vehicle is not None else None
     except ConfigError as error:
         return error.problems
     if take_off is None:
         return []
     message, hint = take_off
+    if moved:
+        return [at(located, ("start", "p_W"), message, hint)]
     return [scene.file.problem(("boxes",) if scene.map is None else ("map",), message, hint)]
 
 

@@ -15,8 +15,10 @@ from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router.endpoint import Endpoint
 from signals.documents.validate import Section
 from signals.time import NS_PER_S
+from signals.units import RAD_PER_DEG
 from sim.frame.quality import QualityName
 from sim.physics.faults import RotorFault
+from sim.physics.flight_start import FlightStart
 from sim.physics.vehicle import Effects
 from sim.randomize.settings import Randomize
 from sim.scene.weather import Weather
@@ -282,6 +284,20 @@ class Search(Section):
     count_duplicates: bool = False  # a second report of one object is false too
 
 
+StartCoordinate = Annotated[float, Field(ge=-25_000, le=25_000)]  # the model of the vehicle ends 50 km from the site
+
+
+class Start(Section):
+    """Pose of the vehicle at the start of the run: it stands level on its feet."""
+
+    p_W: tuple[StartCoordinate, StartCoordinate, StartCoordinate] = (0.0, 0.0, 0.0)  # [m] on the ground, amid its feet
+    yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0  # counter-clockwise from east; 90: north
+
+    def flight_start(self) -> FlightStart:
+        """Return the start for the physics."""
+        return FlightStart(ground_W=self.p_W, yaw_rad=self.yaw_deg * RAD_PER_DEG)
+
+
 class Physics(Section):
     """Options of the dynamics."""
 
@@ -335,6 +351,7 @@ class BenchConfig(Section):
     manual: Manual = Manual()
     companion: Companion = Companion()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
+    start: Start = Start()
     physics: Physics = Physics()
     wind: Wind | None = None  # null: the scene's steady wind
     weather: Weather | None = None  # null: the scene's

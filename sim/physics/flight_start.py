@@ -11,6 +11,7 @@ from signals.samples import Vec3
 class FlightStart:
     """Pose of the vehicle at tick 0: level, at rest, rotors stopped."""
 
-    p_WB: Vec3 | None = None  # None: standing on the ground at W's origin
+    p_WB: Vec3 | None = None  # None: standing on the ground at `ground_W`
+    ground_W: Vec3 = (0.0, 0.0, 0.0)  # place on the ground between the feet
     yaw_rad: float = 0.0  # counter-clockwise from east
     t_ns: int = 0  # time at which the scene's actors are posed

@@ -162,7 +162,8 @@ class QuadrotorPhysics:
         state[_Q] = (det_cos(0.5 * start.yaw_rad), 0.0, 0.0, det_sin(0.5 * start.yaw_rad))
         self._standing = start.p_WB is None
         if start.p_WB is None:
-            state[2] = vehicle.standing_height_m
+            x, y, z = start.ground_W
+            state[_P] = (x, y, z + vehicle.standing_height_m)
             self._settle()
         else:
             state[_P] = start.p_WB

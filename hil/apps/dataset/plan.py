@@ -206,7 +206,7 @@ def _with_course(bench: Bench, work: Callable[[], Path]) -> Bench:
     if trajectory is None:
         return bench
     path = work() / MISSION_NAME
-    path.write_text(waypoints_text(trajectory, bench.scene.site), encoding="utf-8")
+    path.write_text(waypoints_text(trajectory, bench.scene.site, bench.config.start.p_W), encoding="utf-8")
     files: Mapping[str, Path] = {k: v for k, v in bench.files.items() if k != "plan"} | {"mission": path}
     config = bench.config.model_copy(update={"mission": str(path)})
     mission = load_mission(path, site=site_of(bench.scene))

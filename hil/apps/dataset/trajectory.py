@@ -16,6 +16,7 @@ from hil.config.missions.mission import (
 )
 from hil.config.schema import Trajectory
 from signals.geodesy import LocalFrame
+from signals.samples import Vec3
 from sim.scene.scene import Site
 
 _CIRCLE_POINTS, _FIGURE_EIGHT_POINTS, _LANES = 24, 32, 5
@@ -48,20 +49,22 @@ def course(trajectory: Trajectory) -> list[tuple[float, float]]:
     return lanes
 
 
-def waypoints_text(trajectory: Trajectory, site: Site) -> str:
+def waypoints_text(trajectory: Trajectory, site: Site, start_W: Vec3 = (0.0, 0.0, 0.0)) -> str:
     """Return the course as the text of a .waypoints file that ends with an unlimited jump back to the first waypoint.
 
-    The text is in Mission Planner's format (`QGC WPL 110`); heights are relative to the home position at `site`.
+    The text is in Mission Planner's format (`QGC WPL 110`); heights are relative to the home position at `start_W`.
     """
     frame = LocalFrame(site)
+    x0, y0, _ = start_W
+    latitude, longitude, altitude_m = frame.geodetic_from_enu(start_W)
     height = trajectory.height_m
-    home = _row(0, FRAME_GLOBAL, WAYPOINT, (0.0,) * 4, (site.latitude_deg, site.longitude_deg), site.altitude_m)
-    take_off = _row(1, FRAME_RELATIVE, TAKEOFF, (0.0,) * 4, (site.latitude_deg, site.longitude_deg), height)
+    home = _row(0, FRAME_GLOBAL, WAYPOINT, (0.0,) * 4, (latitude, longitude), altitude_m)
+    take_off = _row(1, FRAME_RELATIVE, TAKEOFF, (0.0,) * 4, (latitude, longitude), height)
     speed = _row(2, FRAME_MISSION, CHANGE_SPEED, (1.0, trajectory.speed_mps, -1.0, 0.0), (0.0, 0.0), 0.0)
     rows = [home, take_off, speed]
     points_W = course(trajectory)
     for x, y in points_W * max(1, _WAYPOINTS_BEFORE_JUMP // len(points_W)):
-        latitude, longitude, _ = frame.geodetic_from_enu((x, y, height))
+        latitude, longitude, _ = frame.geodetic_from_enu((x0 + x, y0 + y, height))
         rows.append(_row(len(rows), FRAME_RELATIVE, WAYPOINT, (0.0,) * 4, (latitude, longitude), height))
     rows.append(_row(len(rows), FRAME_MISSION, JUMP, (3.0, -1.0, 0.0, 0.0), (0.0, 0.0), 0.0))
     return "\n".join(["QGC WPL 110", *rows, ""])

@@ -16,6 +16,7 @@ from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import BenchConfig
 from hil.config.checks.radar_checks import view_of
 from hil.config.companion.link_settings import link_settings
+from hil.config.schema import Start
 from hil.run.companion.answers import Answers, LiveAnswers
 from hil.run.companion.link_faults import CompanionFault, CompanionFaults
 from hil.run.companion.pacing import FramePacing, Timeouts
@@ -29,6 +30,7 @@ from signals.errors import RecordingError
 from signals.latency import LatencyHistogram
 from signals.samples import Vec3
 from signals.time import NS_PER_S, RateAccumulator
+from signals.units import RAD_PER_DEG
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.mount import Mount
 from sim.sensors.camera_parameters import CameraParameters
@@ -36,6 +38,7 @@ from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.radar_parameters import RadarParameters
 
 _MAX_EVENTS_PER_KIND = 50
+_LOCALISING_CLIENTS = frozenset({"detect", "explore"})
 
 Event = Callable[[int, str, str], None]
 
@@ -51,8 +54,10 @@ class CompanionLink:
         waypoints_W: Sequence[Vec3],
         on_event: Event,
         begun_ns: Callable[[], int] = time.perf_counter_ns,
+        standing_height_m: float = 0.0,
     ) -> None:
         """`begun_ns` returns the time at which the present tick began, by `time.perf_counter_ns`."""
+        self._standing_height_m = standing_height_m
         self.config, self._out, self._on_event, self._begun_ns = config, out, on_event, begun_ns
         self._waypoints_W = tuple(waypoints_W)
         self._server: CompanionServer | None = None
@@ -65,6 +70,14 @@ class CompanionLink:
         self.views = ViewLog(out)
         self._faults = CompanionFaults(config.seed, on_event, self._unplug)
         self.topics: frozenset[str] = frozenset()
+
+    def _start_settings(self, client: str) -> dict[str, Any]:
+        """Return the setting `start` of a shipped client that localises itself, if the bench moves the start."""
+        start = self.config.start
+        if client not in _LOCALISING_CLIENTS or start == Start():
+            return {}
+        x, y, z = start.p_W
+        return {"start": [x, y, z + self._standing_height_m, start.yaw_deg * RAD_PER_DEG]}
 
     def open(self) -> None:
         """Wait for the clients, then set `topics` to what they requested.
@@ -92,7 +105,7 @@ class CompanionLink:
         self._server = server
         keys = None if companion.arrangement == "shared_memory" else server.settings.keys
         for cut in companion.start:
-            settings = companion.settings | cut.settings
+            settings = self._start_settings(cut.name) | companion.settings | cut.settings
             self._started.append(StartedClient(cut.name, server.endpoint, self._out, settings, keys))
 
         def check_processes() -> None:

@@ -55,6 +55,7 @@ def make_physics(bench: Bench) -> Any:
             bench.vehicle,
             bench.scene,
             config.tick_ns,
+            start=config.start.flight_start(),
             effects=config.physics.effects,
             disturbances=Disturbances(faults=config.faults.rotors, wind=config.wind, seed=config.seed),
             integration=Integration(

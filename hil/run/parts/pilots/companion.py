@@ -44,6 +44,7 @@ class CompanionPart(Part):
             waypoints_W=[point.p_W for point in run.route],
             on_event=self._event,
             begun_ns=run.tick_began_ns,
+            standing_height_m=self._bench.vehicle.standing_height_m,
         )
         self.link.open()
 
