@@ -39,6 +39,18 @@ _RETRY_NS = NS_PER_S
 _ARMINGS_LIMIT = 5
 _TEXTS_LIMIT = 1000  # bounds the memory for a vehicle that sends texts without end
 
+_ARDUPILOT_CHECKS = ("PreArm:", "Arm:")
+_SLOW_LOOP = (
+    "its main loop is too fast for one sample a tick: set SCHED_LOOP_RATE to half of tick_hz at most, as the defaults "
+    "file does that `hil run --print-command` writes"
+)
+# Texts of failed checks whose remedy lies in the set-up of the bench.
+_REMEDIES = (("< loop rate", _SLOW_LOOP), ("Main loop slow", _SLOW_LOOP))
+
+
+def _remedy(text: str) -> str:
+    return next((f" ({remedy})" for part, remedy in _REMEDIES if part in text), "")
+
 
 class Phase(Enum):
     """The phases in the order of a flight. No flight has all of them."""
@@ -108,7 +120,8 @@ class Health:
         """Describe why the vehicle is not ready."""
         if not self._reported:
             return "it does not report its pre-arm check (SYS_STATUS)"
-        return f"its pre-arm check does not pass (unhealthy sensors: {self._sensors_bad:#x} in SYS_STATUS)"
+        sensors = f" (unhealthy sensors: {self._sensors_bad:#x} in SYS_STATUS)" if self._sensors_bad else ""
+        return f"its pre-arm check does not pass{sensors}"
 
 
 class StatusTexts:
@@ -126,6 +139,12 @@ class StatusTexts:
         elif len(self.texts) < _TEXTS_LIMIT:
             self.texts.append((t_ns, message.severity, message.text))
         self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
+
+    def failed_checks(self, count: int = 3) -> str:
+        """Return the latest different texts of ArduPilot's arming checks with their remedies; "" if there are none."""
+        checks = [text.strip() for _, _, text in self.texts if text.startswith(_ARDUPILOT_CHECKS)]
+        latest = list(dict.fromkeys(reversed(checks)))[:count]
+        return " | ".join(text + _remedy(text) for text in latest)
 
     def last(self, count: int = 3) -> str:
         """Return the latest different texts, for an error message; "" if there are none."""
@@ -312,9 +331,11 @@ class PhasedFlight:
     def _check_preflight(self, t_ns: int, since_ns: int, problem: str) -> None:
         """Raise HandshakeError if the vehicle has not been ready since `since_ns` for too long."""
         if t_ns - since_ns >= self._preflight_limit_ns:
+            checks = self._texts.failed_checks()
+            why = f"{checks}; {problem}" if checks else f"{problem}{self._texts.last()}"
             raise refused(
                 f"the vehicle is not ready to arm after {self._preflight_limit_ns / NS_PER_S:g} s of simulated time: "
-                f"{problem}{self._texts.last()}"
+                f"{why}"
             )
 
     def _check_takeoff(self, t_ns: int, hint: str = "") -> None:

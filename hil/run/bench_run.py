@@ -203,7 +203,7 @@ class BenchRun:
             "wall_s": wall_s,
             "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
             "skipped": [row for part in self._parts for row in part.skipped(ticks)],
-            "verdict": {"reasons": list(verdict.reasons), "rows": [vars(row) for row in verdict.rows]},
+            "verdict": {"reasons": list(verdict.reasons), "rows": [row.as_map() for row in verdict.rows]},
             "actions": [],
             "timing": {
                 "setup_s": self._timing_s.get("setup", 0.0),

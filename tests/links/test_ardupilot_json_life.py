@@ -8,7 +8,7 @@ import time
 import pytest
 
 from firmware_bridge.codecs.mavlink_frame import FrameParser
-from firmware_bridge.codecs.messages import MSGID, pack
+from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.links.ardupilot.json_link import ArduPilotJsonLink, RestartRequested
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
 from firmware_bridge.links.autopilot_link import LinkTimeouts
@@ -254,3 +254,48 @@ def test_frame_rate_that_stays_different_is_reported_once(make, sitl):
     assert kind == "warning"
     assert "requests 6" in text
     assert link.stats.frame_rate_hz == 600
+
+
+HOME = (47.397742, 8.545594, 488.23, 90.0)
+
+
+def home_position(latitude, longitude, altitude):
+    place = (round(latitude * 1e7), round(longitude * 1e7), round(altitude * 1e3))
+    return message_class("HOME_POSITION")(*place, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("place", "apart"),
+    [
+        ((-35.363261, 149.165230, 584.0), r"14041 km away and \+95\.8 m"),
+        ((47.411142, 8.545594, 488.23), r"1492 m away and \+0\.0 m"),
+        ((47.397742, 8.545594, 0.0), r"0 m away and -488\.2 m"),
+    ],
+)
+def test_a_home_elsewhere_ends_the_run_with_both_places(make, sitl, place, apart):
+    link = make(home=HOME)
+    fly(link, sitl, 3)
+    sitl.say(home_position(*place))
+    with pytest.raises(HandshakeError, match=apart) as caught:
+        fly(link, sitl, 3, 3)
+    text = str(caught.value)
+    assert caught.value.cause == "home"
+    assert f"home is {place[0]:.6f}, {place[1]:.6f}" in text
+    assert "stands at 47.397742, 8.545594, 488.2 m" in text
+    assert "--home 47.397742000,8.545594000,488.2300,90.0000" in text
+
+
+def test_the_right_home_is_checked_once_and_again_after_a_reboot(make, sitl):
+    link = make(home=HOME, on_restart="reset")
+    sitl.say(home_position(47.3977421, 8.5455941, 488.5))
+    fly(link, sitl, 3)
+    sitl.say(home_position(0.0, 0.0, 0.0))  # moved in flight by another ground station
+    fly(link, sitl, 3, 3)
+    new = sitl.reboot()
+    new.ask()
+    with pytest.raises(RestartRequested):
+        send(link, 6)
+    new.say(home_position(0.0, 0.0, 0.0))
+    with pytest.raises(HandshakeError, match="ArduPilot's home is 0"):
+        fly(link, new, 3, 7)
+    new.close()

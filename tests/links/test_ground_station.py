@@ -259,3 +259,22 @@ def test_with_jumps_only_the_vehicle_knows_when_all_is_flown() -> None:
             progress.on_item_reached(Reached(seq))
     assert plain.completed
     assert not jumping.completed
+
+
+def test_failed_checks_of_ardupilot_come_first_and_with_their_remedy() -> None:
+    """The cause came last in a line that began with sensors of number 0x0."""
+    vehicle = Vehicle(ARDUPILOT, ready_ns=1 << 60)
+    for text in (
+        b"PreArm: Gyros inconsistent",
+        b"EKF3 IMU0 is using GPS",
+        b"PreArm: Gyro 0 rate 406Hz < loop ratex1.8",
+    ):
+        vehicle.say("STATUSTEXT", 2, text)
+    with pytest.raises(HandshakeError) as caught:
+        fly(GroundStation(RECTANGLE, preflight_limit_s=5.0), vehicle, limit_s=60.0)
+    text = str(caught.value)
+    assert "simulated time: PreArm: Gyro 0 rate 406Hz < loop ratex1.8 (its main loop is too fast" in text
+    assert "SCHED_LOOP_RATE" in text
+    assert text.index("PreArm: Gyros inconsistent") < text.index("pre-arm check does not pass")
+    assert "0x0" not in text
+    assert "EKF3" not in text

@@ -25,7 +25,6 @@ _DEVICE_TYPE_IMU = 0x320000  # of an accelerometer behind an External AHRS
 _BUS_SERIAL = 6
 _NO_SIMULATED_COMPASS = 1 << 13
 _ALL_MOTORS = 0xFF
-_CORNER_CM = 50  # WPNAV_RADIUS: the usual 200 cuts a corner by 0.8 m
 
 
 class HeldPty(PtyTransport):
@@ -88,7 +87,6 @@ def sitl_parameters(
     """
     copter = copter_parameters(hover_control=hover_control, thrust_model_factor=thrust_model_factor, tick_hz=tick_hz)
     del copter["SIM_RATE_HZ"]  # of its own simulation, which is not used
-    copter["WPNAV_RADIUS"] = _CORNER_CM
     simulated = {
         "SIM_IMU_COUNT": 0,
         "SIM_BARO_COUNT": 0,

@@ -41,7 +41,8 @@ from firmware_bridge.codecs.ardupilot_json import (
     state_from_truth,
 )
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.mavlink_frame import FrameParser
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
+from firmware_bridge.links.ardupilot.home_check import Home, HomeCheck
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
 from firmware_bridge.links.ardupilot.servo_outputs import motor_command
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps, LinkStats, LinkTimeouts
@@ -96,9 +97,9 @@ class ArduPilotStats(LinkStats):
 class ArduPilotJsonLink(AutopilotLink):
     """Lockstep with ArduPilot SITL (`--model JSON`), whose servo packets come to `inbox`.
 
-    Home is the vehicle's place at the first `observe`. SITL adds noise of its own to the IMU's samples (SIM_ACC*,
-    SIM_GYR*). With `sends_wind` the state line has a wind vane. `on_event` gets restarts, and a step that does not fit
-    the tick.
+    SITL gets positions relative to the vehicle's place at the first `observe`. `home` is that place on Earth, with
+    which SITL's own home is compared. SITL adds noise of its own to the IMU's samples (SIM_ACC*, SIM_GYR*). With
+    `sends_wind` the state line has a wind vane. `on_event` gets restarts, and a step that does not fit the tick.
     """
 
     _stats: ArduPilotStats
@@ -110,6 +111,7 @@ class ArduPilotJsonLink(AutopilotLink):
         mavlink: MavlinkChannel | None = None,
         *,
         start_process: Callable[[], ChildProcess] | None = None,
+        home: Home | None = None,
         gravity_mps2: float = STANDARD_GRAVITY_MPS2,
         sends_wind: bool = False,
         on_restart: Literal["error", "reset"] = "error",
@@ -119,6 +121,7 @@ class ArduPilotJsonLink(AutopilotLink):
         self._inbox = inbox
         self._mavlink = mavlink
         self._pwm = PwmRange()
+        self._home = home
         self._gravity_mps2 = gravity_mps2
         self._sends_wind = sends_wind
         self._on_restart = on_restart
@@ -144,6 +147,7 @@ class ArduPilotJsonLink(AutopilotLink):
         self._former: Address | None = None  # address of the autopilot before its last start
         self._reply = b""  # the last one
         self._home_W: Vec3 | None = None
+        self._home_check = None if self._home is None else HomeCheck(self._home)
         self._truth: TruthState | None = None
         self._wind_W: Vec3 = (0.0, 0.0, 0.0)
         self._imu: ImuSample | None = None
@@ -293,6 +297,15 @@ class ArduPilotJsonLink(AutopilotLink):
         self._frames_in_wait += len(frames)
         self._frames += frames
         self._vehicle.received(frames)
+        if self._home_check is not None and frames:
+            self._check_home(self._home_check, frames)
+
+    def _check_home(self, check: HomeCheck, frames: list[Frame]) -> None:
+        problem = check.problem(frames)
+        if check.done:
+            self._home_check = None
+        if problem is not None:
+            raise HandshakeError(self.name, problem, cause="home")
 
     def _is_next(self, packet: ServoPacket, sender: Address) -> bool:
         """Return True if `packet` follows the one answered last. Counts all others, or ends the run."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.codecs.ardupilot_json import hover_throttle, thrust_expo
+from firmware_bridge.links.ardupilot.home_check import Home, home_text
 from firmware_bridge.links.ardupilot.json_link import ArduPilotJsonLink
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
 from firmware_bridge.links.child_process import ChildProcess, FirmwareBuild
@@ -59,14 +60,13 @@ def write_defaults(path: Path, parameters: Mapping[str, float]) -> Path:
     return path
 
 
-def home_text(binary: Path, home: tuple[float, float, float, float]) -> str:
-    """Format `home` for --home: latitude and longitude [deg], altitude [m MSL], heading [deg from north]."""
-    latitude, longitude, altitude, heading = home
-    if latitude == 0.0 and longitude == 0.0:
+def checked_home(binary: str | Path, home: Home) -> str:
+    """Format `home` for --home. LinkError for a place that ArduPilot takes as not given."""
+    if home[0] == 0.0 and home[1] == 0.0:
         raise LinkError(
             str(binary), "home 0, 0: ArduPilot takes that as not given and starts in Canberra; move the scene's site"
         )
-    return f"{latitude:.9f},{longitude:.9f},{altitude:.4f},{heading:.4f}"
+    return home_text(home)
 
 
 def program_at(binary: Path) -> Path:
@@ -78,10 +78,10 @@ def program_at(binary: Path) -> Path:
 
 
 def arducopter_command(
-    program: Path,
+    program: str | Path,
     *,
     model: str,
-    home: tuple[float, float, float, float],
+    home: Home,
     defaults: Path,
     more: Sequence[str] = (),
     speedup: int = 1000,
@@ -91,16 +91,45 @@ def arducopter_command(
     """Return the command line of an ArduCopter that flies `model`; `serials` gives the address of each SERIALn."""
     command = [str(program), "-w"]  # no parameters of an earlier run; not repeated when it reboots itself
     command += ["--model", model, *more, "--speedup", str(speedup)]
-    command += ["--home", home_text(program, home), "--defaults", str(defaults)]
+    command += ["--home", checked_home(program, home), "--defaults", str(defaults)]
     for number, where in sorted(serials.items()):
         command += [f"--serial{number}", where]
     return command + list(arguments)
 
 
+def serials_for(mavlink: str) -> dict[int, str]:
+    """Return the serial ports of a SITL whose MAVLink is at `mavlink`: its own TCP ports unless it is udp:PORT."""
+    kind, _, port = mavlink.partition(":")
+    if kind != "udp":
+        return {}  # it listens on its own TCP ports, and waits for a client before it starts
+    return {0: f"udpclient:127.0.0.1:{port}", **dict.fromkeys(_UNUSED, "none")}
+
+
+def hand_start_command(
+    program: str | Path,
+    *,
+    home: Home,
+    defaults: Path,
+    instance: int,
+    mavlink: str,
+    arguments: Sequence[str] = (),
+) -> list[str]:
+    """Return the command line with which the user starts SITL for a bench that waits for it."""
+    return arducopter_command(
+        program,
+        model="JSON:127.0.0.1",
+        home=home,
+        defaults=defaults,
+        more=["--instance", str(instance)] if instance else [],
+        serials=serials_for(mavlink),
+        arguments=arguments,
+    )
+
+
 def ardupilot_sitl(
     *,
     build: FirmwareBuild | None = None,
-    home: tuple[float, float, float, float] | None = None,
+    home: Home | None = None,
     parameters: Mapping[str, float] | None = None,
     instance: int = 0,
     mavlink: str = "udp:0",
@@ -110,12 +139,13 @@ def ardupilot_sitl(
 
     Without a `build` the user starts SITL: it sends its servo packets to port 9002 + 10 * instance, and `mavlink` says
     where its MAVLink is, 'udp:14550' (it sends there), 'tcp:5760' (it listens there) or 'none' (another program speaks
-    with it, as ArduPilot's own autotest does). Other settings as `ArduPilotJsonLink`.
+    with it, as ArduPilot's own autotest does). Its home is compared with `home` before take-off. Other settings as
+    `ArduPilotJsonLink`.
     """
     channel = _mavlink_channel(mavlink)
     if build is None:
         inbox = UdpInbox(SERVO_PORT + 10 * instance)
-        return ArduPilotJsonLink(inbox, channel, **settings)
+        return ArduPilotJsonLink(inbox, channel, home=home, **settings)
     if home is None:
         raise LinkError(str(build.binary), "cannot be started without a place for the vehicle: give `home`")
     program, where, place, inbox = program_at(build.binary), build.folder.resolve(), home, UdpInbox()
@@ -128,8 +158,7 @@ def ardupilot_sitl(
             home=place,
             defaults=write_defaults(where / "bench.parm", parameters or {}),
             more=["--sim-port-out", str(inbox.port), "--instance", str(instance)],
-            # Without a UDP port SITL listens on its own TCP ports, and waits for a client before it starts.
-            serials={} if port is None else {0: f"udpclient:127.0.0.1:{port}", **dict.fromkeys(_UNUSED, "none")},
+            serials={} if port is None else serials_for(f"udp:{port}"),
             arguments=build.arguments,
         )
         return ChildProcess(command, stderr_path=build.log.resolve(), cwd=where, env=build.env, log_output=True)

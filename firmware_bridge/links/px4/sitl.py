@@ -53,10 +53,7 @@ def px4_sitl_process(
                            "build/px4_sitl_default/bin/px4")  # fmt: skip
     data = _data_folder(binary)
     number, name = _airframe(data, airframe)
-    settings = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number}
-    fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
-    for key, value in (fast | dict(params)).items():
-        settings[f"PX4_PARAM_{key}"] = f"{int(value)}" if value == int(value) else repr(value)
+    settings = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number} | px4_parameters(tick_hz, params)
     _clean(build.folder)
     return ChildProcess(
         [str(binary), "-i", str(instance), "-d", *build.arguments, str(data)],
@@ -66,6 +63,31 @@ def px4_sitl_process(
         log_output=True,
         own_group=True,
     )
+
+
+def px4_parameters(tick_hz: int, params: Mapping[str, float]) -> dict[str, str]:
+    """Return the environment that sets the parameters of this tick; `params` overrides."""
+    fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
+    return {
+        f"PX4_PARAM_{key}": f"{int(value)}" if value == int(value) else repr(value)
+        for key, value in (fast | dict(params)).items()
+    }
+
+
+def px4_hand_start(
+    binary: Path | None, *, airframe: str, tick_hz: int, params: Mapping[str, float], instance: int
+) -> tuple[dict[str, str], list[str]]:
+    """Return environment and command line with which the user starts PX4 for a bench that waits for it.
+
+    Without a `binary` the command is `px4`, and the folder of its start scripts is left to the user.
+    """
+    key = "PX4_SYS_AUTOSTART" if airframe.isdigit() else "PX4_SIM_MODEL"
+    if binary is None:
+        return {key: airframe} | px4_parameters(tick_hz, params), ["px4", "-i", str(instance), "-d", "etc"]
+    data = _data_folder(binary)
+    number, name = _airframe(data, airframe)
+    env = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number} | px4_parameters(tick_hz, params)
+    return env, [str(binary), "-i", str(instance), "-d", str(data)]
 
 
 def _clean(folder: Path) -> None:

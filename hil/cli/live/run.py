@@ -34,6 +34,13 @@ class RunOptions:
     out: OutOption = None
     settings: SetOption = None
     quiet: QuietOption = False
+    print_command: Annotated[
+        bool,
+        typer.Option(
+            "--print-command",
+            help="Print the command that starts the SITL of this bench by hand, write its defaults file, and end.",
+        ),
+    ] = False
     dash: Annotated[bool, typer.Option("--dash", help="Serve a page in the browser that follows the flight.")] = False
     dash_host: DashHostOption = "127.0.0.1"
     dash_port: DashPortOption = 8710
@@ -51,6 +58,12 @@ def run(o: RunOptions) -> None:
     from hil.apps.fly.dashboard import DashboardLink
 
     choice = BenchChoice(o.config, o.rig, o.scene, o.mission, o.seed, tuple(o.settings or ()))
+    if o.print_command:
+        from hil.run.autopilots.start_command import start_command
+
+        with exit_on_error():
+            console.print(start_command(choice.load(), o.out or Path()), markup=False)
+        return
     link = DashboardLink(
         serve=o.dash, host=o.dash_host, port=o.dash_port, fd=o.dash_fd, pace=o.dash_pace, paused=o.dash_paused
     )

@@ -14,8 +14,7 @@ from hil.run.autopilots.surroundings import WORK_FOLDER, Surroundings, firmware_
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     """Make the link, to the user's running SITL if `autopilot.start` is false, else to `autopilot.binary`."""
-    config = bench.config
-    autopilot, vehicle = config.autopilot, bench.vehicle
+    autopilot = bench.config.autopilot
     limits = timeouts(bench)
     settings: dict[str, Any] = {
         "instance": autopilot.instance,
@@ -26,17 +25,29 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
         "timeouts": limits if autopilot.on_restart == "error" else replace(limits, reply_s=math.inf),
     }
     if not autopilot.start:
-        return ardupilot_sitl(mavlink=autopilot.mavlink_port or f"tcp:{TCP_PORT + 10 * autopilot.instance}", **settings)
+        return ardupilot_sitl(home=around.home, mavlink=mavlink_address(bench), **settings)
     return ardupilot_sitl(
         build=firmware_build(bench, around, log=f"{WORK_FOLDER}/arducopter.log"),
         home=around.home,
-        parameters=copter_parameters(
-            hover_control=vehicle.hover_control,
-            thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
-            tick_hz=config.tick_hz,
-            more=autopilot.params,
-        ),
+        parameters=vehicle_parameters(bench),
         **settings,
+    )
+
+
+def mavlink_address(bench: Bench) -> str:
+    """Return where the MAVLink of a SITL is that the user starts."""
+    autopilot = bench.config.autopilot
+    return autopilot.mavlink_port or f"tcp:{TCP_PORT + 10 * autopilot.instance}"
+
+
+def vehicle_parameters(bench: Bench) -> dict[str, float]:
+    """Return the parameters of this vehicle and tick, with `autopilot.params` over them."""
+    vehicle = bench.vehicle
+    return copter_parameters(
+        hover_control=vehicle.hover_control,
+        thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
+        tick_hz=bench.config.tick_hz,
+        more=bench.config.autopilot.params,
     )
 
 

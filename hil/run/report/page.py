@@ -100,10 +100,13 @@ def _realtime_rows(realtime: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
+_MARKS = {True: "\N{CHECK MARK} ", False: "\N{BALLOT X} ", None: ""}  # None: not measured, so not judged
+
+
 def _limit(row: Mapping[str, Any]) -> str:
     """Return the limit of a measurement; a part may fail a measurement that has none."""
     if row["limit"] is None:
-        return "not judged" if row["ok"] else ""
+        return "" if row["ok"] is False else "not judged"
     return text(float(row["limit"]), row["unit"])
 
 
@@ -112,7 +115,7 @@ def _verdict(run: Mapping[str, Any]) -> str:
     verdict = run.get("verdict") or {}
     rows = [
         (
-            ("\N{CHECK MARK} " if r["ok"] else "\N{BALLOT X} ") + r["name"].rsplit("_", 1)[0].replace("_", " "),
+            _MARKS[r["ok"]] + r["name"].rsplit("_", 1)[0].replace("_", " "),
             text(r["value"], r["unit"]),
             _limit(r),
         )

@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 from hil.config.missions.path import Leg, LegKind, waypoint_legs
 from hil.config.schema import Limits
@@ -289,6 +289,11 @@ class Row:
     limit: float | None
     unit: str
     ok: bool
+
+    def as_map(self) -> dict[str, Any]:
+        """Return the fields for run.json. `ok` is None for a limit that nothing was measured against and none failed."""
+        judged = self.value is not None or not self.ok
+        return {**vars(self), "ok": self.ok if judged else None}
 
 
 def rows_within(*measured: tuple[str, float | None, float | None, str, bool]) -> tuple[list[Row], list[str]]:

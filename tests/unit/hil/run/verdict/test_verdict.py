@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import Limits
-from hil.run.verdict.verdict import FlightMeasurement, Measurements, horizontal_distance_m, judge
+from hil.run.verdict.verdict import FlightMeasurement, Measurements, Row, horizontal_distance_m, judge
 from signals.samples import TruthState, Vec3
 
 HOME = (0.0, 0.0, 0.2)
@@ -239,3 +239,12 @@ def test_a_mission_that_never_ends_fails_however_well_it_is_flown() -> None:
     verdict = judge(measured, Limits())
     assert verdict.status == "FAIL"
     assert verdict.reasons == ("the mission never ends: item 8 jumps back for ever",)
+
+
+def test_a_row_without_a_value_is_neither_ok_nor_failed() -> None:
+    """`ok: true` beside `value: null` told readers of an ERROR's run.json that a limit was kept."""
+    assert Row("a_m", None, 1.0, "m", ok=True).as_map()["ok"] is None
+    assert Row("a_m", None, 1.0, "m", ok=False).as_map()["ok"] is False
+    assert Row("a_m", 0.5, None, "m", ok=True).as_map() == {
+        "name": "a_m", "value": 0.5, "limit": None, "unit": "m", "ok": True
+    }  # fmt: skip

@@ -1,0 +1,63 @@
+"""`hil run --print-command`: the line that starts a SITL by hand, and its defaults file."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+from hil.run.autopilots.start_command import start_command
+from signals.errors import ConfigError, RecordingError
+from tests.worlds.bench_files import elsewhere, load
+
+__all__ = ["elsewhere"]
+RIG = "rig: ardupilot_sitl\n"
+
+
+def options(line: str) -> dict[str, str]:
+    words = shlex.split(line)
+    first = next(i for i, word in enumerate(words) if word.startswith("--"))
+    return dict(zip(words[first::2], words[first + 1 :: 2], strict=True))
+
+
+def test_ardupilot_gets_home_defaults_and_ports(tmp_path: Path) -> None:
+    bench = load(RIG + "autopilot: {start: false}\nstart: {p_W: [100.0, 0.0, 0.0], yaw_deg: 30}\n")
+    line = start_command(bench, tmp_path / "a folder")
+    assert line.startswith("arducopter -w --model JSON:127.0.0.1 ")
+    pairs = options(line)
+    latitude, longitude, altitude, heading = map(float, pairs["--home"].split(","))
+    assert latitude == pytest.approx(47.397742, abs=1e-6)
+    assert (longitude - 8.545594) * 111_320.0 * 0.677 == pytest.approx(100.0, rel=0.01)
+    assert altitude == pytest.approx(488.0 + bench.vehicle.standing_height_m, abs=0.01)
+    assert heading == pytest.approx(60.0, abs=1e-3)
+    assert "--serial0" not in pairs  # it listens on TCP 5760, where the bench connects
+    text = Path(pairs["--defaults"]).read_text()
+    assert Path(pairs["--defaults"]) == (tmp_path / "a folder" / "bench.parm").resolve()
+    for name in ("FRAME_CLASS 1", "WPNAV_RADIUS 50", "SIM_RATE_HZ 400", "SCHED_LOOP_RATE 200", "MOT_THST_HOVER 0.6"):
+        assert f"\n{name}" in text
+
+
+def test_ardupilot_with_another_port_instance_and_build(tmp_path: Path) -> None:
+    keys = "{start: false, instance: 3, mavlink_port: 'udp:14999', binary: /opt/copter}"
+    line = start_command(load(RIG + f"autopilot: {keys}\n"), tmp_path)
+    assert line.startswith("/opt/copter -w ")
+    pairs = options(line)
+    assert pairs["--instance"] == "3"
+    assert pairs["--serial0"] == "udpclient:127.0.0.1:14999"
+    assert pairs["--serial2"] == "none"
+
+
+def test_px4(tmp_path: Path) -> None:
+    bench = load("rig: px4_sitl\ntick_hz: 500\nautopilot: {start: false, instance: 2}\n")
+    line = start_command(bench, tmp_path)
+    assert line == "PX4_SIM_MODEL=none_iris PX4_PARAM_IMU_INTEG_RATE=500 PX4_PARAM_SDLOG_MODE=-1 px4 -i 2 -d etc"
+    assert not list(tmp_path.glob("bench.parm"))
+
+
+def test_others_and_a_folder_that_cannot_be_written_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--print-command: prints how to start a SITL by hand, and mock is none"):
+        start_command(load("rig: mock\n"), tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match=r"bench\.parm: cannot be written"):
+        start_command(load(RIG + "autopilot: {start: false}\n"), tmp_path / "file")
