@@ -8,8 +8,10 @@
 
 Queues only lengthen a round trip, so the answer with the shortest one is the best (the clock filter of RFC 5905). The
 best answer of each block of time is kept, and a line through the blocks gives the drift. An answer that contradicts the
-best one by more than both uncertainties means that the autopilot's clock jumped (it rebooted): the filter then starts
-anew. Times are passed in; no clock is read here.
+best one by more than both uncertainties means that the autopilot's clock jumped. A jump of more than a second is a
+reboot: the filter then starts anew. A smaller one is a slip: a simulated autopilot's clock stands still while it gets
+no processor, and the time lost is not made up. The earlier readings are then moved by the jump, so that the drift is
+that between the slips. Times are passed in; no clock is read here.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ _OUTSTANDING = 64
 # Crystals are within 100 ppm; this bound only has to distinguish a drift from a jump.
 _MAX_DRIFT = 500e-6
 _MIN_JUMP_NS = NS_PER_MS
+_REBOOT_NS = NS_PER_S
 
 
 class ClockReading(NamedTuple):
@@ -49,7 +52,9 @@ class TimeSync:
 
     def __init__(self, *, rate_hz: float = 10.0) -> None:
         self.rtt = LatencyHistogram()
-        self.resets = 0  # jumps of the autopilot's clock
+        self.resets = 0  # reboots, by the autopilot's clock
+        self.slips = 0  # smaller jumps of it
+        self.slipped_ns = 0  # their sum; below 0: it has lost time
         self._period_ns = period_ns_from_hz(rate_hz)
         self._next_ns: int | None = None
         self._requested: deque[int] = deque(maxlen=_OUTSTANDING)
@@ -76,19 +81,27 @@ class TimeSync:
         rtt_ns = now_ns - message.ts1
         reading = ClockReading(now_ns, message.tc1 - (message.ts1 + now_ns) // 2, rtt_ns)
         self.rtt.add(rtt_ns)
-        if self._jumped(reading):
+        jump_ns = self._jump_ns(reading)
+        if abs(jump_ns) > _REBOOT_NS:
             self.resets += 1
             self._blocks.clear()
+        elif jump_ns:
+            self.slips += 1
+            self.slipped_ns += jump_ns
+            moved = [block._replace(offset_ns=block.offset_ns + jump_ns) for block in self._blocks]
+            self._blocks = deque(moved, maxlen=_BLOCKS)
         self._keep(reading)
         return reading
 
-    def _jumped(self, reading: ClockReading) -> bool:
+    def _jump_ns(self, reading: ClockReading) -> int:
+        """Return the jump of the autopilot's clock since the last block; 0 if its uncertainty explains the reading."""
         if not self._blocks:
-            return False
+            return 0
         last = self._blocks[-1]
         drifted_ns = _MAX_DRIFT * (reading.t_ns - last.t_ns)
         allowed_ns = (reading.rtt_ns + last.rtt_ns) / 2 + drifted_ns + _MIN_JUMP_NS
-        return abs(reading.offset_ns - last.offset_ns) > allowed_ns
+        jump_ns = reading.offset_ns - last.offset_ns
+        return jump_ns if abs(jump_ns) > allowed_ns else 0
 
     def _keep(self, reading: ClockReading) -> None:
         if not self._blocks or reading.t_ns - self._block_start_ns >= _BLOCK_NS:

@@ -291,7 +291,7 @@ class Row:
     ok: bool
 
     def as_map(self) -> dict[str, Any]:
-        """Return the fields for run.json. `ok` is None for a limit that nothing was measured against and none failed."""
+        """Return the fields for run.json. `ok` is None where nothing was measured or called for."""
         judged = self.value is not None or not self.ok
         return {**vars(self), "ok": self.ok if judged else None}
 

@@ -126,6 +126,8 @@ def _punctuality(link: RealtimeLink) -> dict[str, Any]:
         "clock_offset_us": best.offset_ns / 1000 if best else None,
         "clock_drift_ppm": clock.drift_ppm,
         "clock_resets": clock.resets,
+        "clock_slips": clock.slips,
+        "clock_slipped_ms": clock.slipped_ns / 1e6,
         "reconnects": link.reconnects,
         "findings": [{"level": f.level, "text": f.text} for f in link.findings()],
     }

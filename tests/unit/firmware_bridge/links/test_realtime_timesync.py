@@ -92,6 +92,24 @@ def test_a_reboot_begins_anew() -> None:
     assert abs(best.offset_ns - (rebooted.clock(best.t_ns) - best.t_ns)) < 5 * MS
 
 
+@pytest.mark.parametrize("lost_ns", [67 * MS, -40 * MS])
+def test_a_clock_that_stands_still_for_a_moment_has_not_rebooted(lost_ns: int) -> None:
+    """A simulated autopilot without a processor loses time: eleven such stops were eleven resets and no drift."""
+    sync, autopilot = TimeSync(), Autopilot(5 * S, 30.0, jitter_ns=MS)
+    now = START
+    for _ in range(11):
+        now = run(sync, autopilot, now, 7.0)
+        autopilot.boot_ns -= lost_ns
+    run(sync, autopilot, now, 7.0)
+    assert sync.resets == 0
+    assert sync.slips == 11
+    assert sync.slipped_ns == pytest.approx(-11 * lost_ns, abs=11 * 3 * MS)
+    assert sync.drift_ppm == pytest.approx(30.0, abs=60.0)
+    best = sync.best()
+    assert best is not None
+    assert abs(best.offset_ns - (autopilot.clock(best.t_ns) - best.t_ns)) < 4 * MS
+
+
 def test_only_answers_to_our_own_requests_count_and_only_once() -> None:
     sync = TimeSync()
     payload = sync.request(START)
