@@ -77,6 +77,10 @@ class Connection(Protocol):
     def close(self) -> None: ...
 
 
+def _nothing() -> None:
+    """Do nothing while the link waits: no other function was given."""
+
+
 def _ignore_event(kind: str, text: str) -> None:
     """Drop an event: the caller gave no `on_event`."""
 
@@ -107,6 +111,7 @@ class AutopilotLink:
         self._start_process = start_process
         self._on_event = on_event if on_event is not None else _ignore_event
         self._process: ChildProcess | None = None
+        self.while_waiting: Callable[[], None] = _nothing  # called about four times a second in a long wait; may raise
         self._frames: list[Frame] = []  # for take_frames
         self._reset()
 

@@ -100,6 +100,11 @@ class ChildProcess:
             self._stderr.close()
             raise PortNotFound(self.argv[0], f"cannot be started ({error.strerror}); is the path right?") from error
 
+    @property
+    def exit_status(self) -> int | None:
+        """Exit status, negative for a signal; None while it runs or before it was started."""
+        return None if self._process is None else self._process.poll()
+
     def running(self) -> bool:
         return self._process is not None and self._process.poll() is None
 

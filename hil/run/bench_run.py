@@ -194,7 +194,7 @@ class BenchRun:
             "status": status,
             "error": error,
             "digest": self._recorders[0].digest if self._recorders else _NO_DIGEST,
-            "deterministic": all(part.repeatable() for part in self._parts),
+            "deterministic": not context.stopped_by_hand and all(part.repeatable() for part in self._parts),
             "seed": config.seed,
             "rig": config.rig,
             "scene": context.bench.scene.name,

@@ -56,6 +56,10 @@ from signals.samples import TruthState
 from sim.physics.quadrotor import QuadrotorPhysics
 
 
+class FlightEnded(Exception):
+    """Raised by a part to end the flight where `ended` is not asked: while the link waits for the autopilot."""
+
+
 class FlightStatus(NamedTuple):
     """Progress of the flight, as shown to people."""
 
@@ -86,6 +90,7 @@ class RunContext:
         self.parts = tuple(parts)
         self.legs: tuple[Leg, ...] = ()  # planned path; open, once the mission's path is known
         self.route: list[PlanPoint] = []  # labelled points of the path, or the goal; likewise
+        self.stopped_by_hand = False  # where a run without a mission may end at any tick
         self._scheduler: Scheduler | None = None
 
     def part(self, name: str) -> Any:
@@ -250,6 +255,9 @@ class Part:
     def texts(self) -> Sequence[tuple[int, int, str]]:
         """Return status texts of the autopilot: time [ns], MAV_SEVERITY, text."""
         return ()
+
+    def link_waits(self) -> None:
+        """Called about four times a second while the link waits long for its autopilot; may raise, to end the run."""
 
     def on_desired(self, desired: DesiredState, t_apply_ns: int) -> None:
         """Receive the desired state of a companion in control, which applies from `t_apply_ns` on."""

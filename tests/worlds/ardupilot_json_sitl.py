@@ -125,7 +125,7 @@ def make(sitl):
     """Yield a function that makes opened links to `sitl`; close them at the end."""
     links = []
 
-    def build(*, far=sitl, mavlink=True, **settings):
+    def build(*, far=sitl, mavlink=True, home=None, **settings):
         settings = {"timeouts": LinkTimeouts(5.0, 5.0)} | settings
         side = MavlinkChannel(UdpTransport(0)) if mavlink else None
         inbox, events = UdpInbox(0), []
@@ -136,6 +136,8 @@ def make(sitl):
             on_event=lambda kind, text: events.append((kind, text)),
             **settings,
         )
+        if home is not None:
+            link.expect_home(home)
         link.events = events
         links.append(link)
         link.open()

@@ -97,9 +97,9 @@ class ArduPilotStats(LinkStats):
 class ArduPilotJsonLink(AutopilotLink):
     """Lockstep with ArduPilot SITL (`--model JSON`), whose servo packets come to `inbox`.
 
-    SITL gets positions relative to the vehicle's place at the first `observe`. `home` is that place on Earth, with
-    which SITL's own home is compared. SITL adds noise of its own to the IMU's samples (SIM_ACC*, SIM_GYR*). With
-    `sends_wind` the state line has a wind vane. `on_event` gets restarts, and a step that does not fit the tick.
+    SITL gets positions relative to the vehicle's place at the first `observe`. SITL adds noise of its own to the IMU's
+    samples (SIM_ACC*, SIM_GYR*). With `sends_wind` the state line has a wind vane. `on_event` gets restarts, and a step
+    that does not fit the tick.
     """
 
     _stats: ArduPilotStats
@@ -111,7 +111,6 @@ class ArduPilotJsonLink(AutopilotLink):
         mavlink: MavlinkChannel | None = None,
         *,
         start_process: Callable[[], ChildProcess] | None = None,
-        home: Home | None = None,
         gravity_mps2: float = STANDARD_GRAVITY_MPS2,
         sends_wind: bool = False,
         on_restart: Literal["error", "reset"] = "error",
@@ -121,7 +120,7 @@ class ArduPilotJsonLink(AutopilotLink):
         self._inbox = inbox
         self._mavlink = mavlink
         self._pwm = PwmRange()
-        self._home = home
+        self._home: Home | None = None
         self._gravity_mps2 = gravity_mps2
         self._sends_wind = sends_wind
         self._on_restart = on_restart
@@ -163,6 +162,10 @@ class ArduPilotJsonLink(AutopilotLink):
 
     def _parsers(self) -> Sequence[FrameParser]:
         return () if self._mavlink is None else (self._mavlink.parser,)
+
+    def expect_home(self, home: Home) -> None:
+        """Compare SITL's home with the vehicle's place at the first `observe`. Call it before `open`."""
+        self._home = home
 
     def observe(self, truth: TruthState, wind_W: Vec3 = (0.0, 0.0, 0.0)) -> None:
         """Take the vehicle's true state, and the wind at it [m/s, W], for the next `send`."""
@@ -277,6 +280,7 @@ class ArduPilotJsonLink(AutopilotLink):
                 self._stats.answered_again += 1
             if now_ns >= check_ns:
                 check_ns = now_ns + int(_CHECK_S * 1e9)
+                self.while_waiting()
                 self._check_process(f"ended before it answered the state of {t_ns} ns")
             if now_ns >= deadline_ns:
                 raise LockstepLost(
@@ -405,6 +409,7 @@ class ArduPilotJsonLink(AutopilotLink):
                 self._drain()
                 return
             self._check_process("ended before its first servo packet")
+            self.while_waiting()
             if time.monotonic() >= deadline_s:
                 raise HandshakeError(self.name, self._no_packet())
             self._pause(_SLICE_S)

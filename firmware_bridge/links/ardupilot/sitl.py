@@ -145,7 +145,10 @@ def ardupilot_sitl(
     channel = _mavlink_channel(mavlink)
     if build is None:
         inbox = UdpInbox(SERVO_PORT + 10 * instance)
-        return ArduPilotJsonLink(inbox, channel, home=home, **settings)
+        link = ArduPilotJsonLink(inbox, channel, **settings)
+        if home is not None:
+            link.expect_home(home)
+        return link
     if home is None:
         raise LinkError(str(build.binary), "cannot be started without a place for the vehicle: give `home`")
     program, where, place, inbox = program_at(build.binary), build.folder.resolve(), home, UdpInbox()

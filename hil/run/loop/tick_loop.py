@@ -7,8 +7,9 @@ from contextlib import ExitStack
 from typing import Any
 
 from firmware_bridge.links.ardupilot.json_link import RestartRequested
+from hil.config import Bench
 from hil.run.loop.progress import Progress
-from hil.run.part import Part, RunContext
+from hil.run.part import FlightEnded, Part, RunContext
 from signals.time import NS_PER_S
 
 # Without a part that flies the vehicle, the flight ends this long after disarming [ns of simulated time].
@@ -19,7 +20,8 @@ def fly_ticks(run: RunContext, *, quiet: bool) -> None:
     """Run ticks until a part ends the flight or the bench's `duration_s` has passed.
 
     If no part flies the vehicle, the flight also ends a few seconds after it was disarmed, unless the autopilot may
-    reboot (`autopilot.on_restart: reset`): then the user decides when the run ends.
+    reboot (`autopilot.on_restart: reset`): then the user decides when the run ends. A run that flies no mission of the
+    bench ends without an error when it is stopped by Ctrl-C or a signal, or by a part while the autopilot is silent.
     """
     scheduler, config = run.scheduler, run.bench.config
     end_tick = round(config.duration_s * config.tick_hz)
@@ -59,9 +61,21 @@ def fly_ticks(run: RunContext, *, quiet: bool) -> None:
                     armed_tick = scheduler.tick
                 elif until_disarmed and armed_tick is not None and scheduler.tick >= armed_tick + after_ticks:
                     break
+    except (KeyboardInterrupt, FlightEnded) as stop:
+        if isinstance(stop, KeyboardInterrupt) and not _serves(run.bench):
+            raise
+        run.stopped_by_hand = True
+        run.event("status", str(stop) or "stopped from the keyboard")
     finally:
         gc.enable()
         gc.unfreeze()
+
+
+def _serves(bench: Bench) -> bool:
+    """Return True for a run that only serves an autopilot: nothing of the bench flies, and no goal is judged."""
+    config = bench.config
+    judged = config.goal is not None or config.search is not None
+    return bench.mission is None and bench.script is None and not judged and not config.companion.control
 
 
 def _restart_vehicle(run: RunContext) -> None:

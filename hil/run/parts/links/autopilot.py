@@ -37,6 +37,14 @@ class AutopilotPart(Part):
         home = home_of(self._bench.scene.site, run.physics.state)
         self._link = make_link(self._bench, Surroundings(run.out, wrap, run.event, home))
         run.link = self._link
+        watchers = [part.link_waits for part in run.parts if type(part).link_waits is not Part.link_waits]
+        if watchers:
+
+            def while_waiting() -> None:
+                for watch in watchers:
+                    watch()
+
+            self._link.while_waiting = while_waiting
         self._link.open()
 
     def around_flight(self) -> AbstractContextManager[Any]:

@@ -1,0 +1,112 @@
+"""Runs another project's test suite with the bench as its simulator, and judges by its exit status.
+
+The suite starts its own SITL, which connects to the bench (`autopilot.start: false`). The bench starts the suite before
+it waits for the autopilot, and ends when the suite does. The suite's environment names the bench's facts:
+
+HIL_MODEL      `--model` of ArduPilot
+HIL_HOME       latitude, longitude [deg], altitude [m MSL] and heading [deg from north] of the start, with commas
+HIL_DEFAULTS   file with ArduPilot's parameters for this vehicle and tick, to be loaded after the suite's own
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from firmware_bridge.links.ardupilot.home_check import home_text
+from firmware_bridge.links.child_process import ChildProcess
+from hil.config import Bench
+from hil.run.autopilots.ardupilot_sitl import vehicle_parameters
+from hil.run.autopilots.surroundings import home_of
+from hil.run.part import FlightEnded, Part, RunContext
+from hil.run.verdict.verdict import Row, Verdict
+from signals.documents.validate import Section
+from signals.errors import LinkClosed
+
+LOG_NAME = "test_suite.log"
+_DEFAULTS_NAME = "vehicle.parm"
+
+
+class Settings(Section):
+    command: Annotated[tuple[str, ...], Field(min_length=1)]  # program and arguments
+    folder: str = "."  # in which it runs
+
+
+class TestSuitePart(Part):
+    name = "test_suite"
+
+    def __init__(self, bench: Bench, settings: Settings) -> None:
+        self._bench, self._settings = bench, settings
+        self._process: ChildProcess | None = None
+        self._flies = self._ended = False
+        self._end_text = ""
+        self._status: int | None = None
+
+    def open(self, run: RunContext) -> None:
+        bench, out = self._bench, run.out.resolve()
+        env = {"HIL_HOME": home_text(home_of(bench.scene.site, run.physics.state))}
+        if bench.config.autopilot.kind == "ardupilot_sitl":
+            defaults = out / _DEFAULTS_NAME
+            lines = [f"{name} {value!r}\n" for name, value in vehicle_parameters(bench).items()]
+            defaults.write_text("".join(lines))
+            env |= {"HIL_MODEL": "JSON:127.0.0.1", "HIL_DEFAULTS": str(defaults)}
+        self._process = ChildProcess(
+            list(self._settings.command),
+            stderr_path=out / LOG_NAME,
+            cwd=Path(self._settings.folder).expanduser(),
+            env=env,
+            log_output=True,
+            own_group=True,
+        )
+        self._process.start()
+
+    def begin(self, run: RunContext) -> None:  # noqa: ARG002
+        self._flies = True
+
+    def ended(self) -> bool:
+        return self._has_ended()
+
+    def link_waits(self) -> None:
+        """End a flight whose autopilot has gone with its suite."""
+        if not self._has_ended():
+            return
+        if not self._flies:
+            raise LinkClosed("test suite", f"has ended before an autopilot came: {self._end_text}", cause="crashed")
+        raise FlightEnded(f"the test suite has ended with exit status {self._status}")
+
+    def _has_ended(self) -> bool:
+        process = self._process
+        if process is not None and not self._ended and not process.running():
+            self._ended = True
+            self._status = process.exit_status
+            self._end_text = process.describe_end()
+        return self._ended
+
+    def close(self) -> None:
+        self._has_ended()
+        if self._process is not None:
+            self._process.close()
+
+    def repeatable(self) -> bool:
+        return False
+
+    def phase(self) -> str:
+        return "test suite"
+
+    def verdict(self, verdict: Verdict) -> Verdict:
+        ok = self._status == 0
+        reasons = []
+        if not ok:
+            how = self._end_text or "it had not ended when the run did (duration_s)"
+            reasons = [f"the test suite failed: {how} ({LOG_NAME})"]
+        value = None if self._status is None else float(self._status)
+        return verdict.with_rows([Row("suite_exit_status", value, 0.0, "", ok)], reasons)
+
+    def run_keys(self) -> dict[str, Any]:
+        return {"test_suite": {"command": list(self._settings.command), "exit_status": self._status}}
+
+
+def make(bench: Bench, settings: Settings) -> Part:
+    return TestSuitePart(bench, settings)

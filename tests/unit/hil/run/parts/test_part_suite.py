@@ -1,0 +1,93 @@
+"""The part `test_suite`, whose program starts an autopilot of its own, and runs that end when the user stops them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.run.bench_run import run_bench
+from hil.run.part import Part
+from tests.worlds.bench_files import elsewhere, load
+
+__all__ = ["elsewhere"]
+
+# A SITL of 100 steps behind the JSON link, which then ends with the status in its argument.
+SUITE = """
+import os, socket, struct, sys
+home, model, defaults = os.environ["HIL_HOME"], os.environ["HIL_MODEL"], open(os.environ["HIL_DEFAULTS"]).read()
+assert home.endswith(",270.0000") and model == "JSON:127.0.0.1" and "MOT_THST_HOVER" in defaults, (home, model)
+link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+link.settimeout(20.0)
+for count in range(100):
+    link.sendto(struct.pack("<HHI16H", 18458, 400, count, *(16 * [1000])), ("127.0.0.1", 9002 + 10 * 67))
+    link.recv(4096)
+print("the last words")
+sys.exit(int(sys.argv[1]))
+"""
+BENCH = """rig: ardupilot_sitl
+mission: null
+start: {yaw_deg: 180}
+crash: null
+autopilot: {start: false, instance: 67, mavlink_port: none, on_restart: reset}
+record: {mcap: false, tlog: false, report: false}
+parts:
+  test_suite:
+    command: ["%s", suite.py, "%s"]
+"""
+
+
+def run_suite(status: int, out: Path, suite: str = SUITE) -> dict[str, Any]:
+    Path("suite.py").write_text(suite, encoding="utf-8")
+    return run_bench(load(BENCH % (sys.executable, status)), out, quiet=True).run
+
+
+@pytest.mark.parametrize("status", [0, 3])
+def test_run_ends_with_the_suite_and_is_judged_by_its_status(status: int, tmp_path: Path) -> None:
+    run = run_suite(status, tmp_path / "out")
+    assert run["error"] is None
+    assert run["status"] == ("FAIL" if status else "PASS")
+    assert run["test_suite"]["exit_status"] == status
+    assert run["sim_s"] == pytest.approx(0.25, abs=0.02)
+    assert not run["deterministic"]
+    (row,) = [row for row in run["verdict"]["rows"] if row["name"] == "suite_exit_status"]
+    assert (row["value"], row["ok"]) == (float(status), not status)
+    if status:
+        (reason,) = run["verdict"]["reasons"]
+        assert "exit status 3" in reason
+        assert "the last words" in reason
+        assert "test_suite.log" in reason
+    assert "the last words" in (tmp_path / "out" / "test_suite.log").read_text()
+
+
+def test_a_suite_that_ends_before_its_autopilot_came_is_named_at_once(tmp_path: Path) -> None:
+    run = run_suite(1, tmp_path / "out", "raise SystemExit('no module named MAVProxy')")
+    assert run["error"]["type"] == "LinkClosed"
+    assert "ended before an autopilot came" in run["error"]["message"]
+    assert "no module named MAVProxy" in run["error"]["message"]
+    assert run["wall_s"] < 20.0
+
+
+class Stop(Part):
+    """Presses Ctrl-C in tick 40."""
+
+    name = "stop"
+
+    def after_tick(self, tick: int) -> None:
+        if tick == 40:
+            raise KeyboardInterrupt("stopped by SIGTERM")
+
+
+@pytest.mark.parametrize("mission", ["null", "rigs/missions/rectangle.plan"])
+def test_a_run_without_a_mission_is_ended_as_a_success(mission: str, tmp_path: Path) -> None:
+    lines = f"rig: mock\nmission: {mission}\nautopilot: {{transport: loopback}}\n"
+    lines += "record: {mcap: false, tlog: false, report: false}\n"
+    run = run_bench(load(lines), tmp_path / "out", quiet=True, more=[Stop()]).run
+    assert run["sim_s"] == pytest.approx(0.16, abs=0.01)
+    if mission == "null":
+        assert (run["status"], run["error"]) == ("PASS", None)
+        assert run["deterministic"] is False
+    else:
+        assert (run["status"], run["error"]["type"]) == ("ERROR", "Interrupted")
