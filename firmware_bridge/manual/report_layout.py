@@ -34,17 +34,17 @@ _MAX_DESCRIPTOR_BYTES = 4096  # the limit of Linux and hidapi
 
 
 class AxisField(NamedTuple):
-    """One axis in a report: `bits` from bit `at` on, little-endian, from `low` to `high`."""
+    """One axis in a report: `bits` from bit `first_bit` on, little-endian, from `low` to `high`."""
 
     name: str
-    at: int
+    first_bit: int
     bits: int
     low: int
     high: int
 
     def read(self, number: int) -> int:
         """Return its value in a report given as one little-endian number."""
-        value = number >> self.at & (1 << self.bits) - 1
+        value = number >> self.first_bit & (1 << self.bits) - 1
         return value - (1 << self.bits) if self.low < 0 and value >> self.bits - 1 else value
 
 
@@ -52,7 +52,7 @@ class ButtonField(NamedTuple):
     """One button, a single bit."""
 
     button: int
-    at: int
+    bit: int
 
 
 class HidState(NamedTuple):
@@ -67,7 +67,7 @@ class ReportLayout:
     """The input report that carries the sticks. `report_id` None: the device does not number its reports."""
 
     report_id: int | None
-    size_bytes: int  # without the number
+    size_bytes: int  # without the report number
     axes: tuple[AxisField, ...]
     buttons: tuple[ButtonField, ...]
 
@@ -82,7 +82,7 @@ class ReportLayout:
     def read(self, report: bytes) -> HidState | None:
         """Return the state in `report`; None if its length is wrong or an axis is out of its range.
 
-        Zeros after it are no fault: Windows pads every report to the longest.
+        Zeros after the report are no fault: Windows pads every report to the size of the longest.
         """
         if self.report_id is not None:
             if not report or report[0] != self.report_id:
@@ -98,7 +98,7 @@ class ReportLayout:
             if axis.name != "hat" and not axis.low <= value <= axis.high:
                 return None
             axes[axis.name] = value
-        return HidState(axes, frozenset(b.button for b in self.buttons if number >> b.at & 1))
+        return HidState(axes, frozenset(b.button for b in self.buttons if number >> b.bit & 1))
 
 
 @dataclass(frozen=True)
@@ -128,17 +128,17 @@ def parse_report_descriptor(descriptor: bytes) -> ReportLayout:
     usages: list[int] = []
     usage_range = [0, 0]
     reports: dict[int | None, _Report] = {}
-    at = 0
-    while at < len(descriptor):
-        prefix = descriptor[at]
+    position = 0
+    while position < len(descriptor):
+        prefix = descriptor[position]
         if prefix == 0xFE:  # a long item; none is defined
-            at += 3 + (descriptor[at + 1] if at + 1 < len(descriptor) else 0)
+            position += 3 + (descriptor[position + 1] if position + 1 < len(descriptor) else 0)
             continue
         size = (0, 1, 2, 4)[prefix & 3]
-        data = descriptor[at + 1 : at + 1 + size]
+        data = descriptor[position + 1 : position + 1 + size]
         if len(data) < size:
-            raise _bad(f"it ends inside the item at byte {at}")
-        at += 1 + size
+            raise _bad(f"it ends inside the item at byte {position}")
+        position += 1 + size
         value = int.from_bytes(data, "little")
         signed = int.from_bytes(data, "little", signed=True)
         kind, tag = prefix >> 2 & 3, prefix >> 4
@@ -194,14 +194,14 @@ def _lay_out(report: _Report, state: _Globals, usages: list[int], flags: int) ->
         for i in range(state.count):
             usage = usages[min(i, len(usages) - 1)]
             page, number = usage >> 16, usage & 0xFFFF
-            at = report.bits + i * state.size
+            first_bit = report.bits + i * state.size
             if page == _BUTTONS and number and state.size == 1 and i < len(usages):
-                report.buttons.append(ButtonField(number, at))
+                report.buttons.append(ButtonField(number, first_bit))
             elif (page, number) in _AXES and high > state.low:
                 name = _AXES[page, number]
                 same = sum(axis.name.rstrip("23456789") == name for axis in report.axes)
                 report.axes.append(
-                    AxisField(name if not same else f"{name}{same + 1}", at, state.size, state.low, high)
+                    AxisField(name if not same else f"{name}{same + 1}", first_bit, state.size, state.low, high)
                 )
     report.bits = end
 

@@ -23,8 +23,8 @@ def test_the_edgetx_report():
     layout = parse_report_descriptor(hid.EDGETX)
     assert (layout.report_id, layout.size_bytes) == (None, 19)
     assert [a.name for a in layout.axes] == ["x", "y", "z", "rx", "ry", "rz", "slider", "slider2"]
-    assert [(a.at, a.bits, a.low, a.high) for a in layout.axes] == [(24 + 16 * i, 16, 0, 2047) for i in range(8)]
-    assert [(b.button, b.at) for b in layout.buttons] == [(i + 1, i) for i in range(24)]
+    assert [(a.first_bit, a.bits, a.low, a.high) for a in layout.axes] == [(24 + 16 * i, 16, 0, 2047) for i in range(8)]
+    assert [(b.button, b.bit) for b in layout.buttons] == [(i + 1, i) for i in range(24)]
 
 
 def test_signed_axes_of_ten_bits_across_bytes():
@@ -64,14 +64,14 @@ def test_relative_axes_constants_and_arrays_are_skipped_with_their_bits():
     array = hid.items((hid.PAGE, 9), (hid.FIRST, 1), (hid.LAST, 9), (hid.SIZE, 8), (hid.COUNT, 2), (hid.INPUT, 0))
     sticks = hid.axes(0x30, 0x31, low=0, high=255, bits=8)
     layout = parse_report_descriptor(hid.gamepad(mouse, array, sticks))
-    assert [(a.name, a.at) for a in layout.axes] == [("x", 24), ("y", 32)]
+    assert [(a.name, a.first_bit) for a in layout.axes] == [("x", 24), ("y", 32)]
     assert layout.size_bytes == 5
 
 
 def test_output_items_have_no_bits_and_their_usages_are_dropped():
     rumble = hid.items((hid.PAGE, 1), (hid.USAGE, 0x33), (hid.SIZE, 8), (hid.COUNT, 4), (hid.OUTPUT, 2))
     layout = parse_report_descriptor(hid.gamepad(rumble, hid.axes(0x30, 0x31, low=0, high=255, bits=8)))
-    assert [(a.name, a.at) for a in layout.axes] == [("x", 0), ("y", 8)]
+    assert [(a.name, a.first_bit) for a in layout.axes] == [("x", 0), ("y", 8)]
 
 
 @pytest.mark.parametrize("report", [b"", b"\x80" * 6, hid.simple_report()[:-1], hid.simple_report() + b"\x01"])
