@@ -1,6 +1,6 @@
-"""Loads the world of a scene: the compiled map, with the people that randomisation adds to it.
+"""Load the world of a scene: the compiled map, with the people that randomisation adds to it.
 
-Compiling takes up to seconds, so the last few worlds are cached.
+Compiling takes up to several seconds, so the last few worlds are cached.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from sim.scene.scene import Scene
 from sim.scene.world import World
 from sim.scene.world_compiler import compile_map, compile_source, map_source, read_only
 
-_CACHED = 6  # worlds
+_MAX_CACHED = 6  # worlds
 _worlds: OrderedDict[str, World] = OrderedDict()
 
 
 def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
-    """Return the world of a scene; with `map_seed`, of the scene with that seed. Raises ConfigError."""
+    """Return the world of a scene, of its variant `map_seed` if given. Raises ConfigError."""
     if map_seed is not None:
         try:
             scene = scene.with_map_seed(map_seed)
         except ValueError as error:
             raise ConfigError([scene.file.problem(("map",), f"takes no seed: {error}")]) from None
-    made = scene.file.made.get("world")
-    if made is not None and made.scene == scene:
-        return made
+    cached = scene.file.cache.get("world")
+    if cached is not None and cached.scene == scene:
+        return cached
     source = map_source(scene)
     key = source.key(scene)
     world = _cached(key, lambda: compile_source(scene, source))
@@ -41,14 +41,14 @@ def load_world(scene: Scene, *, map_seed: int | None = None) -> World:
         world = _cached(key, lambda: _with_people(base, limits, seed))
     if world.scene != scene:
         world = _worlds[key] = replace(world, scene=scene)
-    scene.file.made["world"] = world
+    scene.file.cache["world"] = world
     return world
 
 
 def _cached(key: str, make: Callable[[], World]) -> World:
     if key not in _worlds:
         _worlds[key] = make()
-        while len(_worlds) > _CACHED:
+        while len(_worlds) > _MAX_CACHED:
             _worlds.popitem(last=False)
     _worlds.move_to_end(key)
     return _worlds[key]
@@ -56,16 +56,16 @@ def _cached(key: str, make: Callable[[], World]) -> World:
 
 def _with_people(base: World, limits: PeopleLimits, seed: int) -> World:
     """Return the world with the people that a seed adds; everything in `base` keeps its numbers."""
-    # Imported here: most worlds have no added people.
+    # Imported here because most worlds have no added people.
     from sim.randomize.free_ground import FreeGround
     from sim.randomize.people import draw_people, map_with
 
     people = draw_people(limits, seed, FreeGround(base))
     if not people:
         return base
-    table = dict(zip(base.class_names, base.class_colours, strict=True))
-    made = compile_map(base.scene, map_with(people, base.map), table)
+    class_table = dict(zip(base.class_names, base.class_colours, strict=True))
+    world = compile_map(base.scene, map_with(people, base.map), class_table)
     # The map's own patterns for classes may match the names of added people too.
-    added = np.arange(made.model.ngeom) >= base.model.ngeom
-    geom_class = np.where(added, base.class_names.index("person"), made.geom_class).astype(np.uint8)
-    return replace(made, geom_class=read_only(geom_class), added_people=people)
+    is_added = np.arange(world.model.ngeom) >= base.model.ngeom
+    geom_class = np.where(is_added, base.class_names.index("person"), world.geom_class).astype(np.uint8)
+    return replace(world, geom_class=read_only(geom_class), added_people=people)

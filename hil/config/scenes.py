@@ -38,7 +38,7 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
 def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located: Located) -> list[Problem]:
     """Report problems of a scene's map and of the place where the vehicle starts."""
     moved = start.p_W != Start().p_W
-    if scene.plain and not scene.boxes and not moved:
+    if scene.has_only_boxes and not scene.boxes and not moved:
         return []
     try:
         load_world(scene)

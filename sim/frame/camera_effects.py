@@ -3,8 +3,8 @@
     x = gain (v L + sqrt(v L / N + (r / N)^2) n)       pixel = sRGB(clip(x, 0, 1))
 
 L is the picture in linear light (with motion blur: its mean over the exposure), v the vignetting 1 - s (1 - cos^4
-theta), N the electrons of a white pixel, r the read noise in electrons, n a standard normal. Auto exposure sets the
-gain of the next picture to gain * sqrt(target / mean of this one), changed by a factor of 2 at most.
+theta), N the electrons of a white pixel, r the read noise in electrons, n a standard normal. Auto exposure multiplies
+the gain for the next picture by sqrt(target / mean light of this picture), limited to 1/2 .. 2.
 
 Noise is a function of the seed, the sensor's name and the number of the picture alone (sim/native/image_noise.hpp).
 """
@@ -23,8 +23,8 @@ from sim.frame.camera_model import CameraModel
 Float32 = NDArray[np.float32]
 UInt8 = NDArray[np.uint8]
 
-_FASTEST_CHANGE = 2.0  # factor of the gain from one picture to the next, at most
-_DARKEST = 1e-4  # mean light below which auto exposure measures nothing
+_MAX_GAIN_CHANGE = 2.0  # factor from one picture to the next
+_MIN_LIGHT = 1e-4  # mean light that auto exposure assumes at least
 
 
 def vignette(camera: CameraModel, strength: float) -> Float32 | None:
@@ -37,7 +37,7 @@ def vignette(camera: CameraModel, strength: float) -> Float32 | None:
 
 
 class LightSensor:
-    """Turns linear light into the camera's output. One instance per camera: auto exposure has a state."""
+    """Conversion of linear light to the camera's output. One instance per camera, because auto exposure has a state."""
 
     def __init__(
         self,
@@ -56,11 +56,11 @@ class LightSensor:
         self._target = auto_target
         self._limits = gain_limits
         self._electrons = electrons_at_white
-        self._read = read_noise_electrons
+        self._read_noise = read_noise_electrons
         self._vignette = vignette
         self._key = key
         self._light = np.zeros((*shape, 3), np.float32)
-        shades = np.zeros((1, 86, 3), np.float32)
+        shades = np.zeros((1, 86, 3), np.float32)  # the 256 codes and two more, as 86 RGB pixels
         accumulate_linear(np.arange(258, dtype=np.uint16).astype(np.uint8).reshape(1, 86, 3), 1.0, shades)
         self._linear: list[float] = shades.reshape(-1)[:256].tolist()
 
@@ -73,34 +73,34 @@ class LightSensor:
         accumulate_linear(rgb, weight, self._light)
 
     def finish(self, index: int, out: UInt8) -> None:
-        """Write picture number `index`."""
+        """Write picture number `index` to `out`, and adapt the gain for the next picture."""
         electrons = self._electrons
         expose(
             self._light,
             self._vignette,
             gain=self.gain,
             electrons_at_white=electrons if electrons is not None else 1.0,
-            read_noise_electrons=self._read,
+            read_noise_electrons=self._read_noise,
             noisy=electrons is not None,
             key=self._key,
             index=index,
             rgb=out,
         )
         if self._target is not None:
-            self._follow(out, self._target)
+            self._adapt_gain(out, self._target)
 
-    def _follow(self, rgb: UInt8, target: float) -> None:
+    def _adapt_gain(self, rgb: UInt8, target: float) -> None:
         # Integers, and one sum in a fixed order: numpy's sums of floats depend on the processor.
         counts = np.bincount(rgb.reshape(-1), minlength=256).tolist()
         mean = sum(n * light for n, light in zip(counts, self._linear, strict=True)) / rgb.size
-        change = math.sqrt(target / max(mean, _DARKEST))
-        change = min(max(change, 1.0 / _FASTEST_CHANGE), _FASTEST_CHANGE)
+        change = math.sqrt(target / max(mean, _MIN_LIGHT))
+        change = min(max(change, 1.0 / _MAX_GAIN_CHANGE), _MAX_GAIN_CHANGE)
         low, high = self._limits
         self.gain = min(max(self.gain * change, low), high)
 
 
 class DepthSensor:
-    """Adds the errors of a depth camera to planar depth, in place."""
+    """Errors of a depth camera, applied to planar depth in place."""
 
     def __init__(self, errors: Any, key: tuple[int, int]) -> None:
         """`errors`: sim.sensors.camera_parameters.DepthNoise."""

@@ -55,11 +55,11 @@ class CameraModel:
         `fov_deg` is the angle between the rays at the middles of the left and right edges, with the radial part of the
         distortion.
         """
-        widest = MAX_FISHEYE_FOV_DEG if isinstance(distortion, KannalaBrandt) else 180.0
-        allowed = fov_deg <= widest if isinstance(distortion, KannalaBrandt) else fov_deg < widest
+        max_deg = MAX_FISHEYE_FOV_DEG if isinstance(distortion, KannalaBrandt) else 180.0
+        allowed = fov_deg <= max_deg if isinstance(distortion, KannalaBrandt) else fov_deg < max_deg
         if not (fov_deg > 0.0 and allowed):
             kind = "a fisheye" if isinstance(distortion, KannalaBrandt) else "a camera without fisheye distortion"
-            raise ValueError(f"the field of view of {kind} must lie between 0 and {widest:g} degrees, not {fov_deg:g}")
+            raise ValueError(f"the field of view of {kind} must lie between 0 and {max_deg:g} degrees, not {fov_deg:g}")
         half_rad = 0.5 * fov_deg * RAD_PER_DEG
         try:
             edge = det_sin(half_rad) / det_cos(half_rad) if distortion is None else distortion.radial(half_rad)
@@ -89,7 +89,7 @@ class CameraModel:
         return (self.fx, 0.0, self.cx - _HALF, 0.0, self.fy, self.cy - _HALF, 0.0, 0.0, 1.0)
 
     def scaled(self, factor: int) -> CameraModel:
-        """Return the same view with `factor` times as many pixels each way."""
+        """Return the same view with `factor` times the width and height in pixels."""
         f = float(factor)
         size = (factor * self.width, factor * self.height)
         return CameraModel(*size, f * self.fx, f * self.fy, f * self.cx, f * self.cy, self.distortion)
@@ -105,18 +105,18 @@ class CameraModel:
         step = max(1, _BLOCK_PIXELS // self.width)  # limits the memory for large pictures
         for first in range(0, self.height, step):
             block = rays[first : first + step]
-            seen = np.stack(np.meshgrid(x, y[first : first + step]), axis=-1).reshape(-1, 2)
-            block[:] = self.directions(seen).reshape(block.shape)
+            distorted = np.stack(np.meshgrid(x, y[first : first + step]), axis=-1).reshape(-1, 2)
+            block[:] = self.directions(distorted).reshape(block.shape)
         return rays
 
-    def directions(self, seen: Float64) -> Float64:
+    def directions(self, distorted: Float64) -> Float64:
         """Return unit directions in C (n, 3) of x', y' (n, 2). Raises ValueError as `rays` does."""
         d = self.distortion
         if d is None or self.pinhole:
-            length = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2 + 1.0)
-            return np.stack([seen[:, 0] / length, seen[:, 1] / length, 1.0 / length], axis=1)
+            length = np.sqrt(distorted[:, 0] ** 2 + distorted[:, 1] ** 2 + 1.0)
+            return np.stack([distorted[:, 0] / length, distorted[:, 1] / length, 1.0 / length], axis=1)
         try:
-            return d.undistort(seen)
+            return d.undistort(distorted)
         except NotInvertible as error:
             pixels = error.radius * min(self.fx, self.fy)
             raise ValueError(
@@ -129,8 +129,8 @@ class CameraModel:
         points = np.asarray(points_C, np.float64).reshape(-1, 3)
         d = self.distortion
         if isinstance(d, KannalaBrandt):
-            seen = d.distort(points)
+            distorted = d.distort(points)
         else:
             points = np.where(points[:, 2:] > 0.0, points, np.nan)
-            seen = points[:, :2] / points[:, 2:] if d is None else d.distort(points)
-        return seen * (self.fx, self.fy) + (self.cx, self.cy)
+            distorted = points[:, :2] / points[:, 2:] if d is None else d.distort(points)
+        return distorted * (self.fx, self.fy) + (self.cx, self.cy)

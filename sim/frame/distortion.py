@@ -9,12 +9,12 @@ With x = X/Z, y = Y/Z, r^2 = x^2 + y^2 and theta = atan2(sqrt(X^2 + Y^2), Z), a 
     KannalaBrandt    (x', y') = (X, Y) / sqrt(X^2 + Y^2) * theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)
                      (Kannala and Brandt, IEEE TPAMI 28, 2006, eq. 6; OpenCV's fisheye)
 
-The inverse has no closed form. Newton's method refines the radius from a table of the radial part to 1e-12. The models
-of real lenses fold back beyond some radius, where two directions share a pixel. If that happens inside the picture the
-inverse does not exist, and `NotInvertible` holds the radius.
+The inverse has no closed form. A table of the radial part gives a first value, which Newton's method refines to 1e-12.
+The models of real lenses fold back beyond some radius: there, two directions share a pixel. If this radius lies inside
+the picture, the inverse does not exist, and `NotInvertible` holds the radius.
 
-Only + - * / sqrt and comparisons are used, except in `KannalaBrandt.distort`, which calls the C library's atan2;
-pictures use the inverse only.
+Only + - * / sqrt and comparisons are used, except in `KannalaBrandt.distort`, which calls the C library's atan2 but is
+not used to render pictures.
 """
 
 from __future__ import annotations
@@ -31,25 +31,25 @@ Float64 = NDArray[np.float64]
 
 TOLERANCE = 1e-12  # of x' and y', whose order of magnitude is 1
 _NEWTON_STEPS = 30
-_TABLE = 8192
-_WIDEST_RAD = 1.5698  # 89.94 degrees from the axis, the limit for a picture on a plane
+_TABLE_SIZE = 8192
+_MAX_ANGLE_RAD = 1.5698  # 89.94 degrees from the axis, the limit for a picture on a plane
 _HALF_CIRCLE_RAD = 3.1415926535897931
 
 
 class NotInvertible(ValueError):
-    """Distortion for which two directions share a pixel. `radius`: of (x', y') beyond which this happens."""
+    """Distortion for which two directions share a pixel. `radius`: the radius of (x', y') beyond which they do."""
 
     def __init__(self, radius: float) -> None:
         self.radius = radius
         super().__init__(f"the distortion cannot be inverted beyond a radius of {radius:.6g} focal lengths")
 
 
-class _Growing(NamedTuple):
-    """Growing part of the radial function: undistorted radius -> radius in the picture."""
+class _RadialTable(NamedTuple):
+    """Radial function up to the radius where it stops growing."""
 
-    size: Float64
-    radius: Float64
-    turns_back: bool
+    undistorted: Float64  # radius, or angle of a fisheye [rad]
+    radius: Float64  # in the picture
+    folds_back: bool
 
 
 @dataclass(frozen=True)
@@ -79,29 +79,29 @@ class BrownConrady:
     def distort(self, points_C: Float64) -> Float64:
         """Return x', y' (n, 2) of points in front of the camera (n, 3)."""
         x, y = points_C[:, 0] / points_C[:, 2], points_C[:, 1] / points_C[:, 2]
-        seen = self._seen(x, y)
-        return np.stack(seen, axis=1)
+        distorted = self._distorted(x, y)
+        return np.stack(distorted, axis=1)
 
     def radial(self, half_angle_rad: float) -> float:
         """Return the radius in the picture of a ray at this angle to the axis, without the tangential part.
 
         Raises NotInvertible if the picture folds back before that.
         """
-        sine, cosine = _sine_cosine(np.linspace(0.0, half_angle_rad, _TABLE))
-        size = sine / cosine
-        return _last_if_growing(size * self._gain(size * size))
+        sine, cosine = _sine_cosine(np.linspace(0.0, half_angle_rad, _TABLE_SIZE))
+        undistorted = sine / cosine
+        return _last_if_growing(undistorted * self._gain(undistorted * undistorted))
 
-    def undistort(self, seen: Float64) -> Float64:
+    def undistort(self, distorted: Float64) -> Float64:
         """Return unit directions (n, 3) of x', y' (n, 2). Raises NotInvertible."""
         table = self._growing()
-        radius = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
-        size = np.interp(radius, table.radius, table.size)
-        scale = np.divide(size, radius, out=np.ones_like(radius), where=radius > 0.0)
-        x, y = seen[:, 0] * scale, seen[:, 1] * scale
-        limit = float(table.size[-1])
+        radius = np.sqrt(distorted[:, 0] ** 2 + distorted[:, 1] ** 2)
+        undistorted = np.interp(radius, table.radius, table.undistorted)
+        scale = np.divide(undistorted, radius, out=np.ones_like(radius), where=radius > 0.0)
+        x, y = distorted[:, 0] * scale, distorted[:, 1] * scale
+        limit = float(table.undistorted[-1])
         for _ in range(_NEWTON_STEPS):
-            fx, fy = self._seen(x, y)
-            ex, ey = fx - seen[:, 0], fy - seen[:, 1]
+            fx, fy = self._distorted(x, y)
+            ex, ey = fx - distorted[:, 0], fy - distorted[:, 1]
             if max(np.abs(ex).max(initial=0.0), np.abs(ey).max(initial=0.0)) <= TOLERANCE:
                 break
             a, b, c, d = self._jacobian(x, y)
@@ -110,25 +110,25 @@ class BrownConrady:
             x, y = x - (d * ex - b * ey) / det, y - (a * ey - c * ex) / det
             # A step past the last radius of the table would find the wrong branch.
             r = np.sqrt(x * x + y * y)
-            back = np.where(r > limit, limit / np.where(r > 0.0, r, 1.0), 1.0)
-            x, y = x * back, y * back
-        fx, fy = self._seen(x, y)
+            shrink = np.where(r > limit, limit / np.where(r > 0.0, r, 1.0), 1.0)
+            x, y = x * shrink, y * shrink
+        fx, fy = self._distorted(x, y)
         a, b, c, d = self._jacobian(x, y)
-        size = np.sqrt(x * x + y * y)
-        good = np.abs(fx - seen[:, 0]) <= 1e3 * TOLERANCE
-        good &= np.abs(fy - seen[:, 1]) <= 1e3 * TOLERANCE
-        good &= (a * d - b * c > 0.0) & (size < limit)
+        undistorted = np.sqrt(x * x + y * y)
+        good = np.abs(fx - distorted[:, 0]) <= 1e3 * TOLERANCE
+        good &= np.abs(fy - distorted[:, 1]) <= 1e3 * TOLERANCE
+        good &= (a * d - b * c > 0.0) & (undistorted < limit)
         if not good.all():
             raise NotInvertible(float(radius[~good].min()))
         length = np.sqrt(x * x + y * y + 1.0)
         return np.stack([x / length, y / length, 1.0 / length], axis=1)
 
     def _gain(self, r2: Float64) -> Float64:
-        above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        below = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6))
-        return np.asarray(above / below)
+        numerator = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        denominator = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6))
+        return np.asarray(numerator / denominator)
 
-    def _seen(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
+    def _distorted(self, x: Float64, y: Float64) -> tuple[Float64, Float64]:
         r2 = x * x + y * y
         g = self._gain(r2)
         return (
@@ -138,12 +138,14 @@ class BrownConrady:
 
     def _jacobian(self, x: Float64, y: Float64) -> tuple[Float64, Float64, Float64, Float64]:
         r2 = x * x + y * y
-        above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        below = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6))
-        d_above = self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3)
-        d_below = self.k4 + r2 * (2.0 * self.k5 + r2 * 3.0 * self.k6)
-        g = above / below
-        slope = 2.0 * (d_above * below - above * d_below) / (below * below)  # dg/d(r2) * 2
+        numerator = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        denominator = 1.0 + r2 * (self.k4 + r2 * (self.k5 + r2 * self.k6))
+        d_numerator = self.k1 + r2 * (2.0 * self.k2 + r2 * 3.0 * self.k3)
+        d_denominator = self.k4 + r2 * (2.0 * self.k5 + r2 * 3.0 * self.k6)
+        g = numerator / denominator
+        slope = (
+            2.0 * (d_numerator * denominator - numerator * d_denominator) / (denominator * denominator)
+        )  # dg/d(r2) * 2
         p1, p2 = self.p1, self.p2
         cross = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
         return (
@@ -153,10 +155,10 @@ class BrownConrady:
             g + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
         )
 
-    def _growing(self) -> _Growing:
-        sine, cosine = _sine_cosine(np.linspace(0.0, _WIDEST_RAD, _TABLE))
-        size = sine / cosine
-        return _while_growing(size, size * self._gain(size * size))
+    def _growing(self) -> _RadialTable:
+        sine, cosine = _sine_cosine(np.linspace(0.0, _MAX_ANGLE_RAD, _TABLE_SIZE))
+        undistorted = sine / cosine
+        return _while_growing(undistorted, undistorted * self._gain(undistorted * undistorted))
 
 
 @dataclass(frozen=True)
@@ -188,27 +190,27 @@ class KannalaBrandt:
 
     def radial(self, half_angle_rad: float) -> float:
         """Return the radius of a ray at this angle to the axis. Raises NotInvertible beyond the growing part."""
-        return _last_if_growing(self._radius(np.linspace(0.0, half_angle_rad, _TABLE)))
+        return _last_if_growing(self._radius(np.linspace(0.0, half_angle_rad, _TABLE_SIZE)))
 
-    def undistort(self, seen: Float64) -> Float64:
+    def undistort(self, distorted: Float64) -> Float64:
         """Return unit directions (n, 3) of x', y' (n, 2). Raises NotInvertible."""
-        angles = np.linspace(0.0, _HALF_CIRCLE_RAD, _TABLE)
+        angles = np.linspace(0.0, _HALF_CIRCLE_RAD, _TABLE_SIZE)
         table = _while_growing(angles, self._radius(angles))
-        radius = np.sqrt(seen[:, 0] ** 2 + seen[:, 1] ** 2)
-        limit = float(table.size[-1])
-        theta = np.interp(radius, table.radius, table.size)
+        radius = np.sqrt(distorted[:, 0] ** 2 + distorted[:, 1] ** 2)
+        limit = float(table.undistorted[-1])
+        theta = np.interp(radius, table.radius, table.undistorted)
         for _ in range(_NEWTON_STEPS):
-            wrong = self._radius(theta) - radius
-            if np.abs(wrong).max(initial=0.0) <= TOLERANCE:
+            error = self._radius(theta) - radius
+            if np.abs(error).max(initial=0.0) <= TOLERANCE:
                 break
             slope = self._slope(theta)
-            theta = np.clip(theta - wrong / np.where(np.abs(slope) < 1e-9, 1e-9, slope), 0.0, limit)
+            theta = np.clip(theta - error / np.where(np.abs(slope) < 1e-9, 1e-9, slope), 0.0, limit)
         good = (np.abs(self._radius(theta) - radius) <= 1e3 * TOLERANCE) & (self._slope(theta) > 0.0)
         if not good.all():
             raise NotInvertible(float(radius[~good].min()))
         sine, cosine = _sine_cosine(theta)
         scale = np.divide(sine, radius, out=np.ones_like(radius), where=radius > 0.0)
-        return np.stack([seen[:, 0] * scale, seen[:, 1] * scale, cosine], axis=1)
+        return np.stack([distorted[:, 0] * scale, distorted[:, 1] * scale, cosine], axis=1)
 
     def _radius(self, theta: Float64) -> Float64:
         t2 = theta * theta
@@ -222,11 +224,11 @@ class KannalaBrandt:
 Distortion = BrownConrady | KannalaBrandt
 
 
-def _while_growing(size: Float64, radius: Float64) -> _Growing:
+def _while_growing(undistorted: Float64, radius: Float64) -> _RadialTable:
     """Return the part of the table before the radius first stops growing or is not finite."""
     grows = np.diff(radius) > 0.0
     last = len(grows) if grows.all() else int(np.argmin(grows))
-    return _Growing(size[: last + 1], radius[: last + 1], last < len(grows))
+    return _RadialTable(undistorted[: last + 1], radius[: last + 1], last < len(grows))
 
 
 def _last_if_growing(radius: Float64) -> float:

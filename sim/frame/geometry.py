@@ -18,15 +18,15 @@ from sim.scene.maps.scene_map import Actor
 from sim.scene.world import World
 
 _HFIELD, _MESH = int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_MESH)
+_SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _SHAPES = frozenset({0, 2, 3, 4, 5, 6, _MESH})
 
 
 class FrameGeometry:
     """Native geometry and scenery of a world.
 
-    `native` and `scenery` are shared by all cameras and LiDARs of a run. `pose` poses all actors at once; after
-    `expect`, which sets the time, each camera or LiDAR poses the actors that it may see: actors out of sight are never
-    posed.
+    `native` and `scenery` are shared by all cameras and LiDARs of a run. `pose` poses all actors at once. `expect` only
+    sets the time; each camera or LiDAR then poses the actors that it may see, and actors out of sight are not posed.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,15 +34,15 @@ class FrameGeometry:
         self.native = Geometry()
         self.posed = 0  # actors posed so far
         self._skipped = 0  # actors not posed at earlier times
-        self._used = False  # by a sensor, at this time
+        self._was_used = False  # True if a sensor has used the geometry at this time
         model = world.model
         self.scenery: Scenery = make_scenery(model, appearances=world.geom_appearance)
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
-        sets = [_geoms_of(actor, model) for actor in world.map.actors]
-        moving = np.zeros(model.ngeom, bool)
-        for geoms in sets:
-            moving[geoms] = True
+        actor_geoms = [_geoms_of(actor, model) for actor in world.map.actors]
+        is_moving = np.zeros(model.ngeom, bool)
+        for geoms in actor_geoms:
+            is_moving[geoms] = True
         meshes: dict[tuple[int, int], int] = {}
         for geom in range(model.ngeom):
             kind = int(model.geom_type[geom])
@@ -53,22 +53,22 @@ class FrameGeometry:
                     make = height_field_triangles if kind == _HFIELD else mesh_triangles
                     meshes[source] = self.native.add_mesh(*make(model, source[1]))
                 mesh, kind = meshes[source], _MESH
-            known = kind in _SHAPES
+            is_known = kind in _SHAPES
             self.native.add_geom(
-                shape=kind if known else 2,
+                shape=kind if is_known else _SPHERE,
                 size=tuple(model.geom_size[geom].tolist()),
                 p_WG=tuple(data.geom_xpos[geom].tolist()),
                 R_WG=tuple(data.geom_xmat[geom].tolist()),
                 mesh=mesh,
-                moving=bool(moving[geom]),
-                visible=known and bool(world.geom_visible[geom]),
+                moving=bool(is_moving[geom]),
+                visible=is_known and bool(world.geom_visible[geom]),
                 class_id=int(world.geom_class[geom]),
                 instance=int(world.geom_instance[geom]),
                 surface=int(world.geom_surface[geom]),
             )
         self.native.finish()
         self._actors = SceneActors(self.native)
-        for actor, geoms in zip(world.map.actors, sets, strict=True):
+        for actor, geoms in zip(world.map.actors, actor_geoms, strict=True):
             _add_actor(self._actors, actor, geoms, model)
         self.t_ns = 0
         self.pose(0)
@@ -86,25 +86,25 @@ class FrameGeometry:
     def expect(self, t_ns: int) -> None:
         """Set the time to `t_ns`; each sensor then poses the actors that it may see."""
         if t_ns != self.t_ns:
-            self._skipped, self._used = self.unposed, False
+            self._skipped, self._was_used = self.unposed, False
         self.t_ns = t_ns
 
     @property
     def settled(self) -> bool:
         """True if all actors are posed at this time and a sensor has used them."""
-        return self._used and self._actors.absent(self.t_ns) == 0
+        return self._was_used and self._actors.absent(self.t_ns) == 0
 
     @property
     def unposed(self) -> int:
-        """Count of actors, over all times that sensors used, that no sensor could see."""
-        return self._skipped + (self._actors.absent(self.t_ns) if self._used else 0)
+        """Number of actor poses skipped so far because no sensor could see the actor."""
+        return self._skipped + (self._actors.absent(self.t_ns) if self._was_used else 0)
 
     def pose_within(self, reach: Reach | None = None) -> None:
         """Pose the actors within `reach` (None: all) that are not yet posed at this time.
 
         Actors out of reach are hidden until a later call poses them.
         """
-        self._used = True
+        self._was_used = True
         self.posed += self._actors.pose_within(self.t_ns, reach)
 
 

@@ -23,28 +23,27 @@ class Triangles(NamedTuple):
 def mesh_triangles(model: mujoco.MjModel, mesh: int) -> Triangles:
     """Return mesh number `mesh`, in the frame of the geoms that use it."""
 
-    def part(array: NDArray, begin: NDArray, count: NDArray) -> NDArray:
+    def rows_of(array: NDArray, begin: NDArray, count: NDArray) -> NDArray:
         return array[int(begin[mesh]) : int(begin[mesh]) + int(count[mesh])]
 
-    vertex = part(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum)
-    triangle = part(model.mesh_face, model.mesh_faceadr, model.mesh_facenum)
-    normals = part(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum)
-    of_normal = part(model.mesh_facenormal, model.mesh_faceadr, model.mesh_facenum)
-    corner_normal = normals[of_normal] if len(normals) else None
+    vertex = rows_of(model.mesh_vert, model.mesh_vertadr, model.mesh_vertnum)
+    triangle = rows_of(model.mesh_face, model.mesh_faceadr, model.mesh_facenum)
+    normals = rows_of(model.mesh_normal, model.mesh_normaladr, model.mesh_normalnum)
+    normal_index = rows_of(model.mesh_facenormal, model.mesh_faceadr, model.mesh_facenum)
+    corner_normal = normals[normal_index] if len(normals) else None
     if corner_normal is not None and _flat(vertex[triangle].astype(np.float64), corner_normal):
         corner_normal = None
     uv = None
     if model.mesh_texcoordadr[mesh] >= 0:
-        coordinates = part(model.mesh_texcoord, model.mesh_texcoordadr, model.mesh_texcoordnum)
-        uv = coordinates[part(model.mesh_facetexcoord, model.mesh_faceadr, model.mesh_facenum)]
-        uv = uv * np.array([1.0, -1.0], np.float32) + np.array(
-            [0.0, 1.0], np.float32
-        )  # v of MuJoCo counts downwards from the first row
+        coordinates = rows_of(model.mesh_texcoord, model.mesh_texcoordadr, model.mesh_texcoordnum)
+        uv = coordinates[rows_of(model.mesh_facetexcoord, model.mesh_faceadr, model.mesh_facenum)]
+        # MuJoCo counts v downwards from the first row.
+        uv = uv * np.array([1.0, -1.0], np.float32) + np.array([0.0, 1.0], np.float32)
     return Triangles(
-        _as(vertex, np.float32),
-        _as(triangle, np.int32),
-        None if uv is None else _as(uv, np.float32),
-        None if corner_normal is None else _as(corner_normal, np.float32),
+        _contiguous(vertex, np.float32),
+        _contiguous(triangle, np.int32),
+        None if uv is None else _contiguous(uv, np.float32),
+        None if corner_normal is None else _contiguous(corner_normal, np.float32),
     )
 
 
@@ -69,19 +68,19 @@ def height_field_triangles(model: mujoco.MjModel, field: int) -> Triangles:
     base[:, 2] = -bottom
     vertex = np.concatenate([surface, base, [[0.0, 0.0, -bottom]]])
     index = np.arange(rows * columns).reshape(rows, columns)
-    here, right, up, across = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    triangles = [_stack(here, right, across), _stack(here, across, up)]
+    corner, next_x, next_y, next_xy = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    triangles = [_stack(corner, next_x, next_xy), _stack(corner, next_xy, next_y)]
     rim = np.concatenate([index[0, :], index[1:, -1], index[-1, -2::-1], index[-2:0:-1, 0]])
     following = np.roll(rim, -1)
-    below = rows * columns
-    triangles += [_stack(rim, rim + below, following), _stack(following, rim + below, following + below)]
-    triangles.append(_stack(np.full_like(rim, 2 * below), following + below, rim + below))
-    return Triangles(_as(vertex, np.float32), _as(np.concatenate(triangles), np.int32))
+    n = rows * columns  # index of a surface vertex + n: the base vertex under it; 2 n: centre of the base
+    triangles += [_stack(rim, rim + n, following), _stack(following, rim + n, following + n)]
+    triangles.append(_stack(np.full_like(rim, 2 * n), following + n, rim + n))
+    return Triangles(_contiguous(vertex, np.float32), _contiguous(np.concatenate(triangles), np.int32))
 
 
 def _stack(*corners: NDArray) -> NDArray:
     return np.stack([corner.ravel() for corner in corners], axis=-1)
 
 
-def _as(array: NDArray, dtype: type) -> NDArray:
+def _contiguous(array: NDArray, dtype: type) -> NDArray:
     return np.ascontiguousarray(array, dtype=dtype)

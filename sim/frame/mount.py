@@ -10,9 +10,9 @@ A picture takes time. From the truth at its tick, the vehicle's pose tau later (
 
     p + v tau + a tau^2 / 2          q * exp(w tau + alpha tau^2 / 2)
 
-with a and alpha the means over the step just taken. It neglects the change of a and alpha: with a jerk j and a tick h
-the error is about j tau h tau / 4 + j tau^3 / 6. For an oscillation of 4.3 rad/s and 27 rad/s2 it is 0.007 mm and 0.003
-degrees 8 ms from the tick, 0.02 mm and 0.009 degrees 12 ms from it (tests/unit/sim/frame/test_frame_mount.py).
+with a and alpha the means over the tick just ended. This neglects the change of a and alpha: with a jerk j and a tick h
+the error is about j tau h tau / 4 + j tau^3 / 6. In an oscillation of 4.3 rad/s and 27 rad/s2 the error is 0.007 mm and
+0.003 degrees at tau = 8 ms, 0.02 mm and 0.009 degrees at 12 ms (tests/unit/sim/frame/test_frame_mount.py).
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ def quaternion_of_rpy(rpy_deg: Vec3) -> Quat:
     turn = NO_TURN
     for axis in (2, 1, 0):
         half = 0.5 * rpy_deg[axis] * RAD_PER_DEG
-        part = [det_cos(half), 0.0, 0.0, 0.0]
-        part[axis + 1] = det_sin(half)
-        turn = product(turn, (part[0], part[1], part[2], part[3]))
+        q = [det_cos(half), 0.0, 0.0, 0.0]
+        q[axis + 1] = det_sin(half)
+        turn = product(turn, (q[0], q[1], q[2], q[3]))
     return turn
 
 
 class Mount:
-    """Sensor frame C fixed to B. `optical`: C is a camera's; else it has the axes of B at angles (0, 0, 0)."""
+    """Sensor frame C fixed to B. At angles (0, 0, 0), C has the optical axes if `optical`, else the axes of B."""
 
     def __init__(self, mount_m: Vec3, mount_rpy_deg: Vec3, *, optical: bool = True) -> None:
         self.p_BC = mount_m
@@ -56,11 +56,11 @@ class Mount:
         R_WB = matrix_of(q)
         arm_W = applied(R_WB, self.p_BC)
         w_W = applied(R_WB, w_B)
-        whirl = cross(w_W, arm_W)
+        v_arm_W = cross(w_W, arm_W)
         return CameraPose(
             (p[0] + arm_W[0], p[1] + arm_W[1], p[2] + arm_W[2]),
             matrix_of(product(q, self.q_BC)),
-            (v[0] + whirl[0], v[1] + whirl[1], v[2] + whirl[2]),
+            (v[0] + v_arm_W[0], v[1] + v_arm_W[1], v[2] + v_arm_W[2]),
             w_W,
         )
 

@@ -75,7 +75,7 @@ class WorldPose:
 
 
 class MujocoColour:
-    """Renders `rgb` of a world. Raises ColourBackendError if the machine has no such renderer."""
+    """Renderer of `rgb` of a world. Raises ColourBackendError if the machine has no such renderer."""
 
     def __init__(
         self,
@@ -103,8 +103,8 @@ class MujocoColour:
         if problem:
             raise ColourBackendError(f"the colour backend {backend!r} does not work here: {problem}")
         self._world_pose = WorldPose(world)
-        made = _Classic if backend == "egl" else _Filament
-        self._renderer = made(world.model, camera, (near_m, far_m), shadows=shadows)
+        renderer_class = _Classic if backend == "egl" else _Filament
+        self._renderer = renderer_class(world.model, camera, (near_m, far_m), shadows=shadows)
         self._data = self._world_pose.data
 
     def pose(self, t_ns: int) -> None:
@@ -116,7 +116,7 @@ class MujocoColour:
         self._renderer.colour(self._data, pose, rgb)
 
     def geom_ids(self, pose: CameraPose) -> NDArray[np.int32]:
-        """Return the geom at each pixel in the classic renderer, (H, W), -1 for none: to check that pixels coincide."""
+        """Return the geom at each pixel (H, W), -1 for none, for comparison with the raster's. Backend `egl` only."""
         if not isinstance(self._renderer, _Classic):
             raise ColourBackendError("only the backend 'egl' gives geom ids")
         return self._renderer.geom_ids(self._data, pose)
@@ -132,16 +132,16 @@ def egl_context() -> Iterator[None]:
     from mujoco.egl import GLContext
     from mujoco.rendering.classic import renderer
 
-    chosen: Any = renderer.gl_context
-    before = getattr(chosen, "GLContext", None)  # missing if MUJOCO_GL is "disabled"
-    chosen.GLContext = GLContext
+    module: Any = renderer.gl_context
+    previous = getattr(module, "GLContext", None)  # missing if MUJOCO_GL is "disabled"
+    module.GLContext = GLContext
     try:
         yield
     finally:
-        if before is None:
-            del chosen.GLContext
+        if previous is None:
+            del module.GLContext
         else:
-            chosen.GLContext = before
+            module.GLContext = previous
 
 
 @cache
@@ -158,24 +158,24 @@ def egl_problem() -> str:
 
 @cache
 def filament_problem() -> str:
-    """Return why Filament does not work on this machine, or "". A child process tries: without Vulkan it aborts."""
+    """Return why Filament does not work on this machine, or "". Tried in a child process, which may abort."""
     try:
-        ended = subprocess.run(
+        result = subprocess.run(
             [sys.executable, "-c", _FILAMENT_PROBE], capture_output=True, text=True, timeout=60.0, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         return str(error)
-    if ended.returncode == 0:
+    if result.returncode == 0:
         return ""
-    said = [line for line in (ended.stdout + ended.stderr).splitlines() if line.strip()]
-    return f"{said[-1] if said else 'it aborts'} (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
+    lines = [line for line in (result.stdout + result.stderr).splitlines() if line.strip()]
+    return f"{lines[-1] if lines else 'it aborts'} (on Debian: apt-get install libvulkan1 mesa-vulkan-drivers)"
 
 
 class _Classic:
     """Classic renderer: MjvScene and mujoco.Renderer, with the frustum of a CameraModel."""
 
     def __init__(self, model: mujoco.MjModel, camera: CameraModel, planes_m: Planes, *, shadows: bool) -> None:
-        model = with_pictures_of(model, camera)
+        model = with_buffers_for(model, camera)
         self._camera, self._planes_m = camera, planes_m
         with egl_context():
             self._renderer = mujoco.Renderer(model, camera.height, camera.width, max_geom=model.ngeom + 100)
@@ -202,7 +202,7 @@ class _Classic:
 
 
 class _Filament:
-    """Filament by the objects of mjrf: MuJoCo's own wrapper of them needs Python 3.12."""
+    """Filament through the objects of mjrf, because MuJoCo's own wrapper needs Python 3.12."""
 
     def __init__(self, model: mujoco.MjModel, camera: CameraModel, planes_m: Planes, *, shadows: bool) -> None:
         import mujoco.studio.window  # noqa: F401 - registers where Filament's materials are found
@@ -233,7 +233,7 @@ class _Filament:
         del self._scene, self._target, self._context
 
 
-def with_pictures_of(model: mujoco.MjModel, camera: CameraModel) -> mujoco.MjModel:
+def with_buffers_for(model: mujoco.MjModel, camera: CameraModel) -> mujoco.MjModel:
     """Return a copy of the model with buffers of the camera's size; the shared model of a World must not change."""
     model = copy.copy(model)
     view = model.vis

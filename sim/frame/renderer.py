@@ -30,7 +30,7 @@ _GROUND_LIGHT = 0.45  # share of the ambient light that the ground reflects
 
 @dataclass(frozen=True)
 class RenderSkips:
-    """Skipping of work that cannot change the picture. Switched off: the same bits, slower (`hil bench skip`)."""
+    """Skipping of work that cannot change the picture. Without it: the same bits, but slower (`hil bench skip`)."""
 
     frustum: bool = True  # geoms and branches of the tree outside the picture, pixels outside a geom's bounds
     occlusion: bool = True  # geometry hidden in all its pixels
@@ -46,7 +46,7 @@ class RenderSkips:
 
 @dataclass(frozen=True)
 class Execution:
-    """Threads, skipping and instruction set of the work. Every choice gives the same picture."""
+    """Threads, skipping and instruction set. Every choice gives the same picture."""
 
     threads: int = 1
     skips: RenderSkips = RenderSkips()
@@ -54,12 +54,12 @@ class Execution:
 
 
 class FrameRenderer:
-    """Draws what one camera sees of a geometry.
+    """Renderer of one camera's view of a geometry.
 
-    `planes_m`: near and far plane, least and greatest depth that is seen (range for a camera without a pinhole).
+    `planes_m`: near and far plane, the minimum and maximum visible depth (range, for a camera that is not a pinhole).
     `supersample` 2 (4) averages colour over 2 x 2 (4 x 4) rays per pixel in linear light; the other channels always
-    belong to the pixel's centre ray. Without `textures` each surface has its mean colour. `light`: instead of the
-    scene's. Raises ValueError for a value outside its range.
+    belong to the pixel's centre ray. Without `textures` each surface has its mean colour. `light` replaces the scene's
+    light. Raises ValueError for a value outside its range.
     """
 
     def __init__(
@@ -88,18 +88,18 @@ class FrameRenderer:
         self._edges = _edges(camera)
         scenery = geometry.scenery if textures else geometry.plain_scenery
         self._picture = _picture(geometry, scenery, camera, 1, isa)
-        self._fine = _picture(geometry, scenery, camera, supersample, isa) if supersample > 1 else None
+        self._supersampled = _picture(geometry, scenery, camera, supersample, isa) if supersample > 1 else None
         # Buffers of the supersampled picture, and of its reductions by 2 x 2 down to twice the camera's size.
-        self._finer_rgb: list[NDArray[np.uint8]] = []
+        self._larger_rgb: list[NDArray[np.uint8]] = []
         while supersample > 1:
-            self._finer_rgb.append(np.empty((supersample * camera.height, supersample * camera.width, 3), np.uint8))
+            self._larger_rgb.append(np.empty((supersample * camera.height, supersample * camera.width, 3), np.uint8))
             supersample //= 2
-        chosen = light if light is not None else geometry.world.scene.light
         extinction_per_m = geometry.world.scene.extinction_per_m if light is None else light.fog_per_m
-        self._light = daylight(chosen, extinction_per_m)
+        light = light if light is not None else geometry.world.scene.light
+        self._light = daylight(light, extinction_per_m)
         self._shadows: SunShadows | None = None
-        if shadows and chosen.sun_elevation_deg > 0.0:
-            self._shadows = sun_shadows(geometry, chosen, isa)
+        if shadows and light.sun_elevation_deg > 0.0:
+            self._shadows = sun_shadows(geometry, light, isa)
 
     def buffers(self, *channels: str) -> dict[str, NDArray[Any]]:
         """Return new arrays for these channels."""
@@ -117,25 +117,25 @@ class FrameRenderer:
         if not out:
             return
         shadows = self._shadows if "rgb" in out else None
-        # An actor out of sight may cast a visible shadow.
-        unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
+        # With shadows all actors are posed: an actor out of sight may cast a visible shadow.
+        skip_unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
         if not self.geometry.settled:
-            self.geometry.pose_within(FieldOfView(pose.p_WC, pose.R_WC, *self._edges) if unseen else None)
+            self.geometry.pose_within(FieldOfView(pose.p_WC, pose.R_WC, *self._edges) if skip_unseen else None)
         if shadows is not None:
             shadows.update(self.skips.static_shadows)
         first, last = rows if rows is not None else (0, self.camera.height)
-        wanted = dict(out)
-        if self._fine is not None and "rgb" in wanted:
-            finer, out_rgb = self._finer_rgb, wanted.pop("rgb")
-            scale = 1 << len(finer)
-            self._take(self._fine, pose, shadows, {"rgb": finer[0]}, scale * first, scale * last)
-            for fine, coarse in pairwise([*finer, out_rgb]):
+        arrays = dict(out)
+        if self._supersampled is not None and "rgb" in arrays:
+            buffers, out_rgb = self._larger_rgb, arrays.pop("rgb")
+            scale = 1 << len(buffers)
+            self._draw(self._supersampled, pose, shadows, {"rgb": buffers[0]}, scale * first, scale * last)
+            for larger, smaller in pairwise([*buffers, out_rgb]):
                 scale //= 2
-                mean_of_four(fine[2 * scale * first : 2 * scale * last], coarse[scale * first : scale * last])
-        if wanted:
-            self._take(self._picture, pose, shadows, wanted, first, last)
+                mean_of_four(larger[2 * scale * first : 2 * scale * last], smaller[scale * first : scale * last])
+        if arrays:
+            self._draw(self._picture, pose, shadows, arrays, first, last)
 
-    def _take(
+    def _draw(
         self,
         picture: Picture,
         pose: CameraPose,
@@ -185,8 +185,8 @@ def _picture(geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, sca
             scale * camera.cy,
             isa,
         )
-    finer = camera if scale == 1 else camera.scaled(scale)
-    return Picture(geometry.native, scenery, np.ascontiguousarray(finer.rays(), np.float64), isa)
+    scaled = camera if scale == 1 else camera.scaled(scale)
+    return Picture(geometry.native, scenery, np.ascontiguousarray(scaled.rays(), np.float64), isa)
 
 
 def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:

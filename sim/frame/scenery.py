@@ -1,9 +1,9 @@
 """Colours and textures of a MuJoCo model, for the native raster.
 
-MuJoCo's rules: a geom's own rgba counts unless it is the default grey and the geom has a material; a texture multiplies
-it. Textures repeat per metre (`texuniform`) or per edge of the geom. Images whose edges are not powers of two are
-resampled to the next power, at least 4. Each level of the pyramid is the mean of 2 x 2 texels of the previous level, in
-integers.
+The colour of a geom follows MuJoCo's rules: it is the geom's own rgba, or the material's if the geom has a material and
+its own rgba is the default grey; a texture multiplies it. Textures repeat per metre (`texuniform`) or per edge of the
+geom. Images whose edges are not powers of two are resampled to the next power, at least 4. Each level of the pyramid is
+the mean of 2 x 2 texels of the previous level, in integers.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim._kernels import Scenery
-from sim.scene.semantics import of_material_colour
+from sim.scene.semantics import has_material_colour
 from sim.scene.surface_appearance import SurfaceAppearance
 
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
-_SMALLEST, _LARGEST = 4, 4096  # texels along an edge
+_MIN_EDGE, _MAX_EDGE = 4, 4096  # texels along an edge
 
 
 def make_scenery(
@@ -28,36 +28,36 @@ def make_scenery(
     *,
     appearances: Sequence[SurfaceAppearance | None] = (),
 ) -> Scenery:
-    """Return colours and textures of every geom of `model`, then of further geoms of plain colours.
+    """Return colours and textures of every geom of `model`, followed by geoms of the plain colours `extra_rgb`.
 
     `appearances`: random change of each geom's surface; None: unchanged.
     """
     scenery = Scenery()
     textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
-    of_material = of_material_colour(model)
+    uses_material = has_material_colour(model)
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
-        look = appearances[geom] if appearances else None
+        appearance = appearances[geom] if appearances else None
         emission, texture, repeat, uniform = 0.0, -1, (1.0, 1.0), False
         if material >= 0:
-            if of_material[geom]:
+            if uses_material[geom]:
                 rgba = model.mat_rgba[material]
             emission = float(model.mat_emission[material])
             source = rgb_texture(model, material)
             if source >= 0:
-                key = (source, look)
+                key = (source, appearance)
                 if key not in textures:
-                    textures[key] = _add_texture(scenery, model, source, look)
+                    textures[key] = _add_texture(scenery, model, source, appearance)
                 texture = textures[key]
             u, v = (float(x) for x in model.mat_texrepeat[material])
             repeat, uniform = (u, v), bool(model.mat_texuniform[material])
         r, g, b = (float(x) for x in rgba[:3])
-        if look is not None:
+        if appearance is not None:
             if texture >= 0:  # its texels are changed already
-                repeat = (repeat[0] / look.scale, repeat[1] / look.scale)
+                repeat = (repeat[0] / appearance.scale, repeat[1] / appearance.scale)
             else:
-                r, g, b = look.colour((r, g, b))
+                r, g, b = appearance.colour((r, g, b))
         scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform)
     for r, g, b in extra_rgb or []:
         scenery.add_geom((r, g, b), 0.0, -1, 1.0, 1.0, False)
@@ -75,7 +75,7 @@ def rgb_texture(model: mujoco.MjModel, material: int) -> int:
 
 
 def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
-    """Return the texels (H, W, 3); textures of one or two channels are grey without and with alpha."""
+    """Return the texels (H, W, 3). A texture of one channel is grey, one of two channels grey and alpha."""
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels = int(model.tex_nchannel[texture])
     begin = int(model.tex_adr[texture])
@@ -83,17 +83,17 @@ def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
     return np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
 
 
-def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: SurfaceAppearance | None) -> int:
+def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, appearance: SurfaceAppearance | None) -> int:
     rgb = texels_of(model, texture)
     height, width = rgb.shape[:2]
     cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
-    if look is not None:
-        rgb = look.texels(rgb, shifted=not cube)
+    if appearance is not None:
+        rgb = appearance.texels(rgb, shifted=not cube)
     faces = [_powers_of_two(face) for face in (np.split(rgb, 6) if cube else [rgb])]
     levels = []
     while True:
         levels.append(np.ascontiguousarray(np.concatenate(faces)))
-        if min(faces[0].shape[:2]) <= _SMALLEST:
+        if min(faces[0].shape[:2]) <= _MIN_EDGE:
             return int(scenery.add_texture(levels, cube))
         faces = [_halved(face) for face in faces]
 
@@ -101,9 +101,9 @@ def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, look: Su
 def _powers_of_two(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     for axis in (0, 1):
         size = image.shape[axis]
-        wanted = min(_LARGEST, max(_SMALLEST, 1 << (size - 1).bit_length()))
-        if wanted != size:
-            image = image.take((np.arange(wanted) * size) // wanted, axis=axis)
+        new_size = min(_MAX_EDGE, max(_MIN_EDGE, 1 << (size - 1).bit_length()))
+        if new_size != size:
+            image = image.take((np.arange(new_size) * size) // new_size, axis=axis)
     return image
 
 

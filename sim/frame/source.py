@@ -1,4 +1,4 @@
-"""Geometry shared by the frame sensors of one run. An actor is posed once per time, for any number of sensors."""
+"""Geometry shared by the frame sensors of one run. An actor is posed at most once per time, for all sensors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def channel_array(channel: str, camera: CameraModel) -> NDArray[Any]:
 
 
 class Renderer(Protocol):
-    """Draws what one camera sees of posed geometry."""
+    """Renderer of one camera's view of posed geometry."""
 
     def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
         """Fill exactly the channels in `out`; `rows`: only rows [from, to), multiples of 4 or the height."""
@@ -76,7 +76,7 @@ class SharedFrames:
     """`FrameSource` of a run."""
 
     def __init__(self, world: Any, *, threads: int = 1) -> None:
-        """`world`: sim.scene.world.World. It does not hold the vehicle, which sensors therefore do not see."""
+        """`world`: sim.scene.world.World. It does not hold the vehicle, so sensors do not see the vehicle."""
         from sim.frame.geometry import FrameGeometry
 
         self.world = world
@@ -128,11 +128,11 @@ class SharedFrames:
             return native
         from sim.frame.mujoco_backend import MixedRenderer, MujocoColour
 
-        made = MixedRenderer(
+        mixed = MixedRenderer(
             native, MujocoColour(self.world, camera, backend=colour, shadows=shadows, near_m=near_m, far_m=far_m)
         )
-        self._to_close.append(made.close)
-        return made
+        self._to_close.append(mixed.close)
+        return mixed
 
     def close(self) -> None:
         """Release the graphics contexts."""

@@ -5,10 +5,9 @@ vehicle travels less than
 
     gap = min_i |p - c_i(t)| - r_i(t) - R - margin
 
-The margin is the distance that a vehicle at the model's speed limit travels in a tick, so that this also holds for the
-path with contact, which is not known beforehand. A gap found at one tick serves later ticks: each subtracts what the
-vehicle travelled, and what the actors may have approached, max_speed_mps * tick (of the spheres' centres: their radii
-do not change).
+The path with contact is not known beforehand, so the margin is the distance that a vehicle at the model's speed limit
+travels in a tick. A gap found at one tick also serves later ticks: each tick subtracts the vehicle's travel and the
+farthest that an actor can have approached, max_speed_mps * tick (the speed of sphere centres; radii do not change).
 
 During a tick actors are static, posed as at its end; contact treats them as being at rest.
 """
@@ -27,7 +26,7 @@ from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
 _SPEED_LIMIT_MPS = 200.0  # limit of the vehicle's model
-_AWAY_M = (10.0, 0.0, -1.0e4)  # where distant actors are parked, side by side: MuJoCo sorts bodies along a line
+_PARKING_M = (10.0, 0.0, -1.0e4)  # body i is parked at (10 i, 0, -10000): MuJoCo sorts bodies along a line
 _SLACK_M = 1e-5
 
 
@@ -39,7 +38,7 @@ class Actors:
     ) -> None:
         self._actors = world.map.actors
         self._position, self._quaternion = data.mocap_pos, data.mocap_quat
-        self._away = np.array([(_AWAY_M[0] * row, *_AWAY_M[1:]) for row in range(model.nmocap)]).reshape(-1, 3)
+        self._parked = np.array([(_PARKING_M[0] * row, *_PARKING_M[1:]) for row in range(model.nmocap)]).reshape(-1, 3)
         self._rows: list[NDArray[np.int64]] = []
         self._poses: list[tuple[NDArray[np.int64], Float64, Float64, Float64, Float64]] = []
         for actor in self._actors:
@@ -50,32 +49,31 @@ class Actors:
             n = len(bodies)
             pose = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
             self._poses.append((np.array(solid, np.int64), *pose))
-        self._near = [True] * len(self._actors)
+        self._is_near = [True] * len(self._actors)
         self.posed = 0  # poses that were computed
         tick_s = tick_ns / NS_PER_S
-        self._reach_m = radius_m + _SPEED_LIMIT_MPS * tick_s + _SLACK_M
+        self._radius_and_margin_m = radius_m + _SPEED_LIMIT_MPS * tick_s + _SLACK_M
         speeds = [actor.max_speed_mps for actor in self._actors]
-        # Greatest decrease of a gap in a tick; infinite: it must be computed anew.
+        # Greatest decrease of a gap in a tick; infinite: the gap must be computed in every tick.
         self.approach_m = max(speeds, default=0.0) * tick_s
-        self.put_away()
+        self.park_all()
 
     @property
     def count(self) -> int:
         """Number of actors."""
-        """Number of actors."""
         return len(self._actors)
 
     def gap_m(self, p_WB: Vec3, t_ns: int, travelled_m: float = 0.0) -> float:
-        """Return the gap above; marks the actors that are near for a vehicle that travels `travelled_m`."""
-        least = math.inf
+        """Return the smallest gap, and mark the actors that a vehicle travelling `travelled_m` may touch as near."""
+        min_gap_m = math.inf
         x, y, z = p_WB
         for index, actor in enumerate(self._actors):
             (cx, cy, cz), radius_m = actor.bound(t_ns)
             dx, dy, dz = x - cx, y - cy, z - cz
-            gap = math.sqrt(dx * dx + dy * dy + dz * dz) - radius_m - self._reach_m
-            self._near[index] = not travelled_m < gap
-            least = min(least, gap)
-        return least
+            gap_m = math.sqrt(dx * dx + dy * dy + dz * dz) - radius_m - self._radius_and_margin_m
+            self._is_near[index] = not travelled_m < gap_m
+            min_gap_m = min(min_gap_m, gap_m)
+        return min_gap_m
 
     def pose_all(self, t_ns: int) -> None:
         """Pose all actors at `t_ns`, near or not."""
@@ -84,17 +82,16 @@ class Actors:
 
     def pose_near(self, t_ns: int) -> None:
         """Pose at `t_ns` the actors that the last `gap_m` found near, and park the others."""
-        for index, near in enumerate(self._near):
-            if near:
+        for index, is_near in enumerate(self._is_near):
+            if is_near:
                 self._pose(index, t_ns)
             else:
                 rows = self._rows[index]
-                self._position[rows] = self._away[rows]
+                self._position[rows] = self._parked[rows]
 
-    def put_away(self) -> None:
+    def park_all(self) -> None:
         """Park all actors."""
-        """Park all actors."""
-        self._position[:] = self._away
+        self._position[:] = self._parked
 
     def _pose(self, index: int, t_ns: int) -> None:
         self.posed += 1

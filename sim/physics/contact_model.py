@@ -64,7 +64,7 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
     )
     world = ET.SubElement(root, "worldbody")
     scene_bits = {"contype": str(_SCENE_BIT), "conaffinity": str(_VEHICLE_BIT)}
-    if scene.plain:
+    if scene.has_only_boxes:
         ET.SubElement(world, "geom", {"name": "ground", "type": "plane", "size": "0 0 1"} | scene_bits)
         for box in scene.boxes:
             half = [0.5 * edge for edge in box.size_m]
@@ -87,20 +87,20 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
             contype=str(_VEHICLE_BIT),
             conaffinity=str(_SCENE_BIT),
         )
-    if not scene.plain:
+    if not scene.has_only_boxes:
         _add_map(root, world, load_world(scene), scene_bits)
     return ET.tostring(root, encoding="unicode")
 
 
 def _add_map(root: ET.Element, worldbody: ET.Element, world: World, bits: dict[str, str]) -> None:
-    """Add the solid geoms of a map in its order: static ones first."""
-    model, placed = world.model, solid_geoms(world)
+    """Add the solid geoms of a map in the order of `solid_geoms`: static ones first."""
+    model, solids = world.model, solid_geoms(world)
     asset = ET.SubElement(root, "asset")
     kind_names = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")): kind for kind in _KINDS}
     used: set[str] = set()
     bodies: dict[int, ET.Element] = {0: worldbody}
     for geom, body, position, quaternion in zip(
-        placed.geom.tolist(), placed.body.tolist(), placed.position, placed.quaternion, strict=True
+        solids.geom.tolist(), solids.body.tolist(), solids.position, solids.quaternion, strict=True
     ):
         if body not in bodies:
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body)
@@ -126,11 +126,10 @@ def _add_mesh(asset: ET.Element, model: mujoco.MjModel, geom: int, name: str) ->
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     corners = model.mesh_vert[first : first + count]
     graph = int(model.mesh_graphadr[mesh])
-    if (
-        graph >= 0
-    ):  # the graph: numbers of corners and faces, starts of the edge lists, then the corners as vertex numbers
-        hull = int(model.mesh_graph[graph])
-        corners = corners[model.mesh_graph[graph + 2 + hull : graph + 2 + 2 * hull]]
+    if graph >= 0:
+        # The graph holds the counts of corners and faces, the starts of the edge lists, and the corners' vertices.
+        hull_corners = int(model.mesh_graph[graph])
+        corners = corners[model.mesh_graph[graph + 2 + hull_corners : graph + 2 + 2 * hull_corners]]
     ET.SubElement(asset, "mesh", name=name, inertia="shell", vertex=_numbers(corners.astype(np.float64).ravel()))
 
 
@@ -147,27 +146,27 @@ def _add_hfield(asset: ET.Element, model: mujoco.MjModel, geom: int, name: str) 
     )
 
 
-_CACHED = 4  # contact models of maps; one takes up to a second to compile
+_MAX_CACHED = 4  # contact models of maps; one takes up to a second to compile
 _models: OrderedDict[tuple[int, str, float], tuple[World, mujoco.MjModel]] = OrderedDict()
 
 
 def build_model(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> mujoco.MjModel:
     """Return a compiled model that belongs to the caller: nq 7, nv 6."""
-    if scene.plain:
+    if scene.has_only_boxes:
         return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
     world = load_world(scene)
-    what = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {vehicle.model_dump_json()}"
-    key = (id(world.model), what, contact_step_s)
+    parameters = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {vehicle.model_dump_json()}"
+    key = (id(world.model), parameters, contact_step_s)
     if key not in _models:
         model = mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
         for field in range(model.nhfield):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_HFIELD, field)
             source = int(name.removeprefix("hfield_"))
             start, count = int(model.hfield_adr[field]), int(model.hfield_nrow[field] * model.hfield_ncol[field])
-            there = int(world.model.hfield_adr[source])
-            model.hfield_data[start : start + count] = world.model.hfield_data[there : there + count]
-        _models[key] = (world, model)  # holds the world too: the id of its model is part of the key
-        while len(_models) > _CACHED:
+            source_start = int(world.model.hfield_adr[source])
+            model.hfield_data[start : start + count] = world.model.hfield_data[source_start : source_start + count]
+        _models[key] = (world, model)  # keeps the world alive, because the id of its model is part of the key
+        while len(_models) > _MAX_CACHED:
             _models.popitem(last=False)
     return copy.copy(_models[key][1])
 

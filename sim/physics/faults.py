@@ -10,7 +10,7 @@ A fault begins at the first tick at or after `at_s` and lasts. A later fault of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pydantic
 from pydantic import Field
@@ -35,7 +35,7 @@ class RotorFault(StrictModel):
     imbalance_gcm: Annotated[float, Field(ge=0.0, le=1000.0)] | None = None  # lost_blade: mass times arm, default 0
 
     @pydantic.model_validator(mode="after")
-    def _belongs(self) -> RotorFault:
+    def _fits_kind(self) -> RotorFault:
         for name in _OPTIONS:
             if getattr(self, name) is not None and name not in _ALLOWED[self.kind]:
                 raise ValueError(f"{name} has no meaning for the kind {self.kind!r}")
@@ -48,8 +48,8 @@ class RotorFault(StrictModel):
         return -(-round(self.at_s * NS_PER_S) // tick_ns)
 
     @property
-    def rotor_left(self) -> tuple[float, float, float]:
-        """Return the thrust left 0..1, the forced speed [rad/s] or -1, and the imbalance [kg m]."""
+    def rotor_state(self) -> tuple[float, float, float]:
+        """Remaining share of the thrust 0..1, forced speed [rad/s] or -1, and imbalance [kg m]."""
         if self.kind == "efficiency":
             assert self.factor is not None
             return (self.factor, -1.0, 0.0)
@@ -61,12 +61,15 @@ class RotorFault(StrictModel):
     @property
     def text(self) -> str:
         """Text of the event in the recording."""
-        left, speed, imbalance = self.rotor_left
+        thrust_share, speed, imbalance = self.rotor_state
         if self.kind == "efficiency":
-            return f"rotor {self.rotor}: efficiency falls to {100 * left:g} %"
+            return f"rotor {self.rotor}: efficiency falls to {100 * thrust_share:g} %"
         if self.kind == "stuck":
             return f"rotor {self.rotor}: stuck at {speed:g} rad/s"
-        return f"rotor {self.rotor}: a blade is lost, {100 * left:g} % of the thrust left, imbalance {imbalance:g} kg m"
+        return (
+            f"rotor {self.rotor}: a blade is lost, {100 * thrust_share:g} % of the thrust left, "
+            f"imbalance {imbalance:g} kg m"
+        )
 
 
 def misfits(faults: Sequence[RotorFault], rotors: int) -> list[tuple[int, str]]:
@@ -78,11 +81,8 @@ def misfits(faults: Sequence[RotorFault], rotors: int) -> list[tuple[int, str]]:
     ]
 
 
-def _refuse(problems: list[Any]) -> None:
+def check_faults(faults: Sequence[RotorFault], rotors: int) -> None:
+    """Raise ValueError if any fault names a rotor that does not exist. The message lists all such faults."""
+    problems = misfits(faults, rotors)
     if problems:
         raise ValueError("; ".join(f"faults[{index}] {message}" for index, message in problems))
-
-
-def check_faults(faults: Sequence[RotorFault], rotors: int) -> None:
-    """Raise ValueError, which names every fault of a rotor that does not exist."""
-    _refuse(misfits(faults, rotors))

@@ -1,4 +1,4 @@
-"""Flies a multirotor through a scene, one tick at a time.
+"""Flight of a multirotor through a scene, one tick at a time.
 
 One tick, from t_{k-1} to t_k, with the commands u held constant:
 
@@ -10,11 +10,11 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
                  the same kernel, contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not
                  used: its quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
                  A touch-down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until the vehicle is in
-                 the air again: depth is about v T / e for a contact of time constant T (sim.physics.contact_model).
+                 the air again: feet sink about v T / e in a contact of time constant T (sim.physics.contact_model).
 
 Step 2 skips only work whose result is known, so a flight has the same bits with and without it (a test switches
-`Integration.contact_skipping`). The clearance is not computed in every tick: it stays a lower bound until the vehicle
-has travelled that far. The same holds for moving actors (sim.physics.actors).
+`Integration.contact_skipping`). The clearance is not computed in every tick: a computed clearance, less the distance
+travelled since, is a lower bound. The same holds for moving actors (sim.physics.actors).
 
 Faults and gusts begin at ticks; `take_events` reports them.
 
@@ -51,7 +51,7 @@ from sim.world_loader import load_world
 
 HARD_LANDING_MPS = 2.5
 _SETTLE_NS = 500 * NS_PER_MS
-_LOST_M = 1.0e6  # a vehicle within the speed limit never travels so far in a tick; NaN fails the comparison too
+_MAX_TRAVEL_M = 1.0e6  # a vehicle within the speed limit travels less in a tick; NaN fails the comparison too
 
 _P, _Q, _V, _W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
 _LIMITS = {
@@ -82,7 +82,7 @@ class ContactSkips:
 
 
 class QuadrotorPhysics:
-    """Simulation of one vehicle over one flight. The instance owns all memory it works in.
+    """Simulation of one vehicle over one flight.
 
     Raises ValueError if a step does not divide the tick, a fault names a rotor that the vehicle does not have, or the
     battery is switched on and the vehicle has none.
@@ -144,7 +144,7 @@ class QuadrotorPhysics:
         world = load_world(scene)
         self._solids = solid_tree(world)
         self._radius_m = vehicle.bounding_radius_m
-        self._finest_m = min(sphere.radius_m for sphere in vehicle.contact_spheres)
+        self._min_sphere_radius_m = min(sphere.radius_m for sphere in vehicle.contact_spheres)
         self._remaining_m = 0.0
         self._actors: Actors | None = None
         self._actors_remaining_m = math.inf
@@ -196,10 +196,10 @@ class QuadrotorPhysics:
             return self._truth_state(tick, self._standing)
         body = self._body
         if not self._wind.constant:
-            self._blow(tick)
-        bad = body.command(controls)
-        if bad >= 0:
-            raise ModelRangeError(tick, f"controls[{bad}]", float(controls[bad]), "finite, 0..1")
+            self._update_wind(tick)
+        bad_index = body.command(controls)
+        if bad_index >= 0:
+            raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite, 0..1")
         travelled_m = body.fly()
         touching = False
         if travelled_m < self._remaining_m and travelled_m < self._actors_remaining_m:
@@ -207,7 +207,7 @@ class QuadrotorPhysics:
             self._actors_remaining_m -= travelled_m + self._approach_m
             self.skips.skipped += 1
         else:
-            touching = self._near_scene(travelled_m)
+            touching = self._check_contact(travelled_m)
         self._was_touching = touching
         violation = body.finish()
         if violation:
@@ -241,54 +241,52 @@ class QuadrotorPhysics:
         events, self._events = self._events, []
         return events
 
-    def inject(self, what: RotorFault | GustEvent) -> None:
+    def inject(self, disturbance: RotorFault | GustEvent) -> None:
         """Add a fault or gust during the flight.
 
         Raises ValueError if it would begin before the next tick, or names a rotor that does not exist.
         """
-        coming: list[tuple[int, str, str, RotorFault | None]]
-        if isinstance(what, GustEvent):
-            coming = [(event.tick, "gust", event.text, None) for event in self._wind.add(what)]
+        events: list[tuple[int, str, str, RotorFault | None]]
+        if isinstance(disturbance, GustEvent):
+            events = [(event.tick, "gust", event.text, None) for event in self._wind.add(disturbance)]
         else:
-            check_faults((what,), len(self.vehicle.rotors))
-            coming = [(what.start_tick(self.tick_ns), "fault", what.text, what)]
-        if coming[0][0] <= self._tick:
-            raise ValueError(f"{coming[0][2]}: begins at tick {coming[0][0]}, and tick {self._tick} is over")
+            check_faults((disturbance,), len(self.vehicle.rotors))
+            events = [(disturbance.start_tick(self.tick_ns), "fault", disturbance.text, disturbance)]
+        if events[0][0] <= self._tick:
+            raise ValueError(f"{events[0][2]}: begins at tick {events[0][0]}, and tick {self._tick} is over")
         # `_pending` ends with the next event; within a tick, events keep the order in which they were added.
-        self._pending = sorted([*self._pending[::-1], *coming], key=lambda item: item[0])[::-1]
+        self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item[0])[::-1]
         self._next_change = self._pending[-1][0]
 
     def _schedule(self, faults: Sequence[RotorFault]) -> list[tuple[int, str, str, RotorFault | None]]:
         """Return (tick, kind, text, fault) of all events to come, the next one last."""
-        coming: list[tuple[int, str, str, RotorFault | None]] = [
+        events: list[tuple[int, str, str, RotorFault | None]] = [
             (fault.start_tick(self.tick_ns), "fault", fault.text, fault) for fault in faults
         ]
-        coming += [(event.tick, "gust", event.text, None) for event in self._wind.events()]
-        return sorted(coming, key=lambda item: item[0])[::-1]  # within a tick, the first one given is last
+        events += [(event.tick, "gust", event.text, None) for event in self._wind.events()]
+        return sorted(events, key=lambda item: item[0])[::-1]  # sorted() is stable: within a tick, in the given order
 
     def _begin_events(self, tick: int) -> None:
-        now = []
         while self._pending and self._pending[-1][0] == tick:
-            now.append(self._pending.pop())
-        for _, kind, text, fault in now:
+            _, kind, text, fault = self._pending.pop()
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
             if fault is not None:
-                self._body.set_rotor(fault.rotor, *fault.rotor_left)
+                self._body.set_rotor(fault.rotor, *fault.rotor_state)
         self._next_change = self._pending[-1][0] if self._pending else -1
 
-    def _blow(self, tick: int) -> None:
-        before = self._wind_W
+    def _update_wind(self, tick: int) -> None:
+        previous_W = self._wind_W
         s = self._truth[2:10].tolist()
         self._wind_W = self._wind.at(tick, s[0], (s[5], s[6], s[7]))
-        self._body.set_wind(before, self._wind_W)
+        self._body.set_wind(previous_W, self._wind_W)
 
-    def _near_scene(self, travelled_m: float) -> bool:
-        """Renew a clearance that is used up, or ask MuJoCo for contacts. Return True if anything touched."""
+    def _check_contact(self, travelled_m: float) -> bool:
+        """Compute a used-up clearance anew; if it is too small, ask MuJoCo for contacts. Return True if any touched."""
         left_m, actors_left_m = self._remaining_m, self._actors_remaining_m
         self._remaining_m = 0.0
         if self._actors is not None:
             self._actors_remaining_m = 0.0
-        if not travelled_m < _LOST_M:
+        if not travelled_m < _MAX_TRAVEL_M:
             return False  # out of the model's range: the check of this tick ends the run
         actors = self._actors
         t_ns = self.start_ns + self._tick * self.tick_ns
@@ -299,7 +297,7 @@ class QuadrotorPhysics:
                 actors_left_m = actors.gap_m(self._body.position_before(), t_ns, travelled_m)
                 actors.pose_near(t_ns)
             elif actors is not None:
-                actors.put_away()
+                actors.park_all()
             if travelled_m < left_m and travelled_m < actors_left_m:
                 self._remaining_m = left_m - travelled_m
                 self._actors_remaining_m = actors_left_m - (travelled_m + self._approach_m)
@@ -333,9 +331,9 @@ class QuadrotorPhysics:
     def _touches(self, travelled_m: float) -> bool:
         model, data, body = self._model, self._data, self._body
         steps = body.steps()
-        looks = max(1, math.ceil(travelled_m / (steps * self._finest_m)))
-        for look in range(steps * looks):
-            body.pose_in_substep(look // looks, (look % looks + 1) / looks)
+        queries = max(1, math.ceil(travelled_m / (steps * self._min_sphere_radius_m)))  # per sub-step
+        for query in range(steps * queries):
+            body.pose_in_substep(query // queries, (query % queries + 1) / queries)
             mujoco.mj_kinematics(model, data)
             mujoco.mj_collision(model, data)
             if data.ncon:

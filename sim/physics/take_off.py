@@ -15,9 +15,9 @@ from sim.scene.solids import solid_geoms
 from sim.scene.world import World
 from sim.world_loader import load_world
 
-# Feet rest about 10 um deep, and terrain under them may be uneven.
-INSIDE_M = 0.02
-OVER_GROUND_M = 0.05
+# Standing feet sink about 10 um into the ground, and the terrain under them may be uneven.
+INSIDE_M = 0.02  # greatest depth of a contact sphere in an object
+OVER_GROUND_M = 0.05  # greatest height of the feet over the ground
 _CONTACT_STEP_S = 0.001
 _TOP_M = 10_000.0  # above every map
 
@@ -87,8 +87,8 @@ def _contacts(
     vehicle_body = int(model.jnt_bodyid[0])
     found = []
     for contact in data.contact:
-        pair = [int(geom) for geom in contact.geom if model.geom_bodyid[geom] != vehicle_body]
-        found.append((float(contact.dist), pair[0]))
+        scene_geom = next(int(geom) for geom in contact.geom if model.geom_bodyid[geom] != vehicle_body)
+        found.append((float(contact.dist), scene_geom))
     return found
 
 
@@ -96,6 +96,6 @@ def _name(world: World, model: mujoco.MjModel, geom: int) -> str:
     body = int(model.geom_bodyid[geom])
     if body:
         return repr(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body))
-    placed = solid_geoms(world)
-    of_map = int(placed.geom[placed.body == 0][geom])
-    return repr(world.instance_names[world.geom_instance[of_map]])
+    solids = solid_geoms(world)
+    map_geom = int(solids.geom[solids.body == 0][geom])
+    return repr(world.instance_names[world.geom_instance[map_geom]])

@@ -81,7 +81,7 @@ class Spin(StrEnum):
 
 
 class Rotor(StrictModel):
-    """One rotor; its place in the list is its number in the autopilot's control order."""
+    """One rotor; its index in the list is its number in the autopilot's control order."""
 
     position_m: Point
     spin: Spin
@@ -92,7 +92,7 @@ class RotorConstants(StrictModel):
 
     Thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v. The speed O follows the
     command with the time constant for up or down. Command u gives the speed O_max sqrt(f u^2 + (1 - f) u), with f the
-    thrust model factor (PX4's THR_MDL_FAC): 1 is thrust quadratic in the command, 0 thrust linear in it. The other
+    thrust model factor (PX4's THR_MDL_FAC): with 1 the thrust is quadratic in the command, with 0 linear. The other
     equations are in sim/native/rotor_air.hpp.
     """
 
@@ -105,7 +105,9 @@ class RotorConstants(StrictModel):
     drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)]
     radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
     thrust_model_factor: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # thrust lost per rotor speed and climb speed
+    axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = (
+        0.0  # thrust loss = this x rotor speed x climb speed
+    )
     ground_thrust_ratio: Annotated[float, Field(ge=1.0, le=4.0)] = 1.0  # thrust at the ground over thrust aloft
     descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
 
@@ -135,10 +137,10 @@ class Vehicle(StrictModel):
 
     @pydantic.field_validator("inertia_kgm2")
     @classmethod
-    def _of_a_body(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
+    def _triangle_inequality(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
         x, y, z = inertia
         if not (x + y >= z and y + z >= x and z + x >= y):
-            raise ValueError(f"{inertia} breaks the triangle inequality, which holds for the moments of every body")
+            raise ValueError(f"{inertia}: no moment of inertia can be greater than the sum of the other two")
         return inertia
 
     @pydantic.model_validator(mode="after")
@@ -158,11 +160,11 @@ class Vehicle(StrictModel):
     @property
     def bounding_radius_m(self) -> float:
         """Radius of a sphere about the body origin that encloses every contact sphere."""
-        reach = 0.0
+        radius_m = 0.0
         for sphere in self.contact_spheres:
             x, y, z = sphere.position_m
-            reach = max(reach, math.sqrt(x * x + y * y + z * z) + sphere.radius_m)
-        return reach * (1.0 + 1e-12)
+            radius_m = max(radius_m, math.sqrt(x * x + y * y + z * z) + sphere.radius_m)
+        return radius_m * (1.0 + 1e-12)
 
     @property
     def standing_height_m(self) -> float:
@@ -171,10 +173,10 @@ class Vehicle(StrictModel):
 
     @property
     def hover_control(self) -> float:
-        """Command, equal for all rotors, at which thrust aloft equals standard weight, at nominal voltage."""
+        """Command of each rotor at which the thrust aloft equals the standard weight, at nominal voltage."""
         c = self.rotor_constants
-        full = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
-        share, f = self.mass_kg * STANDARD_GRAVITY_MPS2 / full, c.thrust_model_factor
+        max_thrust_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
+        share, f = self.mass_kg * STANDARD_GRAVITY_MPS2 / max_thrust_n, c.thrust_model_factor
         if f == 0.0:
             return share
         return (math.sqrt((1.0 - f) * (1.0 - f) + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)

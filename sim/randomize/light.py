@@ -1,6 +1,6 @@
 """Random light and haze.
 
-With E the light on level ground in the open, s the share of it that comes from the sky, and e the sun's elevation:
+With E the light on level ground in the open, s the sky's share of E, and e the sun's elevation:
 
     ambient = E s c_sky,    sun = E (1 - s) c_sun / max(sin e, 0.35)
 
@@ -16,10 +16,10 @@ from sim.scene.light import Light, Rgb
 from sim.scene.random_generator import feature_rng
 from sim.scene.weather import Weather
 
-_CLEAR_E = 1.05  # ambient 0.4 and the default sun at 45 degrees
-_LOWEST_SINE = 0.35
+_CLEAR_E = 1.05  # E of ambient light 0.4 and the default sun at 45 degrees
+_MIN_SINE = 0.35
 _CLEAR_SHARE, _OVERCAST_SHARE = 0.35, 0.8  # shares s of a clear and of an overcast sky
-# At brightness 1.
+# Colours at brightness 1.
 _BLUE_ZENITH: Rgb = (0.16, 0.34, 0.70)
 _BLUE_HORIZON: Rgb = (0.62, 0.74, 0.88)
 _GREY_ZENITH: Rgb = (0.60, 0.63, 0.67)
@@ -27,7 +27,7 @@ _GREY_HORIZON: Rgb = (0.74, 0.76, 0.79)
 _BLUE_LIGHT: Rgb = (0.88, 0.98, 1.13)
 _GREY_LIGHT: Rgb = (0.97, 1.0, 1.03)
 _LUMINANCE: Rgb = (0.2126, 0.7152, 0.0722)
-_WHITEST = 10.0  # greatest value of a colour of `Light`
+_MAX_CHANNEL = 10.0  # greatest value that a colour of `Light` accepts
 
 
 def draw_light(limits: LightLimits, seed: int) -> Light:
@@ -46,7 +46,7 @@ def draw_light(limits: LightLimits, seed: int) -> Light:
     return Light(
         sun_azimuth_deg=azimuth_deg,
         sun_elevation_deg=elevation_deg,
-        sun_rgb=_times(sun_colour, level * (1.0 - share) / max(sine, _LOWEST_SINE)),
+        sun_rgb=_times(sun_colour, level * (1.0 - share) / max(sine, _MIN_SINE)),
         ambient_rgb=_times(_mix(_BLUE_LIGHT, _GREY_LIGHT, grey), level * share),
         sky_zenith_rgb=_times(_mix(_BLUE_ZENITH, _GREY_ZENITH, grey), brightness),
         sky_horizon_rgb=_times(glow, brightness),
@@ -87,7 +87,7 @@ def black_body(temperature_k: float) -> Rgb:
 
 
 def _times(rgb: Rgb, factor: float) -> Rgb:
-    return tuple(min(factor * channel, _WHITEST) for channel in rgb)  # type: ignore[return-value]
+    return tuple(min(factor * channel, _MAX_CHANNEL) for channel in rgb)  # type: ignore[return-value]
 
 
 def _mix(a: Rgb, b: Rgb, share: float) -> Rgb:

@@ -1,8 +1,8 @@
-"""Draws the people that a seed adds to a world, and adds them to its map.
+"""Draw the people that a seed adds to a world, and add them to its map.
 
-Each person has a random generator of their own, so one more person changes the others only by taking up space. A walker
-goes round an oblong of 3 to 14 m by 0.8 to 5 m at a drawn speed, starting anywhere on it. A person without a free place
-after `_TRIES` tries is left out.
+Each person has their own random generator, so one more person changes the others only by taking up space. A walker
+walks round an oblong of 3 to 14 m by 0.8 to 5 m at a random speed, starting anywhere on it. A person for whom `_TRIES`
+tries find no free ground is left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from signals._kernel import det_atan2
 from signals.samples import Vec3
 from signals.units import DEG_PER_RAD, TURN_RAD
 from sim.randomize.free_ground import Float64, FreeGround
-from sim.scene.added_person import PERSON, AddedPerson, Way
+from sim.scene.added_person import PERSON, AddedPerson, Oblong
 from sim.scene.appearance import PeopleLimits
 from sim.scene.maps import surfaces
 from sim.scene.maps.map_builder import MapBuilder
@@ -25,7 +25,7 @@ from sim.scene.maps.walk_path import WalkPath
 from sim.scene.random_generator import RandomGenerator, feature_rng
 
 _TRIES = 60
-_EVERY_M = 0.35  # distance of the points of a path that are checked
+_POINT_SPACING_M = 0.35  # of the checked points of a path
 _FAIR: Vec3 = (0.89, 0.70, 0.58)
 _DARK: Vec3 = (0.30, 0.19, 0.14)
 _HAIRS: tuple[Vec3, ...] = ((0.09, 0.07, 0.06), (0.28, 0.18, 0.10), (0.66, 0.52, 0.30), (0.60, 0.60, 0.60))
@@ -43,7 +43,7 @@ def colour_of(hue: float, saturation: float, value: float) -> Vec3:
 
 
 def draw_people(limits: PeopleLimits, seed: int, ground: FreeGround) -> tuple[AddedPerson, ...]:
-    """Return the people who found a free place, in the order drawn; their places are taken from `ground`."""
+    """Return the people for whom free ground was found, in the order drawn; mark their paths as taken in `ground`."""
     low, high = limits.count
     count = low + feature_rng(seed, "people", "count").index(high - low + 1)
     found = []
@@ -69,7 +69,7 @@ def _draw_person(limits: PeopleLimits, rng: RandomGenerator, ground: FreeGround,
     for _ in range(_TRIES):
         x, y = (rng.between(-limits.within_m, limits.within_m) for _ in range(2))
         heading_rad = rng.between(0.0, TURN_RAD)
-        way = Way((x, y), heading_rad, rng.between(3.0, 14.0), rng.between(0.8, 5.0), rng.unit())
+        way = Oblong((x, y), heading_rad, rng.between(3.0, 14.0), rng.between(0.8, 5.0), rng.unit())
         points, heading = np.array([[x, y]]), heading_rad
         if walks:
             path = way.path(speed_mps)
@@ -98,26 +98,26 @@ def _draw_person(limits: PeopleLimits, rng: RandomGenerator, ground: FreeGround,
 
 
 def _points_of(path: WalkPath) -> Float64:
-    count = int(path.lap_m / _EVERY_M) + 1
+    count = int(path.lap_m / _POINT_SPACING_M) + 1
     return np.array([path.place(path.lap_m * i / count)[:2] for i in range(count)])
 
 
-def map_with(people: tuple[AddedPerson, ...], made: SceneMap) -> SceneMap:
-    """Return the map with these people in it. They come last, so everything else keeps its number."""
+def map_with(people: tuple[AddedPerson, ...], base: SceneMap) -> SceneMap:
+    """Return the map `base` with these people added at its end, so that everything else keeps its number."""
     builder = MapBuilder("people")
     for person in people:
         _add(builder, person)
     added = builder.build()
     return replace(
-        made,
-        mjcf=_followed(made.mjcf, builder.sections()),
-        surfaces={**made.surfaces, **added.surfaces},
-        actors=(*made.actors, *added.actors),
+        base,
+        mjcf=_with_sections(base.mjcf, builder.sections()),
+        surfaces={**base.surfaces, **added.surfaces},
+        actors=(*base.actors, *added.actors),
     )
 
 
 def _add(builder: MapBuilder, person: AddedPerson) -> None:
-    rng = RandomGenerator(0, person.name)  # draws how a hand is held; everything else is given
+    rng = RandomGenerator(0, person.name)  # draws only the pose of the arms
     materials = {
         "shirt": builder.material(f"{person.name}_shirt", surfaces.CLOTH, rgb=person.shirt_rgb),
         "trousers": builder.material(f"{person.name}_trousers", surfaces.CLOTH, rgb=person.trousers_rgb),
@@ -133,9 +133,9 @@ def _add(builder: MapBuilder, person: AddedPerson) -> None:
         add_walker(builder, rng, path, ground_m=person.at_m[2], traits=traits)
 
 
-def _followed(mjcf: str, sections: str) -> str:
-    """Return the text with sections at its end, where MJCF allows them a second time; no line moves."""
+def _with_sections(mjcf: str, sections: str) -> str:
+    """Return the text with `sections` at its end: MJCF allows a section twice, and no line number changes."""
     end = mjcf.rfind("</mujoco>")
-    if end < 0:  # an empty element
+    if end < 0:  # an empty element: <mujoco/>
         return f"{mjcf.rstrip().removesuffix('/>')}>{sections}</mujoco>"
     return mjcf[:end] + sections + mjcf[end:]

@@ -1,11 +1,11 @@
-"""Section `randomize` of a bench file: the features that a seed draws anew, and their limits.
+"""Section `randomize` of a bench file: the features that a seed changes at random, and their limits.
 
-A feature is `true` (the limits below), `false` or `null` (as the scene has it), or a mapping of your own limits:
+A feature is `true` (the default limits in this file), `false` or `null` (as the scene has it), or a mapping of limits:
 
     randomize: {seed: 7, light: true, haze: {visibility_m: [200, 2000]}, people: {count: [5, 5]}}
 
-Every feature, surface, person and sensor draws from streams of its own name. So switching a feature, changing its
-limits, or adding an object never changes the other draws.
+Every feature, surface, person and sensor has its own random generator. So switching a feature, changing its limits, or
+adding an object never changes the random values of the others.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sim.scene.limits import Limits, Share, within
 class _Switch:
     """Annotation that accepts limits, `true` for the model's defaults, or `false` for none.
 
-    It is a tagged union: a validator before the field's own would hide from pydantic that the data are JSON.
+    It is a tagged union because a validator before the field's own would hide from pydantic that the data are JSON.
     """
 
     def __init__(self, model: type[StrictModel]) -> None:
@@ -34,10 +34,10 @@ class _Switch:
             lambda on: self._model() if on else None, core_schema.bool_schema(strict=True)
         )
         choices = {"limits": handler(source), "switch": chosen}
-        return core_schema.tagged_union_schema(choices, discriminator=_how)
+        return core_schema.tagged_union_schema(choices, discriminator=_choice)
 
 
-def _how(value: Any) -> str:
+def _choice(value: Any) -> str:
     return "limits" if value is None or isinstance(value, dict | StrictModel) else "switch"
 
 
@@ -48,21 +48,19 @@ class LightLimits(StrictModel):
     sun_elevation_deg: Annotated[Limits, within(2.0, 90.0)] = (15.0, 75.0)
     brightness: Annotated[Limits, within(0.05, 4.0)] = (0.65, 1.25)  # light on level ground; 1: a clear mid-morning
     colour_temperature_k: Annotated[Limits, within(2000.0, 12_000.0)] = (4000.0, 7000.0)  # of the sun; 6500: white
-    ambient_share: Annotated[Limits, within(0.05, 1.0)] = (
-        0.25,
-        0.8,
-    )  # share of the light that comes from the sky; 1: overcast
+    # Share of the light that comes from the sky; 1: overcast.
+    ambient_share: Annotated[Limits, within(0.05, 1.0)] = (0.25, 0.8)
 
 
 class HazeLimits(StrictModel):
-    """Limits of the visibility, drawn evenly in its logarithm."""
+    """Limits of the visibility, whose logarithm is uniformly distributed."""
 
     clear_share: Share = 0.4  # share of seeds without haze
     visibility_m: Annotated[Limits, within(10.0, 1e6)] = (400.0, 20_000.0)
 
 
 class NoiseLimits(StrictModel):
-    """Limits of a factor on the errors of each sensor, drawn evenly in its logarithm; null: errors as configured."""
+    """Limits of a factor on the errors of each sensor; its logarithm is uniform. Null: errors as configured."""
 
     camera: Annotated[Limits, within(0.01, 100.0)] | None = (0.5, 2.0)
     lidar: Annotated[Limits, within(0.01, 100.0)] | None = (0.5, 2.0)

@@ -21,7 +21,7 @@ from sim.scene.world import World
 
 
 def randomized(scene: Scene, settings: Randomize, seed: int) -> Scene:
-    """Return the scene as `settings.seed`, or else `seed`, draws it; the same scene if no feature is switched on."""
+    """Return the variant of the scene for `settings.seed`, or else `seed`; the same scene if no feature is on."""
     if not settings.on:
         return scene
     seed = settings.seed if settings.seed is not None else seed
@@ -48,9 +48,9 @@ def in_weather(scene: Scene, weather: Weather | None) -> Scene:
 
 
 def drawn(scene: Scene, settings: Randomize, load: Callable[[Scene], World]) -> dict[str, Any] | None:
-    """Return what was drawn of a scene, as data; None: nothing. Noise is per sensor (sim/sensors/noise_factor.py).
+    """Return the random values of a scene, as data; None: nothing is random. Noise: sim/sensors/noise_factor.py.
 
-    `load` makes the scene's world, and is called only if surfaces or people were drawn.
+    `load` makes the scene's world, and is called only if surfaces or people are random.
     """
     if not settings.on or scene.appearance is None:
         return None

@@ -1,4 +1,4 @@
-"""A person whom randomisation adds to a world: clothes, place and walk."""
+"""A person whom randomisation adds to a world: clothes, position and path."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PERSON = "random_person_"  # prefix of the names of added people and of their ma
 
 
 @dataclass(frozen=True)
-class Way:
+class Oblong:
     """Oblong that a person walks round."""
 
     corner_m: tuple[float, float]
@@ -26,21 +26,21 @@ class Way:
         """Return the closed path round the oblong, in W."""
         c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
         x, y = self.corner_m
-        sides = ((0.0, 0.0), (self.length_m, 0.0), (self.length_m, self.width_m), (0.0, self.width_m))
-        vertices = [(x + c * a - s * b, y + s * a + c * b) for a, b in sides]
+        corners = ((0.0, 0.0), (self.length_m, 0.0), (self.length_m, self.width_m), (0.0, self.width_m))
+        vertices = [(x + c * a - s * b, y + s * a + c * b) for a, b in corners]
         return WalkPath(vertices, speed_mps, corner_m=min(1.5, 0.5 * self.width_m), start_lap=self.start_lap)
 
 
 @dataclass(frozen=True)
 class AddedPerson:
-    """A person added to a map; colours are codes of sRGB / 255."""
+    """A person added to a map; colours are sRGB codes / 255."""
 
     name: str
-    at_m: Vec3  # in W; of a walker, at the start
+    at_m: Vec3  # position in W; of a walker, at the start
     heading_deg: float  # from east to north, at the start
     height_m: float
     speed_mps: float  # 0: the person stands
-    way: Way | None
+    way: Oblong | None  # None: the person stands
     shirt_rgb: Vec3
     trousers_rgb: Vec3
     skin_rgb: Vec3

@@ -1,7 +1,7 @@
-"""Appearance that a seed gives a scene: limits of its surfaces' colours, and of the people added to it.
+"""Random appearance of a scene: the seed, and the limits of surface colours and of added people.
 
 Surfaces and people depend on the scene's geometry, so a scene carries only the seed and the limits. `load_world`
-(sim/world_loader.py) adds the people; a `World` draws each surface when a camera first asks for it.
+(sim/world_loader.py) adds the people; a `World` computes the surfaces' colours when they are first needed.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from sim.scene.limits import Limits, Share, ordered, within
 
 
 class TextureLimits(StrictModel):
-    """Limits of every surface's appearance; each MJCF material, or object without one, is drawn on its own."""
+    """Limits of surface colours; each MJCF material, and each object without one, has random values of its own."""
 
     hue_deg: Annotated[Limits, within(-180.0, 180.0)] = (-20.0, 20.0)  # skin keeps its hue
     brightness: Annotated[Limits, within(0.1, 4.0)] = (0.75, 1.25)
     contrast: Annotated[Limits, within(0.0, 4.0)] = (0.6, 1.4)
     scale: Annotated[Limits, within(0.1, 10.0)] = (0.7, 1.5)  # size of the pattern
-    shift: bool = True  # the pattern begins anywhere
+    shift: bool = True  # random offset of the pattern
 
 
 class PeopleLimits(StrictModel):
@@ -30,7 +30,7 @@ class PeopleLimits(StrictModel):
 
     count: Annotated[tuple[int, int], AfterValidator(ordered), within(0, 60)] = (0, 12)
     within_m: Annotated[float, Field(gt=0.0, le=1000.0)] = 30.0  # distance from the origin, east and north
-    clear_m: Annotated[float, Field(ge=4.0, le=1000.0)] = 6.0  # around the origin, where the vehicle takes off
+    clear_m: Annotated[float, Field(ge=4.0, le=1000.0)] = 6.0  # radius without people where the vehicle takes off
     walking_share: Share = 0.7  # the others stand
     speed_mps: Annotated[Limits, within(0.3, 2.5)] = (0.7, 1.8)
     height_m: Annotated[Limits, within(0.9, 2.2)] = (1.5, 1.95)

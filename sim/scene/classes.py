@@ -59,11 +59,19 @@ CLASS_COLOURS: dict[str, tuple[int, int, int]] = {
     "gate": (120, 120, 90),
 }
 
-# Colours for a scene's own classes, in turn: easy to tell from each other.
-_FURTHER = ((255, 0, 255), (0, 255, 128), (128, 0, 255), (255, 160, 200), (0, 128, 128), (200, 255, 0), (90, 90, 255))
+# Colours for a scene's own classes, in turn; easy to tell from each other.
+_EXTRA_COLOURS = (
+    (255, 0, 255),
+    (0, 255, 128),
+    (128, 0, 255),
+    (255, 160, 200),
+    (0, 128, 128),
+    (200, 255, 0),
+    (90, 90, 255),
+)
 
 
 def class_table(new_classes: tuple[str, ...] = ()) -> dict[str, tuple[int, int, int]]:
     """Return the colour of every class by name, in the order of class ids."""
-    further = {name: _FURTHER[i % len(_FURTHER)] for i, name in enumerate(new_classes)}
+    further = {name: _EXTRA_COLOURS[i % len(_EXTRA_COLOURS)] for i, name in enumerate(new_classes)}
     return CLASS_COLOURS | further

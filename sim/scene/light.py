@@ -40,12 +40,12 @@ class Light(StrictModel):
     def to_sun_W(self) -> tuple[float, float, float]:
         """Unit vector towards the sun."""
         azimuth, elevation = self.sun_azimuth_deg * RAD_PER_DEG, self.sun_elevation_deg * RAD_PER_DEG
-        level = det_cos(elevation)
-        return (det_sin(azimuth) * level, det_cos(azimuth) * level, det_sin(elevation))
+        horizontal = det_cos(elevation)
+        return (det_sin(azimuth) * horizontal, det_cos(azimuth) * horizontal, det_sin(elevation))
 
 
 _FORWARD = 0.75  # share of scattered light that comes down; the rest goes back up
-_LOWEST_SINE = 0.05  # on a round Earth sunlight crosses at most 20 times the thickness of the layer
+_MIN_SINE = 0.05  # on a round Earth sunlight crosses at most 20 times the thickness of the layer
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class HazyLight:
 
 
 def light_in_haze(light: Light, extinction_per_m: float) -> HazyLight:
-    """Return a scene's light as haze changes it; without haze it is unchanged.
+    """Return a scene's light in haze of this extinction; an extinction of 0 changes nothing.
 
     With tau = beta HAZE_M, the optical thickness of the layer, the sun at elevation e loses the share
-    1 - exp(-tau / sin e) of its light. Most of that is scattered forwards and arrives from the whole sky instead: the
-    ambient light gains `_FORWARD` of what the level ground lost. So shadows fade in haze and vanish in fog.
+    1 - exp(-tau / sin e) of its light. Most of this light is scattered forwards and arrives from the whole sky: the
+    ambient light gains the share `_FORWARD` of the loss on level ground. So shadows fade in haze and vanish in fog.
 
     The air has the colour of the sky at the horizon, which is seen through a long path of air. A thicker layer scatters
     light more often, which makes it greyer.
@@ -72,17 +72,17 @@ def light_in_haze(light: Light, extinction_per_m: float) -> HazyLight:
     if extinction_per_m == 0.0:
         return HazyLight(sun, light.ambient_rgb, light.sky_horizon_rgb)
     thickness = extinction_per_m * HAZE_M
-    through = det_exp(-thickness / max(sine, _LOWEST_SINE))
-    gain = _FORWARD * max(sine, 0.0) * (1.0 - through)
+    sun_share = det_exp(-thickness / max(sine, _MIN_SINE))
+    sky_share = _FORWARD * max(sine, 0.0) * (1.0 - sun_share)
     r, g, b = light.sky_horizon_rgb
     grey = 0.2126 * r + 0.7152 * g + 0.0722 * b
-    colour = det_exp(-thickness)  # share of the sky's own colour that is left
+    colour_share = det_exp(-thickness)  # of the sky's own colour; the rest is grey
     return HazyLight(
-        _sum(sun, through, (0.0, 0.0, 0.0)),
-        _sum(sun, gain, light.ambient_rgb),
-        _sum((r - grey, g - grey, b - grey), colour, (grey, grey, grey)),
+        _scaled_sum(sun, sun_share, (0.0, 0.0, 0.0)),
+        _scaled_sum(sun, sky_share, light.ambient_rgb),
+        _scaled_sum((r - grey, g - grey, b - grey), colour_share, (grey, grey, grey)),
     )
 
 
-def _sum(a: Rgb, factor: float, b: Rgb) -> Rgb:
+def _scaled_sum(a: Rgb, factor: float, b: Rgb) -> Rgb:
     return factor * a[0] + b[0], factor * a[1] + b[1], factor * a[2] + b[2]

@@ -1,4 +1,4 @@
-"""Limits of random draws, as fields of a settings file: `[least, greatest]`."""
+"""Limits of random values, as fields of a settings file: `[least, greatest]`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Reads an MJCF file and all files it names, into one text that keeps the line of every element.
+"""Read an MJCF file and all files it names into one text that keeps the line of every element.
 
-Includes are put in place. The files of meshes, textures, height fields, skins and sub-models are read here, so that a
-missing file is reported with file and line, and a map can be stored with a run. File names follow MuJoCo's rules:
-relative to the folder of the main file, below `meshdir`, `texturedir` or `assetdir` of <compiler>. In the text every
-element has a line of its own, which maps the line in an error of MuJoCo's compiler to the line in the user's file.
+Each include is replaced by the file's contents. The files of meshes, textures, height fields, skins and sub-models are
+read here, so that a missing file is reported with file and line, and a map can be stored with a run. File names follow
+MuJoCo's rules: relative to the folder of the main file, below `meshdir`, `texturedir` or `assetdir` of <compiler>. In
+the text every element is on its own line, so the line in an error of MuJoCo's compiler leads to the user's line.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ MAX_DEPTH = 200
 
 _DIRS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
 _TEXTURE_SIDES = ("fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
-_TEXTS = frozenset(
+_TEXT_KEYS = frozenset(
     ("name", "file", "class", "childclass", "material", "mesh", "texture", "hfield", "model", *_TEXTURE_SIDES)
 )
-_LENGTHS = frozenset(("pos", "size", "fromto"))
-_NO_NUMBER = re.compile(r"(?<![\w.])[+-]?(?:nan|inf|infinity)(?![\w.])", re.IGNORECASE)
+_LENGTH_KEYS = frozenset(("pos", "size", "fromto"))
+_NOT_FINITE = re.compile(r"(?<![\w.])[+-]?(?:nan|inf|infinity)(?![\w.])", re.IGNORECASE)
 MAX_LENGTH_M = 1.0e5
 _COMPILER_PATHS = ("meshdir", "texturedir", "assetdir", "strippath")
 
@@ -55,12 +55,12 @@ class Element:
 
 @dataclass(frozen=True)
 class MapFile:
-    """One MJCF text, the files it names, and where its elements were written."""
+    """One MJCF text, the files it names, and the source lines of its elements."""
 
     text: str
     assets: dict[str, bytes]
     root: Element
-    elements: tuple[Element, ...]  # element of each line of `text` except end tags; line 1 first
+    elements: tuple[Element, ...]  # element of each line of `text`, line 1 first
     asset_elements: dict[str, Element]
 
     def where(self, tag: str, name: str) -> str:
@@ -90,12 +90,12 @@ class MapFile:
 
 
 def read_map_file(path: Path, *, inside: tuple[Path, ...] = ()) -> MapFile:
-    """Read a map; raises ConfigError with every problem found. `inside`: the files of which this is a sub-model."""
-    return _Reading(path, inside).file()
+    """Read a map. `inside`: the files that contain this one as a sub-model. Raises ConfigError with every problem."""
+    return _MapReader(path, inside).read()
 
 
 def parse_xml(path: Path, where: str = "") -> Element:
-    """Parse an XML file; raises ConfigError, at `where` if the file cannot be read at all."""
+    """Parse an XML file. Raises ConfigError, at `where` if the file cannot be read."""
     source = shown_path(path)
     try:
         if not path.exists():
@@ -128,8 +128,8 @@ def parse_xml(path: Path, where: str = "") -> Element:
     try:
         parser.Parse(data, True)
     except xml.parsers.expat.ExpatError as error:
-        what = xml.parsers.expat.ErrorString(error.code)
-        raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {what}")]) from None
+        text = xml.parsers.expat.ErrorString(error.code)
+        raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {text}")]) from None
     except (ValueError, LookupError) as error:  # an unknown encoding
         raise ConfigError([Problem(f"{source}:1", f"is not valid XML: {error}")]) from None
     return roots[0]
@@ -142,7 +142,7 @@ def _as_numbers(text: str) -> list[float]:
         return []  # MuJoCo reports it
 
 
-class _Reading:
+class _MapReader:
     """State while one file is read."""
 
     def __init__(self, path: Path, inside: tuple[Path, ...]) -> None:
@@ -154,7 +154,7 @@ class _Reading:
         self._asset_elements: dict[str, Element] = {}
         self._size = 0
 
-    def file(self) -> MapFile:
+    def read(self) -> MapFile:
         root = parse_xml(self._path)
         if root.tag == "robot":
             raise ConfigError([Problem(root.where, "is URDF, not MJCF", "MuJoCo's own `compile` turns it into MJCF")])
@@ -168,8 +168,8 @@ class _Reading:
                     if key in element.attributes:
                         paths[key] = element.attributes.pop(key)
         for element in root.walk():
-            self._numbers(element)
-            self._files(element, paths)
+            self._check_numbers(element)
+            self._read_files(element, paths)
         if self._problems:
             raise ConfigError(self._problems)
         lines: list[str] = []
@@ -179,6 +179,7 @@ class _Reading:
         return MapFile(text, self._assets, root, tuple(elements), self._asset_elements)
 
     def _include(self, parent: Element, path: Path, inside: list[Path], seen: set[Path]) -> None:
+        """Replace each <include> below `parent` by the elements of its file. `seen` collects the included files."""
         children: list[Element] = []
         for child in parent.children:
             if child.tag != "include":
@@ -189,11 +190,11 @@ class _Reading:
             if not name:
                 self._problems.append(Problem(child.where, "<include> names no file"))
                 continue
-            other = next((p for p in (self._path.parent / name, path.parent / name) if p.is_file()), None)
-            if other is None:
+            file = next((p for p in (self._path.parent / name, path.parent / name) if p.is_file()), None)
+            if file is None:
                 self._problems.append(Problem(child.where, f"<include> names a file that does not exist: {name}"))
                 continue
-            resolved = other.resolve()
+            resolved = file.resolve()
             if resolved in inside:
                 self._problems.append(Problem(child.where, f"<include> of {name}, which includes this file itself"))
                 continue
@@ -202,27 +203,27 @@ class _Reading:
                 continue
             seen.add(resolved)
             try:
-                included = parse_xml(other, child.where)
+                included = parse_xml(file, child.where)
             except ConfigError as error:
                 self._problems += error.problems
                 continue
-            self._include(included, other, [*inside, resolved], seen)
+            self._include(included, file, [*inside, resolved], seen)
             children += included.children
         parent.children = children
 
-    def _numbers(self, element: Element) -> None:
-        """Report numbers that are not finite or too large: MuJoCo accepts them, and all results would be wrong."""
+    def _check_numbers(self, element: Element) -> None:
+        """Report numbers that are not finite or too large, which MuJoCo accepts although all results become wrong."""
         for key, value in element.attributes.items():
-            if key in _TEXTS:
+            if key in _TEXT_KEYS:
                 continue
-            if _NO_NUMBER.search(value):
+            if _NOT_FINITE.search(value):
                 message = f"<{element.tag}> {key} must hold finite numbers, not {value[:60]!r}"
                 self._problems.append(Problem(element.where, message))
-            elif key in _LENGTHS and any(abs(number) > MAX_LENGTH_M for number in _as_numbers(value)):
+            elif key in _LENGTH_KEYS and any(abs(number) > MAX_LENGTH_M for number in _as_numbers(value)):
                 message = f"<{element.tag}> {key} goes beyond {MAX_LENGTH_M:g} m: {value[:60]!r}"
                 self._problems.append(Problem(element.where, message))
 
-    def _files(self, element: Element, paths: dict[str, str]) -> None:
+    def _read_files(self, element: Element, paths: dict[str, str]) -> None:
         tag = element.tag
         if tag in _DIRS:
             folder = paths.get(_DIRS[tag], paths.get("assetdir", ""))
@@ -243,35 +244,35 @@ class _Reading:
             self._problems.append(Problem(element.where, message, "leave it out"))
 
     def _asset(self, element: Element, path: Path, name: str) -> str:
-        """Return the name in `assets` of a file; each file is read once."""
-        known = self._asset_names.get(path)
-        if known is not None:
-            return known
-        what = f"<{element.tag}>"
+        """Return the name of a file in `assets`; each file is read once."""
+        cached_name = self._asset_names.get(path)
+        if cached_name is not None:
+            return cached_name
+        tag = f"<{element.tag}>"
         try:
             if not path.is_file():
-                message = f"{what} names a file that does not exist: {name}"
+                message = f"{tag} names a file that does not exist: {name}"
                 self._problems.append(Problem(element.where, message, f"looked for {shown_path(path)}"))
                 return name
             self._size += path.stat().st_size
             if self._size > MAX_ASSET_BYTES:
                 limit = f"more than {MAX_ASSET_BYTES / 1e9:g} GB of files"
-                raise ConfigError([*self._problems, Problem(element.where, f"{what}: {limit}")])
+                raise ConfigError([*self._problems, Problem(element.where, f"{tag}: {limit}")])
             data = path.read_bytes()
         except (OSError, ValueError) as error:
-            self._problems.append(Problem(element.where, f"{what}: {name!r} cannot be read: {error}"))
+            self._problems.append(Problem(element.where, f"{tag}: {name!r} cannot be read: {error}"))
             return name
         if not data:
-            self._problems.append(Problem(element.where, f"{what} names a file that is empty: {name}"))
-        flat = f"{len(self._assets):04d}_{re.sub(r'[^A-Za-z0-9_.-]', '_', path.name)}"
-        self._asset_names[path] = flat
-        self._assets[flat] = data
-        self._asset_elements[flat] = Element(element.tag, {"file": name}, element.source, element.line)
-        return flat
+            self._problems.append(Problem(element.where, f"{tag} names a file that is empty: {name}"))
+        asset_name = f"{len(self._assets):04d}_{re.sub(r'[^A-Za-z0-9_.-]', '_', path.name)}"
+        self._asset_names[path] = asset_name
+        self._assets[asset_name] = data
+        self._asset_elements[asset_name] = Element(element.tag, {"file": name}, element.source, element.line)
+        return asset_name
 
     def _sub_model(self, element: Element, path: Path, name: str) -> None:
         if path.resolve() in self._inside:
-            self._problems.append(Problem(element.where, f"<model> of {name}, which this file is itself part of"))
+            self._problems.append(Problem(element.where, f"<model> of {name}, which contains this file"))
             return
         try:
             sub = read_map_file(path, inside=self._inside) if path.is_file() else None
@@ -283,16 +284,16 @@ class _Reading:
             return
         number = len(self._assets)
         text = sub.text
-        for flat, data in sub.assets.items():
-            renamed = f"{number:04d}_{flat}"
-            text = text.replace(f'"{flat}"', f'"{renamed}"')
+        for asset_name, data in sub.assets.items():
+            renamed = f"{number:04d}_{asset_name}"
+            text = text.replace(f'"{asset_name}"', f'"{renamed}"')
             self._assets[renamed] = data
-            self._asset_elements[renamed] = sub.asset_elements[flat]
+            self._asset_elements[renamed] = sub.asset_elements[asset_name]
         element.attributes.setdefault("name", sub.root.attributes.get("model", path.stem))
-        flat = f"{number:04d}_{path.stem}.xml"
-        self._assets[flat] = text.encode()
-        self._asset_elements[flat] = Element(element.tag, {"file": name}, element.source, element.line)
-        element.attributes["file"] = flat
+        asset_name = f"{number:04d}_{path.stem}.xml"
+        self._assets[asset_name] = text.encode()
+        self._asset_elements[asset_name] = Element(element.tag, {"file": name}, element.source, element.line)
+        element.attributes["file"] = asset_name
 
 
 def _write(element: Element, lines: list[str], elements: list[Element]) -> None:

@@ -42,12 +42,12 @@ class GeneratedMap(StrictModel):
         return dict(self.__pydantic_extra__ or {})
 
 
-def _how(surface: Any) -> str:
+def _surface_form(surface: Any) -> str:
     return "in numbers" if isinstance(surface, dict | SurfaceValues) else "by name"
 
 
 SurfaceChoice = Annotated[
-    Annotated[str, Tag("by name")] | Annotated[SurfaceValues, Tag("in numbers")], Discriminator(_how)
+    Annotated[str, Tag("by name")] | Annotated[SurfaceValues, Tag("in numbers")], Discriminator(_surface_form)
 ]
 
 
@@ -58,11 +58,10 @@ class MjcfMap(StrictModel):
     ground: bool = False  # add the plane z = 0
     classes: dict[str, tuple[Glob, ...]] = Field(default_factory=dict)  # class -> glob patterns of names
     new_classes: tuple[ClassName, ...] = ()  # classes beyond those of sim.scene.classes
-    surfaces: dict[str, SurfaceChoice] = Field(
-        default_factory=dict
-    )  # MJCF material -> a name of sim.scene.surfaces, or values
+    # MJCF material -> a name of sim.scene.surfaces, or values
+    surfaces: dict[str, SurfaceChoice] = Field(default_factory=dict)
 
-    # Declared only so that they are rejected with a clear message.
+    # Keys of a generated map, declared only so that they are rejected with a clear message.
     generator: Any = Field(default=None, exclude=True)
     seed: Any = Field(default=None, exclude=True)
 
@@ -74,11 +73,12 @@ class MjcfMap(StrictModel):
         return self
 
 
-def _kind(section: Any) -> str:
+def _map_source(section: Any) -> str:
     mjcf = "mjcf" in section if isinstance(section, dict) else isinstance(section, MjcfMap)
     return "from a file" if mjcf else "from a generator"
 
 
 MapSection = Annotated[
-    Annotated[GeneratedMap, Tag("from a generator")] | Annotated[MjcfMap, Tag("from a file")], Discriminator(_kind)
+    Annotated[GeneratedMap, Tag("from a generator")] | Annotated[MjcfMap, Tag("from a file")],
+    Discriminator(_map_source),
 ]

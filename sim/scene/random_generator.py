@@ -1,7 +1,7 @@
 """Random numbers of a scene: named streams of uniform draws, read in order.
 
-Each feature (trees, people, houses, light) draws from a generator of its own, so that a change to one leaves the
-others where they are.
+Each feature (trees, people, houses, light) has its own generator, so that a change to one leaves the others as they
+are.
 """
 
 from __future__ import annotations
@@ -61,5 +61,5 @@ class RandomGenerator:
 
 
 def feature_rng(seed: int, feature: str, *names: object) -> RandomGenerator:
-    """Return the generator of one feature of `randomize`; further names give each surface, person or sensor its own."""
+    """Return the generator of a feature of `randomize`, or of one surface, person or sensor named in `names`."""
     return RandomGenerator(seed, ".".join(("randomize", feature, *map(str, names))))

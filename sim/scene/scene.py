@@ -33,8 +33,8 @@ WindSpeed = Annotated[float, Field(ge=-50.0, le=50.0)]
 class Site(StrictModel):
     """Geodetic position of W's origin on WGS-84.
 
-    The bench uses one number for height above mean sea level and ellipsoidal height: the undulation of the geoid (47 m
-    at the default site) is a constant that no sensor here could show.
+    The bench takes height above mean sea level and ellipsoidal height as equal: their difference (47 m at the default
+    site) is a constant that no simulated sensor can show.
     """
 
     latitude_deg: Annotated[float, Field(ge=-89.9, le=89.9)]
@@ -58,7 +58,7 @@ class Scene(StrictModel):
     site: Site
     ground_friction: Annotated[float, Field(gt=0.0, le=5.0)]
     gravity_mps2: Annotated[float, Field(ge=0.0, le=30.0)] = STANDARD_GRAVITY_MPS2
-    view: tuple[ViewPoint, ...] = ()  # for `hil view`; empty: it finds places itself
+    view: tuple[ViewPoint, ...] = ()  # camera poses of `hil view`; empty: `hil view` chooses them
     wind_W_mps: tuple[WindSpeed, WindSpeed, WindSpeed] = (0.0, 0.0, 0.0)
     boxes: tuple[Box, ...] = ()
     map: MapSection | None = None
@@ -90,18 +90,18 @@ class Scene(StrictModel):
         return self if self._original is None else self._original
 
     @property
-    def plain(self) -> bool:
-        """True if the scene is nothing but the ground plane and boxes."""
+    def has_only_boxes(self) -> bool:
+        """True if the scene is the ground plane with boxes or without: no map, no added people."""
         return self.map is None and (self._appearance is None or self._appearance.people is None)
 
     def with_appearance(self, appearance: Appearance, original: Scene) -> Scene:
-        """Return the scene with surfaces and people of a seed; `original`: the scene before any random draw."""
+        """Return the scene with this appearance; `original`: the scene before any random change."""
         scene = self.model_copy()
         scene._appearance, scene._original = appearance, original
         return scene
 
     def from_file(self, file: SceneFile) -> Scene:
-        """Return the scene as one that was written in `file`."""
+        """Return the scene with `file` as its file."""
         scene = self.model_copy()
         scene._file = file
         return scene
@@ -134,7 +134,7 @@ def is_mjcf(path: Path) -> bool:
 
 
 def scene_of_mjcf(path: Path) -> Scene:
-    """Return an MJCF file as a scene; all that such a file cannot state is as at the default site."""
+    """Return an MJCF file as a scene, with the default site and friction, which such a file does not hold."""
     name = re.sub(r"[^a-z0-9_]+", "_", path.stem.lower())
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",

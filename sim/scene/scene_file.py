@@ -1,6 +1,6 @@
 """File of a scene, with the line of every value in it.
 
-A scene holds this so that later checks, such as those of the map's own files and names, can report 'file:line'.
+A scene holds its file so that later checks, such as those of the map's own files and names, can report 'file:line'.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class SceneFile:
 
     path: Path | None = None
     document: Document = _NOWHERE
-    # Cache of what was made from the scene, by kind, so that its files are read once.
-    made: dict[str, Any] = field(default_factory=dict, repr=False)
+    # Objects made from the scene, by kind, kept so that its files are read once.
+    cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     # Two scenes with the same values are equal, whatever files they come from.
     def __eq__(self, other: object) -> bool:

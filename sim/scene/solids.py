@@ -4,8 +4,8 @@ Poses are composed along the chain of bodies, with joints at their reference:
 
     R = R_parent R_own,   p = p_parent + R_parent p_own
 
-and rounded to 1e-12: the last bit of an angle's sine depends on the machine that compiled the map, and must not reach a
-flight.
+and rounded to 1e-12, because the last bit of an angle's sine depends on the machine that compiles the map, and must not
+influence a flight.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sim.scene.world import World
 Float64 = NDArray[np.float64]
 _DIGITS = 12
 _G = mujoco.mjtGeom
-_KINDS = frozenset(
+_PRIMITIVES = frozenset(
     int(k)
     for k in (
         _G.mjGEOM_PLANE,
@@ -35,7 +35,7 @@ _KINDS = frozenset(
         _G.mjGEOM_BOX,
     )
 )
-_HFIELD_TILES = 32  # boxes along each side of a height field, at most
+_MAX_HFIELD_TILES = 32  # boxes along each side of a height field
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def _matrices(q: Float64) -> Float64:
     return np.stack(matrix_of(q.T), -1).reshape(-1, 3, 3)
 
 
-def _turned(q: Float64, v: Float64) -> Float64:
+def _rotated(q: Float64, v: Float64) -> Float64:
     # Sums are written out: the order of additions in a matrix product depends on the machine.
     R = _matrices(q)
     return (R[:, :, 0] * v[:, :1] + R[:, :, 1] * v[:, 1:2]) + R[:, :, 2] * v[:, 2:3]
@@ -70,24 +70,24 @@ def place(world: World, geoms: NDArray[np.int64]) -> PlacedGeoms:
     root = np.zeros(model.nbody, np.int64)
     position, quaternion = np.zeros((model.nbody, 3)), np.zeros((model.nbody, 4))
     quaternion[:, 0] = 1.0
-    moves = [bool(moving) and model.body(body).name in moving for body in range(model.nbody)]
+    is_moving = [bool(moving) and model.body(body).name in moving for body in range(model.nbody)]
     parent = model.body_parentid.tolist()
     position[1:], quaternion[1:] = model.body_pos[1:], model.body_quat[1:]  # children of the world
     for body in range(1, model.nbody):
         p = parent[body]
-        if moves[body]:
+        if is_moving[body]:
             root[body] = body
             position[body], quaternion[body] = 0.0, (1.0, 0.0, 0.0, 0.0)
             continue
         if p == 0:
             continue
         root[body] = root[p]
-        position[body] = position[p] + _turned(quaternion[p : p + 1], model.body_pos[body : body + 1])[0]
+        position[body] = position[p] + _rotated(quaternion[p : p + 1], model.body_pos[body : body + 1])[0]
         quaternion[body] = product(quaternion[p].tolist(), model.body_quat[body].tolist())
     body = model.geom_bodyid[geoms].astype(np.int64)
-    at = position[body] + _turned(quaternion[body], model.geom_pos[geoms])
-    turned = _unit(np.stack(product(quaternion[body].T, model.geom_quat[geoms].T), -1))
-    return PlacedGeoms(geoms, root[body], np.round(at, _DIGITS), np.round(turned, _DIGITS))
+    geom_position = position[body] + _rotated(quaternion[body], model.geom_pos[geoms])
+    geom_quaternion = _unit(np.stack(product(quaternion[body].T, model.geom_quat[geoms].T), -1))
+    return PlacedGeoms(geoms, root[body], np.round(geom_position, _DIGITS), np.round(geom_quaternion, _DIGITS))
 
 
 def solid_geoms(world: World) -> PlacedGeoms:
@@ -97,20 +97,20 @@ def solid_geoms(world: World) -> PlacedGeoms:
 
 def solid_tree(world: World) -> SolidTree:
     """Return the tree of static solid geoms, for `RigidBody.clearance_before`."""
-    model, placed = world.model, solid_geoms(world)
-    still = placed.body == 0
-    geoms, position, turn = placed.geom[still], placed.position[still], _matrices(_unit(placed.quaternion[still]))
+    model, solids = world.model, solid_geoms(world)
+    static = solids.body == 0
+    geoms, position, R = solids.geom[static], solids.position[static], _matrices(_unit(solids.quaternion[static]))
     kinds = model.geom_type[geoms].astype(np.int32)
-    shaped = np.isin(kinds, list(_KINDS))
-    kind, center = [kinds[shaped]], [position[shaped]]
-    frame, size = [turn[shaped].reshape(-1, 9)], [model.geom_size[geoms[shaped]]]
-    for index in np.flatnonzero(~shaped).tolist():
+    is_primitive = np.isin(kinds, list(_PRIMITIVES))
+    kind, center = [kinds[is_primitive]], [position[is_primitive]]
+    frame, size = [R[is_primitive].reshape(-1, 9)], [model.geom_size[geoms[is_primitive]]]
+    for index in np.flatnonzero(~is_primitive).tolist():
         geom = int(geoms[index])
         boxes = _hfield_boxes(model, geom) if kinds[index] == int(_G.mjGEOM_HFIELD) else model.geom_aabb[geom][None]
-        middle = np.array([turn[index] @ box[:3] for box in boxes]) + position[index]
+        middle = np.array([R[index] @ box[:3] for box in boxes]) + position[index]
         kind.append(np.full(len(boxes), int(_G.mjGEOM_BOX), np.int32))
         center.append(middle)
-        frame.append(np.tile(turn[index].reshape(1, 9), (len(boxes), 1)))
+        frame.append(np.tile(R[index].reshape(1, 9), (len(boxes), 1)))
         # The model stores vertices as 32-bit floats, and their bounds as sums of these.
         size.append(boxes[:, 3:] * (1.0 + 1e-6) + 1e-6)
     pose = np.concatenate([np.concatenate(center), np.concatenate(frame)], axis=1)
@@ -128,11 +128,9 @@ def _hfield_boxes(model: mujoco.MjModel, geom: int) -> Float64:
     half_x, half_y, height, base = model.hfield_size[field].tolist()
     start = int(model.hfield_adr[field])
     data = model.hfield_data[start : start + rows * columns].reshape(rows, columns) * height
-    across = _cuts(columns)
-    along = _cuts(rows)
     boxes = []
-    for r0, r1 in pairwise(along):
-        for c0, c1 in pairwise(across):
+    for r0, r1 in pairwise(_tile_edges(rows)):
+        for c0, c1 in pairwise(_tile_edges(columns)):
             top = float(data[r0 : r1 + 1, c0 : c1 + 1].max())
             x0, x1 = (2.0 * c / (columns - 1) - 1.0 for c in (c0, c1))
             y0, y1 = (2.0 * r / (rows - 1) - 1.0 for r in (r0, r1))
@@ -145,6 +143,6 @@ def _hfield_boxes(model: mujoco.MjModel, geom: int) -> Float64:
     return np.array(boxes)
 
 
-def _cuts(count: int) -> list[int]:
-    tiles = min(_HFIELD_TILES, count - 1)
+def _tile_edges(count: int) -> list[int]:
+    tiles = min(_MAX_HFIELD_TILES, count - 1)
     return [round(i * (count - 1) / tiles) for i in range(tiles + 1)]

@@ -4,9 +4,9 @@ With m the mean colour of a texture and H the rotation of colours about the grey
 
     c' = brightness (H m + contrast (H c - H m)),  limited to 0 .. 1
 
-A surface of one colour has c = m. The change applies to sRGB codes, not to linear light, so that a factor looks alike
-on dark and bright surfaces. Only + - * / and the sine and cosine of `signals._kernel` are used: the same bits on every
-machine.
+A surface of one colour has c = m. The change applies to sRGB codes, not to linear light, so that a factor looks the
+same on dark and bright surfaces. Only + - * / and the sine and cosine of `signals._kernel` are used, so the bits are
+the same on every machine.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class SurfaceAppearance:
     shift: tuple[float, float]  # of the pattern along its rows and columns, as a share of its size
 
     def colour(self, rgb: Rgb) -> Rgb:
-        """Return the changed colour of a surface, or the factor of its texture; sRGB codes / 255."""
-        r, g, b = (self.brightness * channel for channel in self._turned(*rgb))
-        return _within(r), _within(g), _within(b)
+        """Return the changed colour of a surface; sRGB codes / 255."""
+        r, g, b = (self.brightness * channel for channel in self._rotated(*rgb))
+        return _clipped(r), _clipped(g), _clipped(b)
 
     def texels(self, image: NDArray[np.uint8], *, shifted: bool = True) -> NDArray[np.uint8]:
         """Return the changed texture, (H, W, 3) sRGB codes. Cube maps cannot be shifted: their faces do not repeat."""
@@ -48,17 +48,17 @@ class SurfaceAppearance:
         mean = [float(t) / (image.shape[0] * image.shape[1]) for t in total]
         c = [image[:, :, i] - mean[i] for i in range(3)]
         # H is linear: H m + contrast H (c - m).
-        middle, away = self._turned(*mean), self._turned(c[0], c[1], c[2])
-        made = np.empty(image.shape, np.uint8)
+        rotated_mean, deviation = self._rotated(*mean), self._rotated(c[0], c[1], c[2])
+        changed = np.empty(image.shape, np.uint8)
         for i in range(3):
-            value = (away[i] * self.contrast + middle[i]) * self.brightness
-            made[:, :, i] = np.clip(value + 0.5, 0.0, 255.0).astype(np.uint8)
+            value = (deviation[i] * self.contrast + rotated_mean[i]) * self.brightness
+            changed[:, :, i] = np.clip(value + 0.5, 0.0, 255.0).astype(np.uint8)
         if not shifted:
-            return made
+            return changed
         rows, columns = (int(share * size) for share, size in zip(self.shift, image.shape[:2], strict=True))
-        return np.roll(made, (rows, columns), axis=(0, 1))
+        return np.roll(changed, (rows, columns), axis=(0, 1))
 
-    def _turned(self, r: T, g: T, b: T) -> tuple[T, T, T]:
+    def _rotated(self, r: T, g: T, b: T) -> tuple[T, T, T]:
         """Return a colour rotated about the grey axis."""
         angle = self.hue_deg * RAD_PER_DEG
         cosine, sine = det_cos(angle), det_sin(angle) * _PER_ROOT_3
@@ -83,5 +83,5 @@ def draw_surface(limits: TextureLimits, seed: int, name: str, *, keeps_hue: bool
     )
 
 
-def _within(channel: float) -> float:
+def _clipped(channel: float) -> float:
     return min(max(channel, 0.0), 1.0)

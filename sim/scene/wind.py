@@ -1,15 +1,15 @@
-"""Wind: steady, Dryden turbulence, and gusts at a simulated time.
+"""Wind: a steady wind, Dryden turbulence, and gusts.
 
     wind(t) at the vehicle = steady + turbulence + sum of gusts           [m/s in W; positive: towards east, north, up]
 
-It is evaluated at the ticks and is linear in between, so that an integrator of any order sees a smooth wind.
+The wind is evaluated at the ticks and is linear in between.
 
 Turbulence is MIL-F-8785C's low-altitude Dryden model (sim/native/dryden.hpp) at one point: the air does not rotate over
 the vehicle's span. Its longitudinal axis lies along the steady wind (east if there is none). The filters run with the
-vehicle's speed through the steady air, at least 1 m/s: turbulence drifts past a hovering vehicle even in calm air.
+vehicle's speed through the steady air, but at least 1 m/s, so a hovering vehicle meets turbulence even in calm air.
 Gusts are the same everywhere; a passing front is a gust without an end.
 
-The noise is the stream named "wind", so turbulence changes no other source's noise.
+Turbulence has its own noise stream, "wind", so it changes the noise of no other source.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ from sim._kernels import Dryden
 Speed = Annotated[float, Field(ge=-50.0, le=50.0)]
 Velocity = tuple[Speed, Speed, Speed]
 
-# Mean wind at 20 ft for these words in MIL-F-8785C 3.7.3.1: 15, 30 and 45 knots.
+# Mean wind at 20 ft for these levels (MIL-F-8785C 3.7.3.1): 15, 30 and 45 knots.
 _LEVELS_MPS = {"light": 7.717, "moderate": 15.433, "severe": 23.15}
 _LANES = 5
-_LEAST_AIRSPEED_MPS = 1.0
+_MIN_AIRSPEED_MPS = 1.0
 
 
 class Turbulence(StrictModel):
-    """Strength of turbulence: the mean wind at 20 ft (6.1 m), or the standard's word for it."""
+    """Strength of turbulence: the mean wind at 20 ft (6.1 m), or one of the standard's levels."""
 
     level: Literal["light", "moderate", "severe"] | None = None
     wind_20ft_mps: Annotated[float, Field(ge=0.0, le=50.0)] | None = None
 
     @pydantic.model_validator(mode="after")
-    def _one(self) -> Turbulence:
+    def _one_strength(self) -> Turbulence:
         if (self.level is None) == (self.wind_20ft_mps is None):
             raise ValueError("turbulence needs either level or wind_20ft_mps")
         return self
@@ -62,7 +62,7 @@ class Turbulence(StrictModel):
 class GustEvent(StrictModel):
     """Gust in MIL-F-8785C's 1-cosine shape: rises over `rise_s`, holds for `hold_s`, falls over `fall_s`.
 
-    Without `fall_s` it stays: a wind front.
+    Without `fall_s` the gust does not end: a wind front.
     """
 
     at_s: Annotated[float, Field(ge=0.0, le=86_400.0)]
@@ -92,8 +92,8 @@ class GustEvent(StrictModel):
     def text(self) -> str:
         """Text of the event in the recording."""
         x, y, z = self.velocity_W_mps
-        over = "stays" if self.fall_s is None else f"over at {self.end_s:g} s"
-        return f"gust of ({x:g}, {y:g}, {z:g}) m/s (east, north, up) rises for {self.rise_s:g} s, {over}"
+        end = "stays" if self.fall_s is None else f"over at {self.end_s:g} s"
+        return f"gust of ({x:g}, {y:g}, {z:g}) m/s (east, north, up) rises for {self.rise_s:g} s, {end}"
 
 
 class Wind(StrictModel):
@@ -120,8 +120,9 @@ class WindAtVehicle:
         self._tick_ns = tick_ns
         self._dryden: Dryden | None = None
         x, y, _ = wind.steady_W_mps
-        along = math.sqrt(x * x + y * y)
-        self._east, self._north = (x / along, y / along) if along > 0.0 else (1.0, 0.0)
+        speed = math.sqrt(x * x + y * y)
+        # Direction of the turbulence's longitudinal axis.
+        self._east, self._north = (x / speed, y / speed) if speed > 0.0 else (1.0, 0.0)
         if wind.turbulence is not None:
             self._noise = NoiseStream(seed, "wind", lanes=_LANES)
             self._dryden = Dryden(
@@ -134,15 +135,15 @@ class WindAtVehicle:
 
     def at(self, tick: int, height_m: float, v_WB_W: Vec3) -> Vec3:
         """Return the wind [m/s in W] at a vehicle of this height and velocity; call for every tick in order, from 1."""
-        rough: Vec3 | None = None
+        turbulence: Vec3 | None = None
         if self._dryden is not None:
             sx, sy, sz = self.wind.steady_W_mps
             x, y, z = v_WB_W[0] - sx, v_WB_W[1] - sy, v_WB_W[2] - sz
             airspeed = math.sqrt(x * x + y * y + z * z)
             # A NaN speed becomes the lower limit here; the range check of the state reports it.
-            airspeed = airspeed if airspeed > _LEAST_AIRSPEED_MPS else _LEAST_AIRSPEED_MPS
-            rough = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
-        return self._sum(tick, rough)
+            airspeed = airspeed if airspeed > _MIN_AIRSPEED_MPS else _MIN_AIRSPEED_MPS
+            turbulence = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
+        return self._sum(tick, turbulence)
 
     def add(self, gust: GustEvent) -> list[WindEvent]:
         """Add a gust that has not begun; return its events."""
@@ -165,14 +166,14 @@ class WindAtVehicle:
     def _tick_of(self, at_s: float) -> int:
         return -(-round(at_s * NS_PER_S) // self._tick_ns)
 
-    def _sum(self, tick: int, rough: Vec3 | None) -> Vec3:
+    def _sum(self, tick: int, turbulence: Vec3 | None) -> Vec3:
         x, y, z = self.wind.steady_W_mps
         for gust in self.wind.gusts:
             share = gust.strength(tick * self._tick_ns)
             gx, gy, gz = gust.velocity_W_mps
             x, y, z = x + share * gx, y + share * gy, z + share * gz
-        if rough is not None:
-            along, left, up = rough
+        if turbulence is not None:
+            along, left, up = turbulence
             x += along * self._east - left * self._north
             y += along * self._north + left * self._east
             z += up

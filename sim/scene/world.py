@@ -1,4 +1,4 @@
-"""A scene as geometry: its compiled map, with class, instance and surface of every geom. Worlds are immutable."""
+"""The geometry of a scene: its compiled map, with class, instance and surface of every geom. Worlds are immutable."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class World:
 
     @cached_property
     def geom_appearance(self) -> tuple[SurfaceAppearance | None, ...]:
-        """Appearance that randomisation gives each geom; None: as the map has it."""
+        """Random appearance of each geom; None: as the map has it."""
         appearance = self.scene.appearance
         if appearance is None or appearance.textures is None:
             return (None,) * int(self.model.ngeom)
@@ -46,14 +46,14 @@ class World:
 
     @cached_property
     def surface_appearance(self) -> dict[str, SurfaceAppearance]:
-        """Appearance that randomisation gives each surface, by name: the MJCF material, or the object without one."""
+        """Random appearance of each surface, by its MJCF material's name; without material, by the object's name."""
         appearance = self.scene.appearance
         if appearance is None or appearance.textures is None:
             return {}
-        of_skin = {name for name, surface in self.map.surfaces.items() if surface == SKIN}
+        skin_materials = {name for name, surface in self.map.surfaces.items() if surface == SKIN}
         names = dict.fromkeys(name for name in self._geom_surface_name if not name.startswith(PERSON))
         limits, seed = appearance.textures, appearance.seed
-        return {name: draw_surface(limits, seed, name, keeps_hue=name in of_skin) for name in names}
+        return {name: draw_surface(limits, seed, name, keeps_hue=name in skin_materials) for name in names}
 
     @cached_property
     def _geom_surface_name(self) -> tuple[str, ...]:
@@ -68,8 +68,8 @@ class World:
         """(ngeom,) Index into `map.actors` of the actor that each geom belongs to; -1: static."""
         actor_of = {body: index for index, actor in enumerate(self.map.actors) for body in actor.bodies}
         names = semantics.Names.of(self.model)
-        of_body = [actor_of.get(names.bodies[top], -1) for top in names.top]
-        return np.array(of_body, np.int32)[self.model.geom_bodyid]
+        body_actor = [actor_of.get(names.bodies[top], -1) for top in names.top]
+        return np.array(body_actor, np.int32)[self.model.geom_bodyid]
 
     @property
     def geom_solid(self) -> NDArray[np.bool_]:

@@ -1,7 +1,7 @@
-"""Compiles the map of a scene to a `World`.
+"""Compile the map of a scene to a `World`.
 
-The map comes from one of three sources: a generator with a seed, the user's own MJCF file, or the plain ground plane
-and boxes.
+The map comes from one of three sources: a generator with a seed, the user's own MJCF file, or a ground plane with
+boxes.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ _SHAPES = tuple(
     int(getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"))
     for kind in ("PLANE", "HFIELD", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")
 )
-# MuJoCo draws a plane of size 0 without end.
+# A plane of size 0 is infinite in MuJoCo.
 _GROUND = '<geom name="ground" type="plane" size="0 0 1"/>'
 
 
 @dataclass(frozen=True)
 class MapSource:
-    """Section of the scene that gives the map, with its MJCF file if it names one."""
+    """Section `map` of a scene, with the MJCF file that it names, if any."""
 
     section: GeneratedMap | MjcfMap | None
     file: MapFile | None = None
@@ -67,10 +67,10 @@ def map_source(scene: Scene) -> MapSource:
     folder = scene.file.folder
     path = folder / section.mjcf
     try:
-        there = path.expanduser().is_file()
+        exists = path.expanduser().is_file()
     except (OSError, RuntimeError, ValueError):
-        there = False
-    if not there:
+        exists = False
+    if not exists:
         message = f"names a file that does not exist: {section.mjcf}"
         raise ConfigError([scene.file.problem(("map", "mjcf"), message, f"looked beside {scene.file.document.source}")])
     file = read_map_file(path.expanduser())
@@ -81,20 +81,20 @@ def compile_source(scene: Scene, source: MapSource) -> World:
     """Generate or read the map of a scene, add the scene's boxes and compile it. Raises ConfigError."""
     section = source.section
     if isinstance(section, GeneratedMap):
-        made = _generated(scene, section)
-        made = replace(made, mjcf=_with_boxes(made.mjcf, scene.boxes))
-        further = tuple(name for name in made.classes if name not in class_table())
-        return compile_map(scene, made, class_table(further))
+        scene_map = _generated(scene, section)
+        scene_map = replace(scene_map, mjcf=_with_boxes(scene_map.mjcf, scene.boxes))
+        new_classes = tuple(name for name in scene_map.classes if name not in class_table())
+        return compile_map(scene, scene_map, class_table(new_classes))
     if isinstance(section, MjcfMap):
         assert source.file is not None
         return _from_file(scene, section, source.file)
     text = f"<mujoco><worldbody>{_GROUND}</worldbody></mujoco>"
-    made = SceneMap(_with_boxes(text, scene.boxes), {}, {}, {}, ())
-    return compile_map(scene, made, class_table())
+    scene_map = SceneMap(_with_boxes(text, scene.boxes), {}, {}, {}, ())
+    return compile_map(scene, scene_map, class_table())
 
 
 def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
-    # Imported here: most flights need none of the many generators.
+    # Imported here because most flights need none of the many generators.
     from sim.scene.maps.catalog import GENERATORS
 
     generator = GENERATORS.get(section.generator)
@@ -116,13 +116,13 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
     for name in section.new_classes:
         if name in class_table() or section.new_classes.count(name) > 1:
             problems.append(scene.file.problem(("map", "new_classes"), f"holds a class that exists already: {name!r}"))
-    table = class_table(tuple(dict.fromkeys(section.new_classes)))
-    if len(table) > MAX_CLASSES:
+    class_colours = class_table(tuple(dict.fromkeys(section.new_classes)))
+    if len(class_colours) > MAX_CLASSES:
         message = f"holds too many: {MAX_CLASSES} classes in all"
         problems.append(scene.file.problem(("map", "new_classes"), message))
     for name in section.classes:
-        if name not in table:
-            hint = nearest(name, table) + ", or add it to map.new_classes"
+        if name not in class_colours:
+            hint = nearest(name, class_colours) + ", or add it to map.new_classes"
             problems.append(scene.file.problem(("map", "classes", name), "is not a class", hint))
         elif name == "none":
             problems.append(
@@ -151,46 +151,48 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
         raise ConfigError(problems)
     text = file.text
     if section.ground:
-        text = _put(text, _GROUND)
-    made = SceneMap(_with_boxes(text, scene.boxes), file.assets, section.classes, surfaces, ())
-    return compile_map(scene, made, table, file)
+        text = _insert(text, _GROUND)
+    scene_map = SceneMap(_with_boxes(text, scene.boxes), file.assets, section.classes, surfaces, ())
+    return compile_map(scene, scene_map, class_colours, file)
 
 
 def _with_boxes(mjcf: str, boxes: tuple[Box, ...]) -> str:
     for box in boxes:
         centre = " ".join(repr(float(v)) for v in box.center_m)
         half = " ".join(repr(0.5 * float(v)) for v in box.size_m)
-        mjcf = _put(mjcf, f'<geom name={quoteattr(box.name)} type="box" pos="{centre}" size="{half}"/>')
+        mjcf = _insert(mjcf, f'<geom name={quoteattr(box.name)} type="box" pos="{centre}" size="{half}"/>')
     return mjcf
 
 
-def _put(mjcf: str, element: str) -> str:
+def _insert(mjcf: str, element: str) -> str:
     """Return the text with `element` at the end of its worldbody. No line is added, so line numbers stay true."""
-    place = mjcf.rfind("</worldbody>")
-    if place < 0:
+    position = mjcf.rfind("</worldbody>")
+    if position < 0:
         end = mjcf.rfind("</mujoco>")
-        return f"{mjcf[:end]}<worldbody>{element}</worldbody>{mjcf[end:]}" if end >= 0 else _opened(mjcf, element)
-    return mjcf[:place] + element + mjcf[place:]
+        return (
+            f"{mjcf[:end]}<worldbody>{element}</worldbody>{mjcf[end:]}" if end >= 0 else _with_worldbody(mjcf, element)
+        )
+    return mjcf[:position] + element + mjcf[position:]
 
 
-def _opened(mjcf: str, element: str) -> str:
+def _with_worldbody(mjcf: str, element: str) -> str:
     """Return the text of an empty element, <mujoco .../>, with `element` as its worldbody."""
     return re.sub(r"/>\s*$", f"><worldbody>{element}</worldbody></mujoco>", mjcf)
 
 
 def compile_map(
-    scene: Scene, made: SceneMap, table: Mapping[str, tuple[int, int, int]], file: MapFile | None = None
+    scene: Scene, scene_map: SceneMap, class_colours: Mapping[str, tuple[int, int, int]], file: MapFile | None = None
 ) -> World:
     """Compile a map and number its classes, instances and surfaces; raises ConfigError.
 
-    `table` gives the classes and their colours, by class id; `file`: the user's MJCF file, for its line numbers.
+    `class_colours`: class -> colour, in the order of class ids. `file`: the user's MJCF file, for its line numbers.
     """
     mujoco.set_mju_user_warning(_ignore)  # by default MuJoCo writes a log file into the working directory
     try:
         if file is not None and needs_limits(file.root):
-            model = compile_with_limits(made.mjcf, made.assets)
+            model = compile_with_limits(scene_map.mjcf, scene_map.assets)
         else:
-            model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+            model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
         problem = file.problem(str(error)) if file is not None else None
         raise ConfigError(
@@ -199,36 +201,36 @@ def compile_map(
     finally:
         mujoco.set_mju_user_warning(None)
     names = semantics.Names.of(model)
-    number_of = {name: number for number, name in enumerate(table)}
+    class_ids = {name: number for number, name in enumerate(class_colours)}
     problems = []
-    geom_class, idle = semantics.classes(model, names, made.classes, number_of)
+    geom_class, unmatched = semantics.classes(model, names, scene_map.classes, class_ids)
     if file is not None:
-        for name, index in idle:
-            pattern = made.classes[name][index]
+        for name, index in unmatched:
+            pattern = scene_map.classes[name][index]
             known = [*names.bodies[1:], *names.geoms]
             message = f"matches nothing in the map: {pattern!r}"
             hint = nearest(pattern, [word for word in known if word], listed=False)
             problems.append(scene.file.problem(("map", "classes", name, index), message, hint))
-        for material in made.surfaces:
+        for material in scene_map.surfaces:
             if material not in names.materials:
                 message = "is not a material of the map"
                 problems.append(
                     scene.file.problem(("map", "surfaces", material), message, nearest(material, names.materials))
                 )
-        problems += _unfit(model, names, file)
+        problems += _unsupported_parts(model, names, file)
     if problems:
         raise ConfigError(problems)
     try:
-        geom_instance, instance_names = semantics.instances(names, made.actors)
-        geom_surface, surfaces = semantics.surfaces(model, names, made.surfaces, DEFAULT_SURFACE)
+        geom_instance, instance_names = semantics.instances(names, scene_map.actors)
+        geom_surface, surfaces = semantics.surfaces(model, names, scene_map.surfaces, DEFAULT_SURFACE)
     except ValueError as error:
         raise ConfigError([scene.file.problem(("map",), str(error))]) from None
     return World(
         scene,
-        made,
+        scene_map,
         model,
-        tuple(table),
-        tuple(table.values()),
+        tuple(class_colours),
+        tuple(class_colours.values()),
         instance_names,
         surfaces,
         read_only(geom_class),
@@ -239,11 +241,11 @@ def compile_map(
 
 
 def _ignore(_warning: str) -> None:
-    """Drop a warning of MuJoCo: those of a map that compiles concern its dynamics, which are not used."""
+    """Ignore a warning of MuJoCo: a map that compiles only has warnings about its dynamics, which are not used."""
 
 
-def _unfit(model: mujoco.MjModel, names: semantics.Names, file: MapFile) -> list[Problem]:
-    """List parts of a compiled model that the bench cannot simulate; defaults, sub-models and replicas may add them."""
+def _unsupported_parts(model: mujoco.MjModel, names: semantics.Names, file: MapFile) -> list[Problem]:
+    """List parts of the model that the bench cannot simulate; defaults, sub-models and replicas may add such parts."""
     problems = []
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).tolist():
         body = names.bodies[model.jnt_bodyid[joint]]
@@ -266,6 +268,6 @@ def _unfit(model: mujoco.MjModel, names: semantics.Names, file: MapFile) -> list
 
 
 def read_only(array: NDArray) -> NDArray:
-    """Return the array itself, locked against writing."""
+    """Make the array read-only, and return it."""
     array.setflags(write=False)
     return array

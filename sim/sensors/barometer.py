@@ -1,16 +1,16 @@
 """Barometer: pressure of the standard atmosphere at the vehicle's height, with errors of sensor and installation.
 
     p = p_ISA(h) + drift + prop wash + flow + n,   rounded to the resolution
-    altitude = that of the standard atmosphere at p
+    altitude = altitude of the standard atmosphere at p
 
     prop wash   T (p_free + p_ground e^{-z / h_g})      T = mean (rotor speed / reference)^2, the thrust ratio
     flow        sum_i c_i rho/2 u_i |u_i|, i = x, y     u air velocity past the body in B
 
-In the wash the pressure round the sensor is not the static one: suction above the rotors (p_free < 0, the altitude
-reads high), a cushion under them near the ground (p_ground > 0, it reads low: the dip at take-off that autopilots allow
-for). The flow term is the position error of the static port, which ArduPilot corrects with BARO1_WCF_*. Both are
-first-order models, with coefficients to be measured on the vehicle; z is the height over the ground plane, the wind is
-the scene's steady wind.
+Prop wash changes the pressure around the sensor. Above the rotors there is suction (p_free < 0: the altitude reads too
+high). Under them near the ground there is a cushion (p_ground > 0: the altitude reads too low, the dip at take-off that
+autopilots allow for). The flow term is the position error of the static port, which ArduPilot corrects with
+BARO1_WCF_*. Both terms are first-order models, with coefficients to be measured on the vehicle; z is the height over
+the ground plane, the wind is the scene's steady wind.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class Barometer(InstalledSensor):
         self._drift = gauss_markov(installation, lanes=1, sigma=p.drift_pa, time_constant_s=p.drift_time_constant_s)
 
     def sample(self, truth: TruthState, seq: int) -> BaroSample:
-        """Return sample `seq`. Height in W counts as height over the site (Earth's curvature: 8 cm at 1 km)."""
+        """Return sample `seq`. Height in W is taken as height over the site (Earth's curvature: 8 cm at 1 km)."""
         t_ns, p = truth.t_ns, self._p
         n = self._white.normal(seq)
         pressure = pressure_pa(self._site_altitude_m + truth.p_WB[2])

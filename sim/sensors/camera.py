@@ -2,12 +2,12 @@
 
 All channels of a sample show one instant, `t_capture_ns`, the time of the tick, with two exceptions:
 
-* rolling shutter: rows are read one after another, the middle one at t_capture. Bands of four rows share one pose, the
-  vehicle's at the middle of the band's time (sim/frame/mount.py states the error). With a readout of T and h rows no
-  row is off by more than 2 T / h. People and vehicles of the scene are posed at t_capture: a walker at 1.5 m/s and
-  T = 20 ms is off by 15 mm at most.
-* motion blur: colour is the mean of several pictures over the exposure, whose middle is t_capture; again only the
-  camera moves. The other channels belong to the middle of the exposure.
+* rolling shutter: rows are read one after another, the middle row at t_capture. Bands of four rows share the camera
+  pose at the middle of the band's readout (sim/frame/mount.py states the error). With a readout time T and h rows, the
+  time of a row is wrong by at most 2 T / h. People and vehicles of the scene are posed at t_capture: with T = 20 ms, a
+  walker at 1.5 m/s is displaced by at most 15 mm.
+* motion blur: colour is the mean of several pictures over the exposure, whose middle is t_capture. People and vehicles
+  stand still during the exposure. The other channels belong to the middle of the exposure.
 
 Noise, gain and vignetting change colour only, `depth_noise` the planar depth only; every other channel is the truth.
 """
@@ -28,7 +28,7 @@ from sim.frame.source import Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
-BAND_ROWS = 4  # rows of a rolling shutter that share a pose; also the least that a renderer draws
+BAND_ROWS = 4  # rows of a rolling shutter that share a pose; also the minimum that a renderer draws
 
 
 class Camera(InstalledSensor):
@@ -57,8 +57,8 @@ class Camera(InstalledSensor):
         )
         self._shared = installation.shared
         if self._shared is not None:
-            apart = p.supersample > 1 or p.colour != "native" or p.motion_blur is not None
-            self._renderer = self._shared.sharing(self._renderer, colour_apart=apart)
+            separate_colour = p.supersample > 1 or p.colour != "native" or p.motion_blur is not None
+            self._renderer = self._shared.sharing(self._renderer, separate_colour=separate_colour)
         self._moments = self._exposure_moments(p)
         self._bands = self._row_bands(p)
         self._sensor = self._light_sensor(installation, p) if "rgb" in p.channels else None
@@ -100,9 +100,9 @@ class Camera(InstalledSensor):
             self._draw(truth, 0.0, pictures | {"rgb": raw})
             sensor.add(raw, weight)
         else:
-            rest = {name: picture for name, picture in pictures.items() if name != "rgb"}
-            if rest:
-                self._draw(truth, 0.0, rest)
+            geometry = {name: picture for name, picture in pictures.items() if name != "rgb"}
+            if geometry:
+                self._draw(truth, 0.0, geometry)
             for moment_s in self._moments:
                 self._draw(truth, moment_s, {"rgb": raw})
                 sensor.add(raw, weight)
@@ -117,7 +117,7 @@ class Camera(InstalledSensor):
             self._renderer.render(self.mount.pose(truth, moment_s + delay_s), out, rows=rows)
 
     def _row_bands(self, p: CameraParameters) -> list[tuple[tuple[int, int], float]]:
-        """Return the rows of each band and the readout time of their middle from t_capture; empty: all rows at once."""
+        """Return (rows, readout time of their middle after t_capture [s]) of each band; empty: all rows at once."""
         height = self.model.height
         if p.rolling_shutter_s == 0.0 or height <= BAND_ROWS:
             return []
@@ -132,7 +132,7 @@ class Camera(InstalledSensor):
         return [p.motion_blur.exposure_s * ((k + 0.5) / n - 0.5) for k in range(n)]
 
     def _light_sensor(self, installation: Installation, p: CameraParameters) -> LightSensor | None:
-        """Return the model of the light sensor; None if it leaves colour as it was drawn."""
+        """Return the model of the light sensor; None if no effect is switched on."""
         control, noise = p.exposure, p.noise
         if control.gain == 1.0 and not control.auto and noise is None and p.vignetting == 0.0 and p.motion_blur is None:
             return None

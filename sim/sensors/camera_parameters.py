@@ -71,7 +71,7 @@ class ExposureControl(StrictModel):
 
 
 class LightNoise(StrictModel):
-    """Shot and read noise. A white pixel has `electrons_at_white`: a full well in daylight, far less indoors."""
+    """Shot and read noise. `electrons_at_white`: a full well in daylight, far less indoors."""
 
     electrons_at_white: Annotated[float, Field(ge=1.0, le=1e7)]
     read_noise_electrons: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
@@ -87,8 +87,8 @@ class MotionBlur(StrictModel):
 class DepthNoise(StrictModel):
     """Errors of a depth camera: noise of sigma = sigma_m + sigma_per_m z^2, then rounding, then limits.
 
-    Stereo cameras round 1/z (to disparity step / (focal length * baseline)), time-of-flight cameras z; give at most
-    one.
+    Time-of-flight cameras round z to `step_m`. Stereo cameras round 1/z to `inverse_step_per_m` = disparity step /
+    (focal length * baseline). At most one of the two may be given.
     """
 
     sigma_m: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
@@ -121,7 +121,7 @@ class CameraParameters(StrictModel):
     mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zeros: looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05
     far_m: Annotated[float, Field(gt=0.0, le=100_000.0)] = 10_000.0
-    # A level of sim/frame/quality.py, for the report only: its values are already in the other parameters.
+    # Level of sim/frame/quality.py, for the report only: the level's values are already in the other parameters.
     quality: QualityName | None = None
     shadows: bool = False
     textures: bool = True  # false: each surface has its mean colour
@@ -133,9 +133,8 @@ class CameraParameters(StrictModel):
     noise: LightNoise | None = None
     motion_blur: MotionBlur | None = None
     depth_noise: DepthNoise | None = None
-    rolling_shutter_s: Annotated[float, Field(ge=0.0, le=0.2)] = (
-        0.0  # from the first row to the last; 0: global shutter
-    )
+    # Readout time from the first row to the last; 0: global shutter.
+    rolling_shutter_s: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
     latency_s: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
 
     @field_validator("channels")
@@ -163,8 +162,8 @@ class CameraParameters(StrictModel):
             raise ValueError("needs fov_deg or intrinsics, and not both (a preset's fov_deg goes with `fov_deg: null`)")
         check_order(("near_m", self.near_m), ("far_m", self.far_m))
         if self.supersample * max(self.resolution) > MAX_PIXELS_ACROSS:
-            most = MAX_PIXELS_ACROSS // self.supersample
-            raise ValueError(f"supersample {self.supersample} takes pictures of at most {most} pixels across")
+            max_pixels = MAX_PIXELS_ACROSS // self.supersample
+            raise ValueError(f"supersample {self.supersample} takes pictures of at most {max_pixels} pixels across")
         model = self.model()
         check_invertible(model)
         if self.colour != "native":
@@ -206,7 +205,7 @@ class CameraParameters(StrictModel):
 
 
 def check_invertible(camera: CameraModel) -> None:
-    """Raise ValueError if the distortion cannot be inverted at the picture's rim, where it fails first."""
+    """Raise ValueError if the distortion cannot be inverted at the picture's rim, the farthest pixels from the axis."""
     columns, rows = np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5
     rim = np.concatenate(
         [

@@ -29,17 +29,17 @@ def make_sensor(
     name = installation.name
     values: dict[str, Any] = {}
     if preset is not None:
-        chosen = PRESETS[preset]
-        if kind is not None and kind != chosen.kind:
-            raise ValueError(f"sensor '{name}': preset '{preset}' is a {chosen.kind}, not a {kind}")
-        kind = chosen.kind
-        values = chosen.parameters.model_dump()
+        preset_data = PRESETS[preset]
+        if kind is not None and kind != preset_data.kind:
+            raise ValueError(f"sensor '{name}': preset '{preset}' is a {preset_data.kind}, not a {kind}")
+        kind = preset_data.kind
+        values = preset_data.parameters.model_dump()
     if kind is None:
         raise ValueError(f"sensor '{name}' needs a preset or a kind")
     entry = KINDS[kind]
-    own = dict(overrides or {})
-    if kind == "camera" and own.get("quality") in QUALITIES:
-        values = with_quality(values, own["quality"])
-    parameters = entry.parameters.model_validate(values | own)
+    given = dict(overrides or {})
+    if kind == "camera" and given.get("quality") in QUALITIES:
+        values = with_quality(values, given["quality"])
+    parameters = entry.parameters.model_validate(values | given)
     sensor: Sensor = entry.sensor(installation, parameters)
     return sensor

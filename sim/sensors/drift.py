@@ -16,8 +16,8 @@ class Drift:
         x_0     = start * n_0
         x_{k+1} = phi x_k + step * n_{k+1}
 
-    A value is a function of (seed, name, index) alone, so skipped samples change nothing. A rising index steps over the
-    samples in between, a falling one replays from the start.
+    A value is a function of (seed, name, index) alone, so skipped samples change nothing. `at` steps from the last
+    index to the new one; for a lower index it starts again at 0.
     """
 
     def __init__(self, seed: int, name: str, *, lanes: int, start: float, phi: float, step: float) -> None:

@@ -1,14 +1,14 @@
 """Sensor faults from a given simulated time on, applied to the samples of any sensor.
 
     freeze     the values stay as at the beginning of the fault; timestamps and sequence continue
-    offset     value + `value`
-    drift      value + `rate_per_s` (t - at)
+    offset     adds `value`
+    drift      adds `rate_per_s` (t - at_s)
     stuck_bit  bit `bit` of the output word (two's complement) is fixed at `level`
     dropout    no sample: `sample` returns None
 
-A fault is active while at_s <= t < until_s. It acts on one field of the sample, by default the main one, on one axis or
-on all. Values derived from the field are computed anew (the pressure altitude from the pressure). A fault changes no
-sensor's noise.
+A fault is active while at_s <= t < until_s. Offset, drift and stuck_bit act on one field of the sample, by default its
+main field, on one axis or on all. Values derived from the field are computed anew (the pressure altitude from the
+pressure). A fault changes no sensor's noise.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from signals.time import NS_PER_S
 from sim.scene.atmosphere import pressure_altitude_m
 from sim.sensors.sensor import Sensor
 
-# Fields that faults can act on, the main one first, with the number of axes (1: a scalar).
+# Fields that faults can act on, the main field first, with the number of axes (1: a scalar).
 FAULT_FIELDS: dict[type, dict[str, int]] = {
     ImuSample: {"accel_mps2": 3, "gyro_radps": 3, "temperature_degc": 1},
     MagSample: {"field_tesla": 3},
@@ -52,7 +52,7 @@ FAULT_FIELDS: dict[type, dict[str, int]] = {
     PointCloudSample: {},
     RadarSample: {},
 }
-_STAMPS = 3  # seq, t_capture_ns, t_available_ns: never faulted
+_STAMPS = 3  # seq, t_capture_ns, t_available_ns: faults leave them unchanged
 _AXES = "xyz"
 _WORD_BITS = 32
 
@@ -152,7 +152,7 @@ EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event
 
 
 class FaultySensor:
-    """Sensor with faults. All other attributes are those of the sensor itself."""
+    """Sensor with faults. Its name, rates and resolution are those of the sensor itself."""
 
     def __init__(self, sensor: Sensor, faults: Sequence[Any], *, on_event: EventSink | None = None) -> None:
         """`faults`: faults of this sensor, applied in their order. Raises ValueError if one does not fit the sensor."""
@@ -201,8 +201,8 @@ class FaultySensor:
         if dropped:
             return None
         self._last = values
-        made: Sample = self.sample_type(*sample[:_STAMPS], *values)
-        return made
+        faulty: Sample = self.sample_type(*sample[:_STAMPS], *values)
+        return faulty
 
     def _changed(self, values: tuple[Any, ...], fault: Any, since_s: float) -> tuple[Any, ...]:
         name = fault.field or next(iter(FAULT_FIELDS[self.sample_type]))

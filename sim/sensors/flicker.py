@@ -4,14 +4,14 @@ A process of variance s^2 and time constant T has the Allan variance (u = tau / 
 
     s^2 (2u - 3 + 4 e^-u - e^-2u) / u^2
 
-and processes of equal variance, spread evenly over all ln T, sum to the constant 2 ln 2 per unit of variance density:
-flicker noise. IEEE Std 952-1997 (annex C.1.4) defines the bias instability B by that floor,
+Processes of equal variance, spread evenly over all ln T, sum to a constant Allan variance, the floor of flicker noise:
+2 ln 2 per unit of variance density. IEEE Std 952-1997 (annex C.1.4) defines the bias instability B by that floor,
 
     sigma^2 = (2 ln 2 / pi) B^2,        sigma = 0.664 B
 
 Here seven processes, 0.92 decades apart, approximate it over tau = 0.01 to 1000 s. `WEIGHTS` is the minimax fit over
-that span: the sum stays within 1.4 % of the floor's variance, 0.7 % of its deviation (tests/accuracy). All start
-stationary, so a sensor starts with a bias of deviation sqrt(sum of weights) B = 2.2 B besides its turn-on bias.
+that span: the sum stays within 1.4 % of the floor's variance, 0.7 % of its deviation (tests/accuracy). All processes
+start stationary, so a sensor starts with a bias of deviation sqrt(sum of weights) B = 2.2 B besides its turn-on bias.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class FlickerProcess(NamedTuple):
 
 
 def flicker_processes(period_s: float) -> tuple[FlickerProcess, ...]:
-    """Return the processes as sampled every `period_s`.
+    """Return the processes, sampled every `period_s`.
 
-    Processes with a time constant below the period are left out: their point samples would be white noise of full
-    variance, while the sensor's mean over a period contains almost none of it.
+    Processes with a time constant below the period are left out: their samples would be white noise of full variance,
+    but in the sensor's mean over a period this noise almost vanishes.
     """
     processes = []
     for time_constant_s, weight in zip(TIME_CONSTANTS_S, WEIGHTS, strict=True):

@@ -4,7 +4,7 @@
 
 r is the antenna's position in B; c a first-order Gauss-Markov process (slow errors of orbit, clock, troposphere and
 multipath); n white noise. While the signal is lost the receiver keeps sending: its last position (zeros before the
-first fix), no velocity, no fix, no satellites, and an accuracy to match. A receiver that sends nothing is a dropout
+first fix), zero velocity, no fix, no satellites, and an accuracy of 1000 m. A receiver that sends nothing is a dropout
 (`sim.sensors.faults`).
 """
 
@@ -45,9 +45,9 @@ class SignalLoss(StrictModel):
 
 
 class GpsParameters(StrictModel):
-    """Errors of one receiver, 1 sigma per horizontal axis or vertical.
+    """Errors of one receiver, 1 sigma: of each horizontal axis, or vertical.
 
-    The accuracies are those that the receiver reports; null: its true errors, sqrt(noise^2 + drift^2).
+    The accuracies are the values that the receiver reports; null: its true errors, sqrt(noise^2 + drift^2).
     """
 
     horizontal_noise_m: Deviation

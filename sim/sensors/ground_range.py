@@ -36,7 +36,7 @@ class GroundRange:
         self._at_origin = not any(mount_m)
 
     def distance_m(self, truth: TruthState) -> float:
-        """Return the true distance [m]; -1 if the ray hits nothing (it points above the horizon)."""
+        """Return the true distance [m]; -1 if the ray hits nothing."""
         origin_W = truth.p_WB
         if not self._at_origin:
             dx, dy, dz = rotate_into_world(truth.q_WB, self._mount_m)
@@ -45,8 +45,8 @@ class GroundRange:
 
 
 def rays_into(scene: Scene) -> Rays:
-    """Return the ground plane and boxes in closed form, or every visible static geom of a map."""
-    if not scene.plain:
+    """Return the surfaces of a scene: ground plane and boxes in closed form, or the visible static geoms of its map."""
+    if not scene.has_only_boxes:
         return MapRays(load_world(scene))
     return BoxScene(
         [(*box.center_m, 0.5 * box.size_m[0], 0.5 * box.size_m[1], 0.5 * box.size_m[2]) for box in scene.boxes]
@@ -58,7 +58,7 @@ class MapRays:
 
     def __init__(self, world: World) -> None:
         model = self._model = copy.copy(world.model)
-        # Rays ignore invisible geoms, and actors, which are not posed here: both go to group 5.
+        # Rays ignore group 5: invisible geoms, and actors, because they are not posed here.
         model.geom_group[:] = np.where(world.geom_visible & (world.geom_actor < 0), 0, 5)
         self._data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)

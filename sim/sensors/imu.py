@@ -1,18 +1,18 @@
-"""Strapdown inertial measurement unit: meaning of its parameters. Equations: sim/native/imu.hpp.
+"""Strapdown inertial measurement unit. Equations: sim/native/imu.hpp.
 
     f = R_WB^T (a - g) + alpha x r + w x (w x r)      specific force at the sensor, in B [m/s2]
     out = Q(M (f + vibration) + turn-on bias + temperature drift + walk + flicker + white)
 
-Motion and vibration enter as their mean over the physics step just taken, like the output of an IMU that integrates at
-a high internal rate. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
+Motion and vibration enter as their mean over the last physics tick, like the output of an IMU that integrates at a high
+internal rate. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
 
 The Allan deviation over tau follows the line that a datasheet (or a long log of the part at rest) gives:
 
     sigma^2(tau) = N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3
 
 N white noise density, B bias instability, K random walk of the bias. N is the density at the output, so the rounding
-error of the output word is part of it: the variance of the drawn white noise is N^2 F - q^2 / 12, with F the sample
-rate and q the step. A sample is the mean of m internal readings, which has steps of 1/m word: q = word / m.
+error of the output word is part of N: the variance of the simulated white noise is N^2 F - q^2 / 12, with F the sample
+rate and q the step. A sample is the mean of m internal readings, so its step is q = word / m.
 """
 
 from __future__ import annotations
@@ -145,8 +145,8 @@ class Imu(InstalledSensor):
     def noise(self, first: int, count: int) -> NDArray[np.float64]:
         """Return walk, flicker and white noise of samples `first` .. `first + count - 1`, before rounding.
 
-        Shape (count, 7): accel [m/s2], gyro [rad/s], temperature [degC]. It is the code of `sample` without motion: a
-        million samples take a second or two, so that Allan deviations over hours of flight can be tested.
+        Shape (count, 7): accel [m/s2], gyro [rad/s], temperature [degC]. It runs the code of `sample` without motion, a
+        million samples in a second or two, so that Allan deviations over hours of flight can be tested.
         """
         out = np.empty((count, 7))
         self._kernel.noise(first, out)

@@ -1,17 +1,17 @@
 """LiDAR: the cloud of points of one sweep, each with its time, ring, intensity and class.
 
 The sweep ends at the capture: it covers [t_capture - period, t_capture). Ray i fires at `time_offset_ns[i]` (< 0) from
-the capture, from the vehicle's pose at that time (sim/sensors/sweep_motion.py states the error). Moving people and
-vehicles are posed `subsweeps` times per sweep, at the middle of each part: a limb at 5 m/s is off by at most 25 mm with
-ten parts of a sweep of 0.1 s, a walking body by 8 mm. Actors that no ray of a part can reach are not posed for it. With
-`rolling: false` the whole sweep happens at the capture, and all offsets are 0.
+the capture, from the vehicle's pose at that time (sim/sensors/sweep_motion.py states the error). A sweep is divided
+into `subsweeps` parts, and people and vehicles of the scene are posed at the middle of each part. With ten parts of a
+sweep of 0.1 s, a limb at 5 m/s is displaced by at most 25 mm, a walking body by 8 mm. Actors that no ray of a part can
+reach are not posed for that part. With `rolling: false` the whole sweep happens at the capture, and all offsets are 0.
 
 `points_L` is the output of the device: range times direction in its own frame L (forward, left, up) at the ray's time.
 The cloud of a moving vehicle is therefore distorted, and the receiver has to correct it. p_WL and q_WL are the pose at
 the capture. Rays without a return are left out.
 
-Surfaces beyond the range, rays without a geom in reach, and actors out of reach are skipped, which changes no bit
-(`RayCaster.cast(tree=..., max_range=...)` and its test).
+Surfaces beyond the range, rays without a geom in reach, and actors out of reach are skipped, which changes no bit of
+the sample (a test compares `RayCaster.cast` with and without `tree` and `max_range`).
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ _FOOTPRINT = ((0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5))
 
 @dataclass(frozen=True)
 class _Rays:
-    """Rays of a sweep in B, for each ray of the footprint, in the order in which they are cast.
+    """Rays of a sweep in B, in the order in which they are cast.
 
-    Within a part, rays of similar direction are neighbours: intersections are computed for eight rays at once.
+    Within a part, rays of similar direction are neighbours, because intersections are computed for eight rays at once.
     """
 
     sweep: Sweep  # in firing order
     fired_ns: NDArray[np.int32]  # in firing order
     place: NDArray[np.int32]  # index of each ray of `sweep` in the arrays below
-    directions_B: list[Float64]  # (n, 3) each
+    directions_B: list[Float64]  # (n, 3) for each ray of the footprint
     origins_B: Float64  # (n, 3)
     offset_ns: NDArray[np.int32]
     parts: list[slice]  # one for each pose of the scene
@@ -99,7 +99,7 @@ class Lidar(InstalledSensor):
         self._before = before
 
     def sample(self, truth: TruthState, seq: int) -> PointCloudSample:
-        """Return sweep `seq`. The first one assumes motion with constant accelerations."""
+        """Return sweep `seq`. The first sweep assumes motion with constant accelerations."""
         p, t_ns = self._p, truth.t_ns
         rays = self._ready(seq)
         motion = sweep_motion(truth, self._recent(t_ns)) if p.rolling else at_rest(truth)
@@ -148,7 +148,7 @@ class Lidar(InstalledSensor):
         across, upward = _perpendicular(d)
         directions_B = []
         for a, b in self._footprint:
-            radius = 0.5 * p.beam_divergence_rad  # of the cone; so small that it equals its tangent
+            radius = 0.5 * p.beam_divergence_rad  # of the cone, as an angle; the tangent is taken as equal
             tilted = _unit(d + (a * radius) * across + (b * radius) * upward) if a or b else d
             directions_B.append(tilted[:, :1] * columns[0] + tilted[:, 1:2] * columns[1] + tilted[:, 2:] * columns[2])
         n = len(d)
@@ -156,8 +156,8 @@ class Lidar(InstalledSensor):
         parts = [slice(0, n)]
         if p.rolling and p.subsweeps > 1:
             edges = [-self.period_ns + self.period_ns * k // p.subsweeps for k in range(1, p.subsweeps)]
-            cuts = [0, *np.searchsorted(offset_ns, edges).tolist(), n]
-            parts = [slice(a, b) for a, b in pairwise(cuts)]
+            starts = [0, *np.searchsorted(offset_ns, edges).tolist(), n]
+            parts = [slice(a, b) for a, b in pairwise(starts)]
         order = np.concatenate([part.start + casting_order(d[part], sweep.ring[part]) for part in parts])
         place = np.empty(n, np.int32)
         place[order] = np.arange(n, dtype=np.int32)

@@ -10,12 +10,12 @@ Loss. An echo of strength e = rho cos(theta) is detected up to
 
     limit = range_at_10_percent_m * sqrt(e / 0.1)                       (light falls with the square of the range)
 
-always up to 0.9 limit, never beyond 1.1 limit, with a probability that falls linearly in between; besides, each echo is
-lost with `dropout_probability`.
+The probability of detection is 1 up to 0.9 limit, 0 beyond 1.1 limit, and falls linearly in between. In addition, each
+echo is lost with `dropout_probability`.
 
 Measurement. range = round(true + sigma n), limited to [min_range_m, max_range_m].
 
-Noise of ray i of sweep `seq` is draw seq * rays + i of the streams `<name>.range` and `<name>.dropout`.
+The noise of ray i of sweep `seq` is number seq * rays + i of the streams `<name>.range` and `<name>.dropout`.
 
 The arithmetic of loss and measurement is sim/native/frame/lidar_receiver.isa.cpp.
 """
@@ -45,11 +45,11 @@ class Echoes:
 
     range_m: Float64  # (n,)
     strength: Float64  # (n,) rho cos(theta), as a share of the beam's light
-    geom: NDArray[np.int32]  # (n,) the surface that returned most of it
+    geom: NDArray[np.int32]  # (n,) the surface that returned most of the light
 
 
 class Cloud(NamedTuple):
-    """Arrays of a sample, one element per point, in the order of its fields; the sample owns them."""
+    """Arrays of a sample in the order of its fields, one element per point."""
 
     points_L: NDArray[np.float32]
     range_m: NDArray[np.float32]
@@ -67,7 +67,10 @@ def single_echoes(range_m: Float64, strength: Float64, geom: NDArray[np.int32]) 
 def choose_echoes(
     range_m: Float64, strength: Float64, geom: NDArray[np.int32], *, which: str, separation_m: float
 ) -> Echoes:
-    """Return the echo that is reported for each beam of (m, n) rays; `which` is "first", "last" or "strongest"."""
+    """Return the reported echo of each of n beams of m rays (arrays: (m, n)).
+
+    `which`: "first", "last" or "strongest".
+    """
     m, n = range_m.shape
     order = np.argsort(range_m, axis=0, kind="stable")
     r = np.take_along_axis(range_m, order, axis=0)
@@ -76,7 +79,7 @@ def choose_echoes(
     none = np.full(n, np.inf)
     best = Echoes(none.copy(), np.zeros(n), np.full(n, -1, np.int32))
     found = np.zeros(n, dtype=bool)
-    # The current echo: its last range, sums over its rays, and its brightest ray.
+    # State of each beam's current echo: its last range, sums over its rays, and its brightest ray.
     last, weight, moment, light = none.copy(), np.zeros(n), np.zeros(n), np.zeros(n)
     brightest, brightest_geom = np.full(n, -1.0), np.full(n, -1, np.int32)
     for j in range(m + 1):
@@ -97,9 +100,9 @@ def choose_echoes(
         found |= ends
         if j == m:
             break
-        fresh = ~joins
-        weight[fresh] = moment[fresh] = light[fresh] = 0.0
-        brightest[fresh] = -1.0
+        starts = ~joins
+        weight[starts] = moment[starts] = light[starts] = 0.0
+        brightest[starts] = -1.0
         w = np.where(hit, e[j] + _NO_LIGHT, 0.0)
         weight += w
         moment += np.where(hit, w * np.where(hit, r[j], 0.0), 0.0)
@@ -136,7 +139,7 @@ class Receiver:
 
     @property
     def farthest_m(self) -> float:
-        """True range beyond which no echo is reported: noise shortens a range by at most 9 sigma."""
+        """True range beyond which no echo is reported, since noise shortens a range by at most 9 sigma."""
         return self._p.max_range_m + 9.0 * self._p.range_noise_m + self._p.range_resolution_m
 
     def measure(
@@ -179,7 +182,7 @@ class Receiver:
 
 
 def own(values: NDArray[Scalar]) -> NDArray[Scalar]:
-    """Return a read-only copy, owned by one sample."""
+    """Return a read-only copy."""
     values = values.copy()
     values.flags.writeable = False
     return values

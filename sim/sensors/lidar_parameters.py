@@ -22,10 +22,10 @@ class LidarParameters(StrictModel):
     max_range_m: Distance
     range_noise_m: Annotated[float, Field(ge=0.0, le=10.0)]
     range_resolution_m: Annotated[float, Field(gt=0.0, le=1.0)]
-    # Range to which a head-on surface of 10 % reflectivity is detected; null: all surfaces within max_range_m are.
+    # Range up to which a head-on surface of 10 % reflectivity is detected; null: all surfaces up to max_range_m.
     range_at_10_percent_m: Distance | None = None
     dropout_probability: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
-    # Range beyond which intensity falls with its square; null: the device compensates for range.
+    # Range beyond which intensity falls with the square of the range; null: the device compensates for range.
     intensity_falloff_m: Distance | None = None
     beam_divergence_rad: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0  # full angle; 0: one ray per point
     echo: Literal["strongest", "first", "last"] = "strongest"  # for a beam that hits several surfaces
@@ -33,7 +33,7 @@ class LidarParameters(StrictModel):
     rolling: bool = True  # false: the whole sweep at the instant of capture
     subsweeps: Annotated[int, Field(ge=1, le=1000)] = 10  # number of times that actors are posed in a sweep
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
-    mount_rpy_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)  # turns about the axes of B; zeros: L as B
+    mount_rpy_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)  # about the axes of B; zeros: the axes of B
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
     @model_validator(mode="after")

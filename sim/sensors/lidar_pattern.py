@@ -5,18 +5,18 @@ Spinning: channel c of column j fires at
     t = j * column + c * firing            after the start of the turn, while t < period
     azimuth = start -+ 2 pi t / period + offset_c,     direction = (cos e cos a, cos e sin a, sin e),  e = elevation_c
 
-The turn starts at the back (azimuth pi): the seam lies behind the vehicle, and the middle of the sweep looks ahead.
+The turn starts at the back (azimuth pi), so the middle of the sweep looks ahead.
 
 Rosette: two equal prisms that rotate against each other deflect the beam by the sum of two rotating vectors
 (first-order optics of a Risley pair):
 
     direction ~ (1, r),     r = tan(FOV / 2) / 2 * (e^{i w1 t} + e^{i w2 t}),     t from the start of the run
 
-Speeds are whole rpm, so the figure closes after 60 s over their greatest common divisor (2.7 s for 7294 and -4664). The
-drifting motors of a real device never close it.
+Speeds are whole rpm, so the figure repeats after 60 s / (their greatest common divisor), 30 s for 7294 and -4664. The
+figure of a real device does not repeat, because its motors drift.
 
-Times of a sweep count back from its end, the capture. Directions use `det_sin` and `det_cos`: the same bits on every
-machine.
+Times of a sweep count back from its end, the capture. Directions are computed with `det_sin` and `det_cos`, so their
+bits are the same on every machine.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ class Pattern(Protocol):
 
 
 def casting_order(directions_L: Float64, ring: NDArray[np.uint16]) -> NDArray[np.int32]:
-    """Return the fastest order of casting: rays of similar direction are neighbours. It affects speed only.
+    """Return an order of casting in which rays of similar direction are neighbours. It affects speed only.
 
-    For a spinning head: eight columns at a time, up the rings for one group and down for the next.
+    For a spinning head: groups of eight columns, with rising rings in one group and falling rings in the next.
     """
     n = len(ring)
     if n == 0 or ring.min() == ring.max():
@@ -82,7 +82,7 @@ def casting_order(directions_L: Float64, ring: NDArray[np.uint16]) -> NDArray[np
 
 
 class SpinningPattern(StrictModel):
-    """Column of channels on a turning head."""
+    """Pattern of a spinning head with a column of channels."""
 
     kind: Literal["spinning"]
     elevation_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=256)]  # in firing order
@@ -90,7 +90,7 @@ class SpinningPattern(StrictModel):
     origin_z_m: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = ()  # per channel; empty: none
     firing_ns: Annotated[int, Field(ge=0, le=10_000_000)]  # from one channel to the next; 0: all channels at once
     column_ns: Annotated[int, Field(gt=0, le=1_000_000_000)] | None = None  # from one column to the next
-    columns: Annotated[int, Field(gt=0, le=100_000)] | None = None  # per turn, for a device that divides the turn
+    columns: Annotated[int, Field(gt=0, le=100_000)] | None = None  # per turn, for a device with a fixed number
     clockwise: bool = True  # seen from above
 
     @model_validator(mode="after")
@@ -122,7 +122,7 @@ class SpinningPattern(StrictModel):
 
 
 class RosettePattern(StrictModel):
-    """One beam behind two prisms that rotate against each other."""
+    """Pattern of one beam behind two prisms that rotate against each other."""
 
     kind: Literal["rosette"]
     field_of_view_deg: Annotated[float, Field(gt=0.0, lt=170.0)]  # full angle of the cone
@@ -153,7 +153,7 @@ def _angles(angles_rad: Float64) -> tuple[Float64, Float64]:
 
 
 class _Spinning:
-    """Pattern of a spinning head: all sweeps are equal."""
+    """Rays of a spinning head; all sweeps are equal."""
 
     def __init__(self, pattern: SpinningPattern, period_ns: int) -> None:
         self._pattern = pattern
@@ -173,7 +173,7 @@ class _Spinning:
         else:
             start_ns = np.arange(columns, dtype=np.int64) * (p.column_ns or 0)
         fire_ns = start_ns[:, None] + np.arange(channels, dtype=np.int64) * p.firing_ns
-        # A device that divides the turn may fire its last channels after its end; they get its last instant.
+        # With `columns`, the last channels may fire after the end of the turn; they get its last instant.
         fire_ns = np.minimum(fire_ns, period_ns - 1)
         sense = -1.0 if p.clockwise else 1.0
         turn_cos, turn_sin = _angles((2.0 * np.pi) * (0.5 + sense * (fire_ns.ravel() / period_ns)))
@@ -194,13 +194,18 @@ class _Spinning:
         ring[order] = np.arange(channels, dtype=np.uint16)
         origin_z_m = np.tile(np.array(p.origin_z_m or (0.0,) * channels), columns)
         offset_ns = (fire_ns.ravel() - period_ns).astype(np.int32)
-        # Columns of a device that divides the turn may overlap in time.
-        first = np.argsort(offset_ns, kind="stable")
-        return Sweep(directions[first], origin_z_m[first], np.tile(ring, columns)[first], offset_ns[first])
+        # With `columns`, neighbouring columns may overlap in time.
+        firing_order = np.argsort(offset_ns, kind="stable")
+        return Sweep(
+            directions[firing_order],
+            origin_z_m[firing_order],
+            np.tile(ring, columns)[firing_order],
+            offset_ns[firing_order],
+        )
 
 
 class _Rosette:
-    """Pattern of a rosette: the prisms go on turning, so every sweep differs."""
+    """Rosette whose prisms keep turning from sweep to sweep, so that every sweep differs."""
 
     def __init__(self, pattern: RosettePattern, period_ns: int) -> None:
         self._pattern = pattern

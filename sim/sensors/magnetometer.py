@@ -2,9 +2,9 @@
 
     m = S R_WB^T B_W + b + I c + n,   rounded to the resolution, saturated at the range
 
-S is soft iron (identity + a symmetric matrix drawn once), b hard iron (drawn once), c the field of the battery leads at
-the reference rotor speed, and I the battery current relative to that speed: mean (rotor speed / reference)^3, since
-shaft power goes with the cube of speed and the battery's voltage counts as constant.
+S is soft iron (identity + a random symmetric matrix), b hard iron (random), c the field of the battery leads at the
+reference rotor speed, and I the battery current relative to the current at that speed: mean (rotor speed /
+reference)^3, because shaft power grows with the cube of speed and the battery's voltage is taken as constant.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sim.sensors.imu import quantise
 from sim.sensors.rotor_load import power_ratio
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
-# Fixed, so that a run repeats in later years: the field turns by about 0.2 degrees a year at mid latitudes.
+# Fixed, so that a run repeats in later years although the field turns by about 0.2 degrees a year at mid latitudes.
 EPOCH_YEAR = 2026.0
 
 _TESLA_PER_NANOTESLA = 1e-9
@@ -32,8 +32,8 @@ _TESLA_PER_NANOTESLA = 1e-9
 def magnetic_field_W_tesla(site: Site) -> Vec3:
     """Return the field at `site` in W (ENU) [T], by WMM2025 at `EPOCH_YEAR`.
 
-    It is rounded to 1e-12 T, 100,000 times finer than the model's error: pygeomag uses the C library's sin and cos,
-    whose last bit depends on the CPU. It is constant over a scene: a kilometre changes the field by about 1e-8 T.
+    The field is rounded to 1e-12 T, 100,000 times finer than the model's error, because pygeomag uses the C library's
+    sin and cos, whose last bit depends on the CPU. It is constant over a scene: it changes by about 1e-8 T per km.
     """
     field = pygeomag.GeoMag().calculate(
         glat=site.latitude_deg, glon=site.longitude_deg, alt=site.altitude_m / 1000.0, time=EPOCH_YEAR

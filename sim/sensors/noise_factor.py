@@ -1,8 +1,8 @@
-"""Random quality of each sensor: one factor f on all its errors.
+"""Random factor f on all errors of a sensor.
 
 White noise, bias noise, drift, turn-on errors and the like are multiplied; design values (ranges, rates, words,
-latencies) are not. A camera gets the shot noise of 1 / f^2 of the electrons, and f times the read noise relative to
-white. A camera without noise first gets that of a small daylight camera, so that it has noise like the others.
+latencies) are not. The electrons of a camera are divided by f^2 and its read noise by f, so that shot and read noise
+relative to white grow by f. A camera without noise first gets the noise of a small daylight camera.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from sim.randomize.settings import NoiseLimits
 from sim.scene.random_generator import feature_rng
 from sim.sensors.camera_parameters import CameraParameters, LightNoise
 
-_PLAIN_CAMERA = LightNoise(electrons_at_white=10_000.0, read_noise_electrons=5.0)
+_DAYLIGHT_CAMERA = LightNoise(electrons_at_white=10_000.0, read_noise_electrons=5.0)
 
 # Parameters that are multiplied.
 SCALED: dict[str, tuple[str, ...]] = {
@@ -47,15 +47,15 @@ SCALED: dict[str, tuple[str, ...]] = {
 
 def noise_factor(limits: NoiseLimits, seed: int, kind: str, name: str) -> float | None:
     """Return the factor of the sensor `name`, a pure function of the arguments; None for kinds without a factor."""
-    of_kind = getattr(limits, kind, None) if kind in SCALED else None
-    return None if of_kind is None else feature_rng(seed, "noise", name).log_between(*of_kind)
+    kind_limits = getattr(limits, kind, None) if kind in SCALED else None
+    return None if kind_limits is None else feature_rng(seed, "noise", name).log_between(*kind_limits)
 
 
 def with_noise(kind: str, parameters: StrictModel, factor: float) -> StrictModel:
     """Return parameters with `factor` times the errors. Raises pydantic.ValidationError beyond their limits."""
     changed: dict[str, Any] = {key: factor * getattr(parameters, key) for key in SCALED[kind]}
     if isinstance(parameters, CameraParameters):
-        noise = parameters.noise or _PLAIN_CAMERA
+        noise = parameters.noise or _DAYLIGHT_CAMERA
         changed["noise"] = {
             "electrons_at_white": noise.electrons_at_white / (factor * factor),
             "read_noise_electrons": noise.read_noise_electrons / factor,

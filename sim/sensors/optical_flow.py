@@ -1,4 +1,4 @@
-"""Downward optical flow with a gyro of its own and, on some devices, a range finder.
+"""Downward optical flow sensor with its own gyro and, on some devices, a range finder.
 
 Rotation of the picture about x and y of B, for a sensor at r in B and distance d from the ground along -z:
 
@@ -6,8 +6,8 @@ Rotation of the picture about x and y of B, for a sensor at r in B and distance 
 
 Each sample integrates the rate since the previous one by the trapezoidal rule (error of second order in the sample
 period; motion faster than half the sample rate is lost). Then scale error and noise are added and the result is
-rounded. Quality falls from its best at the ground to a third at the greatest distance. Quality and flow are 0 if the
-ground is out of range, the tilt too great, or the picture moves faster than the device can track.
+rounded. Quality falls from its best value at the ground to a third of it at the maximum distance. Quality and flow are
+0 if the ground is out of range, the tilt too great, or the flow faster than the device can track.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class OpticalFlow(InstalledSensor):
         self._scale = (1.0 + p.flow_scale_error * scale[0], 1.0 + p.flow_scale_error * scale[1])
         bias = NoiseStream(seed, f"{name}.turn_on", lanes=3).normal(0)
         self._bias = [p.gyro_turn_on_bias_radps * n for n in bias]
-        self._least_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
+        self._min_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
         self._before: tuple[int, float, float, float, float, float] | None = None
 
     def sample(self, truth: TruthState, seq: int) -> FlowSample:
@@ -89,7 +89,7 @@ class OpticalFlow(InstalledSensor):
         vx, vy = vx + wy * rz - wz * ry, vy + wz * rx - wx * rz
         upright = cos_tilt_of(truth.q_WB)
         in_range = p.min_distance_m <= true_m <= p.max_distance_m and true_m > 0.0
-        # Out of range there is no flow; the rotation alone keeps the next trapezoid finite.
+        # Out of range the flow is 0. The rate of rotation stands in for it, so that the next trapezoid stays finite.
         fx, fy = (wx + vy / true_m, wy - vx / true_m) if in_range else (wx, wy)
         now = (t_ns, fx, fy, wx, wy, wz)
         old = self._before
@@ -99,7 +99,7 @@ class OpticalFlow(InstalledSensor):
         integration_ns = t_ns - old[0]
         dt = integration_ns / NS_PER_S
         half = 0.5 * dt
-        seen = in_range and upright >= self._least_cosine and max(abs(fx), abs(fy)) <= p.max_flow_radps
+        seen = in_range and upright >= self._min_cosine and max(abs(fx), abs(fy)) <= p.max_flow_radps
         noise, step = p.flow_noise_radps * dt, p.flow_resolution_rad
         flow = (
             _rounded(half * (old[1] + fx) * self._scale[0] + noise * n[0], step) if seen else 0.0,

@@ -6,12 +6,12 @@
     parameters:
       noise_pa: {value: 1.2, stated: "0.012 mbar", status: verified, source: ds, note: "RMS at OSR 4096"}
 
-`value` is in the unit of the parameter's name, `stated` is the figure as printed in the source, and `status` is its
-reliability:
+`value` is in the unit of the parameter's name, `stated` is the figure as printed in the source, and `status` is the
+reliability of the value:
 
     verified    read in the maker's document, or in a statement of the maker, when the file was written
     secondary   read in a table or forum of another author
-    datasheet   the datasheet's figure by common knowledge, not compared with it: check it before you rely on it
+    datasheet   the datasheet's figure from memory, not compared with the datasheet: check it before you rely on it
     typical     typical of the class of the device; no source states it
     measured    fitted to a recording of the part itself, which the source names (`hil calibrate`)
     choice      a setting of the usual driver or of this bench, not a property of the part
@@ -86,7 +86,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class _Figures:
-    """Maps the place of a parameter to the place of its value in a preset file."""
+    """Document of a preset file, in which the place of a parameter is that of its key `value`."""
 
     document: Document
 

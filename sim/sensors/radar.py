@@ -4,10 +4,10 @@
 
     t_capture = the tick = middle of the frame        t_available = t_capture + frame_s / 2 + latency
 
-The picture shows the geometry at the tick, all pixels at once: noise, blur and rolling shutter of the camera do not
-affect the radar. Motion within the frame is in the phases of the echoes, by the radial velocity of each pixel. Steps
-that no output needs are skipped. Noise is keyed by the seed, the sensor's name and the frame's number alone; tracks,
-and maps with `clutter: background`, also depend on earlier frames.
+The picture shows the geometry at the tick, all pixels at once; noise, blur and rolling shutter of the camera do not
+affect the radar. Motion within the frame enters the phases of the echoes through the radial velocity of each pixel.
+Steps that no output needs are skipped. Noise is a function of the seed, the sensor's name and the frame's number alone;
+tracks, and maps with `clutter: background`, also depend on earlier frames.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _REASONS = {
 
 
 class RadarCounts:
-    """Counts of what a radar has skipped so far, for the report of the run."""
+    """Counts of a radar's work so far, for the report of the run."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -60,7 +60,7 @@ class RadarCounts:
         self.echoes = 0
         self.echoes_dropped = 0  # too weak to matter at the tolerance
         self.dropped_bound = 0.0  # greatest relative error of any frame by dropped echoes
-        self.shared = 0  # pictures taken over from its camera
+        self.shared = 0  # pictures that the camera drew
         self.terms = 0  # greatest number of low-rank terms in the synthesis of any frame
 
 
@@ -95,11 +95,11 @@ class RadarFrames:
         self._count(self._scatterers.last, report)
         return out
 
-    def _count(self, seen: ScattererReport, report: EchoSynthesisReport) -> None:
+    def _count(self, scatterers: ScattererReport, report: EchoSynthesisReport) -> None:
         counts = self.counts
         counts.frames += 1
-        counts.pixels += seen.pixels
-        counts.pixels_dropped.update({why: getattr(seen, field) for field, why in _REASONS.items()})
+        counts.pixels += scatterers.pixels
+        counts.pixels_dropped.update({reason: getattr(scatterers, field) for field, reason in _REASONS.items()})
         counts.echoes += report.echoes
         counts.echoes_dropped += report.dropped
         counts.dropped_bound = max(counts.dropped_bound, report.dropped_bound)
@@ -118,11 +118,11 @@ class Radar(InstalledSensor):
         if frames is None:
             raise ValueError(f"sensor '{name}': a radar needs the world's geometry (frames)")
         if p.frame is not None and installation.shared is None:
-            raise ValueError(f"sensor '{name}': its frame {p.frame!r} has not been given")
+            raise ValueError(f"sensor '{name}': the pictures of its camera {p.frame!r} are missing (shared)")
         if p.chirp.frame_s * NS_PER_S > installation.period_ns:
             raise ValueError(
                 f"sensor '{name}': a frame of {p.chirp.frame_s:g} s is longer than the time between frames; "
-                f"lower its rate_hz to {most_frames_hz(p):g} or less"
+                f"lower its rate_hz to {max_frames_hz(p):g} or less"
             )
         super().__init__(installation, 0.5 * p.chirp.frame_s + p.latency_s, {})
         self.chirp = p.chirp
@@ -143,7 +143,7 @@ class Radar(InstalledSensor):
 
     @property
     def counts(self) -> RadarCounts:
-        """Counts of what was skipped so far."""
+        """Counts of the work so far."""
         return self._radar.counts
 
     def sample(self, truth: TruthState, seq: int) -> RadarSample:
@@ -163,7 +163,7 @@ class Radar(InstalledSensor):
         return RadarSample(seq, t_ns, t_ns + self.latency_ns, pose.p_WC, self.mount.attitude(truth), channels)
 
     def _picture(self, t_ns: int, pose: CameraPose) -> Picture:
-        """Return the picture that its camera has just drawn, or a picture of its own."""
+        """Return the picture that the camera `frame` has just drawn, or else draw one."""
         found = self.view.find(t_ns, pose, self.channels)
         if found is not None:
             self.counts.shared += 1
@@ -178,7 +178,7 @@ class Radar(InstalledSensor):
         return self._own
 
 
-def most_frames_hz(p: RadarParameters) -> float:
+def max_frames_hz(p: RadarParameters) -> float:
     """Return the highest rate at which frames do not overlap [Hz], in whole millihertz."""
     return int(1000.0 / p.chirp.frame_s) / 1000.0
 

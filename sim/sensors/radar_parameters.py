@@ -23,8 +23,8 @@ from sim.sensors.sensor import Position, check_order
 _RESOLUTION = (320, 240)
 _FOV_DEG = 90.0
 _NEAR_M, _FAR_M = 0.05, 10_000.0
-_LEVEL = (0.0, 0.0, 0.0)
-# Keys of the view. With `frame` the camera gives the view.
+_ZERO = (0.0, 0.0, 0.0)
+# Keys of the radar's own view; not with `frame`, where a camera gives the view.
 VIEW_KEYS = ("resolution", "fov_deg", "mount_m", "mount_rpy_deg", "near_m", "far_m")
 
 
@@ -37,7 +37,7 @@ class RadarParameters(StrictModel):
     impairments: Impairments = Impairments()
     mask: Mask = Mask()
     processing: Processing = Processing()
-    # The camera of this bench whose pictures it reads, with its mount and lens. Null: a view of its own, by `view`.
+    # Name of a camera whose pictures, mount and lens the radar uses. Null: its own view, given by the next six keys.
     frame: str | None = None
     resolution: tuple[Pixels, Pixels] | None = None  # width, height; null: 320 x 240
     fov_deg: Annotated[float, Field(gt=0.0, lt=180.0)] | None = None  # horizontal; null: 90
@@ -63,7 +63,7 @@ class RadarParameters(StrictModel):
         return outputs
 
     @model_validator(mode="after")
-    def _one_view(self) -> RadarParameters:
+    def _consistent(self) -> RadarParameters:
         given = [key for key in VIEW_KEYS if getattr(self, key) is not None]
         if self.frame is not None and given:
             raise ValueError(f"frame {self.frame!r} already gives the radar's view: leave out {', '.join(given)}")
@@ -72,7 +72,7 @@ class RadarParameters(StrictModel):
             raise ValueError("impairments." + "; impairments.".join(unfit))
         unfit_processing = self.processing.problem_with(self.chirp) if self.needs_processing else ""
         if unfit_processing:
-            raise ValueError(f"processing.{unfit_processing}; outputs: [raw] needs none")
+            raise ValueError(f"processing.{unfit_processing}; or set outputs: [raw], which needs no processing")
         near_m, far_m = self.limits_m
         check_order(("near_m", near_m), ("far_m", far_m))
         if self.frame is None:
@@ -81,7 +81,7 @@ class RadarParameters(StrictModel):
 
     @property
     def limits_m(self) -> tuple[float, float]:
-        """Least and greatest visible depth."""
+        """Minimum and maximum visible depth."""
         return _NEAR_M if self.near_m is None else self.near_m, _FAR_M if self.far_m is None else self.far_m
 
     @property
@@ -95,8 +95,8 @@ class RadarParameters(StrictModel):
         near_m, far_m = self.limits_m
         return SharedPicture(
             CameraModel.from_fov(width, height, _FOV_DEG if self.fov_deg is None else self.fov_deg),
-            mount_m=_LEVEL if self.mount_m is None else self.mount_m,
-            mount_rpy_deg=_LEVEL if self.mount_rpy_deg is None else self.mount_rpy_deg,
+            mount_m=_ZERO if self.mount_m is None else self.mount_m,
+            mount_rpy_deg=_ZERO if self.mount_rpy_deg is None else self.mount_rpy_deg,
             near_m=near_m,
             far_m=far_m,
         )

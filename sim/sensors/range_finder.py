@@ -2,8 +2,8 @@
 
     d = round(d_true (1 + s) + sigma n),   sigma = max(noise, relative noise * d_true)
 
-s is a scale error drawn once. There is no return (quality 0, with the device's value for it) if the ray hits nothing,
-the distance leaves [min, max], the tilt is too great, or at random with `dropout_probability`.
+s is a constant random scale error. There is no return (quality 0, distance `no_return_m`) if the ray hits nothing, the
+distance leaves [min, max], the tilt is too great, or at random with `dropout_probability`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
-_BEST = 100
+_MAX_QUALITY = 100
 
 
 class RangeFinderParameters(StrictModel):
@@ -59,10 +59,10 @@ class RangeFinder(InstalledSensor):
         self._range = GroundRange(installation.scene, p.mount_m)
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout
         self._scale = 1.0 + p.scale_error * NoiseStream(seed, f"{name}.scale").normal(0)[0]
-        self._least_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
+        self._min_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
         # A standard normal is below this value with the probability of a dropout.
-        lost = p.dropout_probability
-        self._drop_below = float(normal_from_uniform(np.array([lost]))[0]) if lost > 0.0 else -math.inf
+        probability = p.dropout_probability
+        self._drop_below = float(normal_from_uniform(np.array([probability]))[0]) if probability > 0.0 else -math.inf
 
     def sample(self, truth: TruthState, seq: int) -> RangeSample:
         """Return sample `seq`."""
@@ -74,7 +74,7 @@ class RangeFinder(InstalledSensor):
         distance = math.floor((true_m * self._scale + sigma * n) / p.resolution_m + 0.5) * p.resolution_m
         seen = (
             true_m >= 0.0
-            and upright >= self._least_cosine
+            and upright >= self._min_cosine
             and drop >= self._drop_below
             and p.min_distance_m <= distance <= p.max_distance_m
         )
@@ -86,7 +86,7 @@ class RangeFinder(InstalledSensor):
             p.min_distance_m,
             p.max_distance_m,
             sigma if seen else 0.0,
-            _BEST if seen else 0,
+            _MAX_QUALITY if seen else 0,
         )
 
 

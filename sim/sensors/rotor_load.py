@@ -1,4 +1,4 @@
-"""Load of the rotors from their speeds alone: proxies for their effect on barometer and magnetometer."""
+"""Thrust and power of the rotors, estimated from their speeds, for the errors of barometer and magnetometer."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 
 def thrust_ratio(rotor_speed_radps: Sequence[float], reference_radps: float) -> float:
-    """Return the mean thrust relative to that at the reference speed: thrust goes with the square of speed."""
+    """Return the mean thrust relative to the thrust at the reference speed; thrust grows with the square of speed."""
     total = 0.0
     for speed in rotor_speed_radps:
         ratio = speed / reference_radps
@@ -15,7 +15,7 @@ def thrust_ratio(rotor_speed_radps: Sequence[float], reference_radps: float) -> 
 
 
 def power_ratio(rotor_speed_radps: Sequence[float], reference_radps: float) -> float:
-    """Return the mean shaft power relative to that at the reference speed: power goes with the cube of speed."""
+    """Return the mean shaft power relative to the power at the reference speed; power grows with the cube of speed."""
     total = 0.0
     for speed in rotor_speed_radps:
         ratio = speed / reference_radps

@@ -1,8 +1,8 @@
 """Interface of every sensor, and its installation in a run.
 
 A sensor is a class with the attributes of `Sensor`, made from an `Installation` and its parameters. To add a kind,
-write the class, a pydantic model of its parameters and `KIND = Kind(...)` in a file of this folder; a device of a kind
-is a file of preset_files/.
+write the class, a pydantic model of its parameters and `KIND = Kind(...)` in a file of this folder; to add a device of
+a kind, write a file in preset_files/.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ Position = tuple[_Offset, _Offset, _Offset]  # of a sensor, from the body origin
 class Installation:
     """Installation of a sensor in a run."""
 
-    name: str  # also keys its noise
+    name: str  # also selects the noise stream
     rate_hz: float
     seed: int
     scene: Scene
     step_ns: int  # the physics tick
     frames: FrameSource | None = None  # the world's geometry, for cameras, LiDARs and radars
-    shared: SharedPicture | None = None  # pictures of one camera that other sensors read: given to it and to them
+    shared: SharedPicture | None = None  # of a camera whose pictures other sensors read, and of those sensors
 
     @property
     def period_ns(self) -> int:
@@ -64,7 +64,7 @@ class Kind:
 
     sensor: Any  # callable (Installation, parameters) -> Sensor
     parameters: type[StrictModel]
-    parts: str | None = None  # the parameter that lists the contents of a sample, each of which is a port of its own
+    parts: str | None = None  # name of the parameter that lists the channels of a sample; each is a port
 
     @property
     def sample_type(self) -> type:
@@ -74,12 +74,12 @@ class Kind:
 
     @property
     def needs_frames(self) -> bool:
-        """True if it needs the world's geometry (`Installation.frames`)."""
+        """True if the sensor needs the world's geometry (`Installation.frames`)."""
         return self.sample_type in FRAME_SAMPLES
 
 
 class Sensor(Protocol):
-    """Makes samples of the true state.
+    """Source of samples of the true state.
 
     The noise of sample `seq` is a function of the seed, the sensor's name and `seq` alone. Sensors that integrate
     (vibration phases, optical flow) also depend on the truths of earlier samples.

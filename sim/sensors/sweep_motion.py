@@ -1,16 +1,16 @@
 """Motion of the vehicle during a sweep, interpolated between the truths at its ends.
 
-With s <= 0 the time from the capture, h the time since the previous truth, and p, v, q, w of both:
+With s <= 0 the time from the capture, and h the time since the previous truth:
 
-    p(s)   = p + v s + c2 s^2 + c3 s^3                cubic Hermite through (p, v) at 0 and at -h
-    q(s)   = q exp(f(s)),   f(s) = w s + f2 s^2 + f3 s^3     the same for the rotation vector, whose rate at -h is
+    p(s)   = p + v s + c2 s^2 + c3 s^3                       cubic Hermite through (p, v) of both truths, at 0 and -h
+    q(s)   = q exp(f(s)),   f(s) = w s + f2 s^2 + f3 s^3     the same for the rotation vector f, whose rate at -h is
 
     f' = w + f x w / 2 + f x (f x w) / 12             (inverse of exp's differential, to second order)
 
 Error: fourth derivative times h^4 / 384, below 0.3 mm if the acceleration oscillates by 10 m/s2 at 1 Hz and h = 0.1 s.
 
-Without a previous truth (the first sweep, a gap, a turn of more than `_MOST_TURN_RAD` in between) it is the Taylor
-series at the capture: c2 = a / 2, f2 = alpha / 2, f3 = w x alpha / 12; error: jerk times s^3 / 6.
+Without a usable previous truth (first sweep, gap, rotation of more than `_MAX_TURN_RAD`), the motion is the Taylor
+series at the capture: c2 = a / 2, c3 = 0, f2 = alpha / 2, f3 = w x alpha / 12. Its error is jerk times s^3 / 6.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from signals.rotation import conjugate, cross, norm, product
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 
-_MOST_TURN_RAD = 1.0
+_MAX_TURN_RAD = 1.0
 Motion = tuple[Vec3, Vec3, Vec3, Vec3, Quat, Vec3, Vec3, Vec3]  # p, c1, c2, c3 in W; q_WB; f1, f2, f3 in B
 
 
@@ -28,7 +28,7 @@ def sweep_motion(now: TruthState, before: TruthState | None) -> Motion:
     """Return the coefficients of position and attitude over the time up to `now`."""
     if before is not None and before.t_ns < now.t_ns:
         turn = _rotation_vector(now.q_WB, before.q_WB)
-        if norm(turn) <= _MOST_TURN_RAD:
+        if norm(turn) <= _MAX_TURN_RAD:
             h = (now.t_ns - before.t_ns) / NS_PER_S
             step: Vec3 = _difference(before.p_WB, now.p_WB)
             c2, c3 = _hermite(step, now.v_WB_W, before.v_WB_W, h)
@@ -47,13 +47,13 @@ def at_rest(now: TruthState) -> Motion:
 
 def _hermite(step: Vec3, rate: Vec3, rate_before: Vec3, h: float) -> tuple[Vec3, Vec3]:
     """Return the coefficients of s^2 and s^3 with x(0) = 0, x'(0) = rate, x(-h) = step, x'(-h) = rate_before."""
-    two, three = [], []
+    c2, c3 = [], []
     for d, a, b in zip(step, rate, rate_before, strict=True):
         # x(-h) + a h = c2 h^2 - c3 h^3 and x'(-h) - a = -2 c2 h + 3 c3 h^2
         u, w = (d + a * h) / (h * h), (b - a) / h
-        two.append(3.0 * u + w)
-        three.append((2.0 * u + w) / h)
-    return (two[0], two[1], two[2]), (three[0], three[1], three[2])
+        c2.append(3.0 * u + w)
+        c3.append((2.0 * u + w) / h)
+    return (c2[0], c2[1], c2[2]), (c3[0], c3[1], c3[2])
 
 
 def _rotation_vector(q: Quat, r: Quat) -> Vec3:

@@ -12,7 +12,7 @@ from sim.frame.shared_picture import SharedPicture
 from sim.radar.scatterers import Scatterers
 from sim.scene.scene import Scene
 from sim.sensors.camera_parameters import CameraParameters
-from sim.sensors.radar import most_frames_hz
+from sim.sensors.radar import max_frames_hz
 from sim.sensors.radar_parameters import RadarParameters
 from sim.world_loader import load_world
 
@@ -39,7 +39,7 @@ def rate_problems(name: str, parameters: RadarParameters, rate_hz: float, settin
         f"leaves {1.0 / rate_hz:.6g} s for a frame that takes {frame_s:.6g} s "
         f"({parameters.chirp.chirps} chirps every {parameters.chirp.repetition_s:.6g} s)"
     )
-    hint = f"{most_frames_hz(parameters):g} Hz at most, or fewer chirps"
+    hint = f"{max_frames_hz(parameters):g} Hz at most, or fewer chirps"
     return [at(settings, ("sensors", name, "rate_hz"), message, hint)]
 
 

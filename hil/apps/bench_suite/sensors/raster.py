@@ -34,7 +34,7 @@ from hil.apps.bench_suite.timing import best_times, one_core
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
-from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_pictures_of
+from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_buffers_for
 from sim.frame.renderer import FrameRenderer
 
 Pictures = dict[str, NDArray]
@@ -88,7 +88,7 @@ class MujocoRenderer:
     name = "MuJoCo, one pass per channel"
 
     def __init__(self, case: Case, camera: CameraModel, channels: Sequence[str] = _COLOUR, *, shadows: bool) -> None:
-        model = with_pictures_of(case.world.model, camera)
+        model = with_buffers_for(case.world.model, camera)
         model.vis.quality.offsamples = 0
         self._camera, self._channels = camera, channels
         self._posed = WorldPose(case.world)

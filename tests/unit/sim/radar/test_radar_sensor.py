@@ -268,7 +268,7 @@ def test_the_person_is_where_it_is() -> None:
 def test_wrong_installations_are_refused() -> None:
     with pytest.raises(ValueError, match=r"lower its rate_hz to 39\.964 or less"):
         radar(rate_hz=50.0)
-    with pytest.raises(ValueError, match="'front' has not been given"):
+    with pytest.raises(ValueError, match="pictures of its camera 'front' are missing"):
         made("radar", "bgt60tr13c", CountedFrames(), None, frame="front")
 
 

@@ -114,7 +114,7 @@ MAPS = {
     "missing include": ('<include file="no.xml"/>', 8, "<include> names a file that does not exist: no.xml"),
     "includes itself": ('<include file="m.xml"/>', 8, "includes this file itself"),
     "missing sub-model": ('<asset><model file="no.xml"/></asset>', 8, "<model> names a file that does not exist"),
-    "sub-model of itself": ('<asset><model file="m.xml"/></asset>', 8, "itself part of"),
+    "sub-model of itself": ('<asset><model file="m.xml"/></asset>', 8, "which contains this file"),
     "mesh of nonsense": (ASSET.format('mesh file="bad.obj"'), 9, "MuJoCo cannot compile this map"),
     "mesh of no kind": (ASSET.format('mesh file="m.xml"'), 9, "no decoder found for mesh file 'm.xml'"),
     "texture of nonsense": (ASSET.format('texture name="t" type="2d" file="bad.png"'), 9, "PNG"),
