@@ -5,12 +5,12 @@ Noise is drawn from named streams by the number of the frame (sim/native/image_n
     <name>.noise.rx<k>       normal m N + n of picture `seq` for sample n of chirp m of receiver k = 1, 2, ...
     <name>.dc_wander.rx<k>   normal m of picture `seq`
 
-so switching an impairment or adding a receiver changes no other draw. White noise w becomes noise of the given power S
-by circular convolution over a chirp's N samples,
+so switching an impairment or adding a receiver changes no other noise. White noise gets the power S by circular
+convolution with h over a chirp's N samples,
 
     h[n] = (1/N) sum_b sqrt(S_b) cos(2 pi b n / N),   |DFT(h)[b]|^2 = S_b,
 
-and is then scaled by the envelope over the chirp.
+and is then multiplied by the envelope g over the chirp.
 
 The native kernel (sim/native/radar/receiver_noise.hpp) gives the same bits with every instruction set.
 """
@@ -33,7 +33,10 @@ Codes = NDArray[np.uint16]
 
 
 class RadarReceiverChain:
-    """Turns frames of the noise-free signal [counts] into codes. Raises ValueError if parts do not fit together."""
+    """Conversion of frames of the noise-free signal [counts] to codes.
+
+    Raises ValueError if the impairments do not fit the chirp or the number of receivers.
+    """
 
     def __init__(
         self,
@@ -74,9 +77,9 @@ class RadarReceiverChain:
 
     def digitise(self, signal: Float64, seq: int, out: Codes) -> None:
         """Write the codes of frame `seq` to `out`, both (n_rx, M, N). Raises ValueError if a sample is not finite."""
-        place = self._native.digitise(signal, seq, out)
-        if place >= 0:
-            k, m, n = (int(i) for i in np.unravel_index(place, self.shape))
+        index = self._native.digitise(signal, seq, out)  # of the first sample that is not finite; -1: none
+        if index >= 0:
+            k, m, n = (int(i) for i in np.unravel_index(index, self.shape))
             raise ValueError(
                 f"sample {n} of chirp {m} of receiver {k + 1} is {signal[k, m, n]}: a beat signal must be finite"
             )
@@ -86,19 +89,19 @@ def _colours(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[fl
     """Return h of each receiver."""
     n = chirp.samples
     cosine = np.array([det_cos(2.0 * pi * i / n) for i in range(n)])
-    places = np.arange(n)
+    indices = np.arange(n)
     rows = []
     for k in range(receivers):
         h = np.zeros(n)
         for b in range(n // 2 + 1):
-            twice = 1.0 if b in (0, n // 2) else 2.0
+            bins = 1.0 if b in (0, n // 2) else 2.0  # b and -b
             amplitude = sqrt(noise.power_at(k, b * chirp.sample_rate_hz / n))
-            h += twice * amplitude * cosine[b * places % n]  # elementwise: the same rounding on every machine
+            h += bins * amplitude * cosine[b * indices % n]  # elementwise: the same rounding on every machine
         rows.append((h / n).tolist())
     return rows
 
 
 def _envelopes(noise: ReceiverNoise, chirp: Chirp, receivers: int) -> list[list[float]]:
     """Return g of each receiver."""
-    share = [(n + 0.5) / chirp.samples for n in range(chirp.samples)]
-    return [[noise.envelope_at(k, part) for part in share] for k in range(receivers)]
+    shares = [(n + 0.5) / chirp.samples for n in range(chirp.samples)]
+    return [[noise.envelope_at(k, share) for share in shares] for k in range(receivers)]

@@ -1,13 +1,13 @@
 """Antennas of a radar: positions of its receivers, and patterns of transmitter and receivers.
 
-For a unit direction d = (x, y, z) in R (x forward, y left, z up), with the half-power beamwidths of azimuth and
-elevation a and e:
+For a unit direction d = (x, y, z) in R (x forward, y left, z up), and the half-power beamwidths a of azimuth and e of
+elevation:
 
     G(d) = G_0 (x / sqrt(x^2 + y^2))^p (x / sqrt(x^2 + z^2))^q    for x > 0, else 0
     p = ln(1/2) / ln(cos(a / 2)),   q = ln(1/2) / ln(cos(e / 2))
 
-so in either principal plane it is a power of a cosine that falls to half at half the beamwidth off the axis: the main
-lobe of a small patch antenna, without side lobes. All receivers have the same pattern.
+In either principal plane the gain is a power of the cosine, and half of G_0 at half the beamwidth off the axis. This is
+the main lobe of a small patch antenna, without side lobes. All receivers have the same pattern.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Antenna(StrictModel):
 
     @field_validator("rx_positions_m")
     @classmethod
-    def _countable(cls, value: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
+    def _check_receivers(cls, value: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
         if not 1 <= len(value) <= MAX_RECEIVERS:
             raise ValueError(f"holds {len(value)} receivers; a radar has 1 to {MAX_RECEIVERS}")
         if any(abs(v) > 1.0 for position in value for v in position):

@@ -2,13 +2,14 @@
 
     x[f,k,m,n] = p_k[n] + e^{-m T_c / decay} q_k[n] + dc wander + noise + rounding
 
-p and q are fitted by least squares over the chirps of the mean frame, for the decay with the smallest residual. Noise
-is the power away from zero Doppler (sim/radar/spectra.py) minus the white power of the converter's rounding, which
-follows from its share of odd codes (`Adc.noise_power`). The DC wander is the excess of bin 0 over bin 1:
+x is sample n of chirp m of receiver k in frame f. p and q are fitted by least squares over the chirps of the mean
+frame, for the decay with the smallest residual. Noise is the power away from zero Doppler (sim/radar/spectra.py) minus
+the white power of the converter's rounding, which follows from its share of odd codes (`Adc.noise_power`). The DC
+wander is the excess of bin 0 over bin 1:
 
     sigma_k^2 = (S_k0 - S_k1) / N
 
-Reflectors (sim/radar/static_echoes.py) are part of p but not a property of the sensor: they are removed unless
+Reflectors (sim/radar/static_echoes.py) are part of p but not a property of the sensor, so they are removed unless
 `keep_echoes` is set. Uncertainties (one sigma) come from the spread between frames, or between four parts of the
 recording.
 """
@@ -32,20 +33,20 @@ from sim.radar.swept_pattern import SweptPattern
 
 Float64 = NDArray[np.float64]
 
-LEAST_FRAMES = 8
-LEAST_CHIRPS = 16
+MIN_FRAMES = 8
+MIN_CHIRPS = 16
 DEFAULT_HP_CUTOFF_HZ = 80e3
 _PARTS = 4  # parts of a recording, for uncertainties
-_SIGNIFICANT = 2.0  # least power of the frame's start, relative to what noise alone would give
+_MIN_START_POWER = 2.0  # of the frame's start, relative to the power that noise alone would give
 _ENVELOPE_PARTS = 8  # parts of a chirp
 _DIGITS = 3  # decimals of counts in a preset
-_CLIPPED_SHARE = 1e-4
-_MOVED = 100.0  # change of a bin between frames, relative to the median bin, that reveals motion in the scene
+_MAX_CLIPPED_SHARE = 1e-4
+_MIN_MOTION = 100.0  # change of a bin between frames, relative to the median bin, that shows motion in the scene
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """Row of the table: a figure for each receiver, or one for all."""
+    """Row of the table of results: one value for each receiver, or one for all."""
 
     name: str
     unit: str
@@ -122,16 +123,16 @@ def _check(recording: Recording, first: int, last: int, where: str) -> None:
     if not 0 <= first < last <= recording.frames:
         message = f"frames {first}:{last} are requested, but the recording has {recording.frames}"
         problems.append(Problem(where, message, f"the whole recording is 0:{recording.frames}"))
-    elif last - first < LEAST_FRAMES:
-        message = f"{last - first} frames are too few: noise needs {LEAST_FRAMES} or more"
+    elif last - first < MIN_FRAMES:
+        message = f"{last - first} frames are too few: noise needs {MIN_FRAMES} or more"
         problems.append(Problem(where, message, "record for several seconds"))
-    if recording.chirp.chirps < LEAST_CHIRPS:
-        message = f"{recording.chirp.chirps} chirps per frame are too few: noise needs {LEAST_CHIRPS} or more"
+    if recording.chirp.chirps < MIN_CHIRPS:
+        message = f"{recording.chirp.chirps} chirps per frame are too few: noise needs {MIN_CHIRPS} or more"
         problems.append(Problem(where, message))
     if not problems:
         adc = recording.adc[first:last]
-        still = [k + 1 for k in range(recording.receivers) if int(adc[:, k].max()) == int(adc[:, k].min())]
-        problems += [Problem(where, f"receiver {k} shows one code only: it is not connected") for k in still]
+        constant = [k + 1 for k in range(recording.receivers) if int(adc[:, k].max()) == int(adc[:, k].min())]
+        problems += [Problem(where, f"receiver {k} shows one code only: it is not connected") for k in constant]
     if problems:
         raise ConfigError(problems)
 
@@ -154,22 +155,22 @@ def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
     frame_s = chirps * repetition_s
     weight = 1.0 / np.maximum(noise, 1e-12)
 
-    def left(decay_s: float) -> float:
+    def cost(decay_s: float) -> float:
         p, q, e = _decompose(mean, decay_s, repetition_s)
-        rest = mean - p[:, None] - e[:, None] * q[:, None]
-        return float((weight * (rest**2).sum(axis=(1, 2))).sum())
+        residual = mean - p[:, None] - e[:, None] * q[:, None]
+        return float((weight * (residual**2).sum(axis=(1, 2))).sum())
 
     grid = np.geomspace(2.0 * repetition_s, frame_s, 40)
-    costs = [left(float(decay_s)) for decay_s in grid]
+    costs = [cost(float(decay_s)) for decay_s in grid]
     best = int(np.argmin(costs))
     if best in (0, len(grid) - 1):
         return _Start(mean.mean(axis=1), np.zeros_like(mean[:, 0]), None)
     low, high = float(grid[best - 1]), float(grid[best + 1])
-    decay_s = float(minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 1e-3 * low}).x)
+    decay_s = float(minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3 * low}).x)
     p, q, e = _decompose(mean, decay_s, repetition_s)
-    # Variance of q by noise alone: of the coefficient of e in a fit with a constant.
+    # Variance of q by noise alone, that is of the coefficient of e in a fit of a constant and e.
     expected = noise / ((e - e.mean()) ** 2).sum()
-    if float(((q**2).mean(axis=1) / expected).mean()) < _SIGNIFICANT:
+    if float(((q**2).mean(axis=1) / expected).mean()) < _MIN_START_POWER:
         return _Start(mean.mean(axis=1), np.zeros_like(q), None)
     return _Start(p, q, decay_s)
 
@@ -189,21 +190,21 @@ def _wander(power: Float64, samples: int) -> Float64:
 
 def _receiver_noise(power: Float64, adc: Adc) -> Float64:
     """Return the noise of the receiver alone: without rounding, and without wander, which is only in bin 0."""
-    own = np.maximum(power - adc.noise_power, 0.0)
-    own[:, 0] = np.minimum(own[:, 0], own[:, 1])
-    return own
+    receiver_power = np.maximum(power - adc.noise_power, 0.0)
+    receiver_power[:, 0] = np.minimum(receiver_power[:, 0], receiver_power[:, 1])
+    return receiver_power
 
 
 def _envelope(adc: NDArray[Any], model: Adc) -> Float64:
     """Return the rms of the noise over the chirp, normalised to a mean square of 1, (K, parts).
 
-    It uses the upper two thirds of the bins, which neither wander nor leakage reaches.
+    Only the upper two thirds of the bins are used, because wander and leakage do not reach them.
     """
     samples = adc.shape[3]
     kept = np.arange(samples // 2 + 1) >= samples // 6
     change = np.diff(adc.astype(np.float64), axis=2)
     high = np.fft.irfft(np.fft.rfft(change, axis=-1) * kept, samples, axis=-1)
-    # A difference of two chirps has twice the noise of one; the power of rounding in the used bins is subtracted.
+    # A difference of two chirps has twice the noise power of one. The rounding's power in the used bins is subtracted.
     power = 0.5 * (high**2).mean(axis=(0, 2)) - model.noise_power * (1.0 - 2.0 * (samples // 6) / samples)
     parts = np.stack([part.mean(axis=-1) for part in np.array_split(np.maximum(power, 0.0), _ENVELOPE_PARTS, axis=-1)])
     total = np.maximum(parts.mean(axis=0), 1e-12)
@@ -256,8 +257,8 @@ def _table(
     ]
     if start.decay_s is not None:
         rms = np.sqrt((start.start**2).mean(axis=1))
-        each = [_frame_start(p, repetition_s, _mean_noise(s)) for p, s in zip(parts, split, strict=True)]
-        decays = np.array([e.decay_s for e in each if e.decay_s is not None])
+        part_starts = [_frame_start(p, repetition_s, _mean_noise(s)) for p, s in zip(parts, split, strict=True)]
+        decays = np.array([part.decay_s for part in part_starts if part.decay_s is not None])
         starts = np.stack([_decompose(p, start.decay_s, repetition_s)[1] for p in parts])
         rows.append(row("frame start, rms", "counts", rms, np.sqrt((spread(starts) ** 2).mean(axis=1))))
         # Parts that are too short show no decay; a spread needs at least two parts.
@@ -276,13 +277,14 @@ def _table(
 def _warnings(adc: NDArray[Any], echoes: list[StaticEcho], keep: bool, share: float, recording: Recording) -> list[str]:
     found = []
     if echoes:
-        places = ", ".join(f"{echo.range_m:.2f}" for echo in echoes)
-        done = "kept in" if keep else "removed from"
+        ranges = ", ".join(f"{echo.range_m:.2f}" for echo in echoes)
+        action = "kept in" if keep else "removed from"
         found.append(
-            f"reflectors at {places} m were {done} the pattern: calibrate in an empty scene for a preset that fits any"
+            f"reflectors at {ranges} m were {action} the pattern: calibrate in an empty scene for a preset that fits "
+            "any scene"
         )
     clipped = float(((adc == 0) | (adc == 2**ADC_BITS - 1)).mean())
-    if clipped > _CLIPPED_SHARE:
+    if clipped > _MAX_CLIPPED_SHARE:
         found.append(f"{100.0 * clipped:.2g} % of the samples are clipped: leakage and noise are larger than fitted")
     if share > 0.5:
         found.append(
@@ -304,5 +306,5 @@ def _moved(adc: NDArray[Any]) -> list[int]:
     spectra = np.fft.rfft(adc.mean(axis=2) * np.hanning(adc.shape[3]), axis=-1)
     change = (np.abs(spectra - spectra.mean(axis=0)) ** 2).mean(axis=(0, 1))
     middle = float(np.median(change[1:]))
-    loud = np.flatnonzero(change > _MOVED * middle)
-    return [int(b) for b in loud if b >= 1 and change[b] == change[max(b - 1, 0) : b + 2].max()]
+    changed = np.flatnonzero(change > _MIN_MOTION * middle)
+    return [int(b) for b in changed if b >= 1 and change[b] == change[max(b - 1, 0) : b + 2].max()]

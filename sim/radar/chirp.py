@@ -1,7 +1,7 @@
 """FMCW frame of M chirps of N samples, with its resolutions and limits.
 
-A chirp sweeps the bandwidth B in the time T = N / f_s of its samples; chirps repeat every T_c. With the centre of the
-sweep f_c and lambda = c / f_c (Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 5; paper, table 3):
+A chirp sweeps the bandwidth B in the time T = N / f_s of its samples; chirps repeat every T_c. With f_c the centre of
+the sweep and lambda = c / f_c (Richards, Fundamentals of Radar Signal Processing, 2nd ed., ch. 5; paper, table 3):
 
     range resolution  d_res = c / (2 B)           unambiguous range (real samples)  d_max = d_res N / 2
     speed resolution  v_res = lambda / (2 M T_c)  unambiguous speed                 v_max = lambda / (4 T_c)
@@ -22,7 +22,7 @@ from signals.documents.validate import StrictModel
 SPEED_OF_LIGHT_MPS = 299_792_458.0
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
-_LEAST_HZ = 1e6  # a wavelength of 300 m; far longer ones overflow a float
+_MIN_HZ = 1e6  # a wavelength of 300 m; far longer wavelengths overflow a float
 
 
 class Chirp(StrictModel):
@@ -44,7 +44,7 @@ class Chirp(StrictModel):
                 f"{self.samples} samples at {self.sample_rate_hz:g} Hz take {self.sampling_s:.6g} s, longer than "
                 f"repetition_s {self.repetition_s:g}"
             )
-        if self.center_frequency_hz < _LEAST_HZ:
+        if self.center_frequency_hz < _MIN_HZ:
             raise ValueError(f"center_frequency_hz must be at least 1 MHz, not {self.center_frequency_hz:g} Hz")
         if 0.5 * self.bandwidth_hz >= self.center_frequency_hz:
             raise ValueError(

@@ -3,12 +3,12 @@
     NCC(p, q) = sum (p - mean p)(q - mean q) / sqrt( sum (p - mean p)^2 sum (q - mean q)^2 )
 
 over the pixels of one receiver's image, then the mean over receivers and over pairs of frames. Two frames of the same
-sensor in the same scene differ by their noise. So a figure means something only beside the same figure between two
-different real frames, and `compare` always gives both.
+sensor in the same scene differ by their noise, so `compare` gives the NCC of simulated and real frames together with
+the NCC of pairs of different real frames. Variants of the images:
 
-    linear           magnitude; leakage alone makes it almost 1
-    dB               20 log10: noise counts as much as leakage
-    dB, bins >= 5    the same without the bins that leakage fills
+    linear           magnitude; leakage alone makes the NCC almost 1
+    dB               20 log10 of the magnitude: noise counts as much as leakage
+    dB, bins >= 5    as dB, without the bins that leakage fills
     mean removed     linear, after subtracting the mean over a frame's chirps from each sample
 """
 
@@ -26,12 +26,12 @@ from sim.radar.spectra import noise_power, range_doppler, range_doppler_noise
 Float64 = NDArray[np.float64]
 
 _FIRST_CLEAR_BIN = 5
-_LEAST = 1e-12  # counts, lower limit for the logarithm
+_MIN_MAGNITUDE = 1e-12  # [counts], for the logarithm
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """Correlation in one variant. The figure between real frames is the reference for the other one."""
+    """Correlation in one variant. The value between real frames is the reference."""
 
     simulated_against_real: float
     real_against_real: float
@@ -57,7 +57,7 @@ class Comparison:
 
 
 def _decibel(image: Float64) -> Float64:
-    return 20.0 * np.log10(np.maximum(image, _LEAST))
+    return 20.0 * np.log10(np.maximum(image, _MIN_MAGNITUDE))
 
 
 _VARIANTS: Mapping[str, tuple[bool, Callable[[Float64], Float64]]] = {

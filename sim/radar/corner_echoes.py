@@ -1,16 +1,16 @@
 """Echoes of corner reflectors by three bounces, which pictures cannot show.
 
-With l <= m <= n the direction cosines of the radar in the frame of the corner (all above 0, else no path meets all
-three plates) and a the edge of its square plates, the echo is that of a flat mirror of area
+Let l <= m <= n be the direction cosines of the radar in the frame of the corner, and a the edge of its square plates.
+If all cosines are above 0 (else no path meets all three plates), the echo is that of a flat mirror of area
 
     A = a^2 (l m / n) (4 - max(0, 2 - n / m)^2),      sigma = 4 pi A^2 / lambda^2
 
-on the axis A = sqrt(3) a^2 and sigma = 12 pi a^4 / lambda^2. A is the cross-section of the lines along (l, m, n) that
-meet both the cube [0, a]^3 and its image [-a, 0]^3: a ray leaves after three bounces along the image, in the corner, of
-its straight continuation.
+On the axis A = sqrt(3) a^2 and sigma = 12 pi a^4 / lambda^2. A is the cross-section of the lines along (l, m, n) that
+meet both the cube [0, a]^3 and its image [-a, 0]^3, because three bounces mirror a ray's straight continuation at the
+corner point.
 
-A corner is visible if the picture's range at its pixel is not shorter than its distance by more than sqrt(2) a, the
-greatest reach of its plates towards the radar. It is static, so its radial speed comes from the radar's motion.
+A corner is visible if the picture's range at its pixel is at least its distance minus sqrt(2) a, the farthest that its
+plates reach towards the radar. Corners are static, so their radial speed comes from the radar's motion.
 """
 
 from __future__ import annotations
@@ -89,15 +89,15 @@ class CornerEchoes:
         for corner, R_WK in self._corners:
             x, y, z = (corner.p_WK[i] - pose.p_WC[i] for i in range(3))
             range_m = sqrt(x * x + y * y + z * z)
-            if not range_m > corner.edge_m:  # the radar is inside it
+            if not range_m > corner.edge_m:  # the radar is inside the corner
                 continue
             if self._mask.max_range_m is not None and range_m > self._mask.max_range_m:
                 continue
             d_W = (x / range_m, y / range_m, z / range_m)
-            to_K = _turned_back(R_WK, d_W)
-            area_m2 = effective_area_m2((-to_K[0], -to_K[1], -to_K[2]), corner.edge_m)
-            d_C = _turned_back(pose.R_WC, d_W)
-            if area_m2 == 0.0 or not self._free(picture_range, d_C, range_m - sqrt(2.0) * corner.edge_m):
+            d_K = _rotated_back(R_WK, d_W)
+            area_m2 = effective_area_m2((-d_K[0], -d_K[1], -d_K[2]), corner.edge_m)
+            d_C = _rotated_back(pose.R_WC, d_W)
+            if area_m2 == 0.0 or not self._is_free(picture_range, d_C, range_m - sqrt(2.0) * corner.edge_m):
                 continue
             d_R = np.array([[d_C[2], -d_C[0], -d_C[1]]])
             share = float(self._antenna.share(d_R)[0])
@@ -111,23 +111,23 @@ class CornerEchoes:
             at += 1
         return at - first
 
-    def _free(self, picture_range: NDArray[Any], d_C: Vec3, least_m: float) -> bool:
-        """Return True if the pixel in this direction shows nothing nearer than `least_m`."""
-        place = _pixel(self._camera, d_C)
-        if place is None:
+    def _is_free(self, picture_range: NDArray[Any], d_C: Vec3, min_m: float) -> bool:
+        """Return True if the pixel in this direction shows nothing nearer than `min_m`."""
+        pixel = _pixel(self._camera, d_C)
+        if pixel is None:
             return False
-        column, row = place
+        column, row = pixel
         if not (0.0 <= column < self._camera.width and 0.0 <= row < self._camera.height):
             return False
         i, j = floor(row), floor(column)
-        # Beyond its invertible part a distortion leads to pixels of other directions.
+        # Beyond the invertible part of a distortion, the pixel may belong to another direction.
         x, y, z = self._rays_C[i, j].tolist()
         if x * d_C[0] + y * d_C[1] + z * d_C[2] < 1.0 - 4.0 * float(self._pixel_sr[i, j]):
             return False
-        return float(picture_range[i, j]) >= least_m
+        return float(picture_range[i, j]) >= min_m
 
 
-def _turned_back(R: Sequence[float], v: Vec3) -> Vec3:
+def _rotated_back(R: Sequence[float], v: Vec3) -> Vec3:
     """Return R^T v."""
     x, y, z = v
     return (R[0] * x + R[3] * y + R[6] * z, R[1] * x + R[4] * y + R[7] * z, R[2] * x + R[5] * y + R[8] * z)

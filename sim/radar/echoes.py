@@ -1,4 +1,4 @@
-"""Echoes of one radar frame as arrays: the result of the pictures and the input of the synthesis.
+"""Echoes of one radar frame as arrays, made from pictures and used by the synthesis.
 
 An echo has range R and radial speed v (+ receding) at the middle of the frame, and the unit direction d_R from the
 radar (frame R: x forward, y left, z up). Its amplitude A is the peak of its beat signal in ADC counts, before the

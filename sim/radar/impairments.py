@@ -1,4 +1,4 @@
-"""Impairments of a radar's receivers, added to the echoes; a part that is null is off.
+"""Impairments of a radar's receivers, added to the echoes; an impairment that is null is off.
 
     x[k,m,n] = echoes + dc[k] + leakage[k](f_n) + e^{-m T_c / decay} start[k](f_n) + sigma_k d[k,m] + noise[k,m,n]
 
@@ -8,10 +8,10 @@ dc_wander    DC of each chirp, white from chirp to chirp
 noise        receiver noise by its power in each bin of beat frequency, independent from chirp to chirp
 adc          unequal code widths: odd codes are `odd_code_share` of all (0.5: an even converter)
 
-Power of a bin: |DFT|^2 / N of one chirp's N samples [counts^2], so that white noise of deviation sigma has sigma^2 in
-every bin. It is constant beyond the last measured bin, and applies to samples at any rate. The `envelope` is the rms of
-the noise over the chirp, in equal parts of its samples, normalised to a mean square of 1; it is larger near a chirp's
-start.
+The power of a bin is |DFT|^2 / N of one chirp's N samples [counts^2], so that white noise of deviation sigma has
+sigma^2 in every bin. It is constant beyond the last measured bin, and applies to samples at any rate. The `envelope` is
+the rms of the noise over the chirp, in equal parts of its samples, normalised to a mean square of 1; the noise of real
+receivers is larger near a chirp's start.
 
 Without leakage the DC is half of the converter's scale. Without `adc` all codes are equally wide.
 """
@@ -71,22 +71,22 @@ class ReceiverNoise(StrictModel):
             raise ValueError(f"power has {len(self.power)} receivers and envelope {len(self.envelope)}")
         return self
 
-    def envelope_at(self, receiver: int, part: float) -> float:
+    def envelope_at(self, receiver: int, share: float) -> float:
         """Return the envelope at a share (0 to 1) of the chirp, linear between the middles of its parts."""
         if self.envelope is None:
             return 1.0
         row = self.envelope[receiver]
-        place = min(max(part * len(row) - 0.5, 0.0), len(row) - 1.0)
-        i = min(int(place), max(len(row) - 2, 0))
-        t = place - i
+        position = min(max(share * len(row) - 0.5, 0.0), len(row) - 1.0)
+        i = min(int(position), max(len(row) - 2, 0))
+        t = position - i
         return row[i] if t == 0.0 else row[i] + t * (row[i + 1] - row[i])
 
     def power_at(self, receiver: int, frequency_hz: float) -> float:
         """Return the power [counts^2], linear between the bins."""
         row = self.power[receiver]
-        place = frequency_hz / self.bin_hz
-        i = min(int(place), len(row) - 2)
-        t = min(place - i, 1.0)
+        position = frequency_hz / self.bin_hz
+        i = min(int(position), len(row) - 2)
+        t = min(position - i, 1.0)
         return row[i] + t * (row[i + 1] - row[i])
 
 
@@ -97,7 +97,7 @@ class Adc(StrictModel):
 
     @property
     def noise_power(self) -> float:
-        """White power of the rounding alone [counts^2]: odd codes have width o = 2 share, even ones 2 - o."""
+        """White power of the rounding alone [counts^2]. Odd codes are 2 share wide, even codes 2 - 2 share."""
         odd = 2.0 * self.odd_code_share
         return (odd**3 + (2.0 - odd) ** 3) / 24.0
 
@@ -112,7 +112,7 @@ class Impairments(StrictModel):
     adc: Adc | None = None
 
     def problems_with(self, chirp: Chirp, receivers: int) -> list[str]:
-        """Return why these do not fit `receivers` receivers with this chirp; empty if they do."""
+        """Return why these impairments do not fit the number of receivers or the chirp; empty if they do."""
         given = {
             "leakage.sweep.counts": self.leakage and self.leakage.sweep.receivers,
             "frame_start.sweep.counts": self.frame_start and self.frame_start.sweep.receivers,

@@ -1,6 +1,6 @@
 """Mask of a radar's pixels: by class, by windows of angles, and by range.
 
-Azimuth is atan2(y, x), to the left; elevation is atan2(z, sqrt(x^2 + y^2)), upwards; both of directions in R.
+Azimuth is atan2(y, x), to the left; elevation is atan2(z, sqrt(x^2 + y^2)), upwards; (x, y, z) is a direction in R.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class Mask(StrictModel):
     max_range_m: Annotated[float, Field(gt=0.0, le=1e5)] | None = None  # None: also echoes that alias in range
 
     @model_validator(mode="after")
-    def _holds_something(self) -> Mask:
+    def _leaves_pixels(self) -> Mask:
         for name in ("azimuth_deg", "elevation_deg"):
             window = getattr(self, name)
             if window is not None and not window[0] < window[1]:
                 raise ValueError(f"{name} [{window[0]:g}, {window[1]:g}] is empty: the first must be below the second")
         if self.classes is not None and not [name for name in self.classes if name != _NONE]:
-            raise ValueError("classes holds no visible class: name a class, or leave it out for all")
+            raise ValueError("classes holds no visible class: name a class, or leave `classes` out for all")
         return self
 
     def kept_classes(self, class_names: tuple[str, ...]) -> NDArray[np.uint8] | None:

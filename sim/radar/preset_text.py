@@ -1,7 +1,7 @@
-"""Writes a calibration as a sensor preset (sim/sensors/presets.py).
+"""Text of a calibration as a sensor preset (sim/sensors/presets.py).
 
-A recording of a still scene does not contain the positions of the antennas nor the power of an echo in counts. These
-come from the preset of a known part, with their status and sources.
+A recording of a still scene holds neither the positions of the antennas nor the power of an echo in counts. Both come
+from the preset of a known device, with their status and sources.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SOURCE = "recording"
 
 @dataclass(frozen=True)
 class Hardware:
-    """Figures of a part that are not fitted, in the form of a preset file."""
+    """Figures of a device that are not fitted, in the form of a preset file."""
 
     sources: Mapping[str, str]
     antenna: Mapping[str, Any]
@@ -39,7 +39,7 @@ def hardware_of(preset: Path) -> Hardware:
 
 
 def with_receivers(hardware: Hardware, antennas: Sequence[int]) -> Hardware | None:
-    """Return the hardware with only the receivers of these numbers (from 1); None if the part lacks one."""
+    """Return the hardware with only the receivers of these numbers (from 1); None if the device lacks one of them."""
     positions = hardware.antenna["value"]["rx_positions_m"]
     if not all(1 <= a <= len(positions) for a in antennas):
         return None
@@ -48,13 +48,13 @@ def with_receivers(hardware: Hardware, antennas: Sequence[int]) -> Hardware | No
 
 
 def preset_text(calibration: Calibration, recording: Recording, hardware: Hardware, *, part: str, source: str) -> str:
-    """Return the text of the preset file. `source` describes the recording."""
+    """Return the text of the preset file. `part`: name of the device; `source` describes the recording."""
     first, last = calibration.frames
     used = {figure["source"] for figure in (hardware.antenna, hardware.receiver) if figure.get("source")}
     sources = {_SOURCE: f"{source}, frames {first} to {last - 1}"} | {
         key: text for key, text in hardware.sources.items() if key in used
     }
-    echoes = "with the reflectors of that scene" if calibration.keeps_echoes else "its reflectors removed"
+    echoes = "with the scene's reflectors" if calibration.keeps_echoes else "the scene's reflectors removed"
     note = f"fitted by `hil calibrate radar`{', ' + echoes if calibration.echoes else ''}"
     receiver = dict(hardware.receiver["value"])
     for key, hertz in (("hp_cutoff_hz", recording.hp_cutoff_hz), ("aaf_cutoff_hz", recording.aaf_cutoff_hz)):

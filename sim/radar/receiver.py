@@ -1,7 +1,7 @@
 """Transmitter power and receiver of a radar: conversion of an echo's power to counts of the ADC.
 
-A sine of power P into the impedance Z has the peak sqrt(2 P Z), so with the conversion gain g [dB] of mixer and
-amplifiers and an ADC of b bits over the full scale V
+A sine of power P into the impedance Z has the peak voltage sqrt(2 P Z). With the conversion gain g [dB] of mixer and
+amplifiers, and an ADC of b bits over the full scale V, an echo of power P_r has the peak
 
     A [counts] = sqrt(P_r) * sqrt(2 Z) 10^(g / 20) / (V / 2^b)
 """
@@ -31,7 +31,7 @@ class Receiver(StrictModel):
     aaf_cutoff_hz: _Cutoff | None = None
 
     @model_validator(mode="after")
-    def _a_band_is_left(self) -> Receiver:
+    def _passes_a_band(self) -> Receiver:
         if self.hp_cutoff_hz is not None and self.aaf_cutoff_hz is not None and self.hp_cutoff_hz >= self.aaf_cutoff_hz:
             raise ValueError(
                 f"hp_cutoff_hz {self.hp_cutoff_hz:g} is not below aaf_cutoff_hz {self.aaf_cutoff_hz:g}: nothing passes"

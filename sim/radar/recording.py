@@ -1,7 +1,7 @@
 """Recording of raw radar samples, with the settings of the device in a JSON file beside it.
 
-    recording.npz   array `adc`, or recording.npy: frames x receivers x chirps x samples, uint16 codes
-    recording.json  {"device_config": {"fmcw_single_shape": {...}}}, or the inner mapping at the top level
+    recording.npz   with the array `adc`, or recording.npy: frames x receivers x chirps x samples, uint16 codes
+    recording.json  {"device_config": {"fmcw_single_shape": {...}}}, or {"fmcw_single_shape": {...}}
 
 The keys of `fmcw_single_shape` are those of the maker's recorder. Required are start_frequency_Hz, end_frequency_Hz,
 sample_rate_Hz, num_samples_per_chirp, num_chirps_per_frame, chirp_repetition_time_s and rx_antennas; optional are
@@ -25,9 +25,9 @@ from sim.radar.chirp import Chirp
 
 ADC_BITS = 12
 _SHAPE_KEY = "fmcw_single_shape"
-_MOST = 1e12  # greatest number in the settings
+_MAX_SETTING = 1e12  # greatest number in the settings
 _SLACK = 1e-6  # relative tolerance
-_MOST_FRAME_S = 3600.0  # greatest time between frames
+_MAX_FRAME_S = 3600.0  # greatest time between frames
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def load_recording(path: Path) -> Recording:
     shape = _settings(settings_path(path), problems)
     recording = _recording(adc, shape, settings_path(path), problems) if adc is not None and shape else None
     if recording is not None:
-        problems += _misfits(path, recording)
+        problems += _mismatches(path, recording)
     if problems or recording is None:
         raise ConfigError(problems)
     return recording
@@ -135,13 +135,13 @@ def _samples(path: Path, problems: list[Problem]) -> NDArray[Any] | None:
             return np.asarray(loaded["adc"])
     except FileNotFoundError:
         problems.append(Problem(str(path), "does not exist", "check the path"))
-    except Exception as error:  # noqa: BLE001 - zlib.error, TokenError, MemoryError: damage has many readers
+    except Exception as error:  # noqa: BLE001 - damaged files raise many types: zlib.error, TokenError, MemoryError
         problems.append(Problem(str(path), f"is not a radar recording: {error}"))
     return None
 
 
 def _settings(path: Path, problems: list[Problem]) -> Mapping[str, Any]:
-    """Return the inner mapping; empty if there is none."""
+    """Return the mapping `fmcw_single_shape`; empty if there is none."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -165,11 +165,9 @@ def _recording(adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems
         value = shape.get(key)
         if value is None and not needed:
             return None
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MOST:
-            what = (
-                "is missing" if key not in shape else f"must be a number above 0, not {value!r:.40} ({_MOST:g} at most)"
-            )
-            problems.append(Problem(str(path), f"{_SHAPE_KEY}.{key} {what}"))
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= _MAX_SETTING:
+            message = f"must be a number above 0, not {value!r:.40} ({_MAX_SETTING:g} at most)"
+            problems.append(Problem(str(path), f"{_SHAPE_KEY}.{key} {message if key in shape else 'is missing'}"))
             return None
         if key.startswith("num_") and value != int(value):
             problems.append(Problem(str(path), f"{_SHAPE_KEY}.{key} must be a whole number, not {value!r}"))
@@ -211,23 +209,23 @@ def _recording(adc: NDArray[Any], shape: Mapping[str, Any], path: Path, problems
     except pydantic.ValidationError as error:
         problems += [Problem(str(path), f"{_SHAPE_KEY} is not a valid chirp: {item['msg']}") for item in error.errors()]
         return None
-    least_s = (chirp.chirps - 1) * chirp.repetition_s + chirp.sampling_s
-    if frame is not None and not least_s * (1.0 - _SLACK) <= frame <= _MOST_FRAME_S:
-        message = f"{_SHAPE_KEY}.frame_repetition_time_s is {frame:g}, not {least_s:g} (a frame's own time) to 3600"
+    min_s = (chirp.chirps - 1) * chirp.repetition_s + chirp.sampling_s
+    if frame is not None and not min_s * (1.0 - _SLACK) <= frame <= _MAX_FRAME_S:
+        message = f"{_SHAPE_KEY}.frame_repetition_time_s is {frame:g}, not {min_s:g} (a frame's own time) to 3600"
         problems.append(Problem(str(path), message))
         return None
     return Recording(adc, chirp, tuple(antennas), frame, high_pass, low_pass)
 
 
-def _misfits(path: Path, recording: Recording) -> list[Problem]:
+def _mismatches(path: Path, recording: Recording) -> list[Problem]:
     """Return the mismatches between samples and settings."""
     adc, chirp = recording.adc, recording.chirp
     expected = (len(recording.rx_antennas), chirp.chirps, chirp.samples)
     if adc.ndim != 4:
         return [Problem(str(path), f"has {adc.ndim} dimensions", "needs frames x receivers x chirps x samples")]
     problems = [
-        Problem(str(path), f"has {found} {what}, but {settings_path(path).name} gives {stated}")
-        for what, found, stated in zip(("receivers", "chirps", "samples"), adc.shape[1:], expected, strict=True)
+        Problem(str(path), f"has {found} {dimension}, but {settings_path(path).name} gives {stated}")
+        for dimension, found, stated in zip(("receivers", "chirps", "samples"), adc.shape[1:], expected, strict=True)
         if found != stated
     ]
     if adc.dtype != np.uint16:

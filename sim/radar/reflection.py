@@ -1,18 +1,19 @@
 """Backscatter of surfaces by incidence, roughness and electrical properties.
 
-sigma0(theta) is a Kirchhoff lobe of the power that roughness leaves coherent, and a Lambertian part of the rest, both
-with Fresnel's reflectance (equations: sim/native/radar/reflection.hpp) at the complex permittivity
+sigma0(theta) is the sum of a Kirchhoff lobe, with the power that roughness leaves coherent, and a Lambertian part with
+the rest. Both use Fresnel's reflectance (equations: sim/native/radar/reflection.hpp) at the complex permittivity
 
     eps = eps_r - j sigma / (omega eps_0)
 
-of the carrier frequency. Reflectance is the mean of both polarisations, as surfaces have any orientation to the wave.
+at the carrier frequency. Reflectance is the mean of both polarisations, because surfaces have any orientation to the
+wave.
 
-A flat wall seen through the lobe gives, for any slope of its facets, the power of the radar's mirror image behind it,
-(lambda / (4 pi 2 R))^2 |Gamma|^2; a Lambertian sphere of radius r has the cross-section (8/3) a pi r^2 with its albedo
-a = (1 - rho^2) |Gamma|^2 (tests/reference/test_radar_equation.py).
+The lobe of a flat wall has, for any slope of its facets, the power of the radar's mirror image behind the wall,
+(lambda / (4 pi 2 R))^2 |Gamma|^2. A Lambertian sphere of radius r and albedo a = (1 - rho^2) |Gamma|^2 has the
+cross-section (8/3) a pi r^2 (tests/reference/test_radar_equation.py).
 
 The amplitude of a pixel needs sqrt(sigma0(c) / c) with c = cos(theta), which is tabulated for each surface over
-sqrt(c). The error of sigma0 by the table is below 0.01 dB for c >= 0.001; c = 0 gives 0.
+sqrt(c). The table's error of sigma0 is below 0.01 dB for c >= 0.001; for c = 0 the table gives 0.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ VACUUM_PERMITTIVITY_F_PER_M = 8.8541878128e-12
 class Reflection(StrictModel):
     """Parameters of the reflection model besides those of the surfaces."""
 
-    # rms slope of the facets of a surface, undulations far larger than the wavelength. It sets the width of the lobe,
-    # not its power. 0.1 (5.7 degrees) is an assumption for walls, roads and sheet metal, not a measurement.
+    # rms slope of a surface's facets (undulations far larger than the wavelength). It sets the width of the lobe, not
+    # its power. 0.1 (5.7 degrees) is an assumption for walls, roads and sheet metal, not a measurement.
     facet_slope: Annotated[float, Field(ge=0.07, le=1.0)] = 0.1
 
     def backscatter(self, surface: Surface, carrier_hz: float, cosine: Float64) -> Float64:
@@ -52,7 +53,7 @@ class Reflection(StrictModel):
         return sigma0
 
     def curves(self, surfaces: Sequence[Surface], carrier_hz: float) -> Float32:
-        """Return the kernel's tables, (surfaces, RADAR_CURVE_STEPS + 1); the first surface is that of nothing."""
+        """Return the kernel's tables, (surfaces, RADAR_CURVE_STEPS + 1); surface 0 is no surface."""
         curves = np.zeros((len(surfaces), RADAR_CURVE_STEPS + 1), np.float32)
         for surface, curve in zip(surfaces[1:], curves[1:], strict=True):
             radar_amplitude_curve(*_at_carrier(surface, carrier_hz), self.facet_slope, curve)
@@ -66,7 +67,7 @@ def reflectance(surface: Surface, carrier_hz: float, cosine: float) -> float:
 
 
 def _at_carrier(surface: Surface, carrier_hz: float) -> tuple[float, float, float]:
-    """Return permittivity, its loss, and 4 pi h / lambda."""
+    """Return the real part of eps, minus its imaginary part, and 4 pi h / lambda with the roughness h."""
     loss = surface.conductivity_s_per_m / (TURN_RAD * carrier_hz * VACUUM_PERMITTIVITY_F_PER_M)
     phase_height = 2.0 * TURN_RAD * surface.roughness_m * carrier_hz / SPEED_OF_LIGHT_MPS
     return surface.relative_permittivity, loss, phase_height

@@ -1,4 +1,4 @@
-"""Echoes of a radar at the pose of a camera, one for each pixel of a picture.
+"""Echoes of a radar from the pictures of a camera at the same pose, one echo for each pixel.
 
 Radar equation in its pixel form (paper, eq. (7)), for the solid angle dOmega of a pixel at incidence theta:
 
@@ -9,8 +9,8 @@ W(d) is computed once per camera and sqrt(sigma0 / cos) once per surface; the ke
 picture (sim/native/radar/scatterers.hpp). Axes: x_R = z_C, y_R = -x_C, z_R = -y_C.
 
 Pixels without an echo are dropped and counted in `last`: sky (infinite range), no surface, surfaces that face away,
-pixels outside the mask, directions where the two-way gain of the antennas is below `PATTERN_FLOOR` of that on the axis,
-and `invalid` ones, whose range, normal or velocity is not finite.
+pixels outside the mask, directions where the two-way antenna gain relative to the axis is below `PATTERN_FLOOR`, and
+`invalid` pixels, whose range, normal or velocity is not finite.
 
 With a pose, the echoes of the map's corner reflectors follow those of the pixels (sim/radar/corner_echoes.py).
 """
@@ -40,11 +40,11 @@ from sim.scene.world import World
 Float64 = NDArray[np.float64]
 
 PATTERN_FLOOR = 1e-6  # two-way gain relative to the axis: -60 dB
-EVERYTHING = Mask()
+NO_MASK = Mask()
 DEFAULT_REFLECTION = Reflection()
 _LANES = 16  # pixels per block of the kernel
 _FOUR_PI = 12.566370614359172
-_FARTHEST_M = float(np.finfo(np.float32).max)
+_MAX_RANGE_M = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class ScattererReport:
     pattern: int  # gain of the antennas below the floor
     invalid: int
     sky: int
-    nothing: int  # no surface, or one without backscatter
+    nothing: int  # no surface, or a surface without backscatter
     range: int  # beyond the mask's range
     classes: int  # class not in the mask
     away: int  # surface faces away from the radar
@@ -65,7 +65,7 @@ class ScattererReport:
 
 
 class Scatterers:
-    """Makes echoes from the pictures of one camera.
+    """Conversion of one camera's pictures to echoes.
 
     Raises ValueError if the mask names an unknown class or leaves no pixel, or if the distortion cannot be inverted at
     the picture's corners. `isa`: instruction set of the kernels; all give the same bits.
@@ -78,14 +78,14 @@ class Scatterers:
         chirp: Chirp,
         antenna: Antenna,
         receiver: Receiver,
-        mask: Mask = EVERYTHING,
+        mask: Mask = NO_MASK,
         reflection: Reflection = DEFAULT_REFLECTION,
         isa: str = "",
     ) -> None:
         self.camera = camera
         self._isa = isa
         self._class_kept = mask.kept_classes(world.class_names)
-        self._max_range_m = _FARTHEST_M if mask.max_range_m is None else mask.max_range_m
+        self._max_range_m = _MAX_RANGE_M if mask.max_range_m is None else mask.max_range_m
         self._curves = reflection.curves(world.surfaces, chirp.center_frequency_hz)
         rays_C = np.ascontiguousarray(camera.rays()).reshape(-1, 3)
         self._direction_R = np.stack([rays_C[:, 2], -rays_C[:, 0], -rays_C[:, 1]], axis=1)
@@ -119,8 +119,8 @@ class Scatterers:
             amplitude_scale=scale,
             wavelength_m=chirp.wavelength_m,
         )
-        room = pixels + len(self._corners)
-        self._out = Echoes(np.empty(room), np.empty(room), np.empty((room, 3)), np.empty(room))
+        capacity = pixels + len(self._corners)
+        self._out = Echoes(np.empty(capacity), np.empty(capacity), np.empty((capacity, 3)), np.empty(capacity))
         self.channels: tuple[str, ...] = ("range", "normal", "material", "radial_velocity")
         if self._class_kept is not None:
             self.channels += ("segmentation",)

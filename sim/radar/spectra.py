@@ -4,11 +4,11 @@ Noise power of bin b of one frame (white noise of deviation sigma has sigma^2 in
 
     S_b = mean over d of |DFT_m( w_m (X[m,b] - mean_m X[m,b]) )[d]|^2 / (N sum w_m^2),     X[m,b] = DFT_n(x[m,n])[b]
 
-without the Doppler bins d near zero, which hold static and slow objects. w is a split-cosine window (3/20 of the frame
-at each end), which keeps slow changes from leaking into the other bins.
+The mean leaves out the Doppler bins d near zero, which hold static and slow objects. w is a split-cosine window (slopes
+over 3/20 of the frame at each end), which keeps slow changes from leaking into the other bins.
 
-A range-Doppler image is the magnitude of the two-dimensional DFT with Hann windows, normalised to show A for a sine of
-peak amplitude A counts at the middle of a bin; N / 2 range bins, zero speed in row M / 2.
+A range-Doppler image is the magnitude of the two-dimensional DFT with Hann windows, normalised so that a sine of peak
+amplitude A counts at the middle of a bin gives A. It has N / 2 range bins, and zero speed in row M / 2.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 
 Float64 = NDArray[np.float64]
 
-_SPLIT = 0.3  # share of a frame in the two slopes of the window
-_STILL = 1.0 / 16.0  # share of the Doppler bins, on either side of zero, that is left out
+_SLOPE_SHARE = 0.3  # share of a frame in the two slopes of the window
+_STATIC_SHARE = 1.0 / 16.0  # share of the Doppler bins, on either side of zero, that is left out
 
 
 def noise_power(adc: NDArray[Any]) -> Float64:
     """Return the powers [counts^2] of each frame and receiver, (F, K, N / 2 + 1), of samples (F, K, M, N)."""
     chirps, samples = adc.shape[2:]
     window = _split_cosine(chirps)
-    edge = still_bins(chirps)
+    edge = static_bins(chirps)
     power = np.empty((*adc.shape[:2], samples // 2 + 1))
     for f, frame in enumerate(adc):
         x = frame.astype(np.float64)
@@ -58,17 +58,17 @@ def range_doppler(adc: NDArray[Any], *, remove_mean: bool = False) -> Float64:
 
 
 def range_doppler_noise(images: Float64, *, first_bin: int = 1) -> Float64:
-    """Return the rms per receiver [counts] of images (F, K, M, B), away from zero speed, from bin `first_bin` on."""
+    """Return the rms per receiver [counts] of images (F, K, M, B) away from zero speed and from `first_bin` on."""
     chirps = images.shape[2]
-    middle, edge = chirps // 2, still_bins(chirps)
+    middle, edge = chirps // 2, static_bins(chirps)
     moving = np.abs(np.arange(chirps) - middle) >= edge
     rms: Float64 = np.sqrt((images[:, :, moving, first_bin:] ** 2).mean(axis=(0, 2, 3)))
     return rms
 
 
-def still_bins(chirps: int) -> int:
+def static_bins(chirps: int) -> int:
     """Return the number of Doppler bins on either side of zero speed that count as static."""
-    return max(2, round(chirps * _STILL))
+    return max(2, round(chirps * _STATIC_SHARE))
 
 
 def _hann(n: int) -> Float64:
@@ -76,7 +76,7 @@ def _hann(n: int) -> Float64:
 
 
 def _split_cosine(n: int) -> Float64:
-    place = (np.arange(n) + 0.5) / n
-    from_end = np.minimum(place, 1.0 - place)
-    slope = 0.5 - 0.5 * np.cos(2.0 * np.pi * from_end / _SPLIT)
-    return np.where(from_end < 0.5 * _SPLIT, slope, 1.0)
+    share = (np.arange(n) + 0.5) / n
+    from_end = np.minimum(share, 1.0 - share)
+    slope = 0.5 - 0.5 * np.cos(2.0 * np.pi * from_end / _SLOPE_SHARE)
+    return np.where(from_end < 0.5 * _SLOPE_SHARE, slope, 1.0)

@@ -1,4 +1,4 @@
-"""Self-reception of a radar over a sweep: recorded with one chirp, computed for another.
+"""Leakage of a radar over a sweep: recorded with one chirp, computed for another.
 
 Leakage from transmitter to receiver, and static objects close by, mix down to a voltage u(f) that is a function of the
 instantaneous RF frequency f alone. The high-pass after the mixer passes only the change of u during the sweep, and its
@@ -6,10 +6,10 @@ charge from before the sweep decays (turn-on). Sample by sample, with T = 1 / f_
 
     y[0] = s        y[n] = a y[n-1] + g (u[n] - u[n-1])        a = exp(-2 pi f_hp T)     g = (1 - a) / (2 pi f_hp T)
 
-(exact if u is linear between samples). A recording gives y, and from it s and u(f), up to a constant that affects no
-output. Another chirp samples u at its own frequencies (Catmull-Rom between the recorded ones) and applies the high-pass
-at its own sample rate. So a narrower sweep, over which u changes more slowly, leaks less, while the turn-on is the
-same. The recorded chirp gives the recorded counts unchanged. Without a high-pass y = u.
+(exact if u is linear between samples). A recording gives y; s and u(f) follow from y, up to a constant that affects no
+output. Another chirp samples u at its own frequencies (Catmull-Rom between the recorded frequencies) and applies the
+high-pass at its own sample rate. So a narrower sweep, over which u changes more slowly, leaks less, but has the same
+turn-on. The recorded chirp gives the recorded counts unchanged. Without a high-pass y = u.
 
 Determinism: + - * / on Python floats in a fixed order, and `det_exp`.
 """
@@ -33,7 +33,7 @@ _SAME = 1e-9  # relative difference below which two frequencies are equal
 
 
 class SweptPattern(StrictModel):
-    """Counts `counts[k][n]` of receiver k at the RF frequency `start_frequency_hz + n bandwidth_hz / samples`."""
+    """Recorded leakage `counts[k][n]` of receiver k at the frequency start_frequency_hz + n bandwidth_hz / samples."""
 
     start_frequency_hz: _Frequency
     bandwidth_hz: _Frequency
@@ -118,11 +118,11 @@ def _high_pass(cutoff_hz: float, rate_hz: float) -> tuple[float, float]:
     return a, (1.0 - a) / x
 
 
-def _catmull_rom(values: list[float], place: float) -> float:
-    """Return the cubic through `values` at 0, 1, ...; beyond the ends (at most one step) it is linear."""
+def _catmull_rom(values: list[float], position: float) -> float:
+    """Return the cubic through `values` (at 0, 1, ...) at `position`; linear beyond the ends, at most one step."""
     last = len(values) - 1
-    i = min(max(floor(place), 0), last - 1)
-    t = place - i
+    i = min(max(floor(position), 0), last - 1)
+    t = position - i
     p1, p2 = values[i], values[i + 1]
     p0 = values[i - 1] if i > 0 else 2.0 * p1 - p2
     p3 = values[i + 2] if i + 2 <= last else 2.0 * p2 - p1

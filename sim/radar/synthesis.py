@@ -8,8 +8,8 @@ f_b = S 2 R / c:
 
     H(f) = j f / (f_hp + j f) / (1 + j f / f_aaf)      first order each; either can be off
 
-`direct` evaluates this sum in double precision: the reference. `nufft` is a non-uniform FFT with an error of at most
-`tolerance`, ||x - x_direct|| / ||x_direct|| over the whole frame. Method: sim/native/radar/synthesis.hpp.
+`direct` evaluates this sum in double precision and is the reference. `nufft` is a non-uniform FFT with the error
+||x - x_direct|| / ||x_direct|| <= `tolerance` over the whole frame. Method: sim/native/radar/synthesis.hpp.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 
 
 class Synthesizer:
-    """Sums echoes into frames of one chirp. Not thread-safe.
+    """Summation of echoes to frames of one chirp. Not thread-safe.
 
     `drop_share`: share of the tolerance for dropping the weakest echoes; 0 drops none. `isa`: instruction set of the
     kernels; all give the same bits. Raises ValueError for arguments out of range.

@@ -1,18 +1,18 @@
 """Constant false-alarm rate (CFAR) detection of cells of a map above the noise around them.
 
 With noise alone, a cell is the mean of K receivers' powers: Gamma with shape K and mean s. The noise at a cell under
-test is estimated from its training cells: those within guard + train in rows and in columns, but not within guard in
-both. Rows wrap round (Doppler is periodic), columns do not, so there are fewer training cells at the edges.
+test is estimated from its training cells: the cells within guard + train in rows and in columns, without those within
+guard in both. Rows wrap round (Doppler is periodic), columns do not, so there are fewer training cells at the edges.
 
-    CA  mean of n cells: Gamma with shape a = K n. A cell exceeds alpha times that with probability
+    CA  mean of n cells: Gamma with shape a = K n. A cell exceeds alpha times that mean with probability
           P(G_K > t G_a) = P(Beta(a, K) < 1 / (1 + t)),   t = alpha K / a
         for K = 1 this is (1 + alpha / n)^-n, so alpha = n (P^(-1/n) - 1).
     OS  the k-th smallest of n: its distribution is Beta(k, n - k + 1) of the gamma's distribution function, and
           P = integral of p(y) Q_K(alpha K y) dy,     for K = 1:  P = product over i < k of (n - i) / (n - i + alpha)
-        The estimate is divided by the quantile k / n of the unit gamma, which makes it the mean power too.
+        The estimate is divided by the quantile k / n of the gamma distribution of mean 1, so that it is the mean power.
 
-A window and zero-padding correlate neighbouring cells: n is divided by `likeness`, the mean number of cells per
-independent cell (the sum of the squared correlations), and k keeps its share of n.
+A window and zero-padding correlate neighbouring cells. Therefore n is divided by `cells_per_independent`, the mean
+number of cells per independent cell (the sum of the squared correlations), and k keeps its share of n.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from numpy.typing import NDArray
 
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
-from sim.radar.processing.windows import likeness
+from sim.radar.processing.windows import cells_per_independent
 
 # Integration of OS in steps of equal ratio: values far below the mean contribute to small probabilities as much as
 # values near it.
 _PANELS = 4000
-_LOG_NEAREST = -25.0
-_LOG_MOST_FACTOR = 28.0
+_LOG_MIN_VALUE = -25.0
+_LOG_MAX_FACTOR = 28.0
 
 Float64 = NDArray[np.float64]
-Places = NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 
 class Cfar:
@@ -50,8 +50,10 @@ class Cfar:
         self._half = half_rows, half_columns = p.guard_doppler + p.train_doppler, p.guard_range + p.train_range
         doppler, ranges = np.ogrid[-half_rows : half_rows + 1, -half_columns : half_columns + 1]
         self._trains = (abs(doppler) > p.guard_doppler) | (abs(ranges) > p.guard_range)
-        self.likeness = likeness(maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, self._trains)
-        # Rows with less noise than the others, by clutter removal, and the first columns are not training cells.
+        self.cells_per_independent = cells_per_independent(
+            maps.fast_window, maps.slow_window, 2 * maps.columns, maps.rows, self._trains
+        )
+        # Not training cells: rows in which clutter removal also removed noise, and the first columns.
         self._quiet = np.zeros(self._shape, dtype=bool)
         self._quiet[maps.quiet_rows] = True
         self._quiet[:, : maps.quiet_columns] = True
@@ -61,23 +63,23 @@ class Cfar:
         if p.kind == "os":
             self._quantile = _gamma_quantile(receivers, p.rank)
         for n in np.unique(self._count):
-            alike = max(1.0, n / self.likeness)
+            independent = max(1.0, n / self.cells_per_independent)
             if p.kind == "os":
-                factor = self._quantile * order_statistic_factor(alike, p.rank, receivers, p.false_alarm)
+                factor = self._quantile * order_statistic_factor(independent, p.rank, receivers, p.false_alarm)
             else:
-                factor = cell_averaging_factor(alike, receivers, p.false_alarm)
+                factor = cell_averaging_factor(independent, receivers, p.false_alarm)
             # Rounded, because the last bits of the C library's exp and log depend on the CPU.
             self._factor[self._count == n] = float(f"{factor:.10g}")
 
     def _windows(self, power: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the training cells of each cell, (rows, columns, 2 half rows + 1, 2 half columns + 1); NaN: none."""
         half_rows, half_columns = self._half
-        known = np.where(self._quiet, np.float32(np.nan), power)
-        wrapped = np.pad(known, ((half_rows, half_rows), (0, 0)), mode="wrap")
-        ended = np.pad(wrapped, ((0, 0), (half_columns, half_columns)), constant_values=np.nan)
-        return sliding_window_view(ended, self._trains.shape)
+        usable = np.where(self._quiet, np.float32(np.nan), power)
+        wrapped = np.pad(usable, ((half_rows, half_rows), (0, 0)), mode="wrap")
+        padded = np.pad(wrapped, ((0, 0), (half_columns, half_columns)), constant_values=np.nan)
+        return sliding_window_view(padded, self._trains.shape)
 
-    def noise(self, power: NDArray[np.float32], rows: Places, columns: Places) -> Float64:
+    def noise(self, power: NDArray[np.float32], rows: Indices, columns: Indices) -> Float64:
         """Return the estimated mean power at some cells; NaN without training cells."""
         cells = self._windows(power)[rows, columns][:, self._trains]
         count = self._count[rows, columns]
@@ -90,7 +92,7 @@ class Cfar:
             found: Float64 = cells[np.arange(len(cells)), k - 1].astype(np.float64) / self._quantile
             return found
 
-    def threshold(self, rows: Places, columns: Places) -> Float64:
+    def threshold(self, rows: Indices, columns: Indices) -> Float64:
         """Return the threshold of cells as a factor of the noise."""
         return self._factor[rows, columns]
 
@@ -98,7 +100,7 @@ class Cfar:
         """Return True for cells above their threshold, and the noise power at each (NaN without training cells)."""
         if power.shape != self._shape:
             raise ValueError("the map is {} x {}, not {} x {}".format(*power.shape, *self._shape))
-        rows, columns = (places.ravel() for places in np.indices(self._shape))
+        rows, columns = (indices.ravel() for indices in np.indices(self._shape))
         noise = self.noise(power, rows, columns).reshape(self._shape)
         return power > self._factor * noise, noise
 
@@ -112,12 +114,12 @@ def cell_averaging_factor(cells: float, receivers: int, false_alarm: float) -> f
 
 
 def order_statistic_factor(cells: float, rank: float, receivers: int, false_alarm: float) -> float:
-    """Return alpha of OS as a factor of the ordered value, for the `rank` of `cells`."""
+    """Return alpha of OS as a factor of the k-th smallest value, k = `rank` * `cells`."""
     from scipy.optimize import brentq
     from scipy.special import gammainc, gammaincc
 
     k = rank * cells  # Beta(k, cells - k + 1)
-    x = np.exp(np.linspace(_LOG_NEAREST, math.log(40.0 + 4.0 * receivers), _PANELS))
+    x = np.exp(np.linspace(_LOG_MIN_VALUE, math.log(40.0 + 4.0 * receivers), _PANELS))
     log_weight = (k - 1.0) * np.log(gammainc(receivers, x)) + (cells - k) * np.log(gammaincc(receivers, x))
     log_weight += receivers * np.log(x) - x
     weight = np.exp(log_weight - log_weight.max())
@@ -125,7 +127,7 @@ def order_statistic_factor(cells: float, rank: float, receivers: int, false_alar
     def excess(log_alpha: float) -> float:
         return float(np.average(gammaincc(receivers, math.exp(log_alpha) * x), weights=weight)) - false_alarm
 
-    return math.exp(brentq(excess, -_LOG_MOST_FACTOR, _LOG_MOST_FACTOR, xtol=1e-12))
+    return math.exp(brentq(excess, -_LOG_MAX_FACTOR, _LOG_MAX_FACTOR, xtol=1e-12))
 
 
 def _gamma_quantile(shape: int, probability: float) -> float:

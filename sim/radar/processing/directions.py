@@ -5,8 +5,9 @@ direction to the echo. A pair (i, j) with the base b = r_i - r_j therefore gives
 
     b . d = -arg(X_i conj X_j) lambda / (2 pi)   modulo lambda
 
-and d follows from the pairs by least squares, with |d| = 1 and d_x >= 0. Pairs are used in order of their base: the
-shorter ones determine the multiple of lambda of the next. If all bases lie on a line, the other component of d is zero.
+and d follows from the pairs by least squares, with |d| = 1 and d_x >= 0. Pairs are used in order of the length of b:
+the shorter bases determine the multiple of lambda for the next. If all bases lie on a line, the component of d across
+this line is taken as zero.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from signals._kernel import det_atan2
 from signals.units import TURN_RAD
 
-_DEEP_ROUNDS = 16  # iterations for bases with an x component: the equations need d_x, taken from the last solution
+_DEEP_ROUNDS = 16  # iterations for bases with an x component, whose equations need d_x of the previous iteration
 
 Float64 = NDArray[np.float64]
 
@@ -34,8 +35,8 @@ class Directions:
             raise ValueError("an array needs at least one receiver")
         self._receivers = len(positions_m)
         self._wavelength_m = wavelength_m
-        places = np.array(positions_m, dtype=np.float64)
-        bases = [(i, j, places[i] - places[j]) for i, j in combinations(range(self._receivers), 2)]
+        r = np.array(positions_m, dtype=np.float64)
+        bases = [(i, j, r[i] - r[j]) for i, j in combinations(range(self._receivers), 2)]
         self._rounds = _DEEP_ROUNDS if any(b[0] != 0.0 for _, _, b in bases) else 1
         self._pairs = sorted((pair for pair in bases if pair[2][1:].any()), key=lambda pair: float(pair[2] @ pair[2]))
 
@@ -50,36 +51,37 @@ class Directions:
             normal, right, known = np.zeros((2, 2)), np.zeros((n, 2)), np.zeros((n, 2))
             for (_, _, base), target in zip(self._pairs, along, strict=True):
                 b = base[1:]
-                rest = target - base[0] * found[:, 0]
+                measured = target - base[0] * found[:, 0]
                 # The shorter bases predict the multiple of lambda.
-                foreseen = known[:, 0] * b[0] + known[:, 1] * b[1] if _spans(normal, b) else 0.0
-                rest = rest + self._wavelength_m * np.floor((foreseen - rest) / self._wavelength_m + 0.5)
+                predicted = known[:, 0] * b[0] + known[:, 1] * b[1] if _spans(normal, b) else 0.0
+                measured = measured + self._wavelength_m * np.floor((predicted - measured) / self._wavelength_m + 0.5)
                 normal = normal + np.outer(b, b)
-                right = right + rest[:, None] * b
+                right = right + measured[:, None] * b
                 known = _solved(normal, right)
             across = np.sqrt(known[:, 0] * known[:, 0] + known[:, 1] * known[:, 1])
-            known = known / np.maximum(across, 1.0)[:, None]  # noise may exceed 1: use the nearest direction
+            known = known / np.maximum(across, 1.0)[:, None]  # noise may give more than 1: use the nearest direction
             found[:, 1:] = known
             found[:, 0] = np.sqrt(np.maximum(1.0 - known[:, 0] * known[:, 0] - known[:, 1] * known[:, 1], 0.0))
         return found
 
-    def _along(self, one: NDArray[np.complex128], other: NDArray[np.complex128]) -> Float64:
+    def _along(self, x_i: NDArray[np.complex128], x_j: NDArray[np.complex128]) -> Float64:
         """Return b . d of a pair, modulo lambda; in real numbers, since numpy's complex product depends on the CPU."""
-        re = one.real * other.real + one.imag * other.imag
-        im = one.imag * other.real - one.real * other.imag
+        re = x_i.real * x_j.real + x_i.imag * x_j.imag
+        im = x_i.imag * x_j.real - x_i.real * x_j.imag
         turns = np.array([det_atan2(y, x) for y, x in zip(im.tolist(), re.tolist(), strict=True)]) / TURN_RAD
         return -turns * self._wavelength_m
 
 
-def _plane(normal: Float64) -> bool:
+def _spans_plane(normal: Float64) -> bool:
     """Return True if the bases span a plane."""
     size = normal[0, 0] + normal[1, 1]
     return bool(normal[0, 0] * normal[1, 1] - normal[0, 1] * normal[0, 1] > 1e-6 * size * size)
 
 
 def _spans(normal: Float64, b: Float64) -> bool:
+    """Return True if the bases summed in `normal` determine d . b."""
     size = normal[0, 0] + normal[1, 1]
-    if size <= 0.0 or _plane(normal):
+    if size <= 0.0 or _spans_plane(normal):
         return bool(size > 0.0)
     off = b[0] * b[0] * normal[1, 1] - 2.0 * b[0] * b[1] * normal[0, 1] + b[1] * b[1] * normal[0, 0]
     return bool(off < 1e-6 * (b[0] * b[0] + b[1] * b[1]) * size)  # squared, across the line
@@ -88,7 +90,7 @@ def _spans(normal: Float64, b: Float64) -> bool:
 def _solved(normal: Float64, right: Float64) -> Float64:
     """Return (y, z) by least squares; for bases on a line, the shortest solution."""
     (yy, yz), (_, zz) = normal
-    if not _plane(normal):
+    if not _spans_plane(normal):
         return right / (yy + zz)
     y, z = zz * right[:, 0] - yz * right[:, 1], yy * right[:, 1] - yz * right[:, 0]
     return np.stack([y, z], axis=1) / (yy * zz - yz * yz)

@@ -20,8 +20,8 @@ _Positive = Annotated[float, Field(gt=0.0, le=1e6)]
 class CfarParameters(StrictModel):
     """Guard and training cells on each side of the cell under test, in Doppler and in range.
 
-    Zero for both in one dimension: the detector uses the other dimension only. `rank`: position, among the sorted
-    training cells, of the one that OS uses as the noise, as a share of their number.
+    With zero guard and training cells in one dimension, the detector uses the other dimension only. `rank`: rank of the
+    training cell that OS takes as the noise, as a share of their number.
     """
 
     kind: Literal["ca", "os"] = "os"
@@ -51,8 +51,10 @@ class CfarParameters(StrictModel):
 
 
 class TrackerParameters(StrictModel):
-    """Limits of distances: points within `cluster_*` of one another form one cluster, points within `gate_*` of a track
-    belong to it. Angles are direction sines.
+    """Parameters of the tracker.
+
+    Points within `cluster_*` of one another form a cluster; clusters within `gate_*` of a track belong to the track.
+    Angles are direction sines.
     """
 
     cluster_range_m: _Positive = 0.8

@@ -5,14 +5,13 @@ its neighbours, and W the spectrum of the window, an echo d bins off the cell ha
 
     (a+ - a-) / (a- + a0 + a+) = (|W(1 - d)| - |W(1 + d)|) / (|W(1 + d)| + |W(d)| + |W(1 - d)|)
 
-which grows with d: the inverse of its table gives d without bias for any window and padding. The beat frequency of a
-moving echo is shifted by its Doppler frequency at the middle of the sweep, so with the slope S
+The ratio grows with d, so the inverse of its table gives d without bias for any window and padding. The beat frequency
+of a moving echo is shifted by its Doppler frequency at the middle of the sweep, so with the slope S
 
     R = range_step (k + d_range) - v f_c / S.
 
-A peak that may be a side lobe of a stronger one is dropped. The lobes of a peak form a cross about it, by the two
-windows, and another cross about its mirror image: samples are real, so an echo also appears at minus its range and
-speed.
+A peak that may be a side lobe of a stronger peak is dropped. The side lobes of the two windows form a cross about a
+peak, and another cross about its mirror image at minus its range and speed, which exists because samples are real.
 
 `speed_mps` is the apparent speed, modulo 2 v_max; the range of an echo faster than v_max is corrected with its apparent
 speed, and is short by (v - v_apparent) f_c / S.
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_asin, det_atan2, det_log
 from sim.radar.chirp import Chirp
-from sim.radar.processing.cfar import Cfar, Places
+from sim.radar.processing.cfar import Cfar, Indices
 from sim.radar.processing.directions import Directions
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.range_doppler import RangeDoppler
@@ -47,18 +46,18 @@ POINT_DTYPE = np.dtype(
 )
 
 _DECIBELS_PER_NEPER = 4.34294481903251827651  # 10 / ln 10
-# counts^2. Rounding to counts leaves 1e-4 in a map of 64 x 64; anything less is rounding of doubles.
-_LEAST_POWER = np.float32(1e-12)
-_LOBE_MARGIN = 4.0  # a peak between cells loses up to 3 dB, its lobes do not; lobes of two peaks may add
-_MOST_DECIBELS = 200.0  # signal-to-noise ratio of a peak without noise
-_BESIDE = [(d, e) for d in (-1, 0, 1) for e in (-1, 0, 1) if (d, e) != (0, 0)]
+# [counts^2] Rounding to counts leaves 1e-4 in a map of 64 x 64; far smaller powers are rounding errors of doubles.
+_MIN_POWER = np.float32(1e-12)
+_LOBE_MARGIN = 4.0  # a peak between cells loses up to 3 dB, its side lobes do not; side lobes of two peaks may add
+_MAX_DECIBELS = 200.0  # signal-to-noise ratio of a peak without noise
+_NEIGHBOURS = [(d, e) for d in (-1, 0, 1) for e in (-1, 0, 1) if (d, e) != (0, 0)]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
 
 class PointFinder:
-    """Finds the points of one radar's maps, strongest first."""
+    """Search for the points of one radar's maps, strongest first."""
 
     def __init__(
         self,
@@ -67,7 +66,7 @@ class PointFinder:
         processing: Processing,
         maps: RangeDoppler,
     ) -> None:
-        self._room = processing.max_points
+        self._max_points = processing.max_points
         self._maps = maps
         self._cfar = Cfar(maps, len(rx_positions_m), processing)
         self._directions = Directions(rx_positions_m, chirp.wavelength_m)
@@ -92,19 +91,19 @@ class PointFinder:
         kept = above[self._without_lobes(height[above], rows[above], columns[above])]
         return self._points(power, rows[kept], columns[kept], noise[kept])
 
-    def _peaks(self, power: Float32) -> tuple[Places, Places]:
-        """Return rows and columns of cells above their eight neighbours. Of equal cells the first is the peak."""
+    def _peaks(self, power: Float32) -> tuple[Indices, Indices]:
+        """Return rows and columns of cells above their eight neighbours; of equal neighbours, the first cell."""
         inner = power[:, 1:-1]
-        peak = inner > _LEAST_POWER
-        for d, e in _BESIDE:
-            beside = np.roll(power, -d, axis=0)[:, 1 + e : power.shape[1] - 1 + e]
-            peak &= inner > beside if (d, e) < (0, 0) else inner >= beside
+        peak = inner > _MIN_POWER
+        for d, e in _NEIGHBOURS:
+            neighbour = np.roll(power, -d, axis=0)[:, 1 + e : power.shape[1] - 1 + e]
+            peak &= inner > neighbour if (d, e) < (0, 0) else inner >= neighbour
         peak[:, : self._first_column - 1] = False
         rows, columns = np.nonzero(peak)
         return rows, columns + 1
 
-    def _without_lobes(self, height: Float64, rows: Places, columns: Places) -> list[int]:
-        """Return the peaks, strongest first, that are no side lobes, up to the limit of points."""
+    def _without_lobes(self, height: Float64, rows: Indices, columns: Indices) -> list[int]:
+        """Return the indices of peaks that are no side lobes, up to the limit of points. Peaks: strongest first."""
         kept: list[int] = []
         for i in range(len(height)):
             row, column = rows[kept], columns[kept]
@@ -113,12 +112,15 @@ class PointFinder:
             mirrored = height[i] < limit * self._lobes(rows[i] + row - self._maps.rows, columns[i] + column)
             if not (lobe | mirrored).any():
                 kept.append(i)
-            if len(kept) == self._room:
+            if len(kept) == self._max_points:
                 break
         return kept
 
-    def _lobes(self, rows: Places, columns: Places) -> Float64:
-        """Return the greatest power of side lobes so many cells off a peak, relative to it; 0 within its main lobe."""
+    def _lobes(self, rows: Indices, columns: Indices) -> Float64:
+        """Return the greatest power of side lobes at this distance from a peak, relative to the peak.
+
+        The distance is in cells; the power is 0 within the main lobe.
+        """
         rows, columns = np.abs(rows) % self._maps.rows, np.abs(columns)
         rows = np.minimum(rows, self._maps.rows - rows)
         columns = np.minimum(columns, 2 * self._maps.columns - columns)
@@ -126,15 +128,15 @@ class PointFinder:
         lobes: Float64 = np.where(main, 0.0, self._speed_lobes[rows] * self._range_lobes[columns])
         return lobes
 
-    def _points(self, power: Float32, rows: Places, columns: Places, noise: Float64) -> NDArray[np.void]:
-        whole = self._maps.rows
+    def _points(self, power: Float32, rows: Indices, columns: Indices, noise: Float64) -> NDArray[np.void]:
+        row_count = self._maps.rows
         amplitude = np.sqrt(power.astype(np.float64))
-        here = amplitude[rows, columns]
-        above, below = amplitude[(rows + 1) % whole, columns], amplitude[rows - 1, columns]
-        speed = self._speed_step_mps * (rows - whole // 2 + _bins_off(self._speed_ratio, below, here, above))
-        speed[speed < -0.5 * self._speed_step_mps * whole] += self._speed_step_mps * whole
-        off = _bins_off(self._range_ratio, amplitude[rows, columns - 1], here, amplitude[rows, columns + 1])
-        range_m = self._maps.range_step_m * (columns + off) - self._coupling_s * speed
+        peak = amplitude[rows, columns]
+        faster, slower = amplitude[(rows + 1) % row_count, columns], amplitude[rows - 1, columns]
+        speed = self._speed_step_mps * (rows - row_count // 2 + _bins_off(self._speed_ratio, slower, peak, faster))
+        speed[speed < -0.5 * self._speed_step_mps * row_count] += self._speed_step_mps * row_count
+        offset = _bins_off(self._range_ratio, amplitude[rows, columns - 1], peak, amplitude[rows, columns + 1])
+        range_m = self._maps.range_step_m * (columns + offset) - self._coupling_s * speed
         directions = self._directions.find(self._maps.spectra(rows, columns))
         height = power[rows, columns].astype(np.float64)
         snr = np.minimum(height / np.maximum(noise, 1e-20 * height), 1e20)
@@ -144,12 +146,12 @@ class PointFinder:
         points["range_m"], points["speed_mps"] = range_m, speed
         points["azimuth_rad"] = [det_atan2(y, x) for x, y, _ in directions.tolist()]
         points["elevation_rad"] = [det_asin(z) for _, _, z in directions.tolist()]
-        points["snr_db"] = [min(_MOST_DECIBELS, _DECIBELS_PER_NEPER * det_log(ratio)) for ratio in snr.tolist()]
+        points["snr_db"] = [min(_MAX_DECIBELS, _DECIBELS_PER_NEPER * det_log(ratio)) for ratio in snr.tolist()]
         return points
 
 
 def _bins_off(table: Sequence[float], before: Float64, here: Float64, after: Float64) -> Float64:
-    """Return the offset of a peak from its cell, -0.5 to 0.5 bins; `table`: at d = 0 ... 0.5 in equal steps."""
+    """Return the offset of a peak from its cell, -0.5 to 0.5 bins; `table`: the ratio at d = 0 ... 0.5."""
     ratio = (after - before) / (before + here + after)
     found: Float64 = np.copysign(np.interp(np.abs(ratio), table, np.linspace(0.0, 0.5, len(table))), ratio)
     return found

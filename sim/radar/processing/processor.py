@@ -1,4 +1,4 @@
-"""Processing chain: raw samples of a frame to map, points and tracks."""
+"""Processing chain from the raw samples of a frame to its map, points and tracks."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Processed:
 
 
 class Processor:
-    """Processes frames of one radar in order of time. Equal frames give equal bytes."""
+    """Processing chain of one radar; frames come in order of time. Equal frames give equal bytes."""
 
     def __init__(self, chirp: Chirp, rx_positions_m: Sequence[Sequence[float]], processing: Processing) -> None:
         """Raises ValueError for a chirp that does not fit the settings."""
@@ -61,7 +61,7 @@ class Processor:
         self._tracker.reset()
 
     def _background_gain(self, t_ns: int) -> float:
-        """Return the weight of a frame in the background: that of a plain mean at first, exponential later."""
+        """Return the weight of a frame in the background: of a plain mean at first, of an exponential mean later."""
         if self._frames == 0:
             return 0.0
         dt_s = (t_ns - self._last_ns) * 1e-9
@@ -77,13 +77,13 @@ def process_recording(
     period_ns: int,
 ) -> Iterator[Processed]:
     """Process a recording (frames, receivers, chirps, samples) with a frame every `period_ns`."""
-    wanted = (len(rx_positions_m), chirp.chirps, chirp.samples)
-    if adc.ndim != 4 or adc.shape[1:] != wanted:
+    expected = (len(rx_positions_m), chirp.chirps, chirp.samples)
+    if adc.ndim != 4 or adc.shape[1:] != expected:
         raise ConfigError(
             [
                 Problem(
                     "recording",
-                    f"its frames have shape {adc.shape[1:]}, but the chirp and the array need {wanted} "
+                    f"its frames have shape {adc.shape[1:]}, but the chirp and the array need {expected} "
                     "(receivers, chirps, samples)",
                     "process it with the settings of the recording",
                 )

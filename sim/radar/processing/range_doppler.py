@@ -1,15 +1,15 @@
-"""Range-Doppler maps: raw samples in, power in counts^2 out.
+"""Range-Doppler maps of raw samples, as power in counts^2.
 
     x[m, n]  raw minus each chirp's mean (optional) and minus the static clutter
     X[l, k] = sum over m, n of w_slow[m] w_fast[n] x[m, n] exp(-j 2 pi (k n / N' + l m / M'))
     P[row, k] = mean over receivers of (2 / (sum w_fast sum w_slow))^2 |X|^2,   row = (l + M' / 2) mod M'
 
-so an echo of amplitude A counts, away from the edges of the map, has A^2 at its peak. Transforms have the length of the
+An echo of amplitude A counts, away from the edges of the map, has A^2 at its peak. Transforms have the length of the
 next power of two, times the padding: 64 x 64 samples make a map of 64 rows of 32 cells. Row M'/2 is zero speed; speed
 rises with the row from -v_max; columns are ranges from 0.
 
-Means are weighted by the window of their dimension. A plain mean contains side lobes of moving targets, and subtracting
-it would put them at zero speed.
+Means are weighted by the window of their dimension. A plain mean contains side lobes of moving targets, which its
+subtraction would put at zero speed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _MAIN_LOBE = {"none": 1, "hann": 2, "hamming": 2, "blackman": 3, "taylor": 2}  #
 
 
 class RangeDoppler:
-    """Computes the maps of one radar's frames; holds the learned background and the spectra of the last frame."""
+    """Range-Doppler transform of one radar's frames, with the background and the spectra of the last frame."""
 
     def __init__(self, chirp: Chirp, receivers: int, processing: Processing) -> None:
         self._clutter = processing.clutter
@@ -43,14 +43,13 @@ class RangeDoppler:
         self.columns = power_of_two_from(chirp.samples) * processing.range_padding // 2
         self._background: Float64 | None = None
         self._spectrum = np.zeros((receivers, self.rows, self.columns), np.complex128)
-        # Rows near zero speed, where clutter removal also removes noise, and columns near zero range, which hold the
-        # mean of a chirp, or held it before its removal.
+        # Quiet rows: near zero speed, where clutter removal also removes noise. Quiet columns: near zero range, which
+        # hold a chirp's mean, or have lost noise with it.
         slow_null = -(-self.rows * _MAIN_LOBE[processing.doppler_window] // len(self.slow_window))
         fast_null = -(-2 * self.columns * _MAIN_LOBE[processing.range_window] // chirp.samples)
-        still = processing.clutter in ("mean", "mti2", "mti3")
-        self.quiet_rows = [still and abs(row - self.rows // 2) < slow_null for row in range(self.rows)]
+        removes_noise = processing.clutter in ("mean", "mti2", "mti3")
+        self.quiet_rows = [removes_noise and abs(row - self.rows // 2) < slow_null for row in range(self.rows)]
         self.quiet_columns = fast_null
-        # Scale of the power of a cell.
         self.range_step_m = SPEED_OF_LIGHT_MPS * chirp.sample_rate_hz / (4.0 * chirp.slope_hz_per_s * self.columns)
         self.speed_step_mps = 2.0 * chirp.max_speed_mps / self.rows
 
@@ -73,7 +72,7 @@ class RangeDoppler:
         return (self._scale * power).astype(np.float32)
 
     def _moving(self, x: Float64, background_gain: float) -> Float64:
-        """Return the samples without static clutter. Differences are scaled to keep the power of white noise."""
+        """Return the samples without static clutter. Differences of chirps are scaled to keep white noise's power."""
         if self._clutter == "none":
             return x
         if self._clutter == "mti2":
@@ -83,9 +82,9 @@ class RangeDoppler:
         mean: Float64 = np.sum(x * self._slow, axis=1, keepdims=True) / self._slow.sum()
         if self._clutter == "mean":
             return x - mean
-        still = mean if self._background is None else self._background
-        self._background = still + background_gain * (mean - still)
-        return x - still
+        background = mean if self._background is None else self._background
+        self._background = background + background_gain * (mean - background)
+        return x - background
 
     def spectra(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.complex128]:
         """Return X of the last frame in some cells of the map, unscaled: (receivers, cells)."""

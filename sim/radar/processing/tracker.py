@@ -9,15 +9,15 @@ filter with white acceleration q:
 Steps of a frame:
 
 1. Predict all tracks.
-2. Cluster points that are near one another in range, speed and direction (a chain of neighbours is one cluster).
+2. Cluster points that are near one another in range, speed and direction. A chain of neighbours is one cluster.
 3. Assign each cluster to the nearest track within the gate. The track is updated with the mean range and direction of
-   its points, weighted by amplitude, and with their median speed, weighted by power and by the distance from the
+   its points, weighted by amplitude, and with their median speed, weighted by power and by the closeness to the
    expected speed (the trunk of a walker is the strongest ridge, with limbs on both sides).
-4. Start tracks from moving clusters that are left.
+4. Start tracks from the moving clusters that belong to no track.
 
-A track is confirmed once it was seen in `confirm_hits` of its first `confirm_frames` frames. It then has an identity,
-and ends when it was not seen for `coast_s`. Meanwhile its speed decays with `pause_s`: an object that vanishes from the
-map has most likely stopped. Speeds are compared modulo 2 v_max, as the radar measures them.
+A track is confirmed, and gets an identity, once it was seen in `confirm_hits` of its first `confirm_frames` frames. It
+ends when it was not seen for `coast_s`. While it is not seen, its speed decays with `pause_s`, because an object that
+vanishes from the map has most likely stopped. Speeds are compared modulo 2 v_max, as the radar measures them.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ TRACK_DTYPE = np.dtype(
 _NEPERS_PER_DECIBEL = 0.230258509299404568402  # ln 10 / 10
 _FIRST_RATE_SIGMA = 0.3  # of a direction sine, 1/s
 _ROUNDING_S = 1e-6  # rounding error of summed times
-_NEAREST_SINE = 0.05  # lower limit of d_x in the deviations of angles
-_MOST = 65535  # limit of identities and ages
+_MIN_FORWARD_SINE = 0.05  # lower limit of d_x in the deviations of angles
+_MAX_UINT16 = 65535  # limit of identities and ages
 
-# A limb passes the trunk's speed within a few frames, while the trunk changes its speed slowly: points this far from
-# the expected speed of a track have a quarter of the weight.
+# Points this far from the expected speed of a track have a quarter of the weight: the trunk changes its speed slowly,
+# while a limb passes the trunk's speed within a few frames.
 _TRUNK_MPS = 0.6
-# The speed is the mean of points within this of the median, which alone would jump from point to point.
+# The speed of a track is the mean of points within this distance of the median, which alone would jump between points.
 _RIDGE_MPS = 0.25
 
 Float64 = NDArray[np.float64]
@@ -115,8 +115,8 @@ class _Track:
 class _Points:
     """Points of a frame as arrays.
 
-    Range is weighted by amplitude over noise, so that the strongest point of an extended body does not dominate. Speed
-    is weighted by power over noise, so that it does.
+    Range is weighted by amplitude over noise, so that the strongest point of an extended body does not dominate it.
+    Speed is weighted by power over noise, so that the strongest point dominates it.
     """
 
     def __init__(self, points: NDArray[np.void]) -> None:
@@ -142,12 +142,12 @@ class _Cluster:
 
 
 class Tracker:
-    """Tracks objects over the frames of one radar; identities count up from 1."""
+    """Tracker of objects over the frames of one radar; identities count up from 1."""
 
     def __init__(self, chirp: Chirp, processing: Processing) -> None:
         self._p = processing.tracker
         self._whole_speed_mps = 2.0 * chirp.max_speed_mps
-        self._room = processing.max_tracks
+        self._max_tracks = processing.max_tracks
         self.reset()
 
     def reset(self) -> None:
@@ -157,7 +157,10 @@ class Tracker:
         self._next_id = 1
 
     def step(self, points: NDArray[np.void], t_ns: int) -> NDArray[np.void]:
-        """Return the confirmed tracks after a frame's points at `t_ns`, which must rise: a new array of TRACK_DTYPE."""
+        """Add the points of a frame at `t_ns`, and return the confirmed tracks: a new array of TRACK_DTYPE.
+
+        Raises ValueError if `t_ns` does not rise.
+        """
         if self._last_ns is not None and t_ns <= self._last_ns:
             raise ValueError(f"a frame at {t_ns} ns after one at {self._last_ns} ns: frames come in the order of time")
         dt_s = 0.0 if self._last_ns is None else (t_ns - self._last_ns) * 1e-9
@@ -169,18 +172,18 @@ class Tracker:
         for cluster in clusters:
             self._assign(cluster)
         for track in self._tracks:
-            own = [cluster.members for cluster in clusters if cluster.track is track]
-            if own:
-                self._update(track, seen, np.any(own, axis=0))
+            members = [cluster.members for cluster in clusters if cluster.track is track]
+            if members:
+                self._update(track, seen, np.any(members, axis=0))
         self._remove_ended()
         for cluster in clusters:
-            self._give_birth(cluster)
+            self._start_track(cluster)
         for track in self._tracks:
             if track.id == 0 and track.hits >= self._p.confirm_hits:
                 track.id = self._next_id
-                self._next_id = self._next_id % _MOST + 1
+                self._next_id = self._next_id % _MAX_UINT16 + 1
         confirmed = [_row(track) for track in self._tracks if track.id != 0]
-        return np.array(confirmed[: self._room], TRACK_DTYPE)
+        return np.array(confirmed[: self._max_tracks], TRACK_DTYPE)
 
     def _fold(self, speed: Any) -> Any:
         """Return speeds modulo 2 v_max, as the radar measures them."""
@@ -190,10 +193,10 @@ class Tracker:
         """Return the gate in speed; a track that was not seen for a while accepts any speed."""
         return self._p.gate_speed_mps + 2.0 * max(0.0, math.sqrt(track.range.p11) - self._p.speed_sigma_mps)
 
-    def _apart(self, one: _Cluster, track: _Track) -> float:
+    def _squared_distance(self, cluster: _Cluster, track: _Track) -> float:
         """Return the squared distance in position, 1 at the gate."""
-        dr = (one.range - track.range.value) / self._p.gate_range_m
-        dy = (one.y - track.y.value) / self._p.gate_sine
+        dr = (cluster.range - track.range.value) / self._p.gate_range_m
+        dy = (cluster.y - track.y.value) / self._p.gate_sine
         return dr * dr + dy * dy
 
     def _predict(self, track: _Track, dt_s: float) -> None:
@@ -237,33 +240,33 @@ class Tracker:
     def _assign(self, cluster: _Cluster) -> None:
         nearest = math.inf
         for track in self._tracks:
-            place = self._apart(cluster, track)
-            if place > 1.0:
+            position_distance = self._squared_distance(cluster, track)
+            if position_distance > 1.0:
                 continue
             # A cluster of any speed at the position of a track belongs to it: a limb is not another person.
             dv = float(self._fold(cluster.speed - track.range.rate)) / self._speed_gate(track)
-            distance = 0.5 * place + min(0.5, 0.5 * dv * dv)
+            distance = 0.5 * position_distance + min(0.5, 0.5 * dv * dv)
             if distance < nearest:
                 nearest, cluster.track = distance, track
 
-    def _update(self, track: _Track, points: _Points, own: NDArray[np.bool_]) -> None:
+    def _update(self, track: _Track, points: _Points, members: NDArray[np.bool_]) -> None:
         dv = self._fold(points.speed - track.range.rate)
-        own = own & (np.abs(dv) <= self._speed_gate(track))
-        if not own.any():
+        members = members & (np.abs(dv) <= self._speed_gate(track))
+        if not members.any():
             return
-        weight, dv = points.weight[own], dv[own]
+        weight, dv = points.weight[members], dv[members]
         total = weight.sum()
         closeness = 1.0 / (1.0 + dv * dv / (_TRUNK_MPS * _TRUNK_MPS))
-        power = points.power[own] * closeness * closeness
+        power = points.power[members] * closeness * closeness
         order = np.argsort(dv, kind="stable")
         median = dv[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
         ridge = np.abs(dv - median) <= _RIDGE_MPS
         speed = track.range.rate + (power[ridge] * dv[ridge]).sum() / power[ridge].sum()
         p = self._p
-        track.range.update_value(float((weight * points.range[own]).sum() / total), p.range_sigma_m)
+        track.range.update_value(float((weight * points.range[members]).sum() / total), p.range_sigma_m)
         track.range.update_rate(float(speed), p.speed_sigma_mps)
-        track.y.update_value(float((weight * points.y[own]).sum() / total), p.sine_sigma)
-        track.z.update_value(float((weight * points.z[own]).sum() / total), p.sine_sigma)
+        track.y.update_value(float((weight * points.y[members]).sum() / total), p.sine_sigma)
+        track.z.update_value(float((weight * points.z[members]).sum() / total), p.sine_sigma)
         track.unseen_s = 0.0
         track.hits += 1
 
@@ -271,7 +274,7 @@ class Tracker:
         """Remove tracks that ended, and the younger of two with the same position and speed."""
         kept: list[_Track] = []
         for track in self._tracks:
-            if not self._ended(track) and not any(self._same(track, older) for older in kept):
+            if not self._ended(track) and not any(self._coincides(track, older) for older in kept):
                 kept.append(track)
         self._tracks = kept
 
@@ -283,18 +286,18 @@ class Tracker:
             return track.unseen_s > p.coast_s + _ROUNDING_S
         return track.hits + (p.confirm_frames - track.age) < p.confirm_hits
 
-    def _same(self, track: _Track, other: _Track) -> bool:
+    def _coincides(self, track: _Track, other: _Track) -> bool:
         dr = (track.range.value - other.range.value) / self._p.gate_range_m
         dy = (track.y.value - other.y.value) / self._p.gate_sine
         dv = float(self._fold(track.range.rate - other.range.rate)) / self._p.gate_speed_mps
         return dr * dr + dy * dy + dv * dv < 0.25
 
-    def _give_birth(self, cluster: _Cluster) -> None:
+    def _start_track(self, cluster: _Cluster) -> None:
         p = self._p
         if cluster.track is not None or cluster.snr_db < p.birth_snr_db or abs(cluster.speed) < p.birth_speed_mps:
             return
-        # Nor next to a track that began in this frame.
-        if any(self._apart(cluster, track) <= 1.0 for track in self._tracks):
+        # No second track next to one that began in this frame.
+        if any(self._squared_distance(cluster, track) <= 1.0 for track in self._tracks):
             return
         sine2, rate2 = p.sine_sigma * p.sine_sigma, _FIRST_RATE_SIGMA * _FIRST_RATE_SIGMA
         self._tracks.append(
@@ -308,15 +311,15 @@ class Tracker:
 
 def _row(t: _Track) -> tuple[Any, ...]:
     """Return a track as a record of TRACK_DTYPE."""
-    fit = 1.0 / max(1.0, math.sqrt(t.y.value * t.y.value + t.z.value * t.z.value))
-    dy, dz = fit * t.y.value, fit * t.z.value
+    scale = 1.0 / max(1.0, math.sqrt(t.y.value * t.y.value + t.z.value * t.z.value))
+    dy, dz = scale * t.y.value, scale * t.z.value
     dx = math.sqrt(max(0.0, 1.0 - dy * dy - dz * dz))
     r, v = t.range.value, t.range.rate
-    forward, level = max(dx, _NEAREST_SINE), max(math.sqrt(dx * dx + dy * dy), _NEAREST_SINE)
+    forward, level = max(dx, _MIN_FORWARD_SINE), max(math.sqrt(dx * dx + dy * dy), _MIN_FORWARD_SINE)
     rate_x = -(dy * t.y.rate + dz * t.z.rate) / forward
     return (
         t.id,
-        min(t.age, _MOST),
+        min(t.age, _MAX_UINT16),
         (r * dx, r * dy, r * dz),
         (v * dx + r * rate_x, v * dy + r * t.y.rate, v * dz + r * t.z.rate),
         r,

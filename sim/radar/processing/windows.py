@@ -5,8 +5,8 @@
     taylor    1 + 2 sum over m of F_m cos(m (x - pi)), the first side lobe at -40 dB, 5 nearly equal ones
               (Carrara, Goodman, Majewski, Spotlight Synthetic Aperture Radar, 1995, app. D.2)
 
-By the symmetry the phase of an echo is that at the middle of the frame, and an object that moves during a frame appears
-where it is at its middle. The elementary functions are those of `signals._kernel`: the same bits on every machine.
+Because of the symmetry, an echo has its phase and its position at the middle of the frame. The elementary functions are
+those of `signals._kernel`, which give the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sim.radar.processing.parameters import WindowName
 
 _TAYLOR_DB, _TAYLOR_LOBES = 40.0, 5
 _STEPS = 64  # steps of the table between bins
-_CORRELATED = 8  # bins beyond which cells are uncorrelated for any window
+_MAX_CORRELATED_BINS = 8  # bins beyond which cells are uncorrelated for any window
 
 
 def window(name: WindowName, n: int) -> list[float]:
@@ -54,12 +54,12 @@ def _taylor_terms() -> list[float]:
     s2 = _TAYLOR_LOBES * _TAYLOR_LOBES / (a * a + half * half)
     terms = []
     for m in range(1, _TAYLOR_LOBES):
-        above, below = 1.0, 1.0
+        numerator, denominator = 1.0, 1.0
         for k in range(1, _TAYLOR_LOBES):
-            above *= 1.0 - m * m / s2 / (a * a + (k - 0.5) * (k - 0.5))
+            numerator *= 1.0 - m * m / s2 / (a * a + (k - 0.5) * (k - 0.5))
             if k != m:
-                below *= 1.0 - m * m / (k * k)
-        terms.append((1.0 if m % 2 else -1.0) * above / (2.0 * below))
+                denominator *= 1.0 - m * m / (k * k)
+        terms.append((1.0 if m % 2 else -1.0) * numerator / (2.0 * denominator))
     return terms
 
 
@@ -73,7 +73,7 @@ def response(weights: list[float], bins: float, padded: int) -> float:
 
 
 def ratio_table(weights: list[float], padded: int) -> list[float]:
-    """Return (a+ - a-) / (a- + a0 + a+) of an echo d = 0 ... 0.5 bins above its cell, which the detector inverts."""
+    """Return the ratio (a+ - a-) / (a- + a0 + a+) of echoes 0 ... 0.5 bins above their cell (points.py)."""
     table: list[float] = []
     for step in range(_STEPS + 1):
         d = 0.5 * step / _STEPS
@@ -87,7 +87,8 @@ def ratio_table(weights: list[float], padded: int) -> list[float]:
 def side_lobes(weights: list[float], padded: int, cells: int) -> tuple[list[float], int]:
     """Return the greatest relative power beyond each distance from a peak, and the cell of the first side lobe.
 
-    Element d = 0 ... cells holds the power `d - 1/2` or more cells off. The main lobe does not count beyond its edge.
+    Element d = 0 ... cells holds the greatest power at `d - 1/2` or more cells from the peak, beyond the main lobe's
+    edge without the main lobe.
     """
     step = 0.25
     peak = response(weights, 0.0, padded)
@@ -115,17 +116,18 @@ def correlation(weights: list[float], lag: int, padded: int) -> float:
     return share * share
 
 
-def likeness(
+def cells_per_independent(
     fast: list[float], slow: list[float], fast_padded: int, slow_padded: int, trains: NDArray[np.bool_]
 ) -> float:
-    """Return the number of training cells (`trains`, doppler by range) per independent cell: the mean sum of squared
-    correlations.
+    """Return the number of training cells per independent cell: the mean sum of squared correlations.
+
+    `trains`: True for training cells, Doppler by range.
     """
     rho = []
     for weights, padded, size in ((slow, slow_padded, trains.shape[0]), (fast, fast_padded, trains.shape[1])):
-        reach = _CORRELATED * max(1, padded // len(weights))
+        reach = _MAX_CORRELATED_BINS * max(1, padded // len(weights))
         by_lag = [correlation(weights, lag, padded) if lag <= reach else 0.0 for lag in range(size)]
-        places = np.arange(size)
-        rho.append(np.array(by_lag)[np.abs(places[:, None] - places)])
-    alike = trains * (rho[0] @ trains @ rho[1])
-    return max(1.0, float(alike.sum()) / float(trains.sum()))
+        indices = np.arange(size)
+        rho.append(np.array(by_lag)[np.abs(indices[:, None] - indices)])
+    correlated = trains * (rho[0] @ trains @ rho[1])
+    return max(1.0, float(correlated.sum()) / float(trains.sum()))

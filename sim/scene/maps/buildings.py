@@ -20,7 +20,7 @@ def building_materials(builder: MapBuilder) -> None:
         builder.texture(name, textures.png(name))
     for name in _FACADES:
         builder.material(name, surfaces.CONCRETE, texture=name, specular=0.2)
-    # These meshes have texture coordinates of their own, so no tile.
+    # Materials of meshes that have texture coordinates, so without a tile size.
     builder.material("brick_mesh", surfaces.BRICK, texture="brick", specular=0.0)
     builder.material("plaster_white", surfaces.PLASTER, texture="plaster", specular=0.0)
     builder.material("plaster_ochre", surfaces.PLASTER, rgb=(0.90, 0.76, 0.52), texture="plaster", specular=0.0)

@@ -11,7 +11,7 @@ _PAINTS = {
     "silver": (0.70, 0.72, 0.74), "black": (0.09, 0.09, 0.10), "white": (0.92, 0.92, 0.91), "red": (0.62, 0.08, 0.07),
     "blue": (0.10, 0.20, 0.45), "green": (0.12, 0.28, 0.20), "olive": (0.31, 0.33, 0.20),
 }  # fmt: skip
-_QUARTER_RAD = 1.5707963267948966
+_QUARTER_TURN_RAD = 1.5707963267948966
 # Profiles (x, z) seen from the right, front towards +x.
 _SEDAN_LOW = [(-2.15, 0.28), (2.15, 0.28), (2.2, 0.55), (2.1, 0.78), (1.0, 0.92), (-1.9, 0.95), (-2.2, 0.75)]
 _SEDAN_TOP = [(-1.55, 0.94), (1.02, 0.92), (0.30, 1.42), (-0.95, 1.45)]
@@ -48,7 +48,7 @@ def add_car(
         )
     else:
         body.geom("box", (0.62, 0.76, 0.02), pos=(-0.32, 0.0, 1.45), material=material, part="roof", solid=False)
-    wheel = roll_quat(_QUARTER_RAD)
+    wheel = roll_quat(_QUARTER_TURN_RAD)
     axle = 1.55 if van else 1.32
     for i, (px, py) in enumerate(((axle, half), (axle, -half), (-axle, half), (-axle, -half))):
         py -= 0.06 if py > 0 else -0.06

@@ -13,7 +13,7 @@ from sim.scene.maps.scene_map import SceneMap
 
 @dataclass(frozen=True)
 class Generator:
-    """Map generator. `generate(parameters, seed)` is a pure function: same arguments, same bytes."""
+    """Map generator. `generate(parameters, seed)` is a pure function of its arguments."""
 
     parameters: type[StrictModel]
     generate: Callable[[Any, int], SceneMap]

@@ -41,7 +41,7 @@ _HALF_M = 46.0  # lawn
 _PLACE_M = 6.0  # radius of the paved place at the origin
 _PATH_HALF_M = 1.2
 _STREET_M = 52.5  # middle of the street round the park
-_QUARTER_RAD = 1.5707963267948966
+_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 Point3 = tuple[float, float, float]
@@ -167,7 +167,7 @@ class _Park:
                 middle = along + width / 2
                 x, y = out * c - middle * n, out * n + middle * c
                 # The long side, x of the block, faces the park.
-                add_block(b, rng, x, y, _QUARTER_RAD * (quarter + 1), bays, deep, 3 + rng.index(4))
+                add_block(b, rng, x, y, _QUARTER_TURN_RAD * (quarter + 1), bays, deep, 3 + rng.index(4))
                 along += width + rng.between(3.0, 9.0)
         cars = self.rng("cars")
         for i in range(self.parameters.cars):
@@ -176,7 +176,12 @@ class _Park:
             out = _STREET_M - 2.3
             along = -34.0 + 7.0 * slot + cars.between(0.0, 60.0 / (1 + self.parameters.cars // 4))
             add_car(
-                b, cars, out * c - along * n, out * n + along * c, _QUARTER_RAD * (quarter + 0), van=cars.chance(0.2)
+                b,
+                cars,
+                out * c - along * n,
+                out * n + along * c,
+                _QUARTER_TURN_RAD * (quarter + 0),
+                van=cars.chance(0.2),
             )
 
     def hedges(self) -> None:
@@ -188,7 +193,7 @@ class _Park:
             for side in (-1.0, 1.0):
                 along = side * (3.0 + half)
                 x, y = 45.4 * c - along * n, 45.4 * n + along * c
-                heading = _QUARTER_RAD * (quarter + 1)
+                heading = _QUARTER_TURN_RAD * (quarter + 1)
                 body = b.body("hedge", (x, y, 0.0), yaw_quat(heading))
                 body.geom("mesh", asset=mesh, material="crown_oak", pos=(0.0, 0.0, 0.5))
 
@@ -232,7 +237,7 @@ class _Park:
     def playground(self, x: float, y: float, angle: float) -> None:
         b = self.builder
         add_swing(b, x - 2.6, y - 2.0, angle)
-        add_slide(b, x + 2.2, y - 2.4, angle + _QUARTER_RAD * 2.0)
+        add_slide(b, x + 2.2, y - 2.4, angle + _QUARTER_TURN_RAD * 2.0)
         add_sandpit(b, x + 0.5, y + 2.8, 1.6)
         self.layout.take_disc(x, y, 6.3)
 

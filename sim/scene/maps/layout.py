@@ -1,4 +1,4 @@
-"""Record of ground that is already taken, as discs and as bands along paths."""
+"""Record of occupied ground: discs, boxes, and bands along paths."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def segment_distance(p: Point, a: Point, b: Point) -> float:
 
 
 class Layout:
-    """Ground taken so far."""
+    """Ground occupied so far."""
 
     def __init__(self) -> None:
         self._discs: list[tuple[float, float, float]] = []
@@ -39,7 +39,7 @@ class Layout:
         self._boxes.append((min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)))
 
     def free(self, x: float, y: float, radius_m: float) -> bool:
-        """Return True if a disc touches no ground that is taken."""
+        """Return True if a disc touches no occupied ground."""
         for cx, cy, r in self._discs:
             if (x - cx) * (x - cx) + (y - cy) * (y - cy) < (r + radius_m) * (r + radius_m):
                 return False
@@ -60,7 +60,7 @@ class Layout:
         *,
         tries: int = 40,
     ) -> int:
-        """Place up to `count` discs at random free spots of `area` (x0, y0, x1, y1); return how many found one."""
+        """Call `place` for up to `count` discs at random free points of `area` (x0, y0, x1, y1); return the count."""
         placed = 0
         for _ in range(count):
             for _ in range(tries):

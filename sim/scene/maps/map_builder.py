@@ -1,4 +1,4 @@
-"""Collects the parts of a map and writes them as MJCF.
+"""Builder of a map: collects its parts and writes them as MJCF.
 
 Conventions of every map:
 
@@ -6,7 +6,7 @@ Conventions of every map:
   actor is one mocap body `<actor>_<limb>`. Names of bodies and of geoms are unique.
 * Solid geoms have contype = conaffinity = 1, all others 0. Collision-only shapes go to group 3.
 * `texuniform` materials repeat every `tile_m` metres. MuJoCo lays a 2D texture on primitives along their local z, one
-  image per 2 m at texrepeat 1, from the corner of least x and greatest y.
+  image per 2 m at texrepeat 1, from the corner of smallest x and largest y.
 * Orientations are quaternions, and numbers are written in full, so that compiling calls no angle functions.
 """
 
@@ -22,9 +22,9 @@ from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
 
-# Edge of the view that the lights and MuJoCo's clip planes refer to [m]; near 0.05 m and far 1200 m follow from it.
+# Size of the scene [m] by which MuJoCo scales lights and clip planes: near at 0.05 m, far at 1200 m.
 _EXTENT_M = 50.0
-# Defaults of MuJoCo and of this builder. Exactly this grey means: the colour of the material.
+# Defaults of MuJoCo and of this builder. A geom of exactly this grey has the colour of its material.
 _PLAIN_GEOM = {"contype": "1", "conaffinity": "1", "condim": "3", "group": "0", "rgba": "0.5 0.5 0.5 1"}
 
 
@@ -73,14 +73,14 @@ class Body:
 
         `size` as in MJCF: radii and half lengths. `asset`: name of the mesh or height field of a geom of that kind.
         """
-        more = {}
+        extra: dict[str, str] = {}
         if asset:
-            more[kind] = asset
+            extra[kind] = asset
         if pos != (0.0, 0.0, 0.0):
-            more["pos"] = numbers(pos)
+            extra["pos"] = numbers(pos)
         if quat != NO_TURN:
-            more["quat"] = numbers(quat)
-        self._add(kind, tuple(size), material, part, more, solid=solid)
+            extra["quat"] = numbers(quat)
+        self._add(kind, tuple(size), material, part, extra, solid=solid)
 
     def rod(
         self, radius_m: float, ends_m: tuple[float, ...], *, material: str, solid: bool = True, part: str = ""
@@ -89,7 +89,7 @@ class Body:
         self._add("capsule", (radius_m,), material, part, {"fromto": numbers(ends_m)}, solid=solid)
 
     def _add(
-        self, kind: str, size: tuple[float, ...], material: str, part: str, more: dict[str, str], *, solid: bool
+        self, kind: str, size: tuple[float, ...], material: str, part: str, extra: dict[str, str], *, solid: bool
     ) -> None:
         name = f"{self.name}_{part or self._count}"
         self._count += 1
@@ -97,7 +97,7 @@ class Body:
         attributes = {"name": name, "type": kind, "material": self._builder.known_material(material)}
         if size:
             attributes["size"] = numbers(size)
-        attributes |= more
+        attributes |= extra
         if not solid:
             attributes |= {"contype": "0", "conaffinity": "0"}
         ET.SubElement(self._element, "geom", attributes)

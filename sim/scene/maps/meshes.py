@@ -19,7 +19,7 @@ Vec2 = tuple[float, float]
 
 @dataclass
 class Mesh:
-    """Vertices [m] with texture coordinates (v upwards), and triangles of vertex numbers."""
+    """Mesh: vertices [m] with texture coordinates (v upwards), and triangles of vertex indices."""
 
     vertices: list[Vec3]
     uvs: list[Vec2]

@@ -11,8 +11,8 @@ from sim.scene.maps.walls import Openings, Shell, add_shell
 from sim.scene.random_generator import RandomGenerator
 
 STOREY_M = 3.2
-_QUARTER_RAD = 1.5707963267948966
-_UPRIGHT = roll_quat(_QUARTER_RAD)
+_QUARTER_TURN_RAD = 1.5707963267948966
+_UPRIGHT = roll_quat(_QUARTER_TURN_RAD)
 _WALL_M = 0.25
 _WALLS = ("blockwork", "concrete_wall", "render_sand", "render_grey")
 _CONTAINER = (3.03, 1.22, 1.295)  # half edges of a 20 foot container

@@ -20,9 +20,9 @@ from sim.scene.random_generator import RandomGenerator
 
 Row = list[float]  # one limb: x, y, z, cos and sin of half its pitch, ... (sim/native/gait.hpp)
 
-_QUARTER_RAD = 1.5707963267948966
-_ALONG_Y = roll_quat(_QUARTER_RAD)
-_ALONG_X = pitch_quat(_QUARTER_RAD)
+_QUARTER_TURN_RAD = 1.5707963267948966
+_ALONG_Y = roll_quat(_QUARTER_TURN_RAD)
+_ALONG_X = pitch_quat(_QUARTER_TURN_RAD)
 
 _SHIRTS = {
     "white": (0.88, 0.88, 0.86), "navy": (0.12, 0.17, 0.33), "red": (0.70, 0.14, 0.13), "green": (0.17, 0.38, 0.22),
@@ -45,7 +45,7 @@ _HAIRS = {
 
 @dataclass(frozen=True)
 class PersonTraits:
-    """Traits of a person; height and materials are drawn unless they are given."""
+    """Traits of a person; height and materials are random unless they are given."""
 
     soldier: bool = False  # in uniform
     height_m: float | None = None
@@ -56,15 +56,19 @@ class PersonTraits:
 def _draw_materials(builder: MapBuilder, rng: RandomGenerator, *, soldier: bool) -> dict[str, str]:
     """Return the material of each part of a person."""
 
-    def one(prefix: str, options: dict[str, Vec3], surface: surfaces.Surface) -> str:
+    def draw_material(prefix: str, options: dict[str, Vec3], surface: surfaces.Surface) -> str:
         colour = rng.pick(tuple(options))
         return builder.material(f"{prefix}_{colour}", surface, rgb=options[colour])
 
     return {
-        "shirt": one("cloth", _SOLDIER if soldier else _SHIRTS, surfaces.CLOTH),
-        "trousers": one("cloth", _SOLDIER if soldier else _TROUSERS, surfaces.CLOTH),
-        "skin": one("skin", _SKINS, surfaces.SKIN),
-        "hair": one("cloth", _SOLDIER, surfaces.CLOTH) if soldier else one("hair", _HAIRS, surfaces.HAIR),
+        "shirt": draw_material("cloth", _SOLDIER if soldier else _SHIRTS, surfaces.CLOTH),
+        "trousers": draw_material("cloth", _SOLDIER if soldier else _TROUSERS, surfaces.CLOTH),
+        "skin": draw_material("skin", _SKINS, surfaces.SKIN),
+        "hair": (
+            draw_material("cloth", _SOLDIER, surfaces.CLOTH)
+            if soldier
+            else draw_material("hair", _HAIRS, surfaces.HAIR)
+        ),
         "shoe": builder.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08)),
     }
 
@@ -86,7 +90,7 @@ def add_walker(
     ground_m: float = 0.0,
     traits: PersonTraits = PersonTraits(),
 ) -> Walker:
-    """Add a person who walks on `path`, an actor of the map; the ground under the path is at height `ground_m`."""
+    """Add a walking person as an actor of the map. `ground_m`: height of the ground under `path`."""
     figure = Figure(traits.height_m or rng.between(1.55, 1.93))
     materials = traits.materials or _draw_materials(builder, rng, soldier=traits.soldier)
     walker = Walker(traits.name or _next_name(builder), figure, path, ground_m=ground_m)
@@ -109,16 +113,16 @@ def _vec(rows: Float64, i: int) -> Vec3:
 
 def _trunk_rows(figure: Figure, hip_z: float) -> list[Row]:
     heights = (0.0, figure.torso_above_hip_m, figure.head_above_hip_m)
-    return [[0.0, 0.0, hip_z + up, 1.0, 0.0] for up in heights]
+    return [[0.0, 0.0, hip_z + height, 1.0, 0.0] for height in heights]
 
 
 def _standing(figure: Figure, rng: RandomGenerator) -> list[Row]:
     hip_z = figure.ankle_m + 0.992 * figure.leg_m
     rows = _trunk_rows(figure, hip_z)
-    up = hip_z + figure.shoulder_above_hip_m
+    shoulder_z = hip_z + figure.shoulder_above_hip_m
     for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
-        bend = rng.between(0.1, 0.4) if rng.chance(0.6) else 1.6  # arms down, or one hand at the ear
-        rows += resting_arm(figure.lengths_m, side, up, -0.1, -0.1 - bend)
+        bend = rng.between(0.1, 0.4) if rng.chance(0.6) else 1.6  # this arm down, or its hand at the ear
+        rows += resting_arm(figure.lengths_m, side, shoulder_z, -0.1, -0.1 - bend)
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = rng.between(-0.03, 0.05)
         rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
@@ -128,9 +132,9 @@ def _standing(figure: Figure, rng: RandomGenerator) -> list[Row]:
 def _sitting(figure: Figure, seat_m: float) -> list[Row]:
     hip_z = seat_m + 0.07 * figure.height_m
     rows = _trunk_rows(figure, hip_z)
-    up = hip_z + figure.shoulder_above_hip_m
+    shoulder_z = hip_z + figure.shoulder_above_hip_m
     for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
-        rows += resting_arm(figure.lengths_m, side, up, -0.35, -1.25)
+        rows += resting_arm(figure.lengths_m, side, shoulder_z, -0.35, -1.25)
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = 0.93 * figure.thigh_m
         rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
@@ -146,7 +150,7 @@ def add_still_person(
     seat_m: float = 0.0,
     traits: PersonTraits = PersonTraits(),
 ) -> None:
-    """Add a person who stands on the ground at `at_m`, or sits there on a seat of height `seat_m`: one static body."""
+    """Add a person as one static body: standing at `at_m`, or sitting there on a seat of height `seat_m` (not 0)."""
     figure = Figure(traits.height_m or rng.between(1.55, 1.93))
     materials = traits.materials or _draw_materials(builder, rng, soldier=traits.soldier)
     rows = _sitting(figure, seat_m) if seat_m else _standing(figure, rng)

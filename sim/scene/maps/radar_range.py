@@ -27,7 +27,7 @@ Distance = Annotated[float, Field(gt=0.0, le=200.0)]
 
 
 class Reflector(StrictModel):
-    """Corner reflector: position of its corner, with the height above ground, and edge of its plates."""
+    """Corner reflector: position of its corner (z above ground) and edge of its plates."""
 
     range_m: Annotated[float, Field(ge=4.5, le=200.0)]
     azimuth_deg: Annotated[float, Field(ge=-180.0, le=180.0)]

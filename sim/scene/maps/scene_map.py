@@ -1,6 +1,6 @@
 """Types of a map: an MJCF text with its files, the classes and surfaces of its parts, and its actors.
 
-A generator makes a map from parameters and a seed; the user's own MJCF file with patterns for its classes is one too.
+A map comes from a generator with parameters and a seed, or from the user's own MJCF file with patterns for its classes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Surface:
 class CornerReflector:
     """Three static square plates at right angles. Their inner faces span the axes of frame K from its origin.
 
-    A radar's pictures hold single bounces only; the echo of three bounces follows from this
+    A radar's pictures hold single bounces only; the echo of three bounces is computed from these values
     (sim/radar/corner_echoes.py).
     """
 

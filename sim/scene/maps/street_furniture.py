@@ -1,4 +1,4 @@
-"""Benches, lamps, bins, fences and playgrounds. Frame of an object: x along it, y to its front, ground at z = 0."""
+"""Benches, lamps, bins, fences and playgrounds. An object has x along it, y to its front, and the ground at z = 0."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from sim.scene.maps import surfaces, textures
 from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
 
 SEAT_M = 0.45  # height of a bench's seat
-_QUARTER_RAD = 1.5707963267948966
+_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 def furniture_materials(builder: MapBuilder) -> None:
@@ -24,9 +24,9 @@ def furniture_materials(builder: MapBuilder) -> None:
 
 def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
     """Add a bench 1.6 m wide; a person on it faces along `heading_rad`. 4 geoms."""
-    body = builder.body("bench", (x, y, 0.0), yaw_quat(heading_rad - _QUARTER_RAD))
+    body = builder.body("bench", (x, y, 0.0), yaw_quat(heading_rad - _QUARTER_TURN_RAD))
     body.geom("box", (0.8, 0.22, 0.025), pos=(0.0, 0.0, SEAT_M - 0.025), material="wood", part="seat")
-    back = roll_quat(_QUARTER_RAD + 0.17)
+    back = roll_quat(_QUARTER_TURN_RAD + 0.17)
     body.geom("box", (0.8, 0.20, 0.02), pos=(0.0, -0.26, SEAT_M + 0.28), quat=back, material="wood", part="back")
     for side in (-1.0, 1.0):
         name = "left" if side < 0 else "right"

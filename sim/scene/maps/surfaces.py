@@ -4,10 +4,10 @@ Permittivity and conductivity at 60 GHz:
 
 * concrete, brick, wood, glass, plasterboard, metal: Recommendation ITU-R P.2040-3 (2023), table 3,
   eps = a f^b, sigma = c f^d with f = 60 [GHz]. The row of brick ends at 40 GHz and is extrapolated to 60.
-* gravel and soil: the same table, "very dry" and "medium dry ground", at 10 GHz where their rows end.
+* gravel and soil: the same table, "very dry" and "medium dry ground", at 10 GHz, where the rows end.
 * asphalt: eps = 3.18 - j 0.1 at 94 GHz (Li & Sarabandi, IEEE Trans. Antennas Propag. 47, 1999, p. 851).
 * skin: dry skin at 60 GHz (Gabriel, Lau & Gabriel, Phys. Med. Biol. 41, 1996, p. 2271). Cloth is thinner than a
-  wavelength, eps near 1.5, and transmits most of the wave: a clothed limb has skin's values, cloth's roughness.
+  wavelength, eps near 1.5, and transmits most of the wave, so CLOTH has the values of skin and the roughness of cloth.
 * leaves: eps = 0.522 (1 - 1.32 m) eps_water + 0.51 + 3.84 m with dry matter m = 0.3 (Maetzler, IEEE Trans. Geosci.
   Remote Sens. 32, 1994, p. 947), and water at 20 degC from Recommendation ITU-R P.527-6: eps = 11.9 - j 19.5.
 * rubber, plastic, sandbags (dry sand in cloth): order-of-magnitude handbook values without a single source.
@@ -15,7 +15,7 @@ Permittivity and conductivity at 60 GHz:
 An imaginary part eps'' at 60 GHz is a conductivity of eps'' * 3.338 S/m.
 
 Reflectivity at 905 nm is rounded from the ECOSTRESS spectral library (Meerdink et al., Remote Sens. Environ. 230,
-2019); paint and cloth vary with dye, these are middle values. Roughness is an order of magnitude.
+2019); the values of paint and cloth, which vary with the dye, are averages. Roughness is an order of magnitude.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ _LOW_ROUTE: tuple[Point, ...] = ((-20.0, 10.0), (20.0, 10.0), (20.0, 35.0), (-20
 _ROUTE_CLEAR_M = 3.0
 _LOW_M, _HIGH_M = -10.0, 80.0
 _CELLS = 5
-_QUARTER_RAD = 1.5707963267948966
+_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 class TrainingVillageParameters(StrictModel):
@@ -233,7 +233,7 @@ class _Village:
         for y0, y1 in ((plot.y0 + 0.3, plot.y0 + split - gap / 2), (plot.y0 + split + gap / 2, plot.y1 - 0.3)):
             if y1 - y0 > 0.6:
                 x = plot.x1 - 0.12
-                military.add_yard_wall(b, x, 0.5 * (y0 + y1), 0.5 * (y1 - y0), _QUARTER_RAD, 2.1)
+                military.add_yard_wall(b, x, 0.5 * (y0 + y1), 0.5 * (y1 - y0), _QUARTER_TURN_RAD, 2.1)
                 self.layout.take_box(x - 0.2, y0, x + 0.2, y1)
 
     def open_ground(self, rng: RandomGenerator, plot: Plot) -> None:
@@ -248,7 +248,7 @@ class _Village:
 
     def clutter_object(self, rng: RandomGenerator, area: tuple[float, float, float, float]) -> None:
         b = self.builder
-        heading = _QUARTER_RAD * rng.index(4)
+        heading = _QUARTER_TURN_RAD * rng.index(4)
 
         def car(x: float, y: float) -> None:
             add_car(b, rng, x, y, heading, van=rng.chance(0.4), paint="olive")

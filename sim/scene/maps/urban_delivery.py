@@ -36,7 +36,7 @@ _INNER_M, _OUTER_M = _STREET_M - _LANE_M, _STREET_M + _LANE_M
 _KERB_M = 0.12  # top of the pavement
 _LAWN_M = 0.14
 _FRONT_M = 2.2  # width of the pavement
-_QUARTER_RAD = 1.5707963267948966
+_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 class UrbanDeliveryParameters(StrictModel):
@@ -105,7 +105,7 @@ class _Suburb:
         reach = _EDGE_M + 4.0
         for axis in range(2):
             for side in (-1.0, 1.0):
-                road = b.body("road", _turned(axis, 0.0, side * _STREET_M), yaw_quat(axis * _QUARTER_RAD))
+                road = b.body("road", _turned(axis, 0.0, side * _STREET_M), yaw_quat(axis * _QUARTER_TURN_RAD))
                 top = 0.012 if axis == 0 else 0.008
                 road.geom(
                     "box",
@@ -206,7 +206,7 @@ class _Suburb:
                 )  # fmt: skip
                 # Houses face the street next to the middle block; those of corner blocks face the street along x.
                 toward_y = j != 0
-                heading = (-_QUARTER_RAD if j > 0 else _QUARTER_RAD) if toward_y else (pi if i > 0 else 0.0)
+                heading = (-_QUARTER_TURN_RAD if j > 0 else _QUARTER_TURN_RAD) if toward_y else (pi if i > 0 else 0.0)
                 length = (x1 - x0) if toward_y else (y1 - y0)
                 depth = ((y1 - y0) if toward_y else (x1 - x0)) - 2.0 * _FRONT_M
                 width = (length - 2.0 * _FRONT_M) / 3
@@ -241,7 +241,7 @@ class _Suburb:
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = sqrt(dx * dx + dy * dy)
         material = rng.pick(("fence", "fence_brown"))
-        heading = 0.0 if abs(dx) > abs(dy) else _QUARTER_RAD
+        heading = 0.0 if abs(dx) > abs(dy) else _QUARTER_TURN_RAD
         body = b.body("fence", (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), _LAWN_M), yaw_quat(heading))
         for k, z in enumerate((0.3, 0.62, 0.94)):
             body.geom("box", (length / 2, 0.02, 0.1), pos=(0.0, 0.0, z), material=material, part=f"rail_{k}")
@@ -317,7 +317,7 @@ class _Suburb:
                         spots.append((axis, side, along, lane))
         for axis, side, along, lane in rng.shuffled(spots)[: self.parameters.parked_vehicles]:
             x, y, _ = _turned(axis, along + rng.between(-0.6, 0.6), side * _STREET_M + lane * (_LANE_M - 1.15))
-            heading = axis * _QUARTER_RAD + (0.0 if lane < 0 else pi)
+            heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_car(b, rng, x, y, heading, van=rng.chance(0.25))
 
     def plants(self) -> None:
@@ -368,7 +368,7 @@ def _turned(axis: int, along: float, across: float) -> tuple[float, float, float
 def _to_street(axis: int, side: float) -> float:
     """Return the heading from the outer kerb of a street to its middle."""
     across = -side
-    return axis * _QUARTER_RAD + (_QUARTER_RAD if across > 0 else -_QUARTER_RAD)
+    return axis * _QUARTER_TURN_RAD + (_QUARTER_TURN_RAD if across > 0 else -_QUARTER_TURN_RAD)
 
 
 def _span(index: int) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 """Closed walking path, a pure function of time: straight legs, rounded corners, lower speed in corners.
 
 Along a corner of length l the heading turns by psi(u) = psi_0 + d_psi S(u), u = s/l, with the smoothstep S = 10 u^3 -
-15 u^4 + 6 u^5, so heading, yaw rate and yaw acceleration are continuous. Its integral is tabulated at knots and
-interpolated by quintic Hermite polynomials, which define the position; the velocity is their exact derivative. Speed
-changes between cruise and corner by the same smoothstep in time.
+15 u^4 + 6 u^5, so heading, yaw rate and yaw acceleration are continuous. The position is the integral of the heading's
+direction, tabulated at knots and interpolated by quintic Hermite polynomials; the velocity is their exact derivative.
+Speed changes between cruise and corner by the same smoothstep in time.
 
 This file makes the tables; `sim._kernels.WalkPath` evaluates them (in Python: tests/reference/walker_reference.py).
 """
@@ -60,7 +60,7 @@ def _unit_corner(turn_rad: float) -> list[tuple[float, float]]:
 
 
 class WalkPath(_kernels.WalkPath):
-    """Path round a polygon, lap after lap; it begins `start_lap` laps past the start of the first straight."""
+    """Path round a polygon, lap after lap. `start_lap`: position at t = 0, in laps from the first straight's start."""
 
     def __init__(
         self,
@@ -129,9 +129,9 @@ class WalkPath(_kernels.WalkPath):
             if kind == "corner":
                 add(length_m / corner_speed, corner_speed, corner_speed)
                 continue
-            # Each change of speed takes (v^2 - v_c^2) / (2 a) metres, so short legs have a lower top speed.
-            reach = sqrt(corner_speed * corner_speed + length_m * _BRAKING_MPS2)
-            top = min(self.speed_mps, reach)
+            # Each change of speed takes (v^2 - v_c^2) / (2 a) metres, so short straights have a lower top speed.
+            reachable = sqrt(corner_speed * corner_speed + length_m * _BRAKING_MPS2)
+            top = min(self.speed_mps, reachable)
             change_s = (top - corner_speed) / _BRAKING_MPS2
             add(change_s, corner_speed, top)
             add((length_m - (top + corner_speed) * change_s) / top, top, top)
@@ -148,7 +148,7 @@ def _make_corner(
     # A corner begins and ends `cut` from its vertex: chord = 2 cut cos(turn/2).
     length = 2.0 * cut_m * det_cos(0.5 * turn_rad) / chord
     if not length > 1e-6 * next_edge_m:
-        raise ValueError("a walking path that turns back on itself; add a vertex in between")
+        raise ValueError("a walking path turns back on itself; add a vertex in between")
     c, s = det_cos(heading_rad), det_sin(heading_rad)
     knots: list[float] = []
     for i, (px, py) in enumerate(unit):
@@ -169,9 +169,9 @@ def there_and_back(
     lane_m: float = 0.6,
     start_lap: float = 0.0,
 ) -> WalkPath:
-    """Return a path from start to end and back: two lanes `lane_m` apart, on both sides of the line start-end.
+    """Return a path from start to end and back on two lanes, `lane_m` apart, on both sides of the line start-end.
 
-    The walker keeps to the right: both turns are to the left and end exactly at `start` and `end`.
+    The walker keeps to the right of the line.
     """
     dx, dy = end[0] - start[0], end[1] - start[1]
     length = sqrt(dx * dx + dy * dy)

@@ -1,6 +1,8 @@
 """Walking person: the step cycle of sim/native/gait.hpp along a `WalkPath`.
 
-    p = p_WH + R_WH p_H,   v = v_WH + w x (p - p_WH) + R_WH p_H',   ' = d/dphi * ds/dt / L
+    p = p_WH + R_WH p_H,   v = v_WH + w x (p - p_WH) + R_WH dp_H/dphi ds/dt / L
+
+H is the frame that moves along the path s(t), phi the phase of the step cycle, L the length of a cycle.
 
 On straights the standing foot does not slip. In a corner it slips, at most at the yaw rate times its distance from the
 pelvis.
@@ -22,8 +24,8 @@ class Walker(_kernels.Walker):
         self.name = name
         self.figure = figure
         self.path = path
-        self.ground_m = ground_m  # height of the ground it walks on
-        # A lap has a whole number of cycles, so that the feet do not jump where it closes.
+        self.ground_m = ground_m  # height of the ground under the path
+        # A lap has a whole number of cycles, so that the feet do not jump at its end.
         natural_cycle_m = 1.346 * sqrt(path.speed_mps * figure.leg_m)  # two steps
         cycles = max(1, round(path.lap_m / natural_cycle_m))
         self.gait = _kernels.fit_gait(figure.lengths_m, path.speed_mps, path.lap_m / cycles)
@@ -40,7 +42,7 @@ class Walker(_kernels.Walker):
 
     @property
     def max_speed_mps(self) -> float:
-        # Corners are interpolated, so the speed differs slightly from the nominal one.
+        # Corners are interpolated, so the speed differs slightly from the nominal speed.
         return 1.05 * self.path.speed_mps
 
     def _bound_radius(self) -> float:

@@ -19,7 +19,7 @@ _UPRIGHT = roll_quat(1.5707963267948966)
 
 @dataclass(frozen=True)
 class Openings:
-    """Rows of windows in one wall, with an optional door."""
+    """Windows of one wall in rows, with an optional door."""
 
     rows: tuple[tuple[float, float], ...]  # sill and head of each row, upwards [m]
     count: int  # windows in a row
@@ -104,7 +104,7 @@ def add_shell(body: Body, shell: Shell, sides: Sequence[Openings], *, material: 
     """Add four walls (`sides`: -y, +x, +y, -x), the floor slabs inside, and a roof."""
     x, y, t, height_m = shell.half_x_m, shell.half_y_m, shell.thickness_m, shell.height_m
     quarter = 1.5707963267948966
-    # Walls along x take the corners.
+    # The walls along x include the corners.
     along_x, along_y = WallSize(2 * x, height_m, t), WallSize(2 * (y - t), height_m, t)
     add_wall(body, (-x, -y + t / 2), 0.0, along_x, sides[0], material=material, part="south")
     add_wall(body, (x - t / 2, -y + t), quarter, along_y, sides[1], material=material, part="east")
