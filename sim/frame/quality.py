@@ -1,20 +1,19 @@
 """Quality of a camera's colour in five named levels, each with one more feature than the previous one.
 
-| level | resolution | samples per pixel | textures | shadows |
+| level | resolution factor | samples per pixel | textures | shadows |
 |---|---|---|---|---|
 | low | 1 | 1 | no: mean colours | no |
 | medium | 1 | 1 | yes | no |
 | high | 1 | 1 | yes | yes |
 | epic | 1 | 4 | yes | yes |
-| cinematic | twice as many pixels each way | 4 | yes | yes |
+| cinematic | 2 in width and height | 4 | yes | yes |
 
-A camera without a level has that of `medium`. A level overrides the preset, and keys beside it override the level:
+A camera without a level has the level `medium`. A level overrides the preset, and keys beside it override the level:
 `{preset: camera_320x240, quality: high, shadows: false}` has no shadows. If the resolution (or `intrinsics`) is given
 beside `cinematic`, the number of pixels stays and each takes 16 samples.
 
 Only colour changes: the other channels are the truth at the pixel's centre, the same at all levels that have the same
-resolution.
-Cameras whose colour MuJoCo draws use only the shadows and the resolution of a level.
+resolution. Cameras whose colour MuJoCo draws use only the shadows and the resolution of a level.
 """
 
 from __future__ import annotations
