@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 import pytest
 import typer
+import yaml
 
 import signals.errors
 from hil.cli.app import app
@@ -77,3 +78,12 @@ def test_quoted_messages_exist_and_every_error_is_explained() -> None:
     assert not [p for q in quotes for p in map(str.strip, q.split("…")) if len(p) > 5 and p.strip(",;:() ") not in code]
     errors = {e for e in vars(signals.errors) if e.endswith(("Error", "Found", "Busy", "Closed", "Lost"))}
     assert errors - set(re.findall(r"`(\w+)`", page)) == {"HilError"}  # the base
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_examples_in_a_page_parse(page: Path) -> None:
+    for language, block in re.findall(r"(?ms)^```(\w+)\n(.*?)^```", page.read_text()):
+        if language == "python":
+            compile(block, page.name, "exec")
+        elif language == "yaml":
+            assert not isinstance(yaml.safe_load(block), str), block

@@ -118,7 +118,8 @@ def switching(seconds: float = 5.0) -> Flight:
     vehicle = load_vehicle("iris")
     ticks = round(seconds / TICK_S)
     running = np.random.default_rng(3).integers(0, 2, (-(-ticks // 25), len(vehicle.rotors)))
-    commands = np.repeat(running, 25, axis=0)[:ticks] * min(1.0, 2.0 * vehicle.hover_control)
+    commands: Float64 = np.repeat(running.astype(np.float64), 25, axis=0)[:ticks]
+    commands *= min(1.0, 2.0 * vehicle.hover_control)
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, effects=Effects())
 
 
