@@ -94,6 +94,8 @@ class AutopilotLink:
     `unnamed` is a connection that errors do not name. `on_event(kind, text)` gets events of the link for the recording.
     """
 
+    # A lockstep link polls for the reply this long before it sleeps: waking up takes longer than many a reply.
+    busy_wait_ns = 0
     _stats: LinkStats
     _ignores_sigterm = False  # True if the program ignores SIGTERM while it waits for the bench
 

@@ -87,7 +87,8 @@ class Autopilot(Section):
         10.0  # free-running links: longest time that a board may be unplugged
     )
     # Runs the bench and the firmware that it starts on one processor, the firmware first. Timing is then more
-    # repeatable and no slower on an idle machine; on a busy machine the bench stops sharing by itself.
+    # repeatable; on a busy machine the bench stops sharing by itself. false: the bench has a processor of its own and
+    # records while the firmware computes. That is faster.
     share_processor: bool = True
     # A reboot of ArduPilot SITL in the run: ERROR, or the vehicle returns to its start and the run continues.
     on_restart: Literal["error", "reset"] = "error"

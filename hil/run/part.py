@@ -124,11 +124,12 @@ class RunContext:
         """Return wall-clock times of the ticks for run.json: late ticks, and quantiles by phase [us]."""
         scheduler = self._scheduler
         if scheduler is None:
-            return {"paced_ticks_late": 0, "own_us": None, "step_us": None, "phase_us": None}
+            return {"paced_ticks_late": 0, "own_us": None, "step_us": None, "turnaround_us": None, "phase_us": None}
         return {
             "paced_ticks_late": scheduler.late,
             "own_us": quantiles_us(scheduler.own_ns),
             "step_us": quantiles_us(scheduler.step_ns),
+            "turnaround_us": quantiles_us(scheduler.turnaround_ns) if scheduler.turnaround_ns.count else None,
             "phase_us": {name: quantiles_us(scheduler.phase_ns[name]) for name in PHASES},
         }
 

@@ -263,8 +263,13 @@ class LockstepLink(AutopilotLink):
         return self._parser.feed(self._read(timeout_s))
 
     def _read(self, timeout_s: float) -> bytes:
+        read, data = self._transport.read, b""
         try:
-            data = self._transport.read(timeout_s)
+            if self.busy_wait_ns:
+                until_ns = time.perf_counter_ns() + self.busy_wait_ns
+                while not data and time.perf_counter_ns() < until_ns:
+                    data = read(0.0)
+            data = data or read(timeout_s)
         except LinkClosed as error:
             raise self._closed(error) from error
         self._stats.rx_bytes += len(data)

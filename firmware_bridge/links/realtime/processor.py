@@ -5,15 +5,18 @@ frames. The sender's own priority does not help while the producer waits for a p
 samples are late before they reach the sender. The producer's priority is below the sender's (80) and the kernel's
 interrupt threads (50). It sleeps between ticks; if it never does, the kernel still leaves 5 % of the time to others.
 
-`SharedProcessor`, for an autopilot in lockstep that the bench started: one processor for both, the autopilot's threads
-first, the bench when all of them are idle. A simulator and its autopilot take turns in lockstep, but an autopilot with
-many threads (PX4) answers a step before all of them have finished with it: the rest happens at another simulated time
-in each run. On one processor, with the bench at the lowest priority (SCHED_IDLE, if the system permits leaving it
-again), the next step is only sent when no thread of the autopilot is ready to run. That also saves waking a second
-processor at every step.
+`LockstepProcessors`, for an autopilot in lockstep that the bench started, has two arrangements:
 
-Other programs on that processor run before the bench, too. `watch`, called now and then, ends the arrangement if that
-has made the bench slow.
+shared     One processor for both, the autopilot's threads first, the bench when all of them are idle. A simulator and
+           its autopilot take turns in lockstep, but an autopilot with many threads (PX4) answers a step before all of
+           them have finished with it: the rest happens at another simulated time in each run. On one processor, with
+           the bench at the lowest priority (SCHED_IDLE, if the system permits leaving it again), the next step is only
+           sent when no thread of the autopilot is ready to run.
+separate   One processor for the bench, the others for the autopilot. The bench records while the autopilot computes,
+           and the rest of the autopilot's threads run while the bench computes: faster, and less repeatable.
+
+Other programs on the shared processor run before the bench, too. `watch`, called now and then, ends the arrangement if
+that has made the bench slow.
 """
 
 from __future__ import annotations
@@ -61,34 +64,48 @@ def _may_come_back() -> bool:
     return limit == resource.RLIM_INFINITY or limit >= 20 - os.getpriority(os.PRIO_PROCESS, 0)
 
 
-class SharedProcessor:
-    """Context manager. Does nothing on systems without this scheduling."""
+class LockstepProcessors:
+    """Context manager. Does nothing without a process, with too few processors, or without this scheduling."""
 
-    def __init__(self, pid: int | None) -> None:
+    def __init__(self, pid: int | None, *, share: bool) -> None:
         self._pid = pid
+        self._share = share
         self._before: tuple[set[int], int] | None = None
         self._watched_ns = 0
+
+    @property
+    def shared(self) -> bool:
+        """True while both use one processor."""
+        return self._share and self._before is not None
+
+    @property
+    def separate(self) -> bool:
+        """True while each has its own."""
+        return not self._share and self._before is not None
 
     def watch(self, simulated_ns: int) -> str | None:
         """Check the speed over `simulated_ns` since the last call. Return a text if the arrangement was ended."""
         now_ns = time.monotonic_ns()
         took_ns, self._watched_ns = now_ns - self._watched_ns, now_ns
-        if self._before is None or took_ns < simulated_ns:
+        if not self.shared or took_ns < simulated_ns:
             return None
         self._release()
         return "other programs use the processor that bench and autopilot shared: they no longer share one"
 
-    def __enter__(self) -> SharedProcessor:
+    def __enter__(self) -> LockstepProcessors:
         if self._pid is None or not hasattr(os, "SCHED_IDLE"):
             return self
         allowed = os.sched_getaffinity(0)
         processor = max(allowed)  # interrupts tend to go to the first
+        theirs = {processor} if self._share else allowed - {processor}
+        if not theirs:
+            return self
         try:
             for task in Path(f"/proc/{self._pid}/task").iterdir():
-                os.sched_setaffinity(int(task.name), {processor})
+                os.sched_setaffinity(int(task.name), theirs)
             before = (allowed, os.sched_getscheduler(0))
             os.sched_setaffinity(0, {processor})
-            if _may_come_back():
+            if self._share and _may_come_back():
                 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
         except OSError:
             return self

@@ -14,10 +14,12 @@
     7 wait       block until the reply that answers t_k   -> ActuatorFrame[k]
     8 latch      validate and keep ActuatorFrame[k]; it moves the vehicle in tick k+1
 
-Overlap. Phase 6 runs while the autopilot computes its reply, and feeds nothing back into tick k. If the autopilot uses
-more than one processor (PX4's threads), phase 6 runs before phase 5 instead, except that the bytes sent are recorded
-after it: no processor would be left for the recorder during the wait. What arrives in phase 7 is recorded in phase 6
-of tick k+1, or by `flush`. The order of the messages in the recording is the same in all cases.
+Overlap. From the reply to the next send the autopilot waits for the bench, so that only phases 1 to 5 lie there, and
+nothing in them can be done earlier: the physics needs the reply, the IMU the physics. Phase 6 and the statistics of
+tick k-1 run while the autopilot computes its reply, and feed nothing back into tick k. While bench and autopilot share
+one processor (`record_first`), phase 6 runs before phase 5 instead, except that the bytes sent are recorded after it:
+the processor is the autopilot's during the wait. What arrives in phase 7 is recorded in phase 6 of tick k+1, or by
+`flush`. The order of the messages in the recording is the same in all cases.
 
 Free-running autopilots do not wait for the bench. The link's `begin` then starts each tick at its wall-clock time and
 returns the newest command as ActuatorFrame[k-1]; phase 7 is empty.
@@ -159,6 +161,8 @@ class Scheduler:
         self.phase_ns = {name: LatencyHistogram() for name in PHASES}
         self.own_ns = LatencyHistogram()  # per tick, without the wait
         self.step_ns = LatencyHistogram()  # per tick, without pacing
+        self.turnaround_ns = LatencyHistogram()  # from a reply to the next send (lockstep, not paced)
+        self._histograms = (self.own_ns, self.step_ns, *(self.phase_ns[name] for name in PHASES))
         self.begun_ns = 0  # start of the present tick, by `time.perf_counter_ns`
         self.truth: TruthState | None = None
         self._physics = wiring.physics
@@ -168,7 +172,7 @@ class Scheduler:
         self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin  # type: ignore[attr-defined]
         self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
         self._wind_at = wind_at
-        self._record_first = link.caps.busy_processors > 1
+        self.record_first = False  # set while bench and autopilot share one processor
         # A busy autopilot may preempt the bench, so only processor time measures the bench's own work.
         self._own_clock = time.thread_time_ns if link.caps.busy_processors > 1 else time.perf_counter_ns
         self._kinds = {port: kind for kind, port in wiring.ports.items()}
@@ -180,6 +184,8 @@ class Scheduler:
         self._queue = ReleaseQueue()
         self._latched = ActuatorFrame(-1, -tick_ns, (0.0,) * 16, False, 0)
         self._frames: list[Frame] = []  # received in the tick before
+        self._replied_at_ns = 0  # 0: no reply yet, or the autopilot does not wait
+        self._uncounted: tuple[int, ...] | None = None  # durations of the tick before
         self._unrecorded: tuple[int, list[Frame], ActuatorFrame | None] | None = None
         self._tick_wall_ns = None if pace is None else tick_ns / pace
         self._wall_start_ns = 0
@@ -224,7 +230,7 @@ class Scheduler:
             commands += source.step(t_ns, self._frames)
 
         t3 = clock()
-        recorded_first = self._record_first
+        recorded_first = self.record_first
         frames_ns = companion_ns = 0
         if recorded_first:
             frames_ns = self._sample_frames(truth, released)
@@ -243,6 +249,9 @@ class Scheduler:
         self._recorder.sent(tick, t_ns, sent)
         if not recorded_first:
             companion_ns = self._exchange_all(truth, released)
+        self._count_durations()
+        if self._replied_at_ns:
+            self.turnaround_ns.add(t4 - self._replied_at_ns)
         t5 = clock()
         own_end = own_clock()
         try:
@@ -258,18 +267,20 @@ class Scheduler:
             self._unrecorded = (tick, self._frames, actuators)
         self.tick = tick + 1
 
-        phase = self.phase_ns
-        phase["physics"].add(t1 - t0)
-        phase["sensors"].add(t2 - t1)
-        phase["commands"].add(t3 - t2)
-        phase["send"].add(t4 - send_start)
-        phase["frames"].add(frames_ns)
-        phase["record"].add(t5 - t4 + send_start - t3 - frames_ns - companion_ns)
-        phase["companion"].add(companion_ns)
-        phase["wait"].add(t6 - t5)
         # The wait for a companion is not the bench's own work. Processor time leaves it out already.
-        self.own_ns.add(own_end - own_start - (companion_ns if own_clock is clock else 0))
-        self.step_ns.add(t6 - t0)
+        own_ns = own_end - own_start - (companion_ns if own_clock is clock else 0)
+        record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
+        phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
+        self._uncounted = (own_ns, t6 - t0, *phases_ns)
+        if actuators is not None and self._tick_wall_ns is None:
+            self._replied_at_ns = t6
+
+    def _count_durations(self) -> None:
+        """Add the durations of the tick before to the statistics."""
+        if self._uncounted is not None:
+            for histogram, duration_ns in zip(self._histograms, self._uncounted, strict=True):
+                histogram.add(duration_ns)
+            self._uncounted = None
 
     def _sample(self, slots: Sequence[SensorSlot], truth: TruthState, before_ns: int) -> int:
         """Sample each sensor that is due. `before_ns`: wall clock at the start. Return the wall clock at the end."""
@@ -323,7 +334,8 @@ class Scheduler:
         self.tick += 1
 
     def flush(self) -> None:
-        """Record what the last tick received. Call once, when no further tick will run."""
+        """Record what the last tick received, and count its durations. Call once, when no further tick will run."""
+        self._count_durations()
         self._record_received()
 
     def _record_received(self) -> None:

@@ -211,3 +211,10 @@ def _fly_firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, 
         result.checks.append(
             Check(f"{rig}: time per tick in the bench itself, median", details["own_us_p50"], "<=", 80.0, "us")
         )
+        status("the default mission on px4_sitl, on processors of its own")
+        run = _fly(rig, [*settings, "autopilot.share_processor=false"], folder)
+        turnaround_us = run["timing"]["turnaround_us"]["p50"]
+        details = {"realtime_factor": run["realtime_factor"], "turnaround_us_p50": turnaround_us}
+        cross_m, label = run["mission"]["max_cross_track_m"], f"{rig}, own processors"
+        result.rows.append(Row("rectangle", label, cross_m, "m", run["wall_s"] / run["sim_s"], details))
+        result.checks.append(Check(f"{label}: from reply to next send, median", turnaround_us, "<=", 50.0, "us"))

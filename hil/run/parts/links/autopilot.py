@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import reduce
 from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.realtime.link import RealtimeLink
-from firmware_bridge.links.realtime.processor import RealtimeProducer, SharedProcessor
+from firmware_bridge.links.realtime.processor import LockstepProcessors, RealtimeProducer
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.run.autopilots.px4_sitl import unknown_parameters
@@ -17,6 +18,7 @@ from hil.run.part import Part, Report, RunContext
 from hil.run.report.quantiles import quantiles_us
 
 _LINK_KEYS = ("tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls")
+_BUSY_WAIT_NS = 300_000  # PX4 answers within about 60 us
 
 
 class AutopilotPart(Part):
@@ -26,7 +28,7 @@ class AutopilotPart(Part):
         self._bench = bench
         self._run: RunContext | None = None
         self._link: AutopilotLink | None = None
-        self._processor: SharedProcessor | None = None
+        self._processors: LockstepProcessors | None = None
         self._check_period_ticks = 0  # between two checks of the shared processor; 0: it is not shared
 
     def build(self, run: RunContext) -> None:
@@ -47,24 +49,34 @@ class AutopilotPart(Part):
             self._link.while_waiting = while_waiting
         self._link.open()
 
-    def around_flight(self) -> AbstractContextManager[Any]:
-        link, config = self._link, self._bench.config
+    @contextmanager
+    def around_flight(self) -> Iterator[None]:
+        link, run, config = self._link, self._run, self._bench.config
+        assert link is not None
+        assert run is not None
         if isinstance(link, RealtimeLink):
             # The thread that prepares samples for a free-running autopilot must not wait for a processor.
-            return RealtimeProducer()
-        if link is not None and link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None:
-            self._check_period_ticks = config.tick_hz
-            self._processor = SharedProcessor(link.pid if config.autopilot.share_processor else None)
-            return self._processor
-        return nullcontext()
+            with RealtimeProducer():
+                yield
+        elif link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None:
+            with LockstepProcessors(link.pid, share=config.autopilot.share_processor) as self._processors:
+                if self._processors.shared:
+                    run.scheduler.record_first = True
+                    self._check_period_ticks = config.tick_hz
+                elif self._processors.separate:
+                    link.busy_wait_ns = _BUSY_WAIT_NS
+                yield
+        else:
+            yield
 
     def after_tick(self, tick: int) -> None:
-        if self._processor is None or not self._check_period_ticks or tick % self._check_period_ticks:
+        if self._processors is None or not self._check_period_ticks or tick % self._check_period_ticks:
             return
-        warning = self._processor.watch(self._check_period_ticks * self._bench.config.tick_ns)
+        warning = self._processors.watch(self._check_period_ticks * self._bench.config.tick_ns)
         if warning is not None:
             self._check_period_ticks = 0
             assert self._run is not None
+            self._run.scheduler.record_first = False
             self._run.event("warning", warning)
 
     def close(self) -> None:

@@ -1,8 +1,9 @@
-"""Order of the steps of a tick for autopilots that run freely, that keep every processor busy, or that restart."""
+"""Order of the steps of a tick for autopilots that run freely, that share the bench's processor, or that restart."""
 
 from __future__ import annotations
 
 import hashlib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
-from hil.run.loop.scheduler import PHASES, SensorSlot
+from hil.run.loop.scheduler import PHASES, Scheduler, SensorSlot
 from signals.errors import LockstepLost
 from signals.samples import ActuatorFrame, ImageSample
 from signals.time import RateAccumulator
@@ -75,8 +76,14 @@ def test_after_a_skipped_tick_all_controls_are_zero() -> None:
     assert received == [0, 1, 2, 3, 4]
 
 
+def scheduler_that(record_first: bool, *arguments: Any, **settings: Any) -> Scheduler:
+    scheduler = Scheduler(*arguments, **settings)
+    scheduler.record_first = record_first
+    return scheduler
+
+
 def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A flight of the mock, once as if it kept one processor busy, once two."""
+    """A flight of the mock, recorded during its computing, and before the send as on a shared processor."""
     (tmp_path / "bench.yaml").write_text("")
     settings = ("autopilot.transport=loopback", "duration_s=12", "record.report=false")
     mission = "rigs/missions/square.waypoints"
@@ -84,11 +91,12 @@ def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pyt
         tmp_path / "bench.yaml", mission=str(Path(__file__).resolve().parents[5] / mission), settings=settings
     )
     digests = []
-    for processors in (1, 2):
-        caps = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=20, busy_processors=processors)
+    for record_first in (False, True):
+        caps = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=20)
         link = LockstepLink(LoopbackTransport(MockPixhawk(boot_sensors=20)), caps)
         monkeypatch.setattr("hil.run.parts.links.autopilot.make_link", lambda bench, around, link=link: link)
-        out = tmp_path / str(processors)
+        monkeypatch.setattr("hil.run.bench_run.Scheduler", partial(scheduler_that, record_first))
+        out = tmp_path / str(record_first)
         result = run_bench(bench, out, quiet=True)
         assert result.run["error"] is None
         assert result.run["sim_s"] == 12.0
@@ -111,20 +119,22 @@ class Watcher:
 
 
 @pytest.mark.parametrize(
-    ("processors", "order"),
+    ("record_first", "order"),
     [
-        (1, ["imu", "commands", "send", "look", "rec truth", "rec sample", "rec sample", "rec sent", "wait"]),
-        (2, ["imu", "commands", "look", "rec truth", "rec sample", "rec sample", "send", "rec sent", "wait"]),
+        (False, ["imu", "commands", "send", "look", "rec truth", "rec sample", "rec sample", "rec sent", "wait"]),
+        (True, ["imu", "commands", "look", "rec truth", "rec sample", "rec sample", "send", "rec sent", "wait"]),
     ],
 )
-def test_cameras_are_sampled_after_the_send_or_before_it_with_two_busy_processors(
-    processors: int, order: list[str]
+def test_cameras_are_sampled_after_the_send_or_before_it_on_a_shared_processor(
+    record_first: bool, order: list[str]
 ) -> None:
-    script = Script(busy_processors=processors)
+    script = Script()
     rate = RateAccumulator(event_millihz=250_000, tick_millihz=250_000)
     scheduler = make(script, SensorSlot(Watcher(script), rate, after_send=True))
+    scheduler.record_first = record_first
     for _ in range(4):
         scheduler.step()
+    scheduler.flush()
     names = script.names()
     assert names[names.index("imu") : names.index("take")] == order
     told = [(call[1], call[2].seq) for call in script.calls if call[0] == "rec sample"]
