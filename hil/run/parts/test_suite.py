@@ -99,7 +99,7 @@ class TestSuitePart(Part):
         ok = self._status == 0
         reasons = []
         if not ok:
-            how = self._end_text or "it had not ended when the run did (duration_s)"
+            how = self._end_text or "it had not ended when the run was stopped or reached duration_s"
             reasons = [f"the test suite failed: {how} ({LOG_NAME})"]
         value = None if self._status is None else float(self._status)
         return verdict.with_rows([Row("suite_exit_status", value, 0.0, "", ok)], reasons)

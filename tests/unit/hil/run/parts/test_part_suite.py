@@ -20,7 +20,7 @@ import os, socket, struct, sys
 home, model, defaults = os.environ["HIL_HOME"], os.environ["HIL_MODEL"], open(os.environ["HIL_DEFAULTS"]).read()
 assert home.endswith(",270.0000") and model == "JSON:127.0.0.1" and "MOT_THST_HOVER" in defaults, (home, model)
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-link.settimeout(20.0)
+link.settimeout(120.0)
 for count in range(100):
     link.sendto(struct.pack("<HHI16H", 18458, 400, count, *(16 * [1000])), ("127.0.0.1", 9002 + 10 * 67))
     link.recv(4096)
