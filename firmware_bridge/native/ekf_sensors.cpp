@@ -23,7 +23,7 @@ double component(Vec3 v, int i) { return i == 0 ? v.x : (i == 1 ? v.y : v.z); }
 
 void Ekf::fuse_gps(const GpsFix &fix) {
     const bool sane = std::isfinite(fix.position.lat_deg) && std::isfinite(fix.position.lon_deg) &&
-                      std::fabs(fix.position.lat_deg) <= 89.9 && std::fabs(fix.position.lon_deg) <= 360.0 &&
+                      std::fabs(fix.position.lat_deg) <= 90.0 && std::fabs(fix.position.lon_deg) <= 360.0 &&
                       std::isfinite(fix.position.alt_m) && std::fabs(fix.position.alt_m) < 1.0e5 &&
                       is_finite(fix.velocity_N) && norm(fix.velocity_N) < kMaxSpeed && fix.eph_m > 0.0 &&
                       fix.epv_m > 0.0 && fix.eph_m <= params_[EKF_REQ_EPH] && fix.epv_m <= params_[EKF_REQ_EPV];

@@ -14,7 +14,7 @@ from typing import Any
 from hil.config.bench import Bench, site_of
 from hil.config.checks import radar_checks
 from hil.config.checks.autopilot_checks import autopilot_problems
-from hil.config.checks.cross_checks import cross_problems, vehicle_problems
+from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.part_settings import resolve_parts
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, merge_options, parse_setting
@@ -258,6 +258,8 @@ class _Loading:
         if config is not None and vehicle is not None:
             self.problems += vehicle_problems(config, vehicle, self.settings)
         scene = self._scene(vehicle, config)
+        if config is not None and scene is not None:
+            self.problems += site_problems(config, scene)
         if mission_path is not None and is_script(mission_path):
             mission_path = script.plan_path if script is not None else None
         if config is not None and scene is not None and not self.problems:

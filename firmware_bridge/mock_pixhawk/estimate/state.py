@@ -6,11 +6,14 @@ telemetry is cheaper than reading the array element by element.
 
 from __future__ import annotations
 
+from functools import cache
 from math import floor
 from pathlib import Path
 
 from firmware_bridge import _native
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+from signals._kernel import det_atan2
+from signals.units import RAD_PER_DEG
 
 _F: dict[str, tuple[int, int]] = dict(_native.STATE_FIELDS)
 
@@ -114,25 +117,33 @@ class Estimate:
         return self._core.ned_to_geodetic(n_m, e_m, d_m)
 
 
-_STEP_DEG, _SOUTH_DEG, _WEST_DEG = 5, -60, -180
+_STEP_DEG = 5
 
 
-def _table() -> list[list[int]]:
-    text = Path(__file__).with_name("declination.txt").read_text(encoding="utf-8")
-    return [[int(word) for word in line.split()] for line in text.splitlines() if not line.startswith("#")]
+@cache
+def _horizontal_field() -> list[list[list[int]]]:
+    """Return the north and east components [10 nT] by latitude, component and longitude."""
+    text = Path(__file__).with_name("horizontal_field.txt").read_text(encoding="utf-8")
+    lines = [[int(word) for word in line.split()] for line in text.splitlines() if not line.startswith("#")]
+    return [[north, east] for north, east in zip(lines[::2], lines[1::2], strict=True)]
 
 
 def declination_deg(lat_deg: float, lon_deg: float) -> float:
-    """Return the angle from true to magnetic north, east positive, interpolated as in PX4's `geo_mag_declination`.
+    """Return the angle from true to magnetic north, east positive.
 
-    Within 0.7 degrees of the World Magnetic Model from 49 degrees south to 55 north, 1.5 degrees down to 55 south;
-    beyond the table its edge is used.
+    PX4's `geo_mag_declination` interpolates the angle, between 60 degrees south and 60 north. Here the components of
+    the horizontal field are interpolated, which are smooth up to the magnetic poles: within 0.3 degrees of the World
+    Magnetic Model where the horizontal field is above 10 uT, 0.6 degrees down to 6 uT, 1.5 degrees down to 2 uT.
     """
-    table = _table()
-    y = min(max((lat_deg - _SOUTH_DEG) / _STEP_DEG, 0.0), len(table) - 1.0)
-    x = min(max((lon_deg - _WEST_DEG) / _STEP_DEG, 0.0), len(table[0]) - 1.0)
-    row, column = min(floor(y), len(table) - 2), min(floor(x), len(table[0]) - 2)
+    table = _horizontal_field()
+    y, x = (lat_deg + 90.0) / _STEP_DEG, (lon_deg + 180.0) / _STEP_DEG
+    row, column = min(max(floor(y), 0), len(table) - 2), min(max(floor(x), 0), len(table[0][0]) - 2)
     v, u = y - row, x - column
-    south = table[row][column] * (1.0 - u) + table[row][column + 1] * u
-    north = table[row + 1][column] * (1.0 - u) + table[row + 1][column + 1] * u
-    return (south * (1.0 - v) + north * v) / 10.0
+
+    def component(which: int) -> float:
+        south, north = table[row][which], table[row + 1][which]
+        return (south[column] * (1.0 - u) + south[column + 1] * u) * (1.0 - v) + (
+            north[column] * (1.0 - u) + north[column + 1] * u
+        ) * v
+
+    return det_atan2(component(1), component(0)) / RAD_PER_DEG

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from signals.documents.document import Place
@@ -9,8 +11,14 @@ from signals.documents.validate import at, nearest
 from signals.errors import Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Scene
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import fault_problems
+from sim.sensors.magnetometer import magnetic_field_W_tesla
+
+# Below, a compass gives no heading: 0.2 uT of hard iron turn it by 4 degrees, and the mock's estimator rejects a field
+# within 3 degrees of gravity. The World Magnetic Model's own zones: blackout below 2 uT, caution up to 6 uT.
+_LEAST_HORIZONTAL_TESLA = 3.0e-6
 
 
 def rate_problem(rate_hz: float, config: BenchConfig) -> str:
@@ -75,3 +83,18 @@ def vehicle_problems(config: BenchConfig, vehicle: Vehicle, settings: Settings) 
         message = f"is true, but the vehicle {vehicle.name!r} has no battery"
         problems.append(at(settings, ("physics", "effects", "battery"), message))
     return problems
+
+
+def site_problems(config: BenchConfig, scene: Scene) -> list[Problem]:
+    """Report a site so near a magnetic pole that no autopilot finds its heading with a magnetometer."""
+    if not any(sensor.kind == "magnetometer" for sensor in config.sensors.values()):
+        return []
+    horizontal = math.hypot(*magnetic_field_W_tesla(scene.site)[:2])
+    if horizontal >= _LEAST_HORIZONTAL_TESLA:
+        return []
+    site, least_ut = scene.site, 1e6 * _LEAST_HORIZONTAL_TESLA
+    message = (
+        f"lies at a magnetic pole: the horizontal field at {site.latitude_deg:g}, {site.longitude_deg:g} is "
+        f"{1e6 * horizontal:.1f} uT, and a compass needs {least_ut:g} uT"
+    )
+    return [scene.file.problem(("site",), message, "choose a site farther from the magnetic poles")]
