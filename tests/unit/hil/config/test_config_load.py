@@ -164,6 +164,18 @@ def test_mistakes_in_other_files_are_named_there() -> None:
     assert any(p.startswith(f"rigs/vehicles/bad.yaml:{line}: mass_kg must be above 0.001 kg, not -2") for p in found)
 
 
+@pytest.mark.parametrize(("latitude", "longitude", "field"), [(85, 140, "0.4"), (89, 10, "2.3"), (-64, 136, "0.3")])
+def test_a_site_at_a_magnetic_pole_is_refused_where_it_is_written(latitude: int, longitude: int, field: str) -> None:
+    Path("pole.yaml").write_text(
+        "name: pole\ndescription: ''\nground_friction: 1\n"
+        f"site: {{latitude_deg: {latitude}, longitude_deg: {longitude}, altitude_m: 100}}\n"
+    )
+    assert refused("scene: pole.yaml\n") == [
+        f"pole.yaml:4: site lies at a magnetic pole: the horizontal field at {latitude}, {longitude} is {field} uT, and"
+        " a compass needs 3 uT (choose a site farther from the magnetic poles)"
+    ]
+
+
 def test_all_problems_come_at_once_and_in_order() -> None:
     found = refused(
         "seed: x\n\nscene: nowhere\nmission: m.plan\nsensors:\n  imu: {preset: icm20689}\n"
