@@ -4,12 +4,15 @@
 
 #include "detmath.hpp"
 #include "rigid_body.hpp"
+#include "rotation.hpp"
 
 namespace hil::sim {
 namespace {
 
 // sin(x) / x; the series below 1e-4 is exact to rounding (next term x^4/120 < 1e-18).
 double sinc(double x) { return x < 1e-4 ? 1.0 - x * x / 6.0 : det::sin(x) / x; }
+
+constexpr double kMostTurn = 2.0;  // rad
 
 }  // namespace
 
@@ -88,10 +91,34 @@ void Imu::add_vibration(const ImuTruth &truth, double *y) {
     }
 }
 
+// Replaces w by the mean rate of the step if its first attitude is known.
+void Imu::mean_rate(const ImuTruth &truth, double *w) {
+    const double dt = params_.step_s;
+    const auto step_ns = static_cast<std::int64_t>(std::floor(dt * 1e9 + 0.5));
+    const bool known = q_known_ && truth.t_ns - q_t_ns_ == step_ns;
+    const Quat before{q_before_[0], q_before_[1], q_before_[2], q_before_[3]};
+    const double *q = truth.q_WB;
+    for (int i = 0; i < 4; ++i) q_before_[i] = q[i];
+    q_t_ns_ = truth.t_ns;
+    q_known_ = true;
+    // More than half a turn in a step cannot be told from less.
+    if (!known || (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (dt * dt) > kMostTurn * kMostTurn) return;
+    Quat turn = conjugate(before) * Quat{q[0], q[1], q[2], q[3]};
+    if (turn.w < 0.0) turn = {-turn.w, -turn.x, -turn.y, -turn.z};
+    const double sine = std::sqrt((turn.x * turn.x + turn.y * turn.y) + turn.z * turn.z);
+    const double per_sine = sine < 1e-8 ? 2.0 : 2.0 * det::atan2(sine, turn.w) / sine;
+    const double *end = truth.w_WB_B, *al = truth.alpha_WB_B;
+    const double scale = per_sine / dt, coning = dt * dt / 12.0;
+    w[0] = scale * turn.x - coning * (end[1] * al[2] - end[2] * al[1]);
+    w[1] = scale * turn.y - coning * (end[2] * al[0] - end[0] * al[2]);
+    w[2] = scale * turn.z - coning * (end[0] * al[1] - end[1] * al[0]);
+}
+
 void Imu::sample(const ImuTruth &truth, std::uint64_t index, double *out) {
     const ImuErrorParams &p = params_;
     double y[kImuChannels];  // specific force, rate
     ideal_imu(truth.q_WB, truth.a_WB_W, truth.w_WB_B, truth.alpha_WB_B, p.step_s, p.gravity_mps2, y);
+    mean_rate(truth, y + 3);
     const double *w = y + 3, *r = p.lever_arm_B_m, *al = truth.alpha_WB_B;
     const double wr[3] = {w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]};
     y[0] += al[1] * r[2] - al[2] * r[1] + (w[1] * wr[2] - w[2] * wr[1]);

@@ -1,8 +1,11 @@
 // Strapdown inertial measurement unit with its errors.
 //
-// Truth at the sensor, at r in B from the centre of mass (means over the step that just ended, w_m = w - alpha dt/2):
+// Truth at the sensor, at r in B from the centre of mass (means over the step that just ended):
 //   f = R(q_mid)^T (a + g z_W) + alpha x r + w_m x (w_m x r)          specific force [m/s2]
-//   w = w_m                                                           angular rate [rad/s]
+//   w = w_m = log(q_before^-1 q) / dt - dt^2/12 w x alpha             angular rate [rad/s]
+// The second term turns the rotation vector into the integral of the rate (Bortz 1971, first coning term, rate linear in
+// the step). Without the attitude one step before (first sample, or after a gap): w_m = w - alpha dt/2, which is exact
+// for a rate linear in the step, and off by dt^2/12 d2w/dt2 otherwise.
 // Vibration by rotor r and harmonic h of its speed O, phase theta = integral of O dt, mean over the step dt:
 //   v_i = A_hi (O / O_ref)^2 sinc(h O dt / 2) sin(h theta_mid + psi_rhi)
 // so vibration above half the output rate aliases from the step mean, as in an IMU that averages over a boxcar.
@@ -14,7 +17,8 @@
 // Q rounds to `lsb_i` and saturates at -limit_i and limit_i - word_i.
 //
 // State advances with `index`: reading sample n advances the processes to n, one step per index. For an index before the
-// last one, they restart from 0. The rotor phases advance with the time between samples.
+// last one, they restart from 0. The rotor phases advance with the time between samples. The attitude of the last sample
+// is kept.
 //
 // Determinism: + - * / sqrt and detmath.hpp only. Nothing is allocated after construction. Not thread-safe.
 #pragma once
@@ -73,6 +77,7 @@ class Imu {
     void noise_at(std::uint64_t index, double *out);
     void restart();
     void add_vibration(const ImuTruth &truth, double *y);
+    void mean_rate(const ImuTruth &truth, double *w);
 
     ImuErrorParams params_;
     NoiseStream white_, walk_, flicker_;
@@ -84,6 +89,9 @@ class Imu {
     std::vector<double> rotor_phase_;
     bool phase_started_ = false;
     std::int64_t phase_t_ns_ = 0;
+    bool q_known_ = false;
+    double q_before_[4] = {};
+    std::int64_t q_t_ns_ = 0;
 };
 
 }  // namespace hil::sim

@@ -1,7 +1,9 @@
 """Barometer: pressure of the standard atmosphere at the vehicle's height, with errors of sensor and installation.
 
     p = p_ISA(h) + drift + prop wash + flow + n,   rounded to the resolution
-    altitude = altitude of the standard atmosphere at p
+    altitude = altitude of the standard atmosphere at p     (pressure altitude: geopotential)
+
+with h the geopotential height of the vehicle, up to 20 km.
 
     prop wash   T (p_free + p_ground e^{-z / h_g})      T = mean (rotor speed / reference)^2, the thrust ratio
     flow        sum_i c_i rho/2 u_i |u_i|, i = x, y     u air velocity past the body in B
@@ -15,28 +17,30 @@ the ground plane, the wind is the scene's steady wind.
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from pydantic import Field
 
 from signals._kernel import det_exp, rotate_into_body
 from signals.documents.validate import StrictModel
+from signals.errors import ModelRangeError
 from signals.noise import NoiseStream
 from signals.samples import BaroSample, TruthState
-from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
+from sim.scene.atmosphere import LOWEST_M, TOP_M, geopotential_m, pressure_altitude_m, pressure_pa
 from sim.sensors.drift import gauss_markov
 from sim.sensors.rotor_load import thrust_ratio
+from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
 _AIR_DENSITY_KGPM3 = 1.225  # ISA at sea level
+_ATMOSPHERE = f"{LOWEST_M:g} to {TOP_M:g} m, the range of the standard atmosphere of barometers"
 
 Coefficient = Annotated[float, Field(ge=-2.0, le=2.0)]
 WashPressure = Annotated[float, Field(ge=-500.0, le=500.0)]
 
 
 class BarometerParameters(StrictModel):
-    """Errors of one barometer."""
+    """Errors of one barometer. The noise includes the rounding (sim/sensors/rounding.py)."""
 
     noise_pa: Annotated[float, Field(ge=0.0, le=1000.0)]
     drift_pa: Annotated[float, Field(ge=0.0, le=5000.0)]  # 1 sigma
@@ -64,6 +68,7 @@ class Barometer(InstalledSensor):
         p, name, seed = parameters, installation.name, installation.seed
         super().__init__(installation, p.latency_s, {"pressure_pa": p.resolution_pa, "temperature_degc": 0.01})
         self._p = p
+        self._sigma_pa = drawn_sigma(p.noise_pa, p.resolution_pa)
         self._site_altitude_m = installation.scene.site.altitude_m
         self._wind_W = installation.scene.wind_W_mps
         self._washes = p.wash_free_pa != 0.0 or p.wash_ground_pa != 0.0
@@ -72,16 +77,22 @@ class Barometer(InstalledSensor):
         self._drift = gauss_markov(installation, lanes=1, sigma=p.drift_pa, time_constant_s=p.drift_time_constant_s)
 
     def sample(self, truth: TruthState, seq: int) -> BaroSample:
-        """Return sample `seq`. Height in W is taken as height over the site (Earth's curvature: 8 cm at 1 km)."""
+        """Return sample `seq`. Height in W is taken as height over the site (Earth's curvature: 8 cm at 1 km).
+
+        Raises ModelRangeError outside the range of the standard atmosphere.
+        """
         t_ns, p = truth.t_ns, self._p
         n = self._white.normal(seq)
-        pressure = pressure_pa(self._site_altitude_m + truth.p_WB[2])
-        pressure += self._drift.at(seq)[0] + p.noise_pa * n[0]
+        height_m = geopotential_m(self._site_altitude_m + truth.p_WB[2])
+        if not LOWEST_M <= height_m <= TOP_M:
+            raise ModelRangeError(truth.tick, f"{self.name}: altitude_m", height_m, _ATMOSPHERE)
+        pressure = pressure_pa(height_m)
+        pressure += self._drift.at(seq)[0] + self._sigma_pa * n[0]
         if self._washes:
             pressure += self._wash_pa(truth)
         if self._flows:
             pressure += self._flow_pa(truth)
-        pressure = math.floor(pressure / p.resolution_pa + 0.5) * p.resolution_pa
+        pressure = rounded(pressure, p.resolution_pa)
         return BaroSample(
             seq,
             t_ns,

@@ -3,16 +3,18 @@
     f = R_WB^T (a - g) + alpha x r + w x (w x r)      specific force at the sensor, in B [m/s2]
     out = Q(M (f + vibration) + turn-on bias + temperature drift + walk + flicker + white)
 
-Motion and vibration enter as their mean over the last physics tick, like the output of an IMU that integrates at a high
-internal rate. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
+Motion and vibration enter as their mean over the physics step just taken, like the output of an IMU that integrates at
+a high internal rate. The mean rate comes from the difference between the attitudes of two successive ticks; a first
+sample, or one after a gap, takes the mean of the step's end rates. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
 
 The Allan deviation over tau follows the line that a datasheet (or a long log of the part at rest) gives:
 
     sigma^2(tau) = N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3
 
-N white noise density, B bias instability, K random walk of the bias. N is the density at the output, so the rounding
-error of the output word is part of N: the variance of the simulated white noise is N^2 F - q^2 / 12, with F the sample
-rate and q the step. A sample is the mean of m internal readings, so its step is q = word / m.
+N white noise density, B bias instability, K random walk of the bias. N^2 is the two-sided power spectral density; the
+variance of a sample is N^2 F with F the sample rate. A datasheet's noise density is one-sided if its RMS noise in a
+bandwidth b is density sqrt(b): then N = density / sqrt(2). N is the density at the output (sim/sensors/rounding.py),
+whose word has steps of q = word / m, as a sample is the mean of m internal readings.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ from signals.time import NS_PER_S
 from signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim.sensors.flicker import flicker_processes
+from sim.sensors.rounding import drawn_sigma
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position
 
 _ROTORS = 8  # number of phases that are drawn; a vehicle with fewer rotors uses the first ones
@@ -49,7 +52,7 @@ class Harmonic(StrictModel):
 
 
 class ImuParameters(StrictModel):
-    """Errors of one IMU, SI units. Densities are one-sided, per square root of hertz; deviations are 1 sigma."""
+    """Errors of one IMU, SI units. Noise densities are Allan's N, 1/sqrt(2) of a one-sided one; deviations 1 sigma."""
 
     accel_noise_mps2_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
     gyro_noise_radps_per_rthz: Annotated[float, Field(ge=0.0, le=1.0)]
@@ -98,8 +101,9 @@ class Imu(InstalledSensor):
         gyro_lsb = gyro_word / _readings(p.gyro_output_rate_hz, period_s)
         resolution = {"accel_mps2": accel_word, "gyro_radps": gyro_word, "temperature_degc": 0.125}
         super().__init__(installation, p.latency_s, resolution)
-        self.white_sigma = [_white(p.accel_noise_mps2_per_rthz, period_s, accel_lsb)] * 3
-        self.white_sigma += [_white(p.gyro_noise_radps_per_rthz, period_s, gyro_lsb)] * 3
+        per_sample = 1.0 / math.sqrt(period_s)
+        self.white_sigma = [drawn_sigma(p.accel_noise_mps2_per_rthz * per_sample, accel_lsb)] * 3
+        self.white_sigma += [drawn_sigma(p.gyro_noise_radps_per_rthz * per_sample, gyro_lsb)] * 3
         self.step = [accel_lsb] * 3 + [gyro_lsb] * 3
 
         def drawn(what: str, accel: float, gyro: float) -> list[float]:
@@ -158,11 +162,6 @@ def _readings(output_rate_hz: float, period_s: float) -> int:
     return max(1, math.floor(output_rate_hz * period_s + 1e-9))
 
 
-def _white(density: float, period_s: float, lsb: float) -> float:
-    """Return the deviation of the white noise before rounding that gives the rounded output the density."""
-    return math.sqrt(max(0.0, density * density / period_s - lsb * lsb / 12.0))
-
-
 def _gain(seed: int, name: str, scale_error: float, misalignment_rad: float) -> list[float]:
     """Return, row by row, the identity + scale errors on the diagonal + misalignments off it."""
     n = NoiseStream(seed, name, lanes=9).normal(0)
@@ -180,12 +179,6 @@ def _vibration(seed: int, name: str, p: ImuParameters) -> dict[str, Any]:
         "phase_sin": [det_sin(TURN_RAD * u) for u in phases],
         "reference_speed_radps": p.vibration_reference_radps,
     }
-
-
-def quantise(value: float, lsb: float, limit: float = math.inf) -> float:
-    """Return the nearest multiple of `lsb`, saturated at -limit and limit - lsb, as in a two's-complement word."""
-    rounded = math.floor(value / lsb + 0.5) * lsb
-    return min(max(rounded, -limit), limit - lsb)
 
 
 KIND = Kind(Imu, ImuParameters)

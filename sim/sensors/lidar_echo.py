@@ -13,7 +13,8 @@ Loss. An echo of strength e = rho cos(theta) is detected up to
 The probability of detection is 1 up to 0.9 limit, 0 beyond 1.1 limit, and falls linearly in between. In addition, each
 echo is lost with `dropout_probability`.
 
-Measurement. range = round(true + sigma n), limited to [min_range_m, max_range_m].
+Measurement. range = round(true + n), limited to [min_range_m, max_range_m]; `range_noise_m` includes the rounding
+(sim/sensors/rounding.py).
 
 The noise of ray i of sweep `seq` is number seq * rays + i of the streams `<name>.range` and `<name>.dropout`.
 
@@ -32,6 +33,7 @@ from signals.noise import noise_key
 from sim._kernels import LidarReceiver
 from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import Sweep
+from sim.sensors.rounding import drawn_sigma
 
 Float64 = NDArray[np.float64]
 Scalar = TypeVar("Scalar", bound=np.generic)
@@ -123,7 +125,7 @@ class Receiver:
         self._native = LidarReceiver(
             noise_key=noise_key(seed, f"{name}.range"),
             loss_key=noise_key(seed, f"{name}.dropout"),
-            noise_m=p.range_noise_m,
+            noise_m=drawn_sigma(p.range_noise_m, p.range_resolution_m),
             resolution_m=p.range_resolution_m,
             min_range_m=p.min_range_m,
             max_range_m=p.max_range_m,

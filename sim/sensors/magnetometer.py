@@ -19,8 +19,8 @@ from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream
 from signals.samples import MagSample, TruthState, Vec3
 from sim.scene.scene import Site
-from sim.sensors.imu import quantise
 from sim.sensors.rotor_load import power_ratio
+from sim.sensors.rounding import drawn_sigma, saturated
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
 # Fixed, so that a run repeats in later years although the field turns by about 0.2 degrees a year at mid latitudes.
@@ -50,7 +50,7 @@ Field_T = Annotated[float, Field(ge=-1e-3, le=1e-3)]
 
 
 class MagnetometerParameters(StrictModel):
-    """Errors of one magnetometer [T]."""
+    """Errors of one magnetometer [T]. The noise includes the rounding (sim/sensors/rounding.py)."""
 
     noise_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]
     hard_iron_tesla: Annotated[float, Field(ge=0.0, le=1e-3)]  # 1 sigma per axis, drawn once
@@ -78,7 +78,7 @@ class Magnetometer(InstalledSensor):
         self.soft_iron = ((1.0 + xx, xy, xz), (xy, 1.0 + yy, yz), (xz, yz, 1.0 + zz))
         self._motor, self._motor_reference = p.motor_field_tesla, p.motor_reference_radps
         self._has_motor_field = any(p.motor_field_tesla)
-        self._sigma = p.noise_tesla
+        self._sigma = drawn_sigma(p.noise_tesla, p.resolution_tesla)
         self._lsb, self._range = p.resolution_tesla, p.range_tesla
 
     def sample(self, truth: TruthState, seq: int) -> MagSample:
@@ -94,9 +94,9 @@ class Magnetometer(InstalledSensor):
             t_ns,
             t_ns + self.latency_ns,
             (
-                quantise(sxx * x + sxy * y + sxz * z + b[0] + current * cx + sigma * n[0], lsb, limit),
-                quantise(syx * x + syy * y + syz * z + b[1] + current * cy + sigma * n[1], lsb, limit),
-                quantise(szx * x + szy * y + szz * z + b[2] + current * cz + sigma * n[2], lsb, limit),
+                saturated(sxx * x + sxy * y + sxz * z + b[0] + current * cx + sigma * n[0], lsb, limit),
+                saturated(syx * x + syy * y + syz * z + b[1] + current * cy + sigma * n[1], lsb, limit),
+                saturated(szx * x + szy * y + szz * z + b[2] + current * cz + sigma * n[2], lsb, limit),
             ),
         )
 

@@ -25,13 +25,17 @@ from signals.samples import FlowSample, TruthState
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
+from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
 _UNKNOWN_M = -1.0
 
 
 class OpticalFlowParameters(StrictModel):
-    """Errors of one optical flow sensor, deviations 1 sigma."""
+    """Errors of one optical flow sensor: deviations 1 sigma, of the rounded output (sim/sensors/rounding.py).
+
+    The gyro's noise density is Allan's N, as of the IMU (sim/sensors/imu.py).
+    """
 
     min_distance_m: Annotated[float, Field(ge=0.0, le=100.0)]
     max_distance_m: Annotated[float, Field(gt=0.0, le=1000.0)]
@@ -100,17 +104,18 @@ class OpticalFlow(InstalledSensor):
         dt = integration_ns / NS_PER_S
         half = 0.5 * dt
         seen = in_range and upright >= self._min_cosine and max(abs(fx), abs(fy)) <= p.max_flow_radps
-        noise, step = p.flow_noise_radps * dt, p.flow_resolution_rad
+        step = p.flow_resolution_rad
+        noise = drawn_sigma(p.flow_noise_radps * dt, step)
         flow = (
-            _rounded(half * (old[1] + fx) * self._scale[0] + noise * n[0], step) if seen else 0.0,
-            _rounded(half * (old[2] + fy) * self._scale[1] + noise * n[1], step) if seen else 0.0,
+            rounded(half * (old[1] + fx) * self._scale[0] + noise * n[0], step) if seen else 0.0,
+            rounded(half * (old[2] + fy) * self._scale[1] + noise * n[1], step) if seen else 0.0,
         )
-        angle = p.gyro_noise_radps_per_rthz * math.sqrt(dt)
         bias, step = self._bias, p.gyro_resolution_rad
+        angle = drawn_sigma(p.gyro_noise_radps_per_rthz * math.sqrt(dt), step)
         gyro = (
-            _rounded(half * (old[3] + wx) + bias[0] * dt + angle * n[2], step),
-            _rounded(half * (old[4] + wy) + bias[1] * dt + angle * n[3], step),
-            _rounded(half * (old[5] + wz) + bias[2] * dt + angle * n[4], step),
+            rounded(half * (old[3] + wx) + bias[0] * dt + angle * n[2], step),
+            rounded(half * (old[4] + wy) + bias[1] * dt + angle * n[3], step),
+            rounded(half * (old[5] + wz) + bias[2] * dt + angle * n[4], step),
         )
         quality = 0
         if seen:
@@ -120,10 +125,6 @@ class OpticalFlow(InstalledSensor):
         return FlowSample(
             seq, t_ns, t_ns + self.latency_ns, integration_ns, flow, gyro, quality, distance, p.temperature_degc
         )
-
-
-def _rounded(value: float, step: float) -> float:
-    return math.floor(value / step + 0.5) * step
 
 
 KIND = Kind(OpticalFlow, OpticalFlowParameters)

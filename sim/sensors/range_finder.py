@@ -1,6 +1,6 @@
 """Downward range finder: one ray, with noise, limits and lost returns.
 
-    d = round(d_true (1 + s) + sigma n),   sigma = max(noise, relative noise * d_true)
+    d = round(d_true (1 + s) + n),   deviation with rounding: max(noise, relative noise * d_true)
 
 s is a constant random scale error. There is no return (quality 0, distance `no_return_m`) if the ray hits nothing, the
 distance leaves [min, max], the tilt is too great, or at random with `dropout_probability`.
@@ -21,13 +21,14 @@ from signals.rotation import cos_tilt_of
 from signals.samples import RangeSample, TruthState
 from signals.units import RAD_PER_DEG
 from sim.sensors.ground_range import GroundRange
+from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
 _MAX_QUALITY = 100
 
 
 class RangeFinderParameters(StrictModel):
-    """Errors of one range finder, deviations 1 sigma."""
+    """Errors of one range finder, deviations 1 sigma, of the rounded output (sim/sensors/rounding.py)."""
 
     min_distance_m: Annotated[float, Field(ge=0.0, le=1000.0)]
     max_distance_m: Annotated[float, Field(gt=0.0, le=1000.0)]
@@ -71,7 +72,8 @@ class RangeFinder(InstalledSensor):
         true_m = self._range.distance_m(truth)
         sigma = max(p.noise_m, p.relative_noise * true_m)
         upright = cos_tilt_of(truth.q_WB)
-        distance = math.floor((true_m * self._scale + sigma * n) / p.resolution_m + 0.5) * p.resolution_m
+        drawn = drawn_sigma(sigma, p.resolution_m) * n
+        distance = rounded(true_m * self._scale + drawn, p.resolution_m)
         seen = (
             true_m >= 0.0
             and upright >= self._min_cosine

@@ -17,10 +17,11 @@ import pytest
 
 from signals.geodesy import LocalFrame
 from signals.samples import TruthState
-from sim.scene.atmosphere import pressure_pa
+from sim.scene.atmosphere import geopotential_m, pressure_pa
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation
 
 TICK_NS = 4_000_000
@@ -89,13 +90,12 @@ def test_gps_position_and_velocity(preset: str) -> None:
 def test_barometer(preset: str) -> None:
     p: Any = PRESETS[preset].parameters
     later = 500  # samples of 20 ms
-    exact = pressure_pa(SCENE.site.altitude_m)
+    exact = pressure_pa(geopotential_m(SCENE.site.altitude_m))
     pairs = []
     for seed in range(SEEDS):
         baro = sensor(preset, seed, 50.0)
         pairs.append([baro.sample(still(), k).pressure_pa - exact for k in (0, later)])
-    white = math.hypot(p.noise_pa, p.resolution_pa / math.sqrt(12))
-    drifting(np.array(pairs), p.drift_pa, white, math.exp(-0.02 * later / p.drift_time_constant_s))
+    drifting(np.array(pairs), p.drift_pa, p.noise_pa, math.exp(-0.02 * later / p.drift_time_constant_s))
 
 
 def test_pressure_noise_in_metres_is_that_of_the_barometric_formula() -> None:
@@ -119,11 +119,21 @@ def test_magnetometer(preset: str) -> None:
         a, b = (np.array(mag.sample(still(), k).field_tesla) for k in (0, 1))
         rows.append(a - field)
         white.append(a - b)
-    noise = math.hypot(p.noise_tesla, p.resolution_tesla / math.sqrt(12))
+    noise = p.noise_tesla
     assert np.std(white, axis=0) == pytest.approx([math.sqrt(2) * noise] * 3, rel=REL)
     # Each row of the soft-iron matrix has three independent elements: s |B| a component.
     spread = math.sqrt(noise**2 + p.hard_iron_tesla**2 + (p.soft_iron * np.linalg.norm(field)) ** 2)
     assert np.std(rows, axis=0) == pytest.approx([spread] * 3, rel=REL)
+
+
+@pytest.mark.parametrize("step", [0.5, 1.0, 2.0])
+def test_rounding_is_inside_the_stated_noise(step: float) -> None:
+    """For steps of half to twice the noise, over true values anywhere within a step."""
+    rng = np.random.default_rng(1)
+    true = rng.uniform(0.0, 100.0 * step, 200_000)
+    drawn = drawn_sigma(1.0, step) * rng.standard_normal(true.size)
+    error = [rounded(value, step) - exact for value, exact in zip(true + drawn, true, strict=True)]
+    assert np.std(error) == pytest.approx(1.0, rel=0.01)
 
 
 def test_soft_iron_bends_a_turning_field_into_the_stated_ellipsoid() -> None:

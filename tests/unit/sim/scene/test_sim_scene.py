@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import mujoco
@@ -14,7 +15,7 @@ from signals.errors import ConfigError
 from signals.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
 from sim.physics.contact_model import build_model
 from sim.physics.vehicle import load_vehicle, vehicle_names
-from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
+from sim.scene.atmosphere import geopotential_m, pressure_altitude_m, pressure_pa
 from sim.scene.scene import Site, load_scene, scene_names
 from sim.sensors.magnetometer import magnetic_field_W_tesla
 from sim.world_loader import load_world
@@ -60,11 +61,19 @@ def test_magnetic_field_agrees_with_the_model(site: Site) -> None:
 
 # ISO 2533 table values, by geopotential altitude.
 @pytest.mark.parametrize(
-    ("altitude_m", "pressure"), [(0, 101325.0), (1000, 89874.6), (5000, 54019.9), (11000, 22632.1)]
+    ("altitude_m", "pressure"),
+    [(0, 101325.0), (1000, 89874.6), (5000, 54019.9), (11000, 22632.1), (15000, 12044.6), (20000, 5474.89)],
 )
 def test_standard_atmosphere(altitude_m: float, pressure: float) -> None:
     assert pressure_pa(altitude_m) == pytest.approx(pressure, rel=1e-5)
     assert pressure_altitude_m(pressure_pa(altitude_m)) == pytest.approx(altitude_m, abs=1e-8)
+
+
+def test_the_standard_atmosphere_ends_where_it_is_modelled() -> None:
+    assert geopotential_m(20_000.0) == pytest.approx(19_937.3, abs=0.1)  # ISO 2533, table 1
+    for height in (-5_001.0, 20_001.0, math.nan):
+        with pytest.raises(ValueError, match="from -5000 to 20000 m"):
+            pressure_pa(height)
 
 
 def test_every_scene_and_vehicle_compiles_as_declared() -> None:

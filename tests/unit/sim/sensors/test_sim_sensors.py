@@ -9,18 +9,19 @@ import numpy as np
 import pydantic
 import pytest
 
+from signals.errors import ModelRangeError
 from signals.geodesy import LocalFrame
 from signals.samples import TruthState
 from sim._kernels import ideal_imu
 from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
-from sim.scene.atmosphere import pressure_pa
+from sim.scene.atmosphere import geopotential_m, pressure_pa
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.drift import gauss_markov
-from sim.sensors.imu import quantise
 from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.sensors.rounding import rounded
 from sim.sensors.sensor import Installation
 from tests.worlds.rotation_matrices import rotation
 
@@ -144,8 +145,8 @@ def _turn(q: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def test_imu_rounds_to_16_bits_and_saturates() -> None:
-    assert quantise(0.26, 0.1) == pytest.approx(0.3)
-    assert quantise(-0.26, 0.1) == pytest.approx(-0.3)
+    assert rounded(0.26, 0.1) == pytest.approx(0.3)
+    assert rounded(-0.26, 0.1) == pytest.approx(-0.3)
     imu = sensor("icm20689", **NOISELESS["icm20689"])
     sample = imu.sample(at_rest(a_WB_W=(1e4, -1e4, 0.0)), 0)
     assert sample.accel_mps2[0] == pytest.approx(16 * 9.80665 * 32767 / 32768)
@@ -159,8 +160,16 @@ def test_imu_rounds_to_16_bits_and_saturates() -> None:
 def test_barometer_follows_the_standard_atmosphere() -> None:
     baro = sensor("ms5611", **NOISELESS["ms5611"])
     sample = baro.sample(at_rest(p_WB=(0.0, 0.0, 12.0)), 0)
-    assert sample.pressure_pa == pytest.approx(pressure_pa(500.0), abs=1e-5)
-    assert sample.pressure_altitude_m == pytest.approx(500.0, abs=1e-5)
+    assert sample.pressure_pa == pytest.approx(pressure_pa(geopotential_m(500.0)), abs=1e-5)
+    assert sample.pressure_altitude_m == pytest.approx(500.0 - 0.0393, abs=1e-4)  # z^2 / r less
+
+
+def test_barometer_works_to_20_km_and_names_the_end_of_its_range() -> None:
+    baro = sensor("ms5611", **NOISELESS["ms5611"])
+    heights = [baro.sample(at_rest(p_WB=(0.0, 0.0, z)), 0).pressure_altitude_m for z in (10_000.0, 12_000.0, 19_000.0)]
+    assert heights == pytest.approx([geopotential_m(488.0 + z) for z in (10_000.0, 12_000.0, 19_000.0)], abs=1e-3)
+    with pytest.raises(ModelRangeError, match=r"altitude_m = 204.* \(-5000 to 20000 m, the range of the standard"):
+        baro.sample(at_rest(p_WB=(0.0, 0.0, 20_000.0)), 0)
 
 
 @pytest.mark.parametrize(

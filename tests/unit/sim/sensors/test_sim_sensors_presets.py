@@ -49,9 +49,10 @@ MAY_STAY = {
 G = 9.80665
 TO_SI = {
     "m": 1.0,
-    "ug/rtHz": 1e-6 * G,
-    "mdps/rtHz": math.radians(1e-3),
-    "dps/rtHz": math.radians(1.0),
+    # A datasheet's density is one-sided, the parameter is Allan's N.
+    "ug/rtHz": 1e-6 * G / math.sqrt(2.0),
+    "mdps/rtHz": math.radians(1e-3) / math.sqrt(2.0),
+    "dps/rtHz": math.radians(1.0) / math.sqrt(2.0),
     "mg/K": 1e-3 * G,
     "dps/K": math.radians(1.0),
     "deg/h": math.radians(1.0) / 3600.0,
@@ -93,6 +94,7 @@ def test_every_figure_agrees_with_what_its_source_states(preset: str) -> None:
             continue
         number, unit = re.fullmatch(r"([0-9.]+) (\S+)", figure.stated).groups()  # type: ignore[union-attr]
         assert figure.value == pytest.approx(float(number) * TO_SI[unit], rel=1e-9), name
+        assert ("one-sided" in figure.note) == ("rtHz" in unit), name
 
 
 @pytest.mark.parametrize("preset", sorted(PRESETS))
@@ -170,7 +172,8 @@ def test_what_sees_the_world_gives_the_same_bytes_for_the_same_seed_and_shares_n
 @pytest.mark.parametrize("preset", PLAIN)
 def test_no_channel_is_constant_and_all_are_finite(preset: str) -> None:
     made = sensor(preset)
-    samples = [made.sample(moving(k), k) for k in range(1000)]
+    ticks = made.period_ns // TICK_NS
+    samples = [made.sample(moving(k * ticks), k) for k in range(1000)]
     names = set(SAMPLE_FIELDS[made.sample_type])
     for field in names - CONSTANT - {"seq", "t_capture_ns", "t_available_ns"}:
         values = [getattr(s, field) for s in samples]
