@@ -46,11 +46,12 @@ class WiringError(HilError):
 
 
 class ModelRangeError(HilError):
-    """Departure of the simulated vehicle from the range in which its model holds."""
+    """Departure of the simulated vehicle from the range in which its model holds; `cause` if it is known."""
 
-    def __init__(self, tick: int, variable: str, value: float, limit: str) -> None:
-        self.tick, self.variable, self.value, self.limit = tick, variable, value, limit
-        super().__init__(f"tick {tick}: {variable} = {value!r} is outside the model's range ({limit})")
+    def __init__(self, tick: int, variable: str, value: float, limit: str, *, cause: str = "") -> None:
+        self.tick, self.variable, self.value, self.limit, self.cause = tick, variable, value, limit, cause
+        more = f": {cause}" if cause else ""
+        super().__init__(f"tick {tick}: {variable} = {value!r} is outside the model's range ({limit}){more}")
 
 
 class LinkError(HilError):

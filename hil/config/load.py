@@ -269,7 +269,7 @@ class _Loading:
             self.problems += mission_problems(script, mission)
             if config is not None and vehicle is not None:
                 types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
-                self.problems += bench_problems(script, sensors=types, rotors=len(vehicle.rotors))
+                self.problems += bench_problems(script, sensors=types, vehicle=vehicle)
             if config is not None and scene is not None and not self.complete:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not sensor_problems:

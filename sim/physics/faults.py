@@ -17,6 +17,7 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from signals.time import NS_PER_S
+from sim.physics.vehicle import Vehicle
 
 _ALLOWED = {"efficiency": {"factor"}, "stuck": {"speed_radps"}, "lost_blade": {"blades", "imbalance_gcm"}}
 _OPTIONS = ("factor", "speed_radps", "blades", "imbalance_gcm")
@@ -72,17 +73,40 @@ class RotorFault(StrictModel):
         )
 
 
-def misfits(faults: Sequence[RotorFault], rotors: int) -> list[tuple[int, str]]:
-    """Return (index, message) of faults of a rotor that a vehicle of `rotors` rotors does not have."""
-    return [
-        (index, f"names rotor {fault.rotor}, but the vehicle has rotors 0 to {rotors - 1}")
-        for index, fault in enumerate(faults)
-        if fault.rotor >= rotors
-    ]
+def misfits(faults: Sequence[RotorFault], vehicle: Vehicle) -> list[tuple[int, str, str]]:
+    """Return (index, key, message) of faults that do not fit the vehicle: no such rotor, or more than a blade has."""
+    rotors, found = len(vehicle.rotors), []
+    for index, fault in enumerate(faults):
+        if fault.rotor >= rotors:
+            found.append((index, "rotor", f"names rotor {fault.rotor}, but the vehicle has rotors 0 to {rotors - 1}"))
+        most = most_imbalance_gcm(vehicle, fault.blades or 2)
+        if most is not None and (fault.imbalance_gcm or 0.0) > most:
+            c = vehicle.rotor_constants
+            found.append(
+                (
+                    index,
+                    "imbalance_gcm",
+                    f"must be at most {most:.3g} g cm, not {fault.imbalance_gcm:g}: one of {fault.blades or 2} blades "
+                    f"of a rotor with {c.inertia_kgm2:g} kg m2 and {c.radius_m:g} m has no more",
+                )
+            )
+    return found
 
 
-def check_faults(faults: Sequence[RotorFault], rotors: int) -> None:
-    """Raise ValueError if any fault names a rotor that does not exist. The message lists all such faults."""
-    problems = misfits(faults, rotors)
+def most_imbalance_gcm(vehicle: Vehicle, blades: int) -> float | None:
+    """Return the greatest imbalance by the loss of one blade; None for a rotor without inertia (`inertia_kgm2: 0`).
+
+    A blade of uniform density along the radius R has J_b = m R^2 / 3 and the imbalance m R / 2 = 1.5 J_b / R, with
+    J_b = J / blades. A real blade is heavier at the root, so that its imbalance is greater by its inertia: up to twice.
+    """
+    c = vehicle.rotor_constants
+    if c.inertia_kgm2 == 0.0:
+        return None
+    return 2.0 * 1.5 * c.inertia_kgm2 / blades / c.radius_m / _KGM_PER_GCM
+
+
+def check_faults(faults: Sequence[RotorFault], vehicle: Vehicle) -> None:
+    """Raise ValueError, which names every fault that does not fit the vehicle."""
+    problems = misfits(faults, vehicle)
     if problems:
-        raise ValueError("; ".join(f"faults[{index}] {message}" for index, message in problems))
+        raise ValueError("; ".join(f"faults[{index}].{key} {message}" for index, key, message in problems))

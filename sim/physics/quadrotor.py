@@ -43,6 +43,7 @@ from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
+from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import BatteryState, Effects, Vehicle, rigid_body
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_tree
@@ -99,10 +100,10 @@ class QuadrotorPhysics:
         disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
         integration: Integration = Integration(),  # noqa: B008 (frozen)
     ) -> None:
-        steps = integration.steps(tick_ns)
+        steps = self._steps = integration.steps(tick_ns)
         if effects.battery and vehicle.battery is None:
             raise ValueError(f"effects.battery is on, but the vehicle {vehicle.name!r} has no battery")
-        check_faults(disturbances.faults, len(vehicle.rotors))
+        check_faults(disturbances.faults, vehicle)
         self.vehicle = vehicle
         self.scene = scene
         self.tick_ns = tick_ns
@@ -250,10 +251,10 @@ class QuadrotorPhysics:
         if isinstance(disturbance, GustEvent):
             events = [(event.tick, "gust", event.text, None) for event in self._wind.add(disturbance)]
         else:
-            check_faults((disturbance,), len(self.vehicle.rotors))
-            events = [(disturbance.start_tick(self.tick_ns), "fault", disturbance.text, disturbance)]
-        if events[0][0] <= self._tick:
-            raise ValueError(f"{events[0][2]}: begins at tick {events[0][0]}, and tick {self._tick} is over")
+            check_faults((what,), self.vehicle)
+            coming = [(what.start_tick(self.tick_ns), "fault", what.text, what)]
+        if coming[0][0] <= self._tick:
+            raise ValueError(f"{coming[0][2]}: begins at tick {coming[0][0]}, and tick {self._tick} is over")
         # `_pending` ends with the next event; within a tick, events keep the order in which they were added.
         self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item[0])[::-1]
         self._next_change = self._pending[-1][0]
@@ -382,9 +383,12 @@ class QuadrotorPhysics:
         battery = self.battery
         if battery is not None and violation in (5, 6):
             return ModelRangeError(tick, variable, battery.voltage_v if violation == 5 else battery.charge, limit)
+        self._body.rewind()
+        cause = too_stiff(self.vehicle, self._steps, self.state[_V].tolist(), self._wind_W)
+        cause = cause or too_strong(self.vehicle, self._steps, 200.0, 200.0) or ""
         if violation == 1:
             index = next(i for i, value in enumerate(values) if not -1e300 < value < 1e300)
-            return ModelRangeError(tick, f"{variable}[{index}]", values[index], limit)
+            return ModelRangeError(tick, f"{variable}[{index}]", values[index], limit, cause=cause)
         start = {2: _V, 3: _W, 4: _P}[violation].start
         x, y, z = values[start : start + 3]
-        return ModelRangeError(tick, variable, float(np.sqrt(x * x + y * y + z * z)), limit)
+        return ModelRangeError(tick, variable, float(np.sqrt(x * x + y * y + z * z)), limit, cause=cause)

@@ -4,8 +4,9 @@
     out = Q(M (f + vibration) + turn-on bias + temperature drift + walk + flicker + white)
 
 Motion and vibration enter as their mean over the physics step just taken, like the output of an IMU that integrates at
-a high internal rate. The mean rate comes from the difference between the attitudes of two successive ticks; a first
-sample, or one after a gap, takes the mean of the step's end rates. Vibration above half the output rate therefore aliases, with the attenuation of a boxcar filter.
+a high internal rate. The mean rate comes from the attitudes at both ends of the step; a first sample, or one after a
+gap, takes the mean of the end rates. Vibration above half the output rate aliases, with the attenuation of a boxcar
+filter.
 
 The Allan deviation over tau follows the line that a datasheet (or a long log of the part at rest) gives:
 

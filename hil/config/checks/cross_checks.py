@@ -76,8 +76,8 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
 def vehicle_problems(config: BenchConfig, vehicle: Vehicle, settings: Settings) -> list[Problem]:
     """Report settings that do not fit the vehicle."""
     problems = [
-        at(settings, ("faults", "rotors", index, "rotor"), message)
-        for index, message in misfits(config.faults.rotors, len(vehicle.rotors))
+        at(settings, ("faults", "rotors", index, key), message)
+        for index, key, message in misfits(config.faults.rotors, vehicle)
     ]
     if config.physics.effects.battery and vehicle.battery is None:
         message = f"is true, but the vehicle {vehicle.name!r} has no battery"

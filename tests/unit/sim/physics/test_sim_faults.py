@@ -111,6 +111,17 @@ def test_wrong_faults_are_refused_by_name(data: dict[str, object], said: str) ->
 
 def test_a_rotor_that_is_not_there() -> None:
     fault = RotorFault(kind="stuck", rotor=5, at_s=1.0)
-    assert misfits([fault], 4) == [(0, "names rotor 5, but the vehicle has rotors 0 to 3")]
+    assert misfits([fault], load_vehicle("x500")) == [(0, "rotor", "names rotor 5, but the vehicle has rotors 0 to 3")]
     with pytest.raises(ValueError, match="names rotor 5"):
         hovering(fault)
+
+
+def test_an_imbalance_beyond_that_of_a_blade_is_refused() -> None:
+    """The X500's rotor has 16 g: 1000 g cm would be its whole weight 62 cm from the axis."""
+    fault = RotorFault(kind="lost_blade", rotor=0, at_s=1.0, imbalance_gcm=1000.0)
+    [(_, key, message)] = misfits([fault], load_vehicle("x500"))
+    assert key == "imbalance_gcm"
+    assert message.startswith("must be at most 31.3 g cm, not 1000: one of 2 blades of a rotor with 2.64986e-05 kg m2")
+    with pytest.raises(ValueError, match=r"at most 31\.3 g cm"):
+        hovering(fault)
+    assert misfits([fault.model_copy(update={"imbalance_gcm": 30.0})], load_vehicle("x500")) == []

@@ -11,6 +11,9 @@ import pytest
 
 from signals.noise import NoiseStream
 from signals.samples import TruthState
+from sim.physics.flight_start import FlightStart
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.sensor import Installation
@@ -80,6 +83,41 @@ def test_the_noise_path_is_what_sample_adds(preset: str) -> None:
     # In pieces, overlapping and backwards, it is the same noise.
     for first, count in ((700, 300), (0, 10), (10, 990), (5, 1)):
         assert np.array_equal(made[2].noise(first, count), noise[first : first + count])  # type: ignore[attr-defined]
+
+
+def test_the_gyro_is_the_mean_rate_over_the_tick() -> None:
+    """Against the mean (Simpson) of a flight in ticks 40 times shorter, jerked by motors of 12.5 ms."""
+    vehicle, finer = load_vehicle("x500"), 40
+    start = FlightStart(p_WB=(0.0, 0.0, 300.0))
+    flight = QuadrotorPhysics(vehicle, SCENE, TICK_NS, start=start)
+    fine = QuadrotorPhysics(vehicle, SCENE, TICK_NS // finer, start=start)
+    roll, pitch = (np.array([sign * np.sign(r.position_m[i]) for r in vehicle.rotors]) for i, sign in ((1, 1), (0, -1)))
+    weights = np.array([1.0, *[4.0, 2.0] * (finer // 2 - 1), 4.0, 1.0]) / (3.0 * finer)
+    gyro, hover = imu(), vehicle.hover_control
+    truth, rate = flight.advance(0, (hover,) * 4), fine.advance(0, (hover,) * 4).w_WB_B
+    gyro.sample(truth, 0)
+    errors, of_the_ends = [], []
+    for tick in range(1, 400):
+        wanted = 3.0 if tick // 10 % 4 in (0, 3) else -3.0  # followed by a proportional controller of the rate
+        p, q, _ = truth.w_WB_B
+        controls = tuple((hover + 0.06 * (roll * (wanted - p) + pitch * (0.5 * wanted - q))).clip(0.0, 1.0).tolist())
+        truth = flight.advance(tick, controls)
+        rates = [rate]
+        for sub in range((tick - 1) * finer + 1, tick * finer + 1):
+            rates.append(fine.advance(sub, controls).w_WB_B)
+        rate = rates[-1]
+        mean = weights @ np.array(rates)
+        errors.append(np.array(gyro.sample(truth, tick).gyro_radps) - mean)
+        of_the_ends.append(np.array(truth.w_WB_B) - 0.5 * DT * np.array(truth.alpha_WB_B) - mean)
+    assert np.sqrt(np.mean(np.square(of_the_ends))) > 1e-3  # what the mean of the end rates would be off by
+    assert np.abs(errors).max() < 1e-5
+
+
+def test_the_gyro_after_a_gap_is_the_mean_of_the_end_rates() -> None:
+    turning = STILL._replace(w_WB_B=(1.0, 0.0, 0.0), alpha_WB_B=(10.0, 0.0, 0.0))
+    made = imu()
+    for k, t_ns in enumerate((0, 2 * TICK_NS, 7 * TICK_NS)):
+        assert made.sample(turning._replace(t_ns=t_ns), k).gyro_radps[0] == pytest.approx(1.0 - 5.0 * DT, abs=WORD)
 
 
 def test_lever_arm_against_a_point_moved_by_hand() -> None:
