@@ -26,6 +26,7 @@ from signals.documents.validate import COMMAND_LINE, at, nearest, validate
 from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.faults import RotorFault, misfits
+from sim.physics.vehicle import Vehicle
 from sim.scene.wind import Wind
 from sim.sensors.faults import fault_problems
 
@@ -130,7 +131,7 @@ def mission_problems(script: MissionScript, mission: Mission | None) -> list[Pro
     return problems
 
 
-def bench_problems(script: MissionScript, *, sensors: Mapping[str, type], rotors: int) -> list[Problem]:
+def bench_problems(script: MissionScript, *, sensors: Mapping[str, type], vehicle: Vehicle) -> list[Problem]:
     """Report faults that wait for an event and do not fit the bench. `sensors`: name -> sample type."""
     problems: list[Problem] = []
     for index, spec in enumerate(script.script.actions):
@@ -139,7 +140,7 @@ def bench_problems(script: MissionScript, *, sensors: Mapping[str, type], rotors
         place: Place = ("actions", index, "fault")
         fault: Any = injected_at(spec, 0.0)
         if isinstance(fault, RotorFault):
-            misfitting = [("rotor", message) for _, message in misfits([fault], rotors)]
+            misfitting = [(key, message) for _, key, message in misfits([fault], vehicle)]
         else:
             misfitting = [(key, message) for _, key, message in fault_problems([fault], sensors)]
         problems += [at(script.document, (*place, key), message) for key, message in misfitting]

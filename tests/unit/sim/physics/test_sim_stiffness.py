@@ -25,14 +25,13 @@ def changed(**figures: Any) -> Vehicle:
     data = X500.model_dump(mode="json")
     rotor = data["rotor_constants"]
     for key, value in figures.items():
-        (rotor if key in rotor else data)["inertia_kgm2" if key == "body" else key] = value
+        (rotor if key in rotor else data)[key] = value
     return Vehicle.model_validate(data)
 
 
 @pytest.mark.parametrize(
     ("figures", "cause"),
     [
-        ({"inertia_kgm2": 0.01, "body": [1e-4] * 3}, "rotor_constants.inertia_kgm2 of the vehicle is too great"),
         ({"body_drag_quadratic_n_per_m2ps2": [100.0, 100.0, 100.0], "mass_kg": 0.0011}, "body_drag_quadratic_n_per_m2"),
         ({"thrust_coefficient_n_per_radps2": 1.0}, "rotor_constants.thrust_coefficient_n_per_radps2 1"),
     ],
