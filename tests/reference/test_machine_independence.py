@@ -21,7 +21,7 @@ from sim.scene.wind import GustEvent, Turbulence, Wind
 
 wind = Wind(steady_W_mps=(3.0, 1.0, 0.0), turbulence=Turbulence(level="moderate"),
             gusts=(GustEvent(at_s=0.5, velocity_W_mps=(5.0, -3.0, 0.5), rise_s=0.3),))
-faults = [RotorFault(kind="lost_blade", rotor=1, at_s=1.0, imbalance_gcm=15.0),
+faults = [RotorFault(kind="lost_blade", rotor=1, at_s=1.0, imbalance_gcm=12.0),
           RotorFault(kind="stuck", rotor=2, at_s=1.2, speed_radps=100.0)]
 digest = hashlib.sha256()
 for name in ("x500", "racer"):
