@@ -251,10 +251,10 @@ class QuadrotorPhysics:
         if isinstance(disturbance, GustEvent):
             events = [(event.tick, "gust", event.text, None) for event in self._wind.add(disturbance)]
         else:
-            check_faults((what,), self.vehicle)
-            coming = [(what.start_tick(self.tick_ns), "fault", what.text, what)]
-        if coming[0][0] <= self._tick:
-            raise ValueError(f"{coming[0][2]}: begins at tick {coming[0][0]}, and tick {self._tick} is over")
+            check_faults((disturbance,), self.vehicle)
+            events = [(disturbance.start_tick(self.tick_ns), "fault", disturbance.text, disturbance)]
+        if events[0][0] <= self._tick:
+            raise ValueError(f"{events[0][2]}: begins at tick {events[0][0]}, and tick {self._tick} is over")
         # `_pending` ends with the next event; within a tick, events keep the order in which they were added.
         self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item[0])[::-1]
         self._next_change = self._pending[-1][0]
