@@ -88,7 +88,7 @@ class Autopilot(Section):
     )
     # Runs the bench and the firmware that it starts on one processor, the firmware first. Timing is then more
     # repeatable; on a busy machine the bench stops sharing by itself. false: the bench has a processor of its own and
-    # records while the firmware computes, if that processor is free of other programs.
+    # records while the firmware computes; that needs two processors that other programs leave free.
     share_processor: bool = True
     # A reboot of ArduPilot SITL in the run: ERROR, or the vehicle returns to its start and the run continues.
     on_restart: Literal["error", "reset"] = "error"

@@ -13,7 +13,8 @@ shared     One processor for both, the autopilot's threads first, the bench when
            the bench at the lowest priority (SCHED_IDLE, if the system permits leaving it again), the next step is only
            sent when no thread of the autopilot is ready to run.
 separate   One processor for the bench, the others for the autopilot. The bench records while the autopilot computes,
-           and the rest of the autopilot's threads run while the bench computes: less waiting for each other, and less repeatable. Needs two free processors.
+           and the rest of the autopilot's threads run while the bench computes: they wait less for
+           each other, and timing is less repeatable. It needs two processors that other programs leave free.
 
 Other programs on the shared processor run before the bench, too. `watch`, called now and then, ends the arrangement if
 that has made the bench slow.
