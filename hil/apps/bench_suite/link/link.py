@@ -217,4 +217,4 @@ def _fly_firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, 
         details = {"realtime_factor": run["realtime_factor"], "turnaround_us_p50": turnaround_us}
         cross_m, label = run["mission"]["max_cross_track_m"], f"{rig}, own processors"
         result.rows.append(Row("rectangle", label, cross_m, "m", run["wall_s"] / run["sim_s"], details))
-        result.checks.append(Check(f"{label}: from reply to next send, median", turnaround_us, "<=", 50.0, "us"))
+        result.checks.append(Check(f"{label}: from reply to next send, median", turnaround_us, "<=", 25.0, "us"))
