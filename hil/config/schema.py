@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router.endpoint import Endpoint
@@ -221,13 +221,27 @@ class Record(Section):
     report: bool = True  # report.html with plots
 
 
+CourseCoordinate = Annotated[float, Field(ge=-2000, le=2000)]
+CoursePoint = tuple[CourseCoordinate, CourseCoordinate]
+
+
 class Trajectory(Section):
     """A course for `hil dataset`, flown repeatedly from the take-off place (hil/apps/dataset/trajectory.py)."""
 
-    preset: Literal["square", "circle", "figure_eight", "survey"] = "square"
+    preset: Literal["square", "circle", "figure_eight", "survey", "points"] = "square"
     side_m: Annotated[float, Field(ge=2, le=2000)] = 20.0  # of the square around the course
     height_m: Annotated[float, Field(ge=1, le=500)] = 8.0  # above the take-off place
     speed_mps: Annotated[float, Field(ge=0.2, le=15)] = 3.0
+    # Used by the preset `points` alone: east and north of the take-off place, flown in this order, then from the first.
+    points_m: Annotated[tuple[CoursePoint, ...], Field(max_length=200)] = ()
+
+    @model_validator(mode="after")
+    def _points_where_needed(self) -> Trajectory:
+        if self.preset == "points" and len(self.points_m) < 2:
+            raise ValueError(
+                f"preset points needs points_m with at least 2 points [east, north], not {len(self.points_m)}"
+            )
+        return self
 
 
 class DatasetSettings(Section):

@@ -27,6 +27,7 @@ from sim.frame.mount import Mount
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
+from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
 from sim.radar.processing.processor import Processor, Step
 from sim.radar.scatterers import ScattererReport, Scatterers
 from sim.radar.synthesis import Synthesizer
@@ -125,6 +126,7 @@ class Radar(InstalledSensor):
                 f"lower its rate_hz to {max_frames_hz(p):g} or less"
             )
         super().__init__(installation, 0.5 * p.chirp.frame_s + p.latency_s, {})
+        self._parameters = p
         self.chirp = p.chirp
         self.outputs = p.outputs
         self.view: SharedPicture = installation.shared if p.frame is not None and installation.shared else p.view()
@@ -136,6 +138,8 @@ class Radar(InstalledSensor):
         self._own: dict[str, NDArray[Any]] = {}
         self._radar = RadarFrames(self.view, frames.geometry.world, p, seed=installation.seed, name=name)
         self.channels = self._radar.channels
+        self._object_echoes: ObjectEchoes | None = None
+        self.objects: list[ObjectEcho] = []  # of the last frame, after `label_objects`
         self._until: Step = next((step for step in _STEPS if step in p.outputs), "range_doppler")
         self._processor = None
         if p.needs_processing:
@@ -146,12 +150,23 @@ class Radar(InstalledSensor):
         """Counts of the work so far."""
         return self._radar.counts
 
+    def label_objects(self) -> None:
+        """Find the objects of every frame, into `objects`. Call before the first frame; samples do not change."""
+        p = self._parameters
+        self._object_echoes = ObjectEchoes(
+            self.view.camera, self._frames.geometry.world, p.chirp, p.antenna, p.receiver, p.mask
+        )
+        self.channels = (*self._radar.channels, "instance")
+
     def sample(self, truth: TruthState, seq: int) -> RadarSample:
         """Return frame `seq`."""
         t_ns = truth.t_ns
         self._frames.expect(t_ns)
         pose = self._optical.pose(truth)
-        raw = self._radar.raw(self._picture(t_ns, pose), pose, seq)
+        picture = self._picture(t_ns, pose)
+        raw = self._radar.raw(picture, pose, seq)
+        if self._object_echoes is not None:
+            self.objects = self._object_echoes.find(picture, pose)
         channels: dict[str, NDArray[Any]] = {"raw": raw} if "raw" in self.outputs else {}
         if self._processor is not None:
             processed = self._processor.process(raw, t_ns, until=self._until)

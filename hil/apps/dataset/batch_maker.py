@@ -22,7 +22,9 @@ from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue, LabelReader, PictureLabels, mask_texts
 from hil.apps.dataset.formats.lidar_bin import lidar_bin, lidar_csv, lidar_label
 from hil.apps.dataset.formats.pictures import DepthScale, PictureEncoder
-from hil.apps.dataset.formats.previews import camera_previews, cloud_previews, radar_previews
+from hil.apps.dataset.formats.previews import camera_previews, cloud_previews, visible_objects
+from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
+from hil.apps.dataset.formats.radar_labels import labelled, radar_labels_csv
 from hil.apps.dataset.formats.radar_npy import npy
 from hil.apps.dataset.moments import Batch, DueSample
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
@@ -77,7 +79,7 @@ class BatchMaker:
     def _make_sensors(self) -> dict[str, Any]:
         sensors = self.plan.frame_sensors
         simulated = SimulatedSensors(self.plan.bench, sensors, self.frames)
-        return {name: simulated.make(name) for name in sensors}
+        return {name: simulated.make(name, label_radars=True) for name in sensors}
 
     def new_series(self, *, with_transform: bool) -> dict[str, EncodedFrames]:
         """Return an empty series of recorded frames per sensor.
@@ -146,6 +148,7 @@ class BatchWriter:
         self._objects: list[dict[int, int]] = []
         self._class_pixels = np.zeros(256, np.int64)
         self._pictures: list[CocoPicture] = []
+        self._best_radar_frame: dict[str, tuple[float, int]] = {}
         if batch.index == 0:
             maker.series = maker.new_series(with_transform=True)
 
@@ -225,8 +228,16 @@ class BatchWriter:
     def _write_radar_frame(self, name: str, sample: RadarSample) -> None:
         for channel, array in sample.channels.items():
             self._write_data(name, channel, sample.t_capture_ns, "npy", npy(array))
-        if self._batch.index == 0 and self._samples[name] == 1 and "range_doppler" in sample.channels:
-            self._write_previews(name, radar_previews(sample.channels["range_doppler"]))
+        radar, t_ns = self._maker.sensors[name], sample.t_capture_ns
+        objects = labelled(radar.objects, self._maker.catalogue)
+        folder = f"{ROOT}/{self.plan.folder(name, next(iter(sample.channels)))}/{RADAR_LABELS}"
+        self._write(f"{folder}/{t_ns}.csv", radar_labels_csv(objects, self._maker.catalogue))
+        if "range_doppler" in sample.channels:
+            # The datasheet shows the frame with the most visible objects, of these the first one.
+            rank = float(len(visible_objects(sample.channels["range_doppler"], objects, radar.chirp)))
+            best = self._best_radar_frame.get(name)
+            if best is None or rank > best[0]:
+                self._best_radar_frame[name] = (rank, t_ns)
 
     def _write_previews(self, name: str, previews: dict[str, bytes]) -> None:
         for file_name, data in previews.items():
@@ -246,4 +257,5 @@ class BatchWriter:
             class_pixels={i: int(n) for i, n in enumerate(pixels.tolist()) if n},
             chunk=chunk,
             pictures=tuple(self._pictures),
+            best_radar_frame=self._best_radar_frame,
         )

@@ -10,11 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
+
 from hil.apps.dataset.formats import voc
 from hil.apps.dataset.formats.coco import CocoPicture, coco_parts
 from hil.apps.dataset.formats.datasheet import LICENCE, LIMITS, PAGE_NAME, Datasheet, datasheet_html
 from hil.apps.dataset.formats.euroc import ROOT
 from hil.apps.dataset.formats.labels import Catalogue
+from hil.apps.dataset.formats.previews import radar_picture
+from hil.apps.dataset.formats.radar_labels import FOLDER as RADAR_LABELS
+from hil.apps.dataset.formats.radar_labels import read_radar_labels
 from hil.apps.dataset.formats.split import GUARD, SETS, Split, equal_segments, split_frames, split_text
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord
@@ -33,8 +39,10 @@ from hil.apps.dataset.storage.tree import (
     Written,
     unwritable,
 )
+from signals.errors import RecordingError
 from signals.time import NS_PER_S
 from sim.sensors.catalog import PRESETS
+from sim.sensors.radar_parameters import RadarParameters
 
 SPLIT_NAME = "split.csv"
 _COCO_NAMES = {"train": "train", "validation": "val", "test": "test"}
@@ -48,7 +56,7 @@ _TITLES = {
     "instance": "instances",
     "normal": "normals",
     "cloud": "LiDAR from above, 40 m each way",
-    "map": "radar, range and speed",
+    "map": "the frame with the most echoes; in the map range is upwards, receding to the right; dB over its median",
 }
 
 
@@ -114,6 +122,9 @@ def finish(
     if plan.labelled is not None:
         _link(root / voc.IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
     previews = [file.path for record in records[:1] for file in record.files if file.path.startswith(PREVIEW)]
+    for file in _radar_previews(plan, tree, records):
+        written.append(file)
+        previews.append(file.path)
     page = datasheet_html(_datasheet(plan, store, counts, split, catalogue, made_from, previews))
     written.append(tree.write(PAGE_NAME, page.encode()))
     recording.finish({"frames": str(plan.frames), "batches": str(len(records))})
@@ -176,6 +187,30 @@ def _chunks(parts: Iterable[str]) -> Iterator[bytes]:
     yield "".join(chunk).encode()
 
 
+def _radar_previews(plan: DatasetPlan, tree: TreeWriter, records: Sequence[BatchRecord]) -> Iterator[Written]:
+    """Write, for each radar with maps, a picture of the frame with the most visible objects, marked."""
+    for name, sensor in plan.frame_sensors.items():
+        ranked = [record.best_radar_frame[name] for record in records if name in record.best_radar_frame]
+        if not ranked:
+            continue
+        t_ns = max(ranked, key=lambda frame: frame[0])[1]
+        p: RadarParameters = sensor.parameters
+        mav0 = tree.root / ROOT
+        labels = mav0 / plan.folder(name, p.outputs[0]) / RADAR_LABELS / f"{t_ns}.csv"
+        map_path = mav0 / plan.folder(name, "range_doppler") / "data" / f"{t_ns}.npy"
+        rgb = camera = None
+        if p.frame is not None:
+            png = mav0 / plan.folder(p.frame, "rgb") / "data" / f"{t_ns}.png"
+            bgr = cv2.imread(str(png)) if png.is_file() else None
+            if bgr is not None:
+                rgb, camera = bgr[:, :, ::-1], plan.config.sensors[p.frame].parameters.model()
+        try:
+            objects, range_doppler = read_radar_labels(labels.read_bytes()), np.load(map_path)
+        except (OSError, ValueError) as error:
+            raise RecordingError(f"{map_path}: cannot be read ({error}); continue with --resume") from error
+        yield tree.write(f"{PREVIEW}/{name}-map.png", radar_picture(range_doppler, objects, p.chirp, rgb, camera))
+
+
 def _link(link: Path, target: str) -> None:
     """Make VOC's picture folder a link to the camera's own folder."""
     try:
@@ -210,9 +245,9 @@ def _datasheet(
     trajectory = config.dataset.trajectory
     course = config.mission or "none"
     if trajectory is not None:
-        course = (
-            f"{trajectory.preset}, {trajectory.side_m:g} m, at {trajectory.height_m:g} m, {trajectory.speed_mps:g} m/s"
-        )
+        points = trajectory.preset == "points"
+        size = f"{len(trajectory.points_m)} points" if points else f"{trajectory.preset}, {trajectory.side_m:g} m"
+        course = f"{size}, at {trajectory.height_m:g} m, {trajectory.speed_mps:g} m/s"
     return Datasheet(
         title=f"{plan.bench.scene.name}, {frames} frames",
         about=[
@@ -269,6 +304,7 @@ def _formats(plan: DatasetPlan) -> dict[str, str]:
         f"{ROOT}/depth*/data": f"16-bit PNG, steps of {step_m:g} m; 0: no surface, 65535: beyond {65534 * step_m:g} m",
         f"{ROOT}/lidar*/data": "float32 x, y, z [m], intensity; classes in labels/, in SemanticKITTI's format",
         f"{ROOT}/radar*/data": "numpy uint16 (receivers, chirps, samples); chirp settings in radar.json",
+        f"{ROOT}/radar*/labels": "CSV: class, instance, range, radial speed, direction and power of each object",
         f"{ROOT}/range_doppler*/data": "numpy float32 (chirps, range bins), power in ADC counts squared",
         "Annotations, ImageSets, JPEGImages, SegmentationClass": "Pascal VOC; the pictures are PNGs",
         f"{ANNOTATIONS}/instances_*.json": "COCO with masks: train, val, test, all",

@@ -31,7 +31,7 @@ from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.catalog import KINDS
 from sim.sensors.radar_parameters import RadarParameters
 
-DEFAULT_BENCH = "rigs/datasets/park_square.yaml"
+DEFAULT_BENCH = "rigs/datasets/park_loop.yaml"
 DEFAULT_FRAMES, MAX_FRAMES = 500, 10_000_000
 EPOCH_NS = 1_600_000_000 * NS_PER_S  # simulated time 0 in the files: 19 digits, as tools for EuRoC expect
 BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are batches, and --resume compares them

@@ -26,13 +26,15 @@ _WAYPOINTS_BEFORE_JUMP = 64  # the vehicle stops briefly at the jump, so it shou
 def course(trajectory: Trajectory) -> list[tuple[float, float]]:
     """Return the points (east, north) [m] of one round, relative to take-off; the first point is not repeated.
 
-    With s = `side_m`:
+    The preset `points` has its own. The others, with s = `side_m`:
 
         square         corners (0, 0), (s, 0), (s, s), (0, s)
         circle         diameter s, through the take-off point and (0, s)
         figure_eight   Gerono's lemniscate, s wide: (0.5 s sin a, 0.5 s sin a cos a)
         survey         five lanes of length s, east and back, s / 4 apart
     """
+    if trajectory.preset == "points":
+        return list(trajectory.points_m)
     s = trajectory.side_m
     if trajectory.preset == "square":
         return [(0.0, 0.0), (s, 0.0), (s, s), (0.0, s)]
@@ -63,9 +65,14 @@ def waypoints_text(trajectory: Trajectory, site: Site, start_W: Vec3 = (0.0, 0.0
     speed = _row(2, FRAME_MISSION, CHANGE_SPEED, (1.0, trajectory.speed_mps, -1.0, 0.0), (0.0, 0.0), 0.0)
     rows = [home, take_off, speed]
     points_W = course(trajectory)
+    from_W = (0.0, 0.0)
     for x, y in points_W * max(1, _WAYPOINTS_BEFORE_JUMP // len(points_W)):
         latitude, longitude, _ = frame.geodetic_from_enu((x0 + x, y0 + y, height))
-        rows.append(_row(len(rows), FRAME_RELATIVE, WAYPOINT, (0.0,) * 4, (latitude, longitude), height))
+        # Clockwise from north. The vehicle looks along the legs between points; on the other courses it looks north.
+        heading_deg = math.degrees(math.atan2(x - from_W[0], y - from_W[1])) if trajectory.preset == "points" else 0.0
+        from_W = (x, y)
+        params = (0.0, 0.0, 0.0, heading_deg)
+        rows.append(_row(len(rows), FRAME_RELATIVE, WAYPOINT, params, (latitude, longitude), height))
     rows.append(_row(len(rows), FRAME_MISSION, JUMP, (3.0, -1.0, 0.0, 0.0), (0.0, 0.0), 0.0))
     return "\n".join(["QGC WPL 110", *rows, ""])
 

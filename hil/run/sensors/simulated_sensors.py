@@ -37,9 +37,10 @@ class SimulatedSensors:
         cameras = {p.frame for p in radars(wanted).values() if p.frame is not None}
         self._shared = {name: view_of(sensors[name]) for name in sorted(cameras)}
 
-    def make(self, name: str, parts: Mapping[str, Any] | None = None) -> Any:
+    def make(self, name: str, parts: Mapping[str, Any] | None = None, *, label_radars: bool = False) -> Any:
         """Return the sensor of that name. `parts`: parameters that replace the bench's own, such as fewer channels.
 
+        With `label_radars`, a radar also finds the objects of its frames (`Radar.objects`).
         Raises the errors of `sim.sensors.catalog.make_sensor`.
         """
         config = self._bench.config
@@ -58,6 +59,8 @@ class SimulatedSensors:
             overrides=self._bench.sensor_parameters(name).model_dump() | dict(parts or {}),
         )
         if isinstance(sensor, Radar):
+            if label_radars:
+                sensor.label_objects()
             sensor.view.add_reader(sensor.channels, partial(is_due, **tick_rates(settings, config.tick_hz)))
         return sensor
 

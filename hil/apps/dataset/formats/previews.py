@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -12,10 +13,15 @@ from numpy.typing import NDArray
 from hil.apps.dataset.formats.labels import PictureLabels
 from hil.run.report.channel_images import channel_image
 from signals.classes import Classes
+from sim.frame.camera_model import CameraModel
+from sim.radar.chirp import Chirp
+from sim.radar.object_echoes import ObjectEcho
 
 _SHOWN = ("rgb", "boxes", "depth", "segmentation", "instance", "normal")
 _BOX = (255, 255, 0)
 _CLOUD_PX, _CLOUD_RANGE_M = 240, 40.0
+_RADAR_PX = 480
+_VISIBLE_DB = 13.0  # over the median; the strongest of 2048 cells of noise lies about 9 dB over it
 
 
 def camera_previews(
@@ -52,9 +58,91 @@ def cloud_previews(
     return dict([_preview("cloud", "segmentation", top_view, classes)])
 
 
-def radar_previews(range_doppler: NDArray[np.float32]) -> dict[str, bytes]:
-    """Return a picture of a range-Doppler map: the 60 dB below its peak, range upwards, speed to the right."""
-    return dict([_preview("map", "range_doppler", range_doppler, Classes())])
+def cell_of(o: ObjectEcho, shape: tuple[int, ...], chirp: Chirp) -> tuple[int, int]:
+    """Return row and column of an object in a range-Doppler map of this shape; its speed is folded."""
+    rows, columns = shape
+    row = round(o.speed_mps / (2.0 * chirp.max_speed_mps) * rows) + rows // 2
+    return row % rows, min(round(o.range_m / chirp.max_range_m * columns), columns - 1)
+
+
+def visible_objects(
+    range_doppler: NDArray[np.float32], objects: Sequence[ObjectEcho], chirp: Chirp
+) -> list[tuple[ObjectEcho, float]]:
+    """Return the objects whose echo stands out, with its power over the map's median [dB].
+
+    An object stands out if the greatest power within two cells of its own is `_VISIBLE_DB` over the median, and its
+    expected power, too: else the peak is another object's.
+    """
+    floor = float(np.median(range_doppler))
+    threshold = floor * 10.0 ** (0.1 * _VISIBLE_DB)
+    found = []
+    for o in objects:
+        row, column = cell_of(o, range_doppler.shape, chirp)
+        rows = np.arange(row - 2, row + 3) % range_doppler.shape[0]
+        peak = float(range_doppler[rows, max(0, column - 2) : column + 3].max())
+        if floor > 0.0 and o.power_counts2 >= threshold and peak >= threshold:
+            found.append((o, 10.0 * math.log10(peak / floor)))
+    return found
+
+
+def radar_picture(
+    range_doppler: NDArray[np.float32],
+    objects: Sequence[tuple[str, ObjectEcho]],
+    chirp: Chirp,
+    rgb: NDArray[np.uint8] | None = None,
+    camera: CameraModel | None = None,
+) -> bytes:
+    """Return a PNG of a range-Doppler map (range upwards, speed to the right) with its visible objects marked.
+
+    `objects`: class name and object. `rgb` and `camera`: the picture of the radar's camera at the same time, shown
+    beside the map with the same marks.
+    """
+    db = 10.0 * np.log10(np.maximum(range_doppler, 1e-12) / max(float(np.median(range_doppler)), 1e-12))
+    grey = (255.0 * np.clip(db / max(float(db.max()), _VISIBLE_DB), 0.0, 1.0)).astype(np.uint8)
+    coloured = cv2.applyColorMap(np.ascontiguousarray(grey.T[::-1]), cv2.COLORMAP_INFERNO)
+    shown = cv2.resize(coloured, (_RADAR_PX, _RADAR_PX), interpolation=cv2.INTER_NEAREST)
+    sides = [shown]
+    picture = None
+    if rgb is not None and camera is not None:
+        scale = _RADAR_PX / rgb.shape[0]
+        size = (round(rgb.shape[1] * scale), _RADAR_PX)
+        picture = cv2.resize(np.ascontiguousarray(rgb[:, :, ::-1]), size, interpolation=cv2.INTER_NEAREST)
+        sides.insert(0, picture)
+    rows, columns = range_doppler.shape
+    names = {o: name for name, o in objects}
+    in_map: list[tuple[int, int]] = []
+    in_picture: list[tuple[int, int]] = []
+    for o, level_db in visible_objects(range_doppler, [o for _, o in objects], chirp):
+        row, column = cell_of(o, range_doppler.shape, chirp)
+        text = f"{names[o]} {o.range_m:.1f} m {level_db:.0f} dB"
+        _mark(shown, (row + 0.5) / rows * _RADAR_PX, (1.0 - (column + 0.5) / columns) * _RADAR_PX, text, in_map)
+        if picture is not None and camera is not None:
+            across, up = math.cos(o.elevation_rad), math.sin(o.elevation_rad)
+            d_C = np.array([[-across * math.sin(o.azimuth_rad), -up, across * math.cos(o.azimuth_rad)]])
+            x, y = (camera.project(d_C)[0] * (_RADAR_PX / camera.height)).tolist()
+            _mark(picture, x, y, text, in_picture)
+    encoded, data = cv2.imencode(".png", np.hstack(sides))
+    assert encoded
+    return data.tobytes()
+
+
+def _mark(bgr: NDArray[np.uint8], x: float, y: float, text: str, rows_used: list[tuple[int, int]]) -> None:
+    """Draw a circle at (x, y) with a text to its right or above it, within the picture.
+
+    The text moves down until it covers none of `rows_used`: left edge and base line of the texts before.
+    """
+    height, width = bgr.shape[:2]
+    (length, size), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.4, 1)
+    left, base = round(x + 11), round(y + 4)
+    if left + length + 2 > width:
+        left, base = width - length - 2, round(y - 12)
+    base = min(max(base, size + 2), height - 4)
+    while base + 13 < height and any(abs(left - x0) < length and abs(base - y0) < 13 for x0, y0 in rows_used):
+        base += 13
+    rows_used.append((left, base))
+    for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.circle(bgr, (round(x), round(y)), 9, colour, thickness, cv2.LINE_AA)
+        cv2.putText(bgr, text, (left, base), cv2.FONT_HERSHEY_SIMPLEX, 0.4, colour, thickness, cv2.LINE_AA)
 
 
 def _preview(name: str, channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, bytes]:

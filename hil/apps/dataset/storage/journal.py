@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from isal.isal_zlib import crc32
@@ -45,6 +45,7 @@ class BatchRecord:
     class_pixels: dict[int, int]
     chunk: StoredChunk
     pictures: tuple[CocoPicture, ...] = ()
+    best_radar_frame: dict[str, tuple[float, int]] = field(default_factory=dict)  # by radar: rank, time of the frame
 
 
 _JSON = TypeAdapter(BatchRecord)

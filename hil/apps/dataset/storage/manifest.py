@@ -21,7 +21,7 @@ from hil.config import save_bench
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
 
-FORMAT = 2
+FORMAT = 3
 BENCH_NAME = "bench.yaml"
 _MAY_DIFFER = frozenset({"frames"})  # a resumed data set may have more frames
 _MAX_KEYS_SHOWN = 5

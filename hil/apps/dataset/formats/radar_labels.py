@@ -1,0 +1,51 @@
+"""Labels of a radar frame as a CSV file: one row per object in the radar's pattern and range.
+
+instance, class id, class      as in the pictures and in COCO; surfaces without extent, such as ground, have no row
+range, nearest [m]             mean over the object's echoes, weighted by their powers; its nearest echo
+radial speed [m/s]             + receding, the radar's own motion included; not folded into the unambiguous speeds
+azimuth, elevation [rad]       of the mean direction in R (x forward, y left, z up): to the left, upwards
+power [counts^2], [dBm]        expected; behind the receiver's filters, and at the antenna's port before them
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Sequence
+
+from hil.apps.dataset.formats.labels import Catalogue
+from sim.radar.object_echoes import ObjectEcho
+
+FOLDER = "labels"
+HEADER = (
+    "instance [],class id [],class,range [m],nearest [m],radial speed [m s^-1],azimuth [rad],elevation [rad],"
+    "power [count^2],power [dBm]"
+)
+
+
+def labelled(objects: Iterable[ObjectEcho], catalogue: Catalogue) -> list[ObjectEcho]:
+    """Return the objects of the classes that are labelled."""
+    return [o for o in objects if catalogue.class_of_instance.get(o.instance) in catalogue.object_classes]
+
+
+def radar_labels_csv(objects: Sequence[ObjectEcho], catalogue: Catalogue) -> bytes:
+    """Return the file of one frame; `objects` as from `labelled`."""
+    rows = []
+    for o in objects:
+        class_id = catalogue.class_of_instance[o.instance]
+        name = catalogue.classes.name(class_id)
+        rows.append(
+            f"{o.instance},{class_id},{name},{o.range_m:.4f},{o.nearest_m:.4f},{o.speed_mps:.4f},{o.azimuth_rad:.5f},"
+            f"{o.elevation_rad:.5f},{o.power_counts2:.6g},{10.0 * math.log10(1e3 * o.power_w):.3f}\n"
+        )
+    return "".join([HEADER + "\n", *rows]).encode()
+
+
+def read_radar_labels(data: bytes) -> list[tuple[str, ObjectEcho]]:
+    """Return class name and object of each row of a file of `radar_labels_csv`."""
+    rows = list(csv.reader(io.StringIO(data.decode())))[1:]
+    return [
+        (row[2], ObjectEcho(int(row[0]), *map(float, row[3:9]), power_w=1e-3 * 10.0 ** (0.1 * float(row[9]))))
+        for row in rows
+    ]
