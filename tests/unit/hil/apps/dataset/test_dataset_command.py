@@ -23,6 +23,7 @@ import pytest
 from mcap.reader import make_reader
 
 from hil.apps.dataset.formats.datasheet import LIMITS
+from hil.apps.dataset.formats.radar_labels import read_radar_labels
 from hil.apps.dataset.make import MakeOptions, make_dataset
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage import tree as tree_module
@@ -330,6 +331,11 @@ def test_lidar_and_radar_read_back(whole: Path) -> None:
         power = np.load(whole / f"mav0/range_doppler0/data/{row[1]}")
         assert (raw.dtype, raw.shape) == (np.dtype("<u2"), (3, 64, 64))
         assert (power.dtype, power.shape) == (np.dtype("<f4"), (64, 32))
+        labels = read_radar_labels((whole / f"mav0/radar0/labels/{row[0]}.csv").read_bytes())
+        visible = cv2.imread(str(whole / f"mav0/instance0/data/{row[0]}.png"), cv2.IMREAD_UNCHANGED)
+        assert {o.instance for _, o in labels} <= set(np.unique(visible).tolist())
+        assert all(0.0 < o.nearest_m <= o.range_m < 12.0 for _, o in labels)
+    assert (whole / "preview/radar-map.png").is_file()
 
 
 def test_readers_of_other_libraries(whole: Path) -> None:

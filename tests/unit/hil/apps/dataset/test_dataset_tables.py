@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -17,10 +18,11 @@ import yaml
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.formats.datasheet import Datasheet, datasheet_html
-from hil.apps.dataset.formats.labels import ObjectLabel, PictureLabels
+from hil.apps.dataset.formats.labels import Catalogue, ObjectLabel, PictureLabels
 from hil.apps.dataset.formats.lidar_bin import CSV_HEADER, lidar_bin, lidar_csv, lidar_label
 from hil.apps.dataset.formats.png import encode_png
-from hil.apps.dataset.formats.previews import cloud_previews, radar_previews, with_boxes
+from hil.apps.dataset.formats.previews import cloud_previews, radar_picture, visible_objects, with_boxes
+from hil.apps.dataset.formats.radar_labels import radar_labels_csv, read_radar_labels
 from hil.apps.dataset.formats.radar_npy import npy, radar_json
 from hil.apps.dataset.formats.split import split_frames
 from hil.apps.dataset.storage.tables import COLUMNS, HEADERS, TRUTH, Table, Tables
@@ -40,9 +42,13 @@ from signals.samples import (
 )
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
+from sim.radar.object_echoes import ObjectEcho
 from sim.radar.recording import load_recording
 
 CHIRP = Chirp(center_frequency_hz=60e9, bandwidth_hz=1e9, samples=16, sample_rate_hz=1e6, chirps=4, repetition_s=500e-6)
+MAP_CHIRP = Chirp(
+    center_frequency_hz=60.8e9, bandwidth_hz=4e8, samples=64, sample_rate_hz=2e6, chirps=64, repetition_s=390.975e-6
+)
 CLASSES = Classes(("none", "tree"), ((0, 0, 0), (0, 200, 0)))
 
 
@@ -230,4 +236,34 @@ def test_previews_show_boxes_points_and_echoes() -> None:
     assert marked[3, 2].tolist() == marked[8, 6].tolist() == [255, 255, 0]
     points = np.array([[39.9, 39.9, 0.0], [100.0, 0.0, 0.0]], np.float32)
     assert cloud_previews(points, np.array([1, 1], np.uint8), CLASSES)["cloud.png"][:4] == b"\x89PNG"
-    assert radar_previews(np.zeros((4, 8), np.float32))["map.png"][:4] == b"\x89PNG"
+
+
+def test_radar_labels_read_back_and_visible_objects_are_marked() -> None:
+    objects = [
+        ObjectEcho(1, 6.0, 5.5, 1.0, 0.2, -0.1, 50.0, 1e-12),
+        ObjectEcho(2, 9.0, 8.5, -4.0, -0.2, -0.1, 50.0, 1e-12),  # faster than the map: folded to 2.3 m/s
+        ObjectEcho(3, 3.0, 3.0, -2.0, 0.0, 0.0, 50.0, 1e-12),  # hidden in noise
+        ObjectEcho(4, 6.0, 6.0, 1.0, 0.0, 0.0, 0.5, 1e-15),  # in the cell of the first, but too weak
+    ]
+    catalogue = Catalogue.of(CLASSES, [(i, 1) for i in (1, 2, 3, 4)])
+    data = radar_labels_csv(objects, catalogue)
+    assert data == radar_labels_csv(objects, catalogue)
+    rows = read_radar_labels(data)
+    assert [o.instance for _, o in rows] == [1, 2, 3, 4]
+    for (name, back), o in zip(rows, objects, strict=True):
+        assert name == catalogue.classes.name(catalogue.class_of_instance[o.instance])
+        assert back == pytest.approx(o, rel=1e-3)
+
+    power = np.ones((64, 32), np.float32)
+    power[32 + round(1.0 / MAP_CHIRP.speed_resolution_mps), round(6.0 / MAP_CHIRP.range_resolution_m)] = 50.0
+    folded_mps = -4.0 + 2.0 * MAP_CHIRP.max_speed_mps
+    power[32 + round(folded_mps / MAP_CHIRP.speed_resolution_mps), round(9.0 / MAP_CHIRP.range_resolution_m)] = 100.0
+    found = visible_objects(power, objects, MAP_CHIRP)
+    assert [(o.instance, round(level_db, 1)) for o, level_db in found] == [(1, 17.0), (2, 20.0)]
+    unmarked, marked = (
+        cv2.imdecode(np.frombuffer(radar_picture(power, shown, MAP_CHIRP), np.uint8), cv2.IMREAD_COLOR)
+        for shown in ([], rows)
+    )
+    assert unmarked is not None
+    assert marked is not None
+    assert (unmarked != marked).any(axis=2).sum() > 300
