@@ -23,6 +23,14 @@ def default_bench() -> Path | None:
     return None
 
 
+def dashboard_bench() -> Path | None:
+    """Return the bench that the dashboard opens with: the user's ./hil.yaml, else one with cameras in the park."""
+    default, shown = default_bench(), _PACKAGE / "benches" / "dashboard.yaml"
+    installed = (_PACKAGE / "benches" / "hil.yaml", _PACKAGE.parent / "hil.yaml")
+    own = default is not None and default.resolve() not in [path.resolve() for path in installed]
+    return default if own or not _is_file(shown) else shown
+
+
 def _is_file(path: Path) -> bool:
     """Return True if `path` exists and is not a folder. `read_yaml` refuses devices and pipes."""
     try:

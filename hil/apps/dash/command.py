@@ -71,8 +71,10 @@ def dashboard_beside(config: Path | None, console: Console, *, host: str, port: 
     """Serve a page for a run in this process. After the run the server stays until all pages are closed."""
     from hil.apps.dash.live.live_run import LiveRun
     from hil.apps.dash.server.serve import address_of, new_token, open_port
+    from hil.config.files import default_bench
 
     token = new_token(host)
+    config = config or default_bench()
     with open_port(host, port) as listening:
         run_end, server_end = socket.socketpair()
         with server_end:

@@ -96,8 +96,9 @@ function showWorld(description) {
 }
 
 function offerPanes() {
-  const streams = Object.values(about.sensors ?? {}).flatMap((sensor) => sensor.streams);
-  if (!replay.on) panes.offer([...streams, ...maps]);
+  const sensors = about.sensors === undefined ? null : Object.values(about.sensors);
+  const streams = (sensors ?? []).flatMap((sensor) => sensor.streams);
+  if (!replay.on) panes.offer([...streams, ...maps], undefined, sensors?.map((sensor) => sensor.kind) ?? null);
 }
 
 async function loadScene(folder) {
@@ -184,7 +185,7 @@ function showSlow() {
 }
 
 function showStatus(result) {
-  $("mission").textContent = about.rig === undefined ? "no run yet" : [state.phase, reachedOf(state)].filter(Boolean).join(", ");
+  $("mission").textContent = about.rig === undefined ? "no run yet: press Start" : [state.phase, reachedOf(state)].filter(Boolean).join(", ");
   $("progress").value = result?.status === "PASS" ? 1 : state.waypoints ? state.reached / state.waypoints : 0;
   const runName = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
   if (running) {
@@ -196,7 +197,10 @@ function showStatus(result) {
     setStatus(result.status, { PASS: "good", FAIL: "warn", ERROR: "bad" }[result.status]);
     $("headline").textContent = `${runName}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
     $("headline").title = result.digest;
-  } else setStatus("no run", "");
+  } else {
+    setStatus("no run", "");
+    if (about.rig === undefined) $("headline").textContent = "ready: press Start. The panes show the scene from 2 m above the take-off place";
+  }
   const chip = $("deadman"), held = running && (state.held || state.byHand);
   chip.textContent = held ? "flying by hand" : "sticks released";
   chip.className = `chip ${held ? "good" : ""}`;

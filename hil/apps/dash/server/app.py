@@ -55,9 +55,9 @@ class Dashboard:
         return PastRuns(self._runs_folder)
 
     def _default_bench(self) -> Path | None:
-        from hil.config.files import default_bench
+        from hil.config.files import dashboard_bench
 
-        return self._config or default_bench()
+        return self._config or dashboard_bench()
 
     def _load_modules(self) -> None:
         """Import the bench's modules after the page is loaded, because that takes a second."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import rigs
 from hil.apps.dash.messages import is_number
-from hil.config.files import available, default_bench
+from hil.config.files import available, dashboard_bench, default_bench
 from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError
 
@@ -21,9 +21,10 @@ def choices(config: Path | None) -> dict[str, Any]:
     """Return the lists of the start form. `config`: the bench file of `hil dash`."""
     benches = sorted({*_files(Path("rigs/benches"), ("*.yaml",)), *_files(_PACKAGE / "benches", ("*.yaml",))})
     missions = sorted({*_files(Path("rigs/missions"), _MISSIONS), *_files(_PACKAGE / "missions", _MISSIONS)})
-    default = config or default_bench()
+    default = config or dashboard_bench()
+    first = [str(bench) for bench in (default, default_bench()) if bench is not None]
     return {
-        "bench": [*([] if default is None else [str(default)]), *benches],
+        "bench": list(dict.fromkeys([*first, *benches])),
         "rig": available("rig", ()),
         "scene": available("scene", ()),
         "mission": missions,

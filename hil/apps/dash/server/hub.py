@@ -33,6 +33,8 @@ _NICE = 10  # of the threads that render and encode, so that the run has priorit
 _EVENTS = 300
 _READ = 1 << 18
 _MAX_STREAMS = 16  # of one page
+# Pose of the previews on a page without a run: at rest 2 m above the origin, looking north.
+_BEFORE_THE_FIRST_RUN = {"p": (0.0, 0.0, 2.0), "q": (0.5**0.5, 0.0, 0.0, 0.5**0.5), "t_ns": 0}
 _RUN_COMMANDS = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
 _MAX_STREAM_CHARS = 200  # of a stream's name
 _SEND_LIMIT_S = 10.0  # for one update to one page
@@ -290,9 +292,16 @@ class Hub:
             return UINT32.pack(0)
         return await asyncio.get_running_loop().run_in_executor(self._threads, previews.triangles)
 
+    def _seen_from(self) -> dict[str, Any]:
+        """Return the state from which previews are rendered: the run's; before the first run `_BEFORE_THE_FIRST_RUN`.
+
+        Empty if the run has not sent its first state.
+        """
+        return self.state if "p" in self.state else {} if self.about else _BEFORE_THE_FIRST_RUN
+
     def _start_previews(self) -> None:
         """Start to render the previews of open panes, unless they are being rendered."""
-        if (self._rendering is None or self._rendering.done()) and self._open_previews() and "p" in self.state:
+        if (self._rendering is None or self._rendering.done()) and self._open_previews() and self._seen_from():
             self._rendering = asyncio.get_running_loop().create_task(self._render_previews())
 
     def _open_previews(self) -> list[str]:
@@ -302,9 +311,9 @@ class Hub:
         loop = asyncio.get_running_loop()
         rendered: tuple[Any, ...] = ()  # streams, run and time of the last rendering
         while True:
-            wanted, previews, state = self._open_previews(), self._current_previews(), self.state
+            wanted, previews, state = self._open_previews(), self._current_previews(), self._seen_from()
             due = (*wanted, self._run, state.get("t_ns"))
-            if not wanted or previews is None or "p" not in state or due == rendered:
+            if not wanted or previews is None or not state or due == rendered:
                 return
             rendered = due
             began = loop.time()
@@ -312,7 +321,7 @@ class Hub:
                 frames = await loop.run_in_executor(self._threads, self._render, previews, wanted, state)
             except HilError:
                 return  # the scene cannot be loaded; the run reports why
-            if self.state and previews is self._previews:
+            if self._seen_from() and previews is self._previews:
                 self._store(frames)
                 if self._run_link is None or not self._requested:  # else they are sent with the run's next update
                     self._send_updates()

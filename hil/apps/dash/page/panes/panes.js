@@ -15,12 +15,15 @@ export class Panes {
     this.last = new Map();  // newest frame, by stream
     this.all = [];
     this.boxes = {};  // newest detections of a companion, by stream
-    this.wanted = new Set(["view/camera/rgb"]);
+    this.wanted = new Set(["view/camera/rgb", "view/lidar/points", "view/radar/range_doppler"]);
+    this.missing = new Set();
     this.offer([]);
   }
 
-  // `run`: streams of the run itself, live or recorded.
-  offer(run, previews = Object.keys(PREVIEWS)) {
+  // `run`: streams of the run itself, live or recorded. `kinds`: kinds of its sensors; null: not known.
+  offer(run, previews = Object.keys(PREVIEWS), kinds = null) {
+    this.missing = new Set(kinds === null ? [] : ["camera", "lidar", "radar"].filter((kind) => !kinds.includes(kind)));
+    for (const [stream, pane] of this.open) nameOf(pane).textContent = this.captionOf(stream);
     const all = [...previews, ...run];
     if (all.join() === this.all.join() && all.length) return;
     // A new map is opened without a click.
@@ -59,12 +62,19 @@ export class Panes {
       const canvas = document.createElement("canvas"), caption = document.createElement("p");
       canvas.width = 320; canvas.height = 240;
       caption.innerHTML = "<span></span><span class='quiet'>waiting</span>";
-      caption.firstChild.textContent = titleOf(stream);
+      caption.firstChild.textContent = this.captionOf(stream);
       pane.append(canvas, caption);
       this.box.append(pane);
       this.open.set(stream, pane);
     }
     this.onChange(open);
+  }
+
+  // A preview of a kind of sensor that the run does not have says so.
+  captionOf(stream) {
+    const kind = stream.startsWith("view/") ? stream.split("/")[1] : "";
+    const name = { camera: "camera", lidar: "LiDAR", radar: "radar" }[kind];
+    return this.missing.has(kind) ? `${titleOf(stream)}: a preview, this run has no ${name}` : titleOf(stream);
   }
 
   // Draw again in the colours of another theme.
@@ -101,6 +111,8 @@ export class Panes {
     if (pane) pane.lastChild.lastChild.textContent = "no frame at this time";
   }
 }
+
+function nameOf(pane) { return pane.lastChild.firstChild; }
 
 function titleOf(stream) { return PREVIEWS[stream] ?? stream.replace(MAP, "map of $1"); }
 

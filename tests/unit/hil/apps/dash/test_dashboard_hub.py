@@ -18,6 +18,8 @@ from hil.apps.dash.past.past_runs import PastRuns
 from hil.apps.dash.server.choices import choices, run_arguments
 from hil.apps.dash.server.hub import Hub, Page
 from hil.apps.dash.views.payloads import array_payload
+from hil.config import load_bench
+from hil.config.files import dashboard_bench
 from signals.errors import RecordingError
 
 
@@ -286,6 +288,38 @@ def test_a_form_becomes_the_arguments_of_hil_run() -> None:
         "--dash-pace=2",
         "--dash-paused",
     ]
+
+
+def test_the_page_opens_on_the_park_with_camera_lidar_and_radar(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lists = choices(None)  # in the checkout ./hil.yaml is the installation's own
+    assert Path(lists["bench"][0]).name == "dashboard.yaml"
+    assert any(Path(bench).name == "hil.yaml" for bench in lists["bench"])
+    assert lists["defaults"]["scene"] == "city_park"
+    bench = load_bench(Path(lists["bench"][0]))
+    assert {"camera", "lidar", "radar"} <= {sensor.kind for sensor in bench.config.sensors.values()}
+    assert bench.mission is not None
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hil.yaml").write_text("rig: mock\nscene: airfield\n")
+    assert choices(None)["bench"][0] == "hil.yaml"  # the user's own comes first
+    assert choices(None)["defaults"]["scene"] == "airfield"
+
+
+def test_panes_show_the_scene_before_the_first_run() -> None:
+    async def scenario() -> set[str]:
+        streams = ["view/camera/rgb", "view/lidar/points", "view/radar/range_doppler"]
+        hub, one = Hub(dashboard_bench), Collecting()
+        hub.pages.add(one.page)
+        await hub.receive(one.page, {"kind": "streams", "streams": streams})
+        for _ in range(600):
+            if len(one.page.frames) == len(streams):
+                break
+            await hub.receive(one.page, {"kind": "next"})
+            await asyncio.sleep(0.05)
+        return set(one.page.frames)
+
+    assert asyncio.run(scenario()) == {"view/camera/rgb", "view/lidar/points", "view/radar/range_doppler"}
 
 
 def test_past_runs_serve_no_other_files(tmp_path: Path) -> None:
