@@ -203,7 +203,7 @@ def _radar_previews(plan: DatasetPlan, tree: TreeWriter, records: Sequence[Batch
             png = mav0 / plan.folder(p.frame, "rgb") / "data" / f"{t_ns}.png"
             bgr = cv2.imread(str(png)) if png.is_file() else None
             if bgr is not None:
-                rgb, camera = bgr[:, :, ::-1], plan.config.sensors[p.frame].parameters.model()
+                rgb, camera = np.asarray(bgr[:, :, ::-1], np.uint8), plan.config.sensors[p.frame].parameters.model()
         try:
             objects, range_doppler = read_radar_labels(labels.read_bytes()), np.load(map_path)
         except (OSError, ValueError) as error:

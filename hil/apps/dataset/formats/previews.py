@@ -126,7 +126,7 @@ def radar_picture(
     return data.tobytes()
 
 
-def _mark(bgr: NDArray[np.uint8], x: float, y: float, text: str, rows_used: list[tuple[int, int]]) -> None:
+def _mark(bgr: NDArray[Any], x: float, y: float, text: str, rows_used: list[tuple[int, int]]) -> None:
     """Draw a circle at (x, y) with a text to its right or above it, within the picture.
 
     The text moves down until it covers none of `rows_used`: left edge and base line of the texts before.

@@ -46,6 +46,5 @@ def read_radar_labels(data: bytes) -> list[tuple[str, ObjectEcho]]:
     """Return class name and object of each row of a file of `radar_labels_csv`."""
     rows = list(csv.reader(io.StringIO(data.decode())))[1:]
     return [
-        (row[2], ObjectEcho(int(row[0]), *map(float, row[3:9]), power_w=1e-3 * 10.0 ** (0.1 * float(row[9]))))
-        for row in rows
+        (row[2], ObjectEcho(int(row[0]), *map(float, row[3:9]), 1e-3 * 10.0 ** (0.1 * float(row[9])))) for row in rows
     ]
