@@ -44,7 +44,10 @@ def radar_labels_csv(objects: Sequence[ObjectEcho], catalogue: Catalogue) -> byt
 
 def read_radar_labels(data: bytes) -> list[tuple[str, ObjectEcho]]:
     """Return class name and object of each row of a file of `radar_labels_csv`."""
-    rows = list(csv.reader(io.StringIO(data.decode())))[1:]
-    return [
-        (row[2], ObjectEcho(int(row[0]), *map(float, row[3:9]), 1e-3 * 10.0 ** (0.1 * float(row[9])))) for row in rows
-    ]
+    found = []
+    for row in list(csv.reader(io.StringIO(data.decode())))[1:]:
+        range_m, nearest_m, speed_mps, azimuth_rad, elevation_rad, power_counts2, power_dbm = map(float, row[3:])
+        power_w = 1e-3 * 10.0 ** (0.1 * power_dbm)
+        place = (range_m, nearest_m, speed_mps, azimuth_rad, elevation_rad)
+        found.append((row[2], ObjectEcho(int(row[0]), *place, power_counts2, power_w)))
+    return found
