@@ -311,11 +311,11 @@ def test_panes_show_the_scene_before_the_first_run() -> None:
         streams = ["view/camera/rgb", "view/lidar/points", "view/radar/range_doppler"]
         hub, one = Hub(dashboard_bench), Collecting()
         hub.pages.add(one.page)
-        await hub.receive(one.page, {"kind": "streams", "streams": streams})
+        hub.receive(one.page, {"kind": "streams", "streams": streams})
         for _ in range(600):
             if len(one.page.frames) == len(streams):
                 break
-            await hub.receive(one.page, {"kind": "next"})
+            hub.receive(one.page, {"kind": "next"})
             await asyncio.sleep(0.05)
         return set(one.page.frames)
 
