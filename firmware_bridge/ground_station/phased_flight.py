@@ -30,6 +30,7 @@ _MAVLINK_VERSION = 3
 _SAFETY_ARMED = 0x80
 
 _PREARM_CHECK = 0x10000000  # MAV_SYS_STATUS_PREARM_CHECK
+# PX4 sets it in the health word but, from 1.14 on, never in the present one.
 # A vehicle that does not report its pre-arm check gets the arm command after this time, repeated until it accepts.
 _UNREPORTED_NS = 5 * NS_PER_S
 
@@ -37,6 +38,8 @@ _SET_MESSAGE_INTERVAL = 511
 _SETTLE_NS = NS_PER_S
 _RETRY_NS = NS_PER_S
 _ARMINGS_LIMIT = 5
+_INFO = 6  # MAV_SEVERITY
+_ARMING_CHECKS = ("Arming denied", "Preflight Fail", "PreArm:", "Arm:")  # PX4's words, then ArduPilot's
 _TEXTS_LIMIT = 1000  # bounds the memory for a vehicle that sends texts without end
 
 _ARDUPILOT_CHECKS = ("PreArm:", "Arm:")
@@ -92,10 +95,49 @@ class Heartbeats:
             self._link.send(_Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, _MAVLINK_VERSION))
 
 
-class Health:
-    """The pre-arm bit of SYS_STATUS: PX4 sets it when every arming check passes."""
+class Estimator:
+    """Convergence of PX4's estimator, from ESTIMATOR_STATUS: several good reports in a row.
+
+    A report is good if attitude, velocity and position are valid, nothing is wrong, and every innovation passes its
+    test (ratio below 1).
+    """
+
+    INTERVAL_US = 250_000.0
+    _ENOUGH = 8  # good reports in a row: 2 s
+    _NEEDED: ClassVar = {0x1: "attitude", 0x2: "horizontal velocity", 0x4: "vertical velocity",
+                         0x10: "horizontal position", 0x20: "vertical position"}  # fmt: skip
+    _WRONG: ClassVar = {0x80: "no aiding by GPS", 0x400: "GPS glitch", 0x800: "bad accelerometer data"}
+    _RATIOS = ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio")
 
     def __init__(self) -> None:
+        self._good_reports = 0
+        self._faults: list[str] | None = None  # None: no report yet
+
+    def on_status(self, message: Any) -> None:
+        flags = message.flags
+        faults = [f"no {name}" for bit, name in self._NEEDED.items() if not flags & bit]
+        faults += [name for bit, name in self._WRONG.items() if flags & bit]
+        faults += [f"{name} {getattr(message, name):.1f}" for name in self._RATIOS if not getattr(message, name) < 1.0]
+        self._faults = faults
+        self._good_reports = 0 if faults else self._good_reports + 1
+
+    @property
+    def converged(self) -> bool:
+        return self._good_reports >= self._ENOUGH
+
+    def problem(self) -> str:
+        """Describe why it has not converged."""
+        if self._faults is None:
+            return "its estimator does not report (ESTIMATOR_STATUS)"
+        return f"its estimator has not converged ({', '.join(self._faults) or 'too few good reports in a row'})"
+
+
+class Health:
+    """The pre-arm bit of SYS_STATUS: PX4 sets it when every arming check passes. With `estimator`, that one too."""
+
+    def __init__(self, estimator: Estimator | None = None) -> None:
+        self.passed = False  # once
+        self._estimator = estimator
         self._reported = False
         self._healthy = False
         self._sensors_bad = 0
@@ -104,20 +146,25 @@ class Health:
     def on_sys_status(self, message: Any) -> None:
         self._reported = bool(message.onboard_control_sensors_present & _PREARM_CHECK)
         self._healthy = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
+        self.passed |= self._healthy
         self._sensors_bad = (
             message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health & ~_PREARM_CHECK
         )
 
     def ready(self, t_ns: int) -> bool:
         """Return True if the vehicle is ready to arm at `t_ns`, as far as it reports."""
+        if self._estimator is not None and not self._estimator.converged:
+            return False
         if self._since_ns is None:
             self._since_ns = t_ns
-        if self._reported:
+        if self._reported or self._healthy:
             return self._healthy
         return t_ns - self._since_ns >= _UNREPORTED_NS
 
     def problem(self) -> str:
         """Describe why the vehicle is not ready."""
+        if self._estimator is not None and not self._estimator.converged:
+            return self._estimator.problem()
         if not self._reported:
             return "it does not report its pre-arm check (SYS_STATUS)"
         sensors = f" (unhealthy sensors: {self._sensors_bad:#x} in SYS_STATUS)" if self._sensors_bad else ""
@@ -125,19 +172,23 @@ class Health:
 
 
 class StatusTexts:
-    """STATUSTEXT messages as (t_ns, severity, text), long ones joined from their chunks."""
+    """STATUSTEXT messages as (t_ns, severity, text), long ones joined from their chunks.
+
+    Arming checks that fail while the vehicle is still starting are no errors: their severity is INFO here.
+    """
 
     def __init__(self) -> None:
         self.texts: list[tuple[int, int, str]] = []
         self._chunk_id = 0
         self._chunk_next = 0
 
-    def on_statustext(self, t_ns: int, message: Any) -> None:
+    def on_statustext(self, t_ns: int, message: Any, *, starting: bool = False) -> None:
         if message.chunk_seq and message.id == self._chunk_id and message.chunk_seq == self._chunk_next and self.texts:
             first_ns, severity, text = self.texts[-1]
             self.texts[-1] = (first_ns, severity, text + message.text)
         elif len(self.texts) < _TEXTS_LIMIT:
-            self.texts.append((t_ns, message.severity, message.text))
+            expected = starting and message.text.startswith(_ARMING_CHECKS)
+            self.texts.append((t_ns, max(message.severity, _INFO) if expected else message.severity, message.text))
         self._chunk_id, self._chunk_next = message.id, message.chunk_seq + 1
 
     def failed_checks(self, count: int = 3) -> str:
@@ -222,11 +273,12 @@ class PhasedFlight:
     """A flight of vehicle `target_sysid`; None: the first autopilot that sends a heartbeat. Limits are simulated time.
 
     A HandshakeError names the request and the answer. With `grid_ns`, decisions fall on its multiples only,
-    independently of when the frames for them came.
+    independently of when the frames for them came. With `needs_estimator` the vehicle is ready only once its estimator
+    has converged (PX4's ESTIMATOR_STATUS).
     """
 
     # (message, interval [us]): the telemetry that the phases wait for.
-    _streams: ClassVar[Sequence[tuple[int, float]]]
+    _streams: Sequence[tuple[int, float]]
 
     def __init__(
         self,
@@ -237,6 +289,7 @@ class PhasedFlight:
         preflight_limit_s: float = 60.0,
         takeoff_limit_s: float = 60.0,
         grid_ns: int = 0,
+        needs_estimator: bool = False,
     ) -> None:
         self._link = VehicleLink(target_sysid=target_sysid)
         self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
@@ -244,7 +297,8 @@ class PhasedFlight:
         self._takeoff_limit_ns = round(takeoff_limit_s * NS_PER_S)
         self._heartbeats = Heartbeats(self._link)
         self._commands = Commands(self._link)
-        self._health = Health()
+        estimator = Estimator()
+        self._health = Health(estimator if needs_estimator else None)
         self._progress = Progress(mission)
         self._texts = StatusTexts()
         self._requests = RequestSequence(self._commands, self._heartbeats, self._texts)
@@ -262,8 +316,15 @@ class PhasedFlight:
             MSGID["COMMAND_ACK"]: lambda m: self._commands.on_ack(self._t_ns, m),
             MSGID["SYS_STATUS"]: self._health.on_sys_status,
             MSGID["EXTENDED_SYS_STATE"]: self._progress.on_extended_sys_state,
-            MSGID["STATUSTEXT"]: lambda m: self._texts.on_statustext(self._t_ns, m),
+            MSGID["STATUSTEXT"]: self._on_statustext,
         }
+        if needs_estimator:
+            self._streams = (*self._streams, (MSGID["ESTIMATOR_STATUS"], estimator.INTERVAL_US))
+            self._handlers[MSGID["ESTIMATOR_STATUS"]] = estimator.on_status
+
+    def _on_statustext(self, message: Any) -> None:
+        starting = not (self._health.passed or self._heartbeats.armed)
+        self._texts.on_statustext(self._t_ns, message, starting=starting)
 
     @property
     def statustexts(self) -> list[tuple[int, int, str]]:

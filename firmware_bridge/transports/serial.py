@@ -7,6 +7,8 @@ reads and writes then use the descriptor directly, because pyserial's own read c
 from __future__ import annotations
 
 import errno
+import os
+import stat
 from typing import Any, NamedTuple
 
 import serial
@@ -22,6 +24,23 @@ DEFAULT_BAUD = 921600
 def serial_ports() -> list[str]:
     """Return the device paths of this machine's serial ports, sorted."""
     return sorted(port.device for port in list_ports.comports())
+
+
+def check_port(path: str) -> None:
+    """Raise the error of `SerialTransport.open` for a path that is no serial port or may not be used.
+
+    The port is not opened: that could reset a board, or hang up a pseudo-terminal.
+    """
+    try:
+        is_device = stat.S_ISCHR(os.stat(path).st_mode) if os.name == "posix" else True
+    except OSError as error:
+        if os.name == "posix":
+            raise _refusal(path, error) from error
+        return  # such as COM3
+    if not is_device:
+        raise _refusal(path, OSError(errno.ENOTTY, "not a device"))
+    if not os.access(path, os.R_OK | os.W_OK):
+        raise _refusal(path, OSError(errno.EACCES, os.strerror(errno.EACCES)))
 
 
 class _UsbIdentity(NamedTuple):
@@ -83,29 +102,12 @@ class SerialTransport(StreamTransport):
                 exclusive=True,
             )
         except serial.SerialException as error:
-            raise self._refusal(error) from error
+            raise _refusal(self._path, error) from error
         except (ValueError, OverflowError) as error:
             raise LinkError(self._path, f"cannot be set to {self._baud} baud: {error}") from error
         if self._follow:
             self._identity = _usb_identity(self._path) or self._identity
         self._stream = FdStream(self._port.fileno(), self._path)
-
-    def _refusal(self, error: serial.SerialException) -> LinkError:
-        ports = ", ".join(serial_ports()) or "none"
-        if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-            return PortNotFound(
-                self._path, f"there is no such serial port. Ports here: {ports}. Is it plugged in? See `hil devices`."
-            )
-        if error.errno in (errno.EAGAIN, errno.EBUSY):
-            return PortBusy(
-                self._path, "another program holds this port; close it (QGroundControl, ModemManager, another run?)"
-            )
-        if error.errno in (errno.EACCES, errno.EPERM):
-            return LinkError(
-                self._path,
-                "no permission to open this port; on Linux, add yourself to the group `dialout` and log in again",
-            )
-        return LinkError(self._path, f"is not a serial port ({error}). Ports here: {ports}.")
 
     def close(self) -> None:
         port, self._port, self._stream = self._port, None, None
@@ -114,3 +116,20 @@ class SerialTransport(StreamTransport):
 
     def fileno(self) -> int | None:
         return None if self._port is None else self._port.fileno()
+
+
+def _refusal(path: str, error: OSError) -> LinkError:
+    """Return the named error for a port that cannot be opened."""
+    ports = ", ".join(serial_ports()) or "none"
+    if error.errno in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return PortNotFound(
+            path, f"there is no such serial port. Ports here: {ports}. Is it plugged in? See `hil devices`."
+        )
+    if error.errno in (errno.EAGAIN, errno.EBUSY):
+        return PortBusy(path, "another program holds this port; close it (QGroundControl, ModemManager, another run?)")
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return LinkError(
+            path,
+            "no permission to open this port; on Linux, add yourself to the group `dialout` and log in again",
+        )
+    return LinkError(path, f"is not a serial port ({error}). Ports here: {ports}.")

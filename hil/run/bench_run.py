@@ -73,7 +73,7 @@ class BenchRun:
     """One run, from its parts to run.json."""
 
     def __init__(self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool) -> None:
-        self._context = RunContext(bench, out, parts)
+        self._context = RunContext(bench, out, parts, quiet=quiet)
         self._parts = self._context.parts
         self._config = bench.config
         self._out = out
@@ -98,7 +98,7 @@ class BenchRun:
             status = self._status(verdict)
         self._timing_s["total"] = time.monotonic() - began_s
         run = self._summary(status, verdict, self._failure.error)
-        if self._config.record.report and self._recorders:
+        if self._config.record.report and self._recorders and self._context.ticks:
             self._failure.guard(lambda: self._write_report(run))
             status = self._status(verdict)
             run = self._summary(status, verdict, self._failure.error)
@@ -149,6 +149,8 @@ class BenchRun:
     def _prepare_and_fly(self) -> None:
         began_s = time.monotonic()
         context, config = self._context, self._config
+        for part in self._parts:
+            part.check()
         try:
             saved = save_bench(context.bench, self._out)
             attachments = {saved.name: saved.read_bytes()}

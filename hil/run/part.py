@@ -3,6 +3,7 @@
 A run is a list of parts: the vehicle, the mission, the companions, the link to the autopilot, a dashboard. The
 composition root (`hil.run.bench_run`) calls them in the order of `hil.run.parts.catalog` and knows none by name:
 
+    check()               raise a named error if the run cannot begin; nothing is opened or recorded yet
     open(run)             the recorder exists. Find out which samples the part needs, such as those its clients request
     ports()               topics that the part consumes; a sensor without a consumer is not computed
                           -> the run plans its stages (`run.plan`)
@@ -36,7 +37,7 @@ How to add one: CONTRIBUTING.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,8 +85,9 @@ class RunContext:
     sensors: SensorSlots  # build, once the sensors have been built
     link: AutopilotLink  # begin
 
-    def __init__(self, bench: Bench, out: Path, parts: Sequence[Part]) -> None:
+    def __init__(self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool = True) -> None:
         self.bench = bench
+        self._quiet = quiet
         self.out = out  # folder of the run
         self.parts = tuple(parts)
         self.legs: tuple[Leg, ...] = ()  # planned path; open, once the mission's path is known
@@ -147,6 +149,13 @@ class RunContext:
         """Record an event at the present simulated time."""
         self.recorder.event(self.now_ns(), kind, text)
 
+    def say(self, kind: str, text: str) -> None:
+        """Record an event, and print it on the console: the user should know it before the flight."""
+        self.event(kind, text)
+        if not self._quiet:
+            with suppress(OSError, ValueError):  # the terminal or pipe was closed; the flight goes on
+                print(f"{kind}: {text}", flush=True)  # noqa: T201
+
     def inject(self, fault: Any, *, declared: bool = True) -> None:
         """Begin a fault or gust now, in the first part that takes it.
 
@@ -173,6 +182,9 @@ class Part:
     name = ""
     injects = False  # True: may inject faults that the bench does not declare
     paused_s = 0.0  # wall-clock time for which this part has paused the run
+
+    def check(self) -> None:
+        """Raise a HilError if the run cannot begin, such as a port that does not exist. Takes next to no time."""
 
     def open(self, run: RunContext) -> None: ...
 

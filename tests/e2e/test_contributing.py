@@ -78,7 +78,10 @@ def test_an_autopilot_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         wrapped.append(transport)
         return transport
 
-    link = make_link(bench, Surroundings(tmp_path, wrap, lambda _kind, _text: None, (47.0, 8.0, 400.0, 0.0)))
+    link = make_link(
+        bench,
+        Surroundings(tmp_path, wrap, lambda _kind, _text: None, lambda _kind, _text: None, (47.0, 8.0, 400.0, 0.0)),
+    )
     assert link.caps.kind == "other_hitl"
     assert port in wrapped[0].name
     os.close(main)

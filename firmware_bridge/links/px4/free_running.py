@@ -15,6 +15,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
 from firmware_bridge.links.px4.hitl_setup import HitlSetup, await_autopilot
 from firmware_bridge.links.px4.lockstep import tick_messages
+from firmware_bridge.links.px4.restart import BoardRestart
 from firmware_bridge.links.realtime.link import RealtimeLink
 from firmware_bridge.transports.transport import Transport
 from signals.errors import HandshakeError, LinkError
@@ -28,7 +29,8 @@ _TIMEOUTS = LinkTimeouts(reply_s=5.0)
 class FreeRunningLink(RealtimeLink):
     """HITL over `transport`.
 
-    With `motors`, a board is checked before the flight: it must be set up for so many, after `params` have been set.
+    With `motors`, a board is checked before the flight: it is restarted if it has flown since its boot, and must be set
+    up for so many motors after `params` have been set.
     Other settings as `RealtimeLink`.
     """
 
@@ -54,9 +56,18 @@ class FreeRunningLink(RealtimeLink):
 
     def _await_autopilot(self) -> None:
         line, limit_s = self._transport, self._timeouts.connect_s
-        sysid = await_autopilot(line, self._parser, limit_s=limit_s, on_frames=self._keep, name=self.name)
+        sysid = await_autopilot(
+            line,
+            self._parser,
+            limit_s=limit_s,
+            on_frames=self._keep,
+            on_delay=lambda text: self._say("waiting", text),
+            name=self.name,
+        )
         if self._motors is not None:
             setup = HitlSetup(line, self._parser, motors=self._motors, sysid=sysid)
+            if self._process is None:  # a program that the bench started has just booted
+                BoardRestart(line, setup, self._say, self.name).require_fresh()
             if self._params:
                 setup.set(self._params)
             setup.require()

@@ -32,11 +32,12 @@ _ParamSet = message_class("PARAM_SET")
 _CommandLong = message_class("COMMAND_LONG")
 _Heartbeat = message_class("HEARTBEAT")
 
-_TYPE_GCS, _AUTOPILOT_INVALID, _STATE_ACTIVE = 6, 8, 4
-_REBOOT = 246
+_GCS_BEAT = _Heartbeat(6, 8, 0, 0, 4, 3)  # a ground station, no autopilot, active, MAVLink 2
+REBOOT = 246  # MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 _TRIES, _TRY_S = 5, 1.0
 _TRIES_OF_A_KNOWN = 3  # if the board has answered for other parameters: it lacks this one, or an answer was lost
 _LISTEN_S = 3.0
+_SILENT_S = 1.5  # without a heartbeat (1 Hz): the port may be the wrong one
 _SLICE_S = 0.05
 
 
@@ -60,14 +61,29 @@ def await_autopilot(
     *,
     limit_s: float,
     on_frames: Callable[[list[Frame]], None] = lambda _: None,
+    on_delay: Callable[[str], None] = lambda _: None,
     name: str = "",
 ) -> int:
     """Return the system id of the first autopilot that sends a heartbeat. `on_frames` gets the frames of each read.
 
-    HandshakeError of `name`, or of the line, if none comes within the limit.
+    Sends heartbeats meanwhile: PX4 with SYS_USB_AUTO 1 starts MAVLink on USB only when it receives some. `on_delay`
+    gets a text once if none comes at first. HandshakeError of `name`, or of the line, if none comes in time.
     """
-    deadline = time.monotonic() + limit_s
+    began = time.monotonic()
+    deadline = began + limit_s
+    encoder, beat_due, told = FrameEncoder(GCS_SYSID, GCS_COMPID), began, False
     while True:
+        now = time.monotonic()
+        if now >= beat_due:
+            beat_due = now + 1.0
+            line.write(encoder.frame(_GCS_BEAT.MSGID, pack(_GCS_BEAT)))
+        if not told and now - began >= _SILENT_S:
+            told = True
+            came = f"{parser.frames} other messages and {parser.garbage_bytes + parser.pending} bytes that are none"
+            on_delay(
+                f"no autopilot has sent a heartbeat on {line.name} for {_SILENT_S:g} s ({came}): waiting until "
+                f"{limit_s:g} s. Is it the right port? `hil devices` lists the boards"
+            )
         frames = parser.feed(line.read(_SLICE_S))
         on_frames(frames)
         for frame in frames:
@@ -89,7 +105,7 @@ class HitlSetup:
         self._transport = transport
         self._parser = parser
         self._encoder = FrameEncoder(GCS_SYSID, GCS_COMPID)
-        self._sysid = sysid
+        self.sysid = sysid
         self.wanted = {"SYS_HITL": 1.0} | {f"HIL_ACT_FUNC{n}": 100.0 + n for n in range(1, motors + 1)}
         self._types: dict[str, int] = {}
 
@@ -117,7 +133,7 @@ class HitlSetup:
         """Return True if HIL_ACTUATOR_CONTROLS come: then HITL is on, and the line is fast enough."""
         deadline = time.monotonic() + _LISTEN_S
         while time.monotonic() < deadline:
-            if any(frame.msgid == HIL_ACTUATOR_CONTROLS for frame in self._listen(_SLICE_S)):
+            if any(frame.msgid == HIL_ACTUATOR_CONTROLS for frame in self.listen(_SLICE_S)):
                 return True
         return False
 
@@ -134,9 +150,13 @@ class HitlSetup:
                     self._transport.name, f"does not accept {name} = {value:g}; is it within the parameter's range?"
                 )
 
+    def command(self, command: int, *params: float) -> None:
+        """Send COMMAND_LONG with these parameters, the others 0."""
+        self.send(_CommandLong(self.sysid, 1, command, 0, *params, *(0.0,) * (7 - len(params))))
+
     def reboot(self) -> None:
         """Request a reboot of the board. The line may go away meanwhile."""
-        self._send(_CommandLong(self._sysid, 1, _REBOOT, 0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        self.command(REBOOT, 1.0)
 
     def require(self) -> None:
         """Check everything. HandshakeError lists each wrong setting and its remedy.
@@ -168,7 +188,7 @@ class HitlSetup:
 
     def _read(self, name: str) -> float | None:
         for tries in range(1, _TRIES + 1):
-            self._send(_ParamRequestRead(self._sysid, 1, name, -1))
+            self.send(_ParamRequestRead(self.sysid, 1, name, -1))
             value = self._await_value(name)
             if value is not None:
                 return value
@@ -180,7 +200,7 @@ class HitlSetup:
         kind = self._types[name]
         carried = param_as_sent(value, kind)
         for _ in range(_TRIES):
-            self._send(_ParamSet(self._sysid, 1, name, carried, kind))
+            self.send(_ParamSet(self.sysid, 1, name, carried, kind))
             answer = self._await_value(name)
             if answer is not None:
                 return answer
@@ -189,18 +209,19 @@ class HitlSetup:
     def _await_value(self, name: str) -> float | None:
         deadline = time.monotonic() + _TRY_S
         while time.monotonic() < deadline:
-            for frame in self._listen(_SLICE_S):
-                if frame.msgid == _PARAM_VALUE and frame.sysid == self._sysid:
+            for frame in self.listen(_SLICE_S):
+                if frame.msgid == _PARAM_VALUE and frame.sysid == self.sysid:
                     message = unpack(frame)
                     if message.param_id == name:
                         self._types[name] = message.param_type
                         return param_as_read(message.param_value, message.param_type)
         return None
 
-    def _listen(self, for_s: float) -> list[Frame]:
+    def listen(self, for_s: float) -> list[Frame]:
+        """Return the frames that come within `for_s`."""
         return self._parser.feed(self._transport.read(for_s))
 
-    def _send(self, message: Any) -> None:
-        beat = _Heartbeat(_TYPE_GCS, _AUTOPILOT_INVALID, 0, 0, _STATE_ACTIVE, 3)
-        encoder = self._encoder
+    def send(self, message: Any) -> None:
+        """Send `message` after a heartbeat of a ground station."""
+        beat, encoder = _GCS_BEAT, self._encoder
         self._transport.write(encoder.frame(beat.MSGID, pack(beat)) + encoder.frame(message.MSGID, pack(message)))

@@ -45,7 +45,8 @@ _SLIP_EVENTS = 256
 class RealtimeLink(AutopilotLink):
     """One tick each `period_ns` of wall clock; samples go out on the first of `transports`.
 
-    `on_event(kind, text)` gets unplugging, replugging and slips.
+    `on_event(kind, text)` gets unplugging, replugging and slips, `say(kind, text)` what the user should know before the
+    flight.
     """
 
     # True if a transport may be opened again while the program that the bench started still runs.
@@ -60,8 +61,10 @@ class RealtimeLink(AutopilotLink):
         timeouts: LinkTimeouts,
         start_process: Callable[[], ChildProcess] | None = None,
         on_event: Callable[[str, str], None] | None = None,
+        say: Callable[[str, str], None] | None = None,
         own_sender: bool = True,
     ) -> None:
+        self._say = say or on_event or (lambda _kind, _text: None)
         self._transports = transports
         self._period_ns = period_ns
         self._own_sender = own_sender

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from firmware_bridge import _native
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+from hil.config.checks.program_checks import program_problem
 from hil.config.layers import Settings
 from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, Autopilot, BenchConfig, MockFaults
 from signals.documents.validate import COMMAND_LINE, Located, at, nearest
@@ -21,6 +22,12 @@ _KEYS_OF_KINDS = {
     "port": {"px4_hitl", "ardupilot_eahrs"},
     "mavlink_port": {"ardupilot_sitl", "ardupilot_eahrs"},
 }
+# How to make the program that each kind starts.
+_PROGRAM_MAKES = {
+    "px4_sitl": "`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4",
+    "ardupilot_sitl": "`./waf configure --board sitl && ./waf copter` in ardupilot makes build/sitl/bin/arducopter",
+}
+_PROGRAM_MAKES["ardupilot_eahrs"] = _PROGRAM_MAKES["ardupilot_sitl"]
 
 
 def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
@@ -62,8 +69,10 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
             message = "must name your own build of the firmware, which the bench starts"
             hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"
             report("binary", message, hint)
-        elif autopilot.start and not Path(str(autopilot.binary)).expanduser().is_file():
-            report("binary", f"names a program that does not exist: {autopilot.binary}")
+    if autopilot.binary is not None and autopilot.start and autopilot.kind in _PROGRAM_MAKES:
+        problem = program_problem(Path(str(autopilot.binary)).expanduser(), autopilot.kind)
+        if problem is not None:
+            report("binary", problem, _PROGRAM_MAKES[autopilot.kind])
     if autopilot.mavlink_port == "none" and config.mission is not None:
         report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
     return problems

@@ -16,6 +16,7 @@ from firmware_bridge.devices.inventory import find_devices
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkTimeouts
 from firmware_bridge.links.child_process import FirmwareBuild
+from firmware_bridge.transports.serial import check_port
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from signals.errors import PortNotFound
@@ -35,6 +36,7 @@ class Surroundings:
     out: Path  # folder of the run; processes that the link starts write their logs here
     wrap: Callable[[Transport], Transport]  # wraps the transport, for declared faults
     on_event: Callable[[str, str], None]  # (kind, text), at the present simulated time
+    say: Callable[[str, str], None]  # the same, also printed on the console
     # Start of the vehicle: latitude, longitude [deg], altitude above mean sea level [m], heading [deg from north].
     home: tuple[float, float, float, float]
 
@@ -46,6 +48,16 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     """
     link: AutopilotLink = import_module(f"hil.run.autopilots.{bench.config.autopilot.kind}").make_link(bench, around)
     return link
+
+
+def check_ports(bench: Bench) -> None:
+    """Check the serial ports of this bench's autopilot without opening one. Raises LinkError."""
+    autopilot = bench.config.autopilot
+    for path in (autopilot.port, autopilot.mavlink_port):
+        if path is not None and not path.startswith(("udp:", "tcp:")) and path != "none":
+            check_port(path)
+    if autopilot.kind == "px4_hitl" and autopilot.port is None:
+        only_board()
 
 
 def firmware_build(bench: Bench, around: Surroundings, log: str = LOG_NAME) -> FirmwareBuild:
@@ -64,7 +76,12 @@ def timeouts(bench: Bench) -> LinkTimeouts:
 
 def free_running_settings(bench: Bench, around: Surroundings) -> dict[str, Any]:
     """Return the settings of links to autopilots that run on wall-clock time and do not wait for the bench."""
-    return {"period_ns": bench.config.tick_ns, "on_event": around.on_event, "timeouts": timeouts(bench)}
+    return {
+        "period_ns": bench.config.tick_ns,
+        "on_event": around.on_event,
+        "say": around.say,
+        "timeouts": timeouts(bench),
+    }
 
 
 def home_of(site: Site, state: State) -> tuple[float, float, float, float]:

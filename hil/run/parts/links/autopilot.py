@@ -13,7 +13,7 @@ from firmware_bridge.links.realtime.processor import LockstepProcessors, Realtim
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.run.autopilots.px4_sitl import unknown_parameters
-from hil.run.autopilots.surroundings import Surroundings, home_of, make_link
+from hil.run.autopilots.surroundings import Surroundings, check_ports, home_of, make_link
 from hil.run.part import Part, Report, RunContext
 from hil.run.report.quantiles import quantiles_us
 
@@ -31,13 +31,16 @@ class AutopilotPart(Part):
         self._processors: LockstepProcessors | None = None
         self._check_period_ticks = 0  # between two checks of the shared processor; 0: it is not shared
 
+    def check(self) -> None:
+        check_ports(self._bench)
+
     def build(self, run: RunContext) -> None:
         def wrap(transport: Transport) -> Transport:
             return reduce(lambda wrapped, part: part.wrap_link(wrapped), run.parts, transport)
 
         self._run = run
         home = home_of(self._bench.scene.site, run.physics.state)
-        self._link = make_link(self._bench, Surroundings(run.out, wrap, run.event, home))
+        self._link = make_link(self._bench, Surroundings(run.out, wrap, run.event, run.say, home))
         run.link = self._link
         watchers = [part.link_waits for part in run.parts if type(part).link_waits is not Part.link_waits]
         if watchers:

@@ -16,7 +16,7 @@ from hil.run.companion.link_faults import CompanionFault
 from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
 from hil.run.part import Part, Report, RunContext
-from hil.run.parts.pilots.mission import grid_ns, record_texts
+from hil.run.parts.pilots.mission import grid_ns, needs_estimator, record_texts
 from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.detections import Detections
@@ -65,6 +65,7 @@ class CompanionPart(Part):
             projection=tangent_ned if config.autopilot.is_mock else None,
             target_sysid=None,
             grid_ns=grid_ns(self._bench),
+            needs_estimator=needs_estimator(self._bench),
             on_event=run.recorder.event,
         )
 

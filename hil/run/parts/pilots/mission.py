@@ -11,6 +11,7 @@ from signals.time import NS_PER_S
 # Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: the ground station sends them
 # its requests on whole seconds of simulated time, so that a few milliseconds more or less do not change the flight.
 _WALL_CLOCK_TELEMETRY = frozenset({"px4_sitl", "ardupilot_sitl"})
+_BOARDS_WITH_PX4 = frozenset({"px4_hitl", "mock_hitl"})
 
 
 class MissionPart(Part):
@@ -47,6 +48,11 @@ def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
         recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
 
 
+def needs_estimator(bench: Bench) -> bool:
+    """Return True if the flight has to wait until PX4's estimator has converged: a board may have any state."""
+    return bench.config.autopilot.kind in _BOARDS_WITH_PX4
+
+
 def grid_ns(bench: Bench) -> int:
     """Return the spacing of the times at which the autopilot may be sent requests [ns]; 0: any time."""
     return NS_PER_S if bench.config.autopilot.kind in _WALL_CLOCK_TELEMETRY else 0
@@ -55,7 +61,9 @@ def grid_ns(bench: Bench) -> int:
 def make(bench: Bench) -> Part:
     autopilot = bench.config.autopilot
     if bench.mission is not None:
-        station = GroundStation(bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench))
+        station = GroundStation(
+            bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench), needs_estimator=needs_estimator(bench)
+        )
         return MissionPart(station, flies=True)
     if bench.script is not None:
         # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
