@@ -31,14 +31,15 @@ def check_port(path: str) -> None:
 
     The port is not opened: that could reset a board, or hang up a pseudo-terminal.
     """
+    if os.name != "posix":
+        return
     try:
-        is_device = stat.S_ISCHR(os.stat(path).st_mode) if os.name == "posix" else True
+        status = os.stat(path)
     except OSError as error:
-        if os.name == "posix":
-            raise _refusal(path, error) from error
-        return  # such as COM3
-    if not is_device:
-        raise _refusal(path, OSError(errno.ENOTTY, "not a device"))
+        raise _refusal(path, error) from error
+    subsystem = f"/sys/dev/char/{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}/subsystem"
+    if not stat.S_ISCHR(status.st_mode) or os.path.basename(os.path.realpath(subsystem)) not in ("tty", "subsystem"):
+        raise _refusal(path, OSError(errno.ENOTTY, "not a serial device"))
     if not os.access(path, os.R_OK | os.W_OK):
         raise _refusal(path, OSError(errno.EACCES, os.strerror(errno.EACCES)))
 

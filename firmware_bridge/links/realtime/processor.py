@@ -22,6 +22,7 @@ that has made the bench slow.
 
 from __future__ import annotations
 
+import ctypes
 import os
 import resource
 import time
@@ -29,32 +30,58 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
+from firmware_bridge.links.realtime.sender_process import lock_memory, set_timer_slack
+
 _PRODUCER_PRIORITY = 40
 
 
 class RealtimeProducer:
     """Context manager: the calling thread runs with SCHED_FIFO inside, where permitted, and as before outside.
 
-    Threads and processes that it starts meanwhile run normally. On a machine with one processor it does nothing: a
-    bench that cannot keep up would leave no time to other programs.
+    Its memory is locked and its timer slack is 1 ns meanwhile. Threads and processes that it starts run normally. On a
+    machine with one processor it asks for no priority: a bench that cannot keep up would leave no time to other
+    programs. `denied` tells what was asked for and not granted.
     """
 
+    denied: tuple[str, ...] = ()
     _raised = False
+    _locked = False
 
     def __enter__(self) -> RealtimeProducer:
-        if hasattr(os, "sched_setscheduler") and len(os.sched_getaffinity(0)) >= 2:
+        found = []
+        if not hasattr(os, "sched_setscheduler") or len(os.sched_getaffinity(0)) < 2:
+            found.append("real-time priority (it needs Linux and two processors or more)")
+        else:
             with suppress(OSError):
                 os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_PRODUCER_PRIORITY))
                 self._raised = True
+            if not self._raised:
+                found.append("real-time priority")
+        # With a finite limit a later allocation could fail.
+        self._locked = _may_lock_memory() and lock_memory(on_fault=True)
+        if not self._locked:
+            found.append("locked memory")
+        if not set_timer_slack(1):
+            found.append("exact timers")
+        self.denied = tuple(found)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        set_timer_slack(0)
+        if self._locked:
+            ctypes.CDLL(None).munlockall()
+            self._locked = False
         if self._raised:
             # The flag stays: without privileges it cannot be taken back.
             os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
             self._raised = False
+
+
+def _may_lock_memory() -> bool:
+    """Return True if this process may lock any amount of memory."""
+    return os.geteuid() == 0 or resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
 
 
 def _may_come_back() -> bool:

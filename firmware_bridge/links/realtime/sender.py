@@ -21,10 +21,13 @@ from firmware_bridge.links.realtime.sender_process import (
     DROPPED,
     FAILED,
     FRAME,
+    ISOLATED,
+    MEMORY,
     PRIORITY,
     REPORT,
     SENT,
     SENT_KEPT,
+    SLACK,
     STALLED,
 )
 from signals.errors import LinkClosed
@@ -56,6 +59,7 @@ class SendStats:
     late_2ms: int = 0
     late_20ms: int = 0
     scheduling: str = "no sender process: declared faults wrap the line"  # granted to the sender process
+    denied: tuple[str, ...] = ()  # asked for by the sender process and not granted, each with its remedy
 
     def count_lateness(self, lateness_ns: int) -> None:
         self.lateness.add(lateness_ns)
@@ -167,7 +171,8 @@ class RealtimeSender:
             elif kind == FAILED:
                 self.error = (first, second)
             else:
-                stats.scheduling = _scheduling(first, memory_locked=bool(second))
+                stats.scheduling = _scheduling(first, memory_locked=bool(second & MEMORY))
+                stats.denied = denied(first, second)
 
     def stop(self) -> None:
         """End the process. Frames whose deadline has not come stay unsent. May be called any number of times."""
@@ -188,6 +193,17 @@ class RealtimeSender:
     def __del__(self) -> None:
         if hasattr(self, "_process"):
             self.stop()
+
+
+def denied(priority: int, grants: int) -> tuple[str, ...]:
+    """Return what a process asked for and was not granted. `grants` are MEMORY, SLACK and ISOLATED."""
+    refusals = (
+        (priority > 0, f"real-time priority ({_REMEDY})"),
+        (grants & MEMORY, "locked memory" if priority <= 0 else f"locked memory ({_REMEDY})"),
+        (grants & SLACK, "exact timers (this system cannot reduce its timer slack)"),
+        (grants & ISOLATED, "a processor of its own (`isolcpus=N` on the kernel's command line reserves one)"),
+    )
+    return tuple(text for granted, text in refusals if not granted)
 
 
 def _scheduling(priority: int, *, memory_locked: bool) -> str:

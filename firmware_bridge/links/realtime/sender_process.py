@@ -31,6 +31,7 @@ PRIORITY = 80  # above the kernel's interrupt threads (50)
 FRAME = struct.Struct("<qiB")  # deadline, size, keep; the frame's bytes follow
 REPORT = struct.Struct("<Bqq")  # one of the kinds below and its two numbers
 READY, SENT, SENT_KEPT, DROPPED, STALLED, FAILED = range(6)
+MEMORY, SLACK, ISOLATED = 1, 2, 4  # granted, in the second number of READY; the first is the priority
 _NEAR_NS = 3_000_000  # below this a deadline is slept for exactly; the unit of poll is a millisecond
 _WRITABLE_NS = 10_000_000  # longest wait on a full line before the process checks whether to stop
 _GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
@@ -55,14 +56,46 @@ def _request_priority() -> int:
     return -(errno.EPERM if refusal == errno.EINVAL else refusal)
 
 
-def _lock_memory() -> bool:
-    """Turn off the timer slack, which adds 50 us to every sleep, and lock the memory. Return True if it is locked."""
+def lock_memory(*, on_fault: bool = False) -> bool:
+    """Lock the memory of this process, so that no sample waits for the disk. Return True if it is locked.
+
+    `on_fault` locks a page when it is first used, for a process with much memory that it never touches.
+    """
     import ctypes
 
     libc = ctypes.CDLL(None)
-    if sys.platform == "linux":
-        libc.prctl(29, 1, 0, 0, 0)  # PR_SET_TIMERSLACK, ns
-    return hasattr(libc, "mlockall") and libc.mlockall(1 | 2) == 0  # MCL_CURRENT, MCL_FUTURE
+    return hasattr(libc, "mlockall") and libc.mlockall(1 | 2 | (4 if on_fault else 0)) == 0  # CURRENT, FUTURE, ONFAULT
+
+
+def set_timer_slack(slack_ns: int) -> bool:
+    """Set the timer slack of this thread, which adds 50 us to every sleep; 0 is the default. Return True if it is."""
+    if sys.platform != "linux":
+        return False
+    import ctypes
+
+    return ctypes.CDLL(None).prctl(29, slack_ns, 0, 0, 0) == 0  # PR_SET_TIMERSLACK
+
+
+def isolated_processors() -> set[int]:
+    """Return the processors on which the kernel runs nothing by itself (`isolcpus=` on its command line)."""
+    try:
+        with open("/sys/devices/system/cpu/isolated", encoding="ascii") as file:
+            ranges = [part.partition("-") for part in file.read().strip().split(",") if part]
+        return {cpu for first, _, last in ranges for cpu in range(int(first), int(last or first) + 1)}
+    except (OSError, ValueError):
+        return set()
+
+
+def _take_isolated_processor() -> bool:
+    """Run on the last isolated processor. Return False if there is none."""
+    isolated = isolated_processors()
+    if not isolated or not hasattr(os, "sched_setaffinity"):
+        return False
+    try:
+        os.sched_setaffinity(0, {max(isolated)})
+    except OSError:
+        return False
+    return True
 
 
 class _Process:
@@ -81,7 +114,8 @@ class _Process:
 
     def run(self) -> None:
         """Send frames until the bench closes its end or the line fails."""
-        self._report(READY, _request_priority(), int(_lock_memory()))
+        grants = lock_memory() * MEMORY | set_timer_slack(1) * SLACK | _take_isolated_processor() * ISOLATED
+        self._report(READY, _request_priority(), grants)
         while True:
             deadline_ns, size, keep = FRAME.unpack(self._read(FRAME.size))
             frame = self._read(size)

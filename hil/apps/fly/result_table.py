@@ -39,7 +39,21 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
         errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}", markup=True)
     for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
         console.print(f"  {reason}", markup=False)
+    print_timing(run, console)
     console.print(table, markup=False)
     # Unbroken lines, so that they can be copied, compared and searched for.
     console.print(f"digest   {run['digest']}{digest_note}", markup=False)
-    console.print(f"results  {folder}/  (report.html, run.json; {took_s:.1f} s in all)", markup=False)
+    names = ", ".join(name for name in ("report.html", "run.json") if (folder / name).exists())
+    console.print(f"results  {folder}/  ({names}; {took_s:.1f} s in all)", markup=False)
+
+
+def print_timing(run: dict[str, Any], console: Console) -> None:
+    """Print the findings about the timing of a run by the wall clock: each may be the cause of a FAIL."""
+    findings = (run.get("autopilot", {}).get("realtime") or {}).get("findings") or []
+    if not findings:
+        return
+    failed = run["status"] == "FAIL"
+    console.print("  The timing may be the cause:" if failed else "  The timing was not good:", markup=False)
+    for finding in findings:
+        colour = "red" if finding["level"] == "error" else "yellow"
+        console.print(f"    [{colour}]{finding['level']}:[/] {escape(finding['text'])}", markup=True)

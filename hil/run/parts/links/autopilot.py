@@ -29,6 +29,7 @@ class AutopilotPart(Part):
         self._run: RunContext | None = None
         self._link: AutopilotLink | None = None
         self._processors: LockstepProcessors | None = None
+        self._denied: dict[str, list[str]] = {}  # scheduling that the sender and the bench were not granted
         self._check_period_ticks = 0  # between two checks of the shared processor; 0: it is not shared
 
     def check(self) -> None:
@@ -59,7 +60,7 @@ class AutopilotPart(Part):
         assert run is not None
         if isinstance(link, RealtimeLink):
             # The thread that prepares samples for a free-running autopilot must not wait for a processor.
-            with RealtimeProducer():
+            with self._in_real_time(link):
                 yield
         elif link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None:
             with LockstepProcessors(link.pid, share=config.autopilot.share_processor) as self._processors:
@@ -70,6 +71,18 @@ class AutopilotPart(Part):
                     link.busy_wait_ns = _BUSY_WAIT_NS
                 yield
         else:
+            yield
+
+    @contextmanager
+    def _in_real_time(self, link: RealtimeLink) -> Iterator[None]:
+        """Fly with real-time scheduling, after telling the user what of it was not granted."""
+        with RealtimeProducer() as producer:
+            sent = link.send_stats()
+            refused = {"sender": sent.denied if sent is not None else (), "bench": producer.denied}
+            texts = [f"{who}: {', '.join(names)}" for who, names in refused.items() if names]
+            self._denied = {who: list(names) for who, names in refused.items()}
+            if texts and self._run is not None:
+                self._run.say("timing", "not granted to the " + "; to the ".join(texts))
             yield
 
     def after_tick(self, tick: int) -> None:
@@ -111,7 +124,7 @@ class AutopilotPart(Part):
             "link": {name: getattr(stats, name) for name in _LINK_KEYS} if stats else {},
         }
         if isinstance(self._link, RealtimeLink):
-            section["realtime"] = _punctuality(self._link)
+            section["realtime"] = _punctuality(self._link) | {"not_granted": self._denied}
         return {"autopilot": section}
 
     def report(self, run: RunContext) -> Report:

@@ -85,7 +85,12 @@ MOCK = "has no meaning for the mock autopilot (leave it out or choose another ri
          "autopilot.faults are only for the mock autopilot (see faults.links for faults of any link)"),
         ("px4_hitl", "  binary: px4", f"autopilot.binary has no meaning for px4_hitl {OTHER}"),
         ("px4_hitl", "  on_restart: reset", "autopilot.on_restart has no meaning for px4_hitl (leave it out)"),
-        ("px4_sitl", "  binary: no/such/px4", "autopilot.binary names a program that does not exist: no/such/px4"),
+        (
+            "px4_sitl",
+            "  binary: no/such/px4",
+            "autopilot.binary names a program that does not exist: no/such/px4 "
+            "(`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4)",
+        ),
         ("px4_sitl", "  {start: false, port: /dev/ttyACM0}",
          f"autopilot.port has no meaning for px4_sitl {OTHER}"),
         ("px4_sitl", "  {start: false, params: {MPC_XY_P: 1}}",
@@ -117,7 +122,8 @@ def test_settings_that_do_not_fit_the_rest_of_the_bench(text: str, says: str) ->
 
 
 def test_settings_that_fit_the_kind() -> None:
-    Path("px4").write_text("")
+    Path("px4").write_text("#!/bin/sh\n")
+    Path("px4").chmod(0o755)
     text = (
         "rig: px4_sitl\nautopilot: {binary: px4, params: {ANY_NAME: 3}, env: {A: b}, arguments: [-x], airframe: '1'}\n"
     )
