@@ -106,7 +106,7 @@ class Estimator:
     _ENOUGH = 8  # good reports in a row: 2 s
     _NEEDED: ClassVar = {0x1: "attitude", 0x2: "horizontal velocity", 0x4: "vertical velocity",
                          0x10: "horizontal position", 0x20: "vertical position"}  # fmt: skip
-    _WRONG: ClassVar = {0x80: "no aiding by GPS", 0x400: "GPS glitch", 0x800: "bad accelerometer data"}
+    _WRONG: ClassVar = {0x400: "GPS glitch", 0x800: "bad accelerometer data"}
     _RATIOS = ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio")
 
     def __init__(self) -> None:

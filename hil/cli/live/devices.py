@@ -19,9 +19,20 @@ def devices(
     fix: Annotated[
         bool, typer.Option("--fix", help="With --check: correct its parameters and restart the board.")
     ] = False,
-    baud: Annotated[int, typer.Option(help="With --check: baud rate of a UART.")] = 921_600,
+    timing: Annotated[
+        str | None,
+        typer.Option("--timing", help="Measure for a minute whether this computer can fly HITL now.", metavar="PORT"),
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="With --timing: duration.", min=1.0, max=3600.0)] = 60.0,
+    baud: Annotated[int, typer.Option(help="With --check and --timing: baud rate of a UART.")] = 921_600,
 ) -> None:
     """List serial ports, USB autopilots and gamepads."""
+    if timing is not None:
+        from hil.apps.timing_test import check_timing
+
+        with exit_on_error():
+            good = check_timing(console, timing, baud=baud, seconds=seconds)
+        raise typer.Exit(0 if good else 1)
     from hil.apps.devices import check_board, print_devices
 
     if check is None:
