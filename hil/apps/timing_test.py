@@ -55,7 +55,7 @@ def check_timing(console: Console, port: str, *, baud: int, seconds: float = 60.
         median_ms, p999_ms = (sent.lateness.quantile_ns(q) / 1e6 for q in (0.5, 0.999))
         worst_ms = sent.lateness.max_ns / 1e6
         console.print(
-            f"samples      {sent.sent} sent, {sent.dropped + sent.refused} never sent, {sent.late_20ms} over 20 ms late; "
+            f"samples      {sent.sent} sent, {sent.dropped + sent.refused} never sent, {sent.late_20ms} over 20 ms; "
             f"late by {median_ms:.2f} ms (median), {p999_ms:.2f} ms (99.9 %), {worst_ms:.2f} ms (worst)",
             markup=False,
         )

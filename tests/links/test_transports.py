@@ -9,7 +9,7 @@ import pytest
 
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
-from firmware_bridge.transports.serial import SerialTransport
+from firmware_bridge.transports.serial import SerialTransport, check_port
 from firmware_bridge.transports.tcp import TcpClient, TcpServer
 from firmware_bridge.transports.udp import UdpTransport
 from signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
@@ -136,6 +136,15 @@ def test_a_file_that_is_no_serial_port_is_named(tmp_path):
     for path in (str(file), str(tmp_path), "/dev/null"):
         with pytest.raises(LinkError, match="not a serial port"):
             SerialTransport(path).open()
+        with pytest.raises(LinkError, match="not a serial port"):
+            check_port(path)
+
+
+def test_a_port_is_checked_without_opening_it(pty_pair):
+    near, _ = pty_pair
+    check_port(near.far_path)  # held by another program
+    with pytest.raises(PortNotFound, match=r"/dev/ttyNOPE.*Ports here"):
+        check_port("/dev/ttyNOPE")
 
 
 def test_an_impossible_baud_rate_is_named():

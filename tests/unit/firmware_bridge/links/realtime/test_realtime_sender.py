@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import socket
 import threading
@@ -13,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from firmware_bridge.links.realtime.sender import RealtimeSender, SendStats
+from firmware_bridge.links.realtime.sender import RealtimeSender, SendStats, denied
+from firmware_bridge.links.realtime.sender_process import ISOLATED, MEMORY, SLACK, isolated_processors
 
 PERIOD_NS = 4_000_000
 HOUR_NS = 3_600 * 10**9
@@ -259,3 +261,19 @@ def test_a_killed_sender_process_is_an_error(line: Line, sender: Sender) -> None
     sender._process.kill()
     sender.wait(lambda _: sender.error)
     assert sender.failure("ttyX") is not None
+
+
+def test_what_was_not_granted_is_listed_with_its_remedy() -> None:
+    assert denied(80, MEMORY | SLACK | ISOLATED) == ()
+    nothing = denied(-1, 0)
+    assert [text.split(" (")[0] for text in nothing] == [
+        "real-time priority", "locked memory", "exact timers", "a processor of its own"
+    ]  # fmt: skip
+    assert "limits.conf" in nothing[0]
+    assert denied(80, MEMORY | SLACK) == nothing[3:]
+
+
+def test_isolated_processors_are_read_from_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
+    for text, processors in (("\n", set()), ("3\n", {3}), ("1-2,5\n", {1, 2, 5}), ("nonsense\n", set())):
+        monkeypatch.setattr("builtins.open", lambda *_args, text=text, **_more: io.StringIO(text))
+        assert isolated_processors() == processors

@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -198,3 +198,26 @@ def test_events_of_the_run_have_its_time() -> None:
     assert (context.now_ns(), context.ticks, context.status().phase) == (0, 0, "serving")
     with pytest.raises(ValueError, match="nothing in this run can have a str"):
         context.inject("fault")
+
+
+def test_a_wrong_port_is_named_before_anything_is_opened_or_reported(tmp_path: Path) -> None:
+    settings = ["autopilot.port=/dev/ttyNOPE", "sensors.imu.rate_hz=250"]
+    result = run_bench(load_bench(None, rig="px4_hitl", settings=settings), tmp_path / "out", quiet=True)
+    assert result.status == "ERROR"
+    assert result.run["error"]["type"] == "PortNotFound"
+    assert [file.name for file in (tmp_path / "out").iterdir()] == ["run.json"]
+
+
+def test_what_a_part_says_stands_on_the_console_and_in_the_recording(capsys: pytest.CaptureFixture[str]) -> None:
+    class Recorded:
+        events: ClassVar[list[tuple[int, str, str]]] = []
+
+        def event(self, t_ns: int, kind: str, text: str) -> None:
+            self.events.append((t_ns, kind, text))
+
+    for quiet, printed in ((True, ""), (False, "restart: the board has flown\n")):
+        run = RunContext(load_bench(None), Path(), [], quiet=quiet)
+        run.recorder = Recorded()  # type: ignore[assignment]
+        run.say("restart", "the board has flown")
+        assert capsys.readouterr().out == printed
+    assert Recorded.events == [(0, "restart", "the board has flown")] * 2
