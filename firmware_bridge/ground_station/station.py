@@ -15,14 +15,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from firmware_bridge.codecs.mavlink_frame import Frame
-from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.mission_upload import MissionUpload
 from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import first_seq, items_for, start_steps
 from firmware_bridge.ground_station.vehicle_link import refused
 from signals.mission import MissionItem
+from signals.time import NS_PER_S
 
+_MissionSetCurrent = message_class("MISSION_SET_CURRENT")
 _DO_SET_MODE = 176
 
 
@@ -92,12 +94,22 @@ class GroundStation(PhasedFlight):
             self._enter(Phase.PREFLIGHT, t_ns)
 
     def _preflight(self, t_ns: int) -> None:
-        if self._health.ready(t_ns):
+        if self._progress.current > 0 and self._heartbeats.autopilot != ARDUPILOT:
+            self._go_to_first_item(t_ns)
+        elif self._health.ready(t_ns):
             self._enter(Phase.ARMING, t_ns)
             steps = start_steps(self._heartbeats.autopilot)
             self._requests.begin(self._preflight_since_ns, steps, self._preflight_limit_ns)
         else:
             self._check_preflight(t_ns, self._preflight_since_ns, self._health.problem())
+
+    def _go_to_first_item(self, t_ns: int) -> None:
+        """Set the current item: PX4 resumes a mission that it already holds where an earlier flight ended."""
+        self._check_preflight(t_ns, self._preflight_since_ns, "it does not go back to the first item of the mission")
+        if self._retry_ns is None or t_ns >= self._retry_ns:
+            link = self._link
+            link.send(_MissionSetCurrent(link.target_sysid, link.target_compid, self._progress.first_seq))
+            self._retry_ns = t_ns + NS_PER_S
 
     def _arming(self, t_ns: int) -> None:
         if not self._requests.step(t_ns):

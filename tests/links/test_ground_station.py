@@ -77,6 +77,22 @@ def test_a_whole_flight(autopilot: int, commands: list[Any]) -> None:
     assert all(math.isnan(i.param4) for i in RECTANGLE)
 
 
+def test_a_mission_that_an_earlier_flight_left_in_the_middle_begins_at_its_first_item() -> None:
+    """PX4 keeps the current item of a mission that it already holds, also over a restart."""
+    station, vehicle = flown(resumes=4)
+    assert [m.seq for m in vehicle.sent("MISSION_SET_CURRENT")] == [0]
+    assert (station.reached, station.waypoints) == (6, 6)
+    _, fresh = flown()
+    assert fresh.sent("MISSION_SET_CURRENT") == []
+
+
+def test_a_vehicle_that_stays_at_a_later_item_is_named() -> None:
+    station, vehicle = GroundStation(RECTANGLE), Vehicle(resumes=4)
+    vehicle.on_mission_set_current = lambda *_: None  # type: ignore[method-assign]
+    with pytest.raises(HandshakeError, match="does not go back to the first item of the mission"):
+        fly(station, vehicle, limit_s=90.0)
+
+
 def test_jumps_lead_to_the_intended_item() -> None:
     mission = [item(0, 22), item(1, 16, 2.5), item(2, 177, 1.0, 3.0), item(3, 21)]
     copter = Vehicle(ARDUPILOT)

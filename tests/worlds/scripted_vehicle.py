@@ -24,7 +24,7 @@ class ScriptedVehicle:
 
     answers: by command, or for every one: a result, None for silence, or a list of them, of which the last one stays;
     sysid, mute (no heartbeats), no_prearm_bit, ready_ns (the pre-arm check passes), lose (messages not heard);
-    room (items), room_ns (none before), reject_seq, lost_acks, old_requests: how missions are taken;
+    resumes (item at which an earlier flight of the same mission ended); room (items), room_ns (none before), reject_seq, lost_acks, old_requests: how missions are taken;
     hold (does not take off), crash_ns, silent_landing: how it flies.
     """
 
@@ -41,7 +41,8 @@ class ScriptedVehicle:
         self.items: dict[int, Any] = {}
         self.count = 0
         self.armed, self.armed_at_ns, self.mode, self.landed_state = False, 0, 0, 1
-        self.reached = 0 if autopilot == ARDUPILOT else -1  # ArduPilot's item 0 is home
+        # ArduPilot's item 0 is home.
+        self.reached = 0 if autopilot == ARDUPILOT else script.get("resumes", 0) - 1
 
     # ---- messages
 
@@ -144,6 +145,9 @@ class ScriptedVehicle:
                 self.lost_acks -= 1
             else:
                 self.say("MISSION_ACK", 255, 190, 0)
+
+    def on_mission_set_current(self, t_ns: int, m: Any, _: int) -> None:
+        self.reached = m.seq - 1
 
     def tell(self, t_ns: int) -> None:
         """Return the telemetry of its mission."""
