@@ -51,7 +51,7 @@ def check_timing(console: Console, port: str, *, baud: int, seconds: float = 60.
         findings = link.findings()
         for who, names in (("sender", sent.denied), ("bench", producer.denied)):
             for name in names:
-                console.print(f"[dim]not granted[/]  to the {who}: {escape(name)}")
+                console.print(f"[dim]not granted[/]  to the {who}: {escape(name)}", markup=True)
         median_ms, p999_ms = (sent.lateness.quantile_ns(q) / 1e6 for q in (0.5, 0.999))
         worst_ms = sent.lateness.max_ns / 1e6
         console.print(
@@ -72,11 +72,11 @@ def check_timing(console: Console, port: str, *, baud: int, seconds: float = 60.
         link.close()
     for finding in findings:
         colour = "red" if finding.level == "error" else "yellow"
-        console.print(f"[{colour}]{finding.level}[/]  {escape(finding.text)}")
+        console.print(f"[{colour}]{finding.level}[/]  {escape(finding.text)}", markup=True)
     if any(finding.level == "error" for finding in findings):
-        console.print("[red]no[/]  this computer cannot fly hardware in the loop now")
+        console.print("[red]no[/]  this computer cannot fly hardware in the loop now", markup=True)
     elif findings:
-        console.print("[yellow]doubtful[/]  a flight's figures may suffer; see the warnings")
+        console.print("[yellow]doubtful[/]  a flight's figures may suffer; see the warnings", markup=True)
     else:
-        console.print("[green]yes[/]  this computer can fly hardware in the loop now")
+        console.print("[green]yes[/]  this computer can fly hardware in the loop now", markup=True)
     return not findings
