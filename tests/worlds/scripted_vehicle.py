@@ -24,7 +24,8 @@ class ScriptedVehicle:
 
     answers: by command, or for every one: a result, None for silence, or a list of them, of which the last one stays;
     sysid, mute (no heartbeats), no_prearm_bit, ready_ns (the pre-arm check passes), lose (messages not heard);
-    resumes (item at which an earlier flight of the same mission ended); room (items), room_ns (none before), reject_seq, lost_acks, old_requests: how missions are taken;
+    resumes (item at which an earlier flight of the same mission ended);
+    room (items), room_ns (none before), reject_seq, lost_acks, old_requests: how missions are taken;
     hold (does not take off), crash_ns, silent_landing: how it flies.
     """
 

@@ -6,10 +6,11 @@ next one comes: its age adds to the delay of the control loop, and a gap in the 
 PX4 stamps HIL samples on arrival, so a late sample is an acceleration at the wrong time. Measured: with 2.6 % of the
 samples more than 20 ms late PX4 reported "High Accelerometer Bias" and hovered 1.75 m too high, and long stalls ended
 in its flight termination. Punctual sending is not enough: a board that is held up reads the samples late, too, which
-only the pauses of its commands show. Measured on PX4's HITL code behind a pseudo-terminal, halted 26 times for 90 ms in
-a flight of 114 s, with no sample sent more than 20 ms late: 45 pauses, an estimated altitude up to 2.4 m above the true
-one, and a flight 4 m too low. Two pauses in the same flight did no harm (0.14 m). The other limits are chosen well below that, so that the user is warned in time: after a
-warning the flight's figures are doubtful, after an error they are not the vehicle's.
+only the pauses of its commands show. Measured on PX4's HITL code behind a pseudo-terminal, halted 26 times for 90 ms
+in a flight of 114 s, with no sample sent more than 20 ms late: 45 pauses, an estimated altitude up to 2.4 m above the
+true one, and a flight 4 m too low. Two pauses in the same flight did no harm (0.14 m). The other limits are chosen
+well below that, so that the user is warned in time: after a warning the flight's figures are doubtful, after an error
+they are not the vehicle's.
 """
 
 from __future__ import annotations
@@ -126,9 +127,8 @@ def judge_actuators(age: ActuatorAge) -> list[Finding]:
         text = (
             f"the actuator commands stopped {age.gap_count} times for more than {age.gap_ns / NS_PER_MS:.0f} ms "
             f"(up to {age.longest_gap_ns / NS_PER_MS:.0f} ms); meanwhile the motors kept their last command. "
-            "The board or its line was held up, so it also read the samples late and gave them the time of that moment: "
-            "PX4's altitude was then wrong by 2.4 m, with every sample sent on time. Relieve the board (log, telemetry "
-            "rates), use a faster link, and do not run a simulated board on a busy computer"
+            "The board or its line was held up, so it also read the samples late and gave them that time: PX4's altitude "
+            "was then wrong by 2.4 m, with every sample sent on time. Relieve the board (log, telemetry rates), use a faster link, and do not run a simulated board on a busy computer"
         )
         findings.append(Finding(level, text))
     return findings
