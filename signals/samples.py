@@ -104,8 +104,9 @@ class RangeSample(NamedTuple):
 class FlowSample(NamedTuple):
     """Optical flow of a camera that looks down (-z of B), integrated since the previous sample.
 
-    The flow is the turn about x and y of B that would move the picture in the same way: rates minus translation,
-    (w_x + v_y / d, w_y - v_x / d). Subtracting the integrated gyro leaves the translation.
+    The flow is the rotation about x and y of B that alone would move the picture as rotation and translation together
+    do: rates (w_x + v_y / d, w_y - v_x / d), d the distance to the ground. Subtracting the integrated gyro leaves the
+    translation.
     """
 
     seq: Count

@@ -143,7 +143,10 @@ class MockDesk:
         accessible: bool = True,
         usb_texts: bool = True,
     ) -> MockBoard:
-        """Plug a board in. `ports`: its serial devices, or their number. `usb_texts` False: they cannot be read."""
+        """Plug a board in. `ports`: its serial devices, or their number.
+
+        `usb_texts` False: product and serial number cannot be read over USB.
+        """
         self._plugged_count += 1
         location = f"1-{self._plugged_count}"
         if isinstance(ports, int):

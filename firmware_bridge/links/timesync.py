@@ -10,8 +10,8 @@ Queues only lengthen a round trip, so the answer with the shortest one is the be
 best answer of each block of time is kept, and a line through the blocks gives the drift. An answer that contradicts the
 best one by more than both uncertainties means that the autopilot's clock jumped. A jump of more than a second is a
 reboot: the filter then starts anew. A smaller one is a slip: a simulated autopilot's clock stands still while it gets
-no processor, and the time lost is not made up. The earlier readings are then moved by the jump, so that the drift is
-that between the slips. Times are passed in; no clock is read here.
+no processor, and the time lost is not made up. The earlier readings are then moved by the jump, so that slips do
+not count as drift. Times are passed in; no clock is read here.
 """
 
 from __future__ import annotations

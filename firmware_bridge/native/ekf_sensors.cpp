@@ -85,12 +85,12 @@ void Ekf::fuse_gps(const GpsFix &fix) {
     ratio_gps_v =
         std::max(ratio_of(velocity[0], gate), std::max(ratio_of(velocity[1], gate), ratio_of(velocity[2], gate)));
     const bool p_ok = ratio_h <= 1.0, d_ok = ratio_d <= 1.0, v_ok = ratio_gps_v <= 1.0;
-    const double patience_us = 1.0e6 * params_[EKF_REJECT_T];
+    const double reject_us = 1.0e6 * params_[EKF_REJECT_T];
     if (!p_ok || !v_ok || !d_ok) {
         ++rejections_.gps;
         // Fixes of good reported accuracy are rejected again and again: the state is wrong.
         const auto agreed_us = std::min(p_ok && d_ok ? t_us_ : last_gps_ok_us_, v_ok ? t_us_ : last_gps_v_ok_us_);
-        if (static_cast<double>(t_us_ - agreed_us) > patience_us) {
+        if (static_cast<double>(t_us_ - agreed_us) > reject_us) {
             reset_to_gps(fix, p_N, tau, var_h, var_d, var_v);
             return;
         }

@@ -33,7 +33,7 @@ namespace hil::flight {
     X(EKF_ABL_LIM, 0.4, 0.0, 2.0, "m/s^2", "largest accelerometer bias learned")                                    \
     X(EKF_GBL_LIM, 0.15, 0.0, 1.0, "rad/s", "largest gyro bias learned")                                            \
     X(EKF_ALIGN_T, 1.0, 0.1, 30.0, "s", "time at rest that alignment averages over")                                \
-    X(EKF_REJECT_T, 5.0, 0.5, 60.0, "s", "rejection of a sensor after which the state is reset to it")              \
+    X(EKF_REJECT_T, 5.0, 0.5, 60.0, "s", "time without an accepted sample before the state is reset to the sensor") \
     X(EKF_NOAID_T, 5.0, 0.5, 60.0, "s", "time without GPS after which position is no longer valid")                 \
     X(EKF_GRAVITY, 9.80665, 9.7, 9.9, "m/s^2", "local gravity")                                                     \
     X(MPC_XY_P, 1.3, 0.1, 5.0, "1/s", "horizontal position gain")                                                   \
@@ -56,7 +56,7 @@ namespace hil::flight {
     X(MPC_THR_MIN, 0.08, 0.01, 0.5, "1", "smallest collective thrust in flight")                                    \
     X(MPC_THR_MAX, 1.0, 0.3, 1.0, "1", "largest collective thrust")                                                 \
     X(MPC_THR_XY_MARG, 0.2, 0.0, 0.5, "1", "thrust kept for horizontal control when climbing needs it all")         \
-    X(MPC_TKO_RAMP_T, 1.0, 0.0, 5.0, "s", "time over which thrust is let up to its limit at take-off")              \
+    X(MPC_TKO_RAMP_T, 1.0, 0.0, 5.0, "s", "time over which the thrust limit rises to its full value at take-off")   \
     X(MPC_YAWRAUTO_MAX, 60.0, 5.0, 360.0, "deg/s", "largest rate of the yaw set-point")                             \
     X(MC_ROLL_P, 6.5, 0.0, 12.0, "1/s", "roll angle gain")                                                          \
     X(MC_PITCH_P, 6.5, 0.0, 12.0, "1/s", "pitch angle gain")                                                        \
@@ -82,9 +82,9 @@ namespace hil::flight {
     X(MC_YR_INT_LIM, 0.3, 0.0, 1.0, "1", "largest yaw rate integrator, normalised torque")                          \
     X(IMU_GYRO_CUTOFF, 80.0, 5.0, 1000.0, "Hz", "low-pass on the rates the controller sees")                        \
     X(IMU_DGYRO_CUTOFF, 30.0, 5.0, 1000.0, "Hz", "low-pass on the derivative of the rates")                         \
-    X(LNDMC_Z_VEL_MAX, 0.25, 0.05, 1.0, "m/s", "vertical speed below which the vehicle may be landed")              \
-    X(LNDMC_XY_VEL_MAX, 1.5, 0.1, 10.0, "m/s", "horizontal speed below which the vehicle may be landed")            \
-    X(LNDMC_ROT_MAX, 20.0, 1.0, 180.0, "deg/s", "rotation rate below which the vehicle may be landed")              \
+    X(LNDMC_Z_VEL_MAX, 0.25, 0.05, 1.0, "m/s", "vertical speed below which a landing can be detected")              \
+    X(LNDMC_XY_VEL_MAX, 1.5, 0.1, 10.0, "m/s", "horizontal speed below which a landing can be detected")            \
+    X(LNDMC_ROT_MAX, 20.0, 1.0, 180.0, "deg/s", "rotation rate below which a landing can be detected")              \
     X(LNDMC_TRIG_TIME, 0.5, 0.05, 10.0, "s", "duration of each of the two phases of the land detector")             \
     X(THR_MDL_FAC, 1.0, 0.0, 1.0, "1", "thrust curve T = f u^2 + (1 - f) u that the mixer inverts")                 \
     X(MOT_SPIN_IDLE, 0.10, 0.0, 0.5, "1", "motor command when armed on the ground, and the least one in flight")    \

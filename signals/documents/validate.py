@@ -46,7 +46,7 @@ class StrictModel(BaseModel):
 
 
 class Section(StrictModel):
-    """One mapping of a bench file: a StrictModel that converts no types."""
+    """One mapping of a bench file: a StrictModel that converts no types, even if it is not built by `validate`."""
 
     model_config = ConfigDict(strict=True)
 
@@ -89,7 +89,9 @@ def load_model(path: Path, model: type[Model]) -> tuple[Model, Document]:
 def validate(
     model: type[Model], data: Any, located: Located, *, below: Place = ()
 ) -> tuple[Model | None, list[Problem]]:
-    """Build `model` from `data`, which is at place `below` of `located`; return the model and all problems.
+    """Build `model` from `data` and return it with all problems.
+
+    `below` is the place of `data` in the file `located`; the place of every problem begins with it.
 
     If there are problems, the model is built without the wrong values (None if that is not possible), and serves only
     to find further problems.
@@ -249,6 +251,7 @@ def legal_keys(model: type[BaseModel], place: Place) -> list[str]:
                 if part in annotation.model_fields:
                     step.append(annotation.model_fields[str(part)].annotation)
             elif get_origin(annotation) in (dict, list, tuple):
+                # The type of the elements: V of dict[K, V], T of list[T] and of tuple[T, ...].
                 step += [a for a in get_args(annotation)[-2:] if a is not ...][-1:]
         annotations = step
     keys: dict[str, None] = {}

@@ -37,7 +37,7 @@ _HALF_CIRCLE_RAD = 3.1415926535897931
 
 
 class NotInvertible(ValueError):
-    """Distortion for which two directions share a pixel. `radius`: the radius of (x', y') beyond which they do."""
+    """Distortion for which two directions share a pixel. `radius`: sqrt(x'^2 + y'^2) beyond which they do."""
 
     def __init__(self, radius: float) -> None:
         self.radius = radius

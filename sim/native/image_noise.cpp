@@ -114,7 +114,7 @@ void blur_depth(float *depth_m, const DepthErrors &errors, ImageKey key, std::ui
             if (z >= errors.min_m && z <= errors.max_m && z < kNothing) {
                 measured = z + (errors.sigma_m + errors.sigma_per_m * z * z) * normals[i];
                 if (errors.disparity_scale_m > 0.0f) {
-                    // A measured distance of 0 or less has no disparity and counts as the nearest.
+                    // A measured distance of 0 or less gets infinite disparity, so distance 0, which becomes inf below.
                     const float steps = measured > 0.0f ? std::floor(errors.disparity_scale_m / measured + 0.5f)
                                                         : kNothing;
                     measured = steps > 0.0f ? errors.disparity_scale_m / steps : kNothing;

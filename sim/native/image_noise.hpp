@@ -4,8 +4,8 @@
 //   x = gain (e + sqrt(e + r^2) n) / N   with shot and read noise (r electrons), n standard normal
 //   pixel = sRGB(clip(x, 0, 1))
 //
-// Shot noise is Poisson; from 20 electrons on its normal approximation has the same mean and deviation and a skewness
-// below 0.23.
+// Shot noise is Poisson. Here it is normal with the same mean and deviation; the skewness of the Poisson distribution,
+// which is neglected, is below 0.23 from 20 electrons on.
 //
 // Noise is counter-based: the normals of picture `index` are a function of (key, index, position) alone. Philox4x64-10
 // on the counter (position / 8, 0, index, 0) gives 8 words of 32 bits; the inverse normal distribution function is

@@ -1,4 +1,4 @@
-"""Every skip rule, alone on and off, gives the same outputs bit for bit."""
+"""A skipping rule leaves out work that cannot affect the outputs: each one alone, on and off, gives the same bits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def park() -> Case:
 
 def test_pictures_are_the_same_with_and_without_each_rule(park: Case) -> None:
     rules = raster_rules(park, CAMERA)
-    assert len(rules) == len(fields(RenderSkips)) + 1  # and the channels that nobody asked for
+    assert len(rules) == len(fields(RenderSkips)) + 1  # the rule for unused channels is not a field
     assert {rule.name: compare(rule, rounds=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
 
 

@@ -77,7 +77,7 @@ def test_frame_arrives_whole_and_answer_returns() -> None:
         assert reply.t_arrived_ns > header["t_sent_ns"]
 
 
-def test_frames_go_against_credits_and_drops_are_told() -> None:
+def test_frames_use_up_credits_and_dropped_frames_are_reported() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client, credit=2)
         sent = [server.send(frame_of(k)) for k in range(5)]
@@ -146,8 +146,9 @@ def test_shared_memory_is_read_in_place_and_given_back(tmp_path: Path) -> None:
         while server.send(frame_of(sent)) == ["cut", "other", "far"]:
             sent += 1
         headers = [client.receive()[0] for _ in range(sent)]
-        size = headers[1]["release"]
-        assert size == 64 + 64 + 128  # as many as fit, one after the other
+        size = headers[1]["release"]  # offset of the second frame in the ring
+        assert size == 64 + 64 + 128  # rgb, depth and accel_mps2, each rounded up to 64 bytes
+        # The frames lie one after the other, as many as fit.
         assert [h["release"] for h in headers] == [k * size for k in range(8192 // size)]
         for k, header in enumerate(headers):
             seen = other.receive()[0]
@@ -285,7 +286,7 @@ def test_waiting_names_what_is_missing() -> None:
         assert [c.name for c in server.wait_for_clients(1, 5.0)] == ["cut"]
 
 
-def test_planned_topics_apply_to_later_clients() -> None:
+def test_after_limit_topics_a_later_client_gets_no_other_topics() -> None:
     with serving() as server, RawClient(server.endpoint) as first, RawClient(server.endpoint) as late:
         join(server, first, topics=["imu", "baro"])
         server.limit_topics(server.topics)

@@ -22,7 +22,7 @@ _PROC_UDP = Path("/proc/net/udp")
 
 
 class GroundChannel:
-    """MAVLink datagrams to and from `127.0.0.1:port`, from any free port."""
+    """Exchange of MAVLink datagrams with `host:port`; the local port is any free one."""
 
     def __init__(self, port: int, *, host: str = "127.0.0.1") -> None:
         self._peer = (host, port)

@@ -51,6 +51,7 @@ class DashboardPart(Part):
         physics, companion = run.physics, run.part("companion")
         self._live.attach(
             RunAccess(
+                # "wire": True if the page may offer faults of the link to the autopilot.
                 description=run_description(run) | {"wire": run.part("faults").can_have_faults},
                 scheduler=run.scheduler,
                 status=run.status,

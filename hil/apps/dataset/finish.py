@@ -47,7 +47,7 @@ from sim.sensors.radar_parameters import RadarParameters
 SPLIT_NAME = "split.csv"
 _COCO_NAMES = {"train": "train", "validation": "val", "test": "test"}
 _CHUNK_CHARACTERS = 1 << 20  # of a COCO file, held in memory before they are written
-_MIN_FRAMES_WITH_GUARDS = 30  # with fewer, neighbouring frames are in different sets
+_MIN_FRAMES_WITH_GUARDS = 30  # with fewer, there are no guard frames between the sets
 _TITLES = {
     "rgb": "colour",
     "boxes": "colour with boxes",
@@ -106,7 +106,8 @@ def finish(
 ) -> None:
     """Write the remaining files, complete the recording and delete the work folder.
 
-    `files` were written before the first frame; `made_from` is the data set's `provenance`. Raises RecordingError.
+    `files` were written before the first frame; `made_from` is the result of `storage.manifest.provenance`. Raises
+    RecordingError.
     """
     root, tables, recording = store.root, store.tables, store.recording
     tree = TreeWriter(root)
@@ -143,6 +144,7 @@ def finish(
             "first_t_ns": counts.frame_t_ns[0],
             "last_t_ns": counts.frame_t_ns[-1],
             "split": {name: split.counts[name] for name in (*SETS, GUARD)},
+            # By name for cameras, LiDARs and radars, and by folder in mav0 for every table.
             "samples": {**counts.samples, **{f: n for f, n in tables.rows.items() if f not in counts.samples}},
             "objects": sum(sum(frame.values()) for frame in counts.objects),
             "files": len(written),
@@ -239,8 +241,9 @@ def _datasheet(
     limits = list(LIMITS)
     if frames < _MIN_FRAMES_WITH_GUARDS:
         limits.append(
-            f"With only {frames} frames there are no guard frames between the sets: consecutive frames are in "
-            "different sets, and a set can be empty. Use them to try out tools, not to evaluate a detector."
+            f"With only {frames} frames there are no guard frames between the sets: the last frame of one set is "
+            "directly followed by the first of the next, and a set can be empty. Use them to try out tools, not to "
+            "evaluate a detector."
         )
     trajectory = config.dataset.trajectory
     course = config.mission or "none"

@@ -124,6 +124,7 @@ def make_plan(
     `config` defaults to the bench that comes with `hil dataset`. `work` returns a folder for the mission file of a
     preset course; it is called only if the bench has one.
     """
+    # The default bench is found as missions are: by its path, in the working directory or beside the package.
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
     if quality is not None and quality not in QUALITIES:
         raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
@@ -186,7 +187,7 @@ def _problems(bench: Bench) -> list[Problem]:
 
 
 def _with_memoryless_radars(bench: Bench) -> Bench:
-    """Switch off the radar outputs that depend on earlier frames: tracks, their points and a learnt background."""
+    """Switch off a radar's points and tracks, which are not recorded, and the background learnt from earlier frames."""
     sensors = dict(bench.config.sensors)
     for name, sensor in sensors.items():
         p = sensor.parameters

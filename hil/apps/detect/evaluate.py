@@ -1,7 +1,7 @@
 """Evaluation of a detector on labelled pictures: average precision by class, and false boxes at a threshold.
 
-It works with any back end of the companion, and with the model files that are used in flight. The mean average
-precision is the mean over those of the model's classes that occur in the pictures.
+A false box is a false positive. Evaluation works with any back end of the companion, and with the model files that are
+used in flight. The mean average precision is the mean over those of the model's classes that occur in the pictures.
 """
 
 from __future__ import annotations

@@ -41,7 +41,9 @@ class Picture:
     boxes_px: NDArray[np.float32]  # (n, 4)
     labels: tuple[str, ...]
     difficult: NDArray[np.bool_]  # (n,)
-    area_px: NDArray[np.float32]  # (n,) visible area, at most the box's; 0: difficult at any scale
+    # (n,) Visible area. In training it is scaled with the picture, and a small one makes the object difficult. A crowd
+    # has 0, so that it is difficult at any scale.
+    area_px: NDArray[np.float32]
 
 
 def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Sequence[str] = ()) -> list[Picture]:

@@ -49,5 +49,5 @@ def start_command(bench: Bench, folder: Path) -> str:
         )
         words = [f"{name}={shlex.quote(value)}" for name, value in (env | autopilot.env).items()]
         return " ".join([*words, shlex.join([*argv, *autopilot.arguments])])
-    message = f"prints how to start a SITL by hand, and {autopilot.kind} is none"
+    message = f"only works with a SITL, which the autopilot {autopilot.kind!r} is not"
     raise ConfigError([Problem("--print-command", message, "use it with --rig ardupilot_sitl or --rig px4_sitl")])

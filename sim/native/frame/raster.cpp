@@ -243,7 +243,8 @@ private:
         d.radius = static_cast<float>(g.size[0]);
         for (int i = 0; i < 3; ++i) d.half[i] = static_cast<float>(g.size[i]);
         if (g.shape == Shape::kCapsule || g.shape == Shape::kCylinder) d.half[2] = static_cast<float>(g.size[1]);
-        // v of the rigid body at the camera's origin, relative to the camera: w x (t d) has no component along d.
+        // The velocity at the camera's origin serves for every point of the geom along a ray: w x (t d) has no component
+        // along d.
         double v[3];
         for (int i = 0; i < 3; ++i) {
             const int j = (i + 1) % 3, k = (i + 2) % 3;

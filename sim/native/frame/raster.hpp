@@ -4,9 +4,9 @@
 // intersected with the shape itself (shapes.hpp), 16 pixels at a time. Geoms are drawn nearest first. A block of 4 x 4
 // pixels stores its farthest depth, so that hidden geoms and whole branches of the tree are skipped block by block.
 //
-// A pixel sees the hit of least t; of equal ones that of the lower geom, then triangle index. This depends only on the
-// pixel's ray and the geoms, so the picture does not depend on the order of drawing, on culling, on the number of
-// threads (each draws its own rows) or on the instruction set.
+// A pixel sees the hit with the smallest t; with equal t, the one with the smaller geom index, then triangle index.
+// This depends only on the pixel's ray and the geoms, so the picture does not depend on the order of drawing, on
+// culling, on the number of threads (each draws its own rows) or on the instruction set.
 //
 // Rays. Camera frame C: x right, y down, z forward; the ray of a pixel is d_C, and t its parameter. Pinhole:
 // d_C = ((u - cx) / fx, (v - cy) / fy, 1), t is the planar depth. Other cameras: a table of unit d_C, t is the
@@ -63,7 +63,8 @@ struct DrawnGeom {
     float t_min_bound;         // lower bound of t over the geom
     std::int32_t x0, x1, y0, y1;  // blocks it may touch, ends excluded
     float cone[4];             // table: cone of its bounding sphere, axis in C and cosine of the half angle; < -1: all
-    float velocity_C[3];       // of the point of its rigid body at the camera's origin, relative to the camera
+    // Velocity, relative to the camera, that its rigid body would have at the camera's origin if it extended to there.
+    float velocity_C[3];
     const Mesh *mesh;
     bool backs_hidden;         // back faces are skipped
 };

@@ -164,7 +164,7 @@ def test_looking_ahead_commands_what_would_come_later() -> None:
         assert first.p_W == pytest.approx(second.p_W)
 
 
-def test_what_cannot_be_flown_is_told() -> None:
+def test_what_cannot_be_flown_is_reported() -> None:
     with pytest.raises(CutError, match="has none to fly"):
         Waypoints().start(read_welcome(welcome(waypoints_W=[])))
     wrong: list[dict[str, Any]] = [{"speed_mps": 0}, {"corridor_m": math.nan}, {"yaw": "north"}, {"lookahead_s": "all"}]

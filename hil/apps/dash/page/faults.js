@@ -34,7 +34,8 @@ export class Faults {
 
   inject(fault) { this.send({ kind: "inject", fault }); }
 
-  // Fill the lists with the rotors, sensors and links of this run.
+  // Fill the lists with the rotors, sensors and links of this run. `wire`: whether the link to the autopilot can have
+  // faults.
   offer({ rotors, sensors, companions, wire }) {
     options($("fault-rotor"), Array.from({ length: rotors ?? 4 }, (_, k) => String(k)));
     options($("fault-sensor"), Object.keys(sensors ?? {}));

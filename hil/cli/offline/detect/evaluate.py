@@ -18,12 +18,13 @@ def evaluate(
     part: Annotated[str, typer.Option(help="Part of the pictures: train, validation, test or all.")] = "test",
     backend: Annotated[str, typer.Option(help="opencv, onnxruntime or pytorch.")] = "opencv",
     threshold: Annotated[
-        float | None, typer.Option(help="Score for counting false boxes; default the model's.")
+        float | None,
+        typer.Option(help="Lowest score of a box that counts in recall, precision, false boxes; default the model's."),
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file.")] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Measure the average precision of a detector by class, and its false boxes."""
+    """Measure the average precision of a detector by class, and its false boxes (false positives)."""
     from hil.apps.detect.command import evaluate_detector
 
     with exit_on_error():

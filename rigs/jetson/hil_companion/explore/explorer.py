@@ -47,11 +47,12 @@ _AT_HEIGHT_M = 0.5
 _HEIGHT_GAIN_PER_S, _SINK_MPS = 0.8, 1.0
 _HOLD_GAIN_PER_S, _HOLD_MPS = 0.5, 0.5
 _SLOW_MPS = 0.5
-_WIDE_FACTOR = 3.0  # on distance and time of the second check of progress, which detects flying to and fro
+_WIDE_FACTOR = 3.0  # on `progress_m` and `stuck_s` for the second check of progress, which detects flying to and fro
 _GROUND_M = 128.0  # half side of the ground's height map if the mapped area is not given
 _NEAR_M = 6.0  # obstacles of the newest sweep within this distance enter the planning map at once
 _FASTEST_SHARE, _FASTEST_MPS = 2.0, 4.0  # an estimate faster than 2 times `speed_mps` plus 4 m/s is wrong
-_UNSURE_M, _LOST_M = 0.3, 3.0  # standard deviations of the position: above, flight is slower; position is unknown
+# Standard deviation of the position: above _UNSURE_M the vehicle flies slower, above _LOST_M the position is unknown.
+_UNSURE_M, _LOST_M = 0.3, 3.0
 
 
 class Explorer:
@@ -259,7 +260,8 @@ class Explorer:
             left_m = float(np.hypot(*(p_W - route.goal_W)))
             if left_m < s.goal_radius_m and float(np.hypot(*v_W)) < _SLOW_MPS:
                 moved_m = math.hypot(route.goal_W[0] - self.goal_W[0], route.goal_W[1] - self.goal_W[1])
-                self._end(frame, GOAL, f"moved by {moved_m:.1f} m" if moved_m > 0.0 else "")
+                why = f"the goal was shifted by {moved_m:.1f} m, because it was too near to an obstacle"
+                self._end(frame, GOAL, why if moved_m > 0.0 else "")
         elif self._no_path_since_ns is None:
             self._no_path_since_ns = t_ns
         elif (t_ns - self._no_path_since_ns) * 1e-9 > s.no_path_s:

@@ -90,11 +90,12 @@ def test_the_signature_is_the_beginning_of_the_hash() -> None:
 def test_any_altered_byte_is_a_forgery() -> None:
     signed = signer().sign(ping(FrameEncoder(9, 8)))
     trailer = len(signed) - 13
+    # Not start, length, flags and message id, most of which the parser refuses; nor the checksum, recomputed below.
     for where in (4, 5, 6, *range(10, trailer - 2), *range(trailer, len(signed))):
         raw = bytearray(signed)
         raw[where] ^= 0x10
         if where < trailer:
-            # A forger makes the checksum valid again.
+            # `sign` recomputes the checksum, as a forger would; its signature with another key is cut off.
             raw[:trailer] = signer(key=SigningKey(bytes(32))).sign(bytes(raw))[:-13]
         assert verifier().check(frame(bytes(raw))) is Check.FORGED, where
 

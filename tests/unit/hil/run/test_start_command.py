@@ -56,7 +56,7 @@ def test_px4(tmp_path: Path) -> None:
 
 
 def test_others_and_a_folder_that_cannot_be_written_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--print-command: prints how to start a SITL by hand, and mock is none"):
+    with pytest.raises(ConfigError, match="--print-command: only works with a SITL, which the autopilot 'mock' is not"):
         start_command(load("rig: mock\n"), tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match=r"bench\.parm: cannot be written"):

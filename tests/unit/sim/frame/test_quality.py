@@ -132,7 +132,7 @@ def test_cameras_that_mujoco_draws_take_shadows_and_pixels_only() -> None:
     assert look(CameraParameters(**values)) == ((640, 480), 1, True, True)
 
 
-def test_an_unknown_level_is_told() -> None:
+def test_an_unknown_level_is_reported() -> None:
     with pytest.raises(ConfigError, match="quality must be 'low', 'medium'"):
         camera(f"{PRESET}, quality: ultra")
     with pytest.raises(ConfigError, match="quality: must be 'low'"):

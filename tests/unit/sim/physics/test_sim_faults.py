@@ -65,7 +65,7 @@ def test_stuck_rotor_ignores_commands() -> None:
     assert track[25].rotor_speed_radps[0] == pytest.approx(start)
 
 
-def test_a_later_fault_replaces_the_earlier_and_all_are_told() -> None:
+def test_a_later_fault_replaces_the_earlier_and_all_are_reported() -> None:
     physics = hovering(
         RotorFault(kind="stuck", rotor=2, at_s=0.02, speed_radps=0.0),
         RotorFault(kind="efficiency", rotor=2, at_s=0.01, factor=0.5),

@@ -67,7 +67,7 @@ def test_settings_may_stand_at_the_top_and_the_filters_may_be_left_out(tmp_path:
     assert found.chirp == WIDE
 
 
-def test_a_missing_file_and_missing_settings_are_both_told(tmp_path: Path) -> None:
+def test_a_missing_file_and_missing_settings_are_both_reported(tmp_path: Path) -> None:
     words = refusal(tmp_path / "none.npz")
     assert "none.npz: does not exist" in words
     assert "none.json: does not exist" in words

@@ -236,7 +236,7 @@ def test_an_empty_scene_gives_leakage_and_noise() -> None:
     assert np.all(np.isfinite(a["range_doppler"]))
 
 
-def test_what_was_left_out_is_told() -> None:
+def test_dropped_pixels_are_reported() -> None:
     sensor = radar(mask={"max_range_m": 3.0, "azimuth_deg": (-20.0, 20.0)})
     sensor.sample(truth(), 0)
     told = radar_counts(sensor)

@@ -313,12 +313,12 @@ def test_weather_of_the_bench_lies_over_the_scene_and_haze_over_both() -> None:
         ("weather={visibility_m: 1}", "visibility_m must be at least 10"),
     ],
 )
-def test_wrong_settings_are_told(setting: str, said: str) -> None:
+def test_wrong_settings_are_reported(setting: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         load_bench(settings=[setting])
 
 
-def test_errors_beyond_what_a_sensor_may_have_are_told() -> None:
+def test_errors_beyond_what_a_sensor_may_have_are_reported() -> None:
     noisy = "sensors.imu.accel_scale_error=0.19"
     with pytest.raises(ConfigError, match="narrow the limits"):
         load_bench(settings=[noisy, "randomize.noise={imu: [50, 60]}"])
