@@ -130,7 +130,7 @@ def test_stop_ends_the_run_with_everything_recorded(tmp_path: Path) -> None:
 
     page = PageThread(on_state=stop)
     stopped = fly(tmp_path, page, pace=5.0)
-    assert stopped.run["error"] == {"type": "Interrupted", "message": "stopped from the dashboard"}
+    assert stopped.run["error"] is None  # a run without a mission ends as a success when it is stopped
     assert stopped.run["by_hand"][-1]["what"] == "stop"
     assert page.others[-1]["kind"] == "end"
-    assert page.others[-1]["run"]["status"] == "ERROR"
+    assert page.others[-1]["run"]["status"] == "PASS"

@@ -104,7 +104,7 @@ def _name(text: str, *, given: bool) -> str:
 def _print(console: Console, calibration: Calibration, recording: Recording) -> None:
     first, last = calibration.frames
     receivers = [f"RX{a}" for a in recording.rx_antennas]
-    table = Table(f"frames {first} to {last - 1}, value +- one standard deviation", box=None, padding=(0, 2, 0, 0))
+    table = Table(f"frames {first} to {last - 1}, +- 1 sigma", box=None, padding=(0, 2, 0, 0))
     for receiver in receivers:
         table.add_column(receiver, justify="right", no_wrap=True)
     for row in calibration.rows:

@@ -16,7 +16,7 @@ from hil.cli.options import QuietOption, SeedOption, SetOption, takes
 class DatasetOptions:
     config: Annotated[
         Path | None,
-        typer.Argument(help="Bench file; default a square over the city park, with all sensors.", metavar="[CONFIG]"),
+        typer.Argument(help="Bench file; default a loop through the city park, with all sensors.", metavar="[CONFIG]"),
     ] = None
     frames: Annotated[int | None, typer.Option(help="Number of frames; default 500.", show_default=False)] = None
     out: Annotated[Path | None, typer.Option(help="Folder of the data set; default runs/<time>-dataset.")] = None
