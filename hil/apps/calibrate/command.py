@@ -110,7 +110,7 @@ def _print(console: Console, calibration: Calibration, recording: Recording) -> 
     for row in calibration.rows:
         cells = _cells(row)
         cells += [""] * (len(receivers) - len(cells))
-        table.add_row(escape(f"{row.name} [{row.unit}]" if row.unit else row.name), *cells)
+        table.add_row(f"{row.name} [{row.unit}]" if row.unit else row.name, *cells)
     console.print(table)
     for echo in calibration.echoes:
         amplitudes = ", ".join(f"{a:.1f}" for a in echo.amplitude)
