@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
@@ -70,7 +71,7 @@ def _print(result: BenchmarkResult, console: Console) -> None:
     console.print(rows)
     checks = Table("check", "value", "", "limit", "unit", "", box=None, pad_edge=False)
     for check in result.checks:
-        mark = "[green]ok[/]" if check.ok else "[bold red]NOT MET[/]"
+        mark = Text("ok", "green") if check.ok else Text("NOT MET", "bold red")
         checks.add_row(check.name, f"{check.value:.4g}", check.sense, f"{check.limit:g}", check.unit, mark)
     console.print(checks)
     for name in result.left_out:
