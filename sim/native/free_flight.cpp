@@ -151,15 +151,6 @@ double order8_step(const RigidBodyParams &params, double t, double h, const Roto
     return finish_step(s, y, path);
 }
 
-// Velocity of a rotor's hub through the air, in B.
-void hub_velocity(const double R[9], const double *s, const double *wind_W, const double *r, double *out) {
-    const double d[3] = {s[kV] - wind_W[0], s[kV + 1] - wind_W[1], s[kV + 2] - wind_W[2]};
-    const double *w = s + kW;
-    out[0] = (R[0] * d[0] + R[3] * d[1] + R[6] * d[2]) + (w[1] * r[2] - w[2] * r[1]);
-    out[1] = (R[1] * d[0] + R[4] * d[1] + R[7] * d[2]) + (w[2] * r[0] - w[0] * r[2]);
-    out[2] = (R[2] * d[0] + R[5] * d[1] + R[8] * d[2]) + (w[0] * r[1] - w[1] * r[0]);
-}
-
 // Longest step that the poles of the rotors' thrust allow (free_flight.hpp), `longest` if none is near. The poles lie in
 // the complex plane of the rotor's speed at radius a / (x0 sqrt(kappa)), 45 degrees off the axes, for the descent into
 // the own wake, and at +-i V / sqrt(kappa) for the speed V across the rotor. Both are at least O / sqrt(2) away.
@@ -171,13 +162,14 @@ double step_by_poles(const RigidBodyParams &params, const TickWind &wind, const 
         if (change * 1.5 > kPolePerStep * (rotors.command[i] + rotors.lag[i])) far = false;
     }
     if (far) return longest;
-    double R[9], wind_W[3];
+    double R[9], wind_W[3], air[3];
     rotation_matrix(s + kQ, R);
     wind_at(wind, t, wind_W);
+    air_velocity(R, s, wind_W, air);
     double step = longest;
     for (int i = 0; i < rotors.count; ++i) {
         double hub[3];
-        hub_velocity(R, s, wind_W, params.rotor_position_m[i], hub);
+        hub_velocity(air, s + kW, params.rotor_position_m[i], hub);
         const double speed = rotors.command[i] + rotors.lag[i];
         const double rate = std::fabs(rotors.rate[i] * rotors.lag[i]);
         const double ring = hub[2] < 0.0 ? -hub[2] / kVortexRingCentre : 0.0;

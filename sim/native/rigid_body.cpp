@@ -26,9 +26,8 @@ void rate_of_spin(const double *I, const double *w, const double *torque, double
 void wrench_in(const RigidBodyParams &params, const double R[9], const double *s, const RotorStage &rotors,
                const double *wind_W, Wrench &out) {
     const double *w = s + kW;
-    const double dv[3] = {s[kV] - wind_W[0], s[kV + 1] - wind_W[1], s[kV + 2] - wind_W[2]};
-    const double air[3] = {R[0] * dv[0] + R[3] * dv[1] + R[6] * dv[2], R[1] * dv[0] + R[4] * dv[1] + R[7] * dv[2],
-                           R[2] * dv[0] + R[5] * dv[1] + R[8] * dv[2]};
+    double air[3];
+    air_velocity(R, s, wind_W, air);
     const double airspeed = std::sqrt((air[0] * air[0] + air[1] * air[1]) + air[2] * air[2]);
     double force[3], torque[3] = {0.0, 0.0, 0.0};
     for (int j = 0; j < 3; ++j) {
@@ -44,21 +43,20 @@ void wrench_in(const RigidBodyParams &params, const double R[9], const double *s
         const double speed2 = speed * speed;
         const double static_thrust = params.thrust_coefficient_n_per_radps2 * params.thrust_left[i] * speed2;
         const double drag = params.rotor_drag_kg_per_rad * speed;
-        const double hub_x = air[0] + (w[1] * r[2] - w[2] * r[1]);
-        const double hub_y = air[1] + (w[2] * r[0] - w[0] * r[2]);
-        const double hub_z = air[2] + (w[0] * r[1] - w[1] * r[0]);
+        double hub[3];
+        hub_velocity(air, w, r, hub);
         double thrust = static_thrust;
         if (near_ground || descends) {
             const double induced2 = effects.kappa_m2 * speed2;
-            const double across2 = hub_x * hub_x + hub_y * hub_y;
+            const double across2 = hub[0] * hub[0] + hub[1] * hub[1];
             if (near_ground) {
                 const double height = s[kP + 2] + ((R[6] * r[0] + R[7] * r[1]) + R[8] * r[2]);
                 thrust *= ground_ratio(effects, height, R[8], induced2, across2);
             }
-            if (descends) thrust *= descent_ratio(effects, hub_z, induced2, across2);
+            if (descends) thrust *= descent_ratio(effects, hub[2], induced2, across2);
         }
-        thrust -= effects.axial_kg_per_rad * speed * hub_z;
-        double fx = -drag * hub_x, fy = -drag * hub_y;
+        thrust -= effects.axial_kg_per_rad * speed * hub[2];
+        double fx = -drag * hub[0], fy = -drag * hub[1];
         if (params.imbalanced) {
             fx += rotors.push_x[i];
             fy += rotors.push_y[i];

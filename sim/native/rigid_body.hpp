@@ -80,6 +80,21 @@ RotorDecay rotor_decay(const RigidBodyParams &params, double dt_s);
 // Steady speed of rotor `i` at command `control`, `scale` = V / V_nominal.
 double commanded_speed(const RigidBodyParams &params, int i, double control, double scale);
 
+// Velocity of the vehicle through the air, in B.
+inline void air_velocity(const double R[9], const double *s, const double *wind_W, double air[3]) {
+    const double dv[3] = {s[kV] - wind_W[0], s[kV + 1] - wind_W[1], s[kV + 2] - wind_W[2]};
+    air[0] = R[0] * dv[0] + R[3] * dv[1] + R[6] * dv[2];
+    air[1] = R[1] * dv[0] + R[4] * dv[1] + R[7] * dv[2];
+    air[2] = R[2] * dv[0] + R[5] * dv[1] + R[8] * dv[2];
+}
+
+// Velocity through the air of a rotor's hub at `r`, in B: air + w x r.
+inline void hub_velocity(const double air[3], const double *w, const double *r, double hub[3]) {
+    hub[0] = air[0] + (w[1] * r[2] - w[2] * r[1]);
+    hub[1] = air[1] + (w[2] * r[0] - w[0] * r[2]);
+    hub[2] = air[2] + (w[0] * r[1] - w[1] * r[0]);
+}
+
 struct Wrench {
     double force_B[3];
     double torque_B[3];  // about the centre of mass; holds the rotors' gyroscopic terms, not w x (I w)

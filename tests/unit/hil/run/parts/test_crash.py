@@ -28,7 +28,6 @@ class Judged:
     def __init__(self, limits: Crash | None = None, *, plan: bool = True) -> None:
         self.events: list[str] = []
         self.scheduler = SimpleNamespace(truth=None, actuators=SimpleNamespace(armed=True))
-        self.physics = SimpleNamespace(state=SimpleNamespace())
         self.now_ns_value = 0
         self.part = CrashPart(limits or Crash())
         legs = planned_path(PLAN.mission, PLAN.scene, home_W=(0.0, 0.0, 0.2)) if plan and PLAN.mission else ()
