@@ -29,7 +29,8 @@ class RigidBody {
               Vec3 body_drag_quadratic_n_per_m2ps2, double gravity_mps2, Vec3 wind_W_mps, double tick_s, int substeps,
               int contact_substeps, int hard_contact_substeps, double thrust_model_factor, double rotor_radius_m,
               double ground_thrust_ratio, double descent_loss, double rotor_axial_kg_per_rad,
-              double air_density_kgpm3, bool classical)
+              double air_density_kgpm3, bool classical, std::vector<Vec3> rotor_axis, std::vector<int> rotor_above,
+              double coaxial_loss)
         : truth_(truth), tick_s_(tick_s), contact_substeps_{contact_substeps, hard_contact_substeps} {
         const std::size_t n = rotor_position_m.size();
         if (n < 1 || n > kMaxRotors || rotor_spin.size() != n) {
@@ -48,6 +49,14 @@ class RigidBody {
             for (int j = 0; j < 3; ++j) params_.rotor_position_m[i][j] = rotor_position_m[i][j];
             set_rotor(static_cast<int>(i), 1.0, -1.0, 0.0);
         }
+        rotor_axis.resize(n, Vec3{0.0, 0.0, 1.0});
+        rotor_above.resize(n, -1);
+        double axes[kMaxRotors][3];
+        for (std::size_t i = 0; i < n; ++i) {
+            for (int j = 0; j < 3; ++j) axes[i][j] = rotor_axis[i][j];
+            if (rotor_above[i] >= static_cast<int>(n)) throw std::invalid_argument("a rotor above does not exist");
+        }
+        hil::sim::set_rotor_axes(params_, axes, rotor_above.data(), coaxial_loss);
         params_.thrust_coefficient_n_per_radps2 = thrust_coefficient_n_per_radps2;
         params_.moment_ratio_m = moment_ratio_m;
         params_.max_speed_radps = max_speed_radps;
@@ -321,7 +330,7 @@ void bind_rigid_body(nb::module_ &m) {
                           "acceleration in B[3] over the last tick. SI, ENU/FLU. See rigid_body.hpp.")
         .def(nb::init<Out<double, -1>, double, Vec3, std::vector<Vec3>, std::vector<double>, double, double, double, double,
                       double, double, double, Vec3, Vec3, double, Vec3, double, int, int, int, double, double, double,
-                      double, double, double, bool>(),
+                      double, double, double, bool, std::vector<Vec3>, std::vector<int>, double>(),
              nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "rotor_position_m"_a, "rotor_spin"_a,
              "thrust_coefficient_n_per_radps2"_a, "moment_ratio_m"_a, "max_speed_radps"_a, "time_constant_up_s"_a,
              "time_constant_down_s"_a, "rotor_inertia_kgm2"_a, "rotor_drag_kg_per_rad"_a,
@@ -329,7 +338,8 @@ void bind_rigid_body(nb::module_ &m) {
              "tick_s"_a, "substeps"_a, "contact_substeps"_a, "hard_contact_substeps"_a = 1,
              "thrust_model_factor"_a = 1.0, "rotor_radius_m"_a = 0.1, "ground_thrust_ratio"_a = 1.0,
              "descent_loss"_a = 0.0, "rotor_axial_kg_per_rad"_a = 0.0, "air_density_kgpm3"_a = 1.225,
-             "classical"_a = false)
+             "classical"_a = false, "rotor_axis"_a = std::vector<Vec3>(), "rotor_above"_a = std::vector<int>(),
+             "coaxial_loss"_a = 0.0)
         .def("fit_battery", &RigidBody::fit_battery, nb::kw_only(), "battery"_a.noconvert(), "cells"_a, "capacity_c"_a,
              "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
              "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "

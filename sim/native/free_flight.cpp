@@ -151,6 +151,13 @@ double order8_step(const RigidBodyParams &params, double t, double h, const Roto
     return finish_step(s, y, path);
 }
 
+// Turns a velocity from B to the axes e1, e2, n of rotor i.
+void into_rotor_axes(const RigidBodyParams &params, int i, double *v) {
+    const double *rows[3] = {params.rotor_plane[i][0], params.rotor_plane[i][1], params.rotor_axis[i]};
+    const double b[3] = {v[0], v[1], v[2]};
+    for (int j = 0; j < 3; ++j) v[j] = (rows[j][0] * b[0] + rows[j][1] * b[1]) + rows[j][2] * b[2];
+}
+
 // Longest step that the poles of the rotors' thrust allow (free_flight.hpp), `longest` if none is near. The poles lie in
 // the complex plane of the rotor's speed at radius a / (x0 sqrt(kappa)), 45 degrees off the axes, for the descent into
 // the own wake, and at +-i V / sqrt(kappa) for the speed V across the rotor. Both are at least O / sqrt(2) away.
@@ -170,6 +177,7 @@ double step_by_poles(const RigidBodyParams &params, const TickWind &wind, const 
     for (int i = 0; i < rotors.count; ++i) {
         double hub[3];
         hub_velocity(air, s + kW, params.rotor_position_m[i], hub);
+        if (!params.upright) into_rotor_axes(params, i, hub);
         const double speed = rotors.command[i] + rotors.lag[i];
         const double rate = std::fabs(rotors.rate[i] * rotors.lag[i]);
         const double ring = hub[2] < 0.0 ? -hub[2] / kVortexRingCentre : 0.0;

@@ -79,6 +79,68 @@ void wrench_in(const RigidBodyParams &params, const double R[9], const double *s
     }
 }
 
+// The same for rotors with axes of their own and coaxial pairs.
+void tilted_wrench_in(const RigidBodyParams &params, const double R[9], const double *s, const RotorStage &rotors,
+                      const double *wind_W, Wrench &out) {
+    const double *w = s + kW;
+    double air[3];
+    air_velocity(R, s, wind_W, air);
+    const double airspeed = std::sqrt((air[0] * air[0] + air[1] * air[1]) + air[2] * air[2]);
+    double force[3], torque[3] = {0.0, 0.0, 0.0}, spin_momentum[3] = {0.0, 0.0, 0.0};
+    for (int j = 0; j < 3; ++j) {
+        force[j] =
+            -(params.body_drag_linear_n_per_mps[j] + params.body_drag_quadratic_n_per_m2ps2[j] * airspeed) * air[j];
+    }
+    const RotorAir &effects = params.air;
+    const bool near_ground = effects.ground_floor > 0.0, descends = effects.descent_loss > 0.0;
+    for (int i = 0; i < params.rotor_count; ++i) {
+        const double *r = params.rotor_position_m[i], *n = params.rotor_axis[i];
+        const double speed = rotors.speed[i];
+        const double k = params.thrust_coefficient_n_per_radps2 * params.thrust_left[i];
+        double hub[3], across[3];
+        hub_velocity(air, w, r, hub);
+        const double axial = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
+        for (int j = 0; j < 3; ++j) across[j] = hub[j] - axial * n[j];
+        double thrust = k * speed * (speed - params.coaxial_loss[i] * rotors.speed[params.rotor_above[i]]);
+        if (near_ground || descends) {
+            const double induced2 = effects.kappa_m2 * (speed * speed);
+            const double across2 = (across[0] * across[0] + across[1] * across[1]) + across[2] * across[2];
+            if (near_ground) {
+                const double height = s[kP + 2] + ((R[6] * r[0] + R[7] * r[1]) + R[8] * r[2]);
+                const double up = (R[6] * n[0] + R[7] * n[1]) + R[8] * n[2];
+                thrust *= ground_ratio(effects, height, up, induced2, across2);
+            }
+            if (descends) thrust *= descent_ratio(effects, axial, induced2, across2);
+        }
+        thrust -= effects.axial_kg_per_rad * speed * axial;
+        const double drag = params.rotor_drag_kg_per_rad * speed;
+        const double reaction = params.rotor_spin[i] * params.moment_ratio_m * (k * (speed * speed));
+        const double momentum = params.rotor_spin[i] * params.rotor_inertia_kgm2 * speed;
+        const double momentum_rate = params.rotor_spin[i] * params.rotor_inertia_kgm2 * rotors.accel[i];
+        double f[3];
+        for (int j = 0; j < 3; ++j) {
+            f[j] = thrust * n[j] - drag * across[j];
+            if (params.imbalanced) {
+                f[j] += rotors.push_x[i] * params.rotor_plane[i][0][j] + rotors.push_y[i] * params.rotor_plane[i][1][j];
+            }
+            force[j] += f[j];
+            torque[j] -= (reaction + momentum_rate) * n[j];
+            spin_momentum[j] += momentum * n[j];
+        }
+        torque[0] += r[1] * f[2] - r[2] * f[1];
+        torque[1] += r[2] * f[0] - r[0] * f[2];
+        torque[2] += r[0] * f[1] - r[1] * f[0];
+    }
+    const double *h = spin_momentum;
+    torque[0] -= w[1] * h[2] - w[2] * h[1];
+    torque[1] -= w[2] * h[0] - w[0] * h[2];
+    torque[2] -= w[0] * h[1] - w[1] * h[0];
+    for (int j = 0; j < 3; ++j) {
+        out.force_B[j] = force[j];
+        out.torque_B[j] = torque[j];
+    }
+}
+
 // Advances (q, w) without torque by h, in one RK4 step.
 void turn_freely(const double *I, double h, double *q, double *w) {
     static constexpr double kFree[3] = {0.0, 0.0, 0.0};
@@ -104,6 +166,25 @@ void normalise_quaternion(double *q) {
     for (int i = 0; i < 4; ++i) q[i] *= s;
 }
 
+void set_rotor_axes(RigidBodyParams &params, const double (*axis)[3], const int *above, double coaxial_loss) {
+    params.upright = true;
+    for (int i = 0; i < params.rotor_count; ++i) {
+        const double *n = axis[i];
+        double *e1 = params.rotor_plane[i][0], *e2 = params.rotor_plane[i][1];
+        const double across = std::sqrt(n[1] * n[1] + n[2] * n[2]);
+        for (int j = 0; j < 3; ++j) {
+            params.rotor_axis[i][j] = n[j];
+            e1[j] = ((j == 0 ? 1.0 : 0.0) - n[0] * n[j]) / across;
+        }
+        e2[0] = n[1] * e1[2] - n[2] * e1[1];
+        e2[1] = n[2] * e1[0] - n[0] * e1[2];
+        e2[2] = n[0] * e1[1] - n[1] * e1[0];
+        params.rotor_above[i] = above[i] < 0 ? i : above[i];
+        params.coaxial_loss[i] = above[i] < 0 ? 0.0 : coaxial_loss;
+        if (n[0] != 0.0 || n[1] != 0.0 || n[2] != 1.0 || params.coaxial_loss[i] != 0.0) params.upright = false;
+    }
+}
+
 RotorDecay rotor_decay(const RigidBodyParams &params, double dt_s) {
     return {det::exp(-dt_s / params.time_constant_up_s), det::exp(-dt_s / params.time_constant_down_s)};
 }
@@ -120,7 +201,11 @@ void rotor_and_air_wrench(const RigidBodyParams &params, const double *s, const 
                           const double *wind_W, Wrench &out) {
     double R[9];
     rotation_matrix(s + kQ, R);
-    wrench_in(params, R, s, rotors, wind_W, out);
+    if (params.upright) {
+        wrench_in(params, R, s, rotors, wind_W, out);
+    } else {
+        tilted_wrench_in(params, R, s, rotors, wind_W, out);
+    }
 }
 
 void derivative(const RigidBodyParams &params, const double *s, const RotorStage &rotors, const double *wind_W,
@@ -128,7 +213,11 @@ void derivative(const RigidBodyParams &params, const double *s, const RotorStage
     double R[9];
     rotation_matrix(s + kQ, R);
     Wrench wrench;
-    wrench_in(params, R, s, rotors, wind_W, wrench);
+    if (params.upright) {
+        wrench_in(params, R, s, rotors, wind_W, wrench);
+    } else {
+        tilted_wrench_in(params, R, s, rotors, wind_W, wrench);
+    }
     const double *f = wrench.force_B;
     const double inv_mass = 1.0 / params.mass_kg;
     for (int j = 0; j < 3; ++j) {

@@ -5,19 +5,25 @@
 //
 // State, float64, contiguous, 13 + n values:   p_WB[3]  q_WB[4]  v_WB_W[3]  w_WB_B[3]  rotor_speed[n] (>= 0)
 //
-// Equations (R = R(q_WB), e_z the body's up axis, spin s_i = +1 for a rotor turning counter-clockwise seen from
-// above, a = R^T (v - wind) the body's velocity through the air in B, u_i = a + w x r_i that of hub i):
+// Equations (R = R(q_WB), n_i the axis of rotor i in B, the direction of its thrust, spin s_i = +1 for a rotor turning
+// counter-clockwise seen from above, a = R^T (v - wind) the body's velocity through the air in B, u_i = a + w x r_i
+// that of hub i, u_ni = u_i . n_i along the axis):
 //   command      c_i = O_max (V / V_nominal) sqrt(f u^2 + (1 - f) u),  u clamped to 0..1
 //                f = 1: speed proportional to the command, thrust quadratic in it;  f = 0: thrust proportional.
 //                (f is PX4's THR_MDL_FAC.) V / V_nominal is 1 without a battery: battery.hpp
 //   rotor        dO_i/dt = (c_i - O_i) / tau,  tau = tau_up if c_i > O_i else tau_down
-//   thrust       T_i = k_i O_i^2 G_i V_i - k_z O_i u_iz          (rotor_air.hpp), along e_z
-//   rotor drag   H_i = -k_d O_i (u_ix, u_iy, 0)
-//   imbalance    U_i = b_i O_i^2 (cos phi_i, sin phi_i, 0),  dphi_i/dt = s_i O_i            (a rotor with a lost blade)
+//   thrust       T_i = (k_i O_i (O_i - c_i O_j) G_i V_i - k_z O_i u_ni) n_i                 (rotor_air.hpp)
+//   rotor drag   H_i = -k_d O_i (u_i - u_ni n_i)
+//   imbalance    U_i = b_i O_i^2 (cos phi_i e1_i + sin phi_i e2_i),  dphi_i/dt = s_i O_i    (a rotor with a lost blade)
+//                e1_i = x_B - (x_B . n_i) n_i, normalised;  e2_i = n_i x e1_i
 //   body drag    D_j = -(d1_j + d2_j |a|) a_j
 //   m dv/dt  = R (sum T_i + sum H_i + sum U_i + D) - m g z_W
-//   I dw/dt  = sum r_i x (T_i + H_i + U_i) - sum s_i m_i O_i^2 e_z - w x (I w + h e_z) - dh/dt e_z,  h = sum s_i J O_i
+//   I dw/dt  = sum r_i x (T_i + H_i + U_i) - sum s_i m_i O_i^2 n_i - w x (I w + h) - dh/dt,  h = sum s_i J O_i n_i
 //   dq/dt    = q (0, w) / 2
+// Coaxial pair: the lower rotor i works in the wake of the upper rotor j, whose velocity is proportional to O_j. By blade
+// element theory the thrust that it loses is proportional to its own speed and to that velocity, as with k_z. At equal
+// speeds its thrust is the share 1 - c_i of that alone; c_i = 0 for any other rotor.
+// A vehicle whose rotors all have n_i = (0, 0, 1) and c_i = 0 takes a shorter branch, `upright`.
 // A rotor's reaction on the body is opposite to its spin: counter-clockwise rotors turn the body clockwise. Its torque
 // m_i O_i^2 depends on its speed alone: the ground effect changes the thrust at a speed, not the power.
 //
@@ -61,13 +67,21 @@ struct RigidBodyParams {
     double forced_speed_radps[kMaxRotors];  // < 0: follows its command
     double imbalance_kgm[kMaxRotors];     // b_i
     bool imbalanced;                      // any b_i > 0
+    bool upright;                         // all n_i = (0, 0, 1) and all c_i = 0
+    double rotor_axis[kMaxRotors][3];     // n_i
+    double rotor_plane[kMaxRotors][2][3]; // e1_i, e2_i
+    double coaxial_loss[kMaxRotors];      // c_i
+    int rotor_above[kMaxRotors];          // j; its own index i without a rotor above
 };
+
+// Sets axis and rotor above of all rotors, and what follows from them. `axis`: unit vectors. `above`: -1 for none.
+void set_rotor_axes(RigidBodyParams &params, const double (*axis)[3], const int *above, double coaxial_loss);
 
 // Rotors at one instant.
 struct RotorStage {
     double speed[kMaxRotors];
     double accel[kMaxRotors];
-    double push_x[kMaxRotors], push_y[kMaxRotors];  // U_i in B; read only if imbalanced
+    double push_x[kMaxRotors], push_y[kMaxRotors];  // U_i along e1_i and e2_i; read only if imbalanced
 };
 
 // e^{-dt/tau} for spin-up and spin-down.

@@ -80,18 +80,37 @@ class Spin(StrEnum):
         return 1.0 if self is Spin.CCW else -1.0
 
 
+LEAST_UP = 0.1  # vertical part of a rotor's axis: 84 degrees of tilt
+_COAXIAL_OFFSET_RADII = 0.1  # greatest distance of a lower rotor from the axis of the upper one
+Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+
+
 class Rotor(StrictModel):
     """One rotor; its index in the list is its number in the autopilot's control order."""
 
     position_m: Point
-    spin: Spin
+    spin: Spin  # seen against the axis: from above for an upright rotor
+    axis: tuple[Component, Component, Component] = (0.0, 0.0, 1.0)  # direction of the thrust, normalised when read
+    coaxial_below: Annotated[int, Field(ge=0, le=7)] | None = None  # index of the upper rotor of its coaxial pair
+
+    @pydantic.field_validator("axis")
+    @classmethod
+    def _unit_vector(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
+        length = math.hypot(*axis)
+        if length < 1e-6:
+            raise ValueError(f"{list(axis)} has no direction: an upright rotor has [0, 0, 1]")
+        unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+        if unit[2] < LEAST_UP:
+            raise ValueError(f"{list(axis)} does not point up: a rotor may tilt by up to 84 degrees from [0, 0, 1]")
+        return unit
 
 
 class RotorConstants(StrictModel):
     """Constants that all rotors of a vehicle share.
 
     Thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v. The speed O follows the
-    command with the time constant for up or down. Command u gives the speed O_max sqrt(f u^2 + (1 - f) u), with f the
+    command with the time constant for up or down. The lower rotor of a coaxial pair has the thrust
+    k O (O - (1 - coaxial_thrust_ratio) O_upper). Command u gives the speed O_max sqrt(f u^2 + (1 - f) u), with f the
     thrust model factor (PX4's THR_MDL_FAC): with 1 the thrust is quadratic in the command, with 0 linear. The other
     equations are in sim/native/rotor_air.hpp.
     """
@@ -110,6 +129,8 @@ class RotorConstants(StrictModel):
     )
     ground_thrust_ratio: Annotated[float, Field(ge=1.0, le=4.0)] = 1.0  # thrust at the ground over thrust aloft
     descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
+    # Thrust of the lower rotor of a coaxial pair over that of the upper one, at equal speeds.
+    coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
 
 
 class ContactSphere(StrictModel):
@@ -152,6 +173,29 @@ class Vehicle(StrictModel):
             raise ValueError(f"hovers at {self.hover_control:.2f} of full command: raise the thrust or lower the mass")
         return self
 
+    @pydantic.model_validator(mode="after")
+    def _coaxial_pairs(self) -> Vehicle:
+        pairs = {i: rotor.coaxial_below for i, rotor in enumerate(self.rotors) if rotor.coaxial_below is not None}
+        for i, above in pairs.items():
+            if above >= len(self.rotors) or above == i or above in pairs or list(pairs.values()).count(above) > 1:
+                raise ValueError(
+                    f"rotors[{i}].coaxial_below is {above}: it must name another rotor, which is upper rotor of this "
+                    "pair only"
+                )
+            lower, upper = self.rotors[i], self.rotors[above]
+            down = [u - v for u, v in zip(upper.position_m, lower.position_m, strict=True)]
+            along = sum(d * n for d, n in zip(down, upper.axis, strict=True))
+            across = math.sqrt(max(0.0, sum(d * d for d in down) - along * along))
+            if (
+                lower.axis != upper.axis
+                or along <= 0.0
+                or across > _COAXIAL_OFFSET_RADII * self.rotor_constants.radius_m
+            ):
+                raise ValueError(
+                    f"rotors[{i}].coaxial_below is {above}, but it is not below rotor {above} on the same axis"
+                )
+        return self
+
     @property
     def contact_spheres(self) -> tuple[ContactSphere, ...]:
         """Spheres of feet, then hull."""
@@ -172,10 +216,35 @@ class Vehicle(StrictModel):
         return max(sphere.radius_m - sphere.position_m[2] for sphere in self.contact_spheres)
 
     @property
+    def thrust_shares(self) -> tuple[float, ...]:
+        """Thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
+
+        Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
+        the speed of either. Their sum at equal speeds is exact.
+        """
+        paired = {rotor.coaxial_below for rotor in self.rotors} - {None}
+        shared = 0.5 * (1.0 + self.rotor_constants.coaxial_thrust_ratio)
+        return tuple(
+            shared if i in paired or rotor.coaxial_below is not None else 1.0 for i, rotor in enumerate(self.rotors)
+        )
+
+    @property
+    def effectiveness(self) -> NDArray[np.float64]:
+        """Force [N] and torque about the centre of mass [N m], in B, per newton of k O^2 of each rotor: (6, rotors)."""
+        m = self.rotor_constants.moment_ratio_m
+        columns = []
+        for share, rotor in zip(self.thrust_shares, self.rotors, strict=True):
+            axis = np.array(rotor.axis)
+            torque = share * np.cross(rotor.position_m, axis) - rotor.spin.sign * m * axis
+            columns.append(np.concatenate([share * axis, torque]))
+        return np.column_stack(columns)
+
+    @property
     def hover_control(self) -> float:
         """Command of each rotor at which the thrust aloft equals the standard weight, at nominal voltage."""
         c = self.rotor_constants
-        max_thrust_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * len(self.rotors)
+        lift = sum(share * rotor.axis[2] for share, rotor in zip(self.thrust_shares, self.rotors, strict=True))
+        max_thrust_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * lift
         share, f = self.mass_kg * STANDARD_GRAVITY_MPS2 / max_thrust_n, c.thrust_model_factor
         if f == 0.0:
             return share
@@ -241,4 +310,7 @@ def rigid_body(
         descent_loss=c.descent_loss if effects.descent_loss else 0.0,
         rotor_axial_kg_per_rad=c.axial_drag_kg_per_rad,
         classical=steps.classical,
+        rotor_axis=[rotor.axis for rotor in vehicle.rotors],
+        rotor_above=[-1 if rotor.coaxial_below is None else rotor.coaxial_below for rotor in vehicle.rotors],
+        coaxial_loss=1.0 - c.coaxial_thrust_ratio,
     )

@@ -108,7 +108,8 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
     up = ca.DM([0, 0, 1])
     inertia = ca.diag(ca.DM(vehicle.inertia_kgm2))
     spins = ca.DM([rotor.spin.sign for rotor in vehicle.rotors])
-    w = ca.solve(inertia, R.T @ L - c.inertia_kgm2 * ca.dot(spins, speed) * up)
+    axes = ca.DM(np.array([rotor.axis for rotor in vehicle.rotors]).T)
+    w = ca.solve(inertia, R.T @ L - c.inertia_kgm2 * (axes @ (spins * speed)))
     through_air = v - (wind0 + t * slope)
     air = R.T @ through_air
     force = -ca.DM(vehicle.body_drag_linear_n_per_mps) * air
@@ -118,22 +119,29 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
     for i, rotor in enumerate(vehicle.rotors):
         site = ca.DM(rotor.position_m)
         hub = air + ca.cross(w, site)
-        static = left[i] * c.thrust_coefficient_n_per_radps2 * speed[i] ** 2
+        axis = ca.DM(rotor.axis)
+        reaction = left[i] * c.thrust_coefficient_n_per_radps2 * c.moment_ratio_m * speed[i] ** 2
         # Of the undamaged rotor: a chipped one moves as much air in spite of its loss of thrust.
         hover_speed2 = c.thrust_coefficient_n_per_radps2 * speed[i] ** 2 / (2 * AIR_DENSITY * area)
-        across2 = hub[0] ** 2 + hub[1] ** 2
-        thrust = static
+        along = ca.dot(hub, axis)
+        across2 = ca.sumsqr(ca.cross(axis, hub))
+        thrust = left[i] * c.thrust_coefficient_n_per_radps2 * speed[i] ** 2
+        if rotor.coaxial_below is not None:  # upper * lower: 1 at equal speeds
+            wake = (1 - c.coaxial_thrust_ratio) * speed[rotor.coaxial_below] * speed[i]
+            thrust -= left[i] * c.thrust_coefficient_n_per_radps2 * wake
         if effects.get("ground_effect") and c.ground_thrust_ratio > 1.0:
             z = (p + R @ site)[2]
-            thrust *= _ground(z / c.radius_m, R[2, 2], across2 / hover_speed2, c.ground_thrust_ratio)
+            thrust *= _ground(z / c.radius_m, (R @ axis)[2], across2 / hover_speed2, c.ground_thrust_ratio)
         if effects.get("descent_loss") and c.descent_loss > 0.0:
-            thrust *= _descent(-hub[2] / ca.sqrt(hover_speed2), across2 / hover_speed2, c.descent_loss)
-        thrust -= c.axial_drag_kg_per_rad * speed[i] * hub[2]
-        pull = thrust * up - c.drag_kg_per_rad * speed[i] * (hub - ca.dot(hub, up) * up)
+            thrust *= _descent(-along / ca.sqrt(hover_speed2), across2 / hover_speed2, c.descent_loss)
+        thrust -= c.axial_drag_kg_per_rad * speed[i] * along
+        pull = thrust * axis - c.drag_kg_per_rad * speed[i] * ca.cross(ca.cross(axis, hub), axis)
         if whirling:
-            pull += whirl[i] * speed[i] ** 2 * ca.vertcat(ca.cos(angle[i]), ca.sin(angle[i]), 0)
+            left_of_it = ca.cross(axis, ca.DM([1, 0, 0])) / ca.norm_2(ca.cross(axis, ca.DM([1, 0, 0])))
+            ahead = ca.cross(left_of_it, axis)
+            pull += whirl[i] * speed[i] ** 2 * (ca.cos(angle[i]) * ahead + ca.sin(angle[i]) * left_of_it)
         force += pull
-        torque += ca.cross(site, pull) - spins[i] * c.moment_ratio_m * static * up
+        torque += ca.cross(site, pull) - spins[i] * reaction * axis
     rates = [
         v,
         ca.vec(R @ ca.skew(w)),
@@ -165,7 +173,8 @@ def _descent(sink: ca.SX, across2: ca.SX, loss: float) -> ca.SX:
 
 def _spin_momentum(vehicle: Vehicle, speeds: Float64) -> Float64:
     spins = np.array([rotor.spin.sign for rotor in vehicle.rotors])
-    return np.array([0.0, 0.0, vehicle.rotor_constants.inertia_kgm2 * float(spins @ speeds)])
+    axes = np.array([rotor.axis for rotor in vehicle.rotors])
+    return vehicle.rotor_constants.inertia_kgm2 * np.asarray((spins * speeds) @ axes)
 
 
 def _matrix(q: Float64) -> Float64:

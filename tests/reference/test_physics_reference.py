@@ -19,11 +19,11 @@ from sim.physics.vehicle import Effects, Vehicle, load_vehicle, vehicle_names
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind
 from tests.reference.multirotor_reference import Inputs, attitude_error_rad, fly
+from tests.worlds.tilted_rotors import tilted
 
 Float64 = NDArray[np.float64]
 TICK_NS = 4_000_000
 ON = {"ground_effect": True, "descent_loss": True}
-SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])
 
 
 def hard_commands(vehicle: Vehicle, seconds: float, tick_ns: int = TICK_NS) -> Float64:
@@ -33,7 +33,8 @@ def hard_commands(vehicle: Vehicle, seconds: float, tick_ns: int = TICK_NS) -> F
         [0.035 * np.sin(6.9 * t), 0.03 * np.sin(8.2 * t + 1), 0.05 * np.sin(2.5 * t)],
         axis=1,
     )
-    return vehicle.hover_control * (1 + 0.12 * np.sin(5.7 * t)[:, None] + axes @ SIGNS.T)
+    signs = np.sign(np.round(vehicle.effectiveness[3:], 9))
+    return vehicle.hover_control * (1 + 0.12 * np.sin(5.7 * t)[:, None] + axes @ signs)
 
 
 def slow_motors(vehicle: Vehicle) -> Vehicle:
@@ -98,10 +99,41 @@ def test_five_hard_seconds_stay_a_thousandth_of_the_limit(name: str) -> None:
     assert rotors < 1e-11
 
 
+@pytest.mark.parametrize("name", ["hexa_x", "y6"])
+def test_tilted_rotors_with_every_effect(name: str) -> None:
+    """Each part of the general branch: axis in every force, imbalance in the rotor's plane, wake of the upper rotor."""
+    vehicle = tilted(load_vehicle(name), 25.0)
+    constants = vehicle.rotor_constants.model_copy(update={"axial_drag_kg_per_rad": 2e-4, "inertia_kgm2": 1e-3})
+    vehicle = vehicle.model_copy(update={"rotor_constants": constants})
+    commands = hard_commands(vehicle, 0.8)
+    faults = [
+        RotorFault(kind="efficiency", rotor=1, at_s=0.1, factor=0.8),
+        RotorFault(kind="lost_blade", rotor=2, at_s=0.3, imbalance_gcm=20.0),
+    ]
+    start = {7: 3.0, 8: -2.0, 9: -4.0, 10: 1.5, 11: -1.0, 12: 2.0}
+    flown = Flown(vehicle, commands, start=start, height_m=4.0, disturbances=Disturbances(faults=faults))
+    left, whirl = np.ones((200, 6)), np.zeros((200, 6))
+    left[25:, 1], left[75:, 2], whirl[75:, 2] = 0.8, 0.5, 20e-5
+    position, attitude, _ = flown.errors(thrust_left=left, imbalance_kgm=whirl)
+    assert position < 1e-8
+    assert attitude < 1e-7
+    for missing in ({"descent_loss": True}, {"ground_effect": True}):
+        assert flown.errors(thrust_left=left, imbalance_kgm=whirl, effects=missing)[0] > 1e-6
+
+
+def test_a_vanishing_tilt_is_the_upright_flight() -> None:
+    """The general branch and the upright one agree to rounding."""
+    vehicle = load_vehicle("hexa_x")
+    commands = hard_commands(vehicle, 2.0)
+    upright, almost = Flown(vehicle, commands), Flown(tilted(vehicle, 1e-13), commands)
+    assert np.abs(upright.states - almost.states).max() < 1e-9
+    assert tilted(vehicle, 1e-13).rotors[0].axis != (0.0, 0.0, 1.0)
+
+
 def switched_commands(vehicle: Vehicle, case: str) -> Float64:
     """Rotors that stop and start again in a descent: their speed crosses the vortex ring state within a step."""
-    t = np.arange(1250) * 0.004
-    commands = np.full((len(t), 4), vehicle.hover_control)
+    t, rotors = np.arange(1250) * 0.004, len(vehicle.rotors)
+    commands = np.full((len(t), rotors), vehicle.hover_control)
     if case == "all stop for 0.1 s":
         commands[(t >= 1.0) & (t < 1.1)] = 0.0
     elif case == "one stops for 0.1 s":
@@ -109,15 +141,15 @@ def switched_commands(vehicle: Vehicle, case: str) -> Float64:
     elif case == "all switch at 2.5 Hz":
         commands[:] = (np.floor(5.0 * t) % 2)[:, None] * 2.0 * vehicle.hover_control
     else:
-        random = np.random.default_rng(3).integers(0, 2, (50, 4))
+        random = np.random.default_rng(3).integers(0, 2, (50, rotors))
         commands = np.repeat(random, 25, axis=0) * (2.0 * vehicle.hover_control)
     return np.clip(commands, 0.0, 1.0)
 
 
 @pytest.mark.parametrize("case", ["all stop for 0.1 s", "one stops for 0.1 s", "all switch at 2.5 Hz", "random"])
-@pytest.mark.parametrize("name", ["x500", "iris"])
+@pytest.mark.parametrize("name", ["x500", "iris", "x8", "tilted hexa"])
 def test_rotors_that_stop_and_start_in_a_descent(name: str, case: str) -> None:
-    vehicle = load_vehicle(name)
+    vehicle = tilted(load_vehicle("hexa_x"), 20.0) if name == "tilted hexa" else load_vehicle(name)
     position, attitude, _ = Flown(vehicle, switched_commands(vehicle, case)).errors()
     assert position < 2e-8
     assert attitude < 2e-8

@@ -1,8 +1,8 @@
 """Flights on which the physics benchmarks compare methods, and the methods: this project and MuJoCo.
 
-All flights but `switching` use the x500 with a motor lag of 50 ms in both directions, and without rotor inertia,
-ground effect and descent loss, which MuJoCo's model does not have. This project and MuJoCo use the same native
-function for rotor and air forces; in MuJoCo it is the control callback, so no Python runs in a step.
+All flights but `switching` and `of_shipped_vehicle` use the x500 with a motor lag of 50 ms in both directions, and
+without rotor inertia, ground effect and descent loss, which MuJoCo's model does not have. This project and MuJoCo use
+the same native function for rotor and air forces; in MuJoCo it is the control callback, so no Python runs in a step.
 
 MuJoCo holds the rotors' speeds as activations. With dyntype `filterexact` it solves the lag in closed form over a step,
 which is best for Euler and implicitfast. With RK4 the activation then stays constant over the stages and the order
@@ -12,8 +12,9 @@ falls to one, so RK4 is also measured with `filter`, whose lag RK4 integrates ov
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -27,7 +28,7 @@ from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration, TickSteps
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Vehicle, load_vehicle, rigid_body
+from sim.physics.vehicle import Effects, Rotor, Vehicle, load_vehicle, rigid_body
 from sim.scene.scene import Scene, load_scene
 from sim.scene.wind import Wind
 
@@ -36,7 +37,6 @@ TICK_NS = 4_000_000
 TICK_S = 0.004
 PLAIN = Effects(ground_effect=False, descent_loss=False)
 _LAG_S = 0.05
-_SIGNS = np.array([[-1, -1, -1], [1, 1, -1], [1, -1, 1], [-1, 1, 1]])  # rotor: roll, pitch, yaw
 
 
 def bench_vehicle(**changes: Any) -> Vehicle:
@@ -95,8 +95,23 @@ def vigorous(seconds: float = 5.0, *, tick_ns: int = TICK_NS, vehicle: Vehicle |
         ],
         axis=1,
     )
-    commands = hover * (1 + 0.12 * np.sin(2 * np.pi * 0.9 * t)[:, None] + axes @ _SIGNS.T)
+    signs = np.sign(np.round(vehicle.effectiveness[3:], 9))  # of roll, pitch and yaw by each rotor
+    commands = hover * (1 + 0.12 * np.sin(2 * np.pi * 0.9 * t)[:, None] + axes @ signs)
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), np.clip(commands, 0.0, 1.0), tick_ns=tick_ns)
+
+
+def of_shipped_vehicle(name: str, *, tilt_deg: float = 0.0) -> Flight:
+    """Return the vigorous flight of a vehicle with all effects, its rotors tilted sideways in turn."""
+    vehicle = load_vehicle(name)
+    side = math.tan(math.radians(tilt_deg))
+    rotors = []
+    for rotor in vehicle.rotors:
+        x, y, _ = rotor.position_m
+        reach = math.hypot(x, y)
+        axis = (-side * rotor.spin.sign * y / reach, side * rotor.spin.sign * x / reach, 1.0)
+        rotors.append(rotor if not tilt_deg else Rotor.model_validate(rotor.model_dump() | {"axis": axis}))
+    flight = vigorous(vehicle=vehicle.model_copy(update={"rotors": tuple(rotors)}))
+    return replace(flight, effects=Effects())
 
 
 def hover(seconds: float = 5.0) -> Flight:

@@ -6,11 +6,12 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     vigorous   5 s to 10 rad/s and 24 m/s           greatest position error [m]
     gust       3 s in a wind front of 12 m/s        greatest position error [m]
     switching  5 s with rotors that stop and start  greatest position error [m]; this project only, with all effects
+    hexa_x, octa_x, x8, y6, tilted hexa_x           as vigorous, of these vehicles; this project only, with all effects
     tumble     20 rad/s without torque, 60 s        greatest relative drift of energy or angular momentum
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
 
-Errors of the first four are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are the
-best of several runs in one process, with the methods run in turn, and include Python. Time and error come from the
+Errors of all but the last two are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are
+the best of several runs in one process, with the methods run in turn, and include Python. Time and error come from the
 same code.
 """
 
@@ -32,6 +33,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
     gust,
     hover,
     landing,
+    of_shipped_vehicle,
     spin_drift,
     switching,
     tumble,
@@ -47,6 +49,7 @@ _STEPS_MS = (4.0, 2.0, 1.0, 0.5)
 _EULER_1MS = "MuJoCo Euler @ 1 ms"
 _DIVERGED = 1e6  # stands for an unbounded drift, because JSON and plots have no infinity
 _OWN = "this project, order 8 @ 4 ms"
+_MANY_ROTORS = ("hexa_x", "octa_x", "x8", "y6")
 
 
 def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
@@ -55,9 +58,11 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     reference = load_reference("multirotor_reference")
     methods = _methods()
     own: list[Method] = [method for method in methods if isinstance(method, ThisProject)]
-    flights = {"hover": hover(), "vigorous": vigorous(), "gust": gust(), "switching": switching()}
-    for name, flight in flights.items():
-        compared = own if name == "switching" else methods
+    flights = {"hover": hover(), "vigorous": vigorous(), "gust": gust()}
+    with_all_effects = {"switching": switching()} | {name: of_shipped_vehicle(name) for name in _MANY_ROTORS}
+    with_all_effects["tilted hexa_x"] = of_shipped_vehicle("hexa_x", tilt_deg=20.0)
+    for name, flight in (flights | with_all_effects).items():
+        compared = own if name in with_all_effects else methods
         status(f"{name}: reference")
         exact = reference.fly(
             flight.vehicle,
@@ -134,7 +139,9 @@ def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, rounds:
 def _flight_checks(result: BenchmarkResult) -> list[Check]:
     row = {(r.case, r.method): r for r in result.rows}
     own, euler, switched = row["vigorous", _OWN], row["vigorous", _EULER_1MS], row["switching", _OWN]
+    many_rotors = max(row[name, _OWN].error for name in (*_MANY_ROTORS, "tilted hexa_x"))
     return [
+        Check("hexa, octa, X8, Y6, tilted rotors, 5 s: position error", many_rotors, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: position error", own.error, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: attitude error", own.details["attitude_error_rad"], "<=", 1e-6, "rad"),
         Check("rotors that stop and start, 5 s: position error", switched.error, "<=", 1e-6, "m"),

@@ -7,11 +7,11 @@ import pytest
 from signals.samples import TruthState
 from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.vehicle import Spin, load_vehicle, vehicle_names
 from sim.scene.scene import Scene, load_scene
 
 TICK_NS = 4_000_000
-OFF = (0.0,) * 4
+OFF = (0.0,) * 8
 VEHICLES = vehicle_names()
 
 
@@ -45,8 +45,9 @@ def test_idling_rotors_do_not_walk_it(name: str, airfield: Scene) -> None:
     physics = QuadrotorPhysics(load_vehicle(name), airfield, TICK_NS)
     start = physics.advance(0, OFF)
     hover = physics.vehicle.hover_control
+    controls = [hover * (0.5 if rotor.spin is Spin.CCW else 0.4) for rotor in physics.vehicle.rotors]
     for tick in range(1, 1251):
-        truth = physics.advance(tick, (0.5 * hover, 0.5 * hover, 0.4 * hover, 0.4 * hover))
+        truth = physics.advance(tick, controls)
     assert truth.p_WB == pytest.approx(start.p_WB, abs=2e-3)
     assert abs(truth.q_WB[3]) < 5e-3
 
