@@ -23,6 +23,9 @@ run: setup
 # waiting for other processes, so four workers are right for two cores.
 PARALLEL := -n 4 --dist worksteal
 
+# Each of the hundreds of processes that the tests start would otherwise compile every module that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 test: setup
 	$(PY) -m pytest -m "not slow" $(PARALLEL) $(ARGS)
 
