@@ -10,12 +10,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.recorder.reading import read_messages
@@ -46,7 +47,7 @@ def recorded_until_s(out: Path) -> float:
 def test_a_mock_that_fails_in_flight_is_named(
     transport: str, fault: str, error: str, words: str, tmp_path: Path
 ) -> None:
-    outcome = fly(tmp_path, f"autopilot.faults.{fault}_at_s=12.5", f"autopilot.transport={transport}")
+    outcome = fly(tmp_path, f"autopilot.faults.{fault}_at_s=4.5", f"autopilot.transport={transport}")
     assert outcome.status == "ERROR"
     assert outcome.exit_status == 3
     run = json.loads((tmp_path / "run.json").read_text())
@@ -55,20 +56,22 @@ def test_a_mock_that_fails_in_flight_is_named(
     assert re.search(words, run["error"]["message"])
     assert not (tmp_path / "traceback.txt").exists()
     # Recorded up to the tick without an answer.
-    assert recorded_until_s(tmp_path) == pytest.approx(12.5, abs=0.0041)
+    assert recorded_until_s(tmp_path) == pytest.approx(4.5, abs=0.0041)
 
 
 def test_noise_between_frames_does_not_end_a_run(tmp_path: Path) -> None:
-    outcome = fly(tmp_path, "autopilot.faults.noise_at_s=12.5")
+    outcome = fly(tmp_path, "autopilot.faults.noise_at_s=4.5", "duration_s=9")
     assert outcome.run["error"] is None
-    assert outcome.run["sim_s"] == 30.0
+    assert outcome.run["sim_s"] == 9.0
     assert outcome.run["autopilot"]["link"]["garbage_bytes"] > 1000
 
 
 @contextmanager
 def flying(out: Path, *, pace: int, recorded_bytes: int) -> Iterator[subprocess.Popen[str]]:
     """Yield `hil run` in a process of its own that has recorded part of its flight; kill it at the end."""
-    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(out), "--set", f"pace={pace}"]
+    settings = [f"pace={pace}", "record.report=false"]
+    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(out)]
+    command += [word for setting in settings for word in ("--set", setting)]
     bench = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         deadline = time.monotonic() + 60
@@ -96,7 +99,7 @@ def mock_children(parent: int) -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the mock through /proc")
 def test_a_mock_killed_from_outside_is_named(tmp_path: Path) -> None:
-    with flying(tmp_path, pace=2, recorded_bytes=600_000) as bench:
+    with flying(tmp_path, pace=5, recorded_bytes=600_000) as bench:
         os.kill(mock_children(bench.pid)[0], signal.SIGKILL)
         _, errors = bench.communicate(timeout=60)
     assert bench.returncode == 3
@@ -124,11 +127,18 @@ def test_interrupted_from_the_keyboard(tmp_path: Path) -> None:
     assert recorded_until_s(tmp_path) == pytest.approx(run["sim_s"], abs=0.05)
 
 
-def cli(out: Path, *arguments: str) -> tuple[int, str, dict]:
-    command = [sys.executable, "-m", "hil.cli", "run", "--out", str(out), *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
-    assert "Traceback" not in done.stderr
-    return done.returncode, done.stderr, json.loads((out / "run.json").read_text())
+@pytest.fixture
+def cli(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, dict]]:
+    """Run `hil run` in this process and return its status, its messages and its run.json."""
+    monkeypatch.chdir(ROOT)
+
+    def run(*arguments: str) -> tuple[int, str, dict]:
+        status = run_command_line(["run", "--out", str(tmp_path), *arguments])
+        return status, capsys.readouterr().err, json.loads((tmp_path / "run.json").read_text())
+
+    return run
 
 
 @pytest.mark.parametrize(
@@ -144,25 +154,24 @@ def cli(out: Path, *arguments: str) -> tuple[int, str, dict]:
     ],
 )
 def test_bad_input_ends_with_one_clear_message(
-    arguments: list[str], status: int, error: str, words: str, tmp_path: Path
+    cli: Callable[..., tuple[int, str, dict]], arguments: list[str], status: int, error: str, words: str
 ) -> None:
-    returned, errors, run = cli(tmp_path, *arguments)
+    returned, errors, run = cli(*arguments)
     assert returned == status, errors
+    assert "Traceback" not in errors
     assert run["status"] == "ERROR"
     assert run["error"]["type"] == error
     assert words in errors
     assert len(errors.strip().splitlines()) <= 3
 
 
-def test_a_busy_port_is_named(tmp_path: Path) -> None:
+def test_a_busy_port_is_named(cli: Callable[..., tuple[int, str, dict]]) -> None:
     import serial
 
     near, far = pty.openpty()
     try:
         with serial.Serial(os.ttyname(far), exclusive=True):
-            returned, errors, run = cli(
-                tmp_path, "--set", f"autopilot.port={os.ttyname(far)}", "--set", "autopilot.start=false"
-            )
+            returned, errors, run = cli("--set", f"autopilot.port={os.ttyname(far)}", "--set", "autopilot.start=false")
     finally:
         os.close(near)
         os.close(far)
