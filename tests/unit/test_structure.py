@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "tools")
 MOST_ENTRIES = 12
 MOST_PARAMETERS = 8
+Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+HOLDS_STATEMENTS = (ast.stmt, ast.ExceptHandler, ast.match_case)  # an expression holds no definition
 QUESTION = re.compile(r"(What|Of|Those|Whether|How|Who|Which|Where|When|Why)\b")
 
 
@@ -20,6 +23,21 @@ def entries(folder: Path) -> list[str]:
     """Return the files and folders that a reader sees side by side, without what only makes a package of them."""
     ignored = {"__init__.py", "__main__.py", "__pycache__"}
     return sorted(p.name for p in folder.iterdir() if p.name not in ignored and not p.name.startswith("."))
+
+
+@cache
+def definitions(path: Path) -> list[Definition]:
+    """Return the module of a file and every class and function in it."""
+    found, blocks = [], [ast.parse(path.read_text())]
+    while blocks:
+        block = blocks.pop()
+        if isinstance(block, Definition):
+            found.append(block)
+        # Expressions define nothing: only statements, and the parts of statements that hold some, are looked at.
+        blocks += [
+            n for n in ast.iter_child_nodes(block) if isinstance(n, ast.stmt | ast.ExceptHandler | ast.match_case)
+        ]
+    return found
 
 
 def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
@@ -42,7 +60,7 @@ def test_no_function_has_too_many_parameters(package: str) -> None:
     paths = sorted((ROOT / package).rglob("*.py"))
     assert paths
     for path in paths:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in definitions(path):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 assert parameters(node) <= MOST_PARAMETERS, f"{path}:{node.lineno}: {node.name}"
 
@@ -54,8 +72,7 @@ def test_docstrings_name_their_subject() -> None:
     )
     wrong = []
     for path in paths:
-        for node in ast.walk(ast.parse(path.read_text())):
-            documented = isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
-            if documented and QUESTION.match(ast.get_docstring(node) or ""):
+        for node in definitions(path):
+            if QUESTION.match(ast.get_docstring(node) or ""):
                 wrong.append(f"{path.relative_to(ROOT)}:{getattr(node, 'lineno', 1)}")
     assert not wrong, f"docstrings that begin with a question word: {wrong}"
