@@ -47,7 +47,7 @@ async def request_update(hub: Hub, page: Page) -> None:
         await asyncio.sleep(0)
 
 
-def state(k: int, *, pictures: bool = True) -> dict[str, Any]:
+def state(k: int, *, pictures: bool = True, trail: int = 1500) -> dict[str, Any]:
     picture = {"t_ns": k, "p": (0.0, 0.0, 0.0), "q": (1.0, 0.0, 0.0, 0.0)} | array_payload(
         np.zeros((24, 32), np.float32)
     )
@@ -56,7 +56,7 @@ def state(k: int, *, pictures: bool = True) -> dict[str, Any]:
         "tick": k,
         "t_ns": k * 4_000_000,
         "events": [(k, "status", f"event {k}")],
-        "slow": {"links": [], "trail": [(0.2 * k, float(k), 0.0, 1.0)] * 1500},
+        "slow": {"links": [], "trail": [(0.2 * k, float(k), 0.0, 1.0)] * trail},
         "frames": {"front/depth": picture} if pictures else {},
         "speed": float("nan"),
     }
@@ -232,7 +232,7 @@ def test_many_updates_do_not_grow_the_memory() -> None:
 
         async def hammered(count: int) -> int:
             for k in range(count):
-                await hub._handle(state(k))
+                await hub._handle(state(k, trail=40))
                 await request_update(hub, page.page)
             return tracemalloc.get_traced_memory()[0]
 
