@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.recorder.reading import Recording, read_messages
@@ -68,19 +69,20 @@ def test_the_report_is_a_page_with_pictures(flown: Path) -> None:
     assert (flown / "flight.png").stat().st_size > 20_000
 
 
-def test_replay_says_identical_and_names_the_first_difference(tmp_path: Path) -> None:
+def test_replay_says_identical_and_names_the_first_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "run"
-    run_bench(load_bench(settings=["duration_s=6", "record.report=false"]), out, quiet=True)
-    done = hil("replay", str(out), "--out", str(tmp_path / "again"))
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "identical" in done.stdout
+    run_bench(load_bench(settings=["duration_s=4", "record.report=false"]), out, quiet=True)
+    assert run_command_line(["replay", str(out), "--out", str(tmp_path / "again")]) == 0
+    assert "identical" in capsys.readouterr().out
     # Another seed gives another flight, from the first sample of a noisy sensor on.
     bench = out / "bench.yaml"
     bench.write_text(bench.read_text().replace("seed: 1\n", "seed: 2\n"))
-    done = hil("replay", str(out), "--out", str(tmp_path / "other"))
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "first difference at tick 0" in done.stdout
-    assert "port /" in done.stdout
+    assert run_command_line(["replay", str(out), "--out", str(tmp_path / "other")]) == 1
+    shown = capsys.readouterr().out
+    assert "first difference at tick 0" in shown
+    assert "port /" in shown
 
 
 @pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, *range(3, 11)))])
