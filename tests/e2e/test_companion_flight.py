@@ -63,6 +63,7 @@ def assert_flown(run: dict[str, Any], time: str) -> None:
     assert all(pilot[part]["p50"] >= 0.0 for part in ("t1_ms", "t2_ms", "t3_ms"))
 
 
+@pytest.mark.slow
 def test_the_rectangle_in_lockstep(tmp_path: Path) -> None:
     outcome = fly(tmp_path, PILOT, mission=RECTANGLE)
     assert_flown(outcome.run, "lockstep")
@@ -87,11 +88,11 @@ def test_a_lockstep_flight_is_the_same_beside_busy_processors_and_its_recording_
     with busy_processors():
         second = fly(tmp_path / "second", PILOT)
     assert_flown(first.run, "lockstep")
+    assert first.run["mission"]["reached"] == first.run["mission"]["waypoints"]
     assert first.run["digest"] == second.run["digest"]
     traced = [(r.out / TRACE_NAME).read_text().count("\n") for r in (first, second)]
     assert traced[0] == traced[1] > 100
     assert repeated(first.out, tmp_path / "again") == first.run["digest"]
-    assert from_trace(first.out, tmp_path / "from_trace").run["digest"] == first.run["digest"]
 
 
 @pytest.mark.parametrize("arrangement", ["shared_memory", "one_port", "ports"])
