@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include <nanobind/stl/pair.h>
+
 #include "bind_arrays.hpp"
 #include "clearance.hpp"
 #include "detmath.hpp"
@@ -188,6 +190,21 @@ class RigidBody {
         hil::sim::normalise_quaternion(q + 3);
     }
 
+    // Writes the pose at `share` of the tick to qpos, interpolated linearly between its start and the state now: after
+    // contact steps there is no path. Over 4 ms at 20 m/s2 and 20 rad/s the error is 40 um and 0.8 mrad.
+    void pose_in_tick(double share) {
+        double *q = qpos_.data();
+        for (std::size_t k = 0; k < 7; ++k) q[k] = before_[k] + share * (state()[k] - before_[k]);
+        hil::sim::normalise_quaternion(q + 3);
+    }
+
+    const double *start_W() const { return before_.data(); }
+    // Length of the path of pose_in_tick().
+    double moved_m() const {
+        const double d[3] = {state()[0] - before_[0], state()[1] - before_[1], state()[2] - before_[2]};
+        return std::sqrt((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]);
+    }
+
     // `substep`, counted from 0, selects the time at which the wind is taken.
     void contact_load(int substep, bool hard) {
         const double *s = state();
@@ -295,6 +312,33 @@ class RigidBody {
     int steps_ = 0;
 };
 
+// Pairs of bodies whose bounding spheres can have met on the way of pose_in_tick(). All pairs are compared: 3 ns each.
+std::vector<std::pair<int, int>> near_pairs(nb::list bodies, In<double, -1> radius_m) {
+    const std::size_t n = bodies.size();
+    if (radius_m.shape(0) != n) throw std::invalid_argument("each body needs a radius");
+    struct Sphere {
+        double x, y, z, reach;
+    };
+    std::vector<Sphere> spheres(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        const RigidBody &body = *nb::inst_ptr<RigidBody>(bodies[i]);
+        const double *p = body.start_W();
+        spheres[i] = {p[0], p[1], p[2], radius_m.data()[i] + body.moved_m() + 0.5 * hil::sim::kClearanceSlack_m};
+    }
+    std::vector<std::pair<int, int>> near;
+    for (std::size_t i = 0; i < n; ++i) {
+        const Sphere a = spheres[i];
+        for (std::size_t j = i + 1; j < n; ++j) {
+            const Sphere &b = spheres[j];
+            const double dx = b.x - a.x, dy = b.y - a.y, dz = b.z - a.z, reach = a.reach + b.reach;
+            if ((dx * dx + dy * dy) + dz * dz < reach * reach) {
+                near.emplace_back(static_cast<int>(i), static_cast<int>(j));
+            }
+        }
+    }
+    return near;
+}
+
 }  // namespace
 
 void bind_rigid_body(nb::module_ &m) {
@@ -362,6 +406,9 @@ void bind_rigid_body(nb::module_ &m) {
              "qacc"_a.noconvert(), "Set MuJoCo's arrays, for contact.")
         .def("pose_in_substep", &RigidBody::pose_in_substep, "substep"_a, "share"_a,
              "Write a pose of fly() to qpos; share 1 is the pose after that sub-step.")
+        .def("moved_m", &RigidBody::moved_m, "Return the distance between the state before the last fly() and the state now [m].")
+        .def("pose_in_tick", &RigidBody::pose_in_tick, "share"_a,
+             "Write a pose between the state before the last fly() and the state now to qpos.")
         .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
              "Write the state to qpos and qvel, rotor and air wrench to qfrc_applied.")
         .def("serve_mujoco", &RigidBody::serve_mujoco, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "act"_a.noconvert(),
@@ -369,6 +416,16 @@ void bind_rigid_body(nb::module_ &m) {
         .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Return the address of a MuJoCo control callback.")
         .def("contact_update", &RigidBody::contact_update, "hard"_a, "Advance one contact sub-step with qacc.");
 
+    m.def(
+        "near_pairs",
+        [](nb::list bodies, In<double, -1> radius_m) {
+            for (nb::handle body : bodies) {
+                if (!nb::isinstance<RigidBody>(body)) throw nb::type_error("near_pairs takes a list of RigidBody");
+            }
+            return near_pairs(bodies, radius_m);
+        },
+        "bodies"_a, "radius_m"_a.noconvert(),
+        "Return the pairs (i, j), i < j, whose bounding spheres can have met since the last fly() of each.");
     m.def(
         "ideal_imu",
         [](nb::tuple q_WB, nb::tuple a_WB_W, nb::tuple w_WB_B, nb::tuple alpha_WB_B, double dt_s, double gravity_mps2) {

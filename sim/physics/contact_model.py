@@ -1,8 +1,9 @@
 """MJCF model of scene and vehicle, with which MuJoCo computes contact.
 
-The model holds the vehicle on the only free joint, the solid geoms of the scene on the worldbody, and the solid geoms
-of actors on mocap bodies. Geoms that are only visible are left out. Collision bits pair the vehicle with the scene, and
-neither with itself.
+The model holds each vehicle on a free joint, the solid geoms of the scene on the worldbody, and the solid geoms of
+actors on mocap bodies. Geoms that are only visible are left out. Collision bits pair a vehicle with the scene and with
+other vehicles, and neither with itself. Other vehicles, unlike the scene, also meet its rotors, as rigid flat discs,
+and its arms and legs: rods from the body's origin to each contact sphere, half as thick as the sphere.
 
 No orientation in the model is given by angles, and no collision of spheres with primitives, convex hulls or height
 fields calls sin, cos or pow, whose last bit depends on the CPU. For the same reason solimp has a power of 2. Meshes
@@ -16,6 +17,7 @@ collide as their convex hulls. Contact softness follows the step:
 from __future__ import annotations
 
 import copy
+import math
 import xml.etree.ElementTree as ET
 from collections import OrderedDict
 from collections.abc import Iterable
@@ -29,8 +31,9 @@ from sim.scene.solids import solid_geoms
 from sim.scene.world import VEHICLE, World
 from sim.world_loader import load_world
 
-# Collision bits that pair the vehicle with the scene, and neither with itself.
-_SCENE_BIT, _VEHICLE_BIT = 1, 2
+# Collision bits; geoms collide if the type of one meets the affinity of the other. A body never collides with itself.
+_SCENE_BIT, _VEHICLE_BIT, _OTHER_VEHICLE_BIT = 1, 2, 4
+ROTOR_HALF_THICKNESS_M = 0.005
 _CONTACT_STEPS = 3.0  # time constant of a contact, in steps
 
 
@@ -39,9 +42,12 @@ def _numbers(values: Iterable[float]) -> str:
     return " ".join(repr(float(v)) for v in values)
 
 
-def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
-    """Return MJCF of the solid part of `scene` with `vehicle` on a free joint. Geoms of a map have no names."""
-    root = ET.Element("mujoco", model=f"{scene.name}_{vehicle.name}")
+def mjcf_text(scene: Scene, *vehicles: Vehicle, contact_step_s: float) -> str:
+    """Return MJCF of the solid part of `scene` with each vehicle on a free joint. Geoms of a map have no names.
+
+    Body `i` + 1 and joint `i` are those of vehicle `i`.
+    """
+    root = ET.Element("mujoco", model="_".join([scene.name, *(vehicle.name for vehicle in vehicles)]))
     ET.SubElement(root, "compiler", autolimits="true", balanceinertia="false")
     ET.SubElement(
         root,
@@ -73,23 +79,54 @@ def mjcf_text(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> str:
                 "geom",
                 {"name": box.name, "type": "box", "pos": _numbers(box.center_m), "size": _numbers(half)} | scene_bits,
             )
-    body = ET.SubElement(world, "body", name=VEHICLE)
-    ET.SubElement(body, "freejoint", name=VEHICLE)
+    if len(vehicles) == 1:
+        _add_vehicle(world, vehicles[0], VEHICLE)
+    else:
+        for index, vehicle in enumerate(vehicles):
+            _add_rotors_and_rods(_add_vehicle(world, vehicle, f"{VEHICLE}_{index}", others=_OTHER_VEHICLE_BIT), vehicle)
+    if not scene.has_only_boxes:
+        _add_map(root, world, load_world(scene), scene_bits)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _add_vehicle(worldbody: ET.Element, vehicle: Vehicle, name: str, *, others: int = 0) -> ET.Element:
+    body = ET.SubElement(worldbody, "body", name=name)
+    ET.SubElement(body, "freejoint", name=name)
     ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(vehicle.mass_kg), diaginertia=_numbers(vehicle.inertia_kgm2))
     for sphere in vehicle.contact_spheres:
         ET.SubElement(
             body,
             "geom",
-            name=f"vehicle_{sphere.name}",
+            name=f"{name}_{sphere.name}",
             type="sphere",
             pos=_numbers(sphere.position_m),
             size=repr(sphere.radius_m),
-            contype=str(_VEHICLE_BIT),
-            conaffinity=str(_SCENE_BIT),
+            contype=str(_VEHICLE_BIT | others),
+            conaffinity=str(_SCENE_BIT | others),
         )
-    if not scene.has_only_boxes:
-        _add_map(root, world, load_world(scene), scene_bits)
-    return ET.tostring(root, encoding="unicode")
+    return body
+
+
+def _add_rotors_and_rods(body: ET.Element, vehicle: Vehicle) -> None:
+    """Add the geoms that meet only other vehicles."""
+    bits = {"contype": str(_OTHER_VEHICLE_BIT), "conaffinity": str(_OTHER_VEHICLE_BIT)}
+    disc = _numbers((vehicle.rotor_constants.radius_m, ROTOR_HALF_THICKNESS_M))
+    for rotor in vehicle.rotors:
+        ET.SubElement(body, "geom", {"type": "cylinder", "pos": _numbers(rotor.position_m), "size": disc} | bits)
+    for sphere in vehicle.contact_spheres:
+        x, y, z = sphere.position_m
+        length = math.sqrt(x * x + y * y + z * z)
+        if length <= sphere.radius_m:
+            continue
+        # Rotation by the shortest way from the geom's z axis to the rod, without angles.
+        turn = (length + z, -y, x, 0.0) if length + z > 1e-6 * length else (0.0, 1.0, 0.0, 0.0)
+        rod = {
+            "type": "capsule",
+            "pos": _numbers((0.5 * x, 0.5 * y, 0.5 * z)),
+            "quat": _numbers(turn),
+            "size": _numbers((0.5 * sphere.radius_m, 0.5 * length)),
+        }
+        ET.SubElement(body, "geom", rod | bits)
 
 
 def _add_map(root: ET.Element, worldbody: ET.Element, world: World, bits: dict[str, str]) -> None:
@@ -150,15 +187,16 @@ _MAX_CACHED = 4  # contact models of maps; one takes up to a second to compile
 _models: OrderedDict[tuple[int, str, float], tuple[World, mujoco.MjModel]] = OrderedDict()
 
 
-def build_model(scene: Scene, vehicle: Vehicle, *, contact_step_s: float) -> mujoco.MjModel:
-    """Return a compiled model that belongs to the caller: nq 7, nv 6."""
+def build_model(scene: Scene, *vehicles: Vehicle, contact_step_s: float) -> mujoco.MjModel:
+    """Return a compiled model that belongs to the caller: nq 7, nv 6 for each vehicle."""
     if scene.has_only_boxes:
-        return mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+        return mujoco.MjModel.from_xml_string(mjcf_text(scene, *vehicles, contact_step_s=contact_step_s))
     world = load_world(scene)
-    parameters = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {vehicle.model_dump_json()}"
+    types = " ".join(vehicle.model_dump_json() for vehicle in vehicles)
+    parameters = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {types}"
     key = (id(world.model), parameters, contact_step_s)
     if key not in _models:
-        model = mujoco.MjModel.from_xml_string(mjcf_text(scene, vehicle, contact_step_s=contact_step_s))
+        model = mujoco.MjModel.from_xml_string(mjcf_text(scene, *vehicles, contact_step_s=contact_step_s))
         for field in range(model.nhfield):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_HFIELD, field)
             source = int(name.removeprefix("hfield_"))

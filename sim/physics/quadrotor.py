@@ -110,13 +110,13 @@ class QuadrotorPhysics:
         self.contact_skipping = integration.contact_skipping
         self.skips = ContactSkips()
         rotors = len(vehicle.rotors)
-        self._contact_substeps = steps.contact
+        self.contact_substeps = steps.contact
         self._hard = False  # contact since a hard touch-down
         tick_s = self._tick_s = steps.tick_s
         wind = disturbances.wind if disturbances.wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._wind = WindAtVehicle(wind, seed=disturbances.seed, tick_ns=tick_ns)
         self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)
-        self._body = rigid_body(
+        self.body = rigid_body(
             vehicle,
             self._truth,
             effects=effects,
@@ -130,7 +130,7 @@ class QuadrotorPhysics:
             self._battery_capacity_c = 3600.0 * b.capacity_ah
             self._battery_start_c = (1.0 - b.initial_charge) * self._battery_capacity_c
             self._battery = np.array([self._battery_start_c, 0.0, 0.0])
-            self._body.fit_battery(
+            self.body.fit_battery(
                 battery=self._battery,
                 cells=float(b.cells),
                 capacity_c=self._battery_capacity_c,
@@ -139,9 +139,9 @@ class QuadrotorPhysics:
                 auxiliary_w=b.auxiliary_w,
                 nominal_voltage_v=b.nominal_voltage_v,
             )
-        self._model = build_model(scene, vehicle, contact_step_s=tick_s / self._contact_substeps[False])
+        self._model = build_model(scene, vehicle, contact_step_s=tick_s / self.contact_substeps[False])
         self._data = mujoco.MjData(self._model)
-        self._body.attach(self._data.qpos, self._data.qvel, self._data.qfrc_applied, self._data.qacc)
+        self.attach(self._data)
         world = load_world(scene)
         self._solids = solid_tree(world)
         self._radius_m = vehicle.bounding_radius_m
@@ -186,33 +186,52 @@ class QuadrotorPhysics:
         the number of rotors are ignored. Tick 0 is the initial state and ignores them.
         Raises ModelRangeError when the vehicle leaves the model's range or a command is not finite.
         """
+        return self.finish(self.fly(tick, controls))
+
+    def fly(self, tick: int, controls: Sequence[float]) -> bool:
+        """Advance to tick `tick` without completing it; see `advance`. Return True if the vehicle touched the scene."""
         if tick != self._tick + 1:
             raise ValueError(f"tick {tick} after tick {self._tick}: ticks must come in order")
         self._tick = tick
         if tick == 0:
             if not self._wind.constant:
                 self._wind_W = self._wind.start(float(self._truth[2]))
-            if self._next_change == 0:
-                self._begin_events(0)
-            return self._truth_state(tick, self._standing)
-        body = self._body
+            return self._standing
+        body = self.body
         if not self._wind.constant:
             self._update_wind(tick)
         bad_index = body.command(controls)
         if bad_index >= 0:
             raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite, 0..1")
         travelled_m = body.fly()
-        touching = False
         if travelled_m < self._remaining_m and travelled_m < self._actors_remaining_m:
             self._remaining_m -= travelled_m
             self._actors_remaining_m -= travelled_m + self._approach_m
             self.skips.skipped += 1
-        else:
-            touching = self._check_contact(travelled_m)
-        self._was_touching = touching
-        violation = body.finish()
-        if violation:
-            raise self._range_error(tick, violation)
+            return False
+        return self._check_contact(travelled_m)
+
+    def attach(self, data: mujoco.MjData | None = None, row: int = 0) -> None:
+        """Compute contact in `data`, as its free joint `row`; by default in the model of this vehicle alone."""
+        data = self._data if data is None else data
+        p, v = slice(7 * row, 7 * row + 7), slice(6 * row, 6 * row + 6)
+        self.body.attach(data.qpos[p], data.qvel[v], data.qfrc_applied[v], data.qacc[v])
+
+    def rewind(self) -> None:
+        """Return to the previous tick, to repeat this one in contact with other vehicles."""
+        self.body.rewind()
+        self._remaining_m = 0.0
+        if self._actors is not None:
+            self._actors_remaining_m = 0.0
+
+    def finish(self, touching: bool) -> TruthState:
+        """Complete the tick of `fly` and return its state. Raises ModelRangeError."""
+        tick = self._tick
+        if tick > 0:
+            self._was_touching = touching
+            violation = self.body.finish()
+            if violation:
+                raise self._range_error(tick, violation)
         if tick == self._next_change:
             self._begin_events(tick)
         return self._truth_state(tick, touching)
@@ -272,14 +291,14 @@ class QuadrotorPhysics:
             _, kind, text, fault = self._pending.pop()
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
             if fault is not None:
-                self._body.set_rotor(fault.rotor, *fault.rotor_state)
+                self.body.set_rotor(fault.rotor, *fault.rotor_state)
         self._next_change = self._pending[-1][0] if self._pending else -1
 
     def _update_wind(self, tick: int) -> None:
         previous_W = self._wind_W
         s = self._truth[2:10].tolist()
         self._wind_W = self._wind.at(tick, s[0], (s[5], s[6], s[7]))
-        self._body.set_wind(previous_W, self._wind_W)
+        self.body.set_wind(previous_W, self._wind_W)
 
     def _check_contact(self, travelled_m: float) -> bool:
         """Compute a used-up clearance anew; if it is too small, ask MuJoCo for contacts. Return True if any touched."""
@@ -293,9 +312,9 @@ class QuadrotorPhysics:
         t_ns = self.start_ns + self._tick * self.tick_ns
         if self.contact_skipping:
             if not travelled_m < left_m:
-                left_m = self._body.clearance_before(self._radius_m, self._solids)
+                left_m = self.body.clearance_before(self._radius_m, self._solids)
             if actors is not None and not travelled_m < actors_left_m:
-                actors_left_m = actors.gap_m(self._body.position_before(), t_ns, travelled_m)
+                actors_left_m = actors.gap_m(self.body.position_before(), t_ns, travelled_m)
                 actors.pose_near(t_ns)
             elif actors is not None:
                 actors.park_all()
@@ -314,23 +333,33 @@ class QuadrotorPhysics:
                 self._actors_remaining_m = actors_left_m - (travelled_m + self._approach_m)
             return False
         self.skips.touching += 1
-        self._body.rewind()
+        self.body.rewind()
         if not self._was_touching:
-            self._touch_down()
+            self.hard = self.touch_down_mps > HARD_LANDING_MPS
         return self._contact_steps()
 
-    def _touch_down(self) -> None:
-        """Set the stiffness of the contact that begins, by the speed of the touch-down."""
+    @property
+    def touch_down_mps(self) -> float:
+        """Speed of a touch-down from here; 0 if the vehicle touched in the last tick."""
+        if self._was_touching:
+            return 0.0
         s = self._truth[7:13].tolist()
         speed = math.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
-        speed += self._radius_m * math.sqrt(s[3] * s[3] + s[4] * s[4] + s[5] * s[5])
-        hard = speed > HARD_LANDING_MPS
+        return speed + self._radius_m * math.sqrt(s[3] * s[3] + s[4] * s[4] + s[5] * s[5])
+
+    @property
+    def hard(self) -> bool:
+        """True from a hard touch-down until the next touch-down: short contact steps, stiff contact."""
+        return self._hard
+
+    @hard.setter
+    def hard(self, hard: bool) -> None:
         if hard != self._hard:
             self._hard = hard
-            soften_contact(self._model, self._tick_s / self._contact_substeps[hard])
+            soften_contact(self._model, self._tick_s / self.contact_substeps[hard])
 
     def _touches(self, travelled_m: float) -> bool:
-        model, data, body = self._model, self._data, self._body
+        model, data, body = self._model, self._data, self.body
         steps = body.steps()
         queries = max(1, math.ceil(travelled_m / (steps * self._min_sphere_radius_m)))  # per sub-step
         for query in range(steps * queries):
@@ -342,10 +371,10 @@ class QuadrotorPhysics:
         return False
 
     def _contact_steps(self) -> bool:
-        model, data, body = self._model, self._data, self._body
+        model, data, body = self._model, self._data, self.body
         load, update, forward = body.contact_load, body.contact_update, mujoco.mj_forward
         touched, hard = False, self._hard
-        for substep in range(self._contact_substeps[hard]):
+        for substep in range(self.contact_substeps[hard]):
             load(substep, hard)
             forward(model, data)
             touched = touched or data.ncon > 0
@@ -354,7 +383,7 @@ class QuadrotorPhysics:
 
     def _settle(self) -> None:
         """Let the feet settle to their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
-        self._body.command([0.0] * len(self.vehicle.rotors))
+        self.body.command([0.0] * len(self.vehicle.rotors))
         if self._actors is not None:
             self._actors.pose_all(self.start_ns)
         for _ in range(-(-_SETTLE_NS // self.tick_ns)):
@@ -383,7 +412,7 @@ class QuadrotorPhysics:
         battery = self.battery
         if battery is not None and violation in (5, 6):
             return ModelRangeError(tick, variable, battery.voltage_v if violation == 5 else battery.charge, limit)
-        self._body.rewind()
+        self.body.rewind()
         cause = too_stiff(self.vehicle, self._steps, self.state[_V].tolist(), self._wind_W)
         cause = cause or too_strong(self.vehicle, self._steps, 200.0, 200.0) or ""
         if violation == 1:
