@@ -11,6 +11,7 @@
 #include "bind_arrays.hpp"
 #include "clearance.hpp"
 #include "detmath.hpp"
+#include "downwash.hpp"
 #include "free_flight.hpp"
 #include "rigid_body.hpp"
 #include "rotation.hpp"
@@ -198,6 +199,14 @@ class RigidBody {
         hil::sim::normalise_quaternion(q + 3);
     }
 
+    // Jet of the state now, in the wind at the end of the last tick.
+    hil::sim::Jet jet() const {
+        double wind[3];
+        for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + tick_s_ * wind_.slope_W[j];
+        return hil::sim::jet_of(params_, state(), wind);
+    }
+
+    const double *position_W() const { return state(); }
     const double *start_W() const { return before_.data(); }
     // Length of the path of pose_in_tick().
     double moved_m() const {
@@ -312,6 +321,11 @@ class RigidBody {
     int steps_ = 0;
 };
 
+const RigidBody &body_in(nb::handle item) {
+    if (!nb::isinstance<RigidBody>(item)) throw nb::type_error("bodies must be a list of RigidBody");
+    return *nb::inst_ptr<RigidBody>(item);
+}
+
 // Pairs of bodies whose bounding spheres can have met on the way of pose_in_tick(). All pairs are compared: 3 ns each.
 std::vector<std::pair<int, int>> near_pairs(nb::list bodies, In<double, -1> radius_m) {
     const std::size_t n = bodies.size();
@@ -321,7 +335,7 @@ std::vector<std::pair<int, int>> near_pairs(nb::list bodies, In<double, -1> radi
     };
     std::vector<Sphere> spheres(n);
     for (std::size_t i = 0; i < n; ++i) {
-        const RigidBody &body = *nb::inst_ptr<RigidBody>(bodies[i]);
+        const RigidBody &body = body_in(bodies[i]);
         const double *p = body.start_W();
         spheres[i] = {p[0], p[1], p[2], radius_m.data()[i] + body.moved_m() + 0.5 * hil::sim::kClearanceSlack_m};
     }
@@ -337,6 +351,19 @@ std::vector<std::pair<int, int>> near_pairs(nb::list bodies, In<double, -1> radi
         }
     }
     return near;
+}
+
+void write_downwash(nb::list bodies, Out<double, -1, 3> wind_W) {
+    std::vector<const RigidBody *> all;
+    for (nb::handle item : bodies) all.push_back(&body_in(item));
+    if (wind_W.shape(0) != all.size()) throw std::invalid_argument("wind_W_mps needs a row for each body");
+    for (std::size_t k = 0; k < 3 * all.size(); ++k) wind_W.data()[k] = 0.0;
+    for (const RigidBody *upper : all) {
+        const hil::sim::Jet jet = upper->jet();
+        for (std::size_t j = 0; j < all.size(); ++j) {
+            if (all[j] != upper) hil::sim::add_jet(jet, all[j]->position_W(), wind_W.data() + 3 * j);
+        }
+    }
 }
 
 }  // namespace
@@ -416,16 +443,10 @@ void bind_rigid_body(nb::module_ &m) {
         .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Return the address of a MuJoCo control callback.")
         .def("contact_update", &RigidBody::contact_update, "hard"_a, "Advance one contact sub-step with qacc.");
 
-    m.def(
-        "near_pairs",
-        [](nb::list bodies, In<double, -1> radius_m) {
-            for (nb::handle body : bodies) {
-                if (!nb::isinstance<RigidBody>(body)) throw nb::type_error("near_pairs takes a list of RigidBody");
-            }
-            return near_pairs(bodies, radius_m);
-        },
-        "bodies"_a, "radius_m"_a.noconvert(),
-        "Return the pairs (i, j), i < j, whose bounding spheres can have met since the last fly() of each.");
+    m.def("near_pairs", &near_pairs, "bodies"_a, "radius_m"_a.noconvert(),
+          "Return the pairs (i, j), i < j, whose bounding spheres can have met since the last fly() of each.");
+    m.def("write_downwash", &write_downwash, "bodies"_a, "wind_W_mps"_a.noconvert(),
+          "Write the wind at each body that the wakes of the others make now. See downwash.hpp.");
     m.def(
         "ideal_imu",
         [](nb::tuple q_WB, nb::tuple a_WB_W, nb::tuple w_WB_B, nb::tuple alpha_WB_B, double dt_s, double gravity_mps2) {

@@ -25,6 +25,7 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
+from signals.samples import Vec3
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_geoms
@@ -112,21 +113,26 @@ def _add_rotors_and_rods(body: ET.Element, vehicle: Vehicle) -> None:
     bits = {"contype": str(_OTHER_VEHICLE_BIT), "conaffinity": str(_OTHER_VEHICLE_BIT)}
     disc = _numbers((vehicle.rotor_constants.radius_m, ROTOR_HALF_THICKNESS_M))
     for rotor in vehicle.rotors:
-        ET.SubElement(body, "geom", {"type": "cylinder", "pos": _numbers(rotor.position_m), "size": disc} | bits)
+        pose = {"pos": _numbers(rotor.position_m), "quat": _turned_up(rotor.axis)}
+        ET.SubElement(body, "geom", {"type": "cylinder", "size": disc} | pose | bits)
     for sphere in vehicle.contact_spheres:
         x, y, z = sphere.position_m
         length = math.sqrt(x * x + y * y + z * z)
         if length <= sphere.radius_m:
             continue
-        # Rotation by the shortest way from the geom's z axis to the rod, without angles.
-        turn = (length + z, -y, x, 0.0) if length + z > 1e-6 * length else (0.0, 1.0, 0.0, 0.0)
         rod = {
             "type": "capsule",
             "pos": _numbers((0.5 * x, 0.5 * y, 0.5 * z)),
-            "quat": _numbers(turn),
+            "quat": _turned_up((x / length, y / length, z / length)),
             "size": _numbers((0.5 * sphere.radius_m, 0.5 * length)),
         }
         ET.SubElement(body, "geom", rod | bits)
+
+
+def _turned_up(direction: Vec3) -> str:
+    """Return the quaternion that turns a geom's z axis into a unit vector by the shortest way."""
+    x, y, z = direction
+    return _numbers((1.0 + z, -y, x, 0.0) if z > -0.999999 else (0.0, 1.0, 0.0, 0.0))
 
 
 def _add_map(root: ET.Element, worldbody: ET.Element, world: World, bits: dict[str, str]) -> None:

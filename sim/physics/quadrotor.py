@@ -170,6 +170,7 @@ class QuadrotorPhysics:
             state[_P] = start.p_WB
         self._was_touching = self._standing
         self._wind_W: Vec3 = self._wind.wind.steady_W_mps
+        self._downwash_W: Vec3 | None = None
         self._events: list[PhysicsEvent] = []
         self._pending = self._schedule(disturbances.faults)
         self._next_change = self._pending[-1][0] if self._pending else -1
@@ -198,7 +199,7 @@ class QuadrotorPhysics:
                 self._wind_W = self._wind.start(float(self._truth[2]))
             return self._standing
         body = self.body
-        if not self._wind.constant:
+        if self._downwash_W is not None or not self._wind.constant:
             self._update_wind(tick)
         bad_index = body.command(controls)
         if bad_index >= 0:
@@ -216,6 +217,10 @@ class QuadrotorPhysics:
         data = self._data if data is None else data
         p, v = slice(7 * row, 7 * row + 7), slice(6 * row, 6 * row + 6)
         self.body.attach(data.qpos[p], data.qvel[v], data.qfrc_applied[v], data.qacc[v])
+
+    def set_downwash(self, wind_W_mps: Vec3) -> None:
+        """Set the wind that other vehicles add at the next tick and from then on."""
+        self._downwash_W = wind_W_mps
 
     def rewind(self) -> None:
         """Return to the previous tick, to repeat this one in contact with other vehicles."""
@@ -298,6 +303,9 @@ class QuadrotorPhysics:
         previous_W = self._wind_W
         s = self._truth[2:10].tolist()
         self._wind_W = self._wind.at(tick, s[0], (s[5], s[6], s[7]))
+        if self._downwash_W is not None:
+            (x, y, z), (dx, dy, dz) = self._wind_W, self._downwash_W
+            self._wind_W = (x + dx, y + dy, z + dz)
         self.body.set_wind(previous_W, self._wind_W)
 
     def _check_contact(self, travelled_m: float) -> bool:

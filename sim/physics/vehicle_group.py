@@ -21,11 +21,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signals.errors import ModelRangeError
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_MS
-from sim._kernels import near_pairs
+from sim._kernels import near_pairs, write_downwash
 from sim.physics.joint_contact import JointContact, Outcome, Touch, reach_m
 from sim.physics.quadrotor import HARD_LANDING_MPS, QuadrotorPhysics
 from sim.physics.vehicle import Vehicle
@@ -58,9 +59,13 @@ class _Lasting:
 
 
 class VehicleGroup:
-    """Vehicles of one run. Raises ValueError unless they have the same scene and tick."""
+    """Vehicles of one run.
 
-    def __init__(self, vehicles: Mapping[str, QuadrotorPhysics]) -> None:
+    `downwash`: the wakes of vehicles are wind for others (sim/native/downwash.hpp), by their states one tick earlier.
+    Raises ValueError unless the vehicles have the same scene and tick.
+    """
+
+    def __init__(self, vehicles: Mapping[str, QuadrotorPhysics], *, downwash: bool = False) -> None:
         if not vehicles:
             raise ValueError("a group needs a vehicle")
         self._names = list(vehicles)
@@ -70,6 +75,8 @@ class VehicleGroup:
             if vehicle.tick_ns != first.tick_ns or vehicle.scene != first.scene:
                 raise ValueError(f"vehicle {name!r} has another scene or tick than {self._names[0]!r}")
         self._bodies = [vehicle.body for vehicle in self._vehicles]
+        self._downwash_W = np.zeros((len(vehicles), 3)) if downwash else None
+        self._blown = np.zeros(len(vehicles), dtype=bool)  # vehicles that have met a wake
         self._reach_m = np.array([reach_m(vehicle.vehicle) for vehicle in self._vehicles])
         self._every_pair = [(a, b) for b in range(len(self._names)) for a in range(b)]
         self._skipping = all(vehicle.contact_skipping for vehicle in self._vehicles)
@@ -82,6 +89,8 @@ class VehicleGroup:
 
         See `QuadrotorPhysics.advance`. The ModelRangeError of a vehicle names it before the variable.
         """
+        if self._downwash_W is not None:
+            self._blow(self._downwash_W)
         touching = []
         for index, (vehicle, control) in enumerate(zip(self._vehicles, controls, strict=True)):
             try:
@@ -105,6 +114,13 @@ class VehicleGroup:
                 self._report(pair, lasting)
         contacts, self._contacts = sorted(self._contacts), []
         return contacts
+
+    def _blow(self, wind_W: NDArray[np.float64]) -> None:
+        write_downwash(self._bodies, wind_W)
+        for index in np.flatnonzero(wind_W.any(axis=1) | self._blown).tolist():
+            x, y, z = wind_W[index].tolist()
+            self._vehicles[index].set_downwash((x, y, z))
+            self._blown[index] = True
 
     def _collide(self, tick: int, touching: list[bool]) -> None:
         """Resolve the contacts between vehicles in this tick, and set `touching` of those in a cluster."""

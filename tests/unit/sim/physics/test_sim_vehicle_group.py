@@ -166,7 +166,7 @@ def course(seed: int, *, skipping: bool = True, reverse: bool = False, far: bool
     return {name: digests[name].hexdigest() for name in "abcdef"}
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_bits_do_not_depend_on_skipping_order_or_a_far_vehicle(seed: int) -> None:
     flown = course(seed)
     assert course(seed) == flown
