@@ -1,17 +1,20 @@
 """Geometry of a world for the native kernels: static geoms are prepared once, actors are posed at a time.
 
-Actors are pure functions of time (sim.scene.maps.scene_map.Actor); their geoms move with their bodies.
+Actors are functions of time (sim.scene.maps.scene_map.Actor); their geoms move with their bodies. The vehicles of a run
+are actors whose states are placed at every tick (sim/physics/vehicle_bodies.py).
 """
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import Geometry, Reach, SceneActors, Scenery
+from sim._kernels import Geometry, RayCaster, Reach, SceneActors, Scenery
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import make_scenery
 from sim.scene.maps.scene_map import Actor
@@ -27,6 +30,7 @@ class FrameGeometry:
 
     `native` and `scenery` are shared by all cameras and LiDARs of a run. `pose` poses all actors at once. `expect` only
     sets the time; each camera or LiDAR then poses the actors that it may see, and actors out of sight are not posed.
+    `left_out`: number of the actor that this view does not show, -1 for none.
     """
 
     def __init__(self, world: World) -> None:
@@ -34,7 +38,10 @@ class FrameGeometry:
         self.native = Geometry()
         self.posed = 0  # actors posed so far
         self._skipped = 0  # actors not posed at earlier times
+        self._absent = 0  # actors not posed at this time
         self._was_used = False  # True if a sensor has used the geometry at this time
+        self.left_out = -1
+        self.prepared: dict[Any, Any] = {}  # shared by all views: shadow maps, the ray caster
         model = world.model
         self.scenery: Scenery = make_scenery(model, appearances=world.geom_appearance)
         data = mujoco.MjData(model)
@@ -78,6 +85,26 @@ class FrameGeometry:
         """Scenery without textures: each surface has its mean colour."""
         return self.scenery.without_textures()
 
+    @property
+    def caster(self) -> RayCaster:
+        """Caster of all LiDARs."""
+        if RayCaster not in self.prepared:
+            self.prepared[RayCaster] = RayCaster(self.native)
+        caster: RayCaster = self.prepared[RayCaster]
+        return caster
+
+    def without(self, actor: str) -> FrameGeometry:
+        """Return a view that does not show one actor. It shares everything but its time and counters."""
+        view = copy.copy(self)
+        view.left_out = [known.name for known in self.world.map.actors].index(actor)
+        view.posed = view._skipped = view._absent = 0
+        view._was_used = False
+        return view
+
+    def forget(self, actor: int) -> None:
+        """Hide an actor until it is posed again, because its poses have changed."""
+        self._actors.hide(actor)
+
     def pose(self, t_ns: int) -> None:
         """Pose all actors at `t_ns`. A pose that is not finite hides its geoms."""
         self.expect(t_ns)
@@ -92,12 +119,13 @@ class FrameGeometry:
     @property
     def settled(self) -> bool:
         """True if all actors are posed at this time and a sensor has used them."""
+        self._actors.leave_out(self.left_out)
         return self._was_used and self._actors.absent(self.t_ns) == 0
 
     @property
     def unposed(self) -> int:
         """Number of actor poses skipped so far because no sensor could see the actor."""
-        return self._skipped + (self._actors.absent(self.t_ns) if self._was_used else 0)
+        return self._skipped + (self._absent if self._was_used else 0)
 
     def pose_within(self, reach: Reach | None = None) -> None:
         """Pose the actors within `reach` (None: all) that are not yet posed at this time.
@@ -105,7 +133,9 @@ class FrameGeometry:
         Actors out of reach are hidden until a later call poses them.
         """
         self._was_used = True
+        self._actors.leave_out(self.left_out)
         self.posed += self._actors.pose_within(self.t_ns, reach)
+        self._absent = self._actors.absent(self.t_ns)
 
 
 def _geoms_of(actor: Actor, model: mujoco.MjModel) -> NDArray[np.int32]:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Planes = tuple[float, float]  # distance of the near and the far plane [m]
 BACKENDS = ("egl", "filament")
+_OUTSIDE_M = 1e8  # beyond every far plane
 _FILAMENT_PROBE = (
     "import mujoco.studio.window; from mujoco import mjrf; "
     "mjrf.Context(mjrf.ContextConfig(graphics_api=mjrf.GraphicsApi.GRAPHICS_API_VULKAN))"
@@ -60,10 +61,12 @@ class WorldPose:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)  # bodies may carry lights
 
-    def at(self, t_ns: int) -> mujoco.MjData:
-        """Return the data, posed at `t_ns`."""
-        for actor, bodies, mocap, (p_WB, q_WB, v_WB_W, w_WB_W) in self._actors:
+    def at(self, t_ns: int, left_out: int = -1) -> mujoco.MjData:
+        """Return the data, posed at `t_ns`. `left_out`: number of an actor that is not shown, -1 for none."""
+        for number, (actor, bodies, mocap, (p_WB, q_WB, v_WB_W, w_WB_W)) in enumerate(self._actors):
             actor.pose(t_ns, p_WB, q_WB, v_WB_W, w_WB_W)
+            if number == left_out:
+                p_WB[:] = _OUTSIDE_M
             self.v_WB_W[bodies] = v_WB_W
             self.w_WB_W[bodies] = w_WB_W
             self.data.mocap_pos[mocap] = p_WB
@@ -107,9 +110,9 @@ class MujocoColour:
         self._renderer = renderer_class(world.model, camera, (near_m, far_m), shadows=shadows)
         self._data = self._world_pose.data
 
-    def pose(self, t_ns: int) -> None:
-        """Pose the actors at `t_ns`."""
-        self._data = self._world_pose.at(t_ns)
+    def pose(self, t_ns: int, left_out: int = -1) -> None:
+        """Pose the actors at `t_ns`, without the actor of that number."""
+        self._data = self._world_pose.at(t_ns, left_out)
 
     def render(self, pose: CameraPose, rgb: NDArray[np.uint8]) -> None:
         """Fill the caller's array (H, W, 3) with colour, row 0 on top."""
@@ -265,7 +268,7 @@ class MixedRenderer:
         """Fill exactly the channels in `out`; `rows`: only these."""
         self._native.render(pose, {name: array for name, array in out.items() if name != "rgb"}, rows=rows)
         if "rgb" in out:
-            self._colour.pose(self._native.geometry.t_ns)
+            self._colour.pose(self._native.geometry.t_ns, self._native.geometry.left_out)
             self._colour.render(pose, self._rgb)
             first, last = rows if rows is not None else (0, len(self._rgb))
             out["rgb"][first:last] = self._rgb[first:last]

@@ -209,8 +209,8 @@ def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
 
 def sun_shadows(geometry: FrameGeometry, light: Light, isa: str = "") -> SunShadows:
     """Return the shadow maps of a geometry, shared by all cameras with the same sun."""
-    cached: dict[tuple[Any, str], SunShadows] = geometry.__dict__.setdefault("_sun_shadows", {})
-    key = (light.to_sun_W, isa)
-    if key not in cached:
-        cached[key] = SunShadows(geometry.native, light.to_sun_W, _SHADOW_PIXELS, isa)
-    return cached[key]
+    key = (SunShadows, light.to_sun_W, isa)
+    if key not in geometry.prepared:
+        geometry.prepared[key] = SunShadows(geometry.native, light.to_sun_W, _SHADOW_PIXELS, isa)
+    shadows: SunShadows = geometry.prepared[key]
+    return shadows

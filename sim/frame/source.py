@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
 from signals.classes import Classes
+from signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
+
+VEHICLE_CLASS = "drone"  # class of a run's vehicles, and prefix of their names among the actors
 
 
 def channel_array(channel: str, camera: CameraModel) -> NDArray[Any]:
@@ -73,10 +77,14 @@ class FrameSource(Protocol):
 
 
 class SharedFrames:
-    """`FrameSource` of a run."""
+    """`FrameSource` of a run.
+
+    The world of a run of several vehicles holds them all as actors (sim/physics/vehicle_bodies.py). `place` gives their
+    states, and the sensors of each vehicle have the source `seen_by` it, which does not show the vehicle itself.
+    """
 
     def __init__(self, world: Any, *, threads: int = 1) -> None:
-        """`world`: sim.scene.world.World. It does not hold the vehicle, so sensors do not see the vehicle."""
+        """`world`: sim.scene.world.World."""
         from sim.frame.geometry import FrameGeometry
 
         self.world = world
@@ -84,6 +92,20 @@ class SharedFrames:
         self.classes = Classes(world.class_names, world.class_colours)
         self._threads = threads
         self._to_close: list[Callable[[], None]] = []
+        self._actors = {actor.name: (number, actor) for number, actor in enumerate(world.map.actors)}
+
+    def place(self, vehicle: str, truth: TruthState) -> None:
+        """Give the state of a vehicle at a tick, before the sensors of that tick are sampled."""
+        number, actor = self._actors[f"{VEHICLE_CLASS}:{vehicle}"]
+        actor.place(truth)
+        self.geometry.forget(number)
+
+    def seen_by(self, vehicle: str) -> SharedFrames:
+        """Return the source for the sensors of a vehicle: the same geometry without the vehicle itself."""
+        view = copy.copy(self)
+        view.geometry = self.geometry.without(f"{VEHICLE_CLASS}:{vehicle}")
+        view._to_close = []
+        return view
 
     @property
     def posed(self) -> int:

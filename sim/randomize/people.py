@@ -7,8 +7,6 @@ tries find no free ground is left out.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from signals._kernel import det_atan2
@@ -107,13 +105,7 @@ def map_with(people: tuple[AddedPerson, ...], base: SceneMap) -> SceneMap:
     builder = MapBuilder("people")
     for person in people:
         _add(builder, person)
-    added = builder.build()
-    return replace(
-        base,
-        mjcf=_with_sections(base.mjcf, builder.sections()),
-        surfaces={**base.surfaces, **added.surfaces},
-        actors=(*base.actors, *added.actors),
-    )
+    return builder.added_to(base)
 
 
 def _add(builder: MapBuilder, person: AddedPerson) -> None:
@@ -131,11 +123,3 @@ def _add(builder: MapBuilder, person: AddedPerson) -> None:
     else:
         path = person.way.path(person.speed_mps)
         add_walker(builder, rng, path, ground_m=person.at_m[2], traits=traits)
-
-
-def _with_sections(mjcf: str, sections: str) -> str:
-    """Return the text with `sections` at its end: MJCF allows a section twice, and no line number changes."""
-    end = mjcf.rfind("</mujoco>")
-    if end < 0:  # an empty element: <mujoco/>
-        return f"{mjcf.rstrip().removesuffix('/>')}>{sections}</mujoco>"
-    return mjcf[:end] + sections + mjcf[end:]

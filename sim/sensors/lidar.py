@@ -74,7 +74,7 @@ class Lidar(InstalledSensor):
         self._p = p
         self.ring_elevations_deg = p.pattern.ring_elevations_deg
         self._frames = frames
-        self._caster = RayCaster(frames.geometry.native)
+        self._caster: RayCaster = frames.geometry.caster
         world = frames.geometry.world
         self._two_way_per_m = 2.0 * installation.scene.extinction_per_m
         self._class = np.array(world.geom_class, dtype=np.uint8)

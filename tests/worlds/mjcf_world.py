@@ -101,6 +101,10 @@ class GeometryOf:
     def pose_within(self, reach: Any = None) -> None:
         self.pose_all()
 
+    @property
+    def caster(self) -> RayCaster:
+        return RayCaster(self.native)
+
 
 @dataclass
 class ModelFrames:

@@ -1,6 +1,5 @@
 #include "actors.hpp"
 
-#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -25,7 +24,12 @@ void Actors::add(std::shared_ptr<const Actor> actor, std::vector<BodyGeom> geoms
 
 int Actors::pose_within(std::int64_t t_ns, const Reach *reach) {
     int posed = 0;
-    for (Member &member : members_) {
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+        Member &member = members_[i];
+        if (static_cast<int>(i) == left_out_) {
+            hide(member);
+            continue;
+        }
         if (member.posed_ns == t_ns) {
             continue;
         }
@@ -33,19 +37,26 @@ int Actors::pose_within(std::int64_t t_ns, const Reach *reach) {
             move(member, t_ns);
             member.posed_ns = t_ns;
             ++posed;
-        } else if (member.posed_ns) {
-            for (const BodyGeom &g : member.geoms) {
-                geometry_.hide(g.geom);
-            }
-            member.posed_ns.reset();
+        } else {
+            hide(member);
         }
     }
     return posed;
 }
 
 int Actors::absent(std::int64_t t_ns) const {
-    return static_cast<int>(
-        std::count_if(members_.begin(), members_.end(), [t_ns](const Member &m) { return m.posed_ns != t_ns; }));
+    int count = 0;
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+        const auto &posed_ns = members_[i].posed_ns;
+        count += static_cast<int>(i) == left_out_ ? posed_ns.has_value() : posed_ns != t_ns;
+    }
+    return count;
+}
+
+void Actors::hide(Member &member) {
+    if (!member.posed_ns) return;
+    for (const BodyGeom &g : member.geoms) geometry_.hide(g.geom);
+    member.posed_ns.reset();
 }
 
 void Actors::move(const Member &member, std::int64_t t_ns) {

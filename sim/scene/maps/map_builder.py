@@ -15,6 +15,7 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
+from dataclasses import replace
 
 from signals._kernel import det_cos, det_sin
 from signals.rotation import NO_TURN
@@ -264,7 +265,16 @@ class MapBuilder:
             raise ValueError(f"no material {name}; make it with material() first")
         return name
 
-    def sections(self) -> str:
+    def added_to(self, base: SceneMap) -> SceneMap:
+        """Return the map `base` with the materials, bodies and actors of this builder at its end."""
+        return replace(
+            base,
+            mjcf=_with_sections(base.mjcf, self._sections()),
+            surfaces={**base.surfaces, **self._materials},
+            actors=(*base.actors, *self._actors),
+        )
+
+    def _sections(self) -> str:
         """Return materials and bodies as MJCF sections that may follow those of another map.
 
         Geoms state every attribute that a default of that map could change.
@@ -286,3 +296,11 @@ class MapBuilder:
             actors=tuple(self._actors),
             corners=tuple(self._corners),
         )
+
+
+def _with_sections(mjcf: str, sections: str) -> str:
+    """Return the text with `sections` at its end: MJCF allows a section twice, and no line number changes."""
+    end = mjcf.rfind("</mujoco>")
+    if end < 0:  # an empty element: <mujoco/>
+        return f"{mjcf.rstrip().removesuffix('/>')}>{sections}</mujoco>"
+    return mjcf[:end] + sections + mjcf[end:]

@@ -10,7 +10,8 @@ Permittivity and conductivity at 60 GHz:
   wavelength, eps near 1.5, and transmits most of the wave, so CLOTH has the values of skin and the roughness of cloth.
 * leaves: eps = 0.522 (1 - 1.32 m) eps_water + 0.51 + 3.84 m with dry matter m = 0.3 (Maetzler, IEEE Trans. Geosci.
   Remote Sens. 32, 1994, p. 947), and water at 20 degC from Recommendation ITU-R P.527-6: eps = 11.9 - j 19.5.
-* rubber, plastic, sandbags (dry sand in cloth): order-of-magnitude handbook values without a single source.
+* rubber, plastic, sandbags (dry sand in cloth), carbon fibre (along its fibres) and propellers (polyamide with glass
+  fibre): order-of-magnitude handbook values without a single source.
 
 An imaginary part eps'' at 60 GHz is a conductivity of eps'' * 3.338 S/m.
 
@@ -46,3 +47,5 @@ CLOTH = Surface(0.45, 7.98, 36.4, 2e-3)
 HAIR = Surface(0.25, 7.98, 36.4, 3e-3)
 RUBBER = Surface(0.06, 5.0, 0.5, 1e-3)
 PLASTIC = Surface(0.40, 2.6, 0.05, 1e-5)
+CARBON_FIBRE = Surface(0.06, 1.0, 1e4, 1e-5)
+PROPELLER = Surface(0.06, 3.5, 0.1, 1e-5)  # of drones; radars tell rotor blades by it

@@ -1,11 +1,12 @@
 """`hil bench lidar`: time and error of the native ray caster, compared with `mj_multiRay` in one process on one core.
 
-Scenes are city_park and 100, 1000, 5000 and 20,000 shapes within 80 x 80 m; patterns are 16 x 900, 32 x 1024 and
-64 x 2048 rays, without a range limit. The methods run in turn; a time is the best of several runs, averaged over three
-positions. The error is the greatest difference in range from `mj_multiRay`, and from `mj_ray` on every 37th ray; the
-row of `mj_multiRay` holds its difference from `mj_ray`. Rays on a silhouette (a neighbouring ray hits another geom)
-for which the methods hit different geoms are excluded. A ray that hits something in one method only has an infinite
-error. Every ray for which the methods hit different geoms, on a silhouette or not, counts as a disagreement.
+Scenes are city_park, 21 vehicles above it, and 100, 1000, 5000 and 20,000 shapes within 80 x 80 m; patterns are 16 x
+900, 32 x 1024 and 64 x 2048 rays, without a range limit. The methods run in turn; a time is the best of several runs,
+averaged over three positions. The error is the greatest difference in range from `mj_multiRay`, and from `mj_ray` on
+every 37th ray; the row of `mj_multiRay` holds its difference from `mj_ray`. Rays on a silhouette (a neighbouring ray
+hits another geom) for which the methods hit different geoms are excluded. A ray that hits something in one method only
+has an infinite error. Every ray for which the methods hit different geoms, on a silhouette or not, counts as a
+disagreement.
 
 The cost of geometry out of range is measured too: 200 shapes within a range of 100 m, alone and with 19,800 more
 beyond it.
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.sensors.raster_cases import GROUPS, random_geoms, world_with
+from hil.apps.bench_suite.sensors.raster_cases import GROUPS, random_geoms, vehicle_case, world_with
 from hil.apps.bench_suite.timing import best_times
 from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
@@ -85,7 +86,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     counts = (100, 1000) if quick else (100, 1000, 5000, 20_000)
     if quick:
         result.left_out.append("scenes of 5000 and 20,000 geoms against mj_multiRay (it takes minutes)")
-    makers: list[Callable[[], LidarScene]] = [park, *(lambda n=n: shapes(n) for n in counts)]
+    makers: list[Callable[[], LidarScene]] = [park, vehicles, *(lambda n=n: shapes(n) for n in counts)]
     rows: dict[tuple[str, str], tuple[Row, Row]] = {}
     disagreements = 0
     for make in makers:
@@ -224,6 +225,14 @@ def park() -> LidarScene:
     """Return city_park with its people at t = 0."""
     world = load_world(load_scene("city_park"))
     return LidarScene("city_park", world, ((0.3, 0.2, 1.5), (10.0, 5.0, 8.0), (-20.0, 13.0, 3.0)))
+
+
+def vehicles() -> LidarScene:
+    """Return the swarm of `vehicle_case` in its first view, seen from within and from two sides."""
+    case = vehicle_case(views=1, seed=1)
+    x, y, z = case.views[0].pose.p_WC
+    a, b, c = np.mean([actor.bound(0)[0] for actor in case.world.map.actors[-21:]], axis=0).tolist()
+    return LidarScene(case.name, case.world, ((x, y, z), (2 * a - x, 2 * b - y, 2 * c - z), (a, b, c)))
 
 
 def shapes(count: int, *, beyond: int = 0) -> LidarScene:

@@ -1,6 +1,7 @@
 """`hil bench raster`: time and error of the raster, compared with MuJoCo's renderer in the same process and poses.
 
     scenes        city_park, urban_delivery, training_village, radar_range, each from random flight-like viewpoints
+    vehicles      21 vehicles of three kinds, with random states in each view
     channels      depth | depth + segmentation | colour + depth + segmentation | the same with shadows | all
     resolutions   160 x 120 to 1280 x 720, 90 degrees across
     geoms         fields of 100 to 20,000; 20,000 with 200 visible, compared with those 200 alone
@@ -28,7 +29,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, field_case, hidden_case, scene_case
+from hil.apps.bench_suite.sensors.raster_cases import (
+    SCENES,
+    VEHICLES,
+    Case,
+    View,
+    field_case,
+    hidden_case,
+    scene_case,
+)
 from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
 from hil.apps.bench_suite.timing import best_times, one_core
 from sim.frame.camera_model import CameraModel
@@ -145,7 +154,7 @@ def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResul
         )
     measurement = _Measurement(result, status, quick=quick, seed=seed, with_mujoco=not problem)
     with one_core():
-        scene_errors = {name: measurement.scene(name) for name in SCENES}
+        scene_errors = {name: measurement.scene(name) for name in (*SCENES, VEHICLES)}
         for count in (100, 1000, 20_000) if quick else _GEOM_COUNTS:
             measurement.field(count)
         slowdown = measurement.hidden_geoms()

@@ -1,4 +1,4 @@
-"""Cases of `hil bench raster`: the four scenes, fields of random geoms, and flight-like viewpoints in them.
+"""Cases of `hil bench raster`: the four scenes, other vehicles, fields of random geoms, and viewpoints in them.
 
 Viewpoints are random with a fixed seed, 2 to 30 m up: one third level, one third pointing 20 to 60 degrees down, one
 third within 30 degrees of straight down. They are at least half a metre from all objects and outside them. Their times
@@ -20,12 +20,16 @@ from signals.errors import HilError
 from signals.samples import Vec3
 from sim.frame.mujoco_backend import WorldPose
 from sim.frame.renderer import CameraPose
+from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_bodies import VehicleBodies, with_vehicles
 from sim.scene.scene import load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
 
 Float64 = NDArray[np.float64]
 SCENES = ("city_park", "urban_delivery", "training_village", "radar_range")
+VEHICLES = "vehicles over city_park"
+_SEEN = ("x500", "iris", "racer")
 GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # MuJoCo geom groups visible to cameras
 _CLEAR_M = 0.5
 _MIN_HEIGHT_M, _MAX_HEIGHT_M = 2.0, 30.0
@@ -57,9 +61,43 @@ class Case:
 
 
 def scene_case(name: str, *, views: int, seed: int) -> Case:
-    """Return the case of a scene: one of SCENES, or the path of a scene file."""
+    """Return the case of a scene: one of SCENES, or the path of a scene file; or `vehicle_case`."""
+    if name == VEHICLES:
+        return vehicle_case(views=views, seed=seed)
     world = load_world(load_scene(name))
     return Case(name, world, viewpoints(world, views, seed))
+
+
+def vehicle_case(*, views: int, seed: int) -> Case:
+    """Return views of a swarm of x500s, Irises and racers, each vehicle with a random state in each view.
+
+    The vehicles are within 1 m of a place 20 to 40 m up, the camera is 1 to 2 m from it. Rotors turn at 100 to 1000
+    rad/s.
+    """
+    rng = np.random.Generator(np.random.Philox(seed))
+    world = with_vehicles(
+        load_world(load_scene("city_park")), {f"{name}_{i}": load_vehicle(name) for i in range(7) for name in _SEEN}
+    )
+    vehicles = [actor for actor in world.map.actors if isinstance(actor, VehicleBodies)]
+    cases = []
+    for i in range(views):
+        t_ns = i * 10_000_000  # within the second of states that a vehicle keeps
+        middle = rng.uniform((-20, -20, 20), (20, 20, 40))
+        for vehicle in vehicles:
+            w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
+            rotors = rng.uniform(100.0, 1000.0, len(vehicle.bodies) - 1)
+            vehicle.place_at(
+                t_ns,
+                _vec3(middle + rng.uniform(-0.3, 0.3, 3)),
+                (float(w), float(x), float(y), float(z)),
+                _vec3(rng.normal(0.0, 5.0, 3)),
+                _vec3(rng.normal(0.0, 3.0, 3)),
+                tuple(rotors.tolist()),
+            )
+        R_WC = looking(rng.uniform(-180, 180), np.rad2deg(np.arcsin(rng.uniform(-1, 1))), roll_deg=rng.uniform(0, 360))
+        p_W = middle - rng.uniform(1.0, 2.0) * R_WC[:, 2]
+        cases.append(View(t_ns, camera_pose(p_W, R_WC, rng.normal(0.0, 4.0, 3), rng.normal(0.0, 0.5, 3))))
+    return Case(VEHICLES, world, tuple(cases))
 
 
 def viewpoints(world: World, count: int, seed: int) -> tuple[View, ...]:

@@ -1,0 +1,171 @@
+"""Bodies of a run's vehicles in the world that cameras, LiDARs and radars see.
+
+The shapes follow from the vehicle file; R is the radius of a rotor and `up` its axis:
+
+* hull: an ellipsoid of 1 : 1 : 0.6 for each contact sphere of the hull that is not at a motor
+* motors: cylinders from the hub of each rotor 0.25 R down; arms: rods from the hull to the lower ends of the motors
+* feet: their contact spheres, each with a leg from the inner half of the nearest arm
+* rotors: two blades of 0.92 R each, 0.18 R wide and 0.02 R thick, pitched by 12 degrees, at the rotor's true angle
+
+Blades are solid and stand still in a picture, as with a short exposure; between two pictures they may turn by any
+angle. A LiDAR's pulse is short too: as many pulses pass the disc of a rotor as its blades leave free.
+
+The bodies are visible only: vehicles touch each other in sim/physics, not in this world. Range finder and flow sensor
+see the static scene alone (sim/sensors/ground_range.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+
+from signals.rotation import NO_TURN, norm, product
+from signals.samples import Quat, TruthState, Vec3
+from sim import _kernels
+from sim.frame.source import VEHICLE_CLASS
+from sim.physics.vehicle import ContactSphere, Rotor, Vehicle
+from sim.scene.maps import surfaces
+from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
+from sim.scene.world import World
+from sim.scene.world_compiler import compile_map, read_only
+
+_UP: Vec3 = (0.0, 0.0, 1.0)
+_HALF_TURN_RAD = 3.141592653589793
+_PITCH_RAD = 0.21
+_FRAME_RGB, _MOTOR_RGB, _FRONT_RGB, _REAR_RGB = (
+    (0.10, 0.10, 0.11),
+    (0.45, 0.45, 0.47),
+    (0.95, 0.42, 0.08),
+    (0.16, 0.16, 0.17),
+)
+
+
+class VehicleBodies(_kernels.PlacedVehicle):
+    """`Actor` of one vehicle: its airframe, and a body for each rotor. Its states come from `place`."""
+
+    def __init__(self, name: str, vehicle: Vehicle) -> None:
+        self.name = f"{VEHICLE_CLASS}:{name}"
+        self.bodies = (f"{self.name}_frame", *(f"{self.name}_rotor_{i}" for i in range(len(vehicle.rotors))))
+        self.max_speed_mps = float("inf")  # given from outside
+        rotors = vehicle.rotors
+        blade_m = vehicle.rotor_constants.radius_m
+        super().__init__(
+            p_BR=[rotor.position_m for rotor in rotors],
+            q_BR=[_onto(_axis(rotor)) for rotor in rotors],
+            spin=[rotor.spin.sign for rotor in rotors],
+            radius_m=max(vehicle.bounding_radius_m, *(norm(rotor.position_m) + 1.02 * blade_m for rotor in rotors)),
+        )
+
+    def place(self, truth: TruthState) -> None:
+        """Add the state of a tick."""
+        self.place_at(truth.t_ns, truth.p_WB, truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps)
+
+
+def with_vehicles(base: World, vehicles: Mapping[str, Vehicle]) -> World:
+    """Return the world with these vehicles as actors at its end, so that everything in `base` keeps its numbers.
+
+    Raises ConfigError if the world then has more instances or surfaces than an id can hold.
+    """
+    if not vehicles:
+        return base
+    builder = MapBuilder("vehicles")
+    for name, vehicle in vehicles.items():
+        _add(builder, VehicleBodies(name, vehicle), vehicle)
+    class_colours = dict(zip(base.class_names, base.class_colours, strict=True))
+    world = compile_map(base.scene, builder.added_to(base.map), class_colours)
+    is_added = np.arange(world.model.ngeom) >= base.model.ngeom
+    # The map's own patterns for classes may match the names of vehicles too.
+    geom_class = np.full(world.model.ngeom, base.class_names.index(VEHICLE_CLASS), np.uint8)
+    geom_class[~is_added] = base.geom_class
+    return replace(world, geom_class=read_only(geom_class), added_people=base.added_people)
+
+
+def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
+    frame = builder.material("drone:frame", surfaces.CARBON_FIBRE, rgb=_FRAME_RGB)
+    metal = builder.material("drone:motor", surfaces.METAL, rgb=_MOTOR_RGB)
+    R_m = vehicle.rotor_constants.radius_m
+    rotors = vehicle.rotors
+    hull = [sphere for sphere in vehicle.hull if not _is_motor(sphere, rotors)]
+    centre: Vec3 = hull[0].position_m if hull else (0.0, 0.0, 0.0)
+    body = builder.limb(actor.bodies[0], (0.0, 0.0, 0.0), NO_TURN)
+    for sphere in hull:
+        r = sphere.radius_m
+        body.geom("ellipsoid", (r, r, 0.6 * r), material=frame, pos=sphere.position_m, solid=False)
+    arm_ends = [_along(rotor.position_m, _axis(rotor), -0.25 * R_m) for rotor in rotors]
+    for rotor, end in zip(rotors, arm_ends, strict=True):
+        body.rod(0.07 * R_m, (*centre, *end), material=frame, solid=False)
+        middle = _along(rotor.position_m, _axis(rotor), -0.125 * R_m)
+        body.geom(
+            "cylinder", (0.11 * R_m, 0.125 * R_m), material=metal, pos=middle, quat=_onto(_axis(rotor)), solid=False
+        )
+    for foot in vehicle.feet:
+        hip = min((_hip(foot.position_m, centre, end) for end in arm_ends), key=lambda p: _gap(p, foot.position_m))
+        body.geom("sphere", (foot.radius_m,), material=frame, pos=foot.position_m, solid=False)
+        if _gap(hip, foot.position_m) > 1e-3:
+            body.rod(0.045 * R_m, (*hip, *foot.position_m), material=frame, solid=False)
+    for name, rotor in zip(actor.bodies[1:], rotors, strict=True):
+        ahead = rotor.position_m[0] > centre[0]
+        blade = builder.material(
+            "drone:blade_front" if ahead else "drone:blade_rear",
+            surfaces.PROPELLER,
+            rgb=_FRONT_RGB if ahead else _REAR_RGB,
+        )
+        _add_blades(builder.limb(name, (0.0, 0.0, 0.0), NO_TURN), blade, R_m, rotor.spin.sign)
+    builder.actor(actor)
+
+
+def _add_blades(body: Body, material: str, R_m: float, spin: float) -> None:
+    """Add two blades along +x and -x of a rotor. The edge that leads is the higher one."""
+    for turn in (NO_TURN, yaw_quat(_HALF_TURN_RAD)):
+        side = 1.0 if turn == NO_TURN else -1.0
+        body.geom(
+            "box",
+            (0.46 * R_m, 0.09 * R_m, 0.01 * R_m),
+            material=material,
+            pos=(side * 0.54 * R_m, 0.0, 0.0),
+            quat=product(turn, roll_quat(spin * _PITCH_RAD)),
+            solid=False,
+        )
+
+
+def _axis(rotor: Rotor) -> Vec3:
+    """Return the axis of a rotor in B: a vehicle file without tilted rotors has them all along z."""
+    axis: Vec3 = getattr(rotor, "axis", _UP)
+    return axis
+
+
+def _is_motor(sphere: ContactSphere, rotors: tuple[Rotor, ...]) -> bool:
+    return any(_gap(sphere.position_m, rotor.position_m) < 1.5 * sphere.radius_m for rotor in rotors)
+
+
+def _onto(axis: Vec3) -> Quat:
+    """Return the shortest rotation that turns z onto a direction."""
+    x, y, z = axis
+    length = norm(axis)
+    w = 1.0 + z / length
+    if w < 1e-9:  # straight down: half a turn about x
+        return (0.0, 1.0, 0.0, 0.0)
+    q: Quat = (w, -y / length, x / length, 0.0)
+    size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
+    return (q[0] / size, q[1] / size, q[2] / size, 0.0)
+
+
+def _along(p: Vec3, direction: Vec3, distance: float) -> Vec3:
+    k = distance / norm(direction)
+    return (p[0] + k * direction[0], p[1] + k * direction[1], p[2] + k * direction[2])
+
+
+def _hip(p: Vec3, start: Vec3, end: Vec3) -> Vec3:
+    """Return the point of the arm's inner half that is nearest to p, seen from above."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    length2 = dx * dx + dy * dy
+    share = ((p[0] - start[0]) * dx + (p[1] - start[1]) * dy) / length2 if length2 > 0.0 else 0.0
+    share = min(0.5, max(0.0, share))
+    return (start[0] + share * dx, start[1] + share * dy, start[2] + share * (end[2] - start[2]))
+
+
+def _gap(a: Vec3, b: Vec3) -> float:
+    return norm((a[0] - b[0], a[1] - b[1], a[2] - b[2]))
