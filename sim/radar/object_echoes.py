@@ -5,8 +5,9 @@ A_i the amplitudes of its echoes and |H| the receiver's filters at their beat fr
 
     P = sum of A_i^2 |H(f_i)|^2        range, speed and direction: means with these powers as weights
 
-Phases of the echoes are independent, so P is the expectation of the power of their sum. One echo of power P in counts^2
-has P at its peak in a range-Doppler map; the echoes of an object are spread over several cells.
+The speed of a vehicle is the mean without its rotor blades, unless nothing else of it has an echo. Phases of the echoes
+are independent, so P is the expectation of the power of their sum. One echo of power P in counts^2 has P at its peak in
+a range-Doppler map; the echoes of an object are spread over several cells.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from sim.radar.antenna import Antenna
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.mask import Mask
 from sim.radar.receiver import Receiver
+from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import Scatterers
 from sim.scene.world import World
 
@@ -55,6 +57,7 @@ class ObjectEchoes:
         self._scatterers = Scatterers(camera, world, chirp, antenna, receiver, in_range)
         self._hz_per_m = 2.0 * chirp.slope_hz_per_s / SPEED_OF_LIGHT_MPS
         self._receiver = receiver
+        self._blades = RotorBlades(world)
         # Passed for the radial velocity, so that the kernel returns the pixel of each echo in its place.
         self._pixel = np.arange(camera.width * camera.height, dtype=np.float32).reshape(camera.height, camera.width)
         rays_C = np.ascontiguousarray(camera.rays()).reshape(-1, 3)
@@ -84,6 +87,13 @@ class ObjectEchoes:
             return np.bincount(instance, power * values, count)[found] / total[found]
 
         range_m, radial_mps = mean(echoes.range_m), mean(speed_mps)
+        blades = self._blades.mask(picture)
+        if blades is not None:
+            weight = power.copy()
+            weight[:of_pixels][blades.reshape(-1)[pixel]] = 0.0
+            rest = np.bincount(instance, weight, count)[found]
+            of_rest = np.bincount(instance, weight * speed_mps, count)[found]
+            radial_mps = np.divide(of_rest, rest, out=radial_mps, where=rest > 0.0)
         direction_R = np.ascontiguousarray(np.stack([mean(echoes.direction_R[:, axis]) for axis in range(3)], axis=1))
         azimuth_rad, elevation_rad = np.empty(len(found)), np.empty(len(found))
         azimuth_elevation(direction_R, azimuth_rad, elevation_rad)

@@ -5,7 +5,8 @@
     t_capture = the tick = middle of the frame        t_available = t_capture + frame_s / 2 + latency
 
 The picture shows the geometry at the tick, all pixels at once; noise, blur and rolling shutter of the camera do not
-affect the radar. Motion within the frame enters the phases of the echoes through the radial velocity of each pixel.
+affect the radar. Motion within the frame enters the phases of the echoes through the radial velocity of each pixel
+(of rotor blades: sim/radar/rotor_blades.py).
 Steps that no output needs are skipped. Noise is a function of the seed, the sensor's name and the frame's number alone;
 tracks, and maps with `clutter: background`, also depend on earlier frames.
 """
@@ -29,6 +30,7 @@ from sim.frame.source import FrameSource, Renderer, channel_array
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.object_echoes import ObjectEcho, ObjectEchoes
 from sim.radar.processing.processor import Processor, Step
+from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import ScattererReport, Scatterers
 from sim.radar.synthesis import Synthesizer
 from sim.sensors.radar_parameters import RadarParameters
@@ -71,6 +73,7 @@ class RadarFrames:
     def __init__(self, view: SharedPicture, world: Any, p: RadarParameters, *, seed: int, name: str) -> None:
         """Raises ValueError if the mask leaves no pixel, or names a class that the world does not have."""
         chirp, rx = p.chirp, p.antenna.rx_positions_m
+        self._chirp, self._blades = chirp, RotorBlades(world)
         self._scatterers = Scatterers(view.camera, world, chirp, p.antenna, p.receiver, p.mask)
         self._synthesizer = Synthesizer(
             chirp,
@@ -89,7 +92,7 @@ class RadarFrames:
 
     def raw(self, picture: Picture, pose: CameraPose, seq: int) -> NDArray[np.uint16]:
         """Return frame `seq` of a picture taken from `pose`: a new array (receivers, chirps, samples)."""
-        echoes = self._scatterers.collect(picture, pose)
+        echoes = self._scatterers.collect(self._blades.with_seen_speeds(picture, self._chirp), pose)
         report = self._synthesizer.synthesize(echoes, self._signal)
         out = np.empty(self._signal.shape, np.uint16)
         self._chain.digitise(self._signal, seq, out)

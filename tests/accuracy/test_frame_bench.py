@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from hil.apps.bench_suite.sensors import lidar, raster
-from hil.apps.bench_suite.sensors.lidar import park, shapes
+from hil.apps.bench_suite.sensors.lidar import LidarScene, park, shapes, vehicles
 from hil.apps.bench_suite.sensors.raster_errors import Errors
 
 
@@ -25,9 +26,9 @@ def test_a_scene_without_compared_pixels_fails_every_check(last: bool) -> None:
         assert not any(check.ok for check in raster._error_checks(scenes))
 
 
-@pytest.mark.parametrize("scene", ["park", "shapes"])
-def test_both_casters_see_the_same_scene(scene: str) -> None:
-    prepared = park() if scene == "park" else shapes(100)
+@pytest.mark.parametrize("make", [park, vehicles, lambda: shapes(100)])
+def test_both_casters_see_the_same_scene(make: Callable[[], LidarScene]) -> None:
+    prepared = make()
     prepared.origins_W = prepared.origins_W[:1]
     own_row, mujoco_row, differing = lidar._compare(prepared, "16x900", rounds=1)
     assert differing == 0

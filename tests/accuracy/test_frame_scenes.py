@@ -1,4 +1,4 @@
-"""Frames of the four scenes against mj_ray: a short version of what `hil bench raster` measures."""
+"""Frames of the four scenes and of other vehicles against mj_ray: a short version of `hil bench raster`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from hil.apps.bench_suite.sensors.raster import buffers
-from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, camera_pose, looking, scene_case
+from hil.apps.bench_suite.sensors.raster_cases import (
+    SCENES,
+    VEHICLES,
+    Case,
+    camera_pose,
+    looking,
+    scene_case,
+)
 from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
@@ -16,6 +23,7 @@ from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose
 from sim.frame.renderer import FrameRenderer
 
+CASES = (*SCENES, VEHICLES)
 CAMERA = CameraModel.from_fov(160, 120, 90.0)
 
 
@@ -39,7 +47,7 @@ def errors_in(scene: str) -> Errors:
     return Errors.merged(parts)
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", CASES)
 def test_depth_and_range(scene: str) -> None:
     found = errors_in(scene)
     assert len(found.depth_m) > 1500
@@ -48,21 +56,21 @@ def test_depth_and_range(scene: str) -> None:
         assert error.max() <= 1e-3
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", CASES)
 def test_ids(scene: str) -> None:
     found = errors_in(scene)
     assert found.id_agrees.mean() >= 0.999
     assert found.id_agrees_anywhere.mean() >= 0.995
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", CASES)
 def test_normals_of_primitives(scene: str) -> None:
     found = errors_in(scene)
     assert len(found.normal_deg) > 500
     assert found.normal_deg.max() <= 0.1
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", CASES)
 def test_radial_velocity_is_the_twist_formula(scene: str) -> None:
     assert errors_in(scene).velocity_mps.max() <= 1e-4
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.samples import TruthState
-from sim._kernels import Geometry
+from sim._kernels import Geometry, RayCaster
 
 ZERO = (0.0, 0.0, 0.0)
 GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # geom groups that mj_ray sees: below 3

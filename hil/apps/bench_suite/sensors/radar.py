@@ -6,7 +6,7 @@ of the echoes. Times are the best of several runs.
 
 Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and both presets.
 Further cases: pictures of city_park, where negligible echoes are dropped; point targets through the processing chain; a
-person who walks away and back; and a real recording, if one is given.
+person who walks away and back; another vehicle; and a real recording, if one is given.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from hil.apps.bench_suite.sensors.radar_checks import (
     person_checks,
     recording_checks,
     target_checks,
+    vehicle_checks,
 )
 from hil.apps.bench_suite.sensors.raster_cases import scene_case
 from hil.apps.bench_suite.timing import best_times, load_reference, one_core
@@ -50,6 +51,8 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     result.checks += target_checks(quick=quick)
     status("a person who walks away and back")
     result.checks += person_checks(result, quick=quick)
+    status("another vehicle")
+    result.checks += vehicle_checks(result, quick=quick)
     status("the real recording")
     result.checks += recording_checks(result)
     return result

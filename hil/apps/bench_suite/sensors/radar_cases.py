@@ -19,6 +19,7 @@ from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
 from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
+from sim.radar.rotor_blades import RotorBlades
 from sim.radar.scatterers import Scatterers
 from sim.radar.synthesis import Synthesizer
 from sim.scene.world import World
@@ -77,6 +78,7 @@ class RadarView:
     world: World
     chirp: Chirp
     scatterers: Scatterers
+    blades: RotorBlades
     renderer: FrameRenderer
     picture: Mapping[str, NDArray[Any]]
 
@@ -87,7 +89,7 @@ class RadarView:
 
     def echoes(self, view: View) -> Echoes:
         """Return the echoes of the picture last rendered, valid until the next call."""
-        return self.scatterers.collect(self.picture, view.pose)
+        return self.scatterers.collect(self.blades.with_seen_speeds(self.picture, self.chirp), view.pose)
 
 
 def radar_view(world: World, parameters: RadarParameters, *extra: str, camera: CameraModel | None = None) -> RadarView:
@@ -97,5 +99,10 @@ def radar_view(world: World, parameters: RadarParameters, *extra: str, camera: C
     scatterers = Scatterers(model, world, p.chirp, p.antenna, p.receiver, p.mask)
     renderer = FrameRenderer(FrameGeometry(world), model)
     return RadarView(
-        world, p.chirp, scatterers, renderer, renderer.buffers(*dict.fromkeys((*scatterers.channels, *extra)))
+        world,
+        p.chirp,
+        scatterers,
+        RotorBlades(world),
+        renderer,
+        renderer.buffers(*dict.fromkeys((*scatterers.channels, *extra))),
     )

@@ -1,4 +1,4 @@
-"""Checks of `hil bench radar`: single points, a walking person, and a real recording.
+"""Checks of `hil bench radar`: single points, a walking person, another vehicle, and a real recording.
 
 - Table 3 of the AirLoop paper; range, speed, angle and amplitude of single points; superposition.
 - The two scenes of the AirLoop paper through the whole chain: a person walks away to 7 m, and back. The radar is fixed
@@ -6,6 +6,7 @@
   person is in view and walks in the wanted direction. The true range is the mean and the true speed the median over the
   pixels of the person. If there are several tracks, the one nearest in range is compared. The person counts as detected
   if this track has points in the frame and its range is less than 0.5 m off.
+- Another vehicle, followed in the same way, and its radar cross-section.
 - A simulated recording compared with a real one: fitted on the first half of its frames, compared on the second half.
   HIL_RADAR_RECORDING names the user's .npz or .npy file; without it this part is left out.
 """
@@ -16,6 +17,9 @@ import math
 import os
 import tempfile
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +29,17 @@ from hil.apps.bench_suite.result import BenchmarkResult, Check, Row
 from hil.apps.bench_suite.sensors.radar_cases import RadarView, radar_parameters, radar_view, random_echoes, synthesizer
 from hil.apps.bench_suite.sensors.raster_cases import View, camera_pose, looking
 from sim.frame.camera_model import CameraModel
+from sim.frame.mount import quaternion_of_rpy
+from sim.frame.source import VEHICLE_CLASS
+from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_bodies import VehicleBodies, with_vehicles
 from sim.radar.adc import RadarReceiverChain
 from sim.radar.antenna import Antenna, Pattern
 from sim.radar.calibration import calibrate
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
 from sim.radar.comparison import compare
 from sim.radar.echoes import Echoes
+from sim.radar.mask import Mask
 from sim.radar.processing.processor import Processor
 from sim.radar.recording import load_recording
 from sim.radar.synthesis import Synthesizer
@@ -46,7 +55,10 @@ _PERIOD_NS = 50_000_000
 _HEIGHT_M = 1.8
 _COUNTED_FRAMES = 100  # of each walk
 _WARM_UP_FRAMES = 20  # not counted
-_MIN_WALK_MPS = 0.5  # a slower person is turning round
+_MIN_SPEED_MPS = 0.5  # a slower person is turning round
+_VEHICLE_FRAMES, _VEHICLE_MPS = 60, 0.8
+_HOVER_RADPS = (530.0,) * 4
+_REST = (0.0, 0.0, 0.0)
 _MAX_FRAMES = 600
 _GATE_M = 0.5
 
@@ -186,33 +198,102 @@ def _arrays(e: Echoes) -> tuple[Float64, Float64, Float64, Float64]:
 
 def person_checks(result: BenchmarkResult, *, quick: bool) -> list[Check]:
     """Return checks of detection, range and speed in both walks, with several seeds of the noise."""
-    checks: list[Check] = []
     parameters = radar_parameters()
     radar = radar_view(load_world(load_scene("radar_range")), parameters, "instance")
+    person = next(i for i, name in enumerate(radar.world.instance_names) if name.startswith("person"))
+    checks: list[Check] = []
     for walk, sign in (("away", 1.0), ("towards", -1.0)):
-        detected, range_error, speed_error, seconds = [], [], [], []
-        for seed in (1,) if quick else (1, 2, 3):
-            share, range_errors, speed_errors, frame_s = _walk(radar, parameters, sign, seed)
-            detected.append(share)
-            range_error += range_errors
-            speed_error += speed_errors
-            seconds.append(frame_s)
-        name = f"person walks {walk}"
-        result.rows.append(Row(name, "whole chain", float(np.max(range_error)), "m of range", float(np.mean(seconds))))
-        checks += [
-            Check(f"{name}: frames with the person detected", 100.0 * min(detected), ">=", 95.0, "%"),
-            Check(f"{name}: range error, 95 % of frames", float(np.quantile(range_error, 0.95)), "<=", 0.2, "m"),
-            Check(f"{name}: speed error, 95 % of frames", float(np.quantile(speed_error, 0.95)), "<=", 0.15, "m/s"),
-            Check(f"{name}: range error, rms", float(np.sqrt(np.mean(np.square(range_error)))), "<=", 0.2, "m"),
-            Check(f"{name}: speed error, rms", float(np.sqrt(np.mean(np.square(speed_error)))), "<=", 0.15, "m/s"),
-        ]
+        checks += _follow_checks(result, f"person walks {walk}", radar, parameters, _Target(person, sign), quick=quick)
     return checks
 
 
-def _walk(
-    radar: RadarView, p: RadarParameters, sign: float, seed: int
+def vehicle_checks(result: BenchmarkResult, *, quick: bool) -> list[Check]:
+    """Return the same checks for an x500 that flies 1.5 to 4.7 m ahead, and checks of its radar cross-section."""
+    parameters = radar_parameters()
+    vehicle = load_vehicle("x500")
+    world = with_vehicles(load_world(load_scene("airfield")), {"x500": vehicle})
+    radar = radar_view(world, parameters, "instance")
+    actor = world.map.actors[-1]
+    assert isinstance(actor, VehicleBodies)
+    checks: list[Check] = []
+    for way, sign in (("away", 1.0), ("towards", -1.0)):
+        target = _Target(len(world.instance_names) - 1, sign, _VEHICLE_FRAMES, partial(_fly, actor, sign))
+        checks += _follow_checks(result, f"x500 flies {way}", radar, parameters, target, quick=quick)
+    section_dbsm = cross_section_dbsm("x500", views=24 if quick else 120)
+    # Means of five drones at 24 GHz, Phantom 3 to Matrice 600: IEICE Communications Express 9 (2020) no. 7, p. 262-267.
+    return [
+        *checks,
+        Check("x500, mean radar cross-section: least of five measured drones", section_dbsm, ">=", -19.1, "dBsm"),
+        Check("x500, mean radar cross-section: greatest of five measured drones", section_dbsm, "<=", -8.1, "dBsm"),
+    ]
+
+
+def cross_section_dbsm(name: str, *, views: int) -> float:
+    """Return the mean cross-section of a vehicle seen from all sides in level flight, tilted by 8 degrees rms."""
+    p, world = radar_parameters(), with_vehicles(load_world(load_scene("airfield")), {name: load_vehicle(name)})
+    p = p.model_copy(update={"mask": Mask(classes=(VEHICLE_CLASS,))})
+    radar = radar_view(world, p, camera=CameraModel.from_fov(320, 240, 12.0))
+    actor = world.map.actors[-1]
+    assert isinstance(actor, VehicleBodies)
+    rng = np.random.Generator(np.random.Philox(6))
+    wavelength2, gains = p.chirp.wavelength_m**2, p.antenna.tx.axis_gain * p.antenna.rx.axis_gain
+    scale = p.receiver.counts_per_sqrt_watt**2 * p.receiver.tx_power_w * gains * wavelength2 / (4.0 * math.pi) ** 3
+    total_m2 = 0.0
+    for k in range(views):
+        view = View((k + 1) * _PERIOD_NS, camera_pose(np.array([0.0, 0.0, 30.0]), looking(0.0, 0.0)))
+        roll, pitch = rng.normal(0.0, 8.0, 2).tolist()
+        q = quaternion_of_rpy((roll, pitch, 360.0 * k / views))
+        actor.place_at(view.t_ns, (5.0, 0.0, 30.0), q, _REST, _REST, _HOVER_RADPS)
+        radar.draw(view)
+        echoes = radar.echoes(view)
+        total_m2 += float(np.sum(echoes.amplitude**2 * echoes.range_m**4)) / scale / views
+    return 10.0 * math.log10(total_m2)
+
+
+@dataclass(frozen=True)
+class _Target:
+    """Instance that a radar follows while it moves away (sign 1) or nearer (-1); `place` gives its state at a frame."""
+
+    instance: int
+    sign: float
+    frames: int = _COUNTED_FRAMES
+    place: Callable[[int], None] = int  # nothing to do for actors of the map
+
+
+def _fly(actor: VehicleBodies, sign: float, k: int) -> None:
+    """Place the vehicle at frame `k`: 1.5 m ahead at the beginning or the end of its flight."""
+    frame = k if sign > 0.0 else _WARM_UP_FRAMES + _VEHICLE_FRAMES - k
+    x_m = 1.5 + _VEHICLE_MPS * frame * _PERIOD_NS * 1e-9
+    tilt = quaternion_of_rpy((0.0, 5.0, 30.0))
+    actor.place_at(
+        k * _PERIOD_NS, (x_m, 0.2, _HEIGHT_M + 0.3), tilt, (sign * _VEHICLE_MPS, 0.0, 0.0), _REST, _HOVER_RADPS
+    )
+
+
+def _follow_checks(
+    result: BenchmarkResult, name: str, radar: RadarView, p: RadarParameters, target: _Target, *, quick: bool
+) -> list[Check]:
+    detected, range_error, speed_error, seconds = [], [], [], []
+    for seed in (1,) if quick else (1, 2, 3):
+        share, range_errors, speed_errors, frame_s = _follow(radar, p, target, seed)
+        detected.append(share)
+        range_error += range_errors
+        speed_error += speed_errors
+        seconds.append(frame_s)
+    result.rows.append(Row(name, "whole chain", float(np.max(range_error)), "m of range", float(np.mean(seconds))))
+    return [
+        Check(f"{name}: frames in which it is detected", 100.0 * min(detected), ">=", 95.0, "%"),
+        Check(f"{name}: range error, 95 % of frames", float(np.quantile(range_error, 0.95)), "<=", 0.2, "m"),
+        Check(f"{name}: speed error, 95 % of frames", float(np.quantile(speed_error, 0.95)), "<=", 0.15, "m/s"),
+        Check(f"{name}: range error, rms", float(np.sqrt(np.mean(np.square(range_error)))), "<=", 0.2, "m"),
+        Check(f"{name}: speed error, rms", float(np.sqrt(np.mean(np.square(speed_error)))), "<=", 0.15, "m/s"),
+    ]
+
+
+def _follow(
+    radar: RadarView, p: RadarParameters, target: _Target, seed: int
 ) -> tuple[float, list[float], list[float], float]:
-    """Return the share of frames with the person detected, range [m] and speed [m/s] errors, and seconds per frame."""
+    """Return the share of frames with a detection, range [m] and speed [m/s] errors, and seconds per frame."""
     transform = synthesizer(p, "nufft", p.tolerance)
     n_rx = len(p.antenna.rx_positions_m)
     chain = RadarReceiverChain(p.chirp, p.impairments, n_rx, seed=seed, name="radar")
@@ -220,22 +301,22 @@ def _walk(
     shape = (n_rx, p.chirp.chirps, p.chirp.samples)
     signal, raw = np.empty(shape), np.empty(shape, np.uint16)
     pose = camera_pose(np.array([0.0, 0.0, _HEIGHT_M]), looking(0.0, 0.0))
-    person = next(i for i, name in enumerate(radar.world.instance_names) if name.startswith("person"))
     counted, tracked, began = 0, 0, time.perf_counter()
     range_error: list[float] = []
     speed_error: list[float] = []
     for k in range(_MAX_FRAMES):
         view = View(k * _PERIOD_NS, pose)
+        target.place(k)
         radar.draw(view)
         transform.synthesize(radar.echoes(view), signal)
         chain.digitise(signal, k, raw)
         tracks = processor.process(raw, view.t_ns).tracks
-        person_pixels = radar.picture["instance"] == person
-        if not person_pixels.any():
+        pixels = radar.picture["instance"] == target.instance
+        if not pixels.any():
             continue
-        truth_m = float(radar.picture["range"][person_pixels].mean())
-        truth_mps = float(np.median(radar.picture["radial_velocity"][person_pixels]))
-        if k < _WARM_UP_FRAMES or truth_mps * sign < _MIN_WALK_MPS:
+        truth_m = float(radar.picture["range"][pixels].mean())
+        truth_mps = float(np.median(radar.picture["radial_velocity"][pixels]))
+        if k < _WARM_UP_FRAMES or truth_mps * target.sign < _MIN_SPEED_MPS:
             continue
         counted += 1
         if len(tracks):
@@ -243,7 +324,7 @@ def _walk(
             tracked += bool(nearest["unseen_s"] == 0.0 and abs(nearest["range_m"] - truth_m) < _GATE_M)
             range_error.append(abs(float(nearest["range_m"]) - truth_m))
             speed_error.append(abs(float(nearest["speed_mps"]) - truth_mps))
-        if counted == _COUNTED_FRAMES:
+        if counted == target.frames:
             break
     return tracked / counted, range_error or [np.inf], speed_error or [np.inf], (time.perf_counter() - began) / (k + 1)
 
