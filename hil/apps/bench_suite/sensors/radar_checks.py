@@ -257,7 +257,7 @@ class _Target:
     instance: int
     sign: float
     frames: int = _COUNTED_FRAMES
-    place: Callable[[int], None] = int  # nothing to do for actors of the map
+    place: Callable[[int], None] | None = None  # None: an actor of the map
 
 
 def _fly(actor: VehicleBodies, sign: float, k: int) -> None:
@@ -306,7 +306,8 @@ def _follow(
     speed_error: list[float] = []
     for k in range(_MAX_FRAMES):
         view = View(k * _PERIOD_NS, pose)
-        target.place(k)
+        if target.place is not None:
+            target.place(k)
         radar.draw(view)
         transform.synthesize(radar.echoes(view), signal)
         chain.digitise(signal, k, raw)
