@@ -120,7 +120,7 @@ print(digest.hexdigest())
 
 # Frames of few and many echoes by every method, in single and double precision, and their processing.
 ECHOES = """
-import hashlib
+import hashlib, itertools
 import numpy as np
 from signals.noise import NoiseStream
 from sim.radar.chirp import Chirp
@@ -152,30 +152,37 @@ def echoes_of(count):
     return Echoes(range_m, speed_mps, direction, amplitude)
 
 digest = hashlib.sha256()
-for chirp in CHIRPS:
-    for receivers in (3, 5):
-        for method, tolerance, count in (
-            ("direct", 1e-3, 203), ("nufft", 1e-1, 3001), ("nufft", 1e-3, 3001), ("nufft", 1e-9, 3001),
-            ("nufft", 1e-3, 5), ("nufft", 1e-3, CROWD),
-        ):
-            synthesizer = Synthesizer(
-                chirp, RX[:receivers], hp_cutoff_hz=80e3, aaf_cutoff_hz=600e3, method=method, tolerance=tolerance
-            )
-            out = np.empty(synthesizer.shape)
-            report = synthesizer.synthesize(echoes_of(count), out)
-            digest.update(out.tobytes())
-            digest.update(repr([getattr(report, name) for name in dir(report) if name[0] != "_"]).encode())
-            raw = np.clip(2048.0 + 900.0 * out / np.abs(out).max(), 0, 4095).astype(np.uint16)
-            processed = Processor(chirp, RX[:receivers], Processing(clutter="none")).process(raw, 0)
-            for array in (processed.range_doppler, processed.points):
-                digest.update(array.tobytes())
+for chirp, receivers in ((CHIRPS[0], 3), (CHIRPS[1], 5)):
+    for method, tolerance, count in (
+        ("direct", 1e-3, 203), ("nufft", 1e-1, 3001), ("nufft", 1e-3, 3001), ("nufft", 1e-9, 3001),
+        ("nufft", 1e-3, 5), ("nufft", 1e-3, CROWD),
+    ):
+        synthesizer = Synthesizer(
+            chirp, RX[:receivers], hp_cutoff_hz=80e3, aaf_cutoff_hz=600e3, method=method, tolerance=tolerance
+        )
+        out = np.empty(synthesizer.shape)
+        report = synthesizer.synthesize(echoes_of(count), out)
+        digest.update(out.tobytes())
+        digest.update(repr([getattr(report, name) for name in dir(report) if name[0] != "_"]).encode())
+        raw = np.clip(2048.0 + 900.0 * out / np.abs(out).max(), 0, 4095).astype(np.uint16)
+        processed = Processor(chirp, RX[:receivers], Processing(clutter="none")).process(raw, 0)
+        for array in (processed.range_doppler, processed.points):
+            digest.update(array.tobytes())
 print(digest.hexdigest())
 """
 
 
-@pytest.mark.parametrize("script", [FLIGHT, SENSORS, ECHOES], ids=["flight", "sensors", "echoes"])
+# Each number of receivers with each chirp, in place of one each.
+EVERY_ECHO = ECHOES.replace("((CHIRPS[0], 3), (CHIRPS[1], 5))", "itertools.product(CHIRPS, (3, 5))")
+
+
+@pytest.mark.parametrize(
+    "script",
+    [FLIGHT, SENSORS, ECHOES, pytest.param(EVERY_ECHO, marks=pytest.mark.slow)],
+    ids=["flight", "sensors", "echoes", "every echo"],
+)
 def test_masked_cpu_features_change_no_bit(script: str) -> None:
     plain = output_of(script)
     assert plain == output_of(script, cpu_masks.ALL | {"HIL_ISA": "base"})
-    if script == ECHOES:
+    if script in (ECHOES, EVERY_ECHO):
         assert plain == output_of(script, {"HIL_ISA": "avx2"})
