@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -30,6 +31,7 @@ from signals.time import NS_PER_S, RateAccumulator
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
+from tests.worlds.hop_flights import HOP
 
 BOOT = 20
 CAPS = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=BOOT)
@@ -37,9 +39,9 @@ TICK_NS = 4_000_000
 
 
 @cache
-def bench() -> Bench:
-    """Return the default bench with its mission."""
-    return load_bench()
+def bench(mission: Path | None) -> Bench:
+    """Return the default bench with this mission."""
+    return load_bench(mission=None if mission is None else str(mission))
 
 
 class NoRecorder:
@@ -60,9 +62,16 @@ class Flight:
     """The default mission, flown over a faulty wire to the mock: in memory, or in its own process on a pty."""
 
     def __init__(
-        self, faults: Sequence[LinkFault], *, seed: int = 1, process: bool = False, reply_limit_s: float = 0.3
+        self,
+        faults: Sequence[LinkFault],
+        *,
+        seed: int = 1,
+        process: bool = False,
+        reply_limit_s: float = 0.3,
+        mission: Path | None = None,
     ) -> None:
-        self.bench = bench()
+        """`mission`: another than the default one."""
+        self.bench = bench(mission)
         config = self.bench.config
         self.recorder = NoRecorder()
         self.scheduler: Scheduler | None = None
@@ -190,15 +199,21 @@ def test_reordered_messages_are_flown_through(direction: str, rate: float) -> No
 
 
 @RATES
-def test_the_mission_survives_losses_of_redundant_messages(rate: float) -> None:
-    """The upload repeats requests, the estimator bridges missing fixes, telemetry is periodic."""
+def test_the_mission_survives_losses_of_redundant_messages(rate: float, tmp_path: Path) -> None:
+    """The upload repeats requests, the estimator bridges missing fixes, telemetry is periodic.
+
+    At the lowest rate only the long mission has enough messages.
+    """
+    hop = tmp_path / "hop.waypoints"
+    hop.write_text(HOP)
     flight = Flight(
         [
             LinkFault(kind="drop", at_s=0, rate=rate, messages=UPLOAD),
             LinkFault(kind="drop", at_s=0, rate=rate, messages=("HIL_GPS",)),
             LinkFault(kind="corrupt", at_s=0.1, rate=rate, messages=("ATTITUDE", "LOCAL_POSITION_NED", "SYS_STATUS")),
             LinkFault(kind="duplicate", at_s=0, rate=rate, messages=("HIL_GPS", "COMMAND_LONG", *UPLOAD)),
-        ]
+        ],
+        mission=hop if rate > 0.001 else None,
     )
     flight.fly(WHOLE_MISSION_S)
     assert flight.station.phase is Phase.DONE
