@@ -11,15 +11,15 @@ from hil.run.bench_run import run_bench
 from signals.geodesy import LocalFrame
 from sim.scene.scene import Site
 
-SQUARE_M = ((0.0, 0.0), (0.0, 20.0), (20.0, 20.0), (0.0, 0.0))
+SQUARE_M = ((0.0, 0.0), (0.0, 8.0), (8.0, 8.0), (0.0, 0.0))
 
 
 def mission(site: Site) -> str:
-    """Return a triangle of 20 m at 5 m height, east and north of the site, as a .waypoints file."""
+    """Return a triangle of 8 m at 3 m height, east and north of the site, as a .waypoints file."""
     frame = LocalFrame(site)
     places = [frame.geodetic_from_enu((east, north, 0.0))[:2] for east, north in SQUARE_M]
-    rows = [(0, 16, *places[0], site.altitude_m), (3, 22, *places[0], 5.0)]
-    rows += [(3, 16, *place, 5.0) for place in places[1:]] + [(3, 21, *places[0], 0.0)]
+    rows = [(0, 16, *places[0], site.altitude_m), (3, 22, *places[0], 3.0)]
+    rows += [(3, 16, *place, 3.0) for place in places[1:]] + [(3, 21, *places[0], 0.0)]
     lines = [
         f"{number}\t{int(number == 0)}\t{frame}\t{command}\t0\t0\t0\t0\t{latitude:.9f}\t{longitude:.9f}\t{height}\t1"
         for number, (frame, command, latitude, longitude, height) in enumerate(rows)
