@@ -46,16 +46,16 @@ def test_a_mission_is_uploaded_and_flown(tmp_path: Path) -> None:
             longitude = start.longitude_deg + east_m / 75_350
             camera, vehicle_action = MissionItem.CameraAction.NONE, MissionItem.VehicleAction.NONE
             return MissionItem(
-                latitude, longitude, 8.0, 3.0, True, nan, nan, camera, nan, nan, 1.0, nan, nan, vehicle_action
+                latitude, longitude, 3.0, 3.0, True, nan, nan, camera, nan, nan, 1.0, nan, nan, vehicle_action
             )
 
-        mission.upload_mission(MissionPlan([item(10, 0), item(10, 10)]))
+        mission.upload_mission(MissionPlan([item(5, 0), item(5, 5)]))
         assert len(mission.download_mission().mission_items) == 2
         action.arm()
         mission.start_mission()
         until(lambda: telemetry.in_air(), "take-off")
         until(lambda: mission.is_mission_finished(), "end of the mission")
-        assert telemetry.position().relative_altitude_m == pytest.approx(8.0, abs=0.5)
+        assert telemetry.position().relative_altitude_m == pytest.approx(3.0, abs=0.5)
         action.land()
         until(lambda: not telemetry.in_air(), "landing")
         until(lambda: not telemetry.armed(), "disarming")

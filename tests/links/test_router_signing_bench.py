@@ -59,7 +59,7 @@ def test_only_clients_with_the_key_command_the_vehicle(tmp_path: Path, monkeypat
 
 
 def test_the_benchs_ground_station_signs(tmp_path: Path) -> None:
-    settings = ["duration_s=4", "autopilot.transport=loopback", "record.report=false"]
+    settings = ["duration_s=4", "autopilot.transport=loopback"]
     settings.append(f"autopilot.signing_key_file={key_file(tmp_path)}")
     with BenchProcess(tmp_path, *settings) as bench:
         run = bench.finish()

@@ -36,7 +36,7 @@ class BenchProcess:
     def __init__(self, out: Path, *settings: str) -> None:
         self.out = out
         self._command = [sys.executable, "-m", "hil.cli", "run", "--quiet", "--out", str(out)]
-        self._command += [word for setting in settings for word in ("--set", setting)]
+        self._command += [word for setting in (*settings, "record.report=false") for word in ("--set", setting)]
 
     def __enter__(self) -> BenchProcess:
         log = (self.out / "stderr.txt").open("w")
