@@ -3,7 +3,8 @@
 The shapes follow from the vehicle file; R is the radius of a rotor and `up` its axis:
 
 * hull: an ellipsoid of 1 : 1 : 0.6 for each contact sphere of the hull that is not at a motor
-* motors: cylinders from the hub of each rotor 0.25 R down; arms: rods from the hull to the lower ends of the motors
+* motors: cylinders from the hub of each rotor 0.25 R down, or up from the lower rotor of a coaxial pair; arms: rods
+  from the hull to the ends of the motors
 * feet: their contact spheres, each with a leg from the inner half of the nearest arm
 * rotors: two blades of 0.92 R each, 0.18 R wide and 0.02 R thick, pitched by 12 degrees, at the rotor's true angle
 
@@ -32,7 +33,6 @@ from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.world import World
 from sim.scene.world_compiler import compile_map, read_only
 
-_UP: Vec3 = (0.0, 0.0, 1.0)
 _HALF_TURN_RAD = 3.141592653589793
 _PITCH_RAD = 0.21
 _FRAME_RGB, _MOTOR_RGB, _FRONT_RGB, _REAR_RGB = (
@@ -54,7 +54,7 @@ class VehicleBodies(_kernels.PlacedVehicle):
         blade_m = vehicle.rotor_constants.radius_m
         super().__init__(
             p_BR=[rotor.position_m for rotor in rotors],
-            q_BR=[_onto(_axis(rotor)) for rotor in rotors],
+            q_BR=[_onto(rotor.axis) for rotor in rotors],
             spin=[rotor.spin.sign for rotor in rotors],
             radius_m=max(vehicle.bounding_radius_m, *(norm(rotor.position_m) + 1.02 * blade_m for rotor in rotors)),
         )
@@ -94,13 +94,16 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
     for sphere in hull:
         r = sphere.radius_m
         body.geom("ellipsoid", (r, r, 0.6 * r), material=frame, pos=sphere.position_m, solid=False)
-    arm_ends = [_along(rotor.position_m, _axis(rotor), -0.25 * R_m) for rotor in rotors]
-    for rotor, end in zip(rotors, arm_ends, strict=True):
-        body.rod(0.07 * R_m, (*centre, *end), material=frame, solid=False)
-        middle = _along(rotor.position_m, _axis(rotor), -0.125 * R_m)
+    arm_ends: list[Vec3] = []
+    for rotor in rotors:
+        motor_m = -0.125 * R_m if rotor.coaxial_below is None else 0.125 * R_m  # of its middle, along the axis
+        middle = _along(rotor.position_m, rotor.axis, motor_m)
         body.geom(
-            "cylinder", (0.11 * R_m, 0.125 * R_m), material=metal, pos=middle, quat=_onto(_axis(rotor)), solid=False
+            "cylinder", (0.11 * R_m, 0.125 * R_m), material=metal, pos=middle, quat=_onto(rotor.axis), solid=False
         )
+        if rotor.coaxial_below is None:
+            arm_ends.append(_along(rotor.position_m, rotor.axis, 2.0 * motor_m))
+            body.rod(0.07 * R_m, (*centre, *arm_ends[-1]), material=frame, solid=False)
     for foot in vehicle.feet:
         hip = min((_hip(foot.position_m, centre, end) for end in arm_ends), key=lambda p: _gap(p, foot.position_m))
         body.geom("sphere", (foot.radius_m,), material=frame, pos=foot.position_m, solid=False)
@@ -131,31 +134,20 @@ def _add_blades(body: Body, material: str, R_m: float, spin: float) -> None:
         )
 
 
-def _axis(rotor: Rotor) -> Vec3:
-    """Return the axis of a rotor in B: a vehicle file without tilted rotors has them all along z."""
-    axis: Vec3 = getattr(rotor, "axis", _UP)
-    return axis
-
-
 def _is_motor(sphere: ContactSphere, rotors: tuple[Rotor, ...]) -> bool:
     return any(_gap(sphere.position_m, rotor.position_m) < 1.5 * sphere.radius_m for rotor in rotors)
 
 
 def _onto(axis: Vec3) -> Quat:
-    """Return the shortest rotation that turns z onto a direction."""
+    """Return the shortest rotation that turns z onto a unit vector that points up."""
     x, y, z = axis
-    length = norm(axis)
-    w = 1.0 + z / length
-    if w < 1e-9:  # straight down: half a turn about x
-        return (0.0, 1.0, 0.0, 0.0)
-    q: Quat = (w, -y / length, x / length, 0.0)
-    size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2])
-    return (q[0] / size, q[1] / size, q[2] / size, 0.0)
+    size = sqrt(2.0 * (1.0 + z))  # of (1 + z, -y, x, 0)
+    return ((1.0 + z) / size, -y / size, x / size, 0.0)
 
 
-def _along(p: Vec3, direction: Vec3, distance: float) -> Vec3:
-    k = distance / norm(direction)
-    return (p[0] + k * direction[0], p[1] + k * direction[1], p[2] + k * direction[2])
+def _along(p: Vec3, axis: Vec3, distance_m: float) -> Vec3:
+    x, y, z = axis
+    return (p[0] + distance_m * x, p[1] + distance_m * y, p[2] + distance_m * z)
 
 
 def _hip(p: Vec3, start: Vec3, end: Vec3) -> Vec3:
