@@ -35,6 +35,31 @@ for name in ("x500", "racer"):
 print(digest.hexdigest())
 """
 
+# Vehicles of different types that meet in the air, fall on each other, and blow at each other.
+GROUP = """
+import hashlib
+from sim.physics.flight_start import FlightStart
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_group import VehicleGroup
+from sim.scene.scene import load_scene
+
+vehicles = {}
+for index, name in enumerate(("x500", "racer", "hexa_x", "y6")):
+    x_m, y_m = 1.2 * (index % 2), 1.2 * (index // 2)
+    start = FlightStart(p_WB=(x_m, y_m, 1.5 + 0.1 * index), yaw_rad=0.3 * index)
+    vehicles[name] = physics = QuadrotorPhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, start=start)
+    physics.state[7:13] = (2.0 * (0.6 - x_m), 2.0 * (0.6 - y_m), 0.0, 1.0, -2.0, 0.5)
+group, digest = VehicleGroup(vehicles, downwash=True), hashlib.sha256()
+controls = [(0.6 * v.vehicle.hover_control,) * len(v.vehicle.rotors) for v in vehicles.values()]
+for tick in range(300):
+    digest.update(repr(group.advance(tick, controls)).encode())
+contacts = group.take_contacts(last=True)
+digest.update(repr(contacts).encode())
+assert len(contacts) > 3, contacts
+print(digest.hexdigest())
+"""
+
 # Every preset with everything on, and every kind of fault.
 SENSORS = """
 import hashlib, struct
@@ -178,8 +203,8 @@ EVERY_ECHO = ECHOES.replace("((CHIRPS[0], 3), (CHIRPS[1], 5))", "itertools.produ
 
 @pytest.mark.parametrize(
     "script",
-    [FLIGHT, SENSORS, ECHOES, pytest.param(EVERY_ECHO, marks=pytest.mark.slow)],
-    ids=["flight", "sensors", "echoes", "every echo"],
+    [FLIGHT, GROUP, SENSORS, ECHOES, pytest.param(EVERY_ECHO, marks=pytest.mark.slow)],
+    ids=["flight", "group", "sensors", "echoes", "every echo"],
 )
 def test_masked_cpu_features_change_no_bit(script: str) -> None:
     plain = output_of(script)

@@ -9,6 +9,7 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     hexa_x, octa_x, x8, y6, tilted hexa_x           as vigorous, of these vehicles; this project only, with all effects
     tumble     20 rad/s without torque, 60 s        greatest relative drift of energy or angular momentum
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
+    several vehicles                                see hil.apps.bench_suite.physics.vehicle_groups
 
 Errors of all but the last two are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are
 the best of several runs in one process, with the methods run in turn, and include Python. Time and error come from the
@@ -40,6 +41,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
     vigorous,
 )
 from hil.apps.bench_suite.physics.landing_checks import landing_checks
+from hil.apps.bench_suite.physics.vehicle_groups import group_rows
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import best_times, load_reference
 from sim.physics.vehicle import load_vehicle
@@ -89,6 +91,9 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     result.checks += _order_checks(reference)
     result.checks += _hour_checks(status)
     result.checks += landing_checks(status)
+    rows, checks = group_rows(status)
+    result.rows += rows
+    result.checks += checks
     return result
 
 
