@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pydantic
 import pytest
-import scipy.signal
 
 from sim._kernels import dryden_scale
 from sim.physics.disturbances import Disturbances
@@ -56,7 +55,9 @@ def test_variance_and_spectrum_are_the_standards() -> None:
     sigma_uv, sigma_w, length_uv, length_w = dryden_scale(height, 10.0)
     # 20,000 s hold hundreds of correlation times.
     assert u.std(axis=0) == pytest.approx([sigma_uv, sigma_uv, sigma_w], rel=0.05)
-    f, power = scipy.signal.welch(u, fs=1 / dt, nperseg=4096, axis=0)
+    from scipy.signal import welch  # here, as every process that collects tests imports the rest
+
+    f, power = welch(u, fs=1 / dt, nperseg=4096, axis=0)
     band = (f > 0.02) & (f < 2.0)
     for axis, sigma, length, first_order in (
         (0, sigma_uv, length_uv, True),

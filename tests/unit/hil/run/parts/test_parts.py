@@ -28,7 +28,13 @@ BENCHES = {
 }
 
 
-def parts_by_name() -> dict[str, Part]:
+# A file beside the folders is a part that benches name in their section `parts`.
+FILES = {path.stem for path in (ROOT / "hil/run/parts").glob("*/[a-z]*.py")}
+EVERY_PART = pytest.mark.parametrize("name", sorted(FILES - {"script", "signing"}))
+
+
+@pytest.fixture(scope="module")
+def parts() -> dict[str, Part]:
     """Return one part of every name in the catalogue, from several benches."""
     found: dict[str, Part] = {}
     for name, settings in BENCHES.items():
@@ -38,19 +44,13 @@ def parts_by_name() -> dict[str, Part]:
     return found
 
 
-PARTS = parts_by_name()
+def test_the_catalogue_is_covered_and_names_are_those_of_the_files(parts: dict[str, Part]) -> None:
+    assert set(parts) == FILES - {"script", "signing"}
 
 
-def test_the_catalogue_is_covered_and_names_are_those_of_the_files() -> None:
-    # A file beside the folders is a part that benches name in their section `parts`.
-    files = {path.stem for path in (ROOT / "hil/run/parts").glob("*/[a-z]*.py")}
-    assert set(PARTS) >= files - {"script", "signing"}
-    assert set(PARTS) <= files
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_a_part_that_was_never_opened_still_answers_and_closes(name: str) -> None:
-    part = PARTS[name]
+@EVERY_PART
+def test_a_part_that_was_never_opened_still_answers_and_closes(parts: dict[str, Part], name: str) -> None:
+    part = parts[name]
     assert isinstance(dict(part.run_keys()), dict)
     assert all("what" in row for row in part.skipped(0))
     assert part.repeatable() in (True, False)
@@ -59,9 +59,9 @@ def test_a_part_that_was_never_opened_still_answers_and_closes(name: str) -> Non
     part.close()
 
 
-@pytest.mark.parametrize("name", PARTS)
-def test_no_part_overrides_what_does_not_exist(name: str) -> None:
-    public = {method for method in vars(type(PARTS[name])) if not method.startswith("_")}
+@EVERY_PART
+def test_no_part_overrides_what_does_not_exist(parts: dict[str, Part], name: str) -> None:
+    public = {method for method in vars(type(parts[name])) if not method.startswith("_")}
     own = {"geometry", "samples_due", "can_have_faults", "flying", "autopilot_signing", "link", "reached"}
     assert public - set(dir(Part)) <= own
 
