@@ -16,13 +16,19 @@ FLOORS = ("cli", "apps", "run", "config")  # each may import those to its right
 
 
 @cache
+def import_statements(path: Path) -> list[ast.Import | ast.ImportFrom]:
+    """Return the import statements of a file: in functions and for type checkers too."""
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom)]
+
+
+@cache
 def imported(path: Path) -> frozenset[str]:
-    """Return the absolute names that a file imports anywhere: in functions and for type checkers too."""
+    """Return the absolute names that a file imports anywhere."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in import_statements(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             assert not node.level, f"{path}: relative import; this project names packages in full"
             names |= {str(node.module)} | {f"{node.module}.{alias.name}" for alias in node.names}
     return frozenset(names)
@@ -49,10 +55,10 @@ def module_name(path: Path) -> str:
 def used_modules(path: Path, modules: Collection[str]) -> set[str]:
     """Return those of `modules` that a file imports; of a package only where a name is not one of its modules."""
     used: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in import_statements(path):
         if isinstance(node, ast.Import):
             used |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
+        else:
             package = str(node.module)
             members = {f"{package}.{alias.name}" for alias in node.names}
             used |= {member if member in modules else package for member in members}
