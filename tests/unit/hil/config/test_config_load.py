@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -207,8 +208,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 NUMBER = st.floats(min_value=1e-6, max_value=100, allow_nan=False)
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
+ODD_SETTINGS = given(
     description=st.sampled_from(
         ["on", "1e3", "0x10", "1:30", "null", "~", "010", ".5", "- a", "#", "<<", "", "a\x85b", "\u2028"]
     )
@@ -218,9 +218,9 @@ NUMBER = st.floats(min_value=1e-6, max_value=100, allow_nan=False)
     noise=NUMBER,
     tick_hz=st.sampled_from([100, 125, 250, 500, 1000]),
 )
-def test_resolved_settings_read_back_unchanged(
-    description: str, params: dict[str, float], seed: int, noise: float, tick_hz: int
-) -> None:
+
+
+def check_reading_back(description: str, params: dict[str, float], seed: int, noise: float, tick_hz: int) -> None:
     config = load(f"seed: {seed}\ntick_hz: {tick_hz}\n", settings=[f"sensors.gps.horizontal_noise_m={noise!r}"]).config
     # Names that the mock does not have are refused, but must be written so that they read back as text.
     named = config.model_copy(update={"autopilot": config.autopilot.model_copy(update={"params": params})})
@@ -228,6 +228,19 @@ def test_resolved_settings_read_back_unchanged(
     autopilot = config.autopilot.model_copy(update={"params": {"MPC_XY_P": min(5.0, max(0.1, noise))}})
     config = config.model_copy(update={"description": description, "autopilot": autopilot})
     assert load(resolved_yaml(config)).config == config
+
+
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@ODD_SETTINGS
+def test_resolved_settings_read_back_unchanged(**drawn: Any) -> None:
+    check_reading_back(**drawn)
+
+
+@pytest.mark.slow
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@ODD_SETTINGS
+def test_many_resolved_settings_read_back_unchanged(**drawn: Any) -> None:
+    check_reading_back(**drawn)
 
 
 def test_a_saved_bench_needs_only_its_folder(tmp_path: Path) -> None:
