@@ -158,7 +158,14 @@ class Firmware:
             Output(outbox.say, host.fall_silent, offboard_silence),
             hitl=hitl,
         )
-        self.telemetry = Telemetry(vehicle, self.estimate, self.sensors, self._mission_state, hil=hitl)
+        self.telemetry = Telemetry(
+            vehicle,
+            self.estimate,
+            self.sensors,
+            self._mission_state,
+            system_type=int(params["MAV_TYPE"]),
+            hil=hitl,
+        )
         self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission)
         self.missions.items = mission
         self.navigator.load(mission)

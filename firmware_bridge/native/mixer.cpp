@@ -45,12 +45,22 @@ bool Mixer::configure(const Params &params) {
     const int count = static_cast<int>(params[CA_ROTOR_COUNT]);
     if (count < 3 || count > static_cast<int>(kMaxRotors)) return false;
     double b[4][kMaxRotors] = {};
+    double strongest = 0.0;
     for (int i = 0; i < count; ++i) {
-        const std::size_t base = CA_ROTOR0_PX + 3 * static_cast<std::size_t>(i);
-        b[0][i] = -params[base + 1];
-        b[1][i] = params[base];
-        b[2][i] = params[base + 2];
-        b[3][i] = 1.0;
+        strongest = std::max(strongest, params[CA_ROTOR0_CT + kRotorParams * static_cast<std::size_t>(i)]);
+    }
+    for (int i = 0; i < count; ++i) {
+        const double *rotor = &params[CA_ROTOR0_PX + kRotorParams * static_cast<std::size_t>(i)];
+        const double *p = rotor + kRotorPX;
+        const double length = std::sqrt((rotor[kRotorAX] * rotor[kRotorAX] + rotor[kRotorAY] * rotor[kRotorAY]) +
+                                        rotor[kRotorAZ] * rotor[kRotorAZ]);
+        const double share = rotor[kRotorCT] / strongest, km = rotor[kRotorKM];
+        const double a[3] = {rotor[kRotorAX] / length, rotor[kRotorAY] / length, rotor[kRotorAZ] / length};
+        if (!(strongest > 0.0) || !(length > 0.0)) return false;
+        b[0][i] = share * ((p[1] * a[2] - p[2] * a[1]) - km * a[0]);
+        b[1][i] = share * ((p[2] * a[0] - p[0] * a[2]) - km * a[1]);
+        b[2][i] = share * ((p[0] * a[1] - p[1] * a[0]) - km * a[2]);
+        b[3][i] = -share * a[2];
     }
     double gram[4][4] = {}, inverse[4][4];
     for (int r = 0; r < 4; ++r) {

@@ -1,7 +1,9 @@
-// Control allocation: normalised torque and thrust -> motor commands, for 3..8 identical upward rotors.
+// Control allocation: normalised torque and thrust -> motor commands, for 3..8 rotors.
 //
-// Effectiveness of rotor i with thrust T_i (FRD, thrust along -z):
-//     [roll, pitch, yaw, thrust] += [-py_i, px_i, km_i, 1] T_i
+// Effectiveness of rotor i with position p, axis a (normalised) and relative thrust coefficient c = CT / greatest CT, per
+// thrust T_i of the strongest rotor (FRD, thrust along -z), as PX4 computes it:
+//     [roll, pitch, yaw] += c (p x a - km a) T_i,   thrust += -c a_z T_i
+// An upright rotor has a = (0, 0, -1): [-py, px, km, 1]. Forces across z are not controlled.
 // The allocation is the pseudo-inverse B^T (B B^T)^-1, its columns scaled as PX4 scales them: roll and pitch by one
 // factor so that a symmetric quad has +-sqrt(1/2), yaw to a largest entry of 1, thrust to a mean of 1. So the inputs
 // are fractions: thrust in [0, 1], torques in about [-1, 1].

@@ -11,6 +11,17 @@
 
 namespace hil::flight {
 
+// Rotor `n`, in the order of RotorParam.
+#define HIL_ROTOR_PARAMS(X, n, px, py, km)                                                                          \
+    X(CA_ROTOR##n##_PX, px, -10.0, 10.0, "m", "rotor position forward of the centre of mass")                       \
+    X(CA_ROTOR##n##_PY, py, -10.0, 10.0, "m", "rotor position to the right of the centre of mass")                  \
+    X(CA_ROTOR##n##_PZ, 0.0, -10.0, 10.0, "m", "rotor position below the centre of mass")                           \
+    X(CA_ROTOR##n##_AX, 0.0, -100.0, 100.0, "1", "axis of the thrust, forward")                                     \
+    X(CA_ROTOR##n##_AY, 0.0, -100.0, 100.0, "1", "axis of the thrust, to the right")                                \
+    X(CA_ROTOR##n##_AZ, -1.0, -100.0, 100.0, "1", "axis of the thrust, down")                                       \
+    X(CA_ROTOR##n##_CT, 6.5, 0.0, 100.0, "1", "thrust coefficient, in any unit: only ratios between rotors count")  \
+    X(CA_ROTOR##n##_KM, km, -1.0, 1.0, "m", "moment per thrust; positive: turns counter-clockwise seen from above")
+
 // X(name, default, minimum, maximum, unit, meaning)
 #define HIL_FLIGHT_PARAMS(X)                                                                                        \
     X(EKF_GPS_DELAY, 100.0, 0.0, 220.0, "ms", "age of a GPS fix when it arrives")                                   \
@@ -89,30 +100,14 @@ namespace hil::flight {
     X(THR_MDL_FAC, 1.0, 0.0, 1.0, "1", "thrust curve T = f u^2 + (1 - f) u that the mixer inverts")                 \
     X(MOT_SPIN_IDLE, 0.10, 0.0, 0.5, "1", "motor command when armed on the ground, and the least one in flight")    \
     X(CA_ROTOR_COUNT, 4.0, 3.0, 8.0, "1", "number of rotors")                                                       \
-    X(CA_ROTOR0_PX, 0.174, -10.0, 10.0, "m", "rotor position forward of the centre of mass")                        \
-    X(CA_ROTOR0_PY, 0.174, -10.0, 10.0, "m", "rotor position to the right of the centre of mass")                   \
-    X(CA_ROTOR0_KM, 0.016, -1.0, 1.0, "m", "moment per thrust; positive: turns counter-clockwise seen from above")  \
-    X(CA_ROTOR1_PX, -0.174, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                    \
-    X(CA_ROTOR1_PY, -0.174, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                    \
-    X(CA_ROTOR1_KM, 0.016, -1.0, 1.0, "m", "as CA_ROTOR0_KM")                                                       \
-    X(CA_ROTOR2_PX, 0.174, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                     \
-    X(CA_ROTOR2_PY, -0.174, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                    \
-    X(CA_ROTOR2_KM, -0.016, -1.0, 1.0, "m", "as CA_ROTOR0_KM")                                                      \
-    X(CA_ROTOR3_PX, -0.174, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                    \
-    X(CA_ROTOR3_PY, 0.174, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                     \
-    X(CA_ROTOR3_KM, -0.016, -1.0, 1.0, "m", "as CA_ROTOR0_KM")                                                      \
-    X(CA_ROTOR4_PX, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                       \
-    X(CA_ROTOR4_PY, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                       \
-    X(CA_ROTOR4_KM, 0.0, -1.0, 1.0, "m", "as CA_ROTOR0_KM")                                                         \
-    X(CA_ROTOR5_PX, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                       \
-    X(CA_ROTOR5_PY, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                       \
-    X(CA_ROTOR5_KM, 0.0, -1.0, 1.0, "m", "as CA_ROTOR0_KM")                                                         \
-    X(CA_ROTOR6_PX, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                       \
-    X(CA_ROTOR6_PY, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                       \
-    X(CA_ROTOR6_KM, 0.0, -1.0, 1.0, "m", "as CA_ROTOR0_KM")                                                         \
-    X(CA_ROTOR7_PX, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PX")                                                       \
-    X(CA_ROTOR7_PY, 0.0, -10.0, 10.0, "m", "as CA_ROTOR0_PY")                                                       \
-    X(CA_ROTOR7_KM, 0.0, -1.0, 1.0, "m", "as CA_ROTOR0_KM")
+    HIL_ROTOR_PARAMS(X, 0, 0.174, 0.174, 0.016)                                                                     \
+    HIL_ROTOR_PARAMS(X, 1, -0.174, -0.174, 0.016)                                                                   \
+    HIL_ROTOR_PARAMS(X, 2, 0.174, -0.174, -0.016)                                                                   \
+    HIL_ROTOR_PARAMS(X, 3, -0.174, 0.174, -0.016)                                                                   \
+    HIL_ROTOR_PARAMS(X, 4, 0.0, 0.0, 0.0)                                                                           \
+    HIL_ROTOR_PARAMS(X, 5, 0.0, 0.0, 0.0)                                                                           \
+    HIL_ROTOR_PARAMS(X, 6, 0.0, 0.0, 0.0)                                                                           \
+    HIL_ROTOR_PARAMS(X, 7, 0.0, 0.0, 0.0)
 
 enum ParamId : std::size_t {
 #define X(name, value, lo, hi, unit, meaning) name,
@@ -134,6 +129,10 @@ inline constexpr std::array<ParamInfo, kParamCount> kParamTable{{
 }};
 
 using Params = std::array<double, kParamCount>;
+
+// Offsets from CA_ROTORn_PX.
+enum RotorParam : std::size_t { kRotorPX, kRotorPY, kRotorPZ, kRotorAX, kRotorAY, kRotorAZ, kRotorCT, kRotorKM, kRotorParams };
+static_assert(CA_ROTOR1_PX == CA_ROTOR0_PX + kRotorParams);
 
 inline constexpr std::size_t kMaxRotors = 8;
 

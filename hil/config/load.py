@@ -16,6 +16,7 @@ from hil.config.checks import radar_checks
 from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.part_settings import resolve_parts
+from hil.config.checks.rotor_checks import airframe_problems, control_problems
 from hil.config.files import available, default_bench, find, is_bare
 from hil.config.layers import Settings, merge_options, parse_setting
 from hil.config.missions import Mission, load_mission
@@ -177,6 +178,8 @@ class _Loading:
             return None
         vehicle, problems = validate(Vehicle, document.data, document)
         self.problems += problems
+        if vehicle is not None:
+            self.problems += control_problems(vehicle, document)
         return vehicle
 
     def _scene(self, vehicle: Vehicle | None, config: BenchConfig | None) -> Scene | None:
@@ -257,6 +260,7 @@ class _Loading:
         vehicle = self._vehicle()
         if config is not None and vehicle is not None:
             self.problems += vehicle_problems(config, vehicle, self.settings)
+            self.problems += airframe_problems(config, vehicle, self.settings)
         scene = self._scene(vehicle, config)
         if config is not None and scene is not None:
             self.problems += site_problems(config, scene)

@@ -65,9 +65,8 @@ class Autopilot(Section):
 
     kind: Literal["mock", "mock_hitl", "px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"] = "mock"
     transport: Literal["pty", "loopback"] = "pty"  # mock only; loopback: same bytes without a serial line
-    airframe: Annotated[str, BeforeValidator(_number_as_text)] = (
-        "x500"  # configured in the flight controller; PX4: name or number of an airframe
-    )
+    # Configured in the flight controller; PX4: name or number of an airframe. null: the vehicle's rotors.
+    airframe: Annotated[str | None, BeforeValidator(_number_as_text)] = None
     # HIL_SENSOR messages without a reply while the firmware boots. null: unknown, free-running until the first reply.
     boot_sensors: Annotated[int, Field(ge=0, le=300)] | None = 20
     reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; then the run ends as ERROR

@@ -65,7 +65,6 @@ def test_parameters_fit_the_vehicle(tmp_path):
         if line and not line.startswith("#"):
             name, number = line.split()
             read[name] = float(number)
-    assert read["FRAME_CLASS"] == read["FRAME_TYPE"] == 1
     assert (read["MOT_SPIN_MIN"], read["MOT_SPIN_MAX"]) == (SPIN_MIN, SPIN_MAX)
     assert (read["LOG_DISARMED"], read["MOT_SPIN_ARM"]) == (1, 0.05)
     # Hover throttle is limited to ArduPilot's range.

@@ -15,7 +15,6 @@ from firmware_bridge.mock_pixhawk.estimate.sensors import ACCEL, BARO, GPS, GYRO
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.ids import (
     AUTOPILOT_PX4,
-    SYSTEM_TYPE_QUADROTOR,
     BaseMode,
     Capability,
     LandedState,
@@ -97,9 +96,11 @@ class Telemetry:
         sensors: SensorIntake,
         mission: Callable[[], tuple[int, int, int]],
         *,
+        system_type: int,
         hil: bool = False,
     ) -> None:
         self._v, self._estimate, self._sensors, self._mission = vehicle, estimate, sensors, mission
+        self._type = system_type
         self._base_mode = BaseMode.CUSTOM_MODE_ENABLED | (BaseMode.HIL_ENABLED if hil else 0)
         self.makers: dict[int, Callable[[int], Any]] = {}
         self.periods_us: dict[int, int] = {}  # by message id
@@ -123,7 +124,7 @@ class Telemetry:
         else:
             state = SystemState.STANDBY
         return cls(
-            type=SYSTEM_TYPE_QUADROTOR,
+            type=self._type,
             autopilot=AUTOPILOT_PX4,
             base_mode=base,
             custom_mode=v.mode.custom_mode,

@@ -46,7 +46,7 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
         for key in ("binary", "mavlink_port", "arguments", "env"):
             if getattr(autopilot, key):
                 report(key, "has no meaning for the mock autopilot", "leave it out or choose another rig")
-        if autopilot.airframe not in MOCK_AIRFRAMES:
+        if autopilot.airframe is not None and autopilot.airframe not in MOCK_AIRFRAMES:
             hint = nearest(autopilot.airframe, MOCK_AIRFRAMES)
             report("airframe", f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
         problems += _param_problems(autopilot.params, settings)

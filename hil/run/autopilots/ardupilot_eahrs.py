@@ -10,6 +10,7 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
+from hil.run.autopilots.ardupilot_sitl import frame_parameters
 from hil.run.autopilots.surroundings import Surroundings, firmware_build, free_running_settings, only_board
 from signals.errors import PortNotFound
 from signals.geodesy import LocalFrame
@@ -33,7 +34,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
                 hover_control=vehicle.hover_control,
                 thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
                 tick_hz=config.tick_hz,
-                more=autopilot.params,
+                more=frame_parameters(vehicle) | autopilot.params,
             ),
         )
     else:

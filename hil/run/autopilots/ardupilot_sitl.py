@@ -9,7 +9,10 @@ from typing import Any
 from firmware_bridge.links.ardupilot.sitl import TCP_PORT, ardupilot_sitl, copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.config import Bench
+from hil.config.checks.rotor_checks import ardupilot_frame
 from hil.run.autopilots.surroundings import WORK_FOLDER, Surroundings, firmware_build, timeouts
+from signals.errors import LinkError
+from sim.physics.vehicle import Vehicle
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
@@ -47,8 +50,16 @@ def vehicle_parameters(bench: Bench) -> dict[str, float]:
         hover_control=vehicle.hover_control,
         thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
         tick_hz=bench.config.tick_hz,
-        more=bench.config.autopilot.params,
+        more=frame_parameters(vehicle) | bench.config.autopilot.params,
     )
+
+
+def frame_parameters(vehicle: Vehicle) -> dict[str, float]:
+    """Return the parameters of ArduCopter's frame for the rotors. LinkError if it has none."""
+    frame = ardupilot_frame(vehicle)
+    if frame is None:
+        raise LinkError("ardupilot", f"has no frame with the rotors of the vehicle {vehicle.name!r}")
+    return frame.parameters()
 
 
 def _windy(bench: Bench) -> bool:

@@ -14,7 +14,8 @@ from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
-from hil.config import Bench, BenchConfig
+from hil.config import Bench
+from hil.run.autopilots.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
 from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, timeouts
 
 MOCK_BOOT_SENSORS = 20
@@ -30,15 +31,16 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     if autopilot.port is not None:
         transport = SerialTransport(autopilot.port, baud=autopilot.baud)
     elif autopilot.transport == "loopback":
+        airframe, params = airframe_and_params(bench)
         peer = MockPixhawk(
-            airframe=autopilot.airframe,
+            airframe=airframe,
             boot_sensors=boot_sensors,
-            params=_param_texts(bench.config),
+            params=params,
             faults=[parse_fault(text) for text in autopilot.faults.texts()],
         )
         transport = LoopbackTransport(peer, crashes=(Died,))
     else:
-        transport, start = mock_on_a_pty(bench.config, around, boot_sensors)
+        transport, start = mock_on_a_pty(bench, around, boot_sensors)
     return LockstepLink(
         around.wrap(transport),
         LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=boot_sensors),
@@ -54,14 +56,15 @@ def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ())
 
 
 def mock_on_a_pty(
-    config: BenchConfig, around: Surroundings, boot_sensors: int, *more: str
+    bench: Bench, around: Surroundings, boot_sensors: int, *more: str
 ) -> tuple[Transport, Callable[[], ChildProcess]]:
     """Return the near end of a pseudo-terminal, and a function that starts the mock on its far end."""
     pty = PtyTransport()
-    arguments = [*more, "--airframe", config.autopilot.airframe]
-    for text in _param_texts(config):
+    airframe, params = airframe_and_params(bench)
+    arguments = [*more, "--airframe", airframe]
+    for text in params:
         arguments += ["--param", text]
-    for text in config.autopilot.faults.texts():
+    for text in bench.config.autopilot.faults.texts():
         arguments += ["--fault", text]
 
     def start() -> ChildProcess:
@@ -71,5 +74,14 @@ def mock_on_a_pty(
     return pty, start
 
 
-def _param_texts(config: BenchConfig) -> list[str]:
-    return [f"{name}={value!r}" for name, value in config.autopilot.params.items()]
+def airframe_and_params(bench: Bench) -> tuple[str, list[str]]:
+    """Return the mock's airframe and NAME=VALUE parameters: those of the bench over those of the vehicle.
+
+    Without `autopilot.airframe` the vehicle decides: an airframe with its rotors, else parameters from its geometry.
+    """
+    autopilot = bench.config.autopilot
+    airframe = autopilot.airframe or matching_airframe(bench.vehicle)
+    params = autopilot.params
+    if airframe is None:
+        airframe, params = BASE_AIRFRAME, mock_parameters(bench.vehicle) | params
+    return airframe, [f"{name}={value!r}" for name, value in params.items()]

@@ -7,7 +7,10 @@ from pathlib import Path
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
 from hil.config import Bench
+from hil.run.autopilots.rotor_parameters import matching_airframe, px4_parameters
 from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, firmware_build, timeouts
+
+EXTERNAL_AIRFRAME = "none_iris"
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
@@ -15,12 +18,13 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     config = bench.config
     autopilot = config.autopilot
     process = None
+    airframe, params = airframe_and_params(bench)
     if autopilot.start:
         process = px4_sitl_process(
             firmware_build(bench, around),
-            airframe=autopilot.airframe,
+            airframe=airframe,
             tick_hz=config.tick_hz,
-            params=autopilot.params,
+            params=params,
             instance=autopilot.instance,
         )
     return px4_sitl_link(
@@ -29,6 +33,18 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
         timeouts=timeouts(bench),
         wrap=around.wrap,
     )
+
+
+def airframe_and_params(bench: Bench) -> tuple[str, dict[str, float]]:
+    """Return PX4's airframe and parameters: those of the bench over those of the vehicle.
+
+    Without `autopilot.airframe` it is PX4's for external simulators, with the rotors of the vehicle unless it has them.
+    """
+    autopilot = bench.config.autopilot
+    if autopilot.airframe is not None:
+        return autopilot.airframe, autopilot.params
+    rotors = {} if matching_airframe(bench.vehicle) == "iris" else px4_parameters(bench.vehicle)
+    return EXTERNAL_AIRFRAME, rotors | autopilot.params
 
 
 def unknown_parameters(bench: Bench, out: Path) -> list[str]:

@@ -9,6 +9,7 @@ from firmware_bridge.links.ardupilot.sitl import hand_start_command, write_defau
 from firmware_bridge.links.px4.sitl import px4_hand_start
 from hil.config import Bench
 from hil.run.autopilots.ardupilot_sitl import mavlink_address, vehicle_parameters
+from hil.run.autopilots.px4_sitl import airframe_and_params
 from hil.run.autopilots.surroundings import home_of
 from hil.run.loop.restartable_physics import make_physics
 from signals.errors import ConfigError, Problem, RecordingError
@@ -40,11 +41,12 @@ def start_command(bench: Bench, folder: Path) -> str:
         )
         return shlex.join(argv)
     if autopilot.kind == "px4_sitl":
+        airframe, params = airframe_and_params(bench)
         env, argv = px4_hand_start(
             binary,
-            airframe=autopilot.airframe,
+            airframe=airframe,
             tick_hz=bench.config.tick_hz,
-            params=autopilot.params,
+            params=params,
             instance=autopilot.instance,
         )
         words = [f"{name}={shlex.quote(value)}" for name, value in (env | autopilot.env).items()]
