@@ -23,7 +23,7 @@ from sim.physics.vehicle import Vehicle
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
 _MAV_TYPE = {3: 15, 4: 2, 6: 13, 8: 14}  # tricopter, quadrotor, hexarotor, octorotor
 _CT = 6.5  # PX4's default thrust coefficient
-_INTEGRAL_PER_S, _LEAD_S, _YAW_INTEGRAL_PER_S = 1.5, 0.0154, 0.5  # over P; the x500's
+_INTEGRAL_PER_S, _LEAD_S, _YAW_INTEGRAL_PER_S = 1.54, 0.0154, 0.5  # over P; the x500's
 _GEOMETRY = ("PX", "PY", "AX", "AY", "AZ", "CT", "KM")
 _SAME = 2e-3  # m, and relative
 

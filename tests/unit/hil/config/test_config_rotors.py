@@ -1,0 +1,100 @@
+"""Vehicles that cannot be controlled, and rotors that an autopilot cannot be given, with file and line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.links.ardupilot.frames import frame_of
+from hil.config.checks.rotor_checks import ardupilot_frame
+from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
+from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
+from tests.worlds.tilted_rotors import tilted
+
+
+def write_vehicle(name: str, *replacements: tuple[str, str]) -> int:
+    """Write mine.yaml, a changed copy of a vehicle; return the line of its rotors."""
+    text = (VEHICLE_DIR / f"{name}.yaml").read_text()
+    for pattern, new in replacements:
+        text, count = re.subn(pattern, new, text)
+        assert count
+    Path("mine.yaml").write_text(text)
+    return text.splitlines().index("rotors:") + 1
+
+
+@pytest.mark.parametrize(
+    ("name", "replacements", "axes"),
+    [
+        ("x500", [("spin: cw", "spin: ccw")], "yaw and thrust"),
+        ("x500", [("moment_ratio_m: 0.016 ", "moment_ratio_m: 0.0 ")], "yaw"),
+        ("hexa_x", [(r"(position_m: )\[[-0-9.]+, ([-0-9.]+), 0.1076\], spin", r"\1[0.0, \2, 0.1076], spin")], "pitch"),
+    ],
+)
+def test_a_vehicle_that_cannot_be_controlled_is_named(
+    name: str, replacements: list[tuple[str, str]], axes: str
+) -> None:
+    line = write_vehicle(name, *replacements)
+    found = refused("vehicle: ./mine.yaml\n")
+    assert len(found) == 1
+    assert found[0].startswith(f"mine.yaml:{line}: rotors cannot control the vehicle: {axes} cannot be commanded alone")
+    assert "(rank 3 of 4)" in found[0]
+
+
+def test_three_rotors_are_too_few() -> None:
+    line = write_vehicle("x500", (r"  - \{position_m: \[-0.174, -0.174, 0.058131\], spin: cw\}\n", ""))
+    assert refused("vehicle: ./mine.yaml\n")[0].startswith(f"mine.yaml:{line}: rotors cannot control the vehicle: ")
+
+
+def test_an_airframe_of_four_rotors_does_not_fit_six() -> None:
+    assert refused("vehicle: hexa_x\nautopilot: {airframe: x500}\n") == [
+        "b.yaml:2: autopilot.airframe is 'x500', a quadrotor, but the vehicle 'hexa_x' has 6 rotors (leave it out: the "
+        "vehicle's rotors are then taken)"
+    ]
+    assert load("vehicle: hexa_x\n").vehicle.name == "hexa_x"
+
+
+def test_rotors_without_a_frame_of_arducopter_are_named() -> None:
+    write_vehicle("hexa_x", (r"\[0.2102, 0.12135, 0.1076\]", "[0.02, 0.12135, 0.1076]"))
+    head = "rig: ardupilot_sitl\nautopilot: {start: false}\n"
+    assert refused(head + "vehicle: ./mine.yaml\n") == [
+        "b.yaml:3: vehicle has rotors for which ArduCopter has no frame: 'hexa_x' with 6 (of so many motors it has "
+        "HEXA X, HEXA PLUS, Y6 Y6B, with upright rotors)"
+    ]
+    for name in ("hexa_x", "octa_x", "x8", "y6", "racer"):
+        load(head + f"vehicle: {name}\n")
+    assert ardupilot_frame(tilted(load_vehicle("hexa_x"), 40.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("x500", (1, 1)), ("iris", (1, 1)), ("hexa_x", (2, 1)), ("octa_x", (3, 1)), ("x8", (4, 1)), ("y6", (5, 10))],
+)
+def test_frames_of_the_shipped_vehicles(name: str, expected: tuple[int, int]) -> None:
+    frame = ardupilot_frame(load_vehicle(name))
+    assert frame is not None
+    assert (frame.frame_class, frame.frame_type) == expected
+    assert set(frame.parameters()) == {"FRAME_CLASS", "FRAME_TYPE"}  # the file has ArduPilot's order
+
+
+def test_another_order_of_the_rotors_is_wired_by_servo_functions() -> None:
+    rotors = [(r.position_m[0], r.position_m[1], r.spin.sign) for r in load_vehicle("hexa_x").rotors]
+    turned = rotors[1:] + rotors[:1]  # output n drives the rotor of motor n + 1
+    frame = frame_of(turned)
+    assert frame is not None
+    assert frame.parameters() == {
+        "FRAME_CLASS": 2,
+        "FRAME_TYPE": 1,
+        **{f"SERVO{n}_FUNCTION": 33 + n % 6 for n in range(1, 7)},
+    }
+
+
+def test_plus_frames_are_told_from_x_frames() -> None:
+    """Turning a hexa X by 30 degrees makes a PLUS; so does turning an octa X by 22.5."""
+    x, y = 0.866, 0.5
+    plus = [(1.0, 0.0, -1), (-1.0, 0.0, 1), (-y, x, -1), (y, -x, 1), (y, x, 1), (-y, -x, -1)]
+    frame = frame_of([(a, b, float(s)) for a, b, s in plus])
+    assert frame is not None
+    assert frame.name == "HEXA PLUS"
+    assert frame_of([(a, b, -1.0) for a, b, _ in plus]) is None
