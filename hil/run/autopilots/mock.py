@@ -15,7 +15,7 @@ from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
-from hil.run.autopilots.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
+from hil.run.autopilots.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters, motor_functions
 from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, timeouts
 
 MOCK_BOOT_SENSORS = 20
@@ -83,5 +83,8 @@ def airframe_and_params(bench: Bench) -> tuple[str, list[str]]:
     airframe = autopilot.airframe or matching_airframe(bench.vehicle)
     params = autopilot.params
     if airframe is None:
-        airframe, params = BASE_AIRFRAME, mock_parameters(bench.vehicle) | params
+        rotors = mock_parameters(bench.vehicle)
+        if autopilot.kind == "mock_hitl":
+            rotors |= motor_functions(bench.vehicle, "HIL_ACT_FUNC")
+        airframe, params = BASE_AIRFRAME, rotors | params
     return airframe, [f"{name}={value!r}" for name, value in params.items()]

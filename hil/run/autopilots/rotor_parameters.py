@@ -93,9 +93,13 @@ def mock_parameters(vehicle: Vehicle) -> dict[str, float]:
 
 def px4_parameters(vehicle: Vehicle, *, outputs: str = "PWM_MAIN_FUNC") -> dict[str, float]:
     """Return the parameters that make any multirotor airframe of PX4 this vehicle; a board has outputs HIL_ACT_FUNC."""
-    functions = {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
-    geometry = geometry_parameters(vehicle)
+    functions, geometry = motor_functions(vehicle, outputs), geometry_parameters(vehicle)
     return {"CA_AIRFRAME": 0, **_vehicle_type(vehicle), **functions, **geometry, **hover_and_gains(vehicle)}
+
+
+def motor_functions(vehicle: Vehicle, outputs: str) -> dict[str, float]:
+    """Return the functions of the outputs: motor n at output n."""
+    return {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
 
 
 def _vehicle_type(vehicle: Vehicle) -> dict[str, float]:
