@@ -129,12 +129,18 @@ void RayCaster::refresh() {
     }
     // The tree of moving geoms keeps its topology until its boxes have grown. This affects speed, never the result.
     if (!fresh_ || refit(moving_, boxes_) > kDriftedApart * moving_area_) {
-        std::vector<Aabb> boxes;
-        for (const std::int32_t item : items) boxes.push_back(boxes_[static_cast<std::size_t>(item)]);
+        // A hidden geom is put where it was last: it may be shown again there.
+        std::vector<Aabb> boxes, last_boxes = boxes_;
+        for (const std::int32_t item : items) {
+            const auto i = static_cast<std::size_t>(item);
+            if (!geometry_.shown(item) && bounded(geometry_.geoms()[i])) last_boxes[i] = geometry_.world_box(item);
+            boxes.push_back(last_boxes[i]);
+        }
         Bvh tree = build_bvh(boxes, 2);
         for (auto &item : tree.order) item = items[static_cast<std::size_t>(item)];
         moving_ = widen(tree, boxes_);
-        moving_area_ = refit(moving_, boxes_);
+        moving_area_ = refit(moving_, last_boxes);
+        refit(moving_, boxes_);
     }
     version_ = geometry_.version();
     fresh_ = true;

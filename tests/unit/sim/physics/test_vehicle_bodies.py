@@ -223,6 +223,30 @@ def test_alone_or_with_a_far_vehicle_the_bits_are_those_without() -> None:
         assert lidar_sample(frames, at) == lidar_sample(plain, at)
 
 
+def test_the_order_in_which_vehicles_take_samples_changes_no_bit() -> None:
+    def samples(order: tuple[str, ...]) -> dict[tuple[str, int], list[Any]]:
+        frames = SharedFrames(world_with("a", "b", "c"))
+        views = {name: frames.seen_by(name) for name in order}
+        taken: dict[tuple[str, int], list[Any]] = {}
+        for tick in (25, 26, 40):
+            at = {
+                name: truth(
+                    tick, (0.08 * tick * (i - 1), 3.0 * i - 8.0, 8.0), rpy_deg=(0.0, 5.0, 90.0 * i), v=(5.0, 0.0, 0.0)
+                )
+                for i, name in enumerate(("a", "b", "c"))
+            }
+            for name in sorted(at):
+                frames.place(name, at[name])
+            for name in order:
+                pictures = [picture(views[name], at[name], shadows=shadows) for shadows in (False, True)]
+                arrays = [array.tobytes() for out in pictures for array in out.values()]
+                taken[name, tick] = [*arrays, lidar_sample(views[name], at[name])]
+        return taken
+
+    first, second = samples(("a", "b", "c")), samples(("c", "a", "b"))
+    assert all(first[key] == second[key] for key in first)
+
+
 def test_a_vehicle_is_not_shown_before_its_first_state() -> None:
     frames = SharedFrames(world_with("lead", "wing"))
     at = truth(0, (0.0, 0.0, 30.0))
