@@ -107,7 +107,9 @@ class JointContact:
             self._hard = hard
             soften_contact(model, step_s)
         if self._actors is not None:
-            self._actors.pose_all(t_ns)
+            p_W = members[0].body.position_before()
+            self._actors.gap_m(p_W, t_ns, max(math.dist(p_W, member.body.position_before()) for member in members))
+            self._actors.pose_near(t_ns)
         data.qacc_warmstart[:] = 0.0  # the result depends on nothing before this tick
         bodies = []
         for row, member in enumerate(members):

@@ -343,14 +343,17 @@ class QuadrotorPhysics:
         self.skips.touching += 1
         self.body.rewind()
         if not self._was_touching:
-            self.hard = self.touch_down_mps > HARD_LANDING_MPS
+            self.hard = self.surface_speed_mps > HARD_LANDING_MPS
         return self._contact_steps()
 
     @property
-    def touch_down_mps(self) -> float:
-        """Speed of a touch-down from here; 0 if the vehicle touched in the last tick."""
-        if self._was_touching:
-            return 0.0
+    def was_touching(self) -> bool:
+        """True if the vehicle touched anything in the last complete tick."""
+        return self._was_touching
+
+    @property
+    def surface_speed_mps(self) -> float:
+        """Upper bound of the speed of any contact sphere."""
         s = self._truth[7:13].tolist()
         speed = math.sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2])
         return speed + self._radius_m * math.sqrt(s[3] * s[3] + s[4] * s[4] + s[5] * s[5])

@@ -32,6 +32,7 @@ from sim.physics.quadrotor import HARD_LANDING_MPS, QuadrotorPhysics
 from sim.physics.vehicle import Vehicle
 
 IMPACT_NS = 20 * NS_PER_MS  # a longer contact is a rest: only this much of its impulse is counted
+_CALM_MPS = 0.1  # a hard contact ends when every vehicle is slower
 _APART_NS = 100 * NS_PER_MS  # a contact after a shorter gap is the same contact
 
 
@@ -157,8 +158,9 @@ class VehicleGroup:
         members = [self._vehicles[index] for index in cluster]
         for member in members:
             member.rewind()
-        first, (fast, faster) = members[0], sorted(member.touch_down_mps for member in members)[-2:]
-        hard = any(member.hard for member in members) or fast + faster > HARD_LANDING_MPS
+        first, (fast, faster) = members[0], sorted(member.surface_speed_mps for member in members)[-2:]
+        meets = fast + faster > HARD_LANDING_MPS and not all(member.was_touching for member in members)
+        hard = meets or (faster > _CALM_MPS and any(member.hard for member in members))
         rows = {index: row for row, index in enumerate(cluster)}
         resting = {
             (rows[a], rows[b])

@@ -157,7 +157,7 @@ def course(seed: int, *, skipping: bool = True, reverse: bool = False, far: bool
         vehicles = dict(reversed(vehicles.items()))
     levels = {name: float(random.uniform(0.0, 0.8)) for name in "abcdef"} | {"0": 0.5}
     group, digests = VehicleGroup(vehicles), {name: hashlib.sha256() for name in vehicles}
-    for tick in range(200):
+    for tick in range(150):
         for name, state in zip(vehicles, group.advance(tick, [(levels[name],) * 4 for name in vehicles]), strict=True):
             digests[name].update(repr(state).encode())
     contacts = group.take_contacts(last=True)
