@@ -201,13 +201,16 @@ def test_a_rest_is_reported_once() -> None:
     assert contact.impulse_ns < 2.5 * 0.02 * lower.vehicle.mass_kg * STANDARD_GRAVITY_MPS2
 
 
-def test_errors_name_the_vehicle() -> None:
-    group = VehicleGroup(
-        {"lead": floating((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), "wing": floating((9.0, 0.0, 0.0), (250.0, 0.0, 0.0))}
-    )
+@pytest.mark.parametrize("speed_mps", [250.0, 1e9, math.inf, math.nan])
+def test_errors_name_the_vehicle(speed_mps: float) -> None:
+    wing = floating((9.0, 0.0, 0.0), (-speed_mps, 0.0, 0.0))
+    group = VehicleGroup({"lead": floating((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), "wing": wing}, downwash=True)
     group.advance(0, [OFF, OFF])
-    with pytest.raises(ModelRangeError, match="wing/speed_mps"):
+    with pytest.raises(ModelRangeError, match=r"wing/(speed_mps|state)"):
         group.advance(1, [OFF, OFF])
+
+
+def test_errors_name_the_controls() -> None:
     group = VehicleGroup({"lead": floating((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))})
     group.advance(0, [OFF])
     with pytest.raises(ModelRangeError, match=r"lead/controls\[2\]"):
