@@ -16,7 +16,6 @@ from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.scene.scene import load_scene
 
-_OFF = (0.0, 0.0, 0.0, 0.0)
 _REST_SPEED = 1e-3  # m/s and rad/s
 
 
@@ -54,12 +53,13 @@ def drop(
         motion = vehicle.mass_kg * float(s[7:10] @ s[7:10]) + float(np.sum(inertia * s[10:13] ** 2))
         return vehicle.mass_kg * STANDARD_GRAVITY_MPS2 * float(s[2]) + 0.5 * motion
 
-    physics.advance(0, _OFF)
+    off = (0.0,) * len(vehicle.rotors)
+    physics.advance(0, off)
     air_j = before_j = energy(physics.state)
     touched_at = rest_at = None
     depth, gain, flying = 0.0, -np.inf, True
     for tick in range(1, round(seconds * 1e9 / tick_ns) + 1):
-        truth = physics.advance(tick, _OFF)
+        truth = physics.advance(tick, off)
         s = physics.state
         if truth.in_contact:
             if flying:
@@ -89,7 +89,7 @@ def skipping_difference_m() -> float:
         )
         h = physics.vehicle.hover_control
         phases = [(25, 0.0), (220, 1.04), (20, 1.0), (100, 0.97), (250, 0.95), (200, 0.0)]  # ticks, control over hover
-        track, tick = [physics.advance(0, _OFF).p_WB], 0
+        track, tick = [physics.advance(0, (0.0,) * 4).p_WB], 0
         for ticks, level in phases:
             controls = (level * h, level * h, level * h * 1.0001, level * h)
             for _ in range(ticks):
