@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ class Bench:
 
     `files` maps 'bench', 'rig', 'vehicle', 'scene' and 'mission' to the file that each was read from, if there is one.
     If the mission is a script with a plan, 'plan' is the file of that plan.
+    `vehicles` holds the complete bench of each vehicle of a bench with several; this bench itself then flies nothing.
     """
 
     config: BenchConfig
@@ -32,6 +33,7 @@ class Bench:
     mission: Mission | None
     files: Mapping[str, Path]
     script: MissionScript | None = None
+    vehicles: Mapping[str, Bench] = field(default_factory=dict)
 
     def sensor_parameters(self, name: str) -> Any:
         """Return the parameters of a sensor, with its noise scaled by the factor drawn from the seed."""

@@ -1,47 +1,15 @@
-"""Reads files and command-line options, and merges them into one validated bench.
-
-Later layers replace earlier ones: defaults, the rig's file, the bench file, command-line options, `--set`. Mappings
-merge key by key, everything else is replaced whole. All problems of all layers are reported at once, each with the
-place where it was written.
-"""
+"""Reads a bench: its files, the command-line options, and its vehicles if it has several."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from hil.config.bench import Bench, site_of
-from hil.config.checks import radar_checks
-from hil.config.checks.autopilot_checks import autopilot_problems
-from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
-from hil.config.checks.part_settings import resolve_parts
-from hil.config.checks.rotor_checks import airframe_problems, control_problems
-from hil.config.files import available, default_bench, find, is_bare
-from hil.config.layers import Settings, merge_options, parse_setting
-from hil.config.missions import Mission, load_mission
-from hil.config.missions.script import MissionScript
-from hil.config.missions.script_file import (
-    bench_problems,
-    is_script,
-    merge_script,
-    mission_problems,
-    read_script,
-    with_gusts,
-)
-from hil.config.renamed import replace_renamed_keys
-from hil.config.scenes import read_scene, world_problems
-from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
-from hil.config.sensors.noise import noise_problems
-from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors
-from signals.documents.document import Document, shown_path
-from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
-from signals.documents.yaml_lines import read_yaml
+from hil.config.bench import Bench
+from hil.config.files import default_bench
+from hil.config.merge.loading import BenchLoading
+from hil.config.vehicles.resolve import with_vehicles
 from signals.errors import ConfigError, Problem
-from sim.physics.vehicle import Vehicle
-from sim.randomize.variant import in_weather, randomized
-from sim.scene.scene import Scene
-from sim.sensors.catalog import KINDS
 
 MAX_PROBLEMS = 100
 
@@ -63,7 +31,9 @@ def load_bench(
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     options = {key: value for key, value in options.items() if value is not None}
     try:
-        return _Loading(path, options, settings).bench()
+        loading = BenchLoading(Path(path) if path is not None else default_bench(), options, settings)
+        bench = loading.bench()
+        return with_vehicles(bench, loading) if bench.config.vehicles else bench
     except ConfigError as error:
         raise ConfigError(_shortened(error.problems)) from None
 
@@ -74,227 +44,3 @@ def _shortened(problems: list[Problem]) -> list[Problem]:
     if excess <= 0:
         return problems
     return [*problems[:MAX_PROBLEMS], Problem("and", f"{excess} more problems")]
-
-
-class _Loading:
-    """State of one load: the settings merged so far, the files read, the problems found."""
-
-    def __init__(self, path: Path | str | None, options: Mapping[str, Any], settings: Sequence[str]) -> None:
-        self.problems: list[Problem] = []
-        self.files: dict[str, Path] = {}
-        self.settings = Settings()
-        bench_path = Path(path) if path is not None else default_bench()
-        document = Document("defaults", {})
-        if bench_path is not None:
-            document = read_yaml(bench_path)
-            self.files["bench"] = bench_path
-        if not isinstance(document.data, dict):
-            message = f"must be a mapping of keys, not {shown(document.data)}"
-            raise ConfigError([at(document, (), message)])
-        self.complete = self._take_complete(document)
-        self.beside = [bench_path.parent] if bench_path is not None else []
-        rig = self._rig(document, options, settings)
-        if "sensors" not in document.data and (rig is None or "sensors" not in rig.data):
-            self.settings.set(("sensors",), STANDARD_SENSORS, "defaults")
-        if rig is not None:
-            self.settings.merge(rig)
-        self.settings.merge(document)
-        for key, value in options.items():
-            self.settings.set((key,), value, f"--{key}")
-        self.problems += merge_options(self.settings, settings)
-
-    def _take_complete(self, bench: Document) -> bool:
-        """Remove `complete` from the data and return it. It describes the file and is not a setting of the bench."""
-        complete = bench.data.pop("complete", False)
-        if not isinstance(complete, bool):
-            self.problems.append(at(bench, ("complete",), f"must be true or false, not {shown(complete)}"))
-        return complete is True
-
-    def _rig(self, bench: Document, options: Mapping[str, Any], settings: Sequence[str]) -> Document | None:
-        """Read the rig's file: the one of --set rig=, else of --rig, of the bench file, or the default."""
-        if self.complete:
-            if "rig" in options:
-                message = "cannot change the rig of a file with complete settings"
-                self.problems.append(Problem("--rig", message, 'remove "complete: true" from the file'))
-            return None
-        choice = Settings()
-        choice.set(("rig",), BenchConfig.model_fields["rig"].default, "defaults")
-        if "rig" in bench.data:
-            choice.set(("rig",), bench.data["rig"], bench.where(("rig",)))
-        if "rig" in options:
-            choice.set(("rig",), options["rig"], "--rig")
-        for text in settings:
-            if text.partition("=")[0].strip() == "rig":
-                try:
-                    _, value, origin = parse_setting(text)
-                except ConfigError:
-                    continue  # reported by merge_options
-                choice.set(("rig",), value, origin)
-        path = self._file("rig", choice.data["rig"], choice)
-        if path is None:
-            return None
-        document = self._read("rig", path)
-        if document is None:
-            return None
-        if not isinstance(document.data, dict):
-            self.problems.append(at(document, (), f"must be a mapping of keys, not {shown(document.data)}"))
-            return None
-        for key in ("rig", "complete"):
-            if key in document.data:
-                self.problems.append(at(document, (key,), "does not belong in a rig's file"))
-        keep = {key: value for key, value in document.data.items() if key not in ("rig", "complete")}
-        return Document(document.source, keep, document.lines)
-
-    def _file(self, kind: str, name: Any, located: Settings) -> Path | None:
-        """Find the file that a setting names. Returns None and reports a problem if there is none."""
-        if not isinstance(name, str):
-            return None  # reported when all settings are validated
-        path = find(kind, name, self.beside) if name.strip() else None
-        if path is None:
-            if is_bare(kind, name):
-                hint = nearest(name, available(kind, self.beside))
-                self.problems.append(at(located, (kind,), f"is unknown: {name!r}", hint))
-            else:
-                places = [shown_path(folder) for folder in (*self.beside, Path())]
-                hint = "looked beside " + " and in ".join(dict.fromkeys(places)) + " and in the installed rigs"
-                self.problems.append(at(located, (kind,), f"names a file that does not exist: {name}", hint))
-            return None
-        self.files[kind] = path
-        return path
-
-    def _read(self, kind: str, path: Path) -> Document | None:
-        try:
-            return read_yaml(path)
-        except ConfigError as error:
-            self.problems += error.problems
-            self.files.pop(kind, None)
-            return None
-
-    def _vehicle(self) -> Vehicle | None:
-        name = self.settings.data.get("vehicle", BenchConfig.model_fields["vehicle"].default)
-        path = self._file("vehicle", name, self.settings)
-        document = self._read("vehicle", path) if path is not None else None
-        if document is None:
-            return None
-        vehicle, problems = validate(Vehicle, document.data, document)
-        self.problems += problems
-        if vehicle is not None:
-            self.problems += control_problems(vehicle, document)
-        return vehicle
-
-    def _scene(self, vehicle: Vehicle | None, config: BenchConfig | None) -> Scene | None:
-        """Load the scene and the files it names, with the map seed, weather and randomisation of the bench applied."""
-        name = self.settings.data.get("scene", BenchConfig.model_fields["scene"].default)
-        path = self._file("scene", name, self.settings)
-        if path is None:
-            return None
-        try:
-            scene, problems = read_scene(path)
-        except ConfigError as error:
-            self.problems += error.problems
-            self.files.pop("scene", None)
-            return None
-        self.problems += problems
-        seed = self.settings.data.get("map_seed")
-        if scene is not None and type(seed) is int and seed >= 0:
-            try:
-                scene = scene.with_map_seed(seed)
-            except ValueError as error:
-                self.problems.append(at(self.settings, ("map_seed",), f"has no meaning: {error}", "leave it out"))
-        if scene is not None and config is not None:
-            scene = randomized(in_weather(scene, config.weather), config.randomize, config.seed)
-        if scene is not None and not problems:
-            start = Start() if config is None else config.start
-            self.problems += world_problems(scene, vehicle, start, self.settings)
-        return scene
-
-    def _mission_path(self) -> Path | None:
-        name = self.settings.data.get("mission")
-        return self._file("mission", name, self.settings) if name is not None else None
-
-    def _script(self, path: Path | None) -> MissionScript | None:
-        """Read the mission if it is a script, and merge its limits and faults over the settings."""
-        if path is None or not is_script(path):
-            return None
-        try:
-            script = read_script(path)
-        except ConfigError as error:
-            self.problems += error.problems
-            return None
-        if script.plan_path is not None:
-            self.files["plan"] = script.plan_path
-        if not self.complete:  # a complete file already contains them
-            merge_script(self.settings, script)
-        return script
-
-    def _mission(self, path: Path | None, scene: Scene | None) -> Mission | None:
-        if path is None:
-            return None
-        try:
-            return load_mission(path, site=site_of(scene) if scene is not None else None)
-        except ConfigError as error:
-            self.problems += error.problems
-            return None
-
-    def bench(self) -> Bench:
-        """Build the bench. Raises ConfigError with every problem found."""
-        mission_path = self._mission_path()
-        script = self._script(mission_path)
-        self.problems += replace_renamed_keys(self.settings, translate=self.complete)
-        data = dict(self.settings.data)
-        section = data.pop("sensors", {})
-        config, config_problems = validate(BenchConfig, data, self.settings)
-        tick_hz = (config or BenchConfig()).tick_hz
-        sensors, sensor_problems = resolve_sensors(section, self.settings, tick_hz=tick_hz)
-        self.problems += config_problems + sensor_problems
-        if config is not None:
-            parts, part_problems = resolve_parts(config.parts, self.settings)
-            config = config.model_copy(update={"sensors": sensors, "parts": parts})
-            self.problems += part_problems
-            for check in (cross_problems, autopilot_problems, noise_problems):
-                self.problems += check(config, self.settings)
-            if config.companion.on or config.companion.control:
-                from hil.config.checks.companion_checks import companion_problems  # loads ZeroMQ
-
-                self.problems += companion_problems(config, self.settings, scripted=script is not None)
-        vehicle = self._vehicle()
-        if config is not None and vehicle is not None:
-            self.problems += vehicle_problems(config, vehicle, self.settings)
-            self.problems += airframe_problems(config, vehicle, self.settings)
-        scene = self._scene(vehicle, config)
-        if config is not None and scene is not None:
-            self.problems += site_problems(config, scene)
-        if mission_path is not None and is_script(mission_path):
-            mission_path = script.plan_path if script is not None else None
-        if config is not None and scene is not None and not self.problems:
-            self.problems += radar_checks.world_problems(config, scene, self.settings)
-        mission = self._mission(mission_path, scene)
-        if script is not None:
-            self.problems += mission_problems(script, mission)
-            if config is not None and vehicle is not None:
-                types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
-                self.problems += bench_problems(script, sensors=types, vehicle=vehicle)
-            if config is not None and scene is not None and not self.complete:
-                config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
-        if config is not None and mission is not None and not sensor_problems:
-            autopilot_kinds = config.autopilot_sensors()
-            missing = [kind for kind in FLIGHT_KINDS if kind not in autopilot_kinds]
-            if missing:
-                message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a mission"
-                self.problems.append(at(self.settings, ("sensors",), message))
-        if self.problems or config is None or vehicle is None or scene is None:
-            raise ConfigError(_in_order(self.problems))
-        return Bench(config, vehicle, scene, mission, self.files, script)
-
-
-def _in_order(problems: list[Problem]) -> list[Problem]:
-    """Sort problems by file, in order of first appearance, and by line, the command line last, without repetitions."""
-    files: dict[str, int] = {}
-    keyed: dict[str, tuple[tuple[bool, int, int], Problem]] = {}
-    for problem in problems:
-        source, _, line = problem.where.rpartition(":")
-        if not line.isdigit():
-            source, line = problem.where, "0"
-        order = files.setdefault(source, len(files))
-        keyed.setdefault(str(problem), ((source.startswith(COMMAND_LINE), order, int(line)), problem))
-    return [problem for _, problem in sorted(keyed.values(), key=lambda pair: pair[0])]

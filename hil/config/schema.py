@@ -6,6 +6,7 @@ from `sim.sensors.catalog`.
 
 from __future__ import annotations
 
+import hashlib
 import re
 from typing import Annotated, Any, Literal
 
@@ -13,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router.endpoint import Endpoint
+from hil.config.vehicles.settings import Formation, Group, Offset
 from signals.documents.validate import Section
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
@@ -28,6 +30,8 @@ from sim.sensors.faults import SensorFault
 MAX_SEED = 2**63 - 1
 
 
+VEHICLE_NAME = r"[a-z][a-z0-9_]{0,31}"
+VehicleName = Annotated[str, Field(pattern=f"^({VEHICLE_NAME})?$")]
 FaultTime = Annotated[float, Field(ge=0)] | None
 
 
@@ -53,6 +57,12 @@ LOCKSTEP_KINDS = frozenset({"mock", "px4_sitl", "ardupilot_sitl"})
 FIRMWARE_KINDS = frozenset({"px4_sitl", "px4_hitl", "ardupilot_sitl", "ardupilot_eahrs"})
 PROGRAM_KINDS = frozenset({"px4_sitl", "ardupilot_sitl"})
 ENV_NAME = r"[A-Za-z_][A-Za-z0-9_]*"
+
+
+def named_seed(seed: int, name: str) -> int:
+    """Return a seed that depends on another and on a name, and on nothing else."""
+    digest = hashlib.blake2b(f"{seed} {name}".encode(), digest_size=8).digest()
+    return int.from_bytes(digest, "little") & MAX_SEED
 
 
 def _number_as_text(value: Any) -> Any:
@@ -91,12 +101,20 @@ class Autopilot(Section):
     share_processor: bool = True
     # A reboot of ArduPilot SITL in the run: ERROR, or the vehicle returns to its start and the run continues.
     on_restart: Literal["error", "reset"] = "error"
+    # In a bench with several vehicles: if this autopilot is lost, the run ends as ERROR, or its vehicle falls and the
+    # others fly on.
+    on_loss: Literal["error", "go_on"] = "error"
     signing_key_file: str | None = None  # signs the bench's own MAVLink messages; null: unsigned
     faults: MockFaults = MockFaults()
 
     @property
     def lockstep(self) -> bool:
         return self.kind in LOCKSTEP_KINDS
+
+    @property
+    def system_id(self) -> int:
+        """MAVLink system id of an autopilot that the bench starts; PX4 and ArduPilot number theirs alike."""
+        return self.instance + 1
 
     @property
     def is_mock(self) -> bool:
@@ -354,6 +372,7 @@ class BenchConfig(Section):
     map_seed: Annotated[int, Field(ge=0, le=MAX_SEED)] | None = None  # of a generated map; null: the scene's own
     vehicle: str = "x500"
     mission: str | None = None  # .plan, .waypoints or script; null: only clients of the router command
+    mission_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)  # the mission is flown shifted by this [m in W]
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1
     tick_hz: Annotated[int, Field(ge=100, le=1000)] = 250
     duration_s: Annotated[float, Field(gt=0, le=86_400)] = 600.0  # simulated time after which the run ends
@@ -378,6 +397,18 @@ class BenchConfig(Section):
     goal: Goal | None = None  # null: not judged
     search: Search | None = None  # null: not judged
     parts: dict[str, Any] = Field(default_factory=dict)  # further parts of a run, each with settings of its own
+    name: VehicleName = ""  # of a vehicle in a bench with several; its noise depends on it
+    # Several vehicles in one world: name -> settings of this vehicle that differ from those of the bench
+    # (docs/vehicles.md). A name with {n} stands for `count` vehicles, numbered from 1.
+    vehicles: dict[str, Any] = Field(default_factory=dict)
+    count: Annotated[int, Field(ge=1, le=1000)] | None = None
+    formation: Formation | None = None  # null: none is flown
+    group: Group = Group()
+
+    @property
+    def noise_seed(self) -> int:
+        """Seed of the noise of this vehicle's sensors, wind and links: that of the bench and the vehicle's name."""
+        return self.seed if not self.name else named_seed(self.seed, self.name)
 
     @property
     def tick_ns(self) -> int:

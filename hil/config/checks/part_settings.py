@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hil.config.layers import Settings as MergedSettings
+from hil.config.merge.layers import Settings as MergedSettings
 from signals.documents.validate import at, nearest, validate
 from signals.errors import Problem
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pydantic
 
-from hil.config.layers import Settings
+from hil.config.merge.layers import Settings
 from hil.config.schema import BenchConfig
 from signals.documents.validate import at
 from signals.errors import Problem
@@ -18,7 +18,7 @@ def noise_factors(config: BenchConfig) -> dict[str, float]:
     limits, seed = config.randomize.noise, config.randomize.seed
     if limits is None:
         return {}
-    seed = config.seed if seed is None else seed
+    seed = config.noise_seed if seed is None else seed
     factors = {name: noise_factor(limits, seed, sensor.kind, name) for name, sensor in config.sensors.items()}
     return {name: factor for name, factor in factors.items() if factor is not None}
 

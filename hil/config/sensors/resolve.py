@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, create_model
 
 from hil.config.checks.radar_checks import frame_problems, rate_problems
-from hil.config.layers import Settings
+from hil.config.merge.layers import Settings
 from hil.config.schema import SensorConfig
 from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
 from signals.documents.document import Place

@@ -52,7 +52,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
         sensor,
         around.wrap(mavlink),  # declared link faults apply to MAVLink only
         geodetic=LocalFrame(bench.scene.site).geodetic_from_enu,
-        errors=InsErrors(seed=config.seed),
+        errors=InsErrors(seed=config.noise_seed),
         pwm=PwmRange(round(params.get("MOT_PWM_MIN", 1000)), round(params.get("MOT_PWM_MAX", 2000))),
         baud=None if start is not None else autopilot.baud,
         start_process=start,

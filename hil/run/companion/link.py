@@ -68,7 +68,7 @@ class CompanionLink:
         self._stage: CompanionStage | None = None
         self._event_counts: Counter[str] = Counter()  # by kind
         self.views = ViewLog(out)
-        self._faults = CompanionFaults(config.seed, on_event, self._unplug)
+        self._faults = CompanionFaults(config.noise_seed, on_event, self._unplug)
         self.topics: frozenset[str] = frozenset()
 
     def _start_settings(self, client: str) -> dict[str, Any]:

@@ -49,7 +49,7 @@ class SimulatedSensors:
             Installation(
                 name,
                 rate_hz=settings.rate_hz,
-                seed=config.seed,
+                seed=config.noise_seed,
                 scene=self._bench.scene,
                 step_ns=config.tick_ns,
                 frames=self._frames,

@@ -31,7 +31,7 @@ class LinkFaultsPart(Part):
         run, faults = self._run, self._config.faults.links
         if run is None or not (faults or any(part.injects for part in run.parts)):
             return transport  # the wrapper takes time for every frame, even without a fault
-        self._transport = FaultyTransport(transport, faults, self._config.seed, run.now_ns, run.recorder.event)
+        self._transport = FaultyTransport(transport, faults, self._config.noise_seed, run.now_ns, run.recorder.event)
         return self._transport
 
     def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (makes no difference here)

@@ -28,7 +28,7 @@ class Settings:
                 return origin
         return "defaults"
 
-    def merge(self, document: Document) -> None:
+    def merge(self, document: Document | SettingsPart) -> None:
         """Merge a document over the settings: mappings key by key; any other value is replaced whole."""
         self._merge((), document.data, document)
 
@@ -39,7 +39,7 @@ class Settings:
             nested = {key: nested}
         self._merge((), nested, _SingleOrigin(origin, place))
 
-    def _merge(self, place: Place, value: Any, document: Document | _SingleOrigin) -> None:
+    def _merge(self, place: Place, value: Any, document: Source) -> None:
         present = self._value_at(place)
         if isinstance(value, dict) and isinstance(present, dict):
             if document.covers(place):
@@ -60,7 +60,7 @@ class Settings:
             parent[place[-1]] = value
         self._mark(place, value, document)
 
-    def _mark(self, place: Place, value: Any, document: Document | _SingleOrigin) -> None:
+    def _mark(self, place: Place, value: Any, document: Source) -> None:
         self.origins[place] = document.where(place)
         children: Any = ()
         if isinstance(value, dict):
@@ -95,6 +95,28 @@ class _SingleOrigin:
 
     def covers(self, place: Place) -> bool:
         return place[: len(self.target)] == self.target
+
+
+@dataclass(frozen=True)
+class SettingsPart:
+    """The mapping at `place` of merged settings, as a layer to merge over others."""
+
+    settings: Settings
+    place: Place
+
+    @property
+    def data(self) -> dict[str, Any]:
+        value: dict[str, Any] = self.settings._value_at(self.place) or {}
+        return value
+
+    def where(self, place: Place) -> str:
+        return self.settings.where(self.place + place)
+
+    def covers(self, place: Place) -> bool:
+        return self.place + place in self.settings.origins
+
+
+Source = Document | SettingsPart | _SingleOrigin
 
 
 def parse_setting(text: str) -> tuple[Place, Any, str]:

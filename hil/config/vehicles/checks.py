@@ -1,0 +1,109 @@
+"""Checks between the vehicles of a bench with several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Mapping
+from itertools import combinations
+
+from hil.config.bench import Bench
+from hil.config.merge.layers import SettingsPart
+from hil.config.schema import BenchConfig
+from signals.documents.document import Place
+from signals.documents.validate import at
+from signals.errors import Problem
+
+# Settings that all vehicles of a run must have in common. Only their rigs can make them differ.
+SHARED_KEYS = ("tick_hz", "pace", "seed", "duration_s")
+_MAX_SYSTEM_ID = 250
+_BOARDS = frozenset({"px4_hitl", "ardupilot_eahrs"})
+
+
+def vehicles_problems(vehicles: Mapping[str, Bench], located: Mapping[str, SettingsPart]) -> list[Problem]:
+    """Report what two vehicles cannot share, and vehicles that nobody flies. `located`: the settings of each."""
+    problems: list[Problem] = []
+
+    def report(name: str, place: Place, message: str, hint: str = "") -> None:
+        problems.append(at(located[name], place, f"{name}: {message}" if not place else message, hint))
+
+    configs = {name: bench.config for name, bench in vehicles.items()}
+    first, *others = configs
+    for name in others:
+        for key in SHARED_KEYS:
+            ours, theirs = getattr(configs[name], key), getattr(configs[first], key)
+            if ours != theirs:
+                message = f"the rig {configs[name].rig!r} sets {key} to {ours}, and that of {first} to {theirs}"
+                report(name, (), message, f"set {key} at the top of the file: all vehicles share it")
+    for place, message, key in _UNIQUE:
+        owner: dict[Hashable, str] = {}
+        for name, config in configs.items():
+            for value in key(config):
+                if value in owner:
+                    report(name, place, message.format(value=value, other=owner[value]))
+                owner.setdefault(value, name)
+    for name, config in configs.items():
+        if not _flies(vehicles[name]):
+            hint = "a mission, a companion with control: true, manual or router"
+            report(name, (), "nobody flies this vehicle", hint)
+        autopilot = config.autopilot
+        if autopilot.kind in _BOARDS and autopilot.port is None and len(configs) > 1:
+            message = f"is not set, and a rig of kind {autopilot.kind} cannot run twice on one board"
+            report(name, ("autopilot", "port"), message, "see `hil devices` for the ports of the boards")
+        if autopilot.on_restart == "reset":
+            report(name, ("autopilot", "on_restart"), "cannot be reset in a bench with several vehicles")
+        if autopilot.kind not in _BOARDS and autopilot.system_id > _MAX_SYSTEM_ID:
+            report(name, ("autopilot", "instance"), f"gives the MAVLink system id {autopilot.system_id}, above 250")
+    return problems + _start_problems(vehicles, located)
+
+
+def _flies(bench: Bench) -> bool:
+    config = bench.config
+    judged_by_companion = config.companion.on and config.companion.control
+    by_hand = config.manual.device is not None or bool(config.router.endpoints()) or bool(config.parts)
+    return bench.mission is not None or bench.script is not None or judged_by_companion or by_hand
+
+
+def _start_problems(vehicles: Mapping[str, Bench], located: Mapping[str, SettingsPart]) -> list[Problem]:
+    """Report vehicles that would stand in each other at the start."""
+    problems = []
+    for (a, bench_a), (b, bench_b) in combinations(vehicles.items(), 2):
+        distance_m = math.dist(bench_a.config.start.p_W, bench_b.config.start.p_W)
+        least_m = bench_a.vehicle.bounding_radius_m + bench_b.vehicle.bounding_radius_m
+        if distance_m < least_m:
+            message = f"{b} stands {distance_m:.2f} m from {a}: they need {least_m:.2f} m"
+            hint = f"vehicles: {{{b}: {{start: {{p_W: [x, y, z]}}}}}}, or a formation"
+            problems.append(at(located[b], ("start", "p_W"), message, hint))
+    return problems
+
+
+def _ports(config: BenchConfig) -> list[Hashable]:
+    autopilot = config.autopilot
+    return [port for port in (autopilot.port, autopilot.mavlink_port) if port not in (None, "none")]
+
+
+def _instances(config: BenchConfig) -> list[Hashable]:
+    kind, port = config.autopilot.kind, config.autopilot.port
+    return [] if kind in _BOARDS or (kind == "mock" and port is not None) else [config.autopilot.instance]
+
+
+def _companion_ports(config: BenchConfig) -> list[Hashable]:
+    companion = config.companion
+    if not companion.on or companion.arrangement == "shared_memory" or companion.port == 0:
+        return []
+    return [companion.port, *([] if companion.sensor_port is None else [companion.sensor_port])]
+
+
+def _listening(config: BenchConfig) -> list[Hashable]:
+    """Return the ports at which the router listens, and the SDKs' own ports; one ground station may serve several."""
+    addresses = [config.router.sdk, config.router.companion, config.router.gcs, *config.router.more]
+    own = [a for a in addresses if a is not None and not (a.startswith("udp:") and a == config.router.gcs)]
+    return [address.rpartition(":")[2] for address in own]
+
+
+_UNIQUE: tuple[tuple[Place, str, Callable[[BenchConfig], list[Hashable]]], ...] = (
+    (("autopilot", "port"), "{value} is also the port of {other}", _ports),
+    (("autopilot", "instance"), "{value} is also the instance of {other}: ports and system ids would be the same",
+     _instances),
+    (("companion", "port"), "{value} is also a companion port of {other}", _companion_ports),
+    (("router",), "port {value} is also used by the router of {other}", _listening),
+)  # fmt: skip

@@ -1,0 +1,143 @@
+"""A bench with the section `vehicles`: one complete bench for each vehicle, all in one world."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hil.config.bench import Bench
+from hil.config.merge.layers import SettingsPart, parse_setting
+from hil.config.merge.loading import BenchLoading
+from hil.config.schema import VEHICLE_NAME, BenchConfig
+from hil.config.vehicles.checks import SHARED_KEYS, vehicles_problems
+from hil.config.vehicles.formation import formation_offsets
+from signals.documents.document import Place
+from signals.documents.validate import at, shown
+from signals.errors import ConfigError, Problem
+from signals.samples import Vec3
+
+# Keys that one vehicle may have; all others belong to the world, or to all vehicles together.
+VEHICLE_KEYS = frozenset({
+    "rig", "description", "vehicle", "mission", "mission_offset_m", "start", "autopilot", "router", "companion",
+    "sensors", "quality", "faults", "limits", "crash", "goal", "search", "manual", "parts",
+})  # fmt: skip
+_NUMBER = "{n}"  # in a name: stands for 1 to `count`
+
+
+def with_vehicles(bench: Bench, loading: BenchLoading) -> Bench:
+    """Return the bench with the benches of its vehicles. Raises ConfigError with every problem found."""
+    problems: list[Problem] = []
+    places = _places(bench.config, loading, problems)
+    if problems:
+        raise ConfigError(problems)
+    formation = bench.config.formation
+    offsets = {} if formation is None else formation_offsets(formation, list(places))
+    for name in () if formation is None else formation.offsets_m:
+        if name not in places:
+            problems.append(at(loading.settings, ("formation", "offsets_m", name), "is no vehicle of this bench"))
+    vehicles: dict[str, Bench] = {}
+    for number, (name, place) in enumerate(places.items()):
+        try:
+            vehicles[name] = _vehicle(bench, loading, name, place, number, offsets.get(name))
+        except ConfigError as error:
+            problems += error.problems
+    if not problems:
+        problems = vehicles_problems(vehicles, {name: SettingsPart(loading.settings, places[name]) for name in places})
+    if problems:
+        raise ConfigError(list({str(problem): problem for problem in problems}.values()))
+    return replace(bench, vehicles=vehicles)
+
+
+def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem]) -> dict[str, Place]:
+    """Return the place of the settings of each vehicle by its name, in the order of the file."""
+    settings = loading.settings
+    places: dict[str, Place] = {}
+    for key, overlay in config.vehicles.items():
+        place: Place = ("vehicles", key)
+        names = [key]
+        if _NUMBER in key:
+            if config.count is None:
+                problems.append(at(settings, place, "stands for several vehicles, and `count` is not set", "count: 10"))
+                continue
+            names = [key.replace(_NUMBER, str(n)) for n in range(1, config.count + 1)]
+        if not re.fullmatch(VEHICLE_NAME, names[0]):
+            message = "cannot be the name of a vehicle: a letter, then up to 31 of a-z, 0-9 and _"
+            problems.append(at(settings, place, message, "drone{n} stands for `count` vehicles"))
+            continue
+        if isinstance(overlay, dict):
+            for own in overlay:
+                if own in BenchConfig.model_fields and own not in VEHICLE_KEYS:
+                    message = "belongs to the whole bench, not to one vehicle"
+                    problems.append(at(settings, (*place, own), message, f"write {own} at the top of the file"))
+        elif overlay is not None and not isinstance(overlay, str):
+            message = f"must be a mapping of keys or the path of a bench file, not {shown(overlay)}"
+            problems.append(at(settings, place, message))
+        for name in names:
+            if name in places:
+                problems.append(at(settings, place, f"names the vehicle {name!r} a second time"))
+            places[name] = place
+    if config.count is not None and not any(_NUMBER in key for key in config.vehicles):
+        problems.append(at(settings, ("count",), "has no meaning: no name of a vehicle contains {n}", "leave it out"))
+    return places
+
+
+def _vehicle(
+    bench: Bench, loading: BenchLoading, name: str, place: Place, number: int, offset_W_m: Vec3 | None
+) -> Bench:
+    """Load the bench of one vehicle. Raises ConfigError."""
+    overlay = SettingsPart(loading.settings, place)
+    own = bench.config.vehicles[str(place[1])]
+    if isinstance(own, str):
+        return _from_file(bench, loading, name, place, own)
+    general = [text for text in loading.texts if not text.strip().startswith(("vehicles.", "count"))]
+    loaded = BenchLoading(loading.path, loading.options, general, overlay=overlay, scene=bench.scene)
+    settings = loaded.settings
+    for key in ("count", "formation"):
+        settings.data.pop(key, None)
+    _set_default(loaded, overlay, ("autopilot", "instance"), number)
+    for text in loading.texts:
+        if text.strip().startswith(f"vehicles.{place[1]}."):
+            own_place, value, origin = parse_setting(text)
+            settings.set(own_place[2:], value, origin)
+    if offset_W_m is not None:
+        x, y, z = bench.config.start.p_W
+        _set_default(loaded, overlay, ("start",), {
+            "p_W": [x + offset_W_m[0], y + offset_W_m[1], z], "yaw_deg": bench.config.start.yaw_deg
+        })  # fmt: skip
+        if "mission" not in overlay.data:
+            _set_default(loaded, overlay, ("mission_offset_m",), list(offset_W_m))
+    sdk = settings.data.get("router", {}).get("sdk")
+    if isinstance(sdk, str) and not overlay.covers(("router", "sdk")):
+        settings.set(("router", "sdk"), _raised(sdk, number), settings.where(("router", "sdk")))
+    settings.set(("name",), name, settings.where(()))
+    return loaded.bench()
+
+
+def _set_default(loaded: BenchLoading, overlay: SettingsPart, place: Place, value: Any) -> None:
+    """Set a value that the vehicle's own settings do not set."""
+    if not overlay.covers(place):
+        loaded.settings.set(place, value, overlay.where(()))
+
+
+def _raised(address: str, number: int) -> str:
+    """Return the address with its port raised by the vehicle's number: PX4 numbers the ports of SDKs so."""
+    head, _, port = address.rpartition(":")
+    return f"{head}:{int(port) + number}" if port.isdigit() else address
+
+
+def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, file: str) -> Bench:
+    """Load the bench of a vehicle from a file of its own, as in the folder of a run."""
+    path = next((folder / file for folder in (*loading.beside, Path()) if (folder / file).is_file()), None)
+    if path is None:
+        raise ConfigError([at(loading.settings, place, f"names a file that does not exist: {file}")])
+    general = [text for text in loading.texts if not text.strip().startswith("vehicles.")]
+    loaded = BenchLoading(path, {}, general, scene=bench.scene)
+    loaded.settings.set(("name",), name, loading.settings.where(place))
+    vehicle = loaded.bench()
+    differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]
+    if differing:
+        message = f"differs from the bench in {', '.join(differing)}: {path}"
+        raise ConfigError([at(loading.settings, place, message, "all vehicles of a run share these settings")])
+    return vehicle
