@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from hil.config.bench import Bench
 from hil.config.scenes import save_scene
@@ -29,15 +30,20 @@ def resolved_yaml(config: BenchConfig) -> str:
     return head + dump_yaml(data)
 
 
-def save_bench(bench: Bench, folder: Path) -> Path:
+def save_bench(bench: Bench, folder: Path, *, scene: str | None = None) -> Path:
     """Write bench.yaml with every setting, and copy the files that it names into `folder`. Returns its path.
 
     Copied are the vehicle, the scene with its map, the mission and the plan of a script, so that the folder can be
-    loaded on any machine.
+    loaded on any machine. `scene`: path of a copy of the scene that is there already. Of a bench with several vehicles
+    the file names NAME/bench.yaml for each of them, which the caller writes.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    names: dict[str, str] = {}
-    if "scene" in bench.files:
+    names: dict[str, Any] = {}
+    if bench.vehicles:
+        names |= {"vehicles": {name: f"{name}/bench.yaml" for name in bench.vehicles}, "count": None}
+    if scene is not None:
+        names["scene"] = scene
+    elif "scene" in bench.files:
         names["scene"] = save_scene(bench.scene, bench.files["scene"], folder)
     for kind in ("vehicle", "mission"):
         if kind in bench.files:

@@ -12,15 +12,16 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil.config import Bench, save_bench
 from hil.run.failure import Failure
 from hil.run.loop.scheduler import CommandSource, Scheduler, Wiring
 from hil.run.loop.stages import plan_stages
-from hil.run.loop.tick_loop import fly_ticks
+from hil.run.loop.tick_loop import Flight, fly_ticks
 from hil.run.part import Part, Report, RunContext
 from hil.run.parts.catalog import parts_of
+from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
@@ -31,6 +32,13 @@ from signals.time import NS_PER_S
 
 RUN_JSON_NAME = "run.json"
 _NO_DIGEST = "0" * 32
+
+
+class Shared(NamedTuple):
+    """What the vehicles of a run with several share."""
+
+    mcap: VehicleTopics | bool  # this vehicle's part of the recording; False: there is none
+    scene: str | None  # path of the copied scene from the vehicle's folder; None: the bench has no scene file
 
 
 @dataclass(frozen=True)
@@ -49,12 +57,16 @@ class RunResult:
 def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Part] = ()) -> RunResult:
     """Fly `bench` and leave run.json, the recordings and the report in `out`.
 
-    `more`: parts that the caller adds to those of the bench, such as a dashboard. A failure of the bench is a result
-    (status ERROR), not an exception, so that run.json always exists.
-    Raises RecordingError if `out` itself cannot be written or another run writes there, ConfigError if the settings
-    of a part are invalid.
+    `more`: parts that the caller adds to those of the bench, such as a dashboard; in a bench with several vehicles they
+    belong to the first one. A failure of the bench is a result (status ERROR), not an exception, so that run.json
+    always exists. Raises RecordingError if `out` itself cannot be written or another run writes there, ConfigError if
+    the settings of a part are invalid.
     """
     with run_folder(out):
+        if bench.vehicles:
+            from hil.run.group.group_run import GroupRun
+
+            return GroupRun(bench, out, more, quiet=quiet).result()
         return BenchRun(bench, out, parts_of(bench, more), quiet=quiet).result()
 
 
@@ -72,36 +84,47 @@ def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:
 class BenchRun:
     """One run, from its parts to run.json."""
 
-    def __init__(self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool) -> None:
-        self._context = RunContext(bench, out, parts, quiet=quiet)
-        self._parts = self._context.parts
+    def __init__(
+        self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool, shared: Shared | None = None
+    ) -> None:
+        """`shared`: what the vehicles of a run with several share; None: the run has one vehicle."""
+        self.context = RunContext(bench, out, parts, quiet=quiet)
+        self._parts = self.context.parts
         self._config = bench.config
         self._out = out
         self._quiet = quiet
-        self._failure = Failure(out)
+        self._shared = shared
+        self.failure = Failure(out)
         self._timing_s: dict[str, float] = {}
+        self._began_s = time.monotonic()
         self._recorders: list[Recorder] = []  # empty until the recorder exists
 
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report."""
-        began_s = time.monotonic()
-        # An earlier run.json here must not pass for this run's result, however this one ends.
+        self.mark_unfinished()
+        self.failure.guard(self._prepare_and_fly)
+        return self.finish()
+
+    def mark_unfinished(self) -> None:
+        """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
         killed = "the run is still going on, or it was killed before it could write its result"
         self._write(self._summary("ERROR", self._verdict(), {"type": "Killed", "message": killed}))
-        self._failure.guard(self._prepare_and_fly)
+
+    def finish(self) -> RunResult:
+        """Judge, and write run.json and the report. Everything that the run opened is closed."""
         for recorder in self._recorders:
-            self._failure.guard(lambda: self._finish_recording(recorder))  # noqa: B023 (called at once)
+            self.failure.guard(lambda: self._finish_recording(recorder))  # noqa: B023 (called at once)
         verdict = self._verdict()
         status = self._status(verdict)
         for recorder in self._recorders:
-            self._failure.guard(lambda: recorder.close(status))  # noqa: B023 (called at once)
+            self.failure.guard(lambda: recorder.close(status))  # noqa: B023 (called at once)
             status = self._status(verdict)
-        self._timing_s["total"] = time.monotonic() - began_s
-        run = self._summary(status, verdict, self._failure.error)
-        if self._config.record.report and self._recorders and self._context.ticks:
-            self._failure.guard(lambda: self._write_report(run))
+        self._timing_s["total"] = time.monotonic() - self._began_s
+        run = self._summary(status, verdict, self.failure.error)
+        if self._config.record.report and self._recorders and self.context.ticks:
+            self.failure.guard(lambda: self._write_report(run))
             status = self._status(verdict)
-            run = self._summary(status, verdict, self._failure.error)
+            run = self._summary(status, verdict, self.failure.error)
         self._write(run)
         for part in self._parts:
             part.after_run(run)
@@ -109,7 +132,7 @@ class BenchRun:
 
     def build(self, stack: ExitStack, recorder: Recorder) -> None:
         """Open and build all parts; `stack` closes them."""
-        context, parts, config = self._context, self._parts, self._config
+        context, parts, config = self.context, self._parts, self._config
         context.recorder = recorder
         for part in parts:
             stack.callback(part.close)
@@ -141,24 +164,39 @@ class BenchRun:
         """Fly until a part ends the flight. Needs `build`."""
         began_s = time.monotonic()
         try:
-            fly_ticks(self._context, quiet=self._quiet)
+            fly_ticks([Flight(self.context)], quiet=self._quiet)
         finally:
-            paused_s = sum(part.paused_s for part in self._parts)
-            self._timing_s["flight"] = time.monotonic() - began_s - paused_s
+            self.flown(time.monotonic() - began_s)
+
+    def flown(self, wall_s: float) -> None:
+        """Note the wall-clock time of the flight, with pauses."""
+        self._timing_s["flight"] = wall_s - sum(part.paused_s for part in self._parts)
 
     def _prepare_and_fly(self) -> None:
+        with ExitStack() as stack:
+            self.prepare(stack)
+            self.fly()
+            self.conclude()
+
+    def conclude(self) -> None:
+        """Conclude a flight that ended without an error, while everything is still open."""
+        for part in self._parts:
+            part.conclude(self.context)
+
+    def prepare(self, stack: ExitStack) -> None:
+        """Check, save the bench, open the recording and build all parts; `stack` closes them."""
         began_s = time.monotonic()
-        context, config = self._context, self._config
+        context, config = self.context, self._config
         for part in self._parts:
             part.check()
         try:
-            saved = save_bench(context.bench, self._out)
+            saved = save_bench(context.bench, self._out, scene=None if self._shared is None else self._shared.scene)
             attachments = {saved.name: saved.read_bytes()}
         except OSError as problem:
             raise RecordingError(f"{self._out}: the bench cannot be saved here ({problem})") from problem
         recorder = Recorder(
             self._out,
-            mcap=config.record.mcap,
+            mcap=config.record.mcap if self._shared is None else self._shared.mcap,
             tlog=config.record.tlog,
             tick_ns=config.tick_ns,
             metadata={"rig": config.rig, "scene": context.bench.scene.name, "seed": str(config.seed)},
@@ -166,29 +204,25 @@ class BenchRun:
             taps=[tap for part in self._parts if (tap := part.tap()) is not None],
         )
         self._recorders.append(recorder)
-        with ExitStack() as stack:
-            self.build(stack, recorder)
-            self._timing_s["setup"] = time.monotonic() - began_s
-            self.fly()
-            for part in self._parts:
-                part.conclude(context)
+        self.build(stack, recorder)
+        self._timing_s["setup"] = time.monotonic() - began_s
 
     def _finish_recording(self, recorder: Recorder) -> None:
-        self._context.record_last_tick()
+        self.context.record_last_tick()
         for part in self._parts:
-            part.finish(self._context)
-        if self._failure.error is not None:
-            recorder.event(self._context.now_ns(), "error", self._failure.text)
+            part.finish(self.context)
+        if self.failure.error is not None:
+            recorder.event(self.context.now_ns(), "error", self.failure.text)
 
     def _verdict(self) -> Verdict:
         return reduce(lambda verdict, part: part.verdict(verdict), self._parts, UNJUDGED)
 
     def _status(self, verdict: Verdict) -> str:
-        return "ERROR" if self._failure.error is not None else verdict.status
+        return "ERROR" if self.failure.error is not None else verdict.status
 
     def _summary(self, status: str, verdict: Verdict, error: Mapping[str, str] | None) -> dict[str, Any]:
         """Return the content of run.json: the keys of every run first, then those of the parts."""
-        context, config = self._context, self._config
+        context, config = self.context, self._config
         ticks, wall_s = context.ticks, self._timing_s.get("flight", 0.0)
         sim_s = ticks * config.tick_ns / NS_PER_S
         summary: dict[str, Any] = {
@@ -225,7 +259,7 @@ class BenchRun:
 
         try:
             with figures.style():
-                reports = [part.report(self._context) for part in self._parts]
+                reports = [part.report(self.context) for part in self._parts]
             pictures = [picture for report in reports for picture in report.pictures]
             sections = [section for report in reports for section in report.sections]
             page.write_page(self._out, run, self._recorders[0].events, Report(pictures, sections))

@@ -36,15 +36,20 @@ class Failure:
         """Run one step, and keep its error if it is the run's first."""
         try:
             step()
-        except HilError as problem:
-            cause = getattr(problem, "cause", "")
-            self._keep(type(problem).__name__, str(problem), **({"cause": cause} if cause else {}))
-        except KeyboardInterrupt as stop:
-            self._keep("Interrupted", str(stop) or "stopped from the keyboard")
-        except Exception as problem:  # noqa: BLE001 (the one boundary: a defect of the bench must still leave run.json)
+        except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 (a defect of the bench must still leave run.json)
+            self.note(error)
+
+    def note(self, error: BaseException, where: str = "") -> None:
+        """Keep this error if it is the run's first. `where` is put before its message, as in 'lead: '."""
+        if isinstance(error, HilError):
+            cause = getattr(error, "cause", "")
+            self._keep(type(error).__name__, f"{where}{error}", **({"cause": cause} if cause else {}))
+        elif isinstance(error, KeyboardInterrupt):
+            self._keep("Interrupted", str(error) or "stopped from the keyboard")
+        else:
             with suppress(OSError):
-                self._traceback.write_text(traceback.format_exc())
-            text = f"{type(problem).__name__}: {problem} (a defect of the bench; details in {_TRACEBACK_NAME})"
+                self._traceback.write_text("".join(traceback.format_exception(error)))
+            text = f"{where}{type(error).__name__}: {error} (a defect of the bench; details in {_TRACEBACK_NAME})"
             self._keep("InternalError", text)
 
     def _keep(self, kind: str, message: str, **more: Any) -> None:

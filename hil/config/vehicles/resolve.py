@@ -88,19 +88,15 @@ def _vehicle(
 ) -> Bench:
     """Load the bench of one vehicle. Raises ConfigError."""
     overlay = SettingsPart(loading.settings, place)
-    own = bench.config.vehicles[str(place[1])]
-    if isinstance(own, str):
-        return _from_file(bench, loading, name, place, own)
-    general = [text for text in loading.texts if not text.strip().startswith(("vehicles.", "count"))]
-    loaded = BenchLoading(loading.path, loading.options, general, overlay=overlay, scene=bench.scene)
+    file = bench.config.vehicles[str(place[1])]
+    if isinstance(file, str):
+        return _from_file(bench, loading, name, place, file)
+    loaded = BenchLoading(loading.path, loading.options, _general(loading), overlay=overlay, scene=bench.scene)
     settings = loaded.settings
     for key in ("count", "formation"):
         settings.data.pop(key, None)
     _set_default(loaded, overlay, ("autopilot", "instance"), number)
-    for text in loading.texts:
-        if text.strip().startswith(f"vehicles.{place[1]}."):
-            own_place, value, origin = parse_setting(text)
-            settings.set(own_place[2:], value, origin)
+    _merge_own_options(loaded, loading, place)
     if offset_W_m is not None:
         x, y, z = bench.config.start.p_W
         _set_default(loaded, overlay, ("start",), {
@@ -113,6 +109,19 @@ def _vehicle(
         settings.set(("router", "sdk"), _raised(sdk, number), settings.where(("router", "sdk")))
     settings.set(("name",), name, settings.where(()))
     return loaded.bench()
+
+
+def _general(loading: BenchLoading) -> list[str]:
+    """Return the texts of `--set` that concern every vehicle."""
+    return [text for text in loading.texts if not text.strip().startswith(("vehicles.", "count=", "formation."))]
+
+
+def _merge_own_options(loaded: BenchLoading, loading: BenchLoading, place: Place) -> None:
+    """Merge the texts of `--set vehicles.NAME.KEY=VALUE` over all other settings of a vehicle."""
+    for text in loading.texts:
+        if text.strip().startswith(f"vehicles.{place[1]}."):
+            own_place, value, origin = parse_setting(text)
+            loaded.settings.set(own_place[2:], value, origin)
 
 
 def _set_default(loaded: BenchLoading, overlay: SettingsPart, place: Place, value: Any) -> None:
@@ -132,8 +141,8 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
     path = next((folder / file for folder in (*loading.beside, Path()) if (folder / file).is_file()), None)
     if path is None:
         raise ConfigError([at(loading.settings, place, f"names a file that does not exist: {file}")])
-    general = [text for text in loading.texts if not text.strip().startswith("vehicles.")]
-    loaded = BenchLoading(path, {}, general, scene=bench.scene)
+    loaded = BenchLoading(path, {}, _general(loading), scene=bench.scene)
+    _merge_own_options(loaded, loading, place)
     loaded.settings.set(("name",), name, loading.settings.where(place))
     vehicle = loaded.bench()
     differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]

@@ -187,6 +187,13 @@ class Scheduler:
         self._replied_at_ns = 0  # 0: no reply yet, or the autopilot does not wait
         self._uncounted: tuple[int, ...] | None = None  # durations of the tick before
         self._unrecorded: tuple[int, list[Frame], ActuatorFrame | None] | None = None
+        # State of the present tick, kept from one of its phases to the next.
+        self._command: ActuatorFrame | None = None  # from `begin` of a free-running link
+        self._released: list[tuple[str, Sample]] = []
+        self._sent = b""
+        self._recorded = False
+        self._own_start_ns = self._frames_ns = self._companion_ns = 0
+        self._marks_ns = (0, 0, 0, 0, 0, 0)
         self._tick_wall_ns = None if pace is None else tick_ns / pace
         self._wall_start_ns = 0
 
@@ -202,26 +209,37 @@ class Scheduler:
 
     def step(self) -> None:
         """Run one tick. Raises HilError; the header of this file defines the state after it."""
-        tick = self.tick
-        command: ActuatorFrame | None = None
+        controls = self.begin()
+        began_ns = time.perf_counter_ns()
+        self.send(self._physics.advance(self.tick, controls), began_ns)
+        self.work()
+        self.wait()
+
+    def begin(self) -> Sequence[float]:
+        """Wait until the tick may begin, and return the controls that move the vehicle in it."""
         if self._begin is not None:
-            command = self._begin(tick)
-            if command is not None:
-                self._latched = command
+            self._command = self._begin(self.tick)
+            if self._command is not None:
+                self._latched = self._command
         elif self._tick_wall_ns is not None:
             self._wait_for_deadline(self._tick_wall_ns)
-        clock = time.perf_counter_ns
-        t_ns = tick * self.tick_ns
+        self._own_start_ns = self._own_clock()
+        return self._latched.controls
 
-        own_clock = self._own_clock
-        own_start = own_clock()
-        t0 = self.begun_ns = clock()
-        truth = self._physics.advance(tick, self._latched.controls)
+    def send(self, truth: TruthState, began_ns: int) -> None:
+        """Sample the sensors of the autopilot at the vehicle's new state, and send them: phases 2 to 5.
+
+        `began_ns`: time at which the physics began, by `time.perf_counter_ns`.
+        """
+        clock = time.perf_counter_ns
+        tick = self.tick
+        t_ns = tick * self.tick_ns
+        self.begun_ns = began_ns
         self.truth = truth
 
         t1 = clock()
         self._sample(self._sensors, truth, t1)
-        released = self._queue.release(t_ns)
+        released = self._released = self._queue.release(t_ns)
         newest, ranging = self._for_autopilot(released)
 
         t2 = clock()
@@ -230,45 +248,56 @@ class Scheduler:
             commands += source.step(t_ns, self._frames)
 
         t3 = clock()
-        recorded_first = self.record_first
-        frames_ns = companion_ns = 0
-        if recorded_first:
-            frames_ns = self._sample_frames(truth, released)
-            self._record(truth, command, released)
-            companion_ns = self._exchange_all(truth, released)
+        self._frames_ns = self._companion_ns = 0
+        self._recorded = self.record_first
+        if self._recorded:
+            self._frames_ns = self._sample_frames(truth, released)
+            self._record(truth, self._command, released)
+            self._companion_ns = self._exchange_all(truth, released)
         send_start = clock()
         if self._observe is not None:
             self._observe(truth, self._wind_at())
         imu, mag, baro, gps = (newest.get(kind) for kind in _HIL_SENSOR_KINDS)
-        sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, ranging)
+        self._sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, ranging)
+        self._marks_ns = (began_ns, t1, t2, t3, send_start, clock())
 
-        t4 = clock()
-        if not recorded_first:
-            frames_ns = self._sample_frames(truth, released)
-            self._record(truth, command, released)
-        self._recorder.sent(tick, t_ns, sent)
-        if not recorded_first:
-            companion_ns = self._exchange_all(truth, released)
+    def work(self) -> None:
+        """Render, record and serve the companions while the autopilot computes its reply: phase 6."""
+        truth, released = self.truth, self._released
+        assert truth is not None
+        if not self._recorded:
+            self._frames_ns = self._sample_frames(truth, released)
+            self._record(truth, self._command, released)
+        self._recorder.sent(self.tick, truth.t_ns, self._sent)
+        if not self._recorded:
+            self._companion_ns = self._exchange_all(truth, released)
         self._count_durations()
         if self._replied_at_ns:
-            self.turnaround_ns.add(t4 - self._replied_at_ns)
+            self.turnaround_ns.add(self._marks_ns[-1] - self._replied_at_ns)
+
+    def wait(self) -> None:
+        """Wait for the reply of the autopilot, which moves the vehicle in the next tick: phases 7 and 8."""
+        clock = time.perf_counter_ns
+        tick = self.tick
+        t0, t1, t2, t3, send_start, t4 = self._marks_ns
         t5 = clock()
-        own_end = own_clock()
+        own_end_ns = self._own_clock()
+        actuators = None
         try:
-            actuators = self._link.wait(tick, t_ns)
+            actuators = self._link.wait(tick, tick * self.tick_ns)
         finally:
             # Frames that arrived are recorded even if the reply itself is missing.
             self._frames = self._link.take_frames()
-            self._unrecorded = (tick, self._frames, None)
+            self._unrecorded = (tick, self._frames, actuators)
         t6 = clock()
 
         if actuators is not None:
             self._latched = actuators
-            self._unrecorded = (tick, self._frames, actuators)
         self.tick = tick + 1
 
         # The wait for a companion is not the bench's own work. Processor time leaves it out already.
-        own_ns = own_end - own_start - (companion_ns if own_clock is clock else 0)
+        frames_ns, companion_ns = self._frames_ns, self._companion_ns
+        own_ns = own_end_ns - self._own_start_ns - (companion_ns if self._own_clock is clock else 0)
         record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
         phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
         self._uncounted = (own_ns, t6 - t0, *phases_ns)
@@ -325,6 +354,14 @@ class Scheduler:
             recorder.event(event.t_ns, event.kind, event.text)
         for port, sample in released:
             recorder.sample(port, sample)
+        for observe in self._observers:
+            observe(truth)
+
+    def fall(self, truth: TruthState) -> None:
+        """Record one tick of a vehicle whose autopilot is lost. Its sensors are not sampled any more."""
+        self.truth = truth
+        self._record_received()
+        self._recorder.truth(truth)
         for observe in self._observers:
             observe(truth)
 

@@ -1,8 +1,9 @@
-"""The loop over the ticks of a run."""
+"""The loop over the ticks of a run, of one vehicle or of several in one world."""
 
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Any
 
@@ -16,23 +17,70 @@ from signals.time import NS_PER_S
 _AFTER_DISARM_NS = 3 * NS_PER_S
 
 
-def fly_ticks(run: RunContext, *, quiet: bool) -> None:
-    """Run ticks until a part ends the flight or the bench's `duration_s` has passed.
+class Flight:
+    """One vehicle's flight in the loop.
 
-    If no part flies the vehicle, the flight also ends a few seconds after it was disarmed, unless the autopilot may
-    reboot (`autopilot.on_restart: reset`): then the user decides when the run ends. A run that flies no mission of the
-    bench ends without an error when it is stopped by Ctrl-C or a signal, or by a part while the autopilot is silent.
+    If no part flies the vehicle, its flight also ends a few seconds after it was disarmed, unless the autopilot may
+    reboot (`autopilot.on_restart: reset`): then the user decides when the run ends.
     """
-    scheduler, config = run.scheduler, run.bench.config
+
+    def __init__(self, run: RunContext) -> None:
+        self.run = run
+        self.lost = False  # its autopilot is lost, and the vehicle falls (`autopilot.on_loss: go_on`)
+        self.over = False
+        config = run.bench.config
+        self._until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
+        self._after_ticks, self._armed_tick = _AFTER_DISARM_NS // config.tick_ns, None
+        hooks = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
+        self._before_hooks, self._after_hooks, self._end_checks = hooks
+
+    def before_tick(self) -> None:
+        """Call the parts before a tick."""
+        for before_tick in self._before_hooks:
+            before_tick()
+
+    def step(self) -> bool:
+        """Run one tick. Return False if the autopilot has rebooted instead, and the vehicle is back at its start."""
+        try:
+            self.run.scheduler.step()
+        except RestartRequested:
+            physics: Any = self.run.physics
+            physics.restart()  # simulated time goes on
+            self.run.scheduler.skip_tick()
+            return False
+        return True
+
+    def after_tick(self) -> None:
+        """Call the parts after a tick, and set `over` if the flight has ended."""
+        scheduler = self.run.scheduler
+        for after_tick in self._after_hooks:
+            after_tick(scheduler.tick)
+        if any(ended() for ended in self._end_checks):
+            self.over = True
+        elif self.lost:
+            self.over = scheduler.truth is not None and scheduler.truth.in_contact
+        elif scheduler.actuators.armed:
+            self._armed_tick = scheduler.tick
+        elif self._until_disarmed and self._armed_tick is not None:
+            self.over = scheduler.tick >= self._armed_tick + self._after_ticks
+
+
+def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool] | None = None) -> None:
+    """Run ticks until every flight is over or the bench's `duration_s` has passed.
+
+    `step` runs one tick of all vehicles; None: of the only one. A run that flies no mission of the bench ends without
+    an error when it is stopped by Ctrl-C or a signal, or by a part while the autopilot is silent.
+    """
+    first = flights[0]
+    config = first.run.bench.config
+    step = step or first.step
     end_tick = round(config.duration_s * config.tick_hz)
-    until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
-    after_ticks, armed_tick = _AFTER_DISARM_NS // config.tick_ns, None
-    before_hooks, after_hooks, end_checks = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
+    one = len(flights) == 1
     progress = Progress(
         tick_ns=config.tick_ns,
         sim_limit_ns=end_tick * config.tick_ns,
-        status=run.status,
-        title=f"{config.rig}: {config.mission or 'no mission'}",
+        status=first.run.status if one else lambda: _status_of_all(flights),
+        title=f"{config.rig}: {config.mission or 'no mission'}" if one else f"{len(flights)} vehicles",
         quiet=quiet,
     )
     # The garbage collector is off during the flight: its pauses are jitter on the link, and a tick makes no
@@ -42,33 +90,43 @@ def fly_ticks(run: RunContext, *, quiet: bool) -> None:
     gc.disable()
     try:
         with progress, ExitStack() as stack:
-            for part in run.parts:
-                stack.enter_context(part.around_flight())
-            while scheduler.tick < end_tick:
-                for before_tick in before_hooks:
-                    before_tick()
-                try:
-                    scheduler.step()
-                except RestartRequested:
-                    _restart_vehicle(run)
+            for flight in flights:
+                for part in flight.run.parts:
+                    stack.enter_context(part.around_flight())
+            flying = list(flights)
+            tick = 0
+            while flying and tick < end_tick:
+                for flight in flying:
+                    flight.before_tick()
+                stepped = step()
+                tick = flying[0].run.scheduler.tick
+                if not stepped:
                     continue
-                progress.tick(scheduler.tick)
-                for after_tick in after_hooks:
-                    after_tick(scheduler.tick)
-                if any(ended() for ended in end_checks):
-                    break
-                if scheduler.actuators.armed:
-                    armed_tick = scheduler.tick
-                elif until_disarmed and armed_tick is not None and scheduler.tick >= armed_tick + after_ticks:
-                    break
+                progress.tick(tick)
+                for flight in flying:
+                    flight.after_tick()
+                if any(flight.over for flight in flying):
+                    flying = [flight for flight in flying if not flight.over]
     except (KeyboardInterrupt, FlightEnded) as stop:
-        if isinstance(stop, KeyboardInterrupt) and not _serves(run.bench):
+        if isinstance(stop, KeyboardInterrupt) and not all(_serves(flight.run.bench) for flight in flights):
             raise
-        run.stopped_by_hand = True
-        run.event("status", str(stop) or "stopped from the keyboard")
+        for flight in flights:
+            flight.run.stopped_by_hand = True
+            flight.run.event("status", str(stop) or "stopped from the keyboard")
     finally:
         gc.enable()
         gc.unfreeze()
+
+
+def _status_of_all(flights: Sequence[Flight]) -> tuple[str, int, int]:
+    """Return the number of vehicles still flying as a text, and waypoints reached and to reach by all together."""
+    counts = [flight.run.status() for flight in flights]
+    flying = sum(not flight.over for flight in flights)
+    return (
+        f"{flying} of {len(flights)} flying",
+        sum(status.reached for status in counts),
+        sum(status.waypoints for status in counts),
+    )
 
 
 def _serves(bench: Bench) -> bool:
@@ -76,13 +134,6 @@ def _serves(bench: Bench) -> bool:
     config = bench.config
     judged = config.goal is not None or config.search is not None
     return bench.mission is None and bench.script is None and not judged and not config.companion.control
-
-
-def _restart_vehicle(run: RunContext) -> None:
-    """Put the vehicle back to its start after the autopilot has rebooted; simulated time goes on."""
-    physics: Any = run.physics
-    physics.restart()
-    run.scheduler.skip_tick()
 
 
 def _overridden(run: RunContext, name: str) -> list[Any]:

@@ -17,7 +17,7 @@ import math
 from typing import Any
 
 from hil.run.recorder.mcap.cdr import Layout, schema_text
-from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords
+from hil.run.recorder.mcap.mcap_file import Block, PendingRecords, Topics
 from hil.run.recorder.mcap.topics import WORLD
 from signals.detections import Detection, Detections, detection_text
 from signals.samples import Vec3
@@ -43,7 +43,7 @@ class DetectionSeries:
         """Add the detections in one picture; `frame_id` is the frame of its camera."""
         self._pending.append((t_ns, detections, frame_id))
 
-    def blocks(self, file: McapFile) -> list[Block]:
+    def blocks(self, file: Topics) -> list[Block]:
         """Return the records of all detections added since the last call."""
         if not self._pending:
             return []

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.mcap.cdr import Layout, schema_text
-from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords
+from hil.run.recorder.mcap.mcap_file import Block, PendingRecords, Topics
 from hil.run.recorder.mcap.topics import BODY, WORLD
 from signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
 from signals.time import NS_PER_S
@@ -55,7 +55,7 @@ class BlobTopic:
 
     def __init__(
         self,
-        file: McapFile,
+        file: Topics,
         topic: str,
         type_name: str,
         *,
@@ -107,7 +107,7 @@ class FrameSeries:
         self._pending.append((sample, log_ns))
         self.pending_bytes += sum(array.nbytes for _, array in arrays_of(sample))
 
-    def blocks(self, file: McapFile) -> list[Block]:
+    def blocks(self, file: Topics) -> list[Block]:
         """Return the records of all samples added since the last call."""
         for sample, log_ns in self._pending:
             if "pose" not in self._topics:
@@ -125,22 +125,23 @@ class FrameSeries:
         self.pending_bytes = 0
         return [topic.pending.block() for topic in self._topics.values()]
 
-    def _topic(self, file: McapFile, name: str, type_name: str, **layout: Any) -> BlobTopic:
+    def _topic(self, file: Topics, name: str, type_name: str, **layout: Any) -> BlobTopic:
         topic = self._topics.get(name)
         if topic is None:
             path = f"/{name}" if name == "tf_static" else f"/{self._port}/{name}" if name else f"/{self._port}"
             topic = self._topics[name] = BlobTopic(file, path, type_name, **layout)
         return topic
 
-    def _add_mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+    def _add_mount(self, file: Topics, sample: FrameSample, log_ns: int) -> None:
         """Add the mount of the sensor on the vehicle, once."""
         description = self._description
+        frame_id = file.frame(description.frame_id)
         prefix = "transforms[0]"
         topic = self._topic(
             file,
             "tf_static",
             "tf2_msgs/TFMessage",
-            strings={f"{prefix}.header.frame_id": BODY, f"{prefix}.child_frame_id": description.frame_id},
+            strings={f"{prefix}.header.frame_id": file.frame(BODY), f"{prefix}.child_frame_id": frame_id},
             lengths={"transforms": 1},
             header=f"{prefix}.header",
         )
@@ -150,12 +151,12 @@ class FrameSeries:
         }
         topic.add(sample, log_ns, mount)
 
-    def _add_pose(self, file: McapFile, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
+    def _add_pose(self, file: Topics, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
         topic = self._topic(file, "pose", "geometry_msgs/PoseStamped", strings={"header.frame_id": WORLD})
         topic.add(sample, log_ns, {"pose.position": p, "pose.orientation": _xyzw(q)})
 
-    def _add_picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
-        frame = {"header.frame_id": self._description.frame_id}
+    def _add_picture(self, file: Topics, sample: ImageSample, log_ns: int) -> None:
+        frame = {"header.frame_id": file.frame(self._description.frame_id)}
         for name in sorted(sample.channels):
             self._add_image(file, sample, log_ns, name, sample.channels[name])
         p = self._description.projection
@@ -170,7 +171,7 @@ class FrameSeries:
             )
             topic.add(sample, log_ns, {})
 
-    def _add_image(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
+    def _add_image(self, file: Topics, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
         little_endian = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
         components = 1 if picture.ndim == 2 else picture.shape[2]
         topic = self._topic(
@@ -178,7 +179,7 @@ class FrameSeries:
             name,
             "sensor_msgs/Image",
             strings={
-                "header.frame_id": self._description.frame_id,
+                "header.frame_id": file.frame(self._description.frame_id),
                 "encoding": _ENCODINGS[(little_endian.dtype.str, components)],
             },
             values={
@@ -190,7 +191,7 @@ class FrameSeries:
         )
         topic.add(sample, log_ns, {}, little_endian.tobytes())
 
-    def _add_radar(self, file: McapFile, sample: RadarSample, log_ns: int) -> None:
+    def _add_radar(self, file: Topics, sample: RadarSample, log_ns: int) -> None:
         for name in sorted(sample.channels):
             array = sample.channels[name]
             if name == "raw":
@@ -200,14 +201,14 @@ class FrameSeries:
             else:
                 self._add_image(file, sample, log_ns, name, array)
 
-    def _add_raw(self, file: McapFile, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
+    def _add_raw(self, file: Topics, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
         receivers, chirps, samples = raw.shape
         sweep = self._description.sweep
         topic = self._topic(
             file,
             "raw",
             "hil_msgs/RadarFrame",
-            strings={"header.frame_id": self._description.frame_id},
+            strings={"header.frame_id": file.frame(self._description.frame_id)},
             values={"receivers": receivers, "chirps": chirps, "samples": samples}
             | ({} if sweep is None else vars(sweep)),
             item_bytes=2,
@@ -215,15 +216,15 @@ class FrameSeries:
         pose = {"position": sample.p_WR, "orientation": _xyzw(sample.q_WR)}
         topic.add(sample, log_ns, pose, np.ascontiguousarray(raw, "<u2").tobytes())
 
-    def _add_cloud(self, file: McapFile, sample: PointCloudSample, log_ns: int) -> None:
+    def _add_cloud(self, file: Topics, sample: PointCloudSample, log_ns: int) -> None:
         self._add_records(file, sample, log_ns, "", cloud_records(sample))
 
-    def _add_records(self, file: McapFile, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
+    def _add_records(self, file: Topics, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
         topic = self._topics.get(name) or self._cloud_topic(file, name, records.dtype)
         topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
 
-    def _cloud_topic(self, file: McapFile, name: str, dtype: np.dtype[Any]) -> BlobTopic:
-        strings = {"header.frame_id": self._description.frame_id}
+    def _cloud_topic(self, file: Topics, name: str, dtype: np.dtype[Any]) -> BlobTopic:
+        strings = {"header.frame_id": file.frame(self._description.frame_id)}
         values: dict[str, Any] = {"height": 1, "point_step": dtype.itemsize, "is_dense": True}
         fields = cloud_fields(dtype)
         for i, field in enumerate(fields):

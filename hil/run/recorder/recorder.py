@@ -10,6 +10,7 @@ both are readable up to the last flush, which is at most one simulated second ea
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Protocol
 
@@ -17,8 +18,8 @@ from firmware_bridge.codecs.mavlink_frame import split_frames
 from firmware_bridge.codecs.signing import SETUP_SIGNING
 from hil.run.recorder.digest import Digest, RawFrame
 from hil.run.recorder.frame_description import FrameDescription
-from hil.run.recorder.mcap.mcap_file import SafeFile, open_unbuffered
-from hil.run.recorder.mcap.mcap_sink import McapSink
+from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics, open_unbuffered
+from hil.run.recorder.mcap.mcap_sink import McapRecording, McapSink
 from hil.run.recorder.tlog_sink import TlogSink
 from hil.run.recorder.track import Track
 from signals.detections import Detections
@@ -102,7 +103,7 @@ class Recorder:
         self,
         out_dir: Path,
         *,
-        mcap: bool,
+        mcap: bool | VehicleTopics,
         tlog: bool,
         tick_ns: int,
         metadata: Mapping[str, str] | None = None,
@@ -110,7 +111,10 @@ class Recorder:
         open_file: Callable[[Path], BinaryIO] = open_unbuffered,
         taps: Sequence[Tap] = (),
     ) -> None:
-        """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file."""
+        """`metadata` and `attachments` (name -> content, e.g. the resolved config) go into the MCAP file.
+
+        `mcap`: whether to write one, or one vehicle's part of a recording that the caller opens and closes.
+        """
         self._digest = Digest()
         self.track = Track(tick_ns)
         self.album = Album()
@@ -119,16 +123,19 @@ class Recorder:
         self._closed = False
         self._taps = tuple(taps)
         self._mcap: McapSink | None = None
+        self._recording: McapRecording | None = None
         self._sinks: list[McapSink | TlogSink] = []
         if mcap or tlog:
             out_dir.mkdir(parents=True, exist_ok=True)
-        if mcap:
-            self._mcap = McapSink(
-                SafeFile(out_dir / MCAP_NAME, open_file),
-                tick_ns=tick_ns,
-                metadata=metadata,
-                attachments=attachments,
+        if mcap is True:
+            file = SafeFile(out_dir / MCAP_NAME, open_file)
+            self._recording = McapRecording(
+                file, tick_ns=tick_ns, metadata=metadata or {}, attachments=attachments or {}
             )
+            self._mcap = McapSink(self._recording.mcap, tick_ns=tick_ns)
+        elif mcap:
+            self._mcap = McapSink(mcap, tick_ns=tick_ns)
+        if self._mcap is not None:
             self._sinks.append(self._mcap)
         if tlog:
             self._sinks.append(TlogSink(SafeFile(out_dir / TLOG_NAME, open_file)))
@@ -217,10 +224,6 @@ class Recorder:
         for tap in self._taps:
             tap.detected(client, detections)
 
-    def flush(self) -> None:
-        """Write everything so far to disk. Raises the first RecordingError after all files have been tried."""
-        self._for_each_sink(lambda sink: sink.flush(self._tick))
-
     def close(self, status: str) -> None:
         """Finish the files; `status` (PASS, FAIL, ERROR) and the digest go into the recording. Idempotent.
 
@@ -230,14 +233,23 @@ class Recorder:
             return
         self._closed = True
         result = {"status": status, "digest": self.digest}
-        self._for_each_sink(lambda sink: sink.close(self._tick, result))
+        closing = [partial(sink.close, self._tick) for sink in self._sinks]
+        if self._recording is not None:
+            closing.append(partial(self._recording.close, self._tick, result))
+        _try_all(closing)
 
-    def _for_each_sink(self, action: Callable[[McapSink | TlogSink], None]) -> None:
-        failures = []
-        for sink in self._sinks:
-            try:
-                action(sink)
-            except RecordingError as error:
-                failures.append(error)
-        if failures:
-            raise failures[0]
+    def flush(self) -> None:
+        """Write everything so far to disk. Raises the first RecordingError after all files have been tried."""
+        _try_all([partial(sink.flush, self._tick) for sink in self._sinks])
+
+
+def _try_all(actions: Sequence[Callable[[], object]]) -> None:
+    """Call all actions, then raise the first RecordingError."""
+    failures = []
+    for action in actions:
+        try:
+            action()
+        except RecordingError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]

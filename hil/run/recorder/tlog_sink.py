@@ -9,7 +9,7 @@ they are zero.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from firmware_bridge.codecs.mavlink_frame import NO_FRAME
 from hil.run.recorder.digest import RawFrame
@@ -47,8 +47,8 @@ class TlogSink:
         if data:
             self._file.write(data, tick)
 
-    def close(self, tick: int, result: Mapping[str, str]) -> None:  # noqa: ARG002
-        """Flush and close; the format has no place for the result."""
+    def close(self, tick: int) -> None:
+        """Flush and close."""
         try:
             self.flush(tick)
         finally:

@@ -227,6 +227,10 @@ class McapFile:
         Header(profile="ros2", library=LIBRARY).write(head)
         file.write(head.end(), 0)
 
+    def frame(self, frame_id: str) -> str:
+        """Return the name of a coordinate frame in this recording."""
+        return frame_id
+
     def channel(self, topic: str, type_name: str, schema_text: str) -> int:
         """Register a topic of ROS 2 type "package/Name" and return its channel number."""
         full_name = type_name.replace("/", "/msg/")
@@ -353,6 +357,29 @@ class McapFile:
         crc = zlib.crc32(footer_head, zlib.crc32(body))
         footer = _bytes_of(Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=crc))
         self._file.write(data_end + body + footer + MAGIC, tick)
+
+
+class VehicleTopics:
+    """A recording as one of several vehicles writes it: topics and coordinate frames carry the vehicle's name.
+
+    `/tf` and `/tf_static` and the frame of the world belong to all.
+    """
+
+    def __init__(self, file: McapFile, vehicle: str) -> None:
+        self._file, self._vehicle = file, vehicle
+        self.chunk = file.chunk
+
+    def frame(self, frame_id: str) -> str:
+        """Return the name of a coordinate frame in this recording."""
+        return frame_id if frame_id == "world" else f"{self._vehicle}/{frame_id}"
+
+    def channel(self, topic: str, type_name: str, schema_text: str) -> int:
+        """Register a topic of ROS 2 type "package/Name" and return its channel number."""
+        common = topic in ("/tf", "/tf_static")
+        return self._file.channel(topic if common else f"/{self._vehicle}{topic}", type_name, schema_text)
+
+
+Topics = McapFile | VehicleTopics
 
 
 def _bytes_of(record: Any) -> bytes:

@@ -23,7 +23,7 @@ from hil.run.recorder.digest import RawFrame
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import FrameSeries
 from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
-from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords, SafeFile
+from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords, SafeFile, Topics
 from hil.run.recorder.mcap.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
 from signals.detections import Detections
 from signals.errors import RecordingError
@@ -40,14 +40,14 @@ _INFO = 20
 class TopicWriter:
     """Encodes columns of one type of sample as the message records of one topic."""
 
-    def __init__(self, file: McapFile, topic: Topic, name: str, columns: Columns, tick_ns: int) -> None:
+    def __init__(self, file: Topics, topic: Topic, name: str, columns: Columns, tick_ns: int) -> None:
         self._topic = topic
         self.channel = file.channel(name, topic.type_name, schema_text(topic.type_name))
-        strings = {f"{topic.header}.frame_id": topic.frame}
+        strings = {f"{topic.header}.frame_id": file.frame(topic.frame)}
         lengths = {path: columns[column].shape[1] for path, column in topic.lengths.items()}
         if topic.child_frame:
             prefix = topic.header.removesuffix("header")
-            strings[f"{prefix}child_frame_id"] = topic.child_frame
+            strings[f"{prefix}child_frame_id"] = file.frame(topic.child_frame)
             lengths[prefix.removesuffix("[0].")] = 1
         self._layout = Layout(
             topic.type_name, channel=self.channel, strings=strings, lengths=lengths, values=topic.values
@@ -82,7 +82,7 @@ class TopicWriters:
         self._prefix = prefix
         self._writers: list[TopicWriter] = []
 
-    def blocks(self, file: McapFile, tick_ns: int, columns: Columns, log_ns: NDArray[np.int64]) -> list[Block]:
+    def blocks(self, file: Topics, tick_ns: int, columns: Columns, log_ns: NDArray[np.int64]) -> list[Block]:
         """Return the records of samples in the form that `columns_of` returns."""
         if not self._writers:
             self._writers = [
@@ -101,7 +101,7 @@ class Series:
         self._kind = kind
         self._writers = TopicWriters(topics, prefix)
 
-    def blocks(self, file: McapFile, tick_ns: int) -> list[Block]:
+    def blocks(self, file: Topics, tick_ns: int) -> list[Block]:
         """Return the records of all samples added since the last call."""
         if not self.rows:
             return []
@@ -115,7 +115,7 @@ class Series:
 class MavlinkSeries:
     """Collects the MAVLink frames of one direction between two chunks."""
 
-    def __init__(self, file: McapFile, topic: str) -> None:
+    def __init__(self, file: Topics, topic: str) -> None:
         type_name = "hil_msgs/MavlinkFrame"
         self.pending = PendingRecords(file.channel(topic, type_name, schema_text(type_name)))
         self._count = 0
@@ -144,7 +144,7 @@ class MavlinkSeries:
 class EventSeries:
     """Events of the bench (phases, status texts, faults) as rcl_interfaces/Log."""
 
-    def __init__(self, file: McapFile) -> None:
+    def __init__(self, file: Topics) -> None:
         self.pending = PendingRecords(file.channel("/events", "rcl_interfaces/Log", schema_text("rcl_interfaces/Log")))
         self._count = 0
 
@@ -163,19 +163,32 @@ class EventSeries:
         self.pending.add(t_ns, record.tobytes())
 
 
-class McapSink:
-    """Writes `run.mcap`. The methods are those of `hil.run.recorder.recorder.Recorder`."""
+class McapRecording:
+    """The file `run.mcap`, which the vehicles of a run share."""
 
     def __init__(
-        self,
-        file: SafeFile,
-        *,
-        tick_ns: int,
-        metadata: Mapping[str, str] | None = None,
-        attachments: Mapping[str, bytes] | None = None,
+        self, file: SafeFile, *, tick_ns: int, metadata: Mapping[str, str], attachments: Mapping[str, bytes]
     ) -> None:
         self._file = file
-        self._mcap = McapFile(file)
+        self.mcap = McapFile(file)
+        self.mcap.metadata("hil_run", {"tick_ns": str(tick_ns), **metadata}, 0)
+        for name, data in attachments.items():
+            self.mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
+
+    def close(self, tick: int, result: Mapping[str, str]) -> None:
+        """Write `result` as metadata and the summary; close the file in any case."""
+        try:
+            self.mcap.metadata("hil_result", dict(result), tick)
+            self.mcap.finish(tick)
+        finally:
+            self._file.close()
+
+
+class McapSink:
+    """Writes one vehicle's data to `run.mcap`. The methods are those of `hil.run.recorder.recorder.Recorder`."""
+
+    def __init__(self, mcap: Topics, *, tick_ns: int) -> None:
+        self._mcap = mcap
         self._tick_ns = tick_ns
         self._now_ns = 0
         self._truth = Series(TruthState, TRUTH_TOPICS, "")
@@ -187,9 +200,6 @@ class McapSink:
         self._received = MavlinkSeries(self._mcap, "/mavlink/from_autopilot")
         self._events = EventSeries(self._mcap)
         self._detections: dict[str, DetectionSeries] = {}
-        self._mcap.metadata("hil_run", {"tick_ns": str(tick_ns), **(metadata or {})}, 0)
-        for name, data in (attachments or {}).items():
-            self._mcap.attach(name, "text/yaml" if name.endswith(".yaml") else "text/plain", data, 0)
 
     @property
     def pending_frames(self) -> int:
@@ -255,7 +265,9 @@ class McapSink:
         if series is None:
             series = self._detections[client] = DetectionSeries(client)
         description = self._descriptions.get(detections.topic.partition("/")[0])
-        series.add(t_ns, detections, detections.topic if description is None else description.frame_id)
+        series.add(
+            t_ns, detections, detections.topic if description is None else self._mcap.frame(description.frame_id)
+        )
 
     def flush(self, tick: int) -> None:
         """Write the data since the last flush as one chunk. Raises RecordingError at the first failure only."""
@@ -271,11 +283,6 @@ class McapSink:
         blocks.append(self._events.pending.block())
         self._mcap.chunk(blocks, tick)
 
-    def close(self, tick: int, result: Mapping[str, str]) -> None:
-        """Write the remaining data, `result` as metadata and the summary; close the file in any case."""
-        try:
-            self.flush(tick)
-            self._mcap.metadata("hil_result", dict(result), tick)
-            self._mcap.finish(tick)
-        finally:
-            self._file.close()
+    def close(self, tick: int) -> None:
+        """Write the remaining data; the recording is closed by its owner."""
+        self.flush(tick)

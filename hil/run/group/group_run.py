@@ -1,0 +1,228 @@
+"""A run with several vehicles: each is a run of its own in OUT/NAME, and all share the world and the recording.
+
+OUT holds run.mcap with the topics of all vehicles, run.json and report.html about all of them, and bench.yaml, from
+which the run can be repeated.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from hil.config import Bench, save_bench
+from hil.config.vehicles.formation import formation_offsets
+from hil.run.bench_run import RUN_JSON_NAME, BenchRun, RunResult, Shared
+from hil.run.failure import Failure
+from hil.run.group.lockstep import Lockstep, VehicleFailed
+from hil.run.group.report import write_group_report
+from hil.run.loop.tick_loop import Flight, fly_ticks
+from hil.run.part import Part
+from hil.run.parts.catalog import parts_of
+from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
+from hil.run.recorder.mcap.mcap_sink import McapRecording
+from hil.run.recorder.recorder import MCAP_NAME
+from hil.run.report.run_json import write_run_json
+from hil.run.verdict.group import GroupMeasurement, contact_text
+from hil.run.verdict.verdict import Row
+from signals.errors import HilError, RecordingError
+from signals.samples import TruthState
+from signals.time import NS_PER_S
+from sim.physics.vehicle_group import VehicleContact, VehicleGroup
+
+
+class OtherVehicleFailed(HilError):
+    """End of a flight because another vehicle of the run broke off with an error."""
+
+
+class GroupRun:
+    """One run of several vehicles, from their parts to the group's run.json."""
+
+    def __init__(self, bench: Bench, out: Path, more: Sequence[Part], *, quiet: bool) -> None:
+        """`more`: parts that the caller adds to the first vehicle."""
+        self._bench, self._out, self._more, self._quiet = bench, out, more, quiet
+        self._failure = Failure(out)
+        self._recordings: list[McapRecording] = []  # empty until it exists
+        self._runs: dict[str, BenchRun] = {}
+        self._flights: dict[str, Flight] = {}
+        self._results: dict[str, RunResult] = {}
+        self._began_s = time.monotonic()
+        self._setup_s = self._wall_s = 0.0
+        formation = bench.config.formation
+        offsets = None if formation is None else formation_offsets(formation, list(bench.vehicles))
+        self._measured = GroupMeasurement(list(bench.vehicles), offsets_W_m=offsets, counts=self._counts)
+
+    def result(self) -> RunResult:
+        """Fly, judge, and write run.json and the report of every vehicle and of all together."""
+        killed = "the run is still going on, or it was killed before it could write its result"
+        self._write(self._summary({"type": "Killed", "message": killed}))
+        self._failure.guard(self._prepare_and_fly)
+        self._results = {name: run.finish() for name, run in self._runs.items()}
+        for recording in self._recordings:
+            result = {"status": self._status(), "digest": self._digest()}
+            self._failure.guard(lambda: recording.close(self._ticks(), result))  # noqa: B023 (called at once)
+        if self._bench.config.record.report and self._ticks():
+            tracks = {name: run.context.recorder.track.arrays() for name, run in self._runs.items()}
+            self._failure.guard(lambda: write_group_report(self._out, self._summary(self._failure.error), tracks))
+        run = self._summary(self._failure.error)
+        self._write(run)
+        return RunResult(run["status"], run, self._out)
+
+    def _prepare_and_fly(self) -> None:
+        try:
+            self._open_recording()
+            with ExitStack() as stack:
+                for name, run in self._runs.items():
+                    try:
+                        run.prepare(stack)
+                    except HilError as error:
+                        raise VehicleFailed(name) from error
+                self._setup_s = time.monotonic() - self._began_s
+                self._fly()
+                for run in self._runs.values():
+                    run.conclude()
+        except VehicleFailed as failed:
+            cause = failed.__cause__ or failed
+            self._failure.note(cause, f"{failed.name}: ")
+            other = OtherVehicleFailed(f"the vehicle {failed.name} failed: {cause}")
+            for name, run in self._runs.items():
+                run.failure.note(cause if name == failed.name else other)
+        except (HilError, KeyboardInterrupt) as error:
+            for run in self._runs.values():
+                run.failure.note(error)
+            raise
+
+    def _open_recording(self) -> None:
+        """Save the bench, open the recording, and make the runs of the vehicles."""
+        bench, out = self._bench, self._out
+        try:
+            saved = save_bench(bench, out)
+            for name in bench.vehicles:
+                (out / name).mkdir(exist_ok=True)
+        except OSError as problem:
+            raise RecordingError(f"{out}: the bench cannot be saved here ({problem})") from problem
+        if bench.config.record.mcap:
+            metadata = {"scene": bench.scene.name, "seed": str(bench.config.seed), "vehicles": " ".join(bench.vehicles)}
+            self._recordings.append(
+                McapRecording(
+                    SafeFile(out / MCAP_NAME),
+                    tick_ns=self._tick_ns,
+                    metadata=metadata,
+                    attachments={saved.name: saved.read_bytes()},
+                )
+            )
+        scenes = [path.name for path in out.glob("scene.*")] if "scene" in bench.files else []
+        for number, (name, vehicle) in enumerate(bench.vehicles.items()):
+            mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
+            shared = Shared(mcap, f"../{scenes[0]}" if scenes else None)
+            parts = parts_of(vehicle, self._more if number == 0 else ())
+            self._runs[name] = BenchRun(vehicle, out / name, parts, quiet=True, shared=shared)
+            self._runs[name].mark_unfinished()
+
+    @property
+    def _tick_ns(self) -> int:
+        return next(iter(self._bench.vehicles.values())).config.tick_ns
+
+    def _fly(self) -> None:
+        contexts = {name: run.context for name, run in self._runs.items()}
+        self._flights = {name: Flight(context) for name, context in contexts.items()}
+        flights = list(self._flights.values())
+        world = VehicleGroup({name: context.physics for name, context in contexts.items()})
+        lockstep = Lockstep(flights, world, [self._record_contacts, self._measured.add])
+        began_s = time.monotonic()
+        try:
+            fly_ticks(flights, quiet=self._quiet, step=lockstep.step)
+        finally:
+            self._wall_s = time.monotonic() - began_s
+            for run in self._runs.values():
+                run.flown(self._wall_s)
+
+    def _record_contacts(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:  # noqa: ARG002
+        for contact in contacts:
+            for name in (contact.a, contact.b):
+                if not self._flights[name].over:
+                    self._runs[name].context.event("error", contact_text(contact))
+
+    def _counts(self) -> list[tuple[int, int]]:
+        return [run.context.part("flight").waypoints() for run in self._runs.values()]
+
+    def _ticks(self) -> int:
+        return max((run.context.ticks for run in self._runs.values()), default=0)
+
+    def _digest(self) -> str:
+        """Return the digest of the run: the hash of the vehicles' names and digests, in order."""
+        text = "".join(f"{name} {result.run['digest']}\n" for name, result in self._results.items())
+        return hashlib.blake2b(text.encode(), digest_size=32).hexdigest()
+
+    def _verdict(self) -> tuple[list[Row], list[str]]:
+        """Return the measurements of the group, and the reasons for a FAIL of all vehicles but expendable ones."""
+        formation = self._bench.config.formation
+        rows, reasons = self._measured.verdict(
+            self._bench.config.group, None if formation is None else formation.max_error_m
+        )
+        for name, result in self._results.items():
+            flight = self._flights.get(name)
+            if flight is None or not flight.lost:
+                reasons += [f"{name}: {reason}" for reason in result.run["verdict"]["reasons"]]
+        return rows, reasons
+
+    def _status(self) -> str:
+        broken = any(result.status == "ERROR" for result in self._results.values())
+        if self._failure.error is not None or broken or not self._results:
+            return "ERROR"
+        return "FAIL" if self._verdict()[1] else "PASS"
+
+    def _summary(self, error: Mapping[str, str] | None) -> dict[str, Any]:
+        """Return the content of run.json."""
+        runs = {name: result.run for name, result in self._results.items()}
+        rows, reasons = self._verdict()
+        errors = [{**run["error"], "vehicle": name} for name, run in runs.items() if run["error"] is not None]
+        sim_s = self._ticks() * self._tick_ns / NS_PER_S
+        flown_s = sum(run["sim_s"] for run in runs.values())
+        return {
+            "schema": 1,
+            "status": self._status(),
+            "error": error or next(iter(errors), None),
+            "digest": self._digest(),
+            "deterministic": bool(runs) and all(run["deterministic"] for run in runs.values()),
+            "seed": self._bench.config.seed,
+            "rig": self._bench.config.rig,
+            "scene": self._bench.scene.name,
+            "sim_s": sim_s,
+            "wall_s": self._wall_s,
+            "realtime_factor": sim_s / self._wall_s if self._wall_s > 0 else 0.0,
+            "vehicle_s_per_s": flown_s / self._wall_s if self._wall_s > 0 else 0.0,
+            "mission": {
+                key: sum((run["mission"][key] for run in runs.values()), start=0) for key in ("waypoints", "reached")
+            }
+            | {"completed": bool(runs) and all(run["mission"]["completed"] for run in runs.values())},
+            "verdict": {"reasons": reasons, "rows": [row.as_map() for row in rows]},
+            "contacts": [contact._asdict() for contact in self._measured.contacts],
+            "vehicles": {
+                name: {
+                    "status": run["status"],
+                    "lost": name in self._flights and self._flights[name].lost,
+                    "error": run["error"],
+                    "digest": run["digest"],
+                    "rig": run["rig"],
+                    "sim_s": run["sim_s"],
+                    "mission": run["mission"],
+                    "verdict": run["verdict"],
+                    "autopilot": run.get("autopilot"),
+                    "sensors": run.get("sensors"),
+                    "folder": name,
+                }
+                for name, run in runs.items()
+            },
+            "skipped": [
+                row | {"what": f"{name}: {row['what']}"} for name, run in runs.items() for row in run["skipped"]
+            ],
+            "actions": [],
+            "timing": {"setup_s": self._setup_s, "total_s": time.monotonic() - self._began_s},
+        }
+
+    def _write(self, run: Mapping[str, Any]) -> None:
+        write_run_json(self._out / RUN_JSON_NAME, run)

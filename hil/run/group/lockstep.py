@@ -1,0 +1,78 @@
+"""One tick of several vehicles: all move to the same time, and all samples are sent before any answer is awaited.
+
+    1 begin    each autopilot's controls of the tick before; free-running links wait for the tick's wall-clock time
+    2 physics  the world moves every vehicle to t_k, with contact between them
+    3 send     each vehicle's sensors are sampled and sent; the autopilots compute side by side from here on
+    4 work     each vehicle's cameras, LiDARs and radars, its recording and its companions
+    5 wait     each autopilot's answer, in the order of the file
+
+The phases are those of `hil.run.loop.scheduler`. A vehicle whose flight is over stays in the world with its rotors
+stopped, and is not recorded any more.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from hil.run.loop.tick_loop import Flight
+from signals.errors import LinkError
+from signals.samples import TruthState
+from sim.physics.vehicle_group import VehicleContact, VehicleGroup
+
+_STOPPED = (0.0,) * 16
+OnTick = Callable[[Sequence[TruthState], Sequence[VehicleContact]], None]
+
+
+class VehicleFailed(Exception):
+    """The flight of one vehicle broke off with an error, its cause."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.name = name
+
+
+class Lockstep:
+    """Steps the flights of all vehicles together."""
+
+    def __init__(self, flights: Sequence[Flight], world: VehicleGroup, on_tick: Sequence[OnTick]) -> None:
+        self._flights, self._world, self._on_tick = tuple(flights), world, tuple(on_tick)
+        self._tick = 0
+
+    def step(self) -> bool:
+        """Run one tick. Raises VehicleFailed; a lost autopilot with `on_loss: go_on` only makes its vehicle fall."""
+        controls = [self._each(flight, flight.run.scheduler.begin) or _STOPPED for flight in self._flights]
+        began_ns = time.perf_counter_ns()
+        truths = self._world.advance(self._tick, controls)
+        self._tick += 1
+        for flight, truth in zip(self._flights, truths, strict=True):
+            scheduler = flight.run.scheduler
+            if flight.lost and not flight.over:
+                scheduler.fall(truth)
+            self._each(flight, scheduler.send, truth, began_ns)
+        for flight in self._flights:
+            self._each(flight, flight.run.scheduler.work)
+        for flight in self._flights:
+            self._each(flight, flight.run.scheduler.wait)
+            if flight.lost and not flight.over:
+                flight.run.scheduler.tick = self._tick
+        contacts = self._world.take_contacts()
+        for on_tick in self._on_tick:
+            on_tick(truths, contacts)
+        return True
+
+    def _each(self, flight: Flight, phase: Callable[..., Any], *arguments: Any) -> Any:
+        """Run one phase of a vehicle that still flies, and return its result."""
+        if flight.over or flight.lost:
+            return None
+        try:
+            return phase(*arguments)
+        except LinkError as error:
+            if flight.run.bench.config.autopilot.on_loss == "error":
+                raise VehicleFailed(flight.run.bench.config.name) from error
+            flight.lost = True
+            flight.run.event("error", f"the autopilot is lost, and the vehicle falls (on_loss: go_on): {error}")
+            return None
+        except Exception as error:
+            raise VehicleFailed(flight.run.bench.config.name) from error

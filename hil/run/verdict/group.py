@@ -1,0 +1,104 @@
+"""Measures and judges what happens between the vehicles of a run, from ground truth.
+
+min_distance_m     Least distance between the centres of any two vehicles of which one is in the air.
+contacts           Contacts between vehicles: when, who, how fast.
+formation_error_m  Greatest distance between a vehicle and its place in the formation, from the tick at which every
+                   vehicle has reached its first waypoint until one has reached its last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from hil.config.vehicles.settings import Group
+from hil.run.verdict.verdict import Row, rows_within
+from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_S
+from sim.physics.vehicle_group import VehicleContact
+
+_STRIDE = 10  # ticks between two measurements of the formation
+
+
+class GroupMeasurement:
+    """Measures tick by tick, in time that grows with the square of the number of vehicles."""
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        *,
+        offsets_W_m: Mapping[str, Vec3] | None = None,
+        counts: Callable[[], Sequence[tuple[int, int]]] = tuple,
+    ) -> None:
+        """`offsets_W_m`: places in the formation relative to the first vehicle; None: none is flown.
+
+        `counts` returns waypoints reached and to reach of each vehicle.
+        """
+        self._names = tuple(names)
+        self._offsets = None if offsets_W_m is None else np.array([offsets_W_m[name] for name in names])
+        self._counts = counts
+        self._pairs = np.triu_indices(len(names), 1)
+        self._distance2_m2 = np.inf
+        self._closest: tuple[int, int, int] | None = None  # time [ns], numbers of both vehicles
+        self._formation_m: float | None = None
+        self._farthest: tuple[int, int] | None = None  # time [ns], number of the vehicle
+        self._formed = False
+        self.contacts: list[VehicleContact] = []
+
+    def add(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
+        """Measure one tick. `truths`: of all vehicles, in the order of their names."""
+        self.contacts += contacts
+        p_W = np.array([truth.p_WB for truth in truths])
+        first, second = self._pairs
+        if len(first):
+            apart = p_W[first] - p_W[second]
+            standing = np.array([truth.in_contact for truth in truths])
+            distance2 = np.where(standing[first] & standing[second], np.inf, np.einsum("ij,ij->i", apart, apart))
+            pair = int(distance2.argmin())
+            if distance2[pair] < self._distance2_m2:
+                self._distance2_m2 = float(distance2[pair])
+                self._closest = truths[0].t_ns, int(first[pair]), int(second[pair])
+        if self._offsets is not None and truths[0].tick % _STRIDE == 0 and self._in_formation():
+            errors = np.linalg.norm(p_W - p_W[0] - self._offsets, axis=1)
+            worst = int(errors.argmax())
+            if self._formation_m is None or errors[worst] > self._formation_m:
+                self._formation_m, self._farthest = float(errors[worst]), (truths[0].t_ns, worst)
+
+    def _in_formation(self) -> bool:
+        counts = self._counts()
+        self._formed = self._formed or all(reached >= 1 for reached, _ in counts)
+        return self._formed and all(reached < waypoints for reached, waypoints in counts)
+
+    @property
+    def min_distance_m(self) -> float | None:
+        """Least distance so far; None: no vehicle was in the air."""
+        return None if self._closest is None else float(np.sqrt(self._distance2_m2))
+
+    def verdict(self, limits: Group, max_formation_error_m: float | None) -> tuple[list[Row], list[str]]:
+        """Return the measurements beside their limits, and the reasons for a FAIL."""
+        rows, reasons = rows_within(("min_distance_m", self.min_distance_m, limits.min_distance_m, "m", True))
+        if reasons and self._closest is not None:
+            t_ns, a, b = self._closest
+            reasons = [f"{reasons[0]}: {self._names[a]} and {self._names[b]} at {t_ns / NS_PER_S:.2f} s"]
+        if self._offsets is not None:
+            row, why = rows_within(("formation_error_m", self._formation_m, max_formation_error_m, "m", False))
+            if why and self._farthest is not None:
+                t_ns, worst = self._farthest
+                why = [f"{why[0]}: {self._names[worst]} at {t_ns / NS_PER_S:.2f} s"]
+            rows, reasons = rows + row, reasons + why
+        fails = limits.contact == "fail" and bool(self.contacts)
+        rows.append(
+            Row("contacts", float(len(self.contacts)), 0.0 if limits.contact == "fail" else None, "", not fails)
+        )
+        if fails:
+            reasons.append(contact_text(self.contacts[0]))
+        return rows, reasons
+
+
+def contact_text(contact: VehicleContact) -> str:
+    """Return who touched whom, when and how hard, in one line."""
+    return (
+        f"{contact.a} and {contact.b} touched at {contact.t_ns / NS_PER_S:.2f} s, closing at "
+        f"{contact.closing_mps:.1f} m/s, impulse {contact.impulse_ns:.2f} N s"
+    )
