@@ -1,57 +1,19 @@
-"""Composition root: a bench and a list of parts become one run. Order and life cycle: `hil.run.part`.
-
-No part is known by name here. Whatever a run opens is closed whatever fails, in the reverse order of opening, and
-what was recorded up to there is readable.
-"""
+"""Runs of a bench: with one vehicle, with several, or without a result."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
-from functools import reduce
 from pathlib import Path
-from typing import Any, NamedTuple
 
-from hil.config import Bench, save_bench
-from hil.run.failure import Failure
-from hil.run.loop.scheduler import CommandSource, Scheduler, Wiring
-from hil.run.loop.stages import plan_stages
-from hil.run.loop.tick_loop import Flight, fly_ticks
-from hil.run.part import Part, Report, RunContext
+from hil.config import Bench
+from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
-from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_folder import run_folder
-from hil.run.report.run_json import write_run_json
-from hil.run.sensors.frame_stages import stage_specs
-from hil.run.verdict.verdict import UNJUDGED, Verdict
-from signals.errors import RecordingError
-from signals.time import NS_PER_S
+from hil.run.runs.vehicle_run import RunResult, VehicleRun
 
-RUN_JSON_NAME = "run.json"
-_NO_DIGEST = "0" * 32
-
-
-class Shared(NamedTuple):
-    """What the vehicles of a run with several share."""
-
-    mcap: VehicleTopics | bool  # this vehicle's part of the recording; False: there is none
-    scene: str | None  # path of the copied scene from the vehicle's folder; None: the bench has no scene file
-
-
-@dataclass(frozen=True)
-class RunResult:
-    """Outcome of one run. `status` is PASS, FAIL or ERROR; `run` is the content of run.json."""
-
-    status: str
-    run: dict[str, Any]
-    out: Path
-
-    @property
-    def exit_status(self) -> int:
-        return {"PASS": 0, "FAIL": 1}.get(self.status, 3)
+__all__ = ["RunResult", "fly", "run_bench"]
 
 
 def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Part] = ()) -> RunResult:
@@ -64,10 +26,10 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     """
     with run_folder(out):
         if bench.vehicles:
-            from hil.run.group.group_run import GroupRun
+            from hil.run.runs.group_run import GroupRun
 
             return GroupRun(bench, out, more, quiet=quiet).result()
-        return BenchRun(bench, out, parts_of(bench, more), quiet=quiet).result()
+        return VehicleRun(bench, out, parts_of(bench, more), quiet=quiet).result()
 
 
 def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:
@@ -75,194 +37,7 @@ def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:
 
     Nothing is measured or judged. Raises HilError, whatever `recorder` and `part` raise, and KeyboardInterrupt.
     """
-    run = BenchRun(bench, out, parts_of(bench, [part], judged=False), quiet=True)
+    run = VehicleRun(bench, out, parts_of(bench, [part], judged=False), quiet=True)
     with ExitStack() as stack:
         run.build(stack, recorder)
         run.fly()
-
-
-class BenchRun:
-    """One run, from its parts to run.json."""
-
-    def __init__(
-        self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool, shared: Shared | None = None
-    ) -> None:
-        """`shared`: what the vehicles of a run with several share; None: the run has one vehicle."""
-        self.context = RunContext(bench, out, parts, quiet=quiet)
-        self._parts = self.context.parts
-        self._config = bench.config
-        self._out = out
-        self._quiet = quiet
-        self._shared = shared
-        self.failure = Failure(out)
-        self._timing_s: dict[str, float] = {}
-        self._began_s = time.monotonic()
-        self._recorders: list[Recorder] = []  # empty until the recorder exists
-
-    def result(self) -> RunResult:
-        """Fly, judge, and write run.json and the report."""
-        self.mark_unfinished()
-        self.failure.guard(self._prepare_and_fly)
-        return self.finish()
-
-    def mark_unfinished(self) -> None:
-        """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
-        killed = "the run is still going on, or it was killed before it could write its result"
-        self._write(self._summary("ERROR", self._verdict(), {"type": "Killed", "message": killed}))
-
-    def finish(self) -> RunResult:
-        """Judge, and write run.json and the report. Everything that the run opened is closed."""
-        for recorder in self._recorders:
-            self.failure.guard(lambda: self._finish_recording(recorder))  # noqa: B023 (called at once)
-        verdict = self._verdict()
-        status = self._status(verdict)
-        for recorder in self._recorders:
-            self.failure.guard(lambda: recorder.close(status))  # noqa: B023 (called at once)
-            status = self._status(verdict)
-        self._timing_s["total"] = time.monotonic() - self._began_s
-        run = self._summary(status, verdict, self.failure.error)
-        if self._config.record.report and self._recorders and self.context.ticks:
-            self.failure.guard(lambda: self._write_report(run))
-            status = self._status(verdict)
-            run = self._summary(status, verdict, self.failure.error)
-        self._write(run)
-        for part in self._parts:
-            part.after_run(run)
-        return RunResult(status, run, self._out)
-
-    def build(self, stack: ExitStack, recorder: Recorder) -> None:
-        """Open and build all parts; `stack` closes them."""
-        context, parts, config = self.context, self._parts, self._config
-        context.recorder = recorder
-        for part in parts:
-            stack.callback(part.close)
-            part.open(context)
-        topics = frozenset[str]().union(*(part.ports() for part in parts))
-        context.plan = plan_stages(stage_specs(config, topics))
-        commands: list[CommandSource] = []
-        for part in parts:
-            part.build(context)
-            commands = [*part.wrap_commands(commands), *part.command_sources()]
-        physics = context.physics
-        wiring = Wiring(
-            physics,
-            context.sensors.slots,
-            context.link,
-            config.autopilot_sensors(),
-            recorder,
-            commands,
-            [observe for part in parts for observe in part.observers()],
-            [exchange for part in parts if (exchange := part.exchange()) is not None],
-        )
-        context.scheduler = Scheduler(
-            wiring, tick_ns=config.tick_ns, pace=config.pace, wind_at=lambda: physics.wind_W_mps
-        )
-        for part in parts:
-            part.begin(context)
-
-    def fly(self) -> None:
-        """Fly until a part ends the flight. Needs `build`."""
-        began_s = time.monotonic()
-        try:
-            fly_ticks([Flight(self.context)], quiet=self._quiet)
-        finally:
-            self.flown(time.monotonic() - began_s)
-
-    def flown(self, wall_s: float) -> None:
-        """Note the wall-clock time of the flight, with pauses."""
-        self._timing_s["flight"] = wall_s - sum(part.paused_s for part in self._parts)
-
-    def _prepare_and_fly(self) -> None:
-        with ExitStack() as stack:
-            self.prepare(stack)
-            self.fly()
-            self.conclude()
-
-    def conclude(self) -> None:
-        """Conclude a flight that ended without an error, while everything is still open."""
-        for part in self._parts:
-            part.conclude(self.context)
-
-    def prepare(self, stack: ExitStack) -> None:
-        """Check, save the bench, open the recording and build all parts; `stack` closes them."""
-        began_s = time.monotonic()
-        context, config = self.context, self._config
-        for part in self._parts:
-            part.check()
-        try:
-            saved = save_bench(context.bench, self._out, scene=None if self._shared is None else self._shared.scene)
-            attachments = {saved.name: saved.read_bytes()}
-        except OSError as problem:
-            raise RecordingError(f"{self._out}: the bench cannot be saved here ({problem})") from problem
-        recorder = Recorder(
-            self._out,
-            mcap=config.record.mcap if self._shared is None else self._shared.mcap,
-            tlog=config.record.tlog,
-            tick_ns=config.tick_ns,
-            metadata={"rig": config.rig, "scene": context.bench.scene.name, "seed": str(config.seed)},
-            attachments=attachments,
-            taps=[tap for part in self._parts if (tap := part.tap()) is not None],
-        )
-        self._recorders.append(recorder)
-        self.build(stack, recorder)
-        self._timing_s["setup"] = time.monotonic() - began_s
-
-    def _finish_recording(self, recorder: Recorder) -> None:
-        self.context.record_last_tick()
-        for part in self._parts:
-            part.finish(self.context)
-        if self.failure.error is not None:
-            recorder.event(self.context.now_ns(), "error", self.failure.text)
-
-    def _verdict(self) -> Verdict:
-        return reduce(lambda verdict, part: part.verdict(verdict), self._parts, UNJUDGED)
-
-    def _status(self, verdict: Verdict) -> str:
-        return "ERROR" if self.failure.error is not None else verdict.status
-
-    def _summary(self, status: str, verdict: Verdict, error: Mapping[str, str] | None) -> dict[str, Any]:
-        """Return the content of run.json: the keys of every run first, then those of the parts."""
-        context, config = self.context, self._config
-        ticks, wall_s = context.ticks, self._timing_s.get("flight", 0.0)
-        sim_s = ticks * config.tick_ns / NS_PER_S
-        summary: dict[str, Any] = {
-            "schema": 1,
-            "status": status,
-            "error": error,
-            "digest": self._recorders[0].digest if self._recorders else _NO_DIGEST,
-            "deterministic": not context.stopped_by_hand and all(part.repeatable() for part in self._parts),
-            "seed": config.seed,
-            "rig": config.rig,
-            "scene": context.bench.scene.name,
-            "randomize": context.bench.random_choices(),
-            "sim_s": sim_s,
-            "wall_s": wall_s,
-            "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
-            "skipped": [row for part in self._parts for row in part.skipped(ticks)],
-            "verdict": {"reasons": list(verdict.reasons), "rows": [row.as_map() for row in verdict.rows]},
-            "actions": [],
-            "timing": {
-                "setup_s": self._timing_s.get("setup", 0.0),
-                "total_s": self._timing_s.get("total", 0.0),
-                **context.timing_keys(),
-            },
-        }
-        for part in self._parts:
-            summary |= part.run_keys()
-        return summary
-
-    def _write(self, run: Mapping[str, Any]) -> None:
-        write_run_json(self._out / RUN_JSON_NAME, run)
-
-    def _write_report(self, run: Mapping[str, Any]) -> None:
-        from hil.run.report import figures, page  # loads matplotlib, which takes half a second
-
-        try:
-            with figures.style():
-                reports = [part.report(self.context) for part in self._parts]
-            pictures = [picture for report in reports for picture in report.pictures]
-            sections = [section for report in reports for section in report.sections]
-            page.write_page(self._out, run, self._recorders[0].events, Report(pictures, sections))
-        except OSError as error:
-            text = f"{self._out}: the report cannot be written ({error.strerror or error})"
-            raise RecordingError(text) from error

@@ -1,7 +1,7 @@
 """The part: one feature of a run, in one file, with the same life cycle as all others.
 
 A run is a list of parts: the vehicle, the mission, the companions, the link to the autopilot, a dashboard. The
-composition root (`hil.run.bench_run`) calls them in the order of `hil.run.parts.catalog` and knows none by name:
+composition root (`hil.run.runs.vehicle_run`) calls them in the order of `hil.run.parts.catalog` and knows none by name:
 
     check()               raise a named error if the run cannot begin; nothing is opened or recorded yet
     open(run)             the recorder exists. Find out which samples the part needs, such as those its clients request

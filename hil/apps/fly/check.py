@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from hil.apps.fly.choice import BenchChoice
+from hil.config import Bench
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.sensors.frame_stages import stage_specs
 
 
 def check_bench(choice: BenchChoice) -> str:
-    """Load the bench, check the wiring of its stages, and return one line about it.
+    """Load the bench, check the wiring of its stages, and return a line about each vehicle.
 
     Raises ConfigError or WiringError.
     """
     bench = choice.load()
+    if not bench.vehicles:
+        return f"ok: {_facts(bench)}"
+    lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
+    return "\n".join([f"ok: {len(lines)} vehicles in one world", *lines])
+
+
+def _facts(bench: Bench) -> str:
     plan_stages(stage_specs(bench.config))
     c = bench.config
     mission_text = "no mission"
@@ -21,4 +29,4 @@ def check_bench(choice: BenchChoice) -> str:
         mission_text = f"{len(waypoint_legs(planned_path(bench.mission, bench.scene)))} waypoints"
     if bench.script is not None:
         mission_text += f", {len(bench.script.script.actions)} actions"
-    return f"ok: rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {mission_text}, sensors {', '.join(c.sensors)}"
+    return f"rig {c.rig}, scene {c.scene}, vehicle {c.vehicle}, {mission_text}, sensors {', '.join(c.sensors)}"

@@ -28,6 +28,9 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
     table.add_row(
         "speed", f"{run['sim_s']:.1f} s simulated in {run['wall_s']:.1f} s: {run['realtime_factor']:.1f}x real time"
     )
+    for name, vehicle in run.get("vehicles", {}).items():
+        reached = f"{vehicle['mission']['reached']} of {vehicle['mission']['waypoints']} waypoints"
+        table.add_row(name, f"{vehicle['status']}{' (lost)' if vehicle['lost'] else ''}, {reached}")
     if companion := run.get("companion"):
         from hil.run.report.companion_section import console_rows
 

@@ -34,10 +34,10 @@ def vehicles_problems(vehicles: Mapping[str, Bench], located: Mapping[str, Setti
             if ours != theirs:
                 message = f"the rig {configs[name].rig!r} sets {key} to {ours}, and that of {first} to {theirs}"
                 report(name, (), message, f"set {key} at the top of the file: all vehicles share it")
-    for place, message, key in _UNIQUE:
+    for place, message, values_of in _UNIQUE:
         owner: dict[Hashable, str] = {}
         for name, config in configs.items():
-            for value in key(config):
+            for value in values_of(config):
                 if value in owner:
                     report(name, place, message.format(value=value, other=owner[value]))
                 owner.setdefault(value, name)

@@ -36,6 +36,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
             airframe=airframe,
             boot_sensors=boot_sensors,
             params=params,
+            sysid=_system_id(bench),
             faults=[parse_fault(text) for text in autopilot.faults.texts()],
         )
         transport = LoopbackTransport(peer, crashes=(Died,))
@@ -62,6 +63,8 @@ def mock_on_a_pty(
     pty = PtyTransport()
     airframe, params = airframe_and_params(bench)
     arguments = [*more, "--airframe", airframe]
+    if (system_id := _system_id(bench)) is not None:
+        arguments += ["--sysid", str(system_id)]
     for text in params:
         arguments += ["--param", text]
     for text in bench.config.autopilot.faults.texts():
@@ -88,3 +91,8 @@ def airframe_and_params(bench: Bench) -> tuple[str, list[str]]:
             rotors |= motor_functions(bench.vehicle, "HIL_ACT_FUNC")
         airframe, params = BASE_AIRFRAME, rotors | params
     return airframe, [f"{name}={value!r}" for name, value in params.items()]
+
+
+def _system_id(bench: Bench) -> int | None:
+    """Return the MAVLink system id of an instance above 0; None: the mock's parameter MAV_SYS_ID, by default 1."""
+    return bench.config.autopilot.system_id if bench.config.autopilot.instance else None

@@ -140,7 +140,7 @@ class Wiring:
 
 
 class Scheduler:
-    """Runs ticks. The composition root (`hil.run.bench_run`) opens and closes everything in the wiring."""
+    """Runs ticks. The composition root (`hil.run.runs.vehicle_run`) opens and closes everything in the wiring."""
 
     def __init__(
         self,

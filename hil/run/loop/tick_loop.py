@@ -30,7 +30,8 @@ class Flight:
         self.over = False
         config = run.bench.config
         self._until_disarmed = config.autopilot.on_restart != "reset" and not any(part.phase() for part in run.parts)
-        self._after_ticks, self._armed_tick = _AFTER_DISARM_NS // config.tick_ns, None
+        self._after_ticks = _AFTER_DISARM_NS // config.tick_ns
+        self._armed_tick: int | None = None
         hooks = (_overridden(run, name) for name in ("before_tick", "after_tick", "ended"))
         self._before_hooks, self._after_hooks, self._end_checks = hooks
 

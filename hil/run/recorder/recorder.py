@@ -123,16 +123,16 @@ class Recorder:
         self._closed = False
         self._taps = tuple(taps)
         self._mcap: McapSink | None = None
-        self._recording: McapRecording | None = None
+        self._mcap_recording: McapRecording | None = None
         self._sinks: list[McapSink | TlogSink] = []
         if mcap or tlog:
             out_dir.mkdir(parents=True, exist_ok=True)
         if mcap is True:
             file = SafeFile(out_dir / MCAP_NAME, open_file)
-            self._recording = McapRecording(
+            self._mcap_recording = McapRecording(
                 file, tick_ns=tick_ns, metadata=metadata or {}, attachments=attachments or {}
             )
-            self._mcap = McapSink(self._recording.mcap, tick_ns=tick_ns)
+            self._mcap = McapSink(self._mcap_recording.mcap, tick_ns=tick_ns)
         elif mcap:
             self._mcap = McapSink(mcap, tick_ns=tick_ns)
         if self._mcap is not None:
@@ -234,8 +234,8 @@ class Recorder:
         self._closed = True
         result = {"status": status, "digest": self.digest}
         closing = [partial(sink.close, self._tick) for sink in self._sinks]
-        if self._recording is not None:
-            closing.append(partial(self._recording.close, self._tick, result))
+        if self._mcap_recording is not None:
+            closing.append(partial(self._mcap_recording.close, self._tick, result))
         _try_all(closing)
 
     def flush(self) -> None:

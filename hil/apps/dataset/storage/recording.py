@@ -21,7 +21,7 @@ from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, unwritable
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import FrameSeries
 from hil.run.recorder.mcap.cdr import schema_text
-from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFile, pack_chunk
+from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFile, Topics, pack_chunk
 from hil.run.recorder.mcap.mcap_sink import EventSeries, TopicWriters
 from hil.run.recorder.mcap.ros2_messages import DEFINITIONS
 from hil.run.recorder.mcap.topics import SAMPLE_TOPICS, TRUTH_TOPICS
@@ -76,12 +76,12 @@ class EncodedFrames(FrameSeries):
         self._png.clear()
         return blocks
 
-    def _add_mount(self, file: McapFile, sample: FrameSample, log_ns: int) -> None:
+    def _add_mount(self, file: Topics, sample: FrameSample, log_ns: int) -> None:
         if self.with_transform:
             self.with_transform = False
             super()._add_mount(file, sample, log_ns)
 
-    def _add_picture(self, file: McapFile, sample: ImageSample, log_ns: int) -> None:
+    def _add_picture(self, file: Topics, sample: ImageSample, log_ns: int) -> None:
         png = self._png[sample.seq]
         not_encoded = {name: picture for name, picture in sample.channels.items() if name not in png}
         super()._add_picture(file, sample._replace(channels=not_encoded), log_ns)

@@ -95,7 +95,7 @@ def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pyt
         caps = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=20)
         link = LockstepLink(LoopbackTransport(MockPixhawk(boot_sensors=20)), caps)
         monkeypatch.setattr("hil.run.parts.links.autopilot.make_link", lambda bench, around, link=link: link)
-        monkeypatch.setattr("hil.run.bench_run.Scheduler", partial(scheduler_that, record_first))
+        monkeypatch.setattr("hil.run.runs.vehicle_run.Scheduler", partial(scheduler_that, record_first))
         out = tmp_path / str(record_first)
         result = run_bench(bench, out, quiet=True)
         assert result.run["error"] is None

@@ -15,10 +15,10 @@ from typing import Any
 
 from hil.config import Bench, save_bench
 from hil.config.vehicles.formation import formation_offsets
-from hil.run.bench_run import RUN_JSON_NAME, BenchRun, RunResult, Shared
-from hil.run.failure import Failure
-from hil.run.group.lockstep import Lockstep, VehicleFailed
-from hil.run.group.report import write_group_report
+from hil.run.runs.vehicle_run import RUN_JSON_NAME, RunResult, Shared, VehicleRun
+from hil.run.runs.failure import Failure
+from hil.run.runs.lockstep import Lockstep, VehicleFailed
+from hil.run.report.group_report import write_group_report
 from hil.run.loop.tick_loop import Flight, fly_ticks
 from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
@@ -46,7 +46,7 @@ class GroupRun:
         self._bench, self._out, self._more, self._quiet = bench, out, more, quiet
         self._failure = Failure(out)
         self._recordings: list[McapRecording] = []  # empty until it exists
-        self._runs: dict[str, BenchRun] = {}
+        self._runs: dict[str, VehicleRun] = {}
         self._flights: dict[str, Flight] = {}
         self._results: dict[str, RunResult] = {}
         self._began_s = time.monotonic()
@@ -119,7 +119,7 @@ class GroupRun:
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
             shared = Shared(mcap, f"../{scenes[0]}" if scenes else None)
             parts = parts_of(vehicle, self._more if number == 0 else ())
-            self._runs[name] = BenchRun(vehicle, out / name, parts, quiet=True, shared=shared)
+            self._runs[name] = VehicleRun(vehicle, out / name, parts, quiet=True, shared=shared)
             self._runs[name].mark_unfinished()
 
     @property
