@@ -53,7 +53,12 @@ class GroupRun:
         self._setup_s = self._wall_s = 0.0
         formation = bench.config.formation
         offsets = None if formation is None else formation_offsets(formation, list(bench.vehicles))
-        self._measured = GroupMeasurement(list(bench.vehicles), offsets_W_m=offsets, counts=self._counts)
+        self._measured = GroupMeasurement(
+            list(bench.vehicles),
+            offsets_W_m=offsets,
+            formed_m=None if formation is None else formation.max_error_m,
+            on_the_way=self._on_the_way,
+        )
 
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report of every vehicle and of all together."""
@@ -130,7 +135,9 @@ class GroupRun:
         contexts = {name: run.context for name, run in self._runs.items()}
         self._flights = {name: Flight(context) for name, context in contexts.items()}
         flights = list(self._flights.values())
-        world = VehicleGroup({name: context.physics for name, context in contexts.items()})
+        world = VehicleGroup(
+            {name: context.physics for name, context in contexts.items()}, downwash=self._bench.config.group.downwash
+        )
         lockstep = Lockstep(flights, world, [self._record_contacts, self._measured.add])
         began_s = time.monotonic()
         try:
@@ -146,8 +153,13 @@ class GroupRun:
                 if not self._flights[name].over:
                     self._runs[name].context.event("error", contact_text(contact))
 
-    def _counts(self) -> list[tuple[int, int]]:
-        return [run.context.part("flight").waypoints() for run in self._runs.values()]
+    def _on_the_way(self) -> bool:
+        """Return True until a vehicle has reached its last waypoint or is lost."""
+        for flight in self._flights.values():
+            reached, waypoints = flight.run.part("flight").waypoints()
+            if flight.lost or reached >= waypoints:
+                return False
+        return True
 
     def _ticks(self) -> int:
         return max((run.context.ticks for run in self._runs.values()), default=0)

@@ -2,8 +2,9 @@
 
 min_distance_m     Least distance between the centres of any two vehicles of which one is in the air.
 contacts           Contacts between vehicles: when, who, how fast.
-formation_error_m  Greatest distance between a vehicle and its place in the formation, from the tick at which every
-                   vehicle has reached its first waypoint until one has reached its last.
+formation_error_m  Greatest distance between a vehicle and its place in the formation. Measured from the tick at which
+                   all are in the air and within the limit (`FORMED_M` if it is null), until one has reached its last
+                   waypoint, touches anything, or is lost.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.config.vehicles.settings import Group
 from hil.run.verdict.verdict import Row, rows_within
@@ -18,6 +20,7 @@ from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.physics.vehicle_group import VehicleContact
 
+FORMED_M = 2.0
 _STRIDE = 10  # ticks between two measurements of the formation
 
 
@@ -29,21 +32,23 @@ class GroupMeasurement:
         names: Sequence[str],
         *,
         offsets_W_m: Mapping[str, Vec3] | None = None,
-        counts: Callable[[], Sequence[tuple[int, int]]] = tuple,
+        formed_m: float | None = None,
+        on_the_way: Callable[[], bool] = lambda: True,
     ) -> None:
         """`offsets_W_m`: places in the formation relative to the first vehicle; None: none is flown.
 
-        `counts` returns waypoints reached and to reach of each vehicle.
+        `on_the_way` returns False once a vehicle has reached its last waypoint or is lost.
         """
         self._names = tuple(names)
         self._offsets = None if offsets_W_m is None else np.array([offsets_W_m[name] for name in names])
-        self._counts = counts
+        self._formed_m = FORMED_M if formed_m is None else formed_m
+        self._on_the_way = on_the_way
         self._pairs = np.triu_indices(len(names), 1)
         self._distance2_m2 = np.inf
         self._closest: tuple[int, int, int] | None = None  # time [ns], numbers of both vehicles
         self._formation_m: float | None = None
         self._farthest: tuple[int, int] | None = None  # time [ns], number of the vehicle
-        self._formed = False
+        self._formed = self._ended = False
         self.contacts: list[VehicleContact] = []
 
     def add(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
@@ -59,16 +64,19 @@ class GroupMeasurement:
             if distance2[pair] < self._distance2_m2:
                 self._distance2_m2 = float(distance2[pair])
                 self._closest = truths[0].t_ns, int(first[pair]), int(second[pair])
-        if self._offsets is not None and truths[0].tick % _STRIDE == 0 and self._in_formation():
-            errors = np.linalg.norm(p_W - p_W[0] - self._offsets, axis=1)
-            worst = int(errors.argmax())
-            if self._formation_m is None or errors[worst] > self._formation_m:
-                self._formation_m, self._farthest = float(errors[worst]), (truths[0].t_ns, worst)
+        if self._offsets is not None and not self._ended and truths[0].tick % _STRIDE == 0:
+            self._measure_formation(truths, p_W - p_W[0] - self._offsets)
 
-    def _in_formation(self) -> bool:
-        counts = self._counts()
-        self._formed = self._formed or all(reached >= 1 for reached, _ in counts)
-        return self._formed and all(reached < waypoints for reached, waypoints in counts)
+    def _measure_formation(self, truths: Sequence[TruthState], error_W_m: NDArray[np.float64]) -> None:
+        errors_m = np.linalg.norm(error_W_m, axis=1)
+        worst = int(errors_m.argmax())
+        flying = not any(truth.in_contact for truth in truths)
+        if not self._formed:
+            self._formed = flying and bool(errors_m[worst] <= self._formed_m)
+        elif not (flying and self._on_the_way()):
+            self._ended = True
+        elif self._formation_m is None or errors_m[worst] > self._formation_m:
+            self._formation_m, self._farthest = float(errors_m[worst]), (truths[0].t_ns, worst)
 
     @property
     def min_distance_m(self) -> float | None:

@@ -1,0 +1,116 @@
+"""Several vehicles in one run: their own streams, contact between them, a lost autopilot, and the recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.config import load_bench
+from hil.run.bench_run import RunResult, run_bench
+from hil.run.recorder.reading import read_messages
+from tests.worlds.hop_flights import HOP
+
+LIMITS = "limits: {max_cross_track_m: null, final_error_m: null, altitude_error_m: null}\n"
+
+
+def fly(folder: Path, text: str, *, name: str = "run", settings: tuple[str, ...] = ()) -> RunResult:
+    (folder / "hop.waypoints").write_text(HOP)
+    path = folder / f"{name}.yaml"
+    head = "rig: mock\nmission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {report: false}\n"
+    path.write_text(head + LIMITS + text)
+    bench = load_bench(path, settings=settings)
+    return run_bench(bench, folder / name, quiet=True)
+
+
+def digests(result: RunResult) -> dict[str, str]:
+    return {name: vehicle["digest"] for name, vehicle in result.run["vehicles"].items()}
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory) -> RunResult:
+    folder = tmp_path_factory.mktemp("pair")
+    text = "vehicles: {lead: {}, wing: {vehicle: iris, autopilot: {airframe: iris}}}\nformation: {spacing_m: 4}\n"
+    return fly(folder, text, settings=("record.report=true",))
+
+
+def test_two_vehicles_fly_in_formation(pair):
+    run = pair.run
+    assert pair.status == "PASS", run["verdict"]["reasons"]
+    rows = {row["name"]: row for row in run["verdict"]["rows"]}
+    assert 4.0 < rows["min_distance_m"]["value"] < 6.0
+    assert rows["formation_error_m"]["value"] < 1.0
+    assert run["mission"]["reached"] == run["mission"]["waypoints"] > 1
+    for name, vehicle in run["vehicles"].items():
+        own = json.loads((pair.out / name / "run.json").read_text())
+        assert own["status"] == vehicle["status"] == "PASS"
+        assert (pair.out / name / "flight.tlog").stat().st_size > 1000
+    assert "wing/report.html" in (pair.out / "report.html").read_text()
+
+
+def test_a_vehicle_has_the_streams_of_a_flight_alone(pair, tmp_path):
+    """The same digest without the other vehicle, and with a third one far away."""
+    text = """
+vehicles:
+  lead: {}
+  wing: {vehicle: iris, autopilot: {airframe: iris}}
+  far: {start: {p_W: [200, 0, 0]}, mission_offset_m: [200, 0, 0]}
+formation: {spacing_m: 4}
+"""
+    three = fly(tmp_path, text, name="three")
+    ours = digests(pair)
+    assert {name: digests(three)[name] for name in ours} == ours
+    alone = run_bench(load_bench(pair.out / "wing" / "bench.yaml"), tmp_path / "alone", quiet=True)
+    assert alone.run["digest"] == ours["wing"]
+
+
+def test_the_saved_bench_repeats_the_run_over_a_serial_line(pair, tmp_path):
+    bench = load_bench(pair.out / "bench.yaml", settings=["autopilot.transport=pty", "record.report=false"])
+    again = run_bench(bench, tmp_path / "again", quiet=True)
+    assert again.run["digest"] == pair.run["digest"]
+
+
+def test_one_recording_holds_every_vehicle_under_its_name(pair):
+    messages = list(read_messages(pair.out / "run.mcap"))
+    topics = {message.topic for message in messages}
+    for name in ("lead", "wing"):
+        assert {f"/{name}/imu", f"/{name}/truth/pose", f"/{name}/mavlink/from_autopilot"} <= topics
+    assert "/tf" in topics
+    assert not any(topic.startswith(("/imu", "/truth")) for topic in topics)
+    frames = {message.decode()["transforms[0].child_frame_id"] for message in messages if message.topic == "/tf"}
+    assert frames == {"lead/base_link", "wing/base_link"}
+
+
+def test_contact_fails_the_run_and_says_who_when_and_how_hard(tmp_path):
+    """The second vehicle flies the mission of the first, so that both want to be at the same place."""
+    text = "vehicles: {a: {}, b: {start: {p_W: [0, 1.2, 0]}}}\nduration_s: 30\n"
+    result = fly(tmp_path, text)
+    assert result.status == "FAIL"
+    assert result.run["contacts"], result.run["verdict"]
+    contact = result.run["contacts"][0]
+    assert {contact["a"], contact["b"]} == {"a", "b"}
+    assert contact["impulse_ns"] > 0.0
+    assert any(reason.startswith("a and b touched at ") for reason in result.run["verdict"]["reasons"])
+
+
+LOSS = "vehicles: {a: {}, b: {autopilot: {faults: {die_at_s: 11}}}}\nformation: {shape: line, spacing_m: 9}\n"
+
+
+def test_a_vehicle_that_dies_ends_the_run_as_an_error_that_names_it(tmp_path):
+    result = fly(tmp_path, LOSS)
+    assert result.status == "ERROR"
+    assert result.run["error"]["message"].startswith("b: ")
+    errors = {name: vehicle["error"]["type"] for name, vehicle in result.run["vehicles"].items()}
+    assert errors["a"] == "OtherVehicleFailed"
+    assert errors["b"] == result.run["error"]["type"]
+
+
+def test_an_expendable_vehicle_falls_and_the_others_fly_on(tmp_path):
+    result = fly(tmp_path, LOSS, settings=("vehicles.b.autopilot.on_loss=go_on",))
+    assert result.status == "PASS", result.run["verdict"]["reasons"]
+    a, b = (result.run["vehicles"][name] for name in "ab")
+    assert a["status"] == "PASS"
+    assert b["lost"]
+    assert b["sim_s"] < a["sim_s"]
+    assert any("touch" in reason or "crash" in reason or "reached" in reason for reason in b["verdict"]["reasons"])

@@ -1,0 +1,137 @@
+"""The section `vehicles` of a bench file: one complete bench per vehicle, and what two vehicles cannot share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import Bench, load_bench
+from hil.config.vehicles.formation import formation_offsets
+from hil.config.vehicles.settings import Formation
+from signals.errors import ConfigError
+
+HEAD = "rig: mock\nmission: rigs/missions/rectangle.plan\n"
+
+
+def load(tmp_path: Path, text: str, *settings: str) -> Bench:
+    path = tmp_path / "bench.yaml"
+    path.write_text(HEAD + text)
+    return load_bench(path, settings=settings)
+
+
+def problems(tmp_path: Path, text: str, *settings: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, text, *settings)
+    return str(caught.value).replace(f"{tmp_path}/", "")
+
+
+def test_each_vehicle_has_the_keys_of_the_bench_and_its_own_over_them(tmp_path):
+    text = """
+limits: {max_cross_track_m: 2}
+vehicles:
+  lead: {start: {p_W: [0, 0, 0], yaw_deg: 90}}
+  second: {start: {p_W: [5, 0, 0]}, vehicle: iris, autopilot: {airframe: iris}, limits: {final_error_m: 1.5}}
+"""
+    bench = load(tmp_path, text, "limits.altitude_error_m=3", "vehicles.lead.limits.altitude_error_m=4")
+    lead, second = bench.vehicles["lead"], bench.vehicles["second"]
+    assert list(bench.vehicles) == ["lead", "second"]
+    assert (lead.vehicle.name, second.vehicle.name) == ("x500", "iris")
+    assert (lead.config.limits.max_cross_track_m, second.config.limits.max_cross_track_m) == (2.0, 2.0)
+    assert (lead.config.limits.altitude_error_m, second.config.limits.altitude_error_m) == (4.0, 3.0)
+    assert second.config.limits.final_error_m == 1.5
+    assert (lead.config.start.yaw_deg, second.config.start.p_W) == (90.0, (5.0, 0.0, 0.0))
+    assert [bench.config.autopilot.system_id for bench in bench.vehicles.values()] == [1, 2]
+    assert lead.scene is second.scene
+
+
+def test_noise_depends_on_the_name_alone(tmp_path):
+    two = load(tmp_path, "vehicles: {a: {}, b: {start: {p_W: [9, 0, 0]}}}")
+    three = load(tmp_path, "vehicles: {c: {start: {p_W: [0, 9, 0]}}, b: {start: {p_W: [9, 0, 0]}}, a: {}}")
+    for name in ("a", "b"):
+        assert two.vehicles[name].config.noise_seed == three.vehicles[name].config.noise_seed
+    seeds = {bench.config.noise_seed for bench in three.vehicles.values()}
+    assert len(seeds) == 3
+    assert load_bench().config.noise_seed == load_bench().config.seed
+
+
+def test_a_name_with_n_stands_for_count_vehicles(tmp_path):
+    text = "count: 3\nvehicles: {drone{n}: {}}\nformation: {shape: line, spacing_m: 4}\n"
+    text = text.replace("drone{n}", '"drone{n}"')
+    bench = load(tmp_path, text, "count=4", "vehicles.drone{n}.limits.final_error_m=2")
+    assert list(bench.vehicles) == ["drone1", "drone2", "drone3", "drone4"]
+    assert [b.config.start.p_W[1] for b in bench.vehicles.values()] == [0.0, -4.0, -8.0, -12.0]
+    assert {b.config.limits.final_error_m for b in bench.vehicles.values()} == {2.0}
+
+
+def test_the_shapes_of_a_formation():
+    names = list("abcde")
+
+    def places(**settings):
+        return [(x, y) for x, y, _ in formation_offsets(Formation(**settings), names).values()]
+
+    assert places(shape="wedge", spacing_m=2.0) == [(0, 0), (-2, 2), (-2, -2), (-4, 4), (-4, -4)]
+    assert places(shape="column", spacing_m=2.0) == [(0, 0), (-2, 0), (-4, 0), (-6, 0), (-8, 0)]
+    assert places(shape="grid", spacing_m=2.0) == [(0, 0), (0, -2), (0, -4), (-2, 0), (-2, -2)]
+    assert places(shape="column", spacing_m=2.0, heading_deg=90.0) == [(0, 0), (0, -2), (0, -4), (0, -6), (0, -8)]
+    assert places(shape="line", spacing_m=1.0, offsets_m={"c": (7.0, 8.0, 9.0)})[2] == (7, 8)
+
+
+def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
+    bench = load(tmp_path, "vehicles: {a: {}, b: {}}\nformation: {shape: line, spacing_m: 10}\n")
+    ours, theirs = (bench.vehicles[name].mission.items for name in "ab")
+    for a, b in zip(ours, theirs, strict=True):
+        if a.lat_degE7:
+            # 10 m to the south; a degree of latitude is 111.2 km long here
+            assert (a.lat_degE7 - b.lat_degE7) * 1e-7 * 111_190 == pytest.approx(10.0, abs=0.05)
+            assert abs(a.lon_degE7 - b.lon_degE7) <= 1
+        assert a.alt_m == b.alt_m
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("vehicles: {a: {}, a: {}}", "bench.yaml:3: "),
+        ("vehicles: {A: {}}", "bench.yaml:3: vehicles.A cannot be the name of a vehicle"),
+        ("vehicles: {a: {seed: 3}}", "bench.yaml:3: vehicles.a.seed belongs to the whole bench, not to one vehicle"),
+        ("vehicles: {a: 5}", "bench.yaml:3: vehicles.a must be a mapping of keys or the path of a bench file, not 5"),
+        ("vehicles: {a: nowhere.yaml}", "bench.yaml:3: vehicles.a names a file that does not exist: nowhere.yaml"),
+        ('vehicles: {"d{n}": {}}', "stands for several vehicles, and `count` is not set"),
+        ("count: 3\nvehicles: {a: {}}", "bench.yaml:3: count has no meaning: no name of a vehicle contains {n}"),
+        ("vehicles:\n  a: {}\n  b: {}", "b stands 0.00 m from a: they need"),
+        (
+            "vehicles:\n  a: {}\n  b: {start: {p_W: [0.5, 0, 0]}}",
+            "bench.yaml:5: start.p_W b stands 0.50 m from a: they need",
+        ),
+        (
+            "autopilot: {instance: 2}\nvehicles: {a: {}, b: {autopilot: {instance: 0}, start: {p_W: [5, 0, 0]}}}",
+            "autopilot.instance 0 is also the instance of a",
+        ),
+        ("vehicles:\n  a: {}\n  b: {mission: null, start: {p_W: [5, 0, 0]}}", "b: nobody flies this vehicle"),
+        (
+            "vehicles:\n  a: {}\n  b: {rig: px4_hitl, start: {p_W: [5, 0, 0]}}",
+            "cannot run twice on one board",
+        ),
+        (
+            "router: {companion: 'tcp:127.0.0.1:5790'}\nvehicles: {a: {}, b: {start: {p_W: [5, 0, 0]}}}",
+            "port 5790 is also used by the router of a",
+        ),
+        ("vehicles: {a: {limits: {max_cros_track_m: 1}}}", "did you mean 'max_cross_track_m'"),
+        (
+            "vehicles: {a: {}}\nformation: {offsets_m: {b: [1, 2, 3]}}",
+            "bench.yaml:4: formation.offsets_m.b is no vehicle of this bench",
+        ),
+    ],
+)  # fmt: skip
+def test_problems_are_named_with_their_line(tmp_path, text, expected):
+    if expected.startswith("autopilot.instance"):
+        text = text.replace("instance: 2", "boot_sensors: 20")
+    assert expected in problems(tmp_path, text)
+
+
+def test_one_ground_station_serves_all_and_each_sdk_has_its_port(tmp_path):
+    text = "router: {gcs: 'udp:127.0.0.1:14550', sdk: 'udp:127.0.0.1:14540'}\n"
+    bench = load(tmp_path, text + "vehicles: {a: {}, b: {start: {p_W: [5, 0, 0]}}}")
+    routers = [bench.vehicles[name].config.router for name in "ab"]
+    assert [router.gcs for router in routers] == ["udp:127.0.0.1:14550"] * 2
+    assert [router.sdk for router in routers] == ["udp:127.0.0.1:14540", "udp:127.0.0.1:14541"]
