@@ -81,7 +81,7 @@ class Spin(StrEnum):
 
 
 LEAST_UP = 0.1  # vertical part of a rotor's axis: 84 degrees of tilt
-_COAXIAL_OFFSET_RADII = 0.1  # greatest distance of a lower rotor from the axis of the upper one
+_COAXIAL_OFFSET_M = 0.01  # greatest distance of a lower rotor from the axis of the upper one
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
 
@@ -156,6 +156,26 @@ class Vehicle(StrictModel):
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
     battery: Battery | None = None
 
+    @pydantic.field_validator("rotors")
+    @classmethod
+    def _coaxial_pairs(cls, rotors: tuple[Rotor, ...]) -> tuple[Rotor, ...]:
+        pairs = {i: rotor.coaxial_below for i, rotor in enumerate(rotors) if rotor.coaxial_below is not None}
+        for i, above in pairs.items():
+            if above >= len(rotors) or above == i or above in pairs or list(pairs.values()).count(above) > 1:
+                raise ValueError(
+                    f"coaxial_below of rotor {i} is {above}: it must name another rotor, which is the upper rotor of "
+                    "this pair only"
+                )
+            lower, upper = rotors[i], rotors[above]
+            down = [u - v for u, v in zip(upper.position_m, lower.position_m, strict=True)]
+            along = sum(d * n for d, n in zip(down, upper.axis, strict=True))
+            across = math.sqrt(max(0.0, sum(d * d for d in down) - along * along))
+            if lower.axis != upper.axis or along <= 0.0 or across > _COAXIAL_OFFSET_M:
+                raise ValueError(
+                    f"coaxial_below of rotor {i} is {above}, but it is not below rotor {above} on the same axis"
+                )
+        return rotors
+
     @pydantic.field_validator("inertia_kgm2")
     @classmethod
     def _triangle_inequality(cls, inertia: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -171,29 +191,6 @@ class Vehicle(StrictModel):
             raise ValueError(f"contact spheres must have different names, not {names}")
         if self.hover_control > 0.95:
             raise ValueError(f"hovers at {self.hover_control:.2f} of full command: raise the thrust or lower the mass")
-        return self
-
-    @pydantic.model_validator(mode="after")
-    def _coaxial_pairs(self) -> Vehicle:
-        pairs = {i: rotor.coaxial_below for i, rotor in enumerate(self.rotors) if rotor.coaxial_below is not None}
-        for i, above in pairs.items():
-            if above >= len(self.rotors) or above == i or above in pairs or list(pairs.values()).count(above) > 1:
-                raise ValueError(
-                    f"rotors[{i}].coaxial_below is {above}: it must name another rotor, which is upper rotor of this "
-                    "pair only"
-                )
-            lower, upper = self.rotors[i], self.rotors[above]
-            down = [u - v for u, v in zip(upper.position_m, lower.position_m, strict=True)]
-            along = sum(d * n for d, n in zip(down, upper.axis, strict=True))
-            across = math.sqrt(max(0.0, sum(d * d for d in down) - along * along))
-            if (
-                lower.axis != upper.axis
-                or along <= 0.0
-                or across > _COAXIAL_OFFSET_RADII * self.rotor_constants.radius_m
-            ):
-                raise ValueError(
-                    f"rotors[{i}].coaxial_below is {above}, but it is not below rotor {above} on the same axis"
-                )
         return self
 
     @property

@@ -46,6 +46,18 @@ def test_a_lost_rotor_is_recorded_and_brings_the_vehicle_down(tmp_path: Path) ->
     ]
     assert heights[20 * 250] > 8.0
     assert min(heights[20 * 250 :]) < 2.0
+    assert any(reason.startswith("crashed: impact at ") for reason in result.run["verdict"]["reasons"])
+
+
+@pytest.mark.slow
+def test_a_hexarotor_lands_with_five_rotors(tmp_path: Path) -> None:
+    """The rotor stops at the height of the mission, 10 m; the autopilot is not told."""
+    what = "vehicle: hexa_x\nfaults: {rotors: [{kind: stuck, rotor: 2, at_s: 45}]}\nlimits: {altitude_error_m: null}"
+    result = fly(tmp_path, what, seconds=150)
+    assert (pytest.approx(45.0), "rotor 2: stuck at 0 rad/s") in events(result)
+    assert result.status == "PASS", result.run["verdict"]
+    assert result.run["mission"]["landing_speed_mps"] < 1.0
+    assert result.run["mission"]["landed_tilt_deg"] < 10.0
 
 
 def test_a_gust_front_is_recorded_and_changes_the_flight(tmp_path: Path) -> None:
