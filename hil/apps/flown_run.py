@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,10 @@ class BenchError(AssertionError):
 
 @dataclass(frozen=True, repr=False)
 class Run:
-    """One flight. `json` is the content of run.json; each measurement of the verdict is also an attribute."""
+    """One flight. `json` is the content of run.json; each measurement of the verdict is also an attribute.
+
+    A flight of several vehicles has the measurements between them, and one `Run` for each vehicle in `vehicles`.
+    """
 
     json: dict[str, Any]
     out: Path
@@ -67,6 +72,12 @@ class Run:
         """Measurements by name; None if the flight did not yield one."""
         return {row["name"]: row["value"] for row in self.json["verdict"]["rows"]}
 
+    @cached_property
+    def vehicles(self) -> dict[str, Run]:
+        """The flights of the vehicles by name; empty for a bench without the section `vehicles`."""
+        folders = {name: self.out / vehicle["folder"] for name, vehicle in self.json.get("vehicles", {}).items()}
+        return {name: Run(json.loads((out / "run.json").read_text()), out) for name, out in folders.items()}
+
     def __getattr__(self, name: str) -> Any:
         """Return a measurement or an entry of run.json's mission, such as `run.max_cross_track_m` or `run.completed`.
 
@@ -84,7 +95,10 @@ class Run:
 
 
 def health(run: Run) -> dict[str, int]:
-    """Return the number of occurrences of each item of `HEALTH` in a flight."""
+    """Return the number of occurrences of each item of `HEALTH` in a flight, of all vehicles together."""
+    if "vehicles" in run.json:
+        found = [health(vehicle) for vehicle in run.vehicles.values()]
+        return {name: sum(counts[name] for counts in found) for name in HEALTH} | {"error": int(run.status == "ERROR")}
     link = run.json["autopilot"].get("link") or {}
     timing = run.json.get("timing") or {}
     return {

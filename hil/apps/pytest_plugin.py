@@ -104,9 +104,11 @@ class Rig:
         lines = []
         for number, run in enumerate(self.runs, start=1):
             prefix = f"run {number}: " if len(self.runs) > 1 else ""
-            for fault, count in health(run).items():
-                if count and fault not in self.allowed:
-                    lines.append(f"{prefix}{fault}: {count} ({HEALTH[fault]})")
+            flights = {f"{name}: ": flight for name, flight in run.vehicles.items()} or {"": run}
+            for name, flight in flights.items():
+                for fault, count in health(flight).items():
+                    if count and fault not in self.allowed:
+                        lines.append(f"{prefix}{name}{fault}: {count} ({HEALTH[fault]})")
         return lines
 
 
@@ -240,13 +242,18 @@ def _rig_of(item: pytest.Item) -> tuple[str, frozenset[str]]:
     from signals.errors import ConfigError
 
     try:
-        config = load_bench(
-            _bench_file(item), rig=_rig_name(item), settings=(*item.config.getoption("--hil-set"), "mission=")
-        ).config
+        bench = load_bench(
+            _bench_file(item),
+            rig=_rig_name(item),
+            settings=(*item.config.getoption("--hil-set"), "mission="),
+            flown=False,
+        )
     except ConfigError as error:
         raise pytest.fail.Exception(f"the bench cannot be used:\n{error}", pytrace=False) from None
-    kinds = [sensor.kind for sensor in config.sensors.values()]
-    return config.rig, frozenset((*config.features, *config.sensors, *kinds))
+    features: set[str] = set()
+    for config in [vehicle.config for vehicle in bench.vehicles.values()] or [bench.config]:
+        features.update(config.features, config.sensors, (sensor.kind for sensor in config.sensors.values()))
+    return bench.config.rig, frozenset(features)
 
 
 def _rig_name(item: pytest.Item) -> str | None:

@@ -22,18 +22,19 @@ def load_bench(
     mission: str | None = None,
     seed: int | None = None,
     settings: Sequence[str] = (),
+    flown: bool = True,
 ) -> Bench:
     """Read, merge and check everything that a bench consists of.
 
     `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation. `settings` are
-    the texts of `--set`. Raises ConfigError with every problem found.
+    the texts of `--set`. `flown`: with several vehicles, each must have somebody who flies it. Raises ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     options = {key: value for key, value in options.items() if value is not None}
     try:
         loading = BenchLoading(Path(path) if path is not None else default_bench(), options, settings)
         bench = loading.bench()
-        return with_vehicles(bench, loading) if bench.config.vehicles else bench
+        return with_vehicles(bench, loading, flown=flown) if bench.config.vehicles else bench
     except ConfigError as error:
         raise ConfigError(_shortened(error.problems)) from None
 

@@ -19,8 +19,13 @@ _MAX_SYSTEM_ID = 250
 _BOARDS = frozenset({"px4_hitl", "ardupilot_eahrs"})
 
 
-def vehicles_problems(vehicles: Mapping[str, Bench], located: Mapping[str, SettingsPart]) -> list[Problem]:
-    """Report what two vehicles cannot share, and vehicles that nobody flies. `located`: the settings of each."""
+def vehicles_problems(
+    vehicles: Mapping[str, Bench], located: Mapping[str, SettingsPart], *, flown: bool
+) -> list[Problem]:
+    """Report what two vehicles cannot share, and if they are to be `flown`, those that nobody flies.
+
+    `located`: the settings of each.
+    """
     problems: list[Problem] = []
 
     def report(name: str, place: Place, message: str, hint: str = "") -> None:
@@ -42,7 +47,7 @@ def vehicles_problems(vehicles: Mapping[str, Bench], located: Mapping[str, Setti
                     report(name, place, message.format(value=value, other=owner[value]))
                 owner.setdefault(value, name)
     for name, config in configs.items():
-        if not _flies(vehicles[name]):
+        if flown and not _flies(vehicles[name]):
             hint = "a mission, a companion with control: true, manual or router"
             report(name, (), "nobody flies this vehicle", hint)
         autopilot = config.autopilot

@@ -26,7 +26,7 @@ VEHICLE_KEYS = frozenset({
 _NUMBER = "{n}"  # in a name: stands for 1 to `count`
 
 
-def with_vehicles(bench: Bench, loading: BenchLoading) -> Bench:
+def with_vehicles(bench: Bench, loading: BenchLoading, *, flown: bool = True) -> Bench:
     """Return the bench with the benches of its vehicles. Raises ConfigError with every problem found."""
     problems: list[Problem] = []
     places = _places(bench.config, loading, problems)
@@ -44,7 +44,8 @@ def with_vehicles(bench: Bench, loading: BenchLoading) -> Bench:
         except ConfigError as error:
             problems += error.problems
     if not problems:
-        problems = vehicles_problems(vehicles, {name: SettingsPart(loading.settings, places[name]) for name in places})
+        located = {name: SettingsPart(loading.settings, places[name]) for name in places}
+        problems = vehicles_problems(vehicles, located, flown=flown)
     if problems:
         raise ConfigError(list({str(problem): problem for problem in problems}.values()))
     return replace(bench, vehicles=vehicles)

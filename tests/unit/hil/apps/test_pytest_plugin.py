@@ -291,3 +291,45 @@ def test_every_link_counter_is_checked(tmp_path: Path, counter: str, word: str) 
     assert set(health(run_of(tmp_path)).values()) == {0}
     found = health(run_of(tmp_path, **{counter: 3}))
     assert {name: count for name, count in found.items() if count} == {word: 3}
+
+
+VEHICLES = """
+vehicles:
+  lead: {}
+  wing:
+    sensors:
+      imu: {preset: icm20689}
+      gps: {preset: here_plus, rate_hz: 10}
+      baro: {preset: ms5611, rate_hz: 50}
+      mag: {preset: ist8310, rate_hz: 50}
+      front: {kind: camera, resolution: [32, 24], fov_deg: 90, rate_hz: 10, channels: [rgb]}
+formation: {shape: line, spacing_m: 4}
+"""
+
+
+def test_each_vehicle_of_a_flight_has_its_own_run(project: pytest.Pytester) -> None:
+    project.makefile(".yaml", hil=SHORT + VEHICLES)
+    test = """
+    @pytest.mark.hil_feature("camera")
+    def test_ground(rig, mission):
+        run = rig.fly(mission("square.waypoints"))
+        assert list(run.vehicles) == ["lead", "wing"]
+        assert (run.contacts, run.formation_error_m if run.completed else None) == (0, None)
+        lead, wing = run.vehicles.values()
+        assert lead.digest != wing.digest and wing.digest == run.json["vehicles"]["wing"]["digest"]
+        assert (wing.status, wing.reached) == ("FAIL", 0) and (wing.out / "flight.tlog").is_file()
+        assert lead.vehicles == {}
+        assert "lead: reached 0 of 5 waypoints" in run.reasons
+        assert run.vehicles["third"].passed
+    """
+    result = fly(project, dedent(test))
+    result.stdout.fnmatch_lines(["*KeyError: 'third'*"])
+
+
+def test_a_link_fault_names_its_vehicle(project: pytest.Pytester) -> None:
+    faulty = "vehicles: {lead: {}, wing: {autopilot: {faults: {noise_at_s: 1}}}}\n"
+    project.makefile(".yaml", hil=SHORT + faulty + "formation: {shape: line, spacing_m: 4}\n")
+    result = fly(project, 'def test_ground(rig, mission): rig.fly(mission("square.waypoints"))')
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines(["the flight was not clean:", r"  wing: garbage: \d+"])
+    assert "lead: " not in result.stdout.str()
