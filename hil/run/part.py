@@ -38,6 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,11 +50,13 @@ from hil.run.loop.scheduler import PHASES, CommandSource, Exchange, Scheduler
 from hil.run.loop.stages import StagePlan
 from hil.run.recorder.recorder import Recorder, Tap
 from hil.run.report.quantiles import quantiles_us
+from hil.run.sensors.frame_stages import make_frames
 from hil.run.sensors.sensor_slots import SensorSlots
 from hil.run.verdict.verdict import Verdict
 from signals.desired import DesiredState
 from signals.detections import Detections
 from signals.samples import TruthState
+from sim.frame.source import FrameSource
 from sim.physics.quadrotor import QuadrotorPhysics
 
 
@@ -85,8 +88,18 @@ class RunContext:
     sensors: SensorSlots  # build, once the sensors have been built
     link: AutopilotLink  # begin
 
-    def __init__(self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool = True) -> None:
+    def __init__(
+        self,
+        bench: Bench,
+        out: Path,
+        parts: Sequence[Part],
+        *,
+        quiet: bool = True,
+        frames: Callable[[], FrameSource] | None = None,
+    ) -> None:
+        """`frames` makes the geometry for cameras, LiDARs and radars; None: that of the scene alone."""
         self.bench = bench
+        self.make_frames = frames or partial(make_frames, bench)
         self._quiet = quiet
         self.out = out  # folder of the run
         self.parts = tuple(parts)

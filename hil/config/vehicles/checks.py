@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Mapping
-from itertools import combinations
 
 from hil.config.bench import Bench
 from hil.config.merge.layers import SettingsPart
@@ -70,14 +69,14 @@ def _flies(bench: Bench) -> bool:
 
 def _start_problems(vehicles: Mapping[str, Bench], located: Mapping[str, SettingsPart]) -> list[Problem]:
     """Report vehicles that would stand in each other at the start."""
+    from sim.physics.start_overlap import overlapping_starts  # loads MuJoCo
+
+    starts = {name: (bench.vehicle, bench.config.start.flight_start()) for name, bench in vehicles.items()}
     problems = []
-    for (a, bench_a), (b, bench_b) in combinations(vehicles.items(), 2):
-        distance_m = math.dist(bench_a.config.start.p_W, bench_b.config.start.p_W)
-        least_m = bench_a.vehicle.bounding_radius_m + bench_b.vehicle.bounding_radius_m
-        if distance_m < least_m:
-            message = f"{b} stands {distance_m:.2f} m from {a}: they need {least_m:.2f} m"
-            hint = f"vehicles: {{{b}: {{start: {{p_W: [x, y, z]}}}}}}, or a formation"
-            problems.append(at(located[b], ("start", "p_W"), message, hint))
+    for a, b in overlapping_starts(next(iter(vehicles.values())).scene, starts):
+        distance_m = math.dist(vehicles[a].config.start.p_W, vehicles[b].config.start.p_W)
+        hint = f"vehicles: {{{b}: {{start: {{p_W: [x, y, z]}}}}}}, or a formation"
+        problems.append(at(located[b], ("start", "p_W"), f"puts {b} into {a}, {distance_m:.2f} m away", hint))
     return problems
 
 

@@ -130,10 +130,11 @@ def draw_from_above(panel: Axes, points: NDArray[Any] | None, tracks: NDArray[An
         for track in tracks:
             (x, y), (vx, vy) = track["p_R_m"][:2], track["v_R_mps"][:2]
             panel.plot(-y, x, "o", ms=11, mfc="none", mec="#009e73", mew=1.6)
-            panel.annotate(
-                f" {int(track['id'])}", (-y, x), (-(y + vy), x + vx), fontsize=8, color="#009e73",
-                arrowprops={"arrowstyle": "<-", "color": "#009e73"},
+            arrow = panel.annotate(
+                f" {int(track['id'])}", (-y, x), (-(y + vy), x + vx), fontsize=8, color="#009e73", clip_on=True,
+                arrowprops={"arrowstyle": "<-", "color": "#009e73", "clip_on": True},
             )  # fmt: skip
+            arrow.set_in_layout(False)  # the end of a fast track's arrow may lie far outside
         counts.append(_counted(len(tracks), "track"))
         if points is None:
             note(panel, "arrows: distance\nin one second")

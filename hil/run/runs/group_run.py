@@ -10,6 +10,7 @@ import hashlib
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,10 @@ from hil.run.verdict.verdict import Row
 from signals.errors import HilError, RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
+from sim.frame.source import FrameSource, SharedFrames
+from sim.physics.vehicle_bodies import with_vehicles
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
+from sim.world_loader import load_world
 
 
 class OtherVehicleFailed(HilError):
@@ -46,6 +50,7 @@ class GroupRun:
         self._bench, self._out, self._more, self._quiet = bench, out, more, quiet
         self._failure = Failure(out)
         self._recordings: list[McapRecording] = []  # empty until it exists
+        self._frames: list[SharedFrames] = []  # empty until a sensor needs the geometry
         self._runs: dict[str, VehicleRun] = {}
         self._flights: dict[str, Flight] = {}
         self._results: dict[str, RunResult] = {}
@@ -122,10 +127,17 @@ class GroupRun:
         scenes = [path.name for path in out.glob("scene.*")] if "scene" in bench.files else []
         for number, (name, vehicle) in enumerate(bench.vehicles.items()):
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
-            shared = Shared(mcap, f"../{scenes[0]}" if scenes else None)
+            shared = Shared(mcap, partial(self._frames_of, name), f"../{scenes[0]}" if scenes else None)
             parts = parts_of(vehicle, self._more if number == 0 else ())
             self._runs[name] = VehicleRun(vehicle, out / name, parts, quiet=True, shared=shared)
             self._runs[name].mark_unfinished()
+
+    def _frames_of(self, name: str) -> FrameSource:
+        """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
+        if not self._frames:
+            vehicles = {name: vehicle.vehicle for name, vehicle in self._bench.vehicles.items()}
+            self._frames.append(SharedFrames(with_vehicles(load_world(self._bench.scene), vehicles)))
+        return self._frames[0].seen_by(name)
 
     @property
     def _tick_ns(self) -> int:
@@ -138,17 +150,29 @@ class GroupRun:
         world = VehicleGroup(
             {name: context.physics for name, context in contexts.items()}, downwash=self._bench.config.group.downwash
         )
-        lockstep = Lockstep(flights, world, [self._record_contacts, self._measured.add])
+        lockstep = Lockstep(flights, world, self._place, self._measure)
         began_s = time.monotonic()
         try:
             fly_ticks(flights, quiet=self._quiet, step=lockstep.step)
         finally:
+            self._record_contacts(world.take_contacts(last=True))
             self._wall_s = time.monotonic() - began_s
             for run in self._runs.values():
                 run.flown(self._wall_s)
 
-    def _record_contacts(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:  # noqa: ARG002
+    def _place(self, truths: Sequence[TruthState]) -> None:
+        """Give the vehicles' places at this tick to the cameras, LiDARs and radars."""
+        for frames in self._frames:
+            for name, truth in zip(self._flights, truths, strict=True):
+                frames.place(name, truth)
+
+    def _measure(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
+        self._measured.add(truths)
+        self._record_contacts(contacts)
+
+    def _record_contacts(self, contacts: Sequence[VehicleContact]) -> None:
         for contact in contacts:
+            self._measured.contacts.append(contact)
             for name in (contact.a, contact.b):
                 if not self._flights[name].over:
                     self._runs[name].context.event("error", contact_text(contact))

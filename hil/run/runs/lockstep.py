@@ -22,7 +22,6 @@ from signals.samples import TruthState
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
 
 _STOPPED = (0.0,) * 16
-OnTick = Callable[[Sequence[TruthState], Sequence[VehicleContact]], None]
 
 
 class VehicleFailed(Exception):
@@ -36,8 +35,15 @@ class VehicleFailed(Exception):
 class Lockstep:
     """Steps the flights of all vehicles together."""
 
-    def __init__(self, flights: Sequence[Flight], world: VehicleGroup, on_tick: Sequence[OnTick]) -> None:
-        self._flights, self._world, self._on_tick = tuple(flights), world, tuple(on_tick)
+    def __init__(
+        self,
+        flights: Sequence[Flight],
+        world: VehicleGroup,
+        place: Callable[[Sequence[TruthState]], None],
+        on_tick: Callable[[Sequence[TruthState], Sequence[VehicleContact]], None],
+    ) -> None:
+        """`place` is called with all states of a tick before any sensor is sampled, `on_tick` at the tick's end."""
+        self._flights, self._world, self._place, self._on_tick = tuple(flights), world, place, on_tick
         self._tick = 0
 
     def step(self) -> bool:
@@ -46,6 +52,7 @@ class Lockstep:
         began_ns = time.perf_counter_ns()
         truths = self._world.advance(self._tick, controls)
         self._tick += 1
+        self._place(truths)
         for flight, truth in zip(self._flights, truths, strict=True):
             scheduler = flight.run.scheduler
             if flight.lost and not flight.over:
@@ -57,9 +64,7 @@ class Lockstep:
             self._each(flight, flight.run.scheduler.wait)
             if flight.lost and not flight.over:
                 flight.run.scheduler.tick = self._tick
-        contacts = self._world.take_contacts()
-        for on_tick in self._on_tick:
-            on_tick(truths, contacts)
+        self._on_tick(truths, self._world.take_contacts())
         return True
 
     def _each(self, flight: Flight, phase: Callable[..., Any], *arguments: Any) -> Any:

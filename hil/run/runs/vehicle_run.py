@@ -7,7 +7,7 @@ what was recorded up to there is readable.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import reduce
@@ -27,15 +27,17 @@ from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import UNJUDGED, Verdict
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
+from sim.frame.source import FrameSource
 
 RUN_JSON_NAME = "run.json"
 _NO_DIGEST = "0" * 32
 
 
 class Shared(NamedTuple):
-    """Files that the vehicles of a run with several share."""
+    """Files and geometry that the vehicles of a run with several share."""
 
     mcap: VehicleTopics | bool  # this vehicle's part of the recording; False: there is none
+    frames: Callable[[], FrameSource]  # makes the geometry for this vehicle's cameras, LiDARs and radars
     scene: str | None  # path of the copied scene from the vehicle's folder; None: the bench has no scene file
 
 
@@ -58,8 +60,10 @@ class VehicleRun:
     def __init__(
         self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool, shared: Shared | None = None
     ) -> None:
-        """`shared`: files that the vehicles of a run with several share; None: the run has one vehicle."""
-        self.context = RunContext(bench, out, parts, quiet=quiet)
+        """`shared`: files and geometry that the vehicles of a run with several share; None: the run has one vehicle."""
+        self.context = RunContext(
+            bench, out, parts, quiet=quiet, frames=None if shared is None else shared.frames
+        )
         self._parts = self.context.parts
         self._config = bench.config
         self._out = out

@@ -51,9 +51,8 @@ class GroupMeasurement:
         self._formed = self._ended = False
         self.contacts: list[VehicleContact] = []
 
-    def add(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
+    def add(self, truths: Sequence[TruthState]) -> None:
         """Measure one tick. `truths`: of all vehicles, in the order of their names."""
-        self.contacts += contacts
         p_W = np.array([truth.p_WB for truth in truths])
         first, second = self._pairs
         if len(first):

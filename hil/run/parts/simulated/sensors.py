@@ -9,7 +9,7 @@ from hil.config import Bench, BenchConfig
 from hil.config.missions.script import SensorFault
 from hil.run.loop.stages import Skipped
 from hil.run.part import Part, Report, RunContext
-from hil.run.sensors.frame_stages import is_wanted, make_frames, needs_frames, uses_other_renderer
+from hil.run.sensors.frame_stages import is_wanted, needs_frames, uses_other_renderer
 from hil.run.sensors.sensor_slots import SensorSlots
 from signals.classes import Classes
 from sim.frame.source import FrameSource
@@ -30,7 +30,7 @@ class SensorsPart(Part):
     def geometry(self, run: RunContext) -> FrameSource:
         """Return the geometry of the scene, made at the first call."""
         if self._frames is None:
-            self._frames = make_frames(run.bench)
+            self._frames = run.make_frames()
         return self._frames
 
     def build(self, run: RunContext) -> None:

@@ -98,10 +98,10 @@ def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
         ("vehicles: {a: nowhere.yaml}", "bench.yaml:3: vehicles.a names a file that does not exist: nowhere.yaml"),
         ('vehicles: {"d{n}": {}}', "stands for several vehicles, and `count` is not set"),
         ("count: 3\nvehicles: {a: {}}", "bench.yaml:3: count has no meaning: no name of a vehicle contains {n}"),
-        ("vehicles:\n  a: {}\n  b: {}", "b stands 0.00 m from a: they need"),
+        ("vehicles:\n  a: {}\n  b: {}", "puts b into a, 0.00 m away"),
         (
             "vehicles:\n  a: {}\n  b: {start: {p_W: [0.5, 0, 0]}}",
-            "bench.yaml:5: start.p_W b stands 0.50 m from a: they need",
+            "bench.yaml:5: start.p_W puts b into a, 0.50 m away",
         ),
         (
             "autopilot: {instance: 2}\nvehicles: {a: {}, b: {autopilot: {instance: 0}, start: {p_W: [5, 0, 0]}}}",
