@@ -27,7 +27,8 @@ def load_bench(
     """Read, merge and check everything that a bench consists of.
 
     `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation. `settings` are
-    the texts of `--set`. `flown`: with several vehicles, each must have somebody who flies it. Raises ConfigError with every problem found.
+    the texts of `--set`. `flown`: of several vehicles each must have somebody who flies it. Raises ConfigError with
+    every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     options = {key: value for key, value in options.items() if value is not None}
