@@ -26,7 +26,8 @@ from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
 CONFIG_NAME = "bench.yaml"
-_IGNORED = ("/events",)  # notes for people: they may name paths or wall-clock times
+REPLAY_NAME = "replay"
+_IGNORED = "/events"  # end of a topic: notes for people: they may name paths or wall-clock times
 _MAVLINK = "hil_msgs/MavlinkFrame"
 _BYTES_SHOWN = 64  # longer fields of bytes are shown by their first difference
 
@@ -123,11 +124,13 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
         hint = f"hil replay {run_dir.parent}" if run_dir.name == MCAP_NAME else "name the folder of a run"
         raise ConfigError([Problem(str(run_dir), fault, hint)])
     config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
-    for path, hint in ((recorded, "was record.mcap off?"), (config, "its resolved configuration")):
+    whole = run_dir.parent / MCAP_NAME  # of the run to which the folder of one vehicle belongs
+    unrecorded = f"hil replay {run_dir.parent}" if whole.is_file() else "was record.mcap off?"
+    for path, hint in ((recorded, unrecorded), (config, "its resolved configuration")):
         if not path.is_file():
             raise RecordingError(f"{run_dir}: cannot be replayed: it has no {path.name} ({hint})")
     _refuse_not_repeatable(run_dir)
-    out = out_dir or run_dir / "replay"
+    out = out_dir or run_dir / REPLAY_NAME
     if out.resolve() == run_dir.resolve():
         raise RecordingError(f"{out}: holds the recorded run; name another folder for the fresh run with --out")
     Recording(recorded).scan()  # reports an unreadable file before the flight instead of after it
@@ -153,14 +156,25 @@ def _refuse_not_repeatable(run_dir: Path) -> None:
         return  # a killed run has none; the comparison finds any difference
     if not isinstance(run, dict):
         return
+    for name in run.get("vehicles") or ():
+        _refuse_not_repeatable(run_dir / name)
     error = run.get("error")
     killed = isinstance(error, dict) and error.get("type") == "Killed"
-    if run.get("deterministic") is False and not killed and not (run_dir / TRACE_NAME).is_file():
+    if run.get("deterministic") is False and not killed and not _traces(run_dir):
         raise RecordingError(
             f"{run_dir}: this run on rig {run.get('rig')} does not repeat bit for bit: it had a free-running autopilot "
             "or companion, signing, input from outside (MAVLink, sticks, dashboard) or pictures of a renderer that "
             "does not repeat; replay needs a lockstep run without these"
         )
+
+
+def _traces(run_dir: Path) -> list[str]:
+    """Return the settings with which the traces of a run answer in place of its companions."""
+    traces = {"": run_dir / TRACE_NAME}
+    for bench in sorted(run_dir.glob(f"*/{CONFIG_NAME}")):
+        if bench.parent.name != REPLAY_NAME:
+            traces[f"vehicles.{bench.parent.name}."] = bench.with_name(TRACE_NAME)
+    return [f"{place}companion.trace={trace.resolve()}" for place, trace in traces.items() if trace.is_file()]
 
 
 def _digest(recording: Recording) -> str | None:
@@ -203,7 +217,7 @@ def _messages_from(recording: Recording, chunk: Chunk | None, chunks: Iterator[C
     """Yield the messages of this chunk and all later ones, without the ignored topics."""
     while chunk is not None:
         for message in recording.messages_of(chunk):
-            if message.topic not in _IGNORED:
+            if not message.topic.endswith(_IGNORED):
                 yield message
         chunk = next(chunks, None)
 
@@ -278,9 +292,7 @@ def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayR
 
     def run_again(config: Path, folder: Path) -> None:
         # Companions do not run again: their recorded answers are in the trace.
-        trace = run_dir / TRACE_NAME
-        settings = [f"companion.trace={trace.resolve()}"] if trace.is_file() else []
-        fresh = run_bench(load_bench(config, settings=settings), folder)
+        fresh = run_bench(load_bench(config, settings=_traces(run_dir)), folder)
         if fresh.status == "ERROR":
             errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
 

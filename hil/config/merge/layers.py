@@ -149,6 +149,8 @@ def merge_options(settings: Settings, texts: Sequence[str]) -> list[Problem]:
         except ConfigError as error:
             problems += error.problems
             continue
+        if len(place) > 2 and place[0] == "vehicles" and isinstance(settings._value_at(place[:2]), str):
+            continue  # of a vehicle with a file of its own: merged over that file
         for length in range(1, len(place)):
             value_there = settings._value_at(place[:length])
             if value_there is not None and not isinstance(value_there, dict):

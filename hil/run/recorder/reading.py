@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -150,13 +151,17 @@ class Recording:
 
 def causal_order(message: RecordedMessage) -> tuple[int, int, str, int]:
     """Return the sort key of a message: time, phase of the tick, topic, sequence."""
-    topic = message.topic
-    phase = 2
+    return (message.log_time_ns, _phase(message.topic), message.topic, message.sequence)
+
+
+@lru_cache(maxsize=4096)
+def _phase(topic: str) -> int:
+    """Return the number of a topic's phase; the name of a vehicle may stand before the topic."""
+    of_vehicle = topic[topic.find("/", 1) :]
     for i, prefix in enumerate(_PHASES):
-        if prefix and topic.startswith(prefix):
-            phase = i
-            break
-    return (message.log_time_ns, phase, topic, message.sequence)
+        if prefix and (topic.startswith(prefix) or of_vehicle.startswith(prefix)):
+            return i
+    return 2
 
 
 def read_messages(path: Path) -> Iterator[RecordedMessage]:
