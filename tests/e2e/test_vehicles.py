@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -114,3 +115,32 @@ def test_an_expendable_vehicle_falls_and_the_others_fly_on(tmp_path):
     assert b["lost"]
     assert b["sim_s"] < a["sim_s"]
     assert any("touch" in reason or "crash" in reason or "reached" in reason for reason in b["verdict"]["reasons"])
+
+
+FIVE = """
+vehicles: {a: {}, b: {}, c: {}, d: {vehicle: hexa_x}, e: {}}
+formation: {shape: grid, spacing_m: 4}
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 10, channels: [rgb, depth, instance]}
+  lidar: {preset: vlp16, rate_hz: 10, subsweeps: 2}
+"""
+
+
+@pytest.mark.slow
+def test_five_vehicles_that_see_each_other_have_one_digest(tmp_path):
+    """Over runs, transports and numbers of processors."""
+    runs = [fly(tmp_path, FIVE, name="first")]
+    runs.append(fly(tmp_path, FIVE, name="pty", settings=("autopilot.transport=pty",)))
+    processors = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(processors)})
+    try:
+        runs.append(fly(tmp_path, FIVE, name="one_processor"))
+    finally:
+        os.sched_setaffinity(0, processors)
+    assert {run.status for run in runs} == {"PASS"}, runs[0].run["verdict"]["reasons"]
+    assert len({run.run["digest"] for run in runs}) == 1
+    assert min(run.run["vehicles"]["e"]["sensors"]["front"]["samples"] for run in runs) > 100

@@ -33,6 +33,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
         "hil.apps.bench_suite.physics.stability",
         "Stability: errors of each method far beyond normal flight",
     ),
+    "vehicles": ("hil.apps.bench_suite.link.vehicles", "Several vehicles: time per vehicle second"),
 }
 
 

@@ -1,0 +1,70 @@
+"""`hil bench vehicles`: cost of further vehicles in one run, with the differences between their streams.
+
+`rigs/swarm.yaml` is flown with 1, 2, 5, 10 and 20 mocks, in this process and over pseudo-terminals. Before each of
+these runs one vehicle is flown alone, so that other load on the machine affects both; the check compares the vehicle
+seconds per wall second of the two. The error is the number of vehicles whose digest differs from their digest in the
+run with the most vehicles over the other transport: the streams of a vehicle must depend neither on the other vehicles
+nor on the transport.
+"""
+
+from __future__ import annotations
+
+import resource
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import rigs
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
+from hil.config import load_bench
+from hil.run.bench_run import run_bench
+from signals.errors import HilError
+
+_BENCH = Path(rigs.__file__).resolve().parent / "swarm.yaml"
+_TRANSPORTS = {"in memory": "loopback", "pty": "pty"}
+_MIN_RATIO = 0.9
+
+
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
+    """Fly swarms of several sizes. Raises HilError if a flight ends as ERROR."""
+    result = BenchmarkResult(time_label="wall seconds per vehicle second")
+    sizes = (2, 5) if quick else (2, 5, 10, 20)
+    duration_s = 12 if quick else 40
+    runs: dict[tuple[str, int], dict[str, Any]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, transport in _TRANSPORTS.items():
+            for size in sizes:
+                status(f"{size} vehicles, {name}")
+                alone = _fly(Path(folder), 1, transport, duration_s)
+                runs[name, size] = run = _fly(Path(folder), size, transport, duration_s)
+                runs.setdefault((name, 1), alone)
+                ratio = run["vehicle_s_per_s"] / alone["vehicle_s_per_s"]
+                label = f"{size} vehicles, {name}: vehicle seconds per wall second over those of one"
+                result.checks.append(Check(label, ratio, ">=", _MIN_RATIO, ""))
+    differing = 0
+    for (name, size), run in sorted(runs.items(), key=lambda item: (item[0][0], item[0][1])):
+        other = next(transport for transport in _TRANSPORTS if transport != name)
+        largest = runs[other, max(sizes)]["vehicles"]
+        errors = sum(vehicle["digest"] != largest[drone]["digest"] for drone, vehicle in run["vehicles"].items())
+        differing += errors
+        details = {"vehicle_s_per_s": run["vehicle_s_per_s"], "peak_memory_mb": run["peak_memory_mb"]}
+        time_s = 1.0 / run["vehicle_s_per_s"]
+        result.rows.append(Row(f"{size} vehicles", name, float(errors), "digests", time_s, details))
+    result.checks.append(Check("vehicles whose streams depend on the others", float(differing), "<=", 0.0, ""))
+    return result
+
+
+def _fly(folder: Path, count: int, transport: str, duration_s: float) -> dict[str, Any]:
+    settings = [
+        f"count={count}",
+        f"autopilot.transport={transport}",
+        f"duration_s={duration_s}",
+        "record.report=false",
+        "group.min_distance_m=null",
+        "formation.max_error_m=null",
+    ]
+    outcome = run_bench(load_bench(_BENCH, settings=settings), folder / f"{transport}-{count}", quiet=True)
+    if outcome.status == "ERROR":
+        raise HilError(f"{count} vehicles, {transport}: {outcome.run['error']['message']}")
+    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return outcome.run | {"peak_memory_mb": peak_kib / 1024}
