@@ -130,6 +130,12 @@ def make_plan(
         raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
     quality_setting = (f"quality={quality}",) if quality is not None else ()
     bench = load_bench(path, seed=seed, settings=(*settings, *quality_setting))
+    if bench.vehicles:
+        names = ", ".join(bench.vehicles)
+        message = f"has several vehicles ({names}), and a data set is made with one"
+        raise ConfigError(
+            [Problem(_bench_name(bench), message, "give the bench of one vehicle: OUT/NAME/bench.yaml of a run")]
+        )
     problems: list[Problem] = []
     count = DEFAULT_FRAMES if frames is None else frames
     if not 1 <= count <= MAX_FRAMES:

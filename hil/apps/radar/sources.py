@@ -65,21 +65,21 @@ class Source:
     count: int
     from_pictures: bool  # True: frames are made from pictures
     frames: Iterator[Frame]
-    camera: tuple[Path, str] | None = None
+    camera: tuple[Recording, str] | None = None
 
 
 def pictures_at(source: Source, times_ns: Container[int]) -> dict[int, NDArray[np.uint8]]:
     """Return the recorded colour pictures of exactly these times, by time; (height, width, 3) each."""
     if source.camera is None:
         return {}
-    path, topic = source.camera
-    pictures = (image(message) for message in Recording(path).messages() if message.topic == topic)
+    recording, topic = source.camera
+    pictures = (image(message) for message in recording.messages() if message.topic == topic)
     return {t_ns: np.asarray(rgb, np.uint8) for t_ns, rgb in pictures if t_ns in times_ns}
 
 
-def _colour_topic(path: Path, topics: Container[str], camera: str | None) -> tuple[Path, str] | None:
+def _colour_topic(recording: Recording, topics: Container[str], camera: str | None) -> tuple[Recording, str] | None:
     topic = f"/{camera}/rgb"
-    return (path, topic) if topic in topics else None
+    return (recording, topic) if topic in topics else None
 
 
 def open_source(target: Path, *, preset: str | None, texts: Sequence[str], sensor: str | None = None) -> Source:
@@ -92,19 +92,29 @@ def open_source(target: Path, *, preset: str | None, texts: Sequence[str], senso
         if sensor is not None:
             raise ConfigError([Problem("--sensor", f"{target} holds one radar without a name", "leave it out")])
         return _open_arrays(target, preset, texts)
-    path = target / MCAP_NAME if target.is_dir() else target
+    path, vehicle = target / MCAP_NAME if target.is_dir() else target, ""
+    if target.is_dir() and not path.is_file() and (target.parent / MCAP_NAME).is_file():
+        path, vehicle = target.parent / MCAP_NAME, target.name  # one vehicle of a run with several
     if not path.is_file():
         message = f"holds no {MCAP_NAME}" if target.is_dir() else "does not exist"
         raise ConfigError([Problem(str(target), message, "give the folder of a run, its run.mcap, or an .npz or .npy")])
     try:
-        topics = _topics(path)
+        recording = Recording(path, vehicle)
+        topics = _topics(recording)
     except RecordingError as error:
         raise ConfigError([Problem(str(path), str(error).removeprefix(f"{path}: "))]) from error
+    if vehicle not in (names := recording.vehicles or [""]):
+        hint = f"hil radar {path.parent}/{names[0]}"
+        raise ConfigError(
+            [Problem(str(path), f"is of several vehicles ({', '.join(names)}): name the folder of one", hint)]
+        )
     raw = [topic for topic, (kind, _) in topics.items() if kind == RADAR_FRAME]
     if raw:
         name = _selected_radar([topic.strip("/").split("/")[0] for topic in raw], sensor, path)
-        return _open_raw(path, next(topic for topic in raw if topic.startswith(f"/{name}/")), topics, preset, texts)
-    return _open_pictures(path, topics, preset, texts, sensor)
+        return _open_raw(
+            recording, next(topic for topic in raw if topic.startswith(f"/{name}/")), topics, preset, texts
+        )
+    return _open_pictures(recording, topics, preset, texts, sensor)
 
 
 def _selected_radar(names: Sequence[str], wanted: str | None, path: Path) -> str:
@@ -125,46 +135,50 @@ def _open_arrays(path: Path, preset: str | None, texts: Sequence[str]) -> Source
     return Source(f"recording {path.name}", parameters, recording.frames, False, frames)
 
 
-def _topics(path: Path) -> dict[str, tuple[str, int]]:
+def _topics(recording: Recording) -> dict[str, tuple[str, int]]:
     """Return message type and number of messages of every topic."""
     topics: dict[str, tuple[str, int]] = {}
-    for message in Recording(path).messages():
+    for message in recording.messages():
         kind, count = topics.get(message.topic, (message.type_name, 0))
         topics[message.topic] = (kind, count + 1)
     return topics
 
 
 def _open_raw(
-    path: Path, topic: str, topics: Mapping[str, tuple[str, int]], preset: str | None, texts: Sequence[str]
+    recording: Recording, topic: str, topics: Mapping[str, tuple[str, int]], preset: str | None, texts: Sequence[str]
 ) -> Source:
-    first = radar_frame(next(message for message in Recording(path).messages() if message.topic == topic))
+    first = radar_frame(next(message for message in recording.messages() if message.topic == topic))
     name = topic.strip("/").split("/")[0]
-    recorded = _section(path, name)
+    recorded = _section(recording, name)
     parameters = settings_of(recorded, preset=preset, default_preset=LIVE_PRESET, texts=texts)
-    parameters = with_chirp(parameters, first.chirp, len(first.raw), f"{path}: {topic}")
+    parameters = with_chirp(parameters, first.chirp, len(first.raw), f"{recording.path}: {topic}")
 
     def frames() -> Iterator[Frame]:
-        for message in Recording(path).messages():
+        for message in recording.messages():
             if message.topic == topic:
                 frame = radar_frame(message)
                 yield Frame(frame.t_capture_ns, frame.raw)
 
-    colour = _colour_topic(path, topics, parameters.frame)
+    colour = _colour_topic(recording, topics, parameters.frame)
     return Source(f"raw frames of {name!r}", parameters, topics[topic][1], False, frames(), colour)
 
 
-def _section(path: Path, name: str) -> Mapping[str, Any] | None:
-    """Return the section of a sensor in the bench file attached to the recording, if there is one."""
-    recording = Recording(path).scan()
-    data = parse_yaml(recording.attachments.get("bench.yaml", b"{}").decode(errors="replace"), "bench.yaml").data
+def _section(recording: Recording, name: str) -> Mapping[str, Any] | None:
+    """Return the section of a sensor in the bench file attached to the recording or of its vehicle, if there is one."""
+    text = recording.scan().attachments.get("bench.yaml", b"{}")
+    if recording.vehicle:
+        file = recording.path.parent / recording.vehicle / "bench.yaml"
+        text = file.read_bytes() if file.is_file() else b"{}"
+    data = parse_yaml(text.decode(errors="replace"), "bench.yaml").data
     section = data.get("sensors", {}).get(name) if isinstance(data, dict) else None
     return section if isinstance(section, dict) else None
 
 
 def _open_pictures(
-    path: Path, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str], sensor: str | None
+    recording: Recording, topics: Mapping[str, Any], preset: str | None, texts: Sequence[str], sensor: str | None
 ) -> Source:
-    bench_file = path.parent / "bench.yaml"
+    path = recording.path
+    bench_file = path.parent / recording.vehicle / "bench.yaml"
     cameras = _cameras(topics)
     if not cameras or not bench_file.is_file():
         hint = f"record a radar's raw data, or a camera with the channels {', '.join(_NEEDED)}"
@@ -193,9 +207,9 @@ def _open_pictures(
         raise ConfigError(
             [Problem(str(path), f"holds no {', '.join(missing)} of the camera {camera!r}", "record these channels")]
         )
-    frames = _frames_from_pictures(path, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
+    frames = _frames_from_pictures(recording, camera, radar, Mount(view.mount_m, view.mount_rpy_deg), bench.config)
     count = topics[f"/{camera}/range"][1]
-    colour = _colour_topic(path, topics, camera)
+    colour = _colour_topic(recording, topics, camera)
     return Source(f"frames made from the pictures of {camera!r}", parameters, count, True, frames, colour)
 
 
@@ -206,13 +220,13 @@ def _cameras(topics: Mapping[str, Any]) -> list[str]:
 
 
 def _frames_from_pictures(
-    path: Path, camera: str, radar: RadarFrames, mount: Mount, config: BenchConfig
+    recording: Recording, camera: str, radar: RadarFrames, mount: Mount, config: BenchConfig
 ) -> Iterator[Frame]:
     """Yield the frame of each picture, once all its channels and the true state of its tick have been read."""
     channel_by_topic = {f"/{camera}/{channel}": channel for channel in radar.channels}
     waiting: dict[int, dict[str, NDArray[Any]]] = {}
     truths: dict[int, dict[str, RecordedMessage]] = {}
-    for message in Recording(path).messages():
+    for message in recording.messages():
         if message.topic in ("/truth/pose", "/truth/velocity", "/truth/angular_velocity"):
             t_ns = message.log_time_ns
             if t_ns not in truths:
@@ -224,7 +238,7 @@ def _frames_from_pictures(
             pictures[channel_by_topic[message.topic]] = picture
             if len(pictures) == len(channel_by_topic):
                 del waiting[message.sequence]
-                truth = _truth(t_ns, t_ns // config.tick_ns, truths.get(t_ns, {}), path)
+                truth = _truth(t_ns, t_ns // config.tick_ns, truths.get(t_ns, {}), recording.path)
                 yield Frame(t_ns, radar.raw(pictures, mount.pose(truth), message.sequence))
 
 

@@ -56,8 +56,9 @@ class Recording:
     last readable message, `complete` is True if the writer finished the file.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, vehicle: str = "") -> None:
+        """`vehicle`: read only the messages of this one of several, with topics as if it had flown alone."""
+        self.path, self.vehicle = path, vehicle
         self.complete = False
         self.last_ns = 0
         self.metadata: dict[str, dict[str, str]] = {}
@@ -71,6 +72,11 @@ class Recording:
             raise RecordingError(f"{path}: cannot be read ({error.strerror or error})") from error
         if magic != MCAP0_MAGIC:
             raise RecordingError(f"{path}: not an MCAP recording")
+
+    @property
+    def vehicles(self) -> list[str]:
+        """Names of the vehicles after `scan`; empty for a run of one."""
+        return self.metadata.get("hil_run", {}).get("vehicles", "").split()
 
     def scan(self) -> Recording:
         """Read everything except the messages. Returns itself."""
@@ -126,7 +132,10 @@ class Recording:
         elif isinstance(record, Channel):
             if record.schema_id not in self._schemas:
                 raise RecordingError(f"{self.path}: damaged: {record.topic} has no schema")
-            self._channels[record.id] = (record.topic, self._schemas[record.schema_id])
+            topic = record.topic
+            if self.vehicle:
+                topic = topic.removeprefix(f"/{self.vehicle}") if topic.startswith(f"/{self.vehicle}/") else ""
+            self._channels[record.id] = (topic, self._schemas[record.schema_id])
 
     def messages_of(self, chunk: Chunk) -> list[RecordedMessage]:
         """Return the messages of a chunk ordered by time, and within one tick by cause and effect."""
@@ -137,7 +146,8 @@ class Recording:
                     raise RecordingError(f"{self.path}: damaged: a message of an unknown channel {record.channel_id}")
                 topic, type_name = self._channels[record.channel_id]
                 times = record.log_time, record.publish_time
-                messages.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))
+                if topic:
+                    messages.append(RecordedMessage(topic, type_name, record.sequence, *times, record.data))
             else:
                 self._store_declaration(record)
         messages.sort(key=causal_order)
