@@ -82,7 +82,8 @@ class Autopilot(Section):
     reply_timeout_s: Annotated[float, Field(gt=0, le=600)] = 5.0  # wall clock; then the run ends as ERROR
     connect_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 20.0  # wall clock, until the first message
     start: bool = True  # false: the user starts it
-    port: str | None = None  # serial device, used instead of `transport`, e.g. /dev/ttyACM0
+    # Serial device, used instead of `transport`: /dev/ttyACM0, or usb:SERIAL with the USB serial number of the board.
+    port: str | None = None
     # MAVLink on a link of its own: a second serial device (ardupilot_eahrs), or udp:PORT, tcp:PORT or none
     # (ardupilot_sitl with start: false).
     mavlink_port: str | None = None
@@ -97,7 +98,8 @@ class Autopilot(Section):
     )
     # Runs the bench and the firmware that it starts on one processor, the firmware first. Timing is then more
     # repeatable; on a busy machine the bench stops sharing by itself. false: the bench has a processor of its own and
-    # records while the firmware computes; that needs two processors that other programs leave free.
+    # records while the firmware computes; that needs two processors that other programs leave free. With several
+    # vehicles it has no effect: bench and firmware use all processors.
     share_processor: bool = True
     # A reboot of ArduPilot SITL in the run: ERROR, or the vehicle returns to its start and the run continues.
     on_restart: Literal["error", "reset"] = "error"

@@ -29,6 +29,7 @@ def test_command_line(tmp_path):
     assert pairs["--model"] == "JSON:127.0.0.1"
     assert pairs["--sim-port-out"] == str(link._inbox.port)
     assert pairs["--instance"] == "2"
+    assert pairs["--sysid"] == "3"
     assert pairs["--home"] == "47.397742000,8.545594000,488.0000,90.0000"
     assert pairs["--defaults"] == str(tmp_path / "bench.parm")
     assert pairs["--serial0"] == f"udpclient:127.0.0.1:{link._mavlink.udp_port}"

@@ -108,6 +108,7 @@ def arducopter_on_ptys(
     *,
     home: tuple[float, float, float, float],
     parameters: Mapping[str, float],
+    instance: int = 0,
 ) -> Callable[[], ChildProcess]:
     """Return a function that starts the build; call it once the two pseudo-terminals are open.
 
@@ -120,6 +121,7 @@ def arducopter_on_ptys(
         command = arducopter_command(
             program,
             model="quad",
+            instance=instance,
             speedup=1,
             home=home,
             defaults=write_defaults(where / "bench.parm", parameters),

@@ -283,9 +283,7 @@ class ExternalAhrsLink(RealtimeLink):
     def _no_outputs(self) -> str:
         servos = self._servos
         if servos.result is None:
-            why = (
-                "it never answered the request for them: is its system id 1, and MAV_GCS_SYSID not set to another one?"
-            )
+            why = "it never answered the request for them: is MAV_GCS_SYSID set to another system id?"
         elif servos.granted_us is None:
             why = (
                 f"it refused them even every {INTERVALS_US[-1]} us (MAV_RESULT {servos.result}); raise SCHED_LOOP_RATE"

@@ -20,7 +20,6 @@ _CommandLong = message_class("COMMAND_LONG")
 _SET_MESSAGE_INTERVAL = 511
 _ACCEPTED = 0
 _ARMED_BIT = 0x80
-_SYSID = 1  # the autopilot's
 
 # Minimum of a main loop of 400 Hz: 3000 us; of 200 Hz: 6000 us; of 125 Hz: 10,000 us.
 INTERVALS_US = (3000, 4000, 6000, 8000, 10_000, 14_000, 20_000)
@@ -60,6 +59,7 @@ class ServoOutputs:
         self._encoder = encoder
         self._pwm = pwm
         self._mode = 0
+        self._sysid = 0  # the autopilot's, known from its first message
         self._time_us: int | None = None
         self._came_ns: int | None = None
         self._requested_ns: int | None = None
@@ -73,7 +73,9 @@ class ServoOutputs:
 
     def take_frame(self, frame: Frame, now_ns: int) -> bool:
         """Take a frame. Return True if it shows that the autopilot has rebooted."""
-        if frame[1] != _SYSID:
+        if not self._sysid and frame[2] == 1 and frame[0] in (_HEARTBEAT, SERVO_OUTPUT_RAW):
+            self._sysid = frame[1]
+        if frame[1] != self._sysid:
             return False
         if frame[0] == SERVO_OUTPUT_RAW:
             return self._take_outputs(frame, now_ns)
@@ -116,7 +118,7 @@ class ServoOutputs:
         self._requested_ns = now_ns
         interval_us = float(INTERVALS_US[self._step])
         message = _CommandLong(
-            _SYSID, 1, _SET_MESSAGE_INTERVAL, 0, float(SERVO_OUTPUT_RAW), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
+            self._sysid, 1, _SET_MESSAGE_INTERVAL, 0, float(SERVO_OUTPUT_RAW), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0
         )
         return self._encoder.frame(message.MSGID, pack(message))
 

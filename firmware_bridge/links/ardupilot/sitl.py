@@ -83,14 +83,20 @@ def arducopter_command(
     model: str,
     home: Home,
     defaults: Path,
+    instance: int = 0,
     more: Sequence[str] = (),
     speedup: int = 1000,
     serials: Mapping[int, str],
     arguments: Sequence[str] = (),
 ) -> list[str]:
-    """Return the command line of an ArduCopter that flies `model`; `serials` gives the address of each SERIALn."""
+    """Return the command line of an ArduCopter that flies `model`; `serials` gives the address of each SERIALn.
+
+    An instance above 0 has the MAVLink system id instance + 1: a parameter whose name depends on the version.
+    """
     command = [str(program), "-w"]  # no parameters of an earlier run; not repeated when it reboots itself
     command += ["--model", model, *more, "--speedup", str(speedup)]
+    if instance:
+        command += ["--instance", str(instance), "--sysid", str(instance + 1)]
     command += ["--home", checked_home(program, home), "--defaults", str(defaults)]
     for number, where in sorted(serials.items()):
         command += [f"--serial{number}", where]
@@ -120,7 +126,7 @@ def hand_start_command(
         model="JSON:127.0.0.1",
         home=home,
         defaults=defaults,
-        more=["--instance", str(instance)] if instance else [],
+        instance=instance,
         serials=serials_for(mavlink),
         arguments=arguments,
     )
@@ -160,7 +166,8 @@ def ardupilot_sitl(
             model="JSON:127.0.0.1",
             home=place,
             defaults=write_defaults(where / "bench.parm", parameters or {}),
-            more=["--sim-port-out", str(inbox.port), "--instance", str(instance)],
+            instance=instance,
+            more=["--sim-port-out", str(inbox.port)],
             serials={} if port is None else serials_for(f"udp:{port}"),
             arguments=build.arguments,
         )

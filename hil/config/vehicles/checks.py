@@ -15,7 +15,7 @@ from signals.errors import Problem
 # Settings that all vehicles of a run must have in common. Only their rigs can make them differ.
 SHARED_KEYS = ("tick_hz", "pace", "seed", "duration_s")
 _MAX_SYSTEM_ID = 250
-_BOARDS = frozenset({"px4_hitl", "ardupilot_eahrs"})
+_BOARD_PORTS = {"px4_hitl": ("port",), "ardupilot_eahrs": ("port", "mavlink_port")}
 
 
 def vehicles_problems(
@@ -34,10 +34,13 @@ def vehicles_problems(
     first, *others = configs
     for name in others:
         for key in SHARED_KEYS:
-            ours, theirs = getattr(configs[name], key), getattr(configs[first], key)
-            if ours != theirs:
-                message = f"the rig {configs[name].rig!r} sets {key} to {ours}, and that of {first} to {theirs}"
-                report(name, (), message, f"set {key} at the top of the file: all vehicles share it")
+            value, firsts = getattr(configs[name], key), getattr(configs[first], key)
+            if value != firsts:
+                message = f"the rig {configs[name].rig!r} sets {key} to {value}, and that of {first} to {firsts}"
+                # ArduPilot's main loop needs the highest rate; the mock and PX4 fly at any.
+                proposed = max(config.tick_hz for config in configs.values()) if key == "tick_hz" else firsts
+                hint = f"write `{key}: {'null' if proposed is None else proposed}` at the top of the file"
+                report(name, (), message, f"{hint}: all vehicles share it")
     for place, message, values_of in _UNIQUE:
         owner: dict[Hashable, str] = {}
         for name, config in configs.items():
@@ -50,12 +53,13 @@ def vehicles_problems(
             hint = "a mission, a companion with control: true, manual or router"
             report(name, (), "nobody flies this vehicle", hint)
         autopilot = config.autopilot
-        if autopilot.kind in _BOARDS and autopilot.port is None and len(configs) > 1:
-            message = f"is not set, and a rig of kind {autopilot.kind} cannot run twice on one board"
-            report(name, ("autopilot", "port"), message, "see `hil devices` for the ports of the boards")
+        for key in _board_ports(config) if len(configs) > 1 else ():
+            if getattr(autopilot, key) is None:
+                message = f"is not set, and a rig of kind {autopilot.kind} cannot run twice on one board"
+                report(name, ("autopilot", key), message, "usb:SERIAL with the serial number that `hil devices` shows")
         if autopilot.on_restart == "reset":
             report(name, ("autopilot", "on_restart"), "cannot be reset in a bench with several vehicles")
-        if autopilot.kind not in _BOARDS and autopilot.system_id > _MAX_SYSTEM_ID:
+        if not _board_ports(config) and autopilot.system_id > _MAX_SYSTEM_ID:
             report(name, ("autopilot", "instance"), f"gives the MAVLink system id {autopilot.system_id}, above 250")
     return problems + _start_problems(vehicles, located)
 
@@ -85,9 +89,15 @@ def _ports(config: BenchConfig) -> list[Hashable]:
     return [port for port in (autopilot.port, autopilot.mavlink_port) if port not in (None, "none")]
 
 
+def _board_ports(config: BenchConfig) -> tuple[str, ...]:
+    """Return the keys of the serial ports of an autopilot on a board; none for one that the bench starts."""
+    return () if config.autopilot.binary is not None else _BOARD_PORTS.get(config.autopilot.kind, ())
+
+
 def _instances(config: BenchConfig) -> list[Hashable]:
-    kind, port = config.autopilot.kind, config.autopilot.port
-    return [] if kind in _BOARDS or (kind == "mock" and port is not None) else [config.autopilot.instance]
+    autopilot = config.autopilot
+    on_a_port = bool(_board_ports(config)) or (autopilot.is_mock and autopilot.port is not None)
+    return [] if on_a_port else [autopilot.instance]
 
 
 def _companion_ports(config: BenchConfig) -> list[Hashable]:

@@ -11,7 +11,7 @@ from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.run.autopilots.ardupilot_sitl import frame_parameters
-from hil.run.autopilots.surroundings import Surroundings, firmware_build, free_running_settings, only_board
+from hil.run.autopilots.surroundings import Surroundings, firmware_build, free_running_settings, serial_path
 from signals.errors import PortNotFound
 from signals.geodesy import LocalFrame
 
@@ -30,6 +30,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
             near,
             far,
             home=around.home,
+            instance=autopilot.instance,
             parameters=sitl_parameters(
                 hover_control=vehicle.hover_control,
                 thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
@@ -45,8 +46,8 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
                 "with protocol 36), and autopilot.mavlink_port for its MAVLink; or --set autopilot.binary=PATH of your "
                 "own SITL build",
             )
-        sensor = SerialTransport(autopilot.port, baud=autopilot.baud, follow=True)
-        mavlink = SerialTransport(autopilot.mavlink_port or only_board(), baud=autopilot.baud, follow=True)
+        sensor = SerialTransport(serial_path(autopilot.port), baud=autopilot.baud, follow=True)
+        mavlink = SerialTransport(serial_path(autopilot.mavlink_port), baud=autopilot.baud, follow=True)
     params = autopilot.params
     return ExternalAhrsLink(
         sensor,

@@ -16,7 +16,7 @@ from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.run.autopilots.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters, motor_functions
-from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, timeouts
+from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, serial_path, timeouts
 
 MOCK_BOOT_SENSORS = 20
 
@@ -29,7 +29,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     start = None
     transport: Transport
     if autopilot.port is not None:
-        transport = SerialTransport(autopilot.port, baud=autopilot.baud)
+        transport = SerialTransport(serial_path(autopilot.port), baud=autopilot.baud)
     elif autopilot.transport == "loopback":
         airframe, params = airframe_and_params(bench)
         peer = MockPixhawk(

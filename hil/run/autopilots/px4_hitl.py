@@ -9,7 +9,7 @@ from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.run.autopilots.mock import mock_on_a_pty
 from hil.run.autopilots.rotor_parameters import px4_parameters
-from hil.run.autopilots.surroundings import Surroundings, free_running_settings, only_board
+from hil.run.autopilots.surroundings import Surroundings, free_running_settings, serial_path
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
@@ -23,7 +23,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     if autopilot.kind == "mock_hitl" and autopilot.port is None:
         transport, start = mock_on_a_pty(bench, around, 0, "--hitl")
     else:
-        transport = SerialTransport(autopilot.port or only_board(), baud=autopilot.baud, follow=True)
+        transport = SerialTransport(serial_path(autopilot.port), baud=autopilot.baud, follow=True)
     return FreeRunningLink(
         around.wrap(transport),
         LinkCaps(autopilot.kind, lockstep=False, deterministic=False, boot_sensors=0),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_bridge.devices.inventory import find_devices
+from firmware_bridge.devices.inventory import find_devices, port_hint
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkTimeouts
 from firmware_bridge.links.child_process import FirmwareBuild
@@ -25,6 +25,7 @@ from signals.rotation import yaw_of
 from sim.scene.scene import Site
 
 LOG_NAME = "autopilot.log"
+USB = "usb:"  # before the serial number of a USB device, in the place of a serial port
 WORK_FOLDER = "autopilot"  # working folder of firmware that the bench starts: parameters, missions, its logs
 State = NDArray[np.float64]  # of the vehicle: p_W [m], q_WB (w, x, y, z), then velocities
 
@@ -53,9 +54,9 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
 def check_ports(bench: Bench) -> None:
     """Check the serial ports of this bench's autopilot without opening one. Raises LinkError."""
     autopilot = bench.config.autopilot
-    for path in (autopilot.port, autopilot.mavlink_port):
-        if path is not None and not path.startswith(("udp:", "tcp:")) and path != "none":
-            check_port(path)
+    for port in (autopilot.port, autopilot.mavlink_port):
+        if port is not None and not port.startswith(("udp:", "tcp:")) and port != "none":
+            check_port(serial_path(port))
     if autopilot.kind == "px4_hitl" and autopilot.port is None:
         only_board()
 
@@ -97,6 +98,37 @@ def geodetic_from_W(autopilot_kind: str, site: Site, state: State) -> GeodeticFr
         return LocalFrame(site).geodetic_from_enu
     x, y, z = state[:3].tolist()
     return ardupilot_sitl_world(Place(*home_of(site, state)[:3]), (x, y, z))
+
+
+def serial_path(port: str | None) -> str:
+    """Return the path of a serial port of the bench: of the device `usb:SERIAL`, or of the only board if it is None.
+
+    Raises PortNotFound.
+    """
+    if port is None:
+        return only_board()
+    return usb_device(port.removeprefix(USB)) if port.startswith(USB) else port
+
+
+def usb_device(serial_number: str) -> str:
+    """Return the serial port of the USB device with this serial number. Raises PortNotFound.
+
+    Boards come before other serial ports, such as an adapter's; of a board's ports it is the first.
+    """
+    devices = find_devices()
+    boards = {(a.serial_number, a.port): a.board for a in devices.autopilots if a.port is not None}
+    adapters = {(p.serial_number, p.device): port_hint(p) for p in devices.ports if p.vendor_id is not None}
+    for found in (boards, adapters):
+        paths = [str(path) for number, path in found if number == serial_number]
+        if len(paths) == 1:
+            return paths[0]
+        if paths:
+            why = f"{len(paths)} USB devices have this serial number ({', '.join(paths)})"
+            raise PortNotFound(f"{USB}{serial_number}", f"{why}: set autopilot.port to a path")
+    named = [f"{USB}{number} ({kind}, {path})" for (number, path), kind in (boards | adapters).items() if number]
+    there = ", ".join(named) or "none with a serial number"
+    why = f"no USB device has this serial number. Here: {there}; see `hil devices`"
+    raise PortNotFound(f"{USB}{serial_number}", why)
 
 
 def only_board() -> str:

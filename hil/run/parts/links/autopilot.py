@@ -62,7 +62,8 @@ class AutopilotPart(Part):
             # The thread that prepares samples for a free-running autopilot must not wait for a processor.
             with self._in_real_time(link):
                 yield
-        elif link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None:
+        elif link.caps.lockstep and link.caps.busy_processors > 1 and config.pace is None and not config.name:
+            # The autopilots of several vehicles compute side by side, on all processors.
             with LockstepProcessors(link.pid, share=config.autopilot.share_processor) as self._processors:
                 if self._processors.shared:
                     run.scheduler.record_first = True

@@ -113,6 +113,20 @@ def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
             "cannot run twice on one board",
         ),
         (
+            "vehicles:\n  a: {}\n  b: {rig: ardupilot_eahrs, start: {p_W: [5, 0, 0]}, autopilot: {port: 'usb:1'}}",
+            "bench.yaml:5: autopilot.mavlink_port is not set, and a rig of kind ardupilot_eahrs cannot run twice",
+        ),
+        (
+            "vehicles:\n  a: {}\n  b: {rig: px4_hitl, start: {p_W: [5, 0, 0]}, autopilot: {port: 'usb:1'}}\n"
+            "  c: {rig: px4_hitl, start: {p_W: [9, 0, 0]}, autopilot: {port: 'usb:1'}}",
+            "autopilot.port usb:1 is also the port of b",
+        ),
+        (
+            "vehicles:\n  a: {}\n  b: {rig: ardupilot_sitl, start: {p_W: [5, 0, 0]}, autopilot: {start: false}}",
+            "bench.yaml:5: b: the rig 'ardupilot_sitl' sets tick_hz to 400, and that of a to 250 "
+            "(write `tick_hz: 400` at the top of the file: all vehicles share it)",
+        ),
+        (
             "router: {companion: 'tcp:127.0.0.1:5790'}\nvehicles: {a: {}, b: {start: {p_W: [5, 0, 0]}}}",
             "port 5790 is also used by the router of a",
         ),
