@@ -8,7 +8,7 @@ from pathlib import Path
 from hil.config.bench import Bench
 from hil.config.files import default_bench
 from hil.config.merge.loading import BenchLoading
-from hil.config.vehicles.resolve import with_vehicles
+from hil.config.vehicles.resolve import lone_vehicle_problems, with_vehicles
 from signals.errors import ConfigError, Problem
 
 MAX_PROBLEMS = 100
@@ -35,7 +35,11 @@ def load_bench(
     try:
         loading = BenchLoading(Path(path) if path is not None else default_bench(), options, settings)
         bench = loading.bench()
-        return with_vehicles(bench, loading, flown=flown) if bench.config.vehicles else bench
+        if bench.config.vehicles:
+            return with_vehicles(bench, loading, flown=flown)
+        if problems := lone_vehicle_problems(bench, loading):
+            raise ConfigError(problems)
+        return bench
     except ConfigError as error:
         raise ConfigError(_shortened(error.problems)) from None
 

@@ -18,7 +18,7 @@ def check_bench(choice: BenchChoice) -> str:
     if not bench.vehicles:
         return f"ok: {_facts(bench)}"
     lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
-    return "\n".join([f"ok: {len(lines)} vehicles in one world", *lines])
+    return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines])
 
 
 def _facts(bench: Bench) -> str:

@@ -14,7 +14,7 @@ from hil.config.schema import VEHICLE_NAME, BenchConfig
 from hil.config.vehicles.checks import SHARED_KEYS, vehicles_problems
 from hil.config.vehicles.formation import formation_offsets
 from signals.documents.document import Place
-from signals.documents.validate import at, shown
+from signals.documents.validate import COMMAND_LINE, at, nearest, shown
 from signals.errors import ConfigError, Problem
 from signals.samples import Vec3
 
@@ -54,9 +54,13 @@ def with_vehicles(bench: Bench, loading: BenchLoading, *, flown: bool = True) ->
 def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem]) -> dict[str, Place]:
     """Return the place of the settings of each vehicle by its name, in the order of the file."""
     settings = loading.settings
+    written = [key for key in config.vehicles if not settings.where(("vehicles", key)).startswith(COMMAND_LINE)]
     places: dict[str, Place] = {}
     for key, overlay in config.vehicles.items():
         place: Place = ("vehicles", key)
+        if settings.where(place).startswith(COMMAND_LINE) and isinstance(overlay, dict):
+            problems.append(at(settings, place, "is no vehicle of this bench", nearest(key, written)))
+            continue
         names = [key]
         if _NUMBER in key:
             if config.count is None:
@@ -151,3 +155,15 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
         message = f"differs from the bench in {', '.join(differing)}: {path}"
         raise ConfigError([at(loading.settings, place, message, "all vehicles of a run share these settings")])
     return vehicle
+
+
+def lone_vehicle_problems(bench: Bench, loading: BenchLoading) -> list[Problem]:
+    """Report settings of a bench with one vehicle that have a meaning only for several."""
+    config, hint = bench.config, "add the section `vehicles`, or leave it out"
+    given: list[tuple[Place, bool]] = [
+        (("count",), config.count is not None),
+        (("formation",), config.formation is not None),
+        (("autopilot", "on_loss"), config.autopilot.on_loss != "error" and not config.name),
+    ]
+    message = "has no meaning for one vehicle"
+    return [at(loading.settings, place, message, hint) for place, is_given in given if is_given]

@@ -143,6 +143,18 @@ def test_problems_are_named_with_their_line(tmp_path, text, expected):
     assert expected in problems(tmp_path, text)
 
 
+@pytest.mark.parametrize("text", ["count: 3", "formation: {}", "autopilot: {on_loss: go_on}"])
+def test_settings_for_several_vehicles_need_several(tmp_path, text):
+    assert f"bench.yaml:3: {text.split(':')[0]}" in problems(tmp_path, text)
+    assert "has no meaning for one vehicle" in problems(tmp_path, text)
+
+
+def test_an_option_for_a_vehicle_that_does_not_exist_is_refused(tmp_path):
+    text = problems(tmp_path, "vehicles: {lead: {}}", "vehicles.laed.mission=null")
+    assert "vehicles.laed" in text
+    assert "is no vehicle of this bench (did you mean 'lead'?)" in text
+
+
 def test_one_ground_station_serves_all_and_each_sdk_has_its_port(tmp_path):
     text = "router: {gcs: 'udp:127.0.0.1:14550', sdk: 'udp:127.0.0.1:14540'}\n"
     bench = load(tmp_path, text + "vehicles: {a: {}, b: {start: {p_W: [5, 0, 0]}}}")
