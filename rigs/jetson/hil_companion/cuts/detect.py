@@ -3,13 +3,15 @@
 The network is loaded and warmed up before this client connects, so a flight never waits for it. The vehicle's pose is
 estimated from IMU, GPS and barometer (`localiser` own), read from the true state (truth) or not used (none: boxes and
 ranges only). Ranges come from the topic `depth` if one is set, else from level ground; speeds from the points of the
-topic `radar`. Repeated sightings become a track with a position and a velocity in the world.
+topic `radar`. Repeated sightings become a track with a position and a velocity in the world, and the tracks of one
+object are joined.
 """
 
 from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Mapping, Sequence
 
 import numpy as np
@@ -21,17 +23,21 @@ from hil_companion.detections import Detections, Found
 from hil_companion.errors import CutError, OptionError
 from hil_companion.frame import Frame
 from hil_companion.link.protocol import Welcome
+from hil_companion.locate.existence import sighting_evidence
 from hil_companion.locate.geolocation import Camera, Geolocation, RadarView
 from hil_companion.locate.journal import Journal
+from hil_companion.locate.looks import look_of, object_pixels
+from hil_companion.locate.objects import Objects
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
 from hil_companion.locate.tiles import has_rival, pieces, without_duplicates
-from hil_companion.locate.tracks import Sighting, Tracks, box_colours
+from hil_companion.locate.tracks import Sighting, Tracks
 from hil_companion.navigation.inertial import NavState
 from hil_companion.navigation.rotation import matrix_of
 
 LOCALISERS = ("own", "truth", "none")
 TRUTH = "truth"
+PERSON = "person"
 _MAX_PIECES = 8  # along each side
 _WEAK_SHARE = 0.6  # of the threshold
 _TIMED_PICTURES = 50  # pictures between two updates of the computing time in the report
@@ -114,7 +120,8 @@ class Detect:
         return detector
 
     def _reset(self) -> None:
-        self._tracks = Tracks(int(self._settings.least_sightings))
+        self._tracks = Tracks()
+        self._objects = Objects(int(self._settings.least_sightings))
         self._reported: list[Found] = []
         self._detect_ms: list[float] = []  # computing time of each picture
         self._picture_count = self._box_count = self._boxes_without_place = 0
@@ -154,9 +161,11 @@ class Detect:
         depth_m = self._depth(frame, t_ns)
         # A box below the threshold can extend a track, unless another label is more likely there.
         found = [d for d in found if d.score >= self._threshold or (self._is_tracked(d) and not has_rival(d, found))]
-        found = self._geolocation.place(found, self._pose(frame, t_ns), depth_m, self._radar(frame))
-        colours = [box_colours(rgb, d.box_px) for d in found]
-        objects = self._track(found, colours, t_ns, by_depth=depth_m is not None)
+        pose = self._pose(frame, t_ns)
+        pixels = [object_pixels(rgb, d.box_px) if self._is_tracked(d) else None for d in found]
+        found = self._geolocation.place(found, pose, depth_m, self._radar(frame), pixels)
+        looks = [None if shown is None else look_of(shown, d.box_px) for d, shown in zip(found, pixels)]
+        objects = self._track(found, looks, t_ns, pose, depth_m)
         height, width = rgb.shape[:2]
         boxes = [d for d in found if d.score >= self._threshold]
         self.detections = Detections(self._settings.camera, t_ns, (width, height), boxes, objects)
@@ -165,7 +174,7 @@ class Detect:
         self._boxes_without_place += sum(d.p_W is None for d in boxes)
         self.report = self._report()
         if self._journal is not None:
-            self._journal.picture(frame.frame, t_ns, found, colours)
+            self._journal.picture(frame.frame, t_ns, found, looks)
         if self._pictures is not None:
             self._pictures.add(rgb, boxes, t_ns)
 
@@ -174,7 +183,7 @@ class Detect:
             self._pictures.close()
             self._pictures = None
         if self._journal is not None:
-            self._journal.close(self._tracks.found)
+            self._journal.close(self._objects.found(self._tracks.tracks))
             self._journal = None
 
     def _detect(self, rgb: np.ndarray) -> list[Any]:
@@ -229,23 +238,33 @@ class Detect:
             return None
         return RadarView(frame[topic], *self._radar_mount)
 
-    def _track(self, found: Sequence[Any], colours: Sequence[Any], t_ns: int, *, by_depth: bool) -> list[Found] | None:
-        """Add all boxes with a position to the tracks; return the reported tracks, None if they are unchanged."""
-        assert self._geolocation is not None
-        own_m = 0.0 if self._own_pose is None else self._own_pose.sigma_m
-        sightings = [
-            Sighting(
-                d.label,
-                d.p_W,
-                self._geolocation.sigma_m(d.range_m, own_m, by_depth=by_depth),
-                lab,
-                sure=d.score >= self._threshold,
-            )
-            for d, lab in zip(found, colours)
-            if d.p_W is not None and self._is_tracked(d) and not has_rival(d, found)
-        ]
-        self._tracks.add(t_ns, sightings)
-        objects = self._tracks.found
+    def _track(
+        self,
+        found: Sequence[Any],
+        looks: Sequence[np.ndarray | None],
+        t_ns: int,
+        pose: NavState | None,
+        depth_m: np.ndarray | None,
+    ) -> list[Found] | None:
+        """Add all boxes with a position to the tracks; return the objects to report, None if they are unchanged."""
+        geolocation, sightings = self._geolocation, []
+        assert geolocation is not None
+        own_m, yaw_rad = (
+            (0.0, 0.0) if self._own_pose is None else (self._own_pose.sigma_m, self._own_pose.yaw_sigma_rad)
+        )
+        for d, look in zip(found, looks):
+            if d.p_W is None or pose is None or not self._is_tracked(d) or has_rival(d, found):
+                continue
+            height_m = geolocation.height_m(d, pose)
+            by_depth = depth_m is not None
+            cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
+            evidence = sighting_evidence(d.score - self._threshold, height_m if d.label == PERSON else None)
+            sightings.append(Sighting(d.label, d.p_W, cov, look, sure=d.score >= self._threshold, evidence=evidence))
+        shows = None
+        if pose is not None and depth_m is not None:
+            shows = partial(geolocation.shows, pose=pose, depth_m=depth_m)
+        self._tracks.add(t_ns, sightings, shows)
+        objects = self._objects.found(self._tracks.tracks)
         if objects == self._reported:
             return None
         self._reported = objects

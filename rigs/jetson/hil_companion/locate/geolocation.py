@@ -2,7 +2,9 @@
 
 Depth    the middle of a box shows the object and its background. The object's depth is that of the nearest cluster:
          starting from the 25th percentile, three times the median of all depths within a tenth (0.6 m at least) of the
-         last value. A twig in front, a few wrong pixels or metres of pixel noise change it little.
+         last value. A twig in front, a few wrong pixels or metres of pixel noise change it little. If the object's own
+         pixels are known (`looks.object_pixels`), only their depths count. The object's surface is `_FRONT_M` before
+         its middle.
 Ground   without depth: the intersection of the ray through the middle of the box's lower edge with level ground.
 Radar    the strongest point in the direction of the box and, if the range is known, at about that range.
 """
@@ -17,15 +19,24 @@ import cv2
 import numpy as np
 
 from hil_companion.errors import CutError
+from hil_companion.locate.looks import ObjectPixels
 from hil_companion.navigation.inertial import NavState
 from hil_companion.navigation.rotation import matrix_of
 
-# Standard deviation of a position due to box, lens and attitude: a constant [m] and a share of the range.
-_DEPTH_SIGMA, _GROUND_SIGMA = (0.25, 0.025), (0.5, 0.06)
+# Standard deviation of a position along the view: a constant [m], and factors of the range and of its square, as the
+# error of a stereo camera grows; and across it, due to box, lens and attitude.
+_DEPTH_SIGMA, _GROUND_SIGMA = (0.1, 0.0, 0.0004), (0.5, 0.06, 0.0)
+_ACROSS_SIGMA = (0.12, 0.004)
+_ONE_PERSON_M, _PER_EXCESS = 2.1, 2.0
+# A picture should show an object that is this high in it, this far inside its edges, and not this far behind its depth.
+_PERSON_M, _SHOWN_PX, _INSIDE_PX, _BEHIND_M, _AROUND_PX = 1.65, 22.0, 25.0, 1.0, 4
 _MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # part of the box that shows mostly the object
-_NEAR_SHARE, _CLUSTER_SHARE, _CLUSTER_M, _ROUNDS = 0.25, 0.1, 0.6, 3
-_MIN_PIXELS, _MAX_DEPTH_M = 4, 1000.0
+_NEAR_SHARE, _OWN_SHARE, _CLUSTER_SHARE, _CLUSTER_M, _ROUNDS = 0.25, 0.4, 0.1, 0.6, 3
+_MIN_PIXELS, _OWN_PIXELS, _MAX_DEPTH_M = 4, 8, 1000.0
+_ABOVE_FEET = 0.8  # upper part of the box
+_FRONT_M = 0.15  # a person's surface is this much nearer than the middle
 _EDGE_PX = 1.5  # a box that ends this near to the picture's lower edge does not show the object's lower end
+_MIN_LEVEL = 0.35  # level part of a unit ray; in a steeper view the height of a box says little
 _MIN_DOWN = 0.05  # downward component of a unit ray; with a flatter ray the range is too uncertain
 _ANGLE_RAD, _RANGE_M, _RANGE_SHARE = 0.06, 1.0, 0.1  # tolerances of a radar point, besides half the box's angle
 
@@ -46,6 +57,7 @@ class Camera:
         try:
             self.size_px = (int(entries["width"]), int(entries["height"]))
             self._K = np.asarray(entries["camera_matrix"], float).reshape(3, 3)
+            self.focal_px = float(self._K[1, 1])
             self._d = np.asarray(entries["coefficients"], float)
             self._fisheye = entries["distortion"] == _FISHEYE
             self.p_BC = np.asarray(entries["p_BC"], float).reshape(3)
@@ -70,21 +82,38 @@ class Camera:
         return np.asarray(project(points, np.zeros(3), np.zeros(3), self._K, self._d)[0]).reshape(-1, 2) + 0.5
 
 
-def depth_in(depth_m: np.ndarray, box_px: Box) -> float | None:
+def depth_in(depth_m: np.ndarray, box_px: Box, pixels: ObjectPixels | None = None) -> float | None:
     """Return the planar depth [m] of the object in the box; None if too few pixels have a depth."""
+    if pixels is not None:
+        upper = pixels.shown & _upper_rows(pixels, box_px)[:, np.newaxis]
+        values = _valid(depth_m[pixels.rows, pixels.columns][upper])
+        if len(values) >= _OWN_PIXELS:
+            return _nearest_cluster(values, _OWN_SHARE)
     height, width = depth_m.shape[:2]
     x0, y0, x1, y1 = box_px
     left, right = (x0 + share * (x1 - x0) for share in _MIDDLE_X)
     top, bottom = (y0 + share * (y1 - y0) for share in _MIDDLE_Y)
     columns = slice(max(0, math.floor(left)), min(width, max(math.ceil(right), math.floor(left) + 2)))
     rows = slice(max(0, math.floor(top)), min(height, max(math.ceil(bottom), math.floor(top) + 2)))
-    values = np.asarray(depth_m[rows, columns], float).ravel()
-    values = values[np.isfinite(values) & (values > 0.0) & (values < _MAX_DEPTH_M)]
-    if len(values) < _MIN_PIXELS:
-        return None
+    values = _valid(depth_m[rows, columns])
+    return None if len(values) < _MIN_PIXELS else _nearest_cluster(values, _NEAR_SHARE)
+
+
+def _upper_rows(pixels: ObjectPixels, box_px: Box) -> np.ndarray:
+    """Return the rows of the box above the feet, beside which the ground is as near as the object."""
+    y = np.arange(pixels.rows.start, pixels.rows.stop) + 0.5
+    return y < box_px[1] + _ABOVE_FEET * (box_px[3] - box_px[1])
+
+
+def _valid(depth_m: np.ndarray) -> np.ndarray:
+    values = np.asarray(depth_m, float).ravel()
+    return values[np.isfinite(values) & (values > 0.0) & (values < _MAX_DEPTH_M)]
+
+
+def _nearest_cluster(values: np.ndarray, share: float) -> float:
     # The lower median is one of the depths; a mean could fall between two clusters, where no depth lies.
-    values.sort()
-    depth = float(values[int(_NEAR_SHARE * (len(values) - 1))])
+    values = np.sort(values)
+    depth = float(values[int(share * (len(values) - 1))])
     for _ in range(_ROUNDS):
         cluster = values[np.abs(values - depth) <= max(_CLUSTER_M, _CLUSTER_SHARE * depth)]
         depth = float(cluster[(len(cluster) - 1) // 2])
@@ -154,17 +183,86 @@ class Geolocation:
         self._ground_z_m = ground_z_m
 
     def place(
-        self, boxes: Sequence[Any], pose: NavState | None, depth_m: np.ndarray | None, radar: RadarView | None
+        self,
+        boxes: Sequence[Any],
+        pose: NavState | None,
+        depth_m: np.ndarray | None,
+        radar: RadarView | None,
+        pixels: Sequence[ObjectPixels | None] | None = None,
     ) -> list[Any]:
-        """Return the same detections with range, speed and position, each None if it is unknown."""
-        return [self._placed(box, pose, depth_m, radar) for box in boxes]
+        """Return the same detections with range, speed and position, each None if it is unknown.
 
-    def sigma_m(self, range_m: float, own_sigma_m: float, *, by_depth: bool) -> float:
-        """Return the horizontal standard deviation of a position, per axis [m]."""
-        fixed_m, share = _DEPTH_SIGMA if by_depth else _GROUND_SIGMA
-        return float(np.hypot(fixed_m + share * range_m, own_sigma_m))
+        `pixels`: for each box, the pixels that show its object.
+        """
+        own = [None] * len(boxes) if pixels is None else pixels
+        return [self._placed(box, pose, depth_m, radar, shown) for box, shown in zip(boxes, own)]
 
-    def _placed(self, box: Any, pose: NavState | None, depth_m: np.ndarray | None, radar: RadarView | None) -> Any:
+    def covariance(
+        self,
+        p_W: Sequence[float],
+        pose: NavState,
+        own_sigma_m: float,
+        yaw_sigma_rad: float,
+        *,
+        by_depth: bool,
+        height_m: float | None = None,
+    ) -> np.ndarray:
+        """Return the covariance (2, 2) of a position's x and y [m2].
+
+        Along the view it is that of the range, across that of the box, the heading and the vehicle's own position. A
+        box higher than a person shows two, and its range may be that of either.
+        """
+        away = np.array(p_W[:2]) - np.array(pose.p[:2])
+        range_m = max(float(np.linalg.norm(np.array(p_W) - np.array(pose.p))), 1e-3)
+        fixed_m, share, square = _DEPTH_SIGMA if by_depth else _GROUND_SIGMA
+        excess_m = 0.0 if height_m is None else _PER_EXCESS * max(0.0, height_m - _ONE_PERSON_M)
+        along_m = math.hypot(fixed_m + share * range_m + square * range_m * range_m, own_sigma_m, excess_m)
+        across_m = math.hypot(_ACROSS_SIGMA[0] + _ACROSS_SIGMA[1] * range_m, range_m * yaw_sigma_rad, own_sigma_m)
+        unit = away / max(float(np.linalg.norm(away)), 1e-3)
+        return across_m**2 * np.eye(2) + (along_m**2 - across_m**2) * np.outer(unit, unit)
+
+    def height_m(self, box: Any, pose: NavState | None) -> float | None:
+        """Return the height of a box's upright object; None without a position.
+
+        The rays through the middles of the box's upper and lower edge, at the object's horizontal distance.
+        """
+        if box.p_W is None or pose is None:
+            return None
+        x0, y0, x1, y1 = box.box_px
+        rays_W = (
+            self.camera.rays_C([(0.5 * (x0 + x1), y0), (0.5 * (x0 + x1), y1)])
+            @ (matrix_of(pose.q) @ self.camera.R_BC).T
+        )
+        p_WC = np.array(pose.p) + matrix_of(pose.q) @ self.camera.p_BC
+        away_m = math.hypot(box.p_W[0] - p_WC[0], box.p_W[1] - p_WC[1])
+        level = np.hypot(rays_W[:, 0], rays_W[:, 1])
+        if level.min() < _MIN_LEVEL * np.linalg.norm(rays_W, axis=1).max():
+            return None  # seen from above
+        top_m, bottom_m = (away_m * rays_W[:, 2] / level).tolist()
+        return float(top_m - bottom_m)
+
+    def shows(self, p_W: Sequence[float], pose: NavState, depth_m: np.ndarray) -> bool:
+        """Return True if a picture taken at `pose` should show a person at a position: near, inside, not hidden."""
+        camera = self.camera
+        R_WB = matrix_of(pose.q)
+        p_C = (R_WB @ camera.R_BC).T @ (np.array(p_W) - np.array(pose.p) - R_WB @ camera.p_BC)
+        if p_C[2] <= 1.0 or camera.focal_px * _PERSON_M < _SHOWN_PX * float(np.linalg.norm(p_C)):
+            return False
+        width, height = camera.size_px
+        u, v = camera.pixels([p_C])[0].tolist()
+        if not (_INSIDE_PX < u < width - _INSIDE_PX and _INSIDE_PX < v < height - _INSIDE_PX):
+            return False
+        around = depth_m[int(v) - _AROUND_PX : int(v) + _AROUND_PX + 1, int(u) - _AROUND_PX : int(u) + _AROUND_PX + 1]
+        return bool(np.median(around) > p_C[2] - _BEHIND_M)
+
+    def _placed(
+        self,
+        box: Any,
+        pose: NavState | None,
+        depth_m: np.ndarray | None,
+        radar: RadarView | None,
+        shown: ObjectPixels | None,
+    ) -> Any:
         camera = self.camera
         x0, y0, x1, y1 = box.box_px
         middle, foot = (0.5 * (x0 + x1), 0.5 * (y0 + y1)), (0.5 * (x0 + x1), y1)
@@ -175,14 +273,15 @@ class Geolocation:
             R_WC, p_WC = R_WB @ camera.R_BC, np.array(pose.p) + R_WB @ camera.p_BC
         range_m, ray = None, rays[0]
         if depth_m is not None:
-            z_m = depth_in(depth_m, box.box_px)
+            z_m = depth_in(depth_m, box.box_px, shown)
             range_m = None if z_m is None else z_m * float(np.linalg.norm(ray))
         elif R_WC is not None and p_WC is not None and shows_feet(box.box_px, camera.size_px[1]):
             ray = rays[5]
             range_m = ground_range(p_WC, R_WC, ray, self._ground_z_m)
         p_W = None
         if range_m is not None and R_WC is not None and p_WC is not None:
-            x, y, z = (p_WC + R_WC @ (ray / np.linalg.norm(ray)) * range_m).tolist()
+            to_middle_m = range_m if depth_m is None else range_m + _FRONT_M
+            x, y, z = (p_WC + R_WC @ (ray / np.linalg.norm(ray)) * to_middle_m).tolist()
             p_W = (x, y, z)
         speed = None
         if radar is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import IO, Any, Sequence
 
@@ -10,6 +11,10 @@ from hil_companion.detections import Found
 from hil_companion.errors import CutError
 
 LINES_NAME, FOUND_NAME = "detections.jsonl", "found.json"
+
+
+def _rounded(look: Any) -> list[float | None] | None:
+    return None if look is None else [round(v, 1) if math.isfinite(v) else None for v in look.tolist()]
 
 
 class Journal:
@@ -22,8 +27,8 @@ class Journal:
         except OSError as error:
             raise CutError(f"detect: {folder / LINES_NAME} cannot be written ({error.strerror or error})") from error
 
-    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any], colours: Sequence[Any]) -> None:
-        """Append one picture's boxes. `colours`: of each box, six CIE L*a*b* numbers or None."""
+    def picture(self, frame: int, t_capture_ns: int, boxes: Sequence[Any], looks: Sequence[Any]) -> None:
+        """Append one picture's boxes. `looks`: of each box, six CIE L*a*b* numbers, NaN if unknown, or None."""
         rows = [
             {
                 "label": d.label,
@@ -32,9 +37,11 @@ class Journal:
                 "range_m": d.range_m,
                 "radial_speed_mps": d.radial_speed_mps,
                 "p_W": d.p_W,
-                "look_lab": None if lab is None else [round(float(v), 1) for v in lab],
+                "look_lab": None
+                if look is None
+                else [round(v, 1) if math.isfinite(v) else None for v in look.tolist()],
             }
-            for d, lab in zip(boxes, colours)
+            for d, look in zip(boxes, looks)
         ]
         try:
             self._lines.write(json.dumps({"frame": frame, "t_capture_ns": t_capture_ns, "boxes": rows}) + "\n")
