@@ -314,7 +314,9 @@ class Search(Section):
     gate_m: Annotated[float, Field(gt=0, le=100)] = 4.0  # a report farther from every object is false
     min_found_share: Annotated[float, Field(ge=0, le=1)] | None = 0.9  # of the visible objects
     max_error_m: Annotated[float, Field(gt=0)] | None = 2.0  # median, horizontal
+    max_worst_error_m: Annotated[float, Field(gt=0)] | None = None
     max_false: Annotated[int, Field(ge=0)] | None = None
+    max_doubles: Annotated[int, Field(ge=0)] | None = None  # further reports of objects that already have one
     count_duplicates: bool = False  # a second report of one object is false too
 
 

@@ -9,6 +9,7 @@ found          a visible person with an object of the client within `gate_m` at 
 found_share    found people divided by visible people
 error_m        median over the found people: horizontal distance of the object with most sightings from the person at
                the time of that object's last sighting
+worst_error_m  the greatest of these distances
 false_objects  objects without a person of the class within `gate_m`, visible or not
 doubles        further objects of a person who already has one; added to the false objects if `count_duplicates` is on
 """
@@ -213,11 +214,12 @@ def judge_search(result: SearchResult, search: Search) -> tuple[list[Row], list[
     elif not result.visible:
         reasons.append(f"no {search.label!r} was visible to the camera during the flight: fly where there is one")
     false_count = result.false_objects + (result.doubles if search.count_duplicates else 0)
-    max_false = None if search.max_false is None else float(search.max_false)
     rows, failed = rows_within(
         ("found_share", result.found_share, search.min_found_share, "", True),
         ("search_error_m", result.error_m, search.max_error_m, "m", False),
-        ("false_objects", float(false_count), max_false, "", False),
+        ("worst_search_error_m", result.worst_error_m, search.max_worst_error_m, "m", False),
+        ("false_objects", float(false_count), search.max_false, "", False),
+        ("double_objects", float(result.doubles), search.max_doubles, "", False),
     )
     return rows, [*reasons, *failed]
 

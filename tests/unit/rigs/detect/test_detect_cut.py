@@ -52,7 +52,7 @@ def test_people_are_reported_with_range_place_and_number_and_saved(tmp_path: Pat
     cut.start(welcome())
     boxes = {7: (150, 90, 170, 140), 9: (40, 60, 60, 110)}
     told = []
-    for k in range(5):
+    for k in range(12):
         assert cut(frame(k, boxes)) is None  # it commands nothing
         assert cut.detections is not None
         told.append(cut.detections)
@@ -60,15 +60,15 @@ def test_people_are_reported_with_range_place_and_number_and_saved(tmp_path: Pat
     assert {d.box_px for d in told[0].boxes} == {(150, 90, 170, 140), (40, 60, 60, 110)}
     for one in told[0].boxes:
         assert one.range_m == pytest.approx(12.0 * np.linalg.norm(np.array([*_ray(one.box_px), 1.0])), rel=1e-6)
-    assert told[0].objects is None  # no track is reported after one sighting
-    assert told[2].objects is not None
-    assert [one.sightings for one in told[2].objects] == [3, 3]
-    assert told[4].as_map()["objects"][0][0] == 0
-    assert cut.report["pictures"] == 5
+    assert not any(d.objects for d in told[:2])  # no object is reported after fewer than three sightings
+    assert told[11].objects is not None
+    assert [one.sightings for one in told[11].objects] == [12, 12]
+    assert told[11].as_map()["objects"][0][0] == 0
+    assert cut.report["pictures"] == 12
     assert cut.report["objects"] == 2
     cut.stop()
     lines = [json.loads(line) for line in (tmp_path / "left" / "detections.jsonl").read_text().splitlines()]
-    assert [len(line["boxes"]) for line in lines] == [2] * 5
+    assert [len(line["boxes"]) for line in lines] == [2] * 12
     found = json.loads((tmp_path / "left" / "found.json").read_text())
     assert found[0]["label"] == "person"
     assert (tmp_path / "left" / "report.png").read_bytes().startswith(b"\x89PNG")
@@ -100,9 +100,9 @@ def test_without_depth_ranges_come_from_the_ground_and_without_a_pose_there_are_
 def test_a_frame_without_a_picture_is_no_news_and_another_session_begins_anew() -> None:
     cut = StandIn(localiser="truth", depth="front/depth")
     cut.start(welcome())
-    for k in range(4):
+    for k in range(12):
         cut(frame(k, {7: (150, 90, 170, 140)}))
-    quiet = frame(5, {})
+    quiet = frame(12, {})
     del quiet.samples["front/rgb"]
     cut(quiet)
     assert cut.detections is None

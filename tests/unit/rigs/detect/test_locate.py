@@ -1,4 +1,4 @@
-"""Geolocation against closed forms: camera, ranges, pieces of a picture, and tracks."""
+"""Geolocation against closed forms: camera, ranges, covariances, pieces of a picture, and the own pose."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from hil_companion.locate.geolocation import (  # noqa: E402
     depth_in,
     ground_range,
 )
+from hil_companion.locate.looks import object_pixels  # noqa: E402
 from hil_companion.locate.own_pose import OwnPose  # noqa: E402
 from hil_companion.locate.tiles import has_rival, pieces, without_duplicates  # noqa: E402
-from hil_companion.locate.tracks import Sighting, Tracks, box_colours, colour_difference  # noqa: E402
 from hil_companion.navigation.inertial import NavState  # noqa: E402
 
 SECOND = 1_000_000_000
@@ -130,57 +130,6 @@ def test_pieces_cover_a_picture_and_doubles_go() -> None:
     assert without_duplicates([whole, near, car, cut]) == [cut, car, near]
 
 
-def seen_at(x: float, y: float, look: np.ndarray | None = None) -> Sighting:
-    return Sighting("person", (x, y, 0.9), 0.4, look)
-
-
-def test_standing_and_crossing_people_keep_their_numbers() -> None:
-    rng = np.random.default_rng(3)
-    tracks = Tracks(least=3)
-    ways = [lambda t: (5.0, 5.0), lambda t: (-6.0 + 1.3 * t, 0.3), lambda t: (6.0 - 1.3 * t, -1.4)]
-    for k in range(40):
-        t = 0.25 * k
-        tracks.add(round(t * SECOND), [seen_at(*(np.array(way(t)) + 0.15 * rng.standard_normal(2))) for way in ways])
-    found = tracks.found
-    assert [one.sightings for one in found] == [40, 40, 40]
-    for one, way in zip(found, ways, strict=True):
-        assert math.dist(one.p_W[:2], way(one.t_ns / SECOND)) < 0.4
-    assert found[1].v_W[0] == pytest.approx(1.3, abs=0.25)
-    tracks.add(60 * SECOND, [seen_at(5.1, 4.9)])  # he has not moved
-    assert [one.sightings for one in tracks.found] == [41, 40, 40]
-
-
-def test_a_returning_walker_is_recognised_by_colours() -> None:
-    red, blue = np.array([50.0, 60.0, 40.0] * 2), np.array([40.0, 10.0, -50.0] * 2)
-    for look, people in ((red + 2.0, 1), (blue, 2)):
-        tracks = Tracks(least=3)
-        for k in range(12):
-            tracks.add(k * SECOND // 4, [seen_at(1.2 * 0.25 * k, 0.0, red)])
-        for k in range(12):
-            tracks.add((15 * 4 + k) * SECOND // 4, [seen_at(17.0 + 0.3 * k, 2.0, look)])
-        assert len(tracks.found) == people
-
-
-def test_a_single_sighting_is_no_person() -> None:
-    tracks = Tracks(least=3)
-    for k in range(20):
-        tracks.add(k * SECOND, [seen_at(10.0 * k, 50.0)])
-    assert tracks.found == []
-
-
-def test_weak_sightings_continue_tracks_and_begin_none() -> None:
-    tracks = Tracks(least=3)
-    for k in range(20):
-        sure = 5 <= k < 8
-        seen = [
-            Sighting("person", (2.0, 0.0, 0.9), 0.4, None, sure),
-            Sighting("person", (9.0, 0.0, 0.9), 0.4, None, False),
-        ]
-        tracks.add(k * SECOND // 2, seen)
-    (one,) = tracks.found
-    assert (one.number, one.sightings) == (0, 20)
-
-
 def test_a_box_under_a_surer_one_of_another_label_has_a_rival() -> None:
     person, bin_ = Detection("person", (10, 10, 30, 60), 0.5), Detection("bin", (11, 12, 31, 61), 0.6)
     behind = Detection("house", (0, 0, 300, 200), 0.9)
@@ -190,17 +139,57 @@ def test_a_box_under_a_surer_one_of_another_label_has_a_rival() -> None:
     assert not has_rival(person, [person, Detection("bench", (11, 12, 31, 61), 0.6)])
 
 
-def test_colours_tell_clothes_apart() -> None:
-    rgb = np.full((60, 60, 3), 90, np.uint8)
-    rgb[10:30, 20:40], rgb[30:50, 20:40] = (200, 30, 30), (20, 20, 90)
-    one = box_colours(rgb, (20, 10, 40, 50))
-    assert one is not None
-    shaded = box_colours((rgb * 0.8).astype(np.uint8), (20, 10, 40, 50))
-    other = box_colours(rgb[:, :, ::-1].copy(), (20, 10, 40, 50))
-    assert shaded is not None
-    assert other is not None
-    assert colour_difference(one, shaded) < 12.0 < 30.0 < colour_difference(one, other)
-    assert box_colours(rgb, (20, 10, 24, 20)) is None
+def test_the_depth_of_a_thin_object_is_that_of_its_own_pixels() -> None:
+    depth, rgb = np.full((HEIGHT, WIDTH), 30.0), np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    object_ = np.s_[100:140, 160:162]  # a twelfth of the box's width
+    depth[object_], rgb[object_] = 25.0, (200, 30, 30)
+    box = (148.0, 100.0, 173.0, 140.0)
+    assert depth_in(depth, box) == 30.0
+    assert depth_in(depth, box, object_pixels(rgb, box)) == 25.0
+    depth[object_] = np.nan  # without a depth of their own, all pixels count
+    assert depth_in(depth, box, object_pixels(rgb, box)) == 30.0
+
+
+def test_a_position_is_less_sure_along_the_view_and_the_heading_moves_it_across() -> None:
+    place, at = Geolocation(Camera("front", calibration()), ground_z_m=0.0), pose(0.0, 0.0, 0.0, 0.0)
+    cov = place.covariance((40.0, 0.0, 0.0), at, 0.0, 0.0, by_depth=True)
+    assert cov[0, 0] == pytest.approx((0.1 + 0.0004 * 40.0**2) ** 2)
+    assert cov[1, 1] == pytest.approx((0.12 + 0.004 * 40.0) ** 2)
+    assert cov[0, 1] == pytest.approx(0.0, abs=1e-12)
+    turned = place.covariance((0.0, 40.0, 0.0), at, 0.0, 0.02, by_depth=True)
+    assert turned[0, 0] == pytest.approx(cov[1, 1] + (40.0 * 0.02) ** 2)
+    assert turned[1, 1] == pytest.approx(cov[0, 0])
+    two_people = place.covariance((40.0, 0.0, 0.0), at, 0.0, 0.0, by_depth=True, height_m=3.1)
+    assert two_people[0, 0] == pytest.approx(cov[0, 0] + 2.0**2)
+
+
+def test_the_height_of_a_box_is_that_of_its_upright_object() -> None:
+    camera, at = Camera("front", calibration()), pose(0.0, 0.0, 10.0, 0.0)
+    R_WB_C = camera.R_BC
+    feet, head = (np.array([12.1, 0.0, z]) for z in (0.0, 1.7))
+    (u, bottom), (_, top) = camera.pixels(np.array([feet, head]) @ R_WB_C - (np.array([0.1, 0.0, 9.95]) @ R_WB_C))
+    box = Detection("person", (u - 4.0, top, u + 4.0, bottom), 0.9, p_W=(12.1, 0.0, 0.85))
+    place = Geolocation(camera, ground_z_m=0.0)
+    assert place.height_m(box, at) == pytest.approx(1.7, abs=1e-6)
+    assert place.height_m(box, None) is None
+    assert place.height_m(box, NavState(0, (0, 0, 10), (0, 0, 0), _nose_down())) is None  # seen from above
+
+
+def _nose_down() -> tuple[float, float, float, float]:
+    half = 0.5 * math.radians(90.0 - PITCH_DEG)
+    return (math.cos(half), 0.0, math.sin(half), 0.0)
+
+
+def test_a_picture_shows_what_is_near_inside_and_not_hidden() -> None:
+    place, at = Geolocation(Camera("front", calibration()), ground_z_m=0.0), pose(0.0, 0.0, 10.0, 0.0)
+    clear = np.full((HEIGHT, WIDTH), 60.0)
+    person = (10.0, 0.0, 0.9)
+    assert place.shows(person, at, clear)
+    assert place.shows(person, at, np.full((HEIGHT, WIDTH), np.inf))
+    assert not place.shows(person, at, np.full((HEIGHT, WIDTH), 6.0))  # behind a wall
+    assert not place.shows((-10.0, 0.0, 0.9), at, clear)  # behind the camera
+    assert not place.shows((10.0, 14.0, 0.9), at, clear)  # beside the picture
+    assert not place.shows((25.0, 0.0, 0.9), at, clear)  # too small: 200 px * 1.65 m / 26.6 m
 
 
 def frame(t_ns: int, **topics: Any) -> Any:
@@ -245,6 +234,17 @@ def test_own_pose_follows_gps_and_says_when_it_is_lost() -> None:
             assert own.sigma_m < 0.3
     assert not own.ok
     assert own.at(t_ns) is None
+
+
+def test_the_gyros_bias_is_learned_before_take_off() -> None:
+    own, dt, bias = OwnPose((0.0, 0.0, 0.23, 0.3)), 0.5, (0.001, -0.002, 0.004)
+    for k in range(13):
+        t_ns = [round((k * dt + 0.004 * (i + 1)) * SECOND) for i in range(125)]
+        rows = {"t_capture_ns": t_ns, "gyro_radps": [bias] * 125, "accel_mps2": [(0.0, 0.0, 9.80665)] * 125}
+        own.update(frame(t_ns[-1], imu=rows))
+    assert own._filter.gyro_bias == pytest.approx(bias, abs=4e-4)
+    assert own._filter.yaw_rad == pytest.approx(0.3, abs=0.003)  # 0.026 rad off without the correction
+    assert own.yaw_sigma_rad < 0.006
 
 
 @pytest.mark.parametrize("near", range(1, 36))

@@ -110,7 +110,9 @@ def test_a_flight_past_a_person_is_measured_and_written(frames: Any, camera: Any
     assert [(row.name, row.ok) for row in rows] == [
         ("found_share", True),
         ("search_error_m", True),
+        ("worst_search_error_m", True),
         ("false_objects", True),
+        ("double_objects", True),
     ]
     assert reasons == []
     measurement.write(tmp_path)
@@ -126,14 +128,24 @@ def test_each_missed_limit_fails_with_a_reason() -> None:
         PersonResult("b", True, 9, 300, (5.0, 0.0), (9.0, 0.0), 4.0, 1.0, (0,)),
     )
     poor = SearchResult("detect", 2, 1, 0.5, 3.5, 3.5, 4, 1, 6, people)
-    rows, reasons = judge_search(poor, Search(max_false=4, count_duplicates=True))
-    assert [row.ok for row in rows] == [False, False, False]
-    assert [reason.split()[0] for reason in reasons] == ["found_share", "search_error_m", "false_objects"]
+    limits = Search(max_false=4, count_duplicates=True, max_worst_error_m=1.5, max_doubles=0)
+    rows, reasons = judge_search(poor, limits)
+    assert [row.ok for row in rows] == [False] * 5
+    names = ["found_share", "search_error_m", "worst_search_error_m", "false_objects", "double_objects"]
+    assert [reason.split()[0] for reason in reasons] == names
+    rows, _ = judge_search(poor, Search(max_false=4, max_doubles=1))
+    assert [row.ok for row in rows] == [False, False, True, True, True]  # at the limits, and without one
     _, silent = judge_search(SearchResult(), Search())
     assert "no client sent a list" in silent[0]
     _, empty = judge_search(SearchResult(client="detect"), Search())
     assert "no 'person' was visible" in empty[0]
     assert judge_search(SearchResult(client="detect", visible=1, found=1, found_share=1.0, error_m=np.nan), Search())[1]
+
+
+def test_the_shipped_bench_judges_false_and_double_objects_and_the_worst_error() -> None:
+    search = load_bench(ROOT / "rigs" / "people_search.yaml").config.search
+    assert search is not None
+    assert (search.max_false, search.max_doubles, search.max_worst_error_m) == (1, 1, 1.5)
 
 
 def test_a_bench_that_cannot_judge_a_search_is_refused() -> None:

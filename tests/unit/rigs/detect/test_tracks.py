@@ -1,0 +1,166 @@
+"""Tracks, evidence and identity against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.config.companion.clients import make_client_importable
+
+make_client_importable()
+
+from hil_companion.locate.existence import MISS, object_odds, sighting_evidence  # noqa: E402
+from hil_companion.locate.objects import Objects, place_ratio  # noqa: E402
+from hil_companion.locate.tracks import Sighting, Tracks  # noqa: E402
+
+SECOND = 1_000_000_000
+SIGMA_M = 0.4
+RED, BLUE = np.array([50.0, 60.0, 40.0] * 2), np.array([40.0, 10.0, -50.0] * 2)
+
+
+def seen_at(
+    x: float, y: float, look: np.ndarray | None = None, *, sure: bool = True, evidence: float = 1.0
+) -> Sighting:
+    return Sighting("person", (x, y, 0.9), np.eye(2) * SIGMA_M**2, look, sure, evidence)
+
+
+def walk(tracks: Tracks, from_s: float, look: np.ndarray | None, x: float, y: float, *, speed_mps: float = 1.2) -> None:
+    """Add three seconds of somebody who walks east."""
+    for k in range(12):
+        tracks.add(round((from_s + 0.25 * k) * SECOND), [seen_at(x + speed_mps * 0.25 * k, y, look)])
+
+
+def test_standing_and_crossing_people_keep_their_numbers() -> None:
+    rng = np.random.default_rng(3)
+    tracks = Tracks()
+    ways = [lambda t: (5.0, 5.0), lambda t: (-6.0 + 1.3 * t, 0.3), lambda t: (6.0 - 1.3 * t, -1.4)]
+    for k in range(40):
+        t = 0.25 * k
+        tracks.add(round(t * SECOND), [seen_at(*(np.array(way(t)) + 0.15 * rng.standard_normal(2))) for way in ways])
+    found = Objects(least=3).found(tracks.tracks)
+    assert [one.sightings for one in found] == [40, 40, 40]
+    for one, way in zip(found, ways, strict=True):
+        assert math.dist(one.p_W[:2], way(one.t_ns / SECOND)) < 0.4
+    assert found[1].v_W[0] == pytest.approx(1.3, abs=0.25)
+    tracks.add(60 * SECOND, [seen_at(5.1, 4.9)])  # he has not moved
+    assert [one.sightings for one in Objects(least=3).found(tracks.tracks)] == [41, 40, 40]
+
+
+def test_a_single_sighting_is_no_person() -> None:
+    tracks = Tracks()
+    for k in range(20):
+        tracks.add(k * SECOND, [seen_at(10.0 * k, 50.0)])
+    assert Objects(least=3).found(tracks.tracks) == []
+
+
+def test_weak_sightings_continue_tracks_and_begin_none() -> None:
+    tracks = Tracks()
+    for k in range(20):
+        seen = [seen_at(2.0, 0.0, sure=5 <= k < 8), seen_at(9.0, 0.0, sure=False)]
+        tracks.add(k * SECOND // 2, seen)
+    (one,) = Objects(least=3).found(tracks.tracks)
+    assert (one.number, one.sightings) == (0, 20)
+
+
+def test_an_uncertain_range_moves_a_track_across_the_view_only() -> None:
+    tracks = Tracks()
+    tracks.add(0, [Sighting("person", (10.0, 0.0, 0.9), np.eye(2) * 0.01)])
+    tracks.add(SECOND // 10, [Sighting("person", (10.8, 0.1, 0.9), np.diag([9.0, 0.01]))])
+    x, y = tracks.tracks[0].state[:2]
+    assert x == pytest.approx(10.0, abs=0.02)
+    assert y == pytest.approx(0.05, abs=0.02)
+
+
+def test_the_evidence_of_pictures_is_a_sum_of_log_likelihood_ratios() -> None:
+    ratio = math.log(0.72 / 0.3)
+    assert sighting_evidence(0.04, None) == pytest.approx(0.35 * ratio)
+    assert sighting_evidence(0.14, None) == pytest.approx(0.35 * (ratio + 1.2))
+    assert sighting_evidence(0.9, None) == pytest.approx(0.35 * (ratio + 1.6))
+    assert sighting_evidence(0.04, 1.65) == pytest.approx(0.35 * (ratio + 0.9))
+    assert sighting_evidence(0.04, 0.3) == pytest.approx(0.35 * (ratio - 2.0))
+    assert sighting_evidence(0.04, 5.0) == pytest.approx(0.35 * (ratio - 0.7))
+    assert pytest.approx(0.35 * math.log(0.28 / 0.7)) == MISS
+    assert object_odds([1.0, 2.5], walks=True) == pytest.approx(1.5)
+    assert object_odds([1.0, 2.5], walks=False) == pytest.approx(-1.5)
+
+
+def test_a_post_that_most_pictures_do_not_confirm_is_not_reported() -> None:
+    reported = {}
+    for every in (1, 4):  # a box in every picture, or in every fourth
+        tracks = Tracks()
+        for k in range(40):
+            boxes = [seen_at(5.0, 5.0, evidence=sighting_evidence(0.06, 1.7))] if k % every == 0 else []
+            tracks.add(k * SECOND // 2, boxes, lambda p_W: True)
+        reported[every] = len(Objects(least=3).found(tracks.tracks))
+    assert reported == {1: 1, 4: 0}
+    tracks = Tracks()
+    for k in range(40):  # the same boxes, but the other pictures do not show the place
+        boxes = [seen_at(5.0, 5.0, evidence=sighting_evidence(0.06, 1.7))] if k % 4 == 0 else []
+        tracks.add(k * SECOND // 2, boxes, lambda p_W: False)
+    assert len(Objects(least=3).found(tracks.tracks)) == 1
+
+
+def test_a_returning_walker_is_recognised_by_the_look() -> None:
+    for look, people in ((RED + 2.0, 1), (BLUE, 2)):
+        tracks = Tracks()
+        walk(tracks, 0.0, RED, 0.0, 0.0)
+        walk(tracks, 15.0, look, 17.0, 2.0, speed_mps=1.1)
+        found = Objects(least=3).found(tracks.tracks)
+        assert len(found) == people
+        assert found[-1].t_ns == round(17.75 * SECOND)
+
+
+def test_nobody_walks_faster_than_people_do() -> None:
+    tracks = Tracks()
+    walk(tracks, 0.0, RED, 0.0, 0.0)
+    walk(tracks, 15.0, RED, 60.0, 0.0)
+    assert len(Objects(least=3).found(tracks.tracks)) == 2
+    first, second = tracks.tracks
+    assert place_ratio(first, second) == -math.inf
+    assert place_ratio(second, first) == -math.inf  # in the order of time
+
+
+def test_the_place_of_a_walker_is_known_as_well_as_the_disc_within_reach_is_small() -> None:
+    tracks = Tracks()
+    walk(tracks, 0.0, RED, 0.0, 0.0)
+    walk(tracks, 12.75, RED, 8.0, 3.0)
+    first, second = tracks.tracks
+    reach_m = 1.7 * 10.0 + 2.0 * math.sqrt(first.sigma_m**2 + second.first.sigma_m**2 + 0.15)
+    assert place_ratio(first, second) == pytest.approx(math.log(3600.0 / (math.pi * reach_m**2)))
+
+
+def test_two_in_one_picture_are_two_and_each_track_belongs_to_one() -> None:
+    tracks = Tracks()
+    for k in range(12):  # two people in the same clothes, in the same pictures
+        tracks.add(k * SECOND // 4, [seen_at(0.3 * k, 0.0, RED), seen_at(0.3 * k, 8.0, RED)])
+    for k in range(12):
+        tracks.add((80 + k) * SECOND // 4, [seen_at(10.0 + 0.3 * k, 1.0, RED), seen_at(10.0 + 0.3 * k, 9.0, RED)])
+    objects = Objects(least=3)
+    groups = objects.groups(tracks.tracks)
+    assert sorted(len(group.tracks) for group in groups) == [2, 2]
+    for group in groups:
+        assert not group.tracks[0].pictures & group.tracks[1].pictures
+    assert [found.sightings for found in objects.found(tracks.tracks)] == [24, 24]
+
+
+def test_known_ratios_give_the_same_groups() -> None:
+    tracks, kept = Tracks(), Objects(least=3)
+    for k, (look, x) in enumerate([(RED, 0.0), (BLUE, 5.0), (RED, 9.0), (BLUE, 12.0), (RED, 20.0)]):
+        for i in range(8):
+            tracks.add(round((20.0 * k + 0.25 * i) * SECOND), [seen_at(x + 0.3 * i, 0.0, look)])
+            assert kept.found(tracks.tracks) == Objects(least=3).found(tracks.tracks)
+    assert len(kept.found(tracks.tracks)) == 2
+
+
+def test_the_position_is_that_of_the_newest_sure_sighting() -> None:
+    tracks = Tracks()
+    walk(tracks, 0.0, RED, 0.0, 0.0)
+    far = Sighting("person", (4.2, 0.0, 0.9), np.eye(2) * 25.0, RED, True, 1.0)
+    other = Sighting("person", (4.5, 0.3, 0.9), np.eye(2) * SIGMA_M**2, np.array([50.0, 60.0, 5.0] * 2), True, 1.0)
+    tracks.add(round(3.0 * SECOND), [other])  # almost the same clothes
+    tracks.add(round(6.0 * SECOND), [far])
+    (found,) = Objects(least=3).found(tracks.tracks)
+    assert (found.sightings, found.t_ns) == (14, round(2.75 * SECOND))
+    assert found.p_W[0] == pytest.approx(3.3, abs=0.3)
