@@ -21,7 +21,7 @@ mission: {mission}
 duration_s: 16
 autopilot: {{transport: loopback}}
 record: {{report: false, tlog: false}}
-search: {{camera: front, visible_px: 30, max_error_m: 1.0}}
+search: {{camera: front, visible_px: 30, max_error_m: 1.0, max_worst_error_m: 1.0, max_false: 0, max_doubles: 0}}
 companion:
   start: ["tests.worlds.detector_stand_in:StandIn"]
   rate_hz: 5
@@ -59,7 +59,9 @@ def test_a_walking_person_is_detected_located_and_recorded(flown: RunResult) -> 
     assert run["error"] is None, run["error"]
     search = run["search"]
     assert (search["client"], search["visible"], search["found"], search["false_objects"]) == ("StandIn", 1, 1, 0)
-    assert search["error_m"] < 1.0
+    judged = {row["name"]: row for row in run["verdict"]["rows"] if row["limit"] is not None}
+    for name in ("found_share", "search_error_m", "worst_search_error_m", "false_objects", "double_objects"):
+        assert judged[name]["ok"], judged[name]
     seen = boxes(flown.out)
     assert len(seen) == 80
     with_box = [ros.detections[0] for _, _, ros in seen if ros.detections]

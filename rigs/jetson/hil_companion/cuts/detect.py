@@ -23,7 +23,7 @@ from hil_companion.detections import Detections, Found
 from hil_companion.errors import CutError, OptionError
 from hil_companion.frame import Frame
 from hil_companion.link.protocol import Welcome
-from hil_companion.locate.existence import sighting_evidence
+from hil_companion.locate.existence import PERSON, sighting_evidence
 from hil_companion.locate.geolocation import Camera, Geolocation, RadarView
 from hil_companion.locate.journal import Journal
 from hil_companion.locate.looks import look_of, object_pixels
@@ -37,7 +37,6 @@ from hil_companion.navigation.rotation import matrix_of
 
 LOCALISERS = ("own", "truth", "none")
 TRUTH = "truth"
-PERSON = "person"
 _MAX_PIECES = 8  # along each side
 _WEAK_SHARE = 0.6  # of the threshold
 _TIMED_PICTURES = 50  # pictures between two updates of the computing time in the report

@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 from typing import Sequence
 
-_PRIOR, _STILL = -2.0, -3.0  # l_0 of a walking object, and what is added to it for any other: posts do not walk
+PERSON = "person"
+_PRIOR, _STILL = -2.0, -3.0  # l_0, and what is added to it for a person who never walked: posts do not walk
 _SHARE = 0.35
 _SEEN, _SEEN_FALSE = 0.72, 0.3  # probability of a box on a visible person, and on something that was once boxed
 _SLOPE, _EVEN, _MOST = 12.0, 0.04, 1.6  # scores: equally frequent `_EVEN` above the threshold
@@ -34,6 +35,6 @@ def sighting_evidence(over_threshold: float, height_m: float | None) -> float:
     return _SHARE * (math.log(_SEEN / _SEEN_FALSE) + by_score + by_height)
 
 
-def object_odds(evidence: Sequence[float], *, walks: bool) -> float:
+def object_odds(evidence: Sequence[float], *, still_person: bool) -> float:
     """Return the log-odds of an object with the evidence of its tracks; it is reported from 0 on."""
-    return _PRIOR + (0.0 if walks else _STILL) + sum(evidence)
+    return _PRIOR + (_STILL if still_person else 0.0) + sum(evidence)

@@ -21,7 +21,7 @@ from typing import Sequence, Tuple
 import numpy as np
 
 from hil_companion.detections import Found
-from hil_companion.locate.existence import object_odds
+from hil_companion.locate.existence import PERSON, object_odds
 from hil_companion.locate.looks import look_difference, median_look
 from hil_companion.locate.tracks import Track
 
@@ -85,15 +85,15 @@ class Group:
 
     def found(self, least: int) -> Found | None:
         """Return the object; None without enough evidence. `least`: number of sightings at the threshold."""
-        walks = any(track.walks for track in self.tracks)
-        if object_odds([track.evidence for track in self.tracks], walks=walks) < 0.0:
+        first = self.tracks[0]
+        still_person = first.label == PERSON and not any(track.walks for track in self.tracks)
+        if object_odds([track.evidence for track in self.tracks], still_person=still_person) < 0.0:
             return None
         if sum(track.sure for track in self.tracks) < least:
             return None
         last = max(self.tracks, key=lambda t: (min(0.0, _FIX_SIGMA_M - t.fix.sigma_m), t.fix.t_ns))
         x, y, vx, vy = last.fix.state.tolist()
         sightings = sum(track.sightings for track in self.tracks)
-        first = self.tracks[0]
         place = (x, y, last.z_m)
         return Found(first.number, first.label, last.fix.t_ns, place, (vx, vy, 0.0), sightings, last.fix.sigma_m)
 
