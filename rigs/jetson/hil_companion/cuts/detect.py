@@ -30,6 +30,7 @@ from hil_companion.locate.looks import look_of, object_pixels
 from hil_companion.locate.objects import Objects
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
+from hil_companion.locate.seats import SEATED_GAIN, SEATS, Seats, seated_gain
 from hil_companion.locate.tiles import has_rival, pieces, without_duplicates
 from hil_companion.locate.tracks import Sighting, Tracks
 from hil_companion.navigation.inertial import NavState
@@ -99,7 +100,8 @@ class Detect:
             raise OptionError(
                 f"detect: threshold {self._threshold!r}, weak_score {weak!r}: 0 <= weak_score <= threshold <= 1"
             )
-        self._detector.threshold = weak
+        self._weak = weak
+        self._detector.threshold = max(0.0, weak - SEATED_GAIN)
         own_pose = TOPICS if s.localiser == "own" else ()
         truth = (TRUTH,) if s.localiser == TRUTH else ()
         self.topics = tuple(topic for topic in (s.camera, s.depth, s.radar, *own_pose, *truth) if topic)
@@ -120,6 +122,7 @@ class Detect:
 
     def _reset(self) -> None:
         self._tracks = Tracks()
+        self._seats = Seats()
         self._objects = Objects(int(self._settings.least_sightings))
         self._reported: list[Found] = []
         self._detect_ms: list[float] = []  # computing time of each picture
@@ -159,12 +162,17 @@ class Detect:
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
         # A box below the threshold can extend a track, unless another label is more likely there.
+        seats = [d for d in found if d.score >= self._weak and d.label in SEATS]
+        self._seats.learn(rgb, seats)
         found = [d for d in found if d.score >= self._threshold or (self._is_tracked(d) and not has_rival(d, found))]
         pose = self._pose(frame, t_ns)
         pixels = [object_pixels(rgb, d.box_px) if self._is_tracked(d) else None for d in found]
         found = self._geolocation.place(found, pose, depth_m, self._radar(frame), pixels)
         looks = [None if shown is None else look_of(shown, d.box_px) for d, shown in zip(found, pixels)]
-        objects = self._track(found, looks, t_ns, pose, depth_m)
+        shares = [
+            None if shown is None else self._seats.other_share(d, shown, seats) for d, shown in zip(found, pixels)
+        ]
+        objects = self._track(found, looks, shares, t_ns, pose, depth_m)
         height, width = rgb.shape[:2]
         boxes = [d for d in found if d.score >= self._threshold]
         self.detections = Detections(self._settings.camera, t_ns, (width, height), boxes, objects)
@@ -241,6 +249,7 @@ class Detect:
         self,
         found: Sequence[Any],
         looks: Sequence[np.ndarray | None],
+        seat_shares: Sequence[float | None],
         t_ns: int,
         pose: NavState | None,
         depth_m: np.ndarray | None,
@@ -251,14 +260,17 @@ class Detect:
         own_m, yaw_rad = (
             (0.0, 0.0) if self._own_pose is None else (self._own_pose.sigma_m, self._own_pose.yaw_sigma_rad)
         )
-        for d, look in zip(found, looks):
+        for d, look, share in zip(found, looks, seat_shares):
+            over = d.score + (seated_gain(share) if d.label == PERSON else 0.0) - self._threshold
+            if over < self._weak - self._threshold:
+                continue
             if d.p_W is None or pose is None or not self._is_tracked(d) or has_rival(d, found):
                 continue
             height_m = geolocation.height_m(d, pose)
             by_depth = depth_m is not None
             cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
-            evidence = sighting_evidence(d.score - self._threshold, height_m if d.label == PERSON else None)
-            sightings.append(Sighting(d.label, d.p_W, cov, look, sure=d.score >= self._threshold, evidence=evidence))
+            evidence = sighting_evidence(over, *((height_m, share) if d.label == PERSON else (None, None)))
+            sightings.append(Sighting(d.label, d.p_W, cov, look, sure=over >= 0.0, evidence=evidence))
         shows = None
         if pose is not None and depth_m is not None:
             shows = partial(geolocation.shows, pose=pose, depth_m=depth_m)

@@ -33,6 +33,7 @@ _AREA_M2, _WALK_MPS = 3600.0, 1.7
 _STAYS_M2 = 0.15  # variance of the place of an object that stays, besides that of the tracks
 _SITS_DOWN = -4.0  # ln of the chance that one track stands and the other walks
 _LEAST_JOINED = 2  # sightings of a track that can be joined and reported
+_ONE_PLACE_M = 1.5
 _FIX_SIGMA_M = 0.5  # the newest position at least this sure is reported; without one, the surest
 
 Key = Tuple[Tuple[int, int], ...]
@@ -66,6 +67,18 @@ class Group:
         looks = [look for track in self.tracks for look in track.looks]
         self.look = median_look(looks) if looks else None
 
+    @property
+    def evidence(self) -> float:
+        return sum(track.evidence for track in self.tracks)
+
+    @property
+    def walks(self) -> bool:
+        return any(track.walks for track in self.tracks)
+
+    @property
+    def stands(self) -> bool:
+        return any(track.stands for track in self.tracks)
+
     def ratio(self, other: Group) -> float:
         """Return s of this group and another; -inf if they cannot be one object."""
         if self.tracks[0].label != other.tracks[0].label or self.pictures & other.pictures:
@@ -86,8 +99,7 @@ class Group:
     def found(self, least: int) -> Found | None:
         """Return the object; None without enough evidence. `least`: number of sightings at the threshold."""
         first = self.tracks[0]
-        still_person = first.label == PERSON and not any(track.walks for track in self.tracks)
-        if object_odds([track.evidence for track in self.tracks], still_person=still_person) < 0.0:
+        if object_odds(self.evidence, still_person=first.label == PERSON and not self.walks) < 0.0:
             return None
         if sum(track.sure for track in self.tracks) < least:
             return None
@@ -96,6 +108,17 @@ class Group:
         sightings = sum(track.sightings for track in self.tracks)
         place = (x, y, last.z_m)
         return Found(first.number, first.label, last.fix.t_ns, place, (vx, vy, 0.0), sightings, last.fix.sigma_m)
+
+
+def _repeats(group: Group, obj: Found, known: Sequence[tuple[Group, Found]]) -> bool:
+    """Return True if another still object with more evidence is at the same place: two boxes on one person."""
+    return not group.walks and any(
+        other.stands
+        and other.evidence > group.evidence
+        and other_obj.label == obj.label
+        and math.dist(obj.p_W[:2], other_obj.p_W[:2]) < _ONE_PLACE_M
+        for other, other_obj in known
+    )
 
 
 class Objects:
@@ -111,8 +134,9 @@ class Objects:
 
     def found(self, tracks: Sequence[Track]) -> list[Found]:
         """Return the objects to report, by number."""
-        reported = [group.found(self._least) for group in self.groups(tracks)]
-        return sorted((obj for obj in reported if obj is not None), key=lambda obj: obj.number)
+        reported = [(group, group.found(self._least)) for group in self.groups(tracks)]
+        known = [(group, obj) for group, obj in reported if obj is not None]
+        return sorted((obj for group, obj in known if not _repeats(group, obj, known)), key=lambda obj: obj.number)
 
     def groups(self, tracks: Sequence[Track]) -> list[Group]:
         """Return the tracks joined to objects."""

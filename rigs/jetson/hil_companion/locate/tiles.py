@@ -11,9 +11,9 @@ from typing import Any, Sequence, Tuple
 import numpy as np
 
 from hil_companion.detect.decode import overlaps
+from hil_companion.locate.seats import SEATS
 
 _OVERLAP = 0.25
-_SEATS = ("bench",)  # labels of objects that people sit on
 _SAME_IOU, _INSIDE_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
 
 Piece = Tuple[int, int, int, int]  # x0, y0, x1, y1
@@ -44,7 +44,7 @@ def has_rival(box: Any, found: Sequence[Any]) -> bool:
     """Return True if a higher-scoring box of another label, other than a seat, overlaps this box."""
     return any(
         other.score > box.score
-        and other.label not in (box.label, *_SEATS)
+        and other.label not in (box.label, *SEATS)
         and _iou(box.box_px, other.box_px) > _RIVAL_IOU
         for other in found
     )

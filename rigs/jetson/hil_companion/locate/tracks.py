@@ -1,7 +1,8 @@
 """Tracks of sighted objects in the world, each with a position, a velocity and a number.
 
-A moving object has a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]. An object that
-was seen to stand still has a random walk of its position, `_STROLL` [m / sqrt(s)]. A Kalman filter estimates the state
+A moving object has a velocity that changes at random, x'' = white noise of `_ACCEL` [m/s2 / sqrt(Hz)]. For one that was
+seen to stand still the noise is smaller, and after `_ABSENT_S` out of sight its position has a random walk instead,
+`_STROLL` [m / sqrt(s)]. A Kalman filter estimates the state
 (x, y, vx, vy); the height is a mean. The sightings of one picture are assigned to tracks one to one, cheapest pair
 first, with
 
@@ -30,13 +31,13 @@ _STANDS_MPS, _STANDS_S, _STANDS_SEEN = 0.35, 1.5, 6
 _STAYS_MPS, _STAYS_M, _STANDS_M = 0.3, 1.0, 2.5  # an object that moved less than this since its first sighting stands
 _WALKS_MPS, _WALKED_M = 0.5, 2.0
 _GATE = 3.3
-_AWAY_S = 4.0
+_ABSENT_S, _AWAY_S = 1.6, 4.0
 _LOOK, _MAX_LOOK = 8.0, 16.0  # CIE units per unit of cost, and the largest difference of a sighting from its track
 _LOOKS_KEPT = 30  # sightings whose median look is the track's
 _ONE_PLACE_M, _ONE_LOOK = 1.0, 14.0
 _FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than an older, surer one
 _FIX_LOOK = 10.0  # a sighting with a greater difference of looks does not change the reported position
-_WEAK_S = 12.0  # a track without a sighting at the threshold is dropped after this time
+_WEAK_S = 12.0  # a track of one sighting, or of none at the threshold, is dropped after this time
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class Track:
         """Return the predicted state (4,) and covariance (4, 4) at a time."""
         dt = (t_ns - self.t_ns) * 1e-9
         a = abs(dt)
-        if self.stands and a > 1.6:
+        if self.stands and a > _ABSENT_S:
             state, cov = self.state.copy(), self.cov.copy()
             state[2:] = 0.0
             cov[:2, :2] += np.eye(2) * _STROLL * _STROLL * a
@@ -211,7 +212,7 @@ class Tracks:
                 self.tracks.append(Track(self._numbers, t_ns, self._pictures, seen))
                 self._numbers += 1
         self._merge(t_ns)
-        self.tracks = [t for t in self.tracks if t.sure or (t_ns - t.t_ns) * 1e-9 < _WEAK_S]
+        self.tracks = [t for t in self.tracks if (t.sure and t.sightings > 1) or (t_ns - t.t_ns) * 1e-9 < _WEAK_S]
 
     def _count_miss(self, track: Track, t_ns: int, shows: Callable[[tuple[float, float, float]], bool]) -> None:
         """Count evidence against a track whose object this picture should show."""

@@ -82,8 +82,8 @@ def test_the_evidence_of_pictures_is_a_sum_of_log_likelihood_ratios() -> None:
     assert sighting_evidence(0.04, 0.3) == pytest.approx(0.35 * (ratio - 2.0))
     assert sighting_evidence(0.04, 5.0) == pytest.approx(0.35 * (ratio - 0.7))
     assert pytest.approx(0.35 * math.log(0.28 / 0.7)) == MISS
-    assert object_odds([1.0, 2.5], still_person=False) == pytest.approx(1.5)
-    assert object_odds([1.0, 2.5], still_person=True) == pytest.approx(-1.5)
+    assert object_odds(3.5, still_person=False) == pytest.approx(1.5)
+    assert object_odds(3.5, still_person=True) == pytest.approx(-1.5)
 
 
 def test_a_post_that_most_pictures_do_not_confirm_is_not_reported() -> None:
