@@ -102,7 +102,7 @@ def _instances(config: BenchConfig) -> list[Hashable]:
 
 def _companion_ports(config: BenchConfig) -> list[Hashable]:
     companion = config.companion
-    if not companion.on or companion.arrangement == "shared_memory" or companion.port == 0:
+    if not companion.on or companion.port == 0:
         return []
     return [companion.port, *([] if companion.sensor_port is None else [companion.sensor_port])]
 

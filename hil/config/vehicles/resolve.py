@@ -10,7 +10,7 @@ from typing import Any
 from hil.config.bench import Bench
 from hil.config.merge.layers import SettingsPart, parse_setting
 from hil.config.merge.loading import BenchLoading
-from hil.config.schema import VEHICLE_NAME, BenchConfig
+from hil.config.schema import VEHICLE_NAME, BenchConfig, Companion
 from hil.config.vehicles.checks import SHARED_KEYS, vehicles_problems
 from hil.config.vehicles.formation import formation_offsets
 from signals.documents.document import Place
@@ -23,6 +23,8 @@ VEHICLE_KEYS = frozenset({
     "rig", "description", "vehicle", "mission", "mission_offset_m", "start", "autopilot", "router", "companion",
     "sensors", "quality", "faults", "limits", "crash", "goal", "search", "manual", "parts",
 })  # fmt: skip
+# Ports that differ by the vehicle's number, unless it sets its own. PX4 numbers the ports of SDKs so.
+_PORTS: dict[Place, Any] = {("router", "sdk"): None, ("companion", "port"): Companion().port}
 _NUMBER = "{n}"  # in a name: stands for 1 to `count`
 
 
@@ -109,9 +111,10 @@ def _vehicle(
         })  # fmt: skip
         if "mission" not in overlay.data:
             _set_default(loaded, overlay, ("mission_offset_m",), list(offset_W_m))
-    sdk = settings.data.get("router", {}).get("sdk")
-    if isinstance(sdk, str) and not overlay.covers(("router", "sdk")):
-        settings.set(("router", "sdk"), _raised(sdk, number), settings.where(("router", "sdk")))
+    for port, default in _PORTS.items():
+        section = settings.data.get(port[0])
+        if isinstance(section, dict) and not overlay.covers(port):
+            settings.set(port, _raised(section.get(port[1], default), number), settings.where(port))
     settings.set(("name",), name, settings.where(()))
     return loaded.bench()
 
@@ -135,10 +138,12 @@ def _set_default(loaded: BenchLoading, overlay: SettingsPart, place: Place, valu
         loaded.settings.set(place, value, overlay.where(()))
 
 
-def _raised(address: str, number: int) -> str:
-    """Return the address with its port raised by the vehicle's number: PX4 numbers the ports of SDKs so."""
-    head, _, port = address.rpartition(":")
-    return f"{head}:{int(port) + number}" if port.isdigit() else address
+def _raised(address: Any, number: int) -> Any:
+    """Return the address or port, raised by the vehicle's number; port 0 and null stay."""
+    head, colon, port = str(address).rpartition(":")
+    if not port.isdigit() or not int(port):
+        return address
+    return f"{head}:{int(port) + number}" if colon else int(port) + number
 
 
 def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, file: str) -> Bench:
