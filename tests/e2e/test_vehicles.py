@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
+from socket import SOCK_STREAM
 
 import pytest
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.recorder.reading import read_messages
+from tests.worlds.bench_process import ROOT, free_port
 from tests.worlds.hop_flights import HOP
 
 LIMITS = "limits: {max_cross_track_m: null, final_error_m: null, altitude_error_m: null}\n"
@@ -144,3 +148,54 @@ def test_five_vehicles_that_see_each_other_have_one_digest(tmp_path):
     assert {run.status for run in runs} == {"PASS"}, runs[0].run["verdict"]["reasons"]
     assert len({run.run["digest"] for run in runs}) == 1
     assert min(run.run["vehicles"]["e"]["sensors"]["front"]["samples"] for run in runs) > 100
+
+
+PILOT = "companion: {start: [waypoints], control: true, rate_hz: 25}\n"
+
+
+def test_each_vehicle_has_its_companion(tmp_path):
+    ports = [free_port(SOCK_STREAM) for _ in "ab"]
+    text = (
+        PILOT
+        + "vehicles:\n"
+        + "".join(f"  {name}: {{companion: {{port: {port}}}}}\n" for name, port in zip("ab", ports, strict=True))
+    )
+    result = fly(tmp_path, text + "formation: {shape: line, spacing_m: 5}\n")
+    assert result.status == "PASS", result.run["verdict"]["reasons"]
+    for name in "ab":
+        own = json.loads((result.out / name / "run.json").read_text())
+        assert own["companion"]["clients"]["waypoints"]["finished"]
+
+
+PROGRAM = """
+import sys, threading
+from hil_companion import Desired, run
+
+def pilot(north_m, height_m):
+    def fly(frame):
+        return Desired(land=True) if frame.t_ns > 8e9 else Desired(p_W=(0.0, north_m, height_m), yaw_rad=0.0)
+    return fly
+
+for address, place in zip(sys.argv[1:], ((0.0, 2.0), (-6.0, 3.0))):
+    options = {"name": "fleet", "topics": ["truth"], "control": True}
+    threading.Thread(target=run, args=(pilot(*place), address), kwargs=options).start()
+"""
+
+
+def test_one_program_commands_two_vehicles(tmp_path):
+    ports = [free_port(SOCK_STREAM) for _ in "ab"]
+    (tmp_path / "fleet.py").write_text(PROGRAM)
+    addresses = [f"tcp://127.0.0.1:{port}" for port in ports]
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "rigs" / "jetson")}
+    client = subprocess.Popen([sys.executable, str(tmp_path / "fleet.py"), *addresses], env=environment)
+    try:
+        own = [f"{name}: {{companion: {{port: {port}}}}}" for name, port in zip("ab", ports, strict=True)]
+        text = "companion: {clients: 1, control: true, arrangement: one_port}\nduration_s: 40\n"
+        text += f"vehicles: {{{', '.join(own)}}}\nformation: {{shape: line, spacing_m: 6, max_error_m: null}}\n"
+        result = fly(tmp_path, text, settings=("mission=null",))
+        assert client.wait(30) == 0
+    finally:
+        client.kill()
+        client.wait()
+    assert result.status == "PASS", result.run["verdict"]["reasons"]
+    assert all(vehicle["mission"]["landed"] for vehicle in result.run["vehicles"].values())

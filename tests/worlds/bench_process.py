@@ -33,9 +33,10 @@ def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.Compl
 class BenchProcess:
     """`with BenchProcess(out, "pace=4", ...) as bench:`; killed at the end if it still runs."""
 
-    def __init__(self, out: Path, *settings: str) -> None:
+    def __init__(self, out: Path, *settings: str, bench: Path | None = None) -> None:
         self.out = out
-        self._command = [sys.executable, "-m", "hil.cli", "run", "--quiet", "--out", str(out)]
+        files = [] if bench is None else [str(bench)]
+        self._command = [sys.executable, "-m", "hil.cli", "run", *files, "--quiet", "--out", str(out)]
         self._command += [word for setting in (*settings, "record.report=false") for word in ("--set", setting)]
 
     def __enter__(self) -> BenchProcess:

@@ -161,3 +161,16 @@ def test_one_ground_station_serves_all_and_each_sdk_has_its_port(tmp_path):
     routers = [bench.vehicles[name].config.router for name in "ab"]
     assert [router.gcs for router in routers] == ["udp:127.0.0.1:14550"] * 2
     assert [router.sdk for router in routers] == ["udp:127.0.0.1:14540", "udp:127.0.0.1:14541"]
+
+
+def test_each_companion_has_its_port(tmp_path):
+    def ports(text: str, *settings: str) -> list[int]:
+        bench = load(tmp_path, text + "formation: {shape: line}\n", *settings)
+        return [vehicle.config.companion.port for vehicle in bench.vehicles.values()]
+
+    three = "vehicles: {a: {}, b: {companion: {port: 7000}}, c: {companion: {rate_hz: 5}}}\n"
+    assert ports("companion: {start: [echo]}\n" + three) == [5570, 7000, 5572]
+    assert ports("companion: {start: [echo], port: 6000}\n" + three) == [6000, 7000, 6002]
+    assert ports("companion: {start: [echo]}\n" + three, "companion.port=0") == [0, 0, 0]
+    text = "companion: {clients: 1}\nvehicles: {a: {companion: {port: 7000}}, b: {companion: {port: 7000}}}\n"
+    assert "companion.port 7000 is also a companion port of a" in problems(tmp_path, text + "formation: {}\n")
