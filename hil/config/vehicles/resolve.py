@@ -24,7 +24,7 @@ VEHICLE_KEYS = frozenset({
     "sensors", "quality", "faults", "limits", "crash", "goal", "search", "manual", "parts",
 })  # fmt: skip
 # Ports that differ by the vehicle's number, unless it sets its own. PX4 numbers the ports of SDKs so.
-_PORTS: dict[Place, Any] = {("router", "sdk"): None, ("companion", "port"): Companion().port}
+_PORTS: dict[tuple[str, str], Any] = {("router", "sdk"): None, ("companion", "port"): Companion().port}
 _NUMBER = "{n}"  # in a name: stands for 1 to `count`
 
 

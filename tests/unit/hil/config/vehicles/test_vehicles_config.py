@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from hil.config import Bench, load_bench
+from hil.config.checks import autopilot_checks
 from hil.config.vehicles.formation import formation_offsets
 from hil.config.vehicles.settings import Formation
 from signals.errors import ConfigError
+from tests.worlds.bench_process import ROOT
 
 HEAD = "rig: mock\nmission: rigs/missions/rectangle.plan\n"
 
@@ -174,3 +177,14 @@ def test_each_companion_has_its_port(tmp_path):
     assert ports("companion: {start: [echo]}\n" + three, "companion.port=0") == [0, 0, 0]
     text = "companion: {clients: 1}\nvehicles: {a: {companion: {port: 7000}}, b: {companion: {port: 7000}}}\n"
     assert "companion.port 7000 is also a companion port of a" in problems(tmp_path, text + "formation: {}\n")
+
+
+EXAMPLES = re.findall(r"(?ms)^```yaml\n(.*?)^```", (ROOT / "docs" / "vehicles.md").read_text())
+
+
+@pytest.mark.parametrize("text", EXAMPLES, ids=range(len(EXAMPLES)))
+def test_the_examples_of_the_page_load(tmp_path, monkeypatch, text):
+    monkeypatch.setattr(autopilot_checks, "program_problem", lambda *_: None)  # there is no firmware here
+    path = tmp_path / "bench.yaml"
+    path.write_text(text)
+    assert len(load_bench(path).vehicles) >= 2
