@@ -37,7 +37,7 @@ class GoalPart(Part):
             self._measured.reported(report, t_ns)
 
     def conclude(self, run: RunContext) -> None:
-        self._measured.conclude(run.part("sensors").geometry(run).geometry)
+        self._measured.conclude(run.part("sensors").scene(run).geometry)
 
     def verdict(self, verdict: Verdict) -> Verdict:
         return verdict.with_rows(*self._measured.verdict_rows())

@@ -27,7 +27,7 @@ class SearchPart(Part):
         self._measured.detected(client, detections)
 
     def conclude(self, run: RunContext) -> None:
-        frames = run.part("sensors").geometry(run)
+        frames = run.part("sensors").scene(run)
         self._measured.conclude(frames, frames.geometry.world)
         self._measured.write(run.out)
 

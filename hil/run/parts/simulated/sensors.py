@@ -9,7 +9,7 @@ from hil.config import Bench, BenchConfig
 from hil.config.missions.script import SensorFault
 from hil.run.loop.stages import Skipped
 from hil.run.part import Part, Report, RunContext
-from hil.run.sensors.frame_stages import is_wanted, needs_frames, uses_other_renderer
+from hil.run.sensors.frame_stages import is_wanted, make_frames, needs_frames, uses_other_renderer
 from hil.run.sensors.sensor_slots import SensorSlots
 from signals.classes import Classes
 from sim.frame.source import FrameSource
@@ -23,22 +23,31 @@ class SensorsPart(Part):
         self._config = config
         self._run: RunContext | None = None
         self._frames: FrameSource | None = None
+        self._scene: FrameSource | None = None
         self._slots: SensorSlots | None = None
         self._skipped: tuple[Skipped, ...] = ()
         self._repeatable = True
 
-    def geometry(self, run: RunContext) -> FrameSource:
-        """Return the geometry of the scene, made at the first call."""
+    def _geometry(self, run: RunContext) -> FrameSource:
+        """Return the geometry that cameras, LiDARs and radars see, made at the first call."""
         if self._frames is None:
             self._frames = run.make_frames()
         return self._frames
+
+    def scene(self, run: RunContext) -> FrameSource:
+        """Return the geometry without the other vehicles, whose places are known for the last second only."""
+        if not run.bench.config.name:
+            return self._geometry(run)
+        if self._scene is None:
+            self._scene = make_frames(run.bench)
+        return self._scene
 
     def build(self, run: RunContext) -> None:
         self._run = run
         config, plan = self._config, run.plan
         self._skipped = plan.skipped
         self._repeatable = not uses_other_renderer(config, plan)
-        frames = self.geometry(run) if needs_frames(config, plan) else None
+        frames = self._geometry(run) if needs_frames(config, plan) else None
         wanted = {name: sensor for name, sensor in config.sensors.items() if is_wanted(name, sensor, plan)}
         self._slots = run.sensors = SensorSlots(run.bench, wanted, plan, frames, run.recorder, run.out)
 
@@ -51,8 +60,9 @@ class SensorsPart(Part):
         return True
 
     def close(self) -> None:
-        if self._frames is not None:
-            self._frames.close()
+        for frames in (self._frames, self._scene):
+            if frames is not None:
+                frames.close()
 
     def repeatable(self) -> bool:
         return self._repeatable
