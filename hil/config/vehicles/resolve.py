@@ -37,8 +37,12 @@ def with_vehicles(bench: Bench, loading: BenchLoading, *, flown: bool = True) ->
     formation = bench.config.formation
     offsets = {} if formation is None else formation_offsets(formation, list(places))
     for name in () if formation is None else formation.offsets_m:
+        where: Place = ("formation", "offsets_m", name)
         if name not in places:
-            problems.append(at(loading.settings, ("formation", "offsets_m", name), "is no vehicle of this bench"))
+            problems.append(at(loading.settings, where, "is no vehicle of this bench"))
+        elif name == next(iter(places)) and any(offsets[name]):
+            message = "must be [0, 0, 0]: the places of a formation are relative to its first vehicle"
+            problems.append(at(loading.settings, where, message))
     vehicles: dict[str, Bench] = {}
     for number, (name, place) in enumerate(places.items()):
         try:

@@ -28,6 +28,6 @@ class Formation(Section):
 class Group(Section):
     """Limits and effects between the vehicles; null: measured but not judged. Definitions: hil/run/verdict/group.py."""
 
-    min_distance_m: Annotated[float, Field(gt=0)] | None = None  # between the centres of any two, both in the air
+    min_distance_m: Annotated[float, Field(gt=0)] | None = None  # between the centres of any two, one in the air
     contact: Literal["fail", "allow"] = "fail"
     downwash: bool = False  # the rotor wake of one vehicle acts on the vehicles below it (docs/physics.md)

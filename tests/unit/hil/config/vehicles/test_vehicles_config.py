@@ -99,6 +99,10 @@ def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
         ("vehicles: {a: {seed: 3}}", "bench.yaml:3: vehicles.a.seed belongs to the whole bench, not to one vehicle"),
         ("vehicles: {a: 5}", "bench.yaml:3: vehicles.a must be a mapping of keys or the path of a bench file, not 5"),
         ("vehicles: {a: nowhere.yaml}", "bench.yaml:3: vehicles.a names a file that does not exist: nowhere.yaml"),
+        (
+            "vehicles: {a: {}, b: {}}\nformation:\n  offsets_m: {a: [1, 0, 0]}",
+            "bench.yaml:5: formation.offsets_m.a must be [0, 0, 0]: the places of a formation",
+        ),
         ('vehicles: {"d{n}": {}}', "stands for several vehicles, and `count` is not set"),
         ("count: 3\nvehicles: {a: {}}", "bench.yaml:3: count has no meaning: no name of a vehicle contains {n}"),
         ("vehicles:\n  a: {}\n  b: {}", "puts b into a, 0.00 m away"),

@@ -1,0 +1,50 @@
+"""What is measured between vehicles: the least distance and the formation, from states with known answers."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from hil.config.vehicles.settings import Group
+from hil.run.verdict.group import GroupMeasurement
+from signals.samples import TruthState, Vec3
+
+TICK_NS = 4_000_000
+
+
+def state(tick: int, p_WB: Vec3, *, standing: bool = False) -> TruthState:
+    zero = (0.0, 0.0, 0.0)
+    return TruthState(tick, tick * TICK_NS, p_WB, (1.0, 0.0, 0.0, 0.0), zero, zero, zero, zero, (), standing)
+
+
+def test_the_distance_counts_while_one_of_two_is_in_the_air() -> None:
+    measured = GroupMeasurement(["a", "b"])
+    measured.add([state(0, (0, 0, 0), standing=True), state(0, (1, 0, 0), standing=True)])
+    assert measured.min_distance_m is None
+    measured.add([state(1, (0, 0, 2)), state(1, (1, 0, 0), standing=True)])
+    assert measured.min_distance_m == pytest.approx(math.sqrt(5.0))
+    rows, reasons = measured.verdict(Group(min_distance_m=3.0), None)
+    assert rows[0].value == pytest.approx(math.sqrt(5.0))
+    assert reasons == ["min_distance_m is 2.24 m, at least 3 m: a and b at 0.00 s"]
+
+
+def test_the_formation_is_measured_from_forming_to_the_first_end() -> None:
+    under_way = True
+    measured = GroupMeasurement(
+        ["a", "b"], offsets_W_m={"a": (0, 0, 0), "b": (0, 5, 0)}, formed_m=1.0, on_the_way=lambda: under_way
+    )
+    for tick, y in enumerate((20.0, 5.5, 5.2, 5.8, 5.1)):
+        measured.add([state(10 * tick, (0, 0, 9)), state(10 * tick, (0, y, 9))])
+    under_way = False
+    measured.add([state(50, (0, 0, 9)), state(50, (0, 20, 9))])
+    rows, reasons = measured.verdict(Group(), 0.5)
+    assert rows[1].value == pytest.approx(0.8)
+    assert reasons == ["formation_error_m is 0.8 m, at most 0.5 m: b at 0.12 s"]
+
+
+def test_a_formation_that_never_forms_fails() -> None:
+    measured = GroupMeasurement(["a", "b"], offsets_W_m={"a": (0, 0, 0), "b": (0, 5, 0)}, formed_m=1.0)
+    for tick in range(0, 100, 10):
+        measured.add([state(tick, (0, 0, 9)), state(tick, (0, 20, 9))])
+    assert measured.verdict(Group(), 1.0)[1] == ["formation_error_m was never measured, at most 1 m"]
