@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.run.part import Report
 from hil.run.recorder.track import TrackArrays
@@ -21,7 +22,7 @@ from signals.errors import RecordingError
 
 PICTURE_NAME = "vehicles.png"
 _MAX_NAMED = 12  # vehicles with a name in the picture's legend
-_MAX_PAIRS = 200  # pairs whose distance is drawn; of more, only the least distance
+_MAX_PAIRS = 200  # pairs whose distance is drawn
 
 
 def write_group_report(out: Path, run: Mapping[str, Any], tracks: Mapping[str, TrackArrays]) -> None:
@@ -75,10 +76,15 @@ def _draw(path: Path, tracks: Mapping[str, TrackArrays]) -> Path:
         top.legend(loc="best")
     pairs = list(combinations(tracks.values(), 2))
     for a, b in pairs[:_MAX_PAIRS]:
-        n = min(len(a.t_s), len(b.t_s))
-        distance.plot(a.t_s[:n], np.linalg.norm(a.p_WB[:n] - b.p_WB[:n], axis=1), color="#8a919b", lw=0.6)
+        distance.plot(*_distances(a, b), color="#8a919b", lw=0.6)
     note = "" if len(pairs) <= _MAX_PAIRS else f" (of {_MAX_PAIRS} of {len(pairs)} pairs)"
     distance.set(title=f"distances between vehicles{note}", xlabel="time [s]", ylabel="m")
     distance.set_ylim(bottom=0.0)
     figure.savefig(path, dpi=130)
     return path
+
+
+def _distances(a: TrackArrays, b: TrackArrays) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the times that both tracks have [s], and the distances then [m]. A longer track may have fewer of them."""
+    t_s, of_a, of_b = np.intersect1d(a.t_s, b.t_s, assume_unique=True, return_indices=True)
+    return t_s, np.linalg.norm(a.p_WB[of_a] - b.p_WB[of_b], axis=1)
