@@ -265,9 +265,8 @@ class McapSink:
         if series is None:
             series = self._detections[client] = DetectionSeries(client)
         description = self._descriptions.get(detections.topic.partition("/")[0])
-        series.add(
-            t_ns, detections, detections.topic if description is None else self._mcap.frame(description.frame_id)
-        )
+        frame_id = detections.topic if description is None else description.frame_id
+        series.add(t_ns, detections, self._mcap.frame(frame_id))
 
     def flush(self, tick: int) -> None:
         """Write the data since the last flush as one chunk. Raises RecordingError at the first failure only."""
