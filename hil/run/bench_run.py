@@ -24,7 +24,9 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     always exists. Raises RecordingError if `out` itself cannot be written or another run writes there, ConfigError if
     the settings of a part are invalid.
     """
-    with run_folder(out):
+    with ExitStack() as folders:
+        for folder in (out, *(out / name for name in bench.vehicles)):
+            folders.enter_context(run_folder(folder))
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
 

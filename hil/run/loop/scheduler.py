@@ -360,10 +360,7 @@ class Scheduler:
     def fall(self, truth: TruthState) -> None:
         """Record one tick of a vehicle whose autopilot is lost. Its sensors are not sampled any more."""
         self.truth = truth
-        self._record_received()
-        self._recorder.truth(truth)
-        for observe in self._observers:
-            observe(truth)
+        self._record(truth, None, [])
 
     def skip_tick(self) -> None:
         """Continue after a failed tick with all controls at zero, because the autopilot has rebooted."""

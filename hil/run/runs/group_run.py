@@ -46,9 +46,13 @@ class GroupRun:
     """One run of several vehicles, from their parts to the group's run.json."""
 
     def __init__(self, bench: Bench, out: Path, more: Sequence[Part], *, quiet: bool) -> None:
-        """`more`: parts that the caller adds to the first vehicle."""
-        self._bench, self._out, self._more, self._quiet = bench, out, more, quiet
+        """`more`: parts that the caller adds to the first vehicle. Raises ConfigError for settings of parts."""
+        self._bench, self._out, self._quiet = bench, out, quiet
         self._failure = Failure(out)
+        self._parts = {
+            name: parts_of(vehicle, more if number == 0 else ())
+            for number, (name, vehicle) in enumerate(bench.vehicles.items())
+        }
         self._recordings: list[McapRecording] = []  # empty until it exists
         self._frames: list[SharedFrames] = []  # empty until a sensor needs the geometry
         self._runs: dict[str, VehicleRun] = {}
@@ -88,7 +92,7 @@ class GroupRun:
                 for name, run in self._runs.items():
                     try:
                         run.prepare(stack)
-                    except HilError as error:
+                    except Exception as error:
                         raise VehicleFailed(name) from error
                 self._setup_s = time.monotonic() - self._began_s
                 self._fly()
@@ -100,7 +104,7 @@ class GroupRun:
             other = OtherVehicleFailed(f"the vehicle {failed.name} failed: {cause}")
             for name, run in self._runs.items():
                 run.failure.note(cause if name == failed.name else other)
-        except (HilError, KeyboardInterrupt) as error:
+        except (Exception, KeyboardInterrupt) as error:
             for run in self._runs.values():
                 run.failure.note(error)
             raise
@@ -110,8 +114,6 @@ class GroupRun:
         bench, out = self._bench, self._out
         try:
             saved = save_bench(bench, out)
-            for name in bench.vehicles:
-                (out / name).mkdir(exist_ok=True)
         except OSError as problem:
             raise RecordingError(f"{out}: the bench cannot be saved here ({problem})") from problem
         if bench.config.record.mcap:
@@ -125,17 +127,16 @@ class GroupRun:
                 )
             )
         scenes = [path.name for path in out.glob("scene.*")] if "scene" in bench.files else []
-        for number, (name, vehicle) in enumerate(bench.vehicles.items()):
+        for name, vehicle in bench.vehicles.items():
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
             shared = Shared(mcap, partial(self._frames_of, name), f"../{scenes[0]}" if scenes else None)
-            parts = parts_of(vehicle, self._more if number == 0 else ())
-            self._runs[name] = VehicleRun(vehicle, out / name, parts, quiet=True, shared=shared)
+            self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=True, shared=shared)
             self._runs[name].mark_unfinished()
 
     def _frames_of(self, name: str) -> FrameSource:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
         if not self._frames:
-            vehicles = {name: vehicle.vehicle for name, vehicle in self._bench.vehicles.items()}
+            vehicles = {other: bench.vehicle for other, bench in self._bench.vehicles.items()}
             self._frames.append(SharedFrames(with_vehicles(load_world(self._bench.scene), vehicles)))
         return self._frames[0].seen_by(name)
 
@@ -156,7 +157,7 @@ class GroupRun:
             fly_ticks(flights, quiet=self._quiet, step=lockstep.step)
         finally:
             self._record_contacts(world.take_contacts(last=True))
-            self._wall_s = time.monotonic() - began_s
+            self._wall_s = time.monotonic() - began_s - sum(run.paused_s for run in self._runs.values())
             for run in self._runs.values():
                 run.flown(self._wall_s)
 
@@ -178,10 +179,10 @@ class GroupRun:
                     self._runs[name].context.event("error", contact_text(contact))
 
     def _on_the_way(self) -> bool:
-        """Return True until a vehicle has reached its last waypoint or is lost."""
+        """Return True until a vehicle with a mission has reached its last waypoint, or one is lost."""
         for flight in self._flights.values():
             reached, waypoints = flight.run.part("flight").waypoints()
-            if flight.lost or reached >= waypoints:
+            if flight.lost or reached >= waypoints > 0:
                 return False
         return True
 

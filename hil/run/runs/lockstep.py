@@ -17,7 +17,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.run.loop.tick_loop import Flight
-from signals.errors import LinkError
+from hil.run.part import FlightEnded
+from signals.errors import HandshakeError, LinkError
 from signals.samples import TruthState
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
 
@@ -55,11 +56,11 @@ class Lockstep:
         self._place(truths)
         for flight, truth in zip(self._flights, truths, strict=True):
             scheduler = flight.run.scheduler
+            self._each(flight, scheduler.send, truth, began_ns)
             if flight.lost and not flight.over:
                 scheduler.fall(truth)
-            self._each(flight, scheduler.send, truth, began_ns)
         for flight in self._flights:
-            self._each(flight, flight.run.scheduler.work)
+            self._each(flight, flight.run.scheduler.work, may_lose=False)
         for flight in self._flights:
             self._each(flight, flight.run.scheduler.wait)
             if flight.lost and not flight.over:
@@ -67,17 +68,22 @@ class Lockstep:
         self._on_tick(truths, self._world.take_contacts())
         return True
 
-    def _each(self, flight: Flight, phase: Callable[..., Any], *arguments: Any) -> Any:
-        """Run one phase of a vehicle that still flies, and return its result."""
+    def _each(self, flight: Flight, phase: Callable[..., Any], *arguments: Any, may_lose: bool = True) -> Any:
+        """Run one phase of a vehicle that still flies, and return its result.
+
+        `may_lose`: a LinkError of this phase is one of the autopilot, not of a companion.
+        """
         if flight.over or flight.lost:
             return None
+        config = flight.run.bench.config
         try:
             return phase(*arguments)
-        except LinkError as error:
-            if flight.run.bench.config.autopilot.on_loss == "error":
-                raise VehicleFailed(flight.run.bench.config.name) from error
+        except FlightEnded:
+            raise
+        except Exception as error:
+            is_lost = may_lose and isinstance(error, LinkError) and not isinstance(error, HandshakeError)
+            if not is_lost or config.autopilot.on_loss == "error":
+                raise VehicleFailed(config.name) from error
             flight.lost = True
             flight.run.event("error", f"the autopilot is lost, and the vehicle falls (on_loss: go_on): {error}")
             return None
-        except Exception as error:
-            raise VehicleFailed(flight.run.bench.config.name) from error

@@ -141,11 +141,16 @@ class VehicleRun:
         try:
             fly_ticks([Flight(self.context)], quiet=self._quiet)
         finally:
-            self.flown(time.monotonic() - began_s)
+            self.flown(time.monotonic() - began_s - self.paused_s)
+
+    @property
+    def paused_s(self) -> float:
+        """Wall-clock time for which parts of this vehicle have paused the run."""
+        return sum(part.paused_s for part in self._parts)
 
     def flown(self, wall_s: float) -> None:
-        """Note the wall-clock time of the flight, with pauses."""
-        self._timing_s["flight"] = wall_s - sum(part.paused_s for part in self._parts)
+        """Note the wall-clock time of the flight without pauses."""
+        self._timing_s["flight"] = wall_s
 
     def _prepare_and_fly(self) -> None:
         with ExitStack() as stack:
