@@ -16,17 +16,17 @@ from typing import Any
 
 from hil.config import Bench, save_bench
 from hil.config.vehicles.formation import formation_offsets
-from hil.run.runs.vehicle_run import RUN_JSON_NAME, RunResult, Shared, VehicleRun
-from hil.run.runs.failure import Failure
-from hil.run.runs.lockstep import Lockstep, VehicleFailed
-from hil.run.report.group_report import write_group_report
 from hil.run.loop.tick_loop import Flight, fly_ticks
 from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME
+from hil.run.report.group_report import write_group_report
 from hil.run.report.run_json import write_run_json
+from hil.run.runs.failure import Failure
+from hil.run.runs.lockstep import Lockstep, VehicleFailed
+from hil.run.runs.vehicle_run import RUN_JSON_NAME, RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
 from signals.errors import HilError, RecordingError

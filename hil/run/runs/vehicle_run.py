@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hil.config import Bench, save_bench
-from hil.run.runs.failure import Failure
 from hil.run.loop.scheduler import CommandSource, Scheduler, Wiring
 from hil.run.loop.stages import plan_stages
 from hil.run.loop.tick_loop import Flight, fly_ticks
@@ -23,6 +22,7 @@ from hil.run.part import Part, Report, RunContext
 from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_json import write_run_json
+from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import UNJUDGED, Verdict
 from signals.errors import RecordingError
@@ -61,9 +61,7 @@ class VehicleRun:
         self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool, shared: Shared | None = None
     ) -> None:
         """`shared`: files and geometry that the vehicles of a run with several share; None: the run has one vehicle."""
-        self.context = RunContext(
-            bench, out, parts, quiet=quiet, frames=None if shared is None else shared.frames
-        )
+        self.context = RunContext(bench, out, parts, quiet=quiet, frames=None if shared is None else shared.frames)
         self._parts = self.context.parts
         self._config = bench.config
         self._out = out
