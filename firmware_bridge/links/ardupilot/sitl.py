@@ -84,7 +84,6 @@ def arducopter_command(
     home: Home,
     defaults: Path,
     instance: int = 0,
-    more: Sequence[str] = (),
     speedup: int = 1000,
     serials: Mapping[int, str],
     arguments: Sequence[str] = (),
@@ -94,7 +93,7 @@ def arducopter_command(
     An instance above 0 has the MAVLink system id instance + 1: a parameter whose name depends on the version.
     """
     command = [str(program), "-w"]  # no parameters of an earlier run; not repeated when it reboots itself
-    command += ["--model", model, *more, "--speedup", str(speedup)]
+    command += ["--model", model, "--speedup", str(speedup)]
     if instance:
         command += ["--instance", str(instance), "--sysid", str(instance + 1)]
     command += ["--home", checked_home(program, home), "--defaults", str(defaults)]
@@ -167,9 +166,8 @@ def ardupilot_sitl(
             home=place,
             defaults=write_defaults(where / "bench.parm", parameters or {}),
             instance=instance,
-            more=["--sim-port-out", str(inbox.port)],
             serials={} if port is None else serials_for(f"udp:{port}"),
-            arguments=build.arguments,
+            arguments=["--sim-port-out", str(inbox.port), *build.arguments],
         )
         return ChildProcess(command, stderr_path=build.log.resolve(), cwd=where, env=build.env, log_output=True)
 
