@@ -26,7 +26,6 @@ from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 
 CONFIG_NAME = "bench.yaml"
-REPLAY_NAME = "replay"
 _IGNORED = "/events"  # end of a topic: notes for people: they may name paths or wall-clock times
 _MAVLINK = "hil_msgs/MavlinkFrame"
 _BYTES_SHOWN = 64  # longer fields of bytes are shown by their first difference
@@ -130,7 +129,7 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
         if not path.is_file():
             raise RecordingError(f"{run_dir}: cannot be replayed: it has no {path.name} ({hint})")
     _refuse_not_repeatable(run_dir)
-    out = out_dir or run_dir / REPLAY_NAME
+    out = out_dir or run_dir / "replay"
     if out.resolve() == run_dir.resolve():
         raise RecordingError(f"{out}: holds the recorded run; name another folder for the fresh run with --out")
     Recording(recorded).scan()  # reports an unreadable file before the flight instead of after it
@@ -156,11 +155,14 @@ def _refuse_not_repeatable(run_dir: Path) -> None:
         return  # a killed run has none; the comparison finds any difference
     if not isinstance(run, dict):
         return
-    for name in run.get("vehicles") or ():
-        _refuse_not_repeatable(run_dir / name)
+    vehicles = run.get("vehicles")
+    if vehicles:
+        for name in vehicles:
+            _refuse_not_repeatable(run_dir / name)
+        return
     error = run.get("error")
     killed = isinstance(error, dict) and error.get("type") == "Killed"
-    if run.get("deterministic") is False and not killed and not _traces(run_dir):
+    if run.get("deterministic") is False and not killed and not (run_dir / TRACE_NAME).is_file():
         raise RecordingError(
             f"{run_dir}: this run on rig {run.get('rig')} does not repeat bit for bit: it had a free-running autopilot "
             "or companion, signing, input from outside (MAVLink, sticks, dashboard) or pictures of a renderer that "
@@ -171,9 +173,8 @@ def _refuse_not_repeatable(run_dir: Path) -> None:
 def _traces(run_dir: Path) -> list[str]:
     """Return the settings with which the traces of a run answer in place of its companions."""
     traces = {"": run_dir / TRACE_NAME}
-    for bench in sorted(run_dir.glob(f"*/{CONFIG_NAME}")):
-        if bench.parent.name != REPLAY_NAME:
-            traces[f"vehicles.{bench.parent.name}."] = bench.with_name(TRACE_NAME)
+    for name in Recording(run_dir / MCAP_NAME).scan().vehicles:  # the folder may also hold other runs
+        traces[f"vehicles.{name}."] = run_dir / name / TRACE_NAME
     return [f"{place}companion.trace={trace.resolve()}" for place, trace in traces.items() if trace.is_file()]
 
 

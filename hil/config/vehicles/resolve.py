@@ -25,6 +25,7 @@ VEHICLE_KEYS = frozenset({
 })  # fmt: skip
 # Ports that differ by the vehicle's number, unless it sets its own. PX4 numbers the ports of SDKs so.
 _PORTS: dict[tuple[str, str], Any] = {("router", "sdk"): None, ("companion", "port"): Companion().port}
+_REPLAY = "replay"  # folder in a run's folder into which `hil replay` flies
 _NUMBER = "{n}"  # in a name: stands for 1 to `count`
 
 
@@ -76,6 +77,9 @@ def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem])
         if not re.fullmatch(VEHICLE_NAME, names[0]):
             message = "cannot be the name of a vehicle: a letter, then up to 31 of a-z, 0-9 and _"
             problems.append(at(settings, place, message, "drone{n} stands for `count` vehicles"))
+            continue
+        if key == _REPLAY:
+            problems.append(at(settings, place, "cannot be the name of a vehicle: `hil replay` flies into this folder"))
             continue
         if isinstance(overlay, dict):
             for own in overlay:

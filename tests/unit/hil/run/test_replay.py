@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from hil.run.recorder.recorder import Recorder
-from hil.run.replay import compare, replay
+from hil.run.replay import _traces, compare, replay
 from signals.errors import RecordingError
 from signals.samples import ImuSample
 from tests.worlds.synthetic_flight import TICK_NS, Tick, fly, make_flight
@@ -161,3 +161,13 @@ def test_replay_names_the_reason_if_it_is_impossible(flight: list[Tick], tmp_pat
     other_tick = record(tmp_path / "other", flight[:10], tick_ns=2 * TICK_NS)
     with pytest.raises(RecordingError, match="ticks every"):
         compare(tmp_path / "run.mcap", other_tick)
+
+
+def test_traces_are_those_of_the_vehicles_of_the_run(tmp_path: Path) -> None:
+    """The folder may also hold an earlier run's vehicles, and replays."""
+    Recorder(tmp_path, mcap=True, tlog=False, tick_ns=TICK_NS, metadata={"vehicles": "a b"}).close("PASS")
+    for name in ("a", "earlier", "again"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "companion.jsonl").touch()
+        (tmp_path / name / "bench.yaml").touch()
+    assert _traces(tmp_path) == [f"vehicles.a.companion.trace={tmp_path / 'a' / 'companion.jsonl'}"]

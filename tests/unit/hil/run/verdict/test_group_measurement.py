@@ -1,4 +1,4 @@
-"""What is measured between vehicles: the least distance and the formation, from states with known answers."""
+"""Measurements between vehicles: the least distance and the formation, from states with known answers."""
 
 from __future__ import annotations
 
