@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-import hil.run.parts.simulated.sensors
+import hil.run.part
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.loop.stages import plan_stages
@@ -39,7 +39,7 @@ def worlds(monkeypatch: pytest.MonkeyPatch) -> list[FormulaFrames]:
         made.append(FormulaFrames())
         return made[-1]
 
-    monkeypatch.setattr(hil.run.parts.simulated.sensors, "make_frames", make)
+    monkeypatch.setattr(hil.run.part, "make_frames", make)
     return made
 
 
@@ -142,7 +142,7 @@ def test_a_wrong_picture_size_ends_the_run_before_it_begins(tmp_path: Path, worl
         def renderer(self, camera: Any, **options: Any) -> Any:
             raise ValueError("no picture of this size")
 
-    hil.run.parts.simulated.sensors.make_frames = lambda _: Broken()  # type: ignore[assignment,return-value]
+    hil.run.part.make_frames = lambda _: Broken()  # type: ignore[assignment,return-value]
     run = run_bench(load_bench(settings=[*FLIGHT, *FRONT]), tmp_path, quiet=True).run
     assert run["status"] == "ERROR"
     assert "no picture of this size" in run["error"]["message"]
