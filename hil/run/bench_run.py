@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -15,14 +15,20 @@ from hil.run.runs.vehicle_run import RunResult, VehicleRun
 
 __all__ = ["RunResult", "fly", "run_bench"]
 
+MoreParts = Callable[[str], Sequence[Part]]
 
-def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Part] = ()) -> RunResult:
+
+def _no_parts(vehicle: str) -> Sequence[Part]:  # noqa: ARG001
+    return ()
+
+
+def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: MoreParts = _no_parts) -> RunResult:
     """Fly `bench` and leave run.json, the recordings and the report in `out`.
 
-    `more`: parts that the caller adds to those of the bench, such as a dashboard; in a bench with several vehicles they
-    belong to the first one. A failure of the bench is a result (status ERROR), not an exception, so that run.json
-    always exists. Raises RecordingError if `out` itself cannot be written or another run writes there, ConfigError if
-    the settings of a part are invalid.
+    `more` makes the parts that the caller adds to those of the bench, such as a dashboard, for each vehicle by name;
+    the name is empty in a bench with one vehicle. A failure of the bench is a result (status ERROR), not an exception,
+    so that run.json always exists. Raises RecordingError if `out` itself cannot be written or another run writes there,
+    ConfigError if the settings of a part are invalid.
     """
     with ExitStack() as folders:
         for folder in (out, *(out / name for name in bench.vehicles)):
@@ -31,7 +37,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
             from hil.run.runs.group_run import GroupRun
 
             return GroupRun(bench, out, more, quiet=quiet).result()
-        return VehicleRun(bench, out, parts_of(bench, more), quiet=quiet).result()
+        return VehicleRun(bench, out, parts_of(bench, more("")), quiet=quiet).result()
 
 
 def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:

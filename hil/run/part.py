@@ -24,6 +24,7 @@ composition root (`hil.run.runs.vehicle_run`) calls them in the order of `hil.ru
     skipped(ticks)        rows of run.json's list of what was not computed
     report(run)           pictures and sections of the report page
     after_run(run)        run.json is written
+    after_group(run)      in a run of several vehicles: run.json of all together is written
 
 Every method has a default that does nothing, so a part overrides what it needs. An exception of any method up to
 `finish` ends the run as ERROR; the methods after it are called all the same, so they must work on a part that was
@@ -263,6 +264,8 @@ class Part:
         return Report()
 
     def after_run(self, run: Mapping[str, Any]) -> None: ...
+
+    def after_group(self, run: Mapping[str, Any]) -> None: ...
 
     # -- calls between parts --------------------------------------------------------------------------------------
 

@@ -34,7 +34,7 @@ def fly(folder: Path, page: PageThread | None = None, *, mcap: bool = True, **li
         return run_bench(bench, folder / "run", quiet=True)
     watched = page.live(**live)
     try:
-        return run_bench(bench, folder / "run", quiet=True, more=[DashboardPart(watched)])
+        return run_bench(bench, folder / "run", quiet=True, more=lambda name: [DashboardPart(watched, name)])
     finally:
         watched.close()
         page.join()

@@ -60,6 +60,20 @@ class mapper:
         plan = np.array([self.p_W[:2], [5.0, 5.0]])
         return View(self.p_W, 0.5, (5.0, 5.0), plan, plan + 0.2, Grid(cells, (-10.0, -10.0), 0.5))
 """
+PAIR = """
+mission: hop.waypoints
+autopilot: {transport: loopback}
+record: {mcap: true, tlog: false, report: false}
+limits: {max_cross_track_m: null, final_error_m: null, altitude_error_m: null}
+vehicles: {lead: {}, wing: {}}
+formation: {spacing_m: 4}
+sensors:
+  imu: {preset: icm20689}
+  gps: {preset: here_plus, rate_hz: 10}
+  baro: {preset: ms5611, rate_hz: 50}
+  mag: {preset: ist8310, rate_hz: 50}
+  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}
+"""
 SIZES = {"desktop": (1280, 800), "tablet": (820, 1180)}
 
 
@@ -71,9 +85,9 @@ def until(holds: Callable[[], Any], limit_s: float = 60.0, *, page: Any = None) 
 
 
 @pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
+def address(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
     (tmp_path / "mapper.py").write_text(MAPPER)
-    hil = Hil(tmp_path, "dash", "--port", "0", bench=BENCH)
+    hil = Hil(tmp_path, "dash", "--port", "0", bench=getattr(request, "param", BENCH))
     yield hil.address
     hil.end()
 
@@ -138,6 +152,10 @@ def colours_in(page: Any, selector: str) -> int:
 
 def altitude_m(page: Any) -> float:
     return float(page.inner_text("#numbers dd >> nth=0").split()[0])
+
+
+def east_m(page: Any) -> float:
+    return float(page.inner_text("#numbers dd >> nth=1").split()[0])
 
 
 def start_and_watch(page: Any) -> None:
@@ -252,3 +270,41 @@ def test_a_session_at_the_bench(page: Any) -> None:
     start_and_watch(page)
     fly_by_hand_and_break_a_sensor(page)
     look_back(page)
+
+
+@pytest.mark.parametrize("address", [PAIR], indirect=True)
+def test_a_run_of_two_vehicles(page: Any) -> None:
+    page.select_option("#f-pace", "2")
+    page.click("#start")
+    until(lambda: page.is_visible("#vehicle"), page=page)
+    assert page.locator("#vehicle option").all_inner_texts() == ["lead", "wing"]
+    until(lambda: altitude_m(page) > 1.5, page=page)
+    assert abs(east_m(page)) < 1.0
+    page.click("[data-stream='front/rgb']")
+    until(lambda: colours_in(page, "[data-stream='front/rgb'] canvas") > 20, page=page)
+    page.select_option("#vehicle", "wing")
+    until(lambda: abs(east_m(page) + 4.0) < 1.0, page=page)  # its place in the formation
+    frames = int(page.get_attribute(".pane[data-stream='front/rgb']", "data-frames") or 0)
+    until(lambda: int(page.get_attribute(".pane[data-stream='front/rgb']", "data-frames") or 0) > frames + 2, page=page)
+    page.select_option("#fault-sensor", "baro")
+    page.fill("#fault-for", "0.2")
+    page.click("#inject-sensor")
+    until(lambda: "wing: baro: dropout began" in page.inner_text("#log"), page=page)
+    assert "lead: baro" not in page.inner_text("#log")
+    picture(page, "two-vehicles")
+    page.select_option("#f-pace", "")
+    until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
+    assert page.inner_text("#status") == "PASS"
+    assert "not deterministic" in page.inner_text("#headline")
+    page.click("#tab-runs")
+    page.click("#runs-table tbody tr[data-run]")
+    until(lambda: "min distance" in page.inner_text("#run-detail"), page=page)
+    page.click("#replay")
+    until(lambda: page.inner_text("#status") == "replay: PASS", page=page)
+    assert abs(east_m(page)) < 0.1
+    page.select_option("#vehicle", "wing")
+    until(lambda: abs(east_m(page) + 4.0) < 0.1, page=page)
+    page.locator("#replay-time").evaluate("(e) => { e.value = 0.5 * e.max; e.dispatchEvent(new Event('input')); }")
+    until(lambda: colours_in(page, ".pane[data-stream='front/rgb'] canvas") > 20, page=page)
+    assert altitude_m(page) > 2.0
+    picture(page, "two-vehicles-replay")

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from firmware_bridge.manual.manual_control import ManualControlSource
-from hil.apps.dash.live.live_run import LiveRun, RunAccess
+from hil.apps.dash.live.live_run import LiveRun
+from hil.apps.dash.live.live_vehicle import LiveVehicle, RunAccess
 from hil.apps.dash.live.page_sticks import page_buttons
 from hil.apps.dash.live.run_facts import run_description, slow_facts
 from hil.run.part import Part, RunContext
@@ -18,16 +19,17 @@ class DashboardPart(Part):
     name = "dashboard"
     injects = True
 
-    def __init__(self, live: LiveRun) -> None:
-        self._live = live
+    def __init__(self, live: LiveRun, name: str = "") -> None:
+        """`name`: of the vehicle in a run of several; empty in a run of one."""
+        self._live, self._vehicle = live, live.vehicle(name)
         self.sticks: ManualPart | None = None
 
     @property
     def paused_s(self) -> float:  # type: ignore[override]
-        return self._live.paused_s
+        return self._vehicle.paused_s
 
-    def tap(self) -> LiveRun:
-        return self._live
+    def tap(self) -> LiveVehicle:
+        return self._vehicle
 
     def build(self, run: RunContext) -> None:
         config = run.bench.config
@@ -36,7 +38,7 @@ class DashboardPart(Part):
             settings = manual_settings(config)
             # The page has a button that hands the vehicle back to the mission.
             settings["modes"] = settings["modes"] | {"mission": mission_mode(config)}
-            return ManualControlSource(self._live.sticks, buttons=page_buttons(settings["modes"]), **settings)
+            return ManualControlSource(self._vehicle.sticks, buttons=page_buttons(settings["modes"]), **settings)
 
         self.sticks = ManualPart(page_source)
         self.sticks.build(run)
@@ -50,6 +52,7 @@ class DashboardPart(Part):
     def begin(self, run: RunContext) -> None:
         physics, companion = run.physics, run.part("companion")
         self._live.attach(
+            self._vehicle,
             RunAccess(
                 # "wire": True if the page may offer faults of the link to the autopilot.
                 description=run_description(run) | {"wire": run.part("faults").can_have_faults},
@@ -62,17 +65,21 @@ class DashboardPart(Part):
                 event=run.recorder.event,
                 lockstep=run.link.caps.lockstep,
                 views=lambda: {} if companion is None else companion.link.views.newest,
-            )
+            ),
         )
 
     def before_tick(self) -> None:
-        self._live.before_tick()
+        self._live.before_tick(self._vehicle)
 
     def repeatable(self) -> bool:
-        return not self._live.altered and (self.sticks is None or self.sticks.repeatable())
+        return not self._vehicle.altered and (self.sticks is None or self.sticks.repeatable())
 
     def run_keys(self) -> dict[str, Any]:
-        return {"by_hand": self._live.commands} if self._live.commands else {}
+        return {"by_hand": self._vehicle.commands} if self._vehicle.commands else {}
 
     def after_run(self, run: Mapping[str, Any]) -> None:
+        if not self._vehicle.name:
+            self._live.finish(run)
+
+    def after_group(self, run: Mapping[str, Any]) -> None:
         self._live.finish(run)

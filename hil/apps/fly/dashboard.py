@@ -6,10 +6,12 @@ import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from hil.run.part import Part
+if TYPE_CHECKING:
+    from hil.run.bench_run import MoreParts
 
 
 @dataclass(frozen=True)
@@ -28,23 +30,23 @@ class DashboardLink:
     paused: bool = False
 
     @contextlib.contextmanager
-    def parts(self, config: Path | None, folder: Path, console: Console) -> Iterator[list[Part]]:
-        """Open the run's side of the connection and yield the parts to add to the run. Raises ConfigError, PortBusy."""
+    def parts(self, config: Path | None, folder: Path, console: Console) -> Iterator[MoreParts]:
+        """Open the run's side of the connection and yield the maker of its parts. Raises ConfigError, PortBusy."""
         if self.serve:
             from hil.apps.dash.command import dashboard_beside
             from hil.apps.dash.part import DashboardPart
 
             runs = folder.resolve().parent
             with dashboard_beside(config, console, host=self.host, port=self.port, runs=runs) as live:
-                yield [DashboardPart(live)]
+                yield lambda vehicle: [DashboardPart(live, vehicle)]
         elif self.fd is not None:
             from hil.apps.dash.command import live_on_fd
             from hil.apps.dash.part import DashboardPart
 
             live = live_on_fd(self.fd, paused=self.paused, pace=self.pace)
             try:
-                yield [DashboardPart(live)]
+                yield lambda vehicle: [DashboardPart(live, vehicle)]
             finally:
                 live.close()
         else:
-            yield []
+            yield lambda vehicle: []  # noqa: ARG005

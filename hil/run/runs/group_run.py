@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -45,14 +45,11 @@ class OtherVehicleFailed(HilError):
 class GroupRun:
     """One run of several vehicles, from their parts to the group's run.json."""
 
-    def __init__(self, bench: Bench, out: Path, more: Sequence[Part], *, quiet: bool) -> None:
-        """`more`: parts that the caller adds to the first vehicle. Raises ConfigError for settings of parts."""
+    def __init__(self, bench: Bench, out: Path, more: Callable[[str], Sequence[Part]], *, quiet: bool) -> None:
+        """`more` makes the parts that the caller adds to a vehicle. Raises ConfigError for settings of parts."""
         self._bench, self._out, self._quiet = bench, out, quiet
         self._failure = Failure(out)
-        self._parts = {
-            name: parts_of(vehicle, more if number == 0 else ())
-            for number, (name, vehicle) in enumerate(bench.vehicles.items())
-        }
+        self._parts = {name: parts_of(vehicle, more(name)) for name, vehicle in bench.vehicles.items()}
         self._recordings: list[McapRecording] = []  # empty until it exists
         self._frames: list[SharedFrames] = []  # empty until a sensor needs the geometry
         self._runs: dict[str, VehicleRun] = {}
@@ -83,6 +80,9 @@ class GroupRun:
             self._failure.guard(lambda: write_group_report(self._out, self._summary(self._failure.error), tracks))
         run = self._summary(self._failure.error)
         self._write(run)
+        for vehicle in self._runs.values():
+            for part in vehicle.context.parts:
+                part.after_group(run)
         return RunResult(run["status"], run, self._out)
 
     def _prepare_and_fly(self) -> None:
@@ -217,6 +217,9 @@ class GroupRun:
         runs = {name: result.run for name, result in self._results.items()}
         rows, reasons = self._verdict()
         errors = [{**run["error"], "vehicle": name} for name, run in runs.items() if run["error"] is not None]
+        by_hand = [
+            row | {"what": f"{name}: {row['what']}"} for name, run in runs.items() for row in run.get("by_hand", ())
+        ]
         sim_s = self._ticks() * self._tick_ns / NS_PER_S
         flown_s = sum(run["sim_s"] for run in runs.values())
         return {
@@ -258,6 +261,7 @@ class GroupRun:
                 row | {"what": f"{name}: {row['what']}"} for name, run in runs.items() for row in run["skipped"]
             ],
             "actions": [],
+            **({"by_hand": by_hand} if by_hand else {}),
             "timing": {"setup_s": self._setup_s, "total_s": time.monotonic() - self._began_s},
         }
 

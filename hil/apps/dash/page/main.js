@@ -14,7 +14,7 @@ import { base, bytes, number, options, reachedOf, sensorRows, table } from "/pag
 import { View3d } from "/page/panes/view3d.js";
 
 const $ = (id) => document.getElementById(id);
-const LOG_LINES = 200, NS = 1e9;
+const LOG_LINES = 200, NS = 1e9, OTHER_STEP_M = 0.2;
 const LINK_ROWS = [["messages sent", (l) => l.steps], ["late", (l) => l.late ?? "–"], ["lost, damaged", (l) => `${l.lost}, ${l.bad}`],
   ["round trip, median", (l) => `${number(l.rtt_p50_us, 0)} µs`], ["round trip, worst 1 %", (l) => `${number(l.rtt_p99_us, 0)} µs`],
   ["out, in", (l) => `${bytes(l.tx_bytes ?? 0)}, ${bytes(l.rx_bytes ?? 0)}`]];
@@ -25,7 +25,9 @@ const charts = {
 };
 const view = new View3d($("view"), $("view-note"));
 let replay = null, running = false, stopping = false, about = {}, state = {}, slow = {}, run = -1, sceneOf = null;
+let shownVehicle;  // in a run of several
 let trail = [], fresh = false;  // [t, x, y, z] of the flight so far; fresh: true until the charts show it
+const otherTrails = new Map();  // flown by the vehicles that are not shown: name -> x, y, z, x, ...
 let maps = [];  // streams of the companions that publish a map
 
 // -- updates -------------------------------------------------------------------------------------------------------
@@ -69,14 +71,16 @@ function fillCharts() {
 
 function begin(head) {
   about = head.about;
-  if (head.run === run) return;
+  if (head.run === run && about.vehicle === shownVehicle) return;
   run = head.run;
+  shownVehicle = about.vehicle;
   fresh = true;
   trail = [];
   if (!replay.on) showRun();
 }
 
 function showRun() {
+  $("vehicle").onchange = () => { live.vehicle = $("vehicle").value; live.watch(live.streams); };
   for (const chart of Object.values(charts)) chart.clear();
   $("log").replaceChildren();
   showWorld(about);
@@ -88,11 +92,37 @@ function showWorld(description) {
   view.setLine("plan", plan.flat(), { colour: "--plan" });
   view.setLine("corners", (description.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("trail", [], { colour: "--trail" });
+  offerVehicles(Object.keys(description.vehicles ?? {}), description.vehicle);
+  for (const [name, other] of Object.entries(description.vehicles ?? {})) view.setVehicle(other.rotor_positions, name);
   if (description.home && !replay.on) view.setPose(description.home, [1, 0, 0, 0]);
   maps = [];
   offerPanes();
   faults.offer(description);
   loadScene(description.out ?? "");
+}
+
+// Fill the list of vehicles, which a run of one does not show, and remove what the 3-D view has of others.
+function offerVehicles(names, name) {
+  $("vehicle").hidden = !names.length;
+  if (names.length) options($("vehicle"), names);
+  $("vehicle").value = name ?? "";
+  for (const other of otherTrails.keys()) view.setLine(`trail of ${other}`, [], { colour: "--other" });
+  otherTrails.clear();
+  view.setOthers({});
+  $("legend-other").innerHTML = names.length ? "<i class='k-other'></i>other vehicles" : "";
+}
+
+// Show the other vehicles at their places, name -> [p, q] or null, and extend their trails.
+function showOthers(places) {
+  const others = Object.fromEntries(Object.entries(places ?? {}).filter(([name, place]) => place && name !== shownVehicle));
+  view.setOthers(others);
+  for (const [name, [p]] of Object.entries(others)) {
+    const flown = otherTrails.get(name) ?? [];
+    if (flown.length && Math.hypot(...p.map((v, axis) => v - flown.at(axis - 3))) < OTHER_STEP_M) continue;
+    flown.push(...p);
+    otherTrails.set(name, flown);
+    view.setLine(`trail of ${name}`, flown, { colour: "--other" });
+  }
 }
 
 function offerPanes() {
@@ -111,6 +141,7 @@ async function loadScene(folder) {
 
 function showState() {
   view.setActors(state.actors);
+  showOthers(state.places);
   view.setPose(state.p, state.q);
   view.setLine("trail", trail.flatMap((point) => point.slice(1)), { colour: "--trail" });
   faults.show(state.by_hand);
@@ -297,12 +328,15 @@ replay = new Replay({
 const runs = new Runs({ list: $("runs-table"), detail: $("run-detail"), compare: $("compare"), onReplay: openReplay });
 $("runs-refresh").onclick = () => runs.load();
 
-async function openReplay(name, summary, other = null) {
-  if (!(await replay.open(name, summary, other))) { showMessage(`${name}: its recording has no flight`); return; }
-  const { track, second } = replay;
+async function openReplay(name, summary, other = null, vehicle = "") {
+  if (!(await replay.open(name, summary, other, vehicle))) { showMessage(`${name}: its recording has no flight`); return; }
+  const { track, second } = replay, ofRun = summary;
+  if (track.vehicle) summary = (await json(`/api/runs/${name}/summary?vehicle=${track.vehicle}`)) ?? summary;
+  offerVehicles(track.vehicles, track.vehicle);
+  $("vehicle").onchange = () => openReplay(name, ofRun, other, $("vehicle").value);
   select("live");
-  setStatus(`replay: ${summary.status}`, { PASS: "good", FAIL: "warn", ERROR: "bad" }[summary.status]);
-  $("headline").textContent = `${name}, digest ${summary.digest.slice(0, 12)}`;
+  setStatus(`replay: ${ofRun.status}`, { PASS: "good", FAIL: "warn", ERROR: "bad" }[ofRun.status]);
+  $("headline").textContent = `${name}, digest ${ofRun.digest.slice(0, 12)}`;
   $("mission").textContent = reachedOf(summary.mission);
   $("sensors-card").hidden = true;
   table($("reports"), [], clientRows(Object.fromEntries(Object.entries(summary.companion?.clients ?? {}).map(([name, client]) => [name, client.report ?? {}]))));
@@ -316,7 +350,7 @@ async function openReplay(name, summary, other = null) {
   view.setLine("plan", track.path.length ? [...track.p[0], ...track.path.flat()] : [], { colour: "--plan" });
   view.setLine("corners", track.path.flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
-  if (second) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
+  if (second && !track.vehicles.length) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
   const rotors = Math.max(1, track.controls.reduce((count, row) => Math.max(count, row.findLastIndex((u) => u > 0) + 1), 4));
   replay.rotors = rotors;
   const set = (chart, value) => {
@@ -338,6 +372,12 @@ function showReplay(k, t) {
   const { track, rotors } = replay;
   const shown = { p: track.p[k], q: track.q[k], v: track.v[k], controls: track.controls[k].slice(0, rotors) };
   view.setPose(shown.p, shown.q);
+  const at = (poses) => Math.min(k, poses.length - 1), others = Object.entries(track.others).filter(([, other]) => other.p.length);
+  for (const [name, other] of others) {
+    otherTrails.set(name, []);
+    view.setLine(`trail of ${name}`, other.p.slice(0, k + 1).flat(), { colour: "--other" });
+  }
+  view.setOthers(Object.fromEntries(others.map(([name, other]) => [name, [other.p[at(other.p)], other.q[at(other.q)]]])));
   view.setLine("trail", track.p.slice(0, k + 1).flat(), { colour: "--trail" });
   for (const chart of Object.values(charts)) { chart.cursor = t; chart.draw(); }
   showVehicle(shown, t);
@@ -354,7 +394,7 @@ async function showMoment(t) {
     while (momentWanted !== null && replay.on) {
       const moment = momentWanted, streams = [...panes.open.keys()];
       momentWanted = null;
-      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(moment * NS)}&streams=${encodeURIComponent(streams.join())}`);
+      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(moment * NS)}&streams=${encodeURIComponent(streams.join())}&vehicle=${replay.track.vehicle}`);
       if (!answer.ok || !replay.on) continue;
       const { head, frames } = parse(await answer.arrayBuffer());
       view.setActors(head.actors);

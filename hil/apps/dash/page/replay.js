@@ -17,8 +17,8 @@ export class Replay {
 
   get on() { return this.track !== null; }
 
-  async open(name, summary, other = null) {
-    const [track, second] = await Promise.all([name, other].map((run) => (run ? json(`/api/runs/${run}/track`) : null)));
+  async open(name, summary, other = null, vehicle = "") {
+    const [track, second] = await Promise.all([name, other].map((run) => (run ? json(`/api/runs/${run}/track?vehicle=${vehicle}`) : null)));
     if (!track || !track.t.length) return false;
     Object.assign(this, { name, summary, track, second });
     this.bar.hidden = false;

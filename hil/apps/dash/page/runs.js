@@ -80,6 +80,9 @@ export class Runs {
     parts.push(line(reachedOf(summary.mission)));
     parts.push(tableOf(["measured", "value", "limit", "unit", ""],
       rows.map((r) => [measurementName(r.name), r.value ?? "–", r.limit ?? "not judged", r.unit, r.ok === false ? "missed" : ""])));
+    if (summary.vehicles) parts.push(heading("Vehicles"), tableOf(["vehicle", "verdict", "mission", "why"],
+      Object.entries(summary.vehicles).map(([name, v]) => [name, v.status + (v.lost ? " (lost)" : ""), reachedOf(v.mission),
+        v.error?.message ?? v.verdict.reasons.join("; ")])));
     if (summary.by_hand?.length) parts.push(heading("By hand"), tableOf(["before tick", "what", "alters the run"],
       summary.by_hand.map((command) => [command.tick, command.what, command.alters ? "yes" : "no"])));
     if (run.recording) {

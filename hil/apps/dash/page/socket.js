@@ -8,6 +8,7 @@ export class LiveSocket {
     this.onUpdate = onUpdate;
     this.onLost = onLost;
     this.streams = [];
+    this.vehicle = "";  // whose streams, in a run of several; empty: the first
     this.socket = null;
     this.open();
   }
@@ -17,7 +18,7 @@ export class LiveSocket {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.socket = socket;
-      this.send({ kind: "streams", streams: this.streams });
+      this.watch(this.streams);
       this.next();
     };
     socket.onmessage = (event) => {
@@ -46,7 +47,7 @@ export class LiveSocket {
 
   watch(streams) {
     this.streams = streams;
-    this.send({ kind: "streams", streams });
+    this.send({ kind: "streams", streams, vehicle: this.vehicle });
   }
 
   send(message) {

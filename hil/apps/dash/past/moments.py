@@ -49,10 +49,12 @@ def stream_of_topic(topic: str, type_name: str) -> str | None:
 
 
 class _PastRun:
-    """Cached parts of one run: its scene, companion maps and companion names."""
+    """Cached parts of one run, or of one vehicle of it: its scene, companion maps and companion names."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, run: Path, vehicle: str) -> None:
+        self.recording = run / MCAP_NAME
+        self.prefix = f"/{vehicle}" if vehicle else ""  # of the vehicle's topics
+        folder = run / vehicle
         self.previews = PreviewSensors(folder / "bench.yaml")
         self.maps: dict[str, list[View]] = {}
         for client, view in read_views(folder / VIEWS_NAME):
@@ -74,27 +76,30 @@ class Moments:
             past = self._past(name)
             return None if past is None else past.previews.triangles()
 
-    def maps(self, name: str) -> list[str]:
+    def maps(self, name: str, vehicle: str = "") -> list[str]:
         """Return the streams of companions that published a map."""
         with self._lock:
-            past = self._past(name)
+            past = self._past(name, vehicle)
             return [] if past is None else [map_stream(client) for client in sorted(past.maps)]
 
-    def at(self, name: str, t_ns: int, streams: Sequence[str]) -> bytes | None:
-        """Return the moment as `hil.apps.dash.messages.packed_update` encodes it; None if there is no such run."""
+    def at(self, name: str, t_ns: int, streams: Sequence[str], vehicle: str = "") -> bytes | None:
+        """Return the moment as `hil.apps.dash.messages.packed_update` encodes it; None if there is no such run.
+
+        `vehicle`: whose streams, in a run of several.
+        """
         with self._lock:
-            past = self._past(name)
+            past = self._past(name, vehicle)
             if past is None:
                 return None
             wanted = list(dict.fromkeys(streams))[:_MAX_STREAMS]
-            newest = _newest(past.folder / MCAP_NAME, t_ns, wanted, past.clients)
+            newest = _newest(past, t_ns, wanted)
             frames = [*_frames(newest, wanted, past.previews), *_maps(past, t_ns, wanted)]
             head = {"t_ns": t_ns, "actors": past.previews.places(t_ns), "boxes": _boxes(newest, past.clients, wanted)}
             return packed_update(head, frames)
 
-    def _past(self, name: str) -> _PastRun | None:
+    def _past(self, name: str, vehicle: str = "") -> _PastRun | None:
         folder = self._folder_of(name)
-        return None if folder is None else self._runs(folder)
+        return None if folder is None or not (folder / vehicle).is_dir() else self._runs(folder, vehicle)
 
 
 def _maps(past: _PastRun, t_ns: int, wanted: Iterable[str]) -> list[StreamFrame]:
@@ -121,22 +126,31 @@ def _ports(wanted: Iterable[str]) -> dict[str, str]:
     return {stream: f"/{stream.rpartition('/')[0]}" for stream in wanted if map_client(stream) is None}
 
 
-def _newest(path: Path, t_ns: int, wanted: Sequence[str], clients: Sequence[str]) -> dict[str, RecordedMessage]:
-    """Return the newest message of each relevant topic at a time; none if the file cannot be read."""
+def _newest(past: _PastRun, t_ns: int, wanted: Sequence[str]) -> dict[str, RecordedMessage]:
+    """Return the newest message of each relevant topic at a time; none if the file cannot be read.
+
+    Topics are without the name of the vehicle.
+    """
+    clients = past.clients
     ports = _ports(wanted)
     topics = {f"/{stream}" for stream in ports} | set(ports.values()) | {f"{port}/pose" for port in ports.values()}
     topics |= {_detections_topic(client) for client in clients}
     newest: dict[str, RecordedMessage] = {}
     try:
-        with path.open("rb") as file:
+        with past.recording.open("rb") as file:
             begin = max(0, t_ns - _WINDOW_NS)
             messages = make_reader(file).iter_messages(
-                sorted(topics), starting_at=begin, ending_at=t_ns, log_time_order=True, reverse=True
+                sorted(past.prefix + topic for topic in topics),
+                starting_at=begin,
+                ending_at=t_ns,
+                log_time_order=True,
+                reverse=True,
             )
             for schema, channel, message in messages:
-                if schema is not None and channel.topic not in newest:
-                    newest[channel.topic] = RecordedMessage(
-                        channel.topic,
+                topic = channel.topic.removeprefix(past.prefix)
+                if schema is not None and topic not in newest:
+                    newest[topic] = RecordedMessage(
+                        topic,
                         schema.name.replace("/msg/", "/"),
                         message.sequence,
                         message.log_time,

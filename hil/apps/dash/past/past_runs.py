@@ -36,7 +36,7 @@ class PastRuns:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._tracks = lru_cache(_CACHED_TRACKS)(self._track_of)
+        self._tracks = lru_cache(_CACHED_TRACKS)(self._tracks_of)
         self._damaged: dict[str, tuple[int, str]] = {}  # run -> time of its recording, and what is wrong with it
         self._lock = threading.Lock()
         self.moments = Moments(self.folder)
@@ -85,10 +85,10 @@ class PastRuns:
             return str(error)
         return None
 
-    def summary(self, name: str) -> dict[str, Any] | None:
-        """Return run.json of a run; None if there is no such run. Raises RecordingError if it is damaged."""
+    def summary(self, name: str, vehicle: str = "") -> dict[str, Any] | None:
+        """Return run.json of a run or of one of its vehicles; None if there is none. Raises RecordingError."""
         folder = self.folder(name)
-        return None if folder is None else read_summary(folder)
+        return None if folder is None else read_summary(folder / vehicle)
 
     def folder(self, name: str) -> Path | None:
         """Return the folder of a run, always inside the folder of runs; None if there is no such run."""
@@ -111,8 +111,11 @@ class PastRuns:
             return None
         return file
 
-    def track(self, name: str) -> dict[str, Any]:
-        """Return the flight as columns of at most 3000 rows, its events and recorded streams. Raises RecordingError."""
+    def track(self, name: str, vehicle: str = "") -> dict[str, Any]:
+        """Return the flight as columns of at most 3000 rows, its events and recorded streams. Raises RecordingError.
+
+        Of a run with several vehicles: the flight of one, by default the first, its name, and the others' poses.
+        """
         folder = self.folder(name)
         if folder is None:
             raise RecordingError(f"{name}: there is no such run")
@@ -122,16 +125,21 @@ class PastRuns:
         with self._lock:
             written_ns = path.stat().st_mtime_ns
             try:
-                return self._tracks(path, written_ns)
+                tracks = self._tracks(path, written_ns)
             except RecordingError as error:
                 self._damaged[name] = (written_ns, str(error))
                 raise
+        vehicle = vehicle if vehicle in tracks else next(iter(tracks))
+        others = {other: {key: track[key] for key in ("p", "q")} for other, track in tracks.items() if other != vehicle}
+        return tracks[vehicle] | {"vehicle": vehicle, "vehicles": list(filter(None, tracks)), "others": others}
 
-    def _track_of(self, path: Path, _written_ns: int) -> dict[str, Any]:
-        track = _read_track(path)
-        home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
-        track["streams"] += self.moments.maps(path.parent.name)
-        return track | {"path": _path_of(path.parent, home_W)}
+    def _tracks_of(self, path: Path, _written_ns: int) -> dict[str, dict[str, Any]]:
+        tracks = _read_tracks(path)
+        for vehicle, track in tracks.items():
+            home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
+            track["streams"] += self.moments.maps(path.parent.name, vehicle)
+            track["path"] = _path_of(path.parent / vehicle, home_W)
+        return tracks
 
 
 def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
@@ -149,18 +157,24 @@ def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
     return [list(leg.end_W) for leg in planned_path(bench.mission, bench.scene, home_W=(x, y, z))]
 
 
-def _read_track(path: Path) -> dict[str, Any]:
+def _read_tracks(path: Path) -> dict[str, dict[str, Any]]:
+    """Return the track of each vehicle by name; of a run of one, under the empty name."""
     recording = Recording(path).scan()
     stride_ns = recording.last_ns // _MAX_POINTS
-    rows = _TrackRows(stride_ns)
+    rows = {name: _TrackRows(stride_ns) for name in recording.vehicles or [""]}
     try:
         for message in recording.messages():
-            rows.add(message)
-        track = rows.columns() | {"complete": recording.complete}
-        json.dumps(track, allow_nan=False)
+            if "" in rows:
+                rows[""].add(message)
+                continue
+            _, name, topic = f"{message.topic}/".split("/", 2)
+            if name in rows:
+                rows[name].add(message._replace(topic=f"/{topic[:-1]}"))
+        tracks = {name: of_one.columns() | {"complete": recording.complete} for name, of_one in rows.items()}
+        json.dumps(tracks, allow_nan=False)
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path}: damaged: its flight cannot be read ({error})") from error
-    return track
+    return tracks
 
 
 class _TrackRows:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import re
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 PAGE_FOLDER = Path(__file__).resolve().parents[1] / "page"
 _MAX_MESSAGE_CHARS = 16_384  # of one message of a page
+_VEHICLE = re.compile(r"[a-z][a-z0-9_]{0,31}")  # as in a bench; more than that is no name of a folder
 _MAX_PAGES = 24
 _BYTES = "application/octet-stream"
 # A report contains its style and pictures and no scripts. The sandbox gives it no access to the page.
@@ -109,10 +111,10 @@ class Dashboard:
         return Response(_or_404(self._past.moments.triangles(request.path_params["name"])), media_type=_BYTES)
 
     def _summary(self, request: Request) -> Response:
-        return JSONResponse(_or_404(self._past.summary(request.path_params["name"])))
+        return JSONResponse(_or_404(self._past.summary(request.path_params["name"], _vehicle(request))))
 
     def _track(self, request: Request) -> Response:
-        return JSONResponse(self._past.track(request.path_params["name"]))
+        return JSONResponse(self._past.track(request.path_params["name"], _vehicle(request)))
 
     def _moment(self, request: Request) -> Response:
         query = request.query_params
@@ -123,7 +125,7 @@ class Dashboard:
         if not 0 <= t_ns < 1 << 62:
             raise HTTPException(400, "t_ns must be from 0 to 2**62 - 1")
         streams = [stream for stream in query.get("streams", "").split(",") if stream]
-        moment = self._past.moments.at(request.path_params["name"], t_ns, streams)
+        moment = self._past.moments.at(request.path_params["name"], t_ns, streams, _vehicle(request))
         return Response(_or_404(moment), media_type=_BYTES)
 
     def _file(self, request: Request) -> Response:
@@ -194,6 +196,14 @@ def _message(text: str) -> dict[str, Any] | None:
     except (ValueError, RecursionError):
         return None
     return message if isinstance(message, dict) else None
+
+
+def _vehicle(request: Request) -> str:
+    """Return the vehicle that a request names; empty for none."""
+    name = request.query_params.get("vehicle", "")
+    if name and not _VEHICLE.fullmatch(name):
+        raise HTTPException(404, "there is no such vehicle")
+    return name
 
 
 def _or_404(value: T | None) -> T:

@@ -36,6 +36,7 @@ _MAX_STREAMS = 16  # of one page
 # Pose of the previews on a page without a run: at rest 2 m above the origin, looking north.
 _BEFORE_THE_FIRST_RUN = {"p": (0.0, 0.0, 2.0), "q": (0.5**0.5, 0.0, 0.0, 0.5**0.5), "t_ns": 0}
 _RUN_COMMANDS = frozenset({"pause", "resume", "step", "stop", "pace", "inject", "wind"})
+_OF_OTHERS = ("home", "rotor_positions")  # facts of every vehicle that each page gets
 _MAX_STREAM_CHARS = 200  # of a stream's name
 _SEND_LIMIT_S = 10.0  # for one update to one page
 _MAX_UNSENT = 1 << 18  # bytes to the run; above it every message but a stop is dropped
@@ -48,7 +49,8 @@ class Page:
         self.send = send
         self.sender: asyncio.Task[None] | None = None  # sends one update
         self.lost = asyncio.Event()  # set when an update could not be sent
-        self.streams: tuple[str, ...] = ()
+        self.streams: tuple[str, ...] = ()  # named as in a run of one vehicle
+        self.vehicle = ""  # chosen on the page; see `Hub._vehicle_of`
         self.ready = False
         # What was sent last:
         self.version = -1  # version of the hub's state
@@ -79,7 +81,7 @@ class Hub:
         self._events: deque[tuple[Any, ...]] = deque(maxlen=_EVENTS)
         self._event_count = 0
         self._threads = ThreadPoolExecutor(2, "page", initializer=_lower_priority)
-        self._slow: dict[str, Any] = {}
+        self._slow: dict[str, dict[str, Any]] = {}  # by vehicle; "" in a run of one
         self._slow_version = 0
         self._run_link: asyncio.StreamWriter | None = None
         self._requested = False  # an update is under way
@@ -119,7 +121,7 @@ class Hub:
             self.about = message
             self._run += 1
             self.state = {}
-            self._store_slow({})
+            self._slow, self._slow_version = {}, self._slow_version + 1
             self._frames.clear()
             self._events.clear()
             self._state_changed()
@@ -128,8 +130,10 @@ class Hub:
             for event in message.pop("events", ()):
                 self._events.append(tuple(event))
                 self._event_count += 1
-            if "slow" in message:
-                self._store_slow(message.pop("slow"))
+            for name, vehicle in message.get("vehicles", {"": message}).items():
+                if "slow" in vehicle:
+                    self._slow[name] = vehicle.pop("slow")
+                    self._slow_version += 1
             frames = message.pop("frames", {})
             message["actors"] = [] if self._previews is None else self._previews.places(message["t_ns"])
             self.state = message
@@ -143,9 +147,6 @@ class Hub:
             self._state_changed()
         self._send_updates()
         self.request_update()
-
-    def _store_slow(self, slow: dict[str, Any]) -> None:
-        self._slow, self._slow_version = slow, self._slow_version + 1
 
     async def _encode_frames(self, payloads: dict[str, Any]) -> None:
         previews = self._current_previews()
@@ -161,9 +162,23 @@ class Hub:
         """Request the next update from the run, if a page waits for one."""
         if self._run_link is None or self._requested or not any(page.ready for page in self.pages):
             return
-        wanted = sorted({stream for page in self.pages for stream in page.streams} - set(PREVIEW_STREAMS))
-        self._send_to_run({"kind": "next", "streams": wanted})
+        pages = [(page, self._prefix(page)) for page in self.pages]
+        wanted = sorted({prefix + s for page, prefix in pages for s in page.streams if s not in PREVIEW_STREAMS})
+        message: dict[str, Any] = {"kind": "next", "streams": wanted}
+        if "vehicles" in self.about:
+            message["vehicles"] = sorted({self._vehicle_of(page) for page in self.pages})
+        self._send_to_run(message)
         self._requested = True
+
+    def _vehicle_of(self, page: Page) -> str:
+        """Return the vehicle that a page shows: the chosen one, else the first; empty in a run of one."""
+        vehicles = self.about.get("vehicles", {})
+        return page.vehicle if page.vehicle in vehicles else next(iter(vehicles), "")
+
+    def _prefix(self, page: Page) -> str:
+        """Return what stands before the names of the page's streams in this run."""
+        vehicle = self._vehicle_of(page)
+        return f"{vehicle}/" if vehicle else ""
 
     def _send_to_run(self, message: dict[str, Any]) -> None:
         if self._run_link is not None:
@@ -188,24 +203,33 @@ class Hub:
             self.request_update()
         elif kind == "streams":
             wanted = message.get("streams")
+            if message.get("vehicle", page.vehicle) != page.vehicle:
+                if self._pilot is page:  # release the dead-man switch of the vehicle before
+                    self._pass_on_sticks(page, {"kind": "sticks", "held": False})
+                page.vehicle, page.run = str(message["vehicle"]), -1
             if isinstance(wanted, list):
                 page.streams = tuple(s for s in wanted if _is_stream(s))[:_MAX_STREAMS]
-                for stream in [s for s in page.frames if s not in page.streams]:
-                    del page.frames[stream]
+                shown = {self._prefix(page) + s for s in page.streams}
+                page.frames = {stream: version for stream, version in page.frames.items() if stream in shown}
             page.version = -1  # frames of the new streams may be here already
             self._start_previews()
             self._send_updates()
         elif kind == "sticks":
             self._pass_on_sticks(page, message)
         elif kind in _RUN_COMMANDS:
-            self._command_run(message)
+            self._command_run(self._for_vehicle(page, message))
 
     def _pass_on_sticks(self, page: Page, message: dict[str, Any]) -> None:
         """Pass on the sticks of one page at a time: the first that holds its dead-man switch, until release."""
         if self._pilot is not None and self._pilot is not page:
             return
         self._pilot = page if message.get("held") is True else None
-        self._command_run(message)
+        self._command_run(self._for_vehicle(page, message))
+
+    def _for_vehicle(self, page: Page, message: dict[str, Any]) -> dict[str, Any]:
+        """Return the message with the name of the page's vehicle, in a run of several."""
+        vehicle = self._vehicle_of(page)
+        return message | {"vehicle": vehicle} if vehicle else message
 
     def remove(self, page: Page) -> None:
         """Remove a page that was closed, and release its dead-man switch."""
@@ -241,32 +265,48 @@ class Hub:
             page.lost.set()
 
     def _encode_update(self, page: Page) -> bytes:
+        vehicle, prefix = self._vehicle_of(page), self._prefix(page)
         new_run = page.run != self._run
         new_events = len(self._events) if new_run else min(self._event_count - page.events, len(self._events))
         head: dict[str, Any] = {
             "kind": "update",
             "going": self.running,
             "message": self.message,
-            "state": self.state,
+            "state": self._state_of(vehicle),
             "events": list(self._events)[len(self._events) - new_events :] if new_events else [],
             "result": self.result,
         }
         if new_run:
-            head["about"] = self.about
+            head["about"] = self._about(vehicle)
             head["run"] = self._run
         if new_run or page.slow != self._slow_version:
-            head["slow"] = self._slow
-        known = {} if new_run else page.frames
-        sent = {stream: version for stream, version in known.items() if stream in page.streams}
+            head["slow"] = self._slow.get(vehicle, {})
+        sent = {} if new_run else dict(page.frames)
         frames = []
         for stream in page.streams:
-            version, frame = self._frames.get(stream, (-1, None))
-            if frame is not None and sent.get(stream) != version:
-                sent[stream] = version
-                frames.append(frame)
+            version, frame = self._frames.get(prefix + stream, (-1, None))
+            if frame is not None and sent.get(prefix + stream) != version:
+                sent[prefix + stream] = version
+                frames.append(frame._replace(head=frame.head | {"stream": stream}))
         data = packed_update(head, frames)
         page.run, page.slow, page.events, page.frames = self._run, self._slow_version, self._event_count, sent
         return data
+
+    def _state_of(self, vehicle: str) -> dict[str, Any]:
+        """Return the newest state as a page that shows this vehicle gets it."""
+        if not vehicle:
+            return self.state
+        own = self.state.get("vehicles", {}).get(vehicle, {})
+        return {key: value for key, value in self.state.items() if key != "vehicles"} | own
+
+    def _about(self, vehicle: str) -> dict[str, Any]:
+        """Return the description of the run as a page that shows this vehicle gets it."""
+        if not vehicle:
+            return self.about
+        all_vehicles = self.about["vehicles"]
+        shown = {name: {key: about[key] for key in _OF_OTHERS} for name, about in all_vehicles.items()}
+        of_run = {"out": self.about["out"], "lockstep": self.about["lockstep"], "vehicles": shown, "vehicle": vehicle}
+        return all_vehicles[vehicle] | of_run
 
     # -- previews -------------------------------------------------------------------------------------------------
 
@@ -297,7 +337,8 @@ class Hub:
 
         Empty if the run has not sent its first state.
         """
-        return self.state if "p" in self.state else {} if self.about else _BEFORE_THE_FIRST_RUN
+        flying = "p" in self.state or any(self.state.get("places", {}).values())
+        return self.state if flying else {} if self.about else _BEFORE_THE_FIRST_RUN
 
     def _start_previews(self) -> None:
         """Start to render the previews of open panes, unless they are being rendered."""
@@ -305,7 +346,8 @@ class Hub:
             self._rendering = asyncio.get_running_loop().create_task(self._render_previews())
 
     def _open_previews(self) -> list[str]:
-        return sorted({s for page in self.pages for s in page.streams if s.startswith(f"{PREVIEW_PREFIX}/")})
+        previews = f"{PREVIEW_PREFIX}/"
+        return sorted({self._prefix(page) + s for page in self.pages for s in page.streams if s.startswith(previews)})
 
     async def _render_previews(self) -> None:
         loop = asyncio.get_running_loop()
@@ -332,7 +374,16 @@ class Hub:
 
     @staticmethod
     def _render(previews: PreviewSensors, wanted: list[str], state: dict[str, Any]) -> dict[str, StreamFrame]:
-        return _encoded(previews.render(wanted, state["p"], state["q"], state["t_ns"]), previews.classes)
+        payloads: dict[str, Any] = {}
+        places = state.get("places") or {"": (state["p"], state["q"])}
+        for name, place in places.items():
+            prefix = f"{name}/" if name else ""
+            own = [stream.removeprefix(prefix) for stream in wanted if stream.startswith(prefix)]
+            if own and place is not None:
+                p_WB, q_WB = place
+                rendered = previews.render(own, p_WB, q_WB, state["t_ns"])
+                payloads |= {prefix + stream: payload for stream, payload in rendered.items()}
+        return _encoded(payloads, previews.classes)
 
 
 def _is_stream(name: Any) -> bool:

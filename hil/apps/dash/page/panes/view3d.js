@@ -35,7 +35,8 @@ export class View3d {
     this.scene = null;
     this.actors = [];  // meshes of people and vehicles
     this.places = [];  // place of each: x, y, z [m], yaw [rad]
-    this.body = null;
+    this.bodies = new Map();  // meshes by name of the vehicle; the name of the shown one is empty
+    this.others = {};  // pose [p, q] of each other vehicle, by name
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     this.gl = gl;
     if (!gl) { note.textContent = "no 3-D view: WebGL 2 is off in this browser"; return; }
@@ -69,11 +70,17 @@ export class View3d {
     this.touch();
   }
 
-  setVehicle(rotors) {
+  setVehicle(rotors, name = "") {
     if (!this.gl) return;
-    if (this.body) { this.gl.deleteBuffer(this.body.buffer); this.gl.deleteVertexArray(this.body.array); }
-    const { bytes, count } = vehicleMesh(rotors);
-    this.body = meshOf(this.gl, this.mesh, bytes, count);
+    const old = this.bodies.get(name);
+    if (old) { this.gl.deleteBuffer(old.buffer); this.gl.deleteVertexArray(old.array); }
+    const { bytes, count } = vehicleMesh(rotors, name ? [128, 136, 146, 255] : [255, 96, 56, 255]);
+    this.bodies.set(name, meshOf(this.gl, this.mesh, bytes, count));
+  }
+
+  setOthers(poses) {
+    this.others = poses;
+    this.touch();
   }
 
   // `points`: flat list x, y, z. `at`: pose [p, q] of their frame; null: the world.
@@ -145,8 +152,12 @@ export class View3d {
       const [x, y, z, yaw] = this.places[k];
       show(actor, pose([x, y, z], [Math.cos(yaw / 2), 0, 0, Math.sin(yaw / 2)]));
     });
-    // The vehicle is enlarged with the distance, so that it stays visible from afar.
-    if (this.vehicle && this.body) show(this.body, pose(this.vehicle.p, this.vehicle.q, Math.max(1, this.distance * 0.07)));
+    // Vehicles are enlarged with the distance, so that they stay visible from afar.
+    const shown = this.vehicle ? { ...this.others, "": [this.vehicle.p, this.vehicle.q] } : this.others;
+    for (const [name, [p, q]] of Object.entries(shown)) {
+      const body = this.bodies.get(name) ?? this.bodies.get("");
+      if (body) show(body, pose(p, q, Math.max(1, this.distance * 0.07)));
+    }
     gl.useProgram(this.line.program);
     gl.uniformMatrix4fv(this.line.screen, false, screen);
     for (const entry of this.lines.values()) {
@@ -238,7 +249,7 @@ function meshOf(gl, { at, colour }, bytes, count) {
   return { array, buffer, count };
 }
 
-function vehicleMesh(rotors) {
+function vehicleMesh(rotors, nose) {
   const corners = [];
   const add = (points, colour) => { for (const p of points) corners.push([p, colour]); };
   const box = ([x, y, z], [a, b, c], colour) => {
@@ -252,7 +263,7 @@ function vehicleMesh(rotors) {
       add(side > 0 ? quad : quad.reverse(), colour);
     }
   };
-  const dark = [40, 46, 56, 255], nose = [255, 96, 56, 255], light = [236, 240, 244, 255];
+  const dark = [40, 46, 56, 255], light = [236, 240, 244, 255];
   box([0, 0, 0], [0.09, 0.06, 0.03], dark);
   box([0.1, 0, 0.01], [0.03, 0.03, 0.02], nose);
   for (const [x, y, z] of rotors) {

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks
-from hil.apps.dash.live.live_run import LiveRun
+from hil.apps.dash.live.live_vehicle import LiveVehicle
 from hil.apps.dash.live.page_sticks import REQUESTS, PageSticks, page_buttons
 from hil.apps.dash.live.server_connection import ServerConnection
 from hil.apps.dash.messages import MAX_MESSAGE, Unpacker, packed
@@ -126,12 +126,11 @@ def test_a_frame_is_sent_once_and_only_on_request() -> None:
 
 
 def test_a_trail_stays_short_and_keeps_its_ends() -> None:
-    ours, _theirs = socket.socketpair()
-    live = LiveRun(ours)
+    live = LiveVehicle("")
     for k in range(100_000):
         truth = SimpleNamespace(t_ns=200 * MS * k, p_WB=(float(k), 0.0, 1.0))
-        live._run = SimpleNamespace(scheduler=SimpleNamespace(truth=truth))  # type: ignore[assignment]
-        live._extend_trail()
+        live.run = SimpleNamespace(scheduler=SimpleNamespace(truth=truth))  # type: ignore[assignment]
+        live.extend_trail()
     assert 700 <= len(live._trail) <= 1500
     assert live._trail[0][1] == 0.0
     assert live._trail[-1][1] > 99_800.0
