@@ -18,17 +18,18 @@ __all__ = ["RunResult", "fly", "run_bench"]
 MoreParts = Callable[[str], Sequence[Part]]
 
 
-def _no_parts(vehicle: str) -> Sequence[Part]:  # noqa: ARG001
-    return ()
+def _maker_of(more: Sequence[Part] | MoreParts, bench: Bench) -> MoreParts:
+    first = next(iter(bench.vehicles), "")
+    return more if callable(more) else lambda vehicle: more if vehicle == first else ()
 
 
-def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: MoreParts = _no_parts) -> RunResult:
+def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Part] | MoreParts = ()) -> RunResult:
     """Fly `bench` and leave run.json, the recordings and the report in `out`.
 
-    `more` makes the parts that the caller adds to those of the bench, such as a dashboard, for each vehicle by name;
-    the name is empty in a bench with one vehicle. A failure of the bench is a result (status ERROR), not an exception,
-    so that run.json always exists. Raises RecordingError if `out` itself cannot be written or another run writes there,
-    ConfigError if the settings of a part are invalid.
+    `more`: parts that the caller adds to those of the only or first vehicle, such as a dashboard, or a function that
+    makes them for each vehicle by name (empty: the only one). A failure of the bench is a result (status ERROR), not an
+    exception, so that run.json always exists. Raises RecordingError if `out` itself cannot be written or another run
+    writes there, ConfigError if the settings of a part are invalid.
     """
     with ExitStack() as folders:
         for folder in (out, *(out / name for name in bench.vehicles)):
@@ -36,8 +37,8 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: MoreParts =
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
 
-            return GroupRun(bench, out, more, quiet=quiet).result()
-        return VehicleRun(bench, out, parts_of(bench, more("")), quiet=quiet).result()
+            return GroupRun(bench, out, _maker_of(more, bench), quiet=quiet).result()
+        return VehicleRun(bench, out, parts_of(bench, _maker_of(more, bench)("")), quiet=quiet).result()
 
 
 def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:

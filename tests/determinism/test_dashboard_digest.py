@@ -34,7 +34,7 @@ def fly(folder: Path, page: PageThread | None = None, *, mcap: bool = True, **li
         return run_bench(bench, folder / "run", quiet=True)
     watched = page.live(**live)
     try:
-        return run_bench(bench, folder / "run", quiet=True, more=lambda name: [DashboardPart(watched, name)])
+        return run_bench(bench, folder / "run", quiet=True, more=[DashboardPart(watched)])
     finally:
         watched.close()
         page.join()

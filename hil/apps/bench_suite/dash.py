@@ -108,7 +108,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
 
 
 def _fly(bench: Bench, out: Path, live: LiveRun | None) -> dict[str, Any]:
-    flown = run_bench(bench, out, quiet=True, more=lambda name: [] if live is None else [DashboardPart(live, name)]).run
+    flown = run_bench(bench, out, quiet=True, more=[] if live is None else [DashboardPart(live)]).run
     if flown["error"] is not None:
         raise HilError(f"the flight ended as ERROR: {flown['error']['message']}")
     return flown
