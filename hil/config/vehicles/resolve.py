@@ -164,6 +164,9 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
     loaded.settings.set(("name",), name, loading.settings.where(place))
     vehicle = loaded.bench()
     differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]
+    is_option = loading.settings.where(("scene",)).startswith("--")  # of the command line, for all vehicles
+    if "scene" in loaded.settings.data and not is_option:
+        differing += ["scene"] * (loaded.files["scene"].resolve() != loading.files["scene"].resolve())
     if differing:
         message = f"differs from the bench in {', '.join(differing)}: {path}"
         raise ConfigError([at(loading.settings, place, message, "all vehicles of a run share these settings")])

@@ -29,6 +29,7 @@ from hil.run.runs.lockstep import Lockstep, VehicleFailed
 from hil.run.runs.vehicle_run import RUN_JSON_NAME, RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
+from signals.documents.yaml_lines import read_yaml
 from signals.errors import HilError, RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
@@ -126,10 +127,10 @@ class GroupRun:
                     attachments={saved.name: saved.read_bytes()},
                 )
             )
-        scenes = [path.name for path in out.glob("scene.*")] if "scene" in bench.files else []
+        scene = f"../{read_yaml(saved).data['scene']}" if "scene" in bench.files else None
         for name, vehicle in bench.vehicles.items():
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
-            shared = Shared(mcap, partial(self._frames_of, name), f"../{scenes[0]}" if scenes else None)
+            shared = Shared(mcap, partial(self._frames_of, name), scene)
             self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=True, shared=shared)
             self._runs[name].mark_unfinished()
 

@@ -193,3 +193,10 @@ def test_the_examples_of_the_page_load(tmp_path, monkeypatch, text):
     path = tmp_path / "bench.yaml"
     path.write_text(text)
     assert len(load_bench(path).vehicles) >= 2
+
+
+def test_the_file_of_a_vehicle_may_not_name_another_scene(tmp_path):
+    (tmp_path / "other.yaml").write_text(f"{HEAD}scene: city_park\n")
+    text = "vehicles: {a: other.yaml}\n"
+    assert "vehicles.a differs from the bench in scene: " in problems(tmp_path, text)
+    assert load(tmp_path, f"scene: city_park\n{text}").vehicles["a"].scene.name == "city_park"
