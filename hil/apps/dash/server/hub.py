@@ -376,12 +376,11 @@ class Hub:
     def _render(previews: PreviewSensors, wanted: list[str], state: dict[str, Any]) -> dict[str, StreamFrame]:
         payloads: dict[str, Any] = {}
         places = state.get("places") or {"": (state["p"], state["q"])}
-        for name, place in places.items():
+        for name in places if None not in places.values() else ():
             prefix = f"{name}/" if name else ""
             own = [stream.removeprefix(prefix) for stream in wanted if stream.startswith(prefix)]
-            if own and place is not None:
-                p_WB, q_WB = place
-                rendered = previews.render(own, p_WB, q_WB, state["t_ns"])
+            if own:
+                rendered = previews.render(own, places, state["t_ns"], name)
                 payloads |= {prefix + stream: payload for stream, payload in rendered.items()}
         return _encoded(payloads, previews.classes)
 

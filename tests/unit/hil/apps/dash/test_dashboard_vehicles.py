@@ -13,7 +13,8 @@ import numpy as np
 from hil.apps.dash.part import DashboardPart
 from hil.apps.dash.past.past_runs import PastRuns
 from hil.apps.dash.server.hub import Hub, Page
-from hil.apps.dash.views.payloads import array_payload
+from hil.apps.dash.views.payloads import array_payload, payload_array
+from hil.apps.dash.views.preview_sensors import PreviewSensors
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from tests.worlds.dashboard_page import PageThread
@@ -93,6 +94,20 @@ def test_a_page_changes_no_vehicle_and_a_past_run_shows_each(tmp_path: Path) -> 
     assert (past.summary("run", "wing") or {})["autopilot"]["kind"] == "mock"
     assert past.summary("run", "third") is None
     assert past.moments.at("run", 10**9, [], "third") is None
+
+
+def test_a_preview_shows_the_other_vehicles(tmp_path: Path) -> None:
+    (tmp_path / "bench.yaml").write_text(BENCH)
+    previews, level = PreviewSensors(tmp_path / "bench.yaml"), (1.0, 0.0, 0.0, 0.0)
+
+    def nearest_m(ahead_m: float, t_ns: int) -> float:
+        places = {"lead": ((0.0, 0.0, 5.0), level), "wing": ((ahead_m, 0.0, 5.0), level)}
+        (payload,) = previews.render(["view/camera/depth"], places, t_ns, "lead").values()
+        return float(payload_array(payload).min())
+
+    assert 1.3 < nearest_m(2.0, 4_000_000) < 2.0
+    assert 3.3 < nearest_m(4.0, 8_000_000) < 4.0
+    assert nearest_m(-4.0, 12_000_000) > 4.5  # behind: only the ground, from 5 m up
 
 
 def about() -> dict[str, Any]:
