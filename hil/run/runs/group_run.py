@@ -26,7 +26,7 @@ from hil.run.report.group_report import write_group_report
 from hil.run.report.run_json import write_run_json
 from hil.run.runs.failure import Failure
 from hil.run.runs.lockstep import Lockstep, VehicleFailed
-from hil.run.runs.vehicle_run import RUN_JSON_NAME, RunResult, Shared, VehicleRun
+from hil.run.runs.vehicle_run import KILLED, RUN_JSON_NAME, RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
 from signals.documents.yaml_lines import read_yaml
@@ -69,8 +69,7 @@ class GroupRun:
 
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report of every vehicle and of all together."""
-        killed = "the run is still going on, or it was killed before it could write its result"
-        self._write(self._summary({"type": "Killed", "message": killed}))
+        self._write(self._summary(KILLED))
         self._failure.guard(self._prepare_and_fly)
         self._results = {name: run.finish() for name, run in self._runs.items()}
         for recording in self._recordings:

@@ -30,6 +30,7 @@ from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
 RUN_JSON_NAME = "run.json"
+KILLED = {"type": "Killed", "message": "the run is still going on, or it was killed before it could write its result"}
 _NO_DIGEST = "0" * 32
 
 
@@ -80,8 +81,7 @@ class VehicleRun:
 
     def mark_unfinished(self) -> None:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
-        killed = "the run is still going on, or it was killed before it could write its result"
-        self._write(self._summary("ERROR", self._verdict(), {"type": "Killed", "message": killed}))
+        self._write(self._summary("ERROR", self._verdict(), KILLED))
 
     def finish(self) -> RunResult:
         """Judge, and write run.json and the report. Everything that the run opened is closed."""
