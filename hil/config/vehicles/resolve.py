@@ -142,7 +142,9 @@ def _merge_own_options(loaded: BenchLoading, loading: BenchLoading, place: Place
 
 def _set_default(loaded: BenchLoading, overlay: SettingsPart, place: Place, value: Any) -> None:
     """Set a value that the vehicle's own settings do not set."""
-    if not overlay.covers(place):
+    section = loaded.settings.data.get(str(place[0]), {})
+    is_invalid = len(place) > 1 and not isinstance(section, dict)  # reported when it is validated
+    if not overlay.covers(place) and not is_invalid:
         loaded.settings.set(place, value, overlay.where(()))
 
 
@@ -163,6 +165,8 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
     _merge_own_options(loaded, loading, place)
     loaded.settings.set(("name",), name, loading.settings.where(place))
     vehicle = loaded.bench()
+    if vehicle.config.vehicles:
+        raise ConfigError([at(loading.settings, place, f"names a file with several vehicles: {path}")])
     differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]
     is_option = loading.settings.where(("scene",)).startswith("--")  # of the command line, for all vehicles
     if "scene" in loaded.settings.data and not is_option:

@@ -98,6 +98,8 @@ def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
         ("vehicles: {A: {}}", "bench.yaml:3: vehicles.A cannot be the name of a vehicle"),
         ("vehicles: {replay: {}}", "vehicles.replay cannot be the name of a vehicle: `hil replay` flies into"),
         ("vehicles: {a: {seed: 3}}", "bench.yaml:3: vehicles.a.seed belongs to the whole bench, not to one vehicle"),
+        ("vehicles: {a: {autopilot: x}}", "bench.yaml:3: autopilot must be a mapping of keys, not 'x'"),
+        ("vehicles: {a: bench.yaml}", "bench.yaml:3: vehicles.a names a file with several vehicles: bench.yaml"),
         ("vehicles: {a: 5}", "bench.yaml:3: vehicles.a must be a mapping of keys or the path of a bench file, not 5"),
         ("vehicles: {a: nowhere.yaml}", "bench.yaml:3: vehicles.a names a file that does not exist: nowhere.yaml"),
         (
