@@ -25,7 +25,9 @@ VEHICLE_KEYS = frozenset({
 })  # fmt: skip
 # Ports that differ by the vehicle's number, unless it sets its own. PX4 numbers the ports of SDKs so.
 _PORTS: dict[tuple[str, str], Any] = {("router", "sdk"): None, ("companion", "port"): Companion().port}
-_REPLAY = "replay"  # folder in a run's folder into which `hil replay` flies
+# Folders of OUT that do not belong to a vehicle: the copied map, the fresh run of `hil replay`, and others.
+_RESERVED_NAMES = frozenset({"autopilot", "calibration", "replay", "scene_map"})
+_MAX_VEHICLES = 100
 _NUMBER = "{n}"  # in a name: stands for 1 to `count`
 
 
@@ -74,13 +76,14 @@ def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem])
                 problems.append(at(settings, place, "stands for several vehicles, and `count` is not set", "count: 10"))
                 continue
             names = [key.replace(_NUMBER, str(n)) for n in range(1, config.count + 1)]
-        if not re.fullmatch(VEHICLE_NAME, names[0]):
-            message = "cannot be the name of a vehicle: a letter, then up to 31 of a-z, 0-9 and _"
+        # The last name is the longest.
+        if not re.fullmatch(VEHICLE_NAME, names[-1]):
+            message = "cannot be the name of a vehicle: a letter from a to z, then up to 31 of a-z, 0-9 and _"
             problems.append(at(settings, place, message, "drone{n} stands for `count` vehicles"))
             continue
-        if key == _REPLAY:
-            problems.append(at(settings, place, "cannot be the name of a vehicle: `hil replay` flies into this folder"))
-            continue
+        if key in _RESERVED_NAMES:
+            message = f"cannot be the name of a vehicle: OUT/{key} is another folder of a run"
+            problems.append(at(settings, place, message, "give the vehicle another name"))
         if isinstance(overlay, dict):
             for own in overlay:
                 if own in BenchConfig.model_fields and own not in VEHICLE_KEYS:
@@ -95,6 +98,10 @@ def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem])
             places[name] = place
     if config.count is not None and not any(_NUMBER in key for key in config.vehicles):
         problems.append(at(settings, ("count",), "has no meaning: no name of a vehicle contains {n}", "leave it out"))
+    if len(places) > _MAX_VEHICLES:
+        place = ("vehicles",) if config.count is None else ("count",)
+        message = f"gives the bench {len(places)} vehicles, and it can have {_MAX_VEHICLES}"
+        problems.append(at(settings, place, message, "each has an autopilot.instance from 0 to 99"))
     return places
 
 

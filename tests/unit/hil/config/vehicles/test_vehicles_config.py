@@ -96,7 +96,12 @@ def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
     [
         ("vehicles: {a: {}, a: {}}", "bench.yaml:3: "),
         ("vehicles: {A: {}}", "bench.yaml:3: vehicles.A cannot be the name of a vehicle"),
-        ("vehicles: {replay: {}}", "vehicles.replay cannot be the name of a vehicle: `hil replay` flies into"),
+        ("vehicles: {replay: {}}", "vehicles.replay cannot be the name of a vehicle: OUT/replay is another folder"),
+        ('count: 10\nvehicles: {"abcdefghijklmnopqrstuvwxyz_1234{n}": {}}', "cannot be the name of a vehicle"),
+        (
+            'count: 60\nvehicles: {"a{n}": {}, "b{n}": {}}',
+            "bench.yaml:3: count gives the bench 120 vehicles, and it can have 100",
+        ),
         ("vehicles: {a: {seed: 3}}", "bench.yaml:3: vehicles.a.seed belongs to the whole bench, not to one vehicle"),
         ("vehicles: {a: {autopilot: x}}", "bench.yaml:3: autopilot must be a mapping of keys, not 'x'"),
         ("vehicles: {a: bench.yaml}", "bench.yaml:3: vehicles.a names a file with several vehicles: bench.yaml"),
