@@ -31,9 +31,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     exception, so that run.json always exists. Raises RecordingError if `out` itself cannot be written or another run
     writes there, ConfigError if the settings of a part are invalid.
     """
-    with ExitStack() as folders:
-        for folder in (out, *(out / name for name in bench.vehicles)):
-            folders.enter_context(run_folder(folder))
+    with run_folder(out, bench.vehicles):
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from socket import SOCK_STREAM
 
@@ -120,6 +122,20 @@ def test_an_expendable_vehicle_falls_and_the_others_fly_on(tmp_path):
     assert b["sim_s"] < a["sim_s"]
     assert b["status"] == "FAIL"
     assert b["verdict"]["reasons"][0].startswith("crashed: impact at ")
+
+
+def test_a_killed_run_names_its_vehicles(tmp_path):
+    """Another run into the same folder must know them to remove their results, and a replay to repeat them."""
+    process = multiprocessing.get_context("spawn").Process(target=fly, args=(tmp_path, LOSS))
+    process.start()
+    saved = tmp_path / "run" / "b" / "flight.tlog"
+    while process.is_alive() and not saved.exists():
+        time.sleep(0.01)
+    process.kill()
+    process.join()
+    run = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert run["error"]["type"] == "Killed"
+    assert {name: vehicle["error"]["type"] for name, vehicle in run["vehicles"].items()} == dict.fromkeys("ab", "Killed")
 
 
 FIVE = """

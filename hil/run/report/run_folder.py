@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import json
 import os
 import re
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from hil.run.report.run_json import write_run_json
@@ -20,14 +21,15 @@ _SUFFIXES = (
     *(".waypoints", ".yaml", ".yml", ".xml", ".obj", ".stl", ".msh", ".bin", ".hdr", ".skn"),
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
+_RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one of a run
 
 
 @contextlib.contextmanager
-def run_folder(out: Path) -> Iterator[None]:
-    """Make the folder of a run, hold its lock, and remove links where the run writes.
+def run_folder(out: Path, vehicles: Iterable[str] = ()) -> Iterator[None]:
+    """Make the folder of a run and those of its `vehicles`, hold their locks, and remove links where the run writes.
 
-    The kernel releases the lock (flock) when the process ends. Raises RecordingError if the folder cannot be used or
-    another process writes into it.
+    The results of vehicles that an earlier run here had and this one has not are removed. The kernel releases the locks
+    (flock) when the process ends. Raises RecordingError if a folder cannot be used or another process writes into it.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -42,19 +44,37 @@ def run_folder(out: Path) -> Iterator[None]:
             raise RecordingError(text) from None
         except OSError:
             pass  # a file system without locks
-        _remove_links(out)
-        yield
+        names = frozenset(vehicles)
+        _remove_links(out, _FOLDERS | names)
+        _remove_other_vehicles(out, names)
+        with contextlib.ExitStack() as stack:
+            for name in names:
+                stack.enter_context(run_folder(out / name))
+            yield
     finally:
         os.close(folder)
 
 
-def _remove_links(folder: Path) -> None:
+def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:
+    """Remove the results of vehicles that are not in `names`, so that they do not pass for this run's."""
+    try:
+        earlier = json.loads((out / "run.json").read_text())["vehicles"]
+    except (OSError, ValueError, LookupError, TypeError):
+        return  # no earlier run, or one with a single vehicle
+    for name in earlier if isinstance(earlier, dict) else ():
+        if name not in names and Path(name).name == name and not (out / name).is_symlink():
+            for file in _RESULTS:
+                with contextlib.suppress(OSError):
+                    (out / name / file).unlink(missing_ok=True)
+
+
+def _remove_links(folder: Path, folders: frozenset[str] = _FOLDERS) -> None:
     try:
         for entry in list(os.scandir(folder)):
             if entry.is_dir(follow_symlinks=False):
-                if entry.name in _FOLDERS:
+                if entry.name in folders:
                     _remove_links(Path(entry.path))
-            elif entry.name in _FOLDERS or Path(entry.name).suffix.lower() in _SUFFIXES:
+            elif entry.name in folders or Path(entry.name).suffix.lower() in _SUFFIXES:
                 state = entry.stat(follow_symlinks=False)
                 if not stat.S_ISREG(state.st_mode) or state.st_nlink > 1:
                     os.unlink(entry.path)

@@ -131,7 +131,8 @@ class GroupRun:
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
             shared = Shared(mcap, partial(self._frames_of, name), scene)
             self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=True, shared=shared)
-            self._runs[name].mark_unfinished()
+            self._results[name] = self._runs[name].mark_unfinished()
+        self._write(self._summary(KILLED))
 
     def _frames_of(self, name: str) -> FrameSource:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""

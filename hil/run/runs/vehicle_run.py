@@ -79,9 +79,11 @@ class VehicleRun:
         self.failure.guard(self._prepare_and_fly)
         return self.finish()
 
-    def mark_unfinished(self) -> None:
+    def mark_unfinished(self) -> RunResult:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
-        self._write(self._summary("ERROR", self._verdict(), KILLED))
+        run = self._summary("ERROR", self._verdict(), KILLED)
+        self._write(run)
+        return RunResult("ERROR", run, self._out)
 
     def finish(self) -> RunResult:
         """Judge, and write run.json and the report. Everything that the run opened is closed."""

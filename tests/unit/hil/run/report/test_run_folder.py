@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -56,3 +57,30 @@ def test_a_link_in_place_of_a_folder_of_the_run_is_replaced(tmp_path: Path) -> N
     with run_folder(out):
         assert not (out / "calibration").exists()
         assert list((out / "scene_map").iterdir()) == []
+
+
+def test_folders_of_vehicles_are_locked_and_links_in_their_place_removed(tmp_path: Path) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    out.mkdir()
+    elsewhere.mkdir()
+    (out / "a").symlink_to(elsewhere)
+    with run_folder(out, ("a", "b")):
+        assert not (out / "a").is_symlink()
+        with pytest.raises(RecordingError, match=r"out/b: another run is writing here"), run_folder(out / "b"):
+            pass
+    (out / "c").write_text("mine")
+    with pytest.raises(RecordingError, match=r"out/c: cannot be used as the folder of a run"), run_folder(out, ("c",)):
+        pass
+    assert (out / "c").read_text() == "mine"
+
+
+def test_results_of_vehicles_of_an_earlier_run_are_removed(tmp_path: Path) -> None:
+    earlier = {"vehicles": {name: {} for name in ("a", "b", "../c")}}
+    out = tmp_path / "out"
+    for folder in (out, out / "a", out / "b", out / "mine", tmp_path / "c"):
+        folder.mkdir()
+        (folder / "run.json").write_text(json.dumps(earlier))
+    with run_folder(out, ("a",)):
+        pass
+    assert not (out / "b" / "run.json").exists()
+    assert all((folder / "run.json").exists() for folder in (out, out / "a", out / "mine", tmp_path / "c"))
