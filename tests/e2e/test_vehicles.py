@@ -135,7 +135,8 @@ def test_a_killed_run_names_its_vehicles(tmp_path):
     process.join()
     run = json.loads((tmp_path / "run" / "run.json").read_text())
     assert run["error"]["type"] == "Killed"
-    assert {name: vehicle["error"]["type"] for name, vehicle in run["vehicles"].items()} == dict.fromkeys("ab", "Killed")
+    errors = {name: vehicle["error"]["type"] for name, vehicle in run["vehicles"].items()}
+    assert errors == {"a": "Killed", "b": "Killed"}
 
 
 FIVE = """
