@@ -130,15 +130,7 @@ class QuadrotorPhysics:
             self._battery_capacity_c = 3600.0 * b.capacity_ah
             self._battery_start_c = (1.0 - b.initial_charge) * self._battery_capacity_c
             self._battery = np.array([self._battery_start_c, 0.0, 0.0])
-            self.body.fit_battery(
-                battery=self._battery,
-                cells=float(b.cells),
-                capacity_c=self._battery_capacity_c,
-                resistance_ohm=b.resistance_ohm,
-                efficiency=b.efficiency,
-                auxiliary_w=b.auxiliary_w,
-                nominal_voltage_v=b.nominal_voltage_v,
-            )
+            self._fit_battery(b.auxiliary_w)
         self._model = build_model(scene, vehicle, contact_step_s=tick_s / self.contact_substeps[False])
         self._data = mujoco.MjData(self._model)
         self.attach(self._data)
@@ -240,6 +232,25 @@ class QuadrotorPhysics:
         if tick == self._next_change:
             self._begin_events(tick)
         return self._truth_state(tick, touching)
+
+    def _fit_battery(self, auxiliary_w: float) -> None:
+        battery = self.vehicle.battery
+        assert battery is not None
+        assert self._battery is not None
+        self.body.fit_battery(
+            battery=self._battery,
+            cells=float(battery.cells),
+            capacity_c=self._battery_capacity_c,
+            resistance_ohm=battery.resistance_ohm,
+            efficiency=battery.efficiency,
+            auxiliary_w=auxiliary_w,
+            nominal_voltage_v=battery.nominal_voltage_v,
+        )
+
+    def switch_off(self) -> None:
+        """Switch off everything but the rotors, so that a vehicle that only lies there does not empty its battery."""
+        if self._battery is not None:
+            self._fit_battery(0.0)
 
     @property
     def battery(self) -> BatteryState | None:

@@ -107,6 +107,9 @@ def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool
                 for flight in flying:
                     flight.after_tick()
                 if any(flight.over for flight in flying):
+                    for flight in flying:
+                        if flight.over and not one:  # it stays in the world
+                            flight.run.physics.switch_off()
                     flying = [flight for flight in flying if not flight.over]
     except (KeyboardInterrupt, FlightEnded) as stop:
         if isinstance(stop, KeyboardInterrupt) and not all(_serves(flight.run.bench) for flight in flights):
