@@ -18,7 +18,7 @@ from typing import Any
 
 from hil.run.loop.tick_loop import Flight
 from hil.run.part import FlightEnded
-from signals.errors import HandshakeError, LinkError
+from signals.errors import HandshakeError, LinkError, ModelRangeError
 from signals.samples import TruthState
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
 
@@ -51,7 +51,10 @@ class Lockstep:
         """Run one tick. Raises VehicleFailed; a lost autopilot with `on_loss: go_on` only makes its vehicle fall."""
         controls = [self._each(flight, flight.run.scheduler.begin) or _STOPPED for flight in self._flights]
         began_ns = time.perf_counter_ns()
-        truths = self._world.advance(self._tick, controls)
+        try:
+            truths = self._world.advance(self._tick, controls)
+        except ModelRangeError as error:
+            raise VehicleFailed(error.variable.partition("/")[0]) from error
         self._tick += 1
         self._place(truths)
         for flight, truth in zip(self._flights, truths, strict=True):

@@ -9,7 +9,7 @@ import pytest
 
 from hil.run.part import FlightEnded
 from hil.run.runs.lockstep import Lockstep, VehicleFailed
-from signals.errors import HandshakeError, LinkClosed
+from signals.errors import HandshakeError, LinkClosed, ModelRangeError
 
 LOST = LinkClosed("autopilot", "its process ended")
 
@@ -84,3 +84,15 @@ def test_on_loss_applies_to_a_lost_autopilot_alone(phase: str, error: Exception)
 def test_the_end_of_a_flight_is_no_error_of_a_vehicle() -> None:
     with pytest.raises(FlightEnded):
         fly(Vehicle("a", "wait", FlightEnded("the test suite has ended")), Vehicle("b"))
+
+
+def test_a_vehicle_outside_the_range_of_the_model_is_named() -> None:
+    def advance(tick: int, controls: Any) -> Any:
+        raise ModelRangeError(tick, "b/speed_mps", 300.0, "at most 200")
+
+    world: Any = SimpleNamespace(advance=advance, take_contacts=list)
+    vehicles: Any = Vehicle("a"), Vehicle("b")
+    lockstep = Lockstep(vehicles, world, lambda truths: None, lambda truths, contacts: None)
+    with pytest.raises(VehicleFailed) as caught:
+        lockstep.step()
+    assert caught.value.name == "b"
