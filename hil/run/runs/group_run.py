@@ -196,14 +196,17 @@ class GroupRun:
         return hashlib.blake2b(text.encode(), digest_size=32).hexdigest()
 
     def _verdict(self) -> tuple[list[Row], list[str]]:
-        """Return the measurements of the group, and the reasons for a FAIL of all vehicles but expendable ones."""
+        """Return the measurements of the group, and the reasons for a FAIL of all vehicles but expendable ones.
+
+        If every vehicle is lost, none was expendable.
+        """
         formation = self._bench.config.formation
         rows, reasons = self._measured.verdict(
             self._bench.config.group, None if formation is None else formation.max_error_m
         )
+        lost = {name for name, flight in self._flights.items() if flight.lost}
         for name, result in self._results.items():
-            flight = self._flights.get(name)
-            if flight is None or not flight.lost:
+            if name not in lost or len(lost) == len(self._results):
                 reasons += [f"{name}: {reason}" for reason in result.run["verdict"]["reasons"]]
         return rows, reasons
 
