@@ -124,6 +124,30 @@ def test_an_expendable_vehicle_falls_and_the_others_fly_on(tmp_path):
     assert b["verdict"]["reasons"][0].startswith("crashed: impact at ")
 
 
+def test_if_every_vehicle_is_lost_the_run_fails(tmp_path):
+    text = "vehicles: {a: {}, b: {}}\nformation: {shape: line, spacing_m: 9}\n"
+    result = fly(tmp_path, text, settings=("autopilot.on_loss=go_on", "autopilot.faults.die_at_s=11"))
+    assert result.status == "FAIL"
+    assert any(reason.startswith("a: crashed") for reason in result.run["verdict"]["reasons"])
+
+
+def test_a_vehicle_that_has_landed_does_not_empty_its_battery(tmp_path):
+    """It lies there for 30 s while the other flies on, and its electronics would need more than is left."""
+    text = (ROOT / "rigs" / "vehicles" / "x500.yaml").read_text()
+    text = text.replace("capacity_ah: 5.0", "capacity_ah: 0.9").replace("auxiliary_w: 8.0", "auxiliary_w: 900")
+    (tmp_path / "small.yaml").write_text(text)
+    (tmp_path / "long.waypoints").write_text(HOP.replace("2\t0\t3\t16\t0", "2\t0\t3\t16\t1000"))
+    text = """
+vehicles: {a: {mission: long.waypoints}, b: {vehicle: small.yaml}}
+formation: {shape: line, spacing_m: 9}
+physics: {effects: {battery: true}}
+duration_s: 60
+"""
+    result = fly(tmp_path, text)
+    assert result.run["error"] is None
+    assert result.run["vehicles"]["b"]["status"] == "PASS"
+
+
 def test_a_killed_run_names_its_vehicles(tmp_path):
     """Another run into the same folder must know them to remove their results, and a replay to repeat them."""
     process = multiprocessing.get_context("spawn").Process(target=fly, args=(tmp_path, LOSS))

@@ -25,11 +25,12 @@ _RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one 
 
 
 @contextlib.contextmanager
-def run_folder(out: Path, vehicles: Iterable[str] = ()) -> Iterator[None]:
+def run_folder(out: Path, vehicles: Iterable[str] | None = None) -> Iterator[None]:
     """Make the folder of a run and those of its `vehicles`, hold their locks, and remove links where the run writes.
 
-    The results of vehicles that an earlier run here had and this one has not are removed. The kernel releases the locks
-    (flock) when the process ends. Raises RecordingError if a folder cannot be used or another process writes into it.
+    The results of vehicles that an earlier run here had and this one has not are removed (None: they stay). The kernel
+    releases the locks (flock) when the process ends. Raises RecordingError if a folder cannot be used or another
+    process writes into it.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -44,9 +45,10 @@ def run_folder(out: Path, vehicles: Iterable[str] = ()) -> Iterator[None]:
             raise RecordingError(text) from None
         except OSError:
             pass  # a file system without locks
-        names = frozenset(vehicles)
+        names = frozenset(vehicles or ())
         _remove_links(out, _FOLDERS | names)
-        _remove_other_vehicles(out, names)
+        if vehicles is not None:
+            _remove_other_vehicles(out, names)
         with contextlib.ExitStack() as stack:
             for name in names:
                 stack.enter_context(run_folder(out / name))

@@ -80,6 +80,8 @@ def test_results_of_vehicles_of_an_earlier_run_are_removed(tmp_path: Path) -> No
     for folder in (out, out / "a", out / "b", out / "mine", tmp_path / "c"):
         folder.mkdir()
         (folder / "run.json").write_text(json.dumps(earlier))
+    with run_folder(out):  # as after an error in a bench file
+        assert (out / "b" / "run.json").exists()
     with run_folder(out, ("a",)):
         pass
     assert not (out / "b" / "run.json").exists()
