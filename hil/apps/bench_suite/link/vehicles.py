@@ -62,6 +62,7 @@ def _fly(folder: Path, count: int, transport: str, duration_s: float) -> dict[st
         "record.report=false",
         "group.min_distance_m=null",
         "formation.max_error_m=null",
+        "formation.shape=line",  # a place does not depend on the number of vehicles
     ]
     outcome = run_bench(load_bench(_BENCH, settings=settings), folder / f"{transport}-{count}", quiet=True)
     if outcome.status == "ERROR":
