@@ -83,6 +83,7 @@ def test_a_flight_in_latency_true_time_and_again_beside_busy_processors(tmp_path
     assert other.run["digest"] != again.run["digest"]
 
 
+@pytest.mark.slow
 def test_a_lockstep_flight_is_the_same_beside_busy_processors_and_its_recording_repeats(tmp_path: Path) -> None:
     first = fly(tmp_path / "first", PILOT, RECORDED)
     with busy_processors():

@@ -272,6 +272,7 @@ def test_a_session_at_the_bench(page: Any) -> None:
     look_back(page)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("address", [PAIR], indirect=True)
 def test_a_run_of_two_vehicles(page: Any) -> None:
     page.select_option("#f-pace", "2")

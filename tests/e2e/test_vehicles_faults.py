@@ -56,6 +56,7 @@ def test_faults_of_a_script_and_of_a_bench_hit_their_own_vehicle(tmp_path: Path)
     assert "other" not in faults
 
 
+@pytest.mark.slow
 def test_vehicles_flown_by_companions_repeat_from_their_traces(tmp_path: Path) -> None:
     """The computing times of the clients are measured, so only the traces repeat the flight."""
     text = "companion: {port: 0, start: [waypoints], control: true, rate_hz: 25, time: latency_true}\n"

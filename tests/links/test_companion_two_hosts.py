@@ -49,7 +49,7 @@ def test_frames_cross_the_wire_whole(endpoints: Endpoints, arrangement: Arrangem
 def test_a_key_that_is_not_allowed_is_refused(endpoints: Endpoints, monkeypatch: pytest.MonkeyPatch) -> None:
     assert endpoints.keys is not None
     (endpoints.keys / "peer.pub").unlink()
-    monkeypatch.setattr("hil.apps.bench_suite.link.transfer.LIMIT_S", 20.0)
+    monkeypatch.setattr("hil.apps.bench_suite.link.transfer.LIMIT_S", 8.0)
     with (
         pytest.raises(HandshakeError, match="not among the allowed"),
         open_transfer(endpoints, "one_port", scale=SCALE),

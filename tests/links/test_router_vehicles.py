@@ -66,6 +66,7 @@ def test_pymavlink_sees_all_on_one_port_and_only_the_addressed_one_answers(tmp_p
     assert run["deterministic"] is False
 
 
+@pytest.mark.slow
 def test_one_mavsdk_program_flies_three_vehicles(tmp_path: Path) -> None:
     mavsdk = pytest.importorskip("mavsdk")
     from mavsdk.plugins.action import Action
