@@ -106,10 +106,10 @@ for name in PRESETS:
     if KINDS[kind].needs_frames:
         extra = FRAME_EXTRA[kind]
         made = make_sensor(
-            Installation(name, rate_hz=2.0, seed=1, scene=scene, step_ns=tick_ns, frames=frames),
+            Installation(name, rate_hz=1.0, seed=1, scene=scene, step_ns=tick_ns, frames=frames),
             preset=name, overrides=extra,
         )
-        sensors.append((made, 125))
+        sensors.append((made, 250))
         continue
     every = 25 if kind == "gps" else 1 if kind == "imu" else 5
     installation = Installation(name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns)
