@@ -46,12 +46,19 @@ class WiringError(HilError):
 
 
 class ModelRangeError(HilError):
-    """Departure of the simulated vehicle from the range in which its model holds; `cause` if it is known."""
+    """Departure of a simulated vehicle from the range in which its model holds; `cause` if it is known.
 
-    def __init__(self, tick: int, variable: str, value: float, limit: str, *, cause: str = "") -> None:
+    `vehicle`: its name in a group of several; the message names it before the variable.
+    """
+
+    def __init__(
+        self, tick: int, variable: str, value: float, limit: str, *, cause: str = "", vehicle: str = ""
+    ) -> None:
         self.tick, self.variable, self.value, self.limit, self.cause = tick, variable, value, limit, cause
+        self.vehicle = vehicle
         more = f": {cause}" if cause else ""
-        super().__init__(f"tick {tick}: {variable} = {value!r} is outside the model's range ({limit}){more}")
+        owner = f"{vehicle}/" if vehicle else ""
+        super().__init__(f"tick {tick}: {owner}{variable} = {value!r} is outside the model's range ({limit}){more}")
 
 
 class LinkError(HilError):

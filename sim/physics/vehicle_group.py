@@ -88,7 +88,7 @@ class VehicleGroup:
     def advance(self, tick: int, controls: Sequence[Sequence[float]]) -> list[TruthState]:
         """Advance all vehicles to tick `tick`, and return their states; both in the mapping's order.
 
-        See `QuadrotorPhysics.advance`. The ModelRangeError of a vehicle names it before the variable.
+        See `QuadrotorPhysics.advance`. A ModelRangeError names its vehicle.
         """
         if self._downwash_W is not None:
             self._blow(self._downwash_W)
@@ -212,5 +212,5 @@ class VehicleGroup:
         return self._joint[-1][1]
 
     def _named(self, error: ModelRangeError, index: int) -> ModelRangeError:
-        variable = f"{self._names[index]}/{error.variable}"
-        return ModelRangeError(error.tick, variable, error.value, error.limit, cause=error.cause)
+        vehicle = self._names[index]
+        return ModelRangeError(error.tick, error.variable, error.value, error.limit, cause=error.cause, vehicle=vehicle)

@@ -54,7 +54,7 @@ class Lockstep:
         try:
             truths = self._world.advance(self._tick, controls)
         except ModelRangeError as error:
-            raise VehicleFailed(error.variable.partition("/")[0]) from error
+            raise VehicleFailed(error.vehicle) from error
         self._tick += 1
         self._place(truths)
         for flight, truth in zip(self._flights, truths, strict=True):

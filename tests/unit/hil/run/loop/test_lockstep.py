@@ -88,7 +88,7 @@ def test_the_end_of_a_flight_is_no_error_of_a_vehicle() -> None:
 
 def test_a_vehicle_outside_the_range_of_the_model_is_named() -> None:
     def advance(tick: int, controls: Any) -> Any:
-        raise ModelRangeError(tick, "b/speed_mps", 300.0, "at most 200")
+        raise ModelRangeError(tick, "speed_mps", 300.0, "at most 200", vehicle="b")
 
     world: Any = SimpleNamespace(advance=advance, take_contacts=list)
     vehicles: Any = Vehicle("a"), Vehicle("b")
