@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from firmware_bridge import _native
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.mock_pixhawk.faults import Fault, FaultInjector
 from firmware_bridge.mock_pixhawk.firmware import Firmware
@@ -53,7 +52,7 @@ class MockPixhawk:
         self.clock = None if board is None else board.clock  # in lockstep HIL_SENSOR is the clock
         self._boot_sensors, self._offboard_silence = boot_sensors, offboard_silence
         self._fault_injector = FaultInjector(tuple(faults))
-        self.params = ParamTable(_native_params(), hitl=board is not None)
+        self.params = ParamTable.of_firmware(hitl=board is not None)
         self.params.load_airframe(airframe)
         given = [] if sysid is None else [f"MAV_SYS_ID={sysid}"]
         self.params.load([*([] if board is None else ["SYS_HITL=1"]), *params, *given])
@@ -147,7 +146,3 @@ class MockPixhawk:
     def ignored(self) -> int:
         """Number of messages without effect."""
         return self.timing.ignored + self.firmware.ignored
-
-
-def _native_params() -> list[tuple[str, float, float, float]]:
-    return list(zip(_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX, strict=True))

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
+from firmware_bridge import _native
 from signals.errors import ConfigError, Problem
 
 TYPE_INT32 = 6  # MAV_PARAM_TYPE
@@ -105,6 +106,12 @@ class ParamTable:
             param.index = index
         self._by_name = {param.name: param for param in self._params}
         self.clear_callbacks()
+
+    @classmethod
+    def of_firmware(cls, *, hitl: bool = False) -> ParamTable:
+        """Return the parameters of the mock's firmware, those of its flight core among them."""
+        columns = (_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX)
+        return cls(zip(*columns, strict=True), hitl=hitl)
 
     def clear_callbacks(self) -> None:
         """Remove the callbacks `on_change` and `after_change`."""

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from firmware_bridge import _native
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from hil.config.checks.program_checks import program_problem
 from hil.config.merge.layers import Settings
@@ -80,8 +79,7 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
 
 @cache
 def _table() -> ParamTable:
-    columns = (_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX)
-    return ParamTable(zip(*columns, strict=True), hitl=True)
+    return ParamTable.of_firmware(hitl=True)
 
 
 def _param_problems(params: Mapping[str, float], located: Located) -> list[Problem]:

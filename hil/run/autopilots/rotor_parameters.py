@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from firmware_bridge import _native
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
@@ -120,7 +119,6 @@ def matching_airframe(vehicle: Vehicle) -> str | None:
 
 @cache
 def _airframe_table(name: str) -> ParamTable:
-    columns = (_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX)
-    table = ParamTable(zip(*columns, strict=True))
+    table = ParamTable.of_firmware()
     table.load_airframe(name)
     return table
