@@ -221,9 +221,14 @@ class Companion(Section):
         return self.clients > 0 or bool(self.start) or self.trace is not None
 
     @property
+    def flies(self) -> bool:
+        """True if clients command the vehicle."""
+        return self.on and self.control
+
+    @property
     def times_count(self) -> bool:
         """True if the measured compute time of clients changes the flight. A trace makes it repeatable."""
-        return self.on and self.control and self.time != "lockstep" and self.trace is None
+        return self.flies and self.time != "lockstep" and self.trace is None
 
     @property
     def expected(self) -> int:

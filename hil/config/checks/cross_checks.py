@@ -56,7 +56,7 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     if config.goal is not None:
         if config.mission is not None:
             report(("goal",), "cannot go with a mission: a flight is judged by one of them", "--set mission=null")
-        if not (config.companion.on and config.companion.control):
+        if not config.companion.flies:
             report(("goal",), "needs a companion that finds the way", "companion: {start: [explore], control: true}")
     if config.search is not None:
         if not config.companion.on:

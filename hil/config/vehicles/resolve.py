@@ -175,7 +175,7 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
     if vehicle.config.vehicles:
         raise ConfigError([at(loading.settings, place, f"names a file with several vehicles: {path}")])
     differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]
-    is_option = loading.settings.where(("scene",)).startswith("--")  # of the command line, for all vehicles
+    is_option = loading.settings.where(("scene",)).startswith(COMMAND_LINE)  # for all vehicles
     if "scene" in loaded.settings.data and not is_option:
         differing += ["scene"] * (loaded.files["scene"].resolve() != loading.files["scene"].resolve())
     if differing:

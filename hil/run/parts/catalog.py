@@ -20,10 +20,6 @@ def _always(bench: Bench) -> bool:  # noqa: ARG001
     return True
 
 
-def _companion_flies(bench: Bench) -> bool:
-    return bench.config.companion.on and bench.config.companion.control
-
-
 _VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("simulated.vehicle", _always),
     ("simulated.sensors", _always),
@@ -37,7 +33,7 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),
-    ("pilots.mission", lambda bench: not _companion_flies(bench)),
+    ("pilots.mission", lambda bench: not bench.config.companion.flies),
     ("pilots.script", lambda bench: bench.script is not None),
     ("pilots.manual", lambda bench: bench.config.manual.device is not None),
 )

@@ -40,6 +40,7 @@ from mcap.records import (
 )
 from numpy.typing import NDArray
 
+from hil.run.recorder.mcap.topics import WORLD
 from signals.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -371,7 +372,7 @@ class VehicleTopics:
 
     def frame(self, frame_id: str) -> str:
         """Return the name of a coordinate frame in this recording."""
-        return frame_id if frame_id == "world" else f"{self._vehicle}/{frame_id}"
+        return frame_id if frame_id == WORLD else f"{self._vehicle}/{frame_id}"
 
     def channel(self, topic: str, type_name: str, schema_text: str) -> int:
         """Register a topic of ROS 2 type "package/Name" and return its channel number."""

@@ -23,7 +23,7 @@ import numpy as np
 from hil_companion.detections import Found
 from hil_companion.locate.existence import PERSON, object_odds
 from hil_companion.locate.looks import look_difference, median_look
-from hil_companion.locate.tracks import Track
+from hil_companion.locate.tracks import FIX_SIGMA_M, Track
 
 _PRIOR = -1.5  # about ten people may be the one who appears
 # ln of the densities' ratio of a difference of looks [CIE units], a line through those of people seen twice and of
@@ -34,7 +34,6 @@ _STAYS_M2 = 0.15  # variance of the place of an object that stays, besides that 
 _SITS_DOWN = -4.0  # ln of the chance that one track stands and the other walks
 _LEAST_JOINED = 2  # sightings of a track that can be joined and reported
 _ONE_PLACE_M = 1.5
-_FIX_SIGMA_M = 0.5  # the newest position at least this sure is reported; without one, the surest
 
 Key = Tuple[Tuple[int, int], ...]
 
@@ -103,7 +102,7 @@ class Group:
             return None
         if sum(track.sure for track in self.tracks) < least:
             return None
-        last = max(self.tracks, key=lambda t: (min(0.0, _FIX_SIGMA_M - t.fix.sigma_m), t.fix.t_ns))
+        last = max(self.tracks, key=lambda t: (min(0.0, FIX_SIGMA_M - t.fix.sigma_m), t.fix.t_ns))
         x, y, vx, vy = last.fix.state.tolist()
         sightings = sum(track.sightings for track in self.tracks)
         place = (x, y, last.z_m)

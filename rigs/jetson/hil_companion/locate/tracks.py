@@ -35,7 +35,7 @@ _ABSENT_S, _AWAY_S = 1.6, 4.0
 _LOOK, _MAX_LOOK = 8.0, 16.0  # CIE units per unit of cost, and the largest difference of a sighting from its track
 _LOOKS_KEPT = 30  # sightings whose median look is the track's
 _ONE_PLACE_M, _ONE_LOOK = 1.0, 14.0
-_FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than an older, surer one
+FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than an older, surer one
 _FIX_LOOK = 10.0  # a sighting with a greater difference of looks does not change the reported position
 _WEAK_S = 12.0  # a track of one sighting, or of none at the threshold, is dropped after this time
 
@@ -156,7 +156,7 @@ class Track:
         self._add_looks([] if seen.look is None else [seen.look])
         difference = look_difference(self.look, seen.look)
         trusted = seen.sure and (difference is None or difference < _FIX_LOOK)
-        if trusted and self.sigma_m <= max(_FIX_SIGMA_M, self.fix.sigma_m):
+        if trusted and self.sigma_m <= max(FIX_SIGMA_M, self.fix.sigma_m):
             self.fix = Fix(t_ns, self.state, self.sigma_m)
 
     def _add_looks(self, looks: Sequence[np.ndarray]) -> None:
