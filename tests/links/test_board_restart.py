@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
 
 import pytest
 from rich.console import Console
@@ -26,19 +25,6 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-te
 
 CAPS = LinkCaps("px4_hitl", lockstep=False, deterministic=False, boot_sensors=0)
 HOME = Home(47.0, 8.0, 400.0, 0.0, 0.0, 0.0)
-
-
-@pytest.fixture
-def board() -> Iterator[Callable[..., HitlBoard]]:
-    made: list[HitlBoard] = []
-
-    def make(**settings: Any) -> HitlBoard:
-        made.append(HitlBoard(**settings))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.unplug()
 
 
 def open_link(far: HitlBoard) -> list[tuple[str, str]]:

@@ -42,19 +42,6 @@ Drives = Callable[..., "HitlDrive"]
 Flights = Callable[..., RunResult]
 
 
-@pytest.fixture
-def board() -> Iterator[Boards]:
-    made: list[HitlBoard] = []
-
-    def make(**settings: Any) -> HitlBoard:
-        made.append(HitlBoard(**settings))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.unplug()
-
-
 class HitlDrive(Drive):
     """A free-running link over `transport`."""
 

@@ -9,9 +9,10 @@ import os
 import pty
 import threading
 import tty
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import pytest
 from fastcrc.crc16 import mcrf4xx
 
 from firmware_bridge.codecs.dialect import SHAPES
@@ -102,3 +103,17 @@ class HitlBoard:
             if fd >= 0:
                 os.close(fd)
         self._far = self._near = -1
+
+
+@pytest.fixture
+def board() -> Iterator[Callable[..., HitlBoard]]:
+    """Make boards; all are unplugged at the end of the test."""
+    made: list[HitlBoard] = []
+
+    def make(**settings: Any) -> HitlBoard:
+        made.append(HitlBoard(**settings))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.unplug()
