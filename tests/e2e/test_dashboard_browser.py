@@ -32,11 +32,7 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 ]
-BENCH = """
-mission: hop.waypoints
-autopilot: {transport: loopback}
-record: {mcap: true, tlog: false, report: false}
-companion: {start: ["mapper:mapper"], port: 0, rate_hz: 5}
+SENSORS = """
 sensors:
   imu: {preset: icm20689}
   gps: {preset: here_plus, rate_hz: 10}
@@ -44,6 +40,15 @@ sensors:
   mag: {preset: ist8310, rate_hz: 50}
   front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}
 """
+BENCH = (
+    SENSORS
+    + """
+mission: hop.waypoints
+autopilot: {transport: loopback}
+record: {mcap: true, tlog: false, report: false}
+companion: {start: ["mapper:mapper"], port: 0, rate_hz: 5}
+"""
+)
 MAPPER = """
 import numpy as np
 from hil_companion import Grid, View
@@ -60,20 +65,17 @@ class mapper:
         plan = np.array([self.p_W[:2], [5.0, 5.0]])
         return View(self.p_W, 0.5, (5.0, 5.0), plan, plan + 0.2, Grid(cells, (-10.0, -10.0), 0.5))
 """
-PAIR = """
+PAIR = (
+    SENSORS
+    + """
 mission: hop.waypoints
 autopilot: {transport: loopback}
 record: {mcap: true, tlog: false, report: false}
 limits: {max_cross_track_m: null, final_error_m: null, altitude_error_m: null}
 vehicles: {lead: {}, wing: {}}
 formation: {spacing_m: 4}
-sensors:
-  imu: {preset: icm20689}
-  gps: {preset: here_plus, rate_hz: 10}
-  baro: {preset: ms5611, rate_hz: 50}
-  mag: {preset: ist8310, rate_hz: 50}
-  front: {kind: camera, resolution: [64, 48], fov_deg: 90, rate_hz: 5, channels: [rgb]}
 """
+)
 SIZES = {"desktop": (1280, 800), "tablet": (820, 1180)}
 
 
