@@ -23,17 +23,22 @@ void rate_of_spin(const double *I, const double *w, const double *torque, double
     dw[2] = (torque[2] - (I[1] - I[0]) * w[0] * w[1]) / I[2];
 }
 
+// Drag of the airframe in B.
+inline void body_drag(const RigidBodyParams &params, const double air[3], double force[3]) {
+    const double airspeed = std::sqrt((air[0] * air[0] + air[1] * air[1]) + air[2] * air[2]);
+    for (int j = 0; j < 3; ++j) {
+        force[j] =
+            -(params.body_drag_linear_n_per_mps[j] + params.body_drag_quadratic_n_per_m2ps2[j] * airspeed) * air[j];
+    }
+}
+
 void wrench_in(const RigidBodyParams &params, const double R[9], const double *s, const RotorStage &rotors,
                const double *wind_W, Wrench &out) {
     const double *w = s + kW;
     double air[3];
     air_velocity(R, s, wind_W, air);
-    const double airspeed = std::sqrt((air[0] * air[0] + air[1] * air[1]) + air[2] * air[2]);
     double force[3], torque[3] = {0.0, 0.0, 0.0};
-    for (int j = 0; j < 3; ++j) {
-        force[j] =
-            -(params.body_drag_linear_n_per_mps[j] + params.body_drag_quadratic_n_per_m2ps2[j] * airspeed) * air[j];
-    }
+    body_drag(params, air, force);
     const RotorAir &effects = params.air;
     const bool near_ground = effects.ground_floor > 0.0, descends = effects.descent_loss > 0.0;
     double spin_momentum = 0.0, spin_momentum_rate = 0.0;
@@ -85,12 +90,8 @@ void tilted_wrench_in(const RigidBodyParams &params, const double R[9], const do
     const double *w = s + kW;
     double air[3];
     air_velocity(R, s, wind_W, air);
-    const double airspeed = std::sqrt((air[0] * air[0] + air[1] * air[1]) + air[2] * air[2]);
     double force[3], torque[3] = {0.0, 0.0, 0.0}, spin_momentum[3] = {0.0, 0.0, 0.0};
-    for (int j = 0; j < 3; ++j) {
-        force[j] =
-            -(params.body_drag_linear_n_per_mps[j] + params.body_drag_quadratic_n_per_m2ps2[j] * airspeed) * air[j];
-    }
+    body_drag(params, air, force);
     const RotorAir &effects = params.air;
     const bool near_ground = effects.ground_floor > 0.0, descends = effects.descent_loss > 0.0;
     for (int i = 0; i < params.rotor_count; ++i) {
