@@ -9,7 +9,6 @@
 
 #include "bind_arrays.hpp"
 #include "frame/actors.hpp"
-#include "gait.hpp"
 #include "placed_vehicle.hpp"
 
 namespace hs = hil::sim;
@@ -45,11 +44,8 @@ private:
 };
 
 std::shared_ptr<const hs::Actor> actor_of(nb::object actor) {
-    if (nb::isinstance<hs::Walker>(actor)) {
-        return nb::cast<std::shared_ptr<hs::Walker>>(actor);
-    }
-    if (nb::isinstance<hs::PlacedVehicle>(actor)) {
-        return nb::cast<std::shared_ptr<hs::PlacedVehicle>>(actor);
+    if (nb::isinstance<hs::Actor>(actor)) {
+        return nb::cast<std::shared_ptr<hs::Actor>>(actor);
     }
     return std::make_shared<PythonActor>(std::move(actor));
 }
@@ -77,7 +73,16 @@ void bind_actors(nb::module_ &m) {
             [](fr::FieldOfView *self, const Vec3 &p_WC, const Mat3 &R_WC, double left, double right, double top,
                double bottom) { new (self) fr::FieldOfView(p_WC.data(), R_WC.data(), left, right, top, bottom); },
             "p_WC"_a, "R_WC"_a, "left"_a, "right"_a, "top"_a, "bottom"_a);
-    nb::class_<hs::PlacedVehicle>(m, "PlacedVehicle", "Vehicle whose states are given from outside (placed_vehicle.hpp).")
+    nb::class_<hs::Actor>(m, "NativeActor", "Moving object whose poses are a pure function of time (actor.hpp).")
+        .def(
+            "bound",
+            [](const hs::Actor &actor, std::int64_t t_ns) {
+                const hs::Sphere sphere = actor.bound(t_ns);
+                const auto &[x, y, z] = sphere.centre_W;
+                return nb::make_tuple(nb::make_tuple(x, y, z), sphere.radius_m);
+            },
+            "t_ns"_a, "Return centre [m, W] and radius [m] of a sphere that encloses the object at `t_ns`.");
+    nb::class_<hs::PlacedVehicle, hs::Actor>(m, "PlacedVehicle", "Vehicle whose states are given from outside (placed_vehicle.hpp).")
         .def(
             "__init__",
             [](hs::PlacedVehicle *self, const std::vector<Vec3> &p_BR, const std::vector<std::array<double, 4>> &q_BR,
@@ -107,14 +112,6 @@ void bind_actors(nb::module_ &m) {
                                vector_of(w_WB_B, "w_WB_B"), std::move(speeds), {}});
             },
             "t_ns"_a, "p_WB"_a, "q_WB"_a, "v_WB_W"_a, "w_WB_B"_a, "speed_radps"_a, "Add the state at `t_ns`.")
-        .def(
-            "bound",
-            [](const hs::PlacedVehicle &vehicle, std::int64_t t_ns) {
-                const hs::Sphere sphere = vehicle.bound(t_ns);
-                const auto &[x, y, z] = sphere.centre_W;
-                return nb::make_tuple(nb::make_tuple(x, y, z), sphere.radius_m);
-            },
-            "t_ns"_a, "Return centre [m, W] and radius [m] of a sphere that encloses the vehicle at `t_ns`.")
         .def(
             "pose",
             [](const hs::PlacedVehicle &vehicle, std::int64_t t_ns, Out<double, -1, 3> p_WB, Out<double, -1, 4> q_WB,

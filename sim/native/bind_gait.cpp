@@ -90,7 +90,7 @@ void bind_gait(nb::module_ &m) {
         },
         "lengths_m"_a, "y"_a, "z"_a, "upper_rad"_a, "fore_rad"_a, "Return the rows of upper arm, forearm and hand.");
 
-    nb::class_<hs::Walker>(m, "Walker", "Person who walks on a path (gait.hpp).")
+    nb::class_<hs::Walker, hs::Actor>(m, "Walker", "Person who walks on a path (gait.hpp).")
         .def(
             "__init__",
             [](hs::Walker *self, const ShapeValues &shape, const hs::WalkPath &path, double cycles_per_m,
@@ -99,14 +99,6 @@ void bind_gait(nb::module_ &m) {
                                       bound_radius_m);
             },
             nb::kw_only(), "shape"_a, "path"_a, "cycles_per_m"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
-        .def(
-            "bound",
-            [](const hs::Walker &walker, std::int64_t t_ns) {
-                const hs::Sphere sphere = walker.bound(t_ns);
-                const auto &[x, y, z] = sphere.centre_W;
-                return nb::make_tuple(nb::make_tuple(x, y, z), sphere.radius_m);
-            },
-            "t_ns"_a, "Return centre [m, W] and radius [m] of a sphere that encloses the person at `t_ns`.")
         .def("phase", &hs::Walker::phase, "t_ns"_a, "Return the phase of the step cycle, [0, 1).")
         .def(
             "pose",
