@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim._kernels import Geometry, RayCaster, Reach, SceneActors, Scenery
 from sim.frame.meshes import height_field_triangles, mesh_triangles
-from sim.frame.scenery import make_scenery
+from sim.frame.scenery import alpha_masks, make_scenery
 from sim.scene.maps.scene_map import Actor
 from sim.scene.world import World
 
@@ -51,6 +51,7 @@ class FrameGeometry:
         for geoms in actor_geoms:
             is_moving[geoms] = True
         meshes: dict[tuple[int, int], int] = {}
+        mask_of_geom = alpha_masks(model, self.native)
         for geom in range(model.ngeom):
             kind = int(model.geom_type[geom])
             mesh = -1
@@ -72,6 +73,7 @@ class FrameGeometry:
                 class_id=int(world.geom_class[geom]),
                 instance=int(world.geom_instance[geom]),
                 surface=int(world.geom_surface[geom]),
+                mask=mask_of_geom.get(geom, -1),
             )
         self.native.finish()
         self._actors = SceneActors(self.native)

@@ -4,22 +4,27 @@ The colour of a geom follows MuJoCo's rules: it is the geom's own rgba, or the m
 its own rgba is the default grey; a texture multiplies it. Textures repeat per metre (`texuniform`) or per edge of the
 geom. Images whose edges are not powers of two are resampled to the next power, at least 4. Each level of the pyramid is
 the mean of 2 x 2 texels of the previous level, in integers.
+
+The alpha channel of a texture on a mesh with texture coordinates makes holes: texels below one half are open. There the
+texture is laid by the mesh's coordinates alone, without repetition factors and random changes of the pattern.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim._kernels import Scenery
+from sim._kernels import Geometry, Scenery
 from sim.scene.semantics import has_material_colour
 from sim.scene.surface_appearance import SurfaceAppearance
 
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
+_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _MIN_EDGE, _MAX_EDGE = 4, 4096  # texels along an edge
+_OPAQUE = 128  # least alpha of a texel that is not a hole
 
 
 def make_scenery(
@@ -35,6 +40,7 @@ def make_scenery(
     scenery = Scenery()
     textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
     uses_material = has_material_colour(model)
+    masked = dict(_masked(model))
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
@@ -53,10 +59,12 @@ def make_scenery(
             u, v = (float(x) for x in model.mat_texrepeat[material])
             repeat, uniform = (u, v), bool(model.mat_texuniform[material])
         r, g, b = (float(x) for x in rgba[:3])
+        if geom in masked:
+            repeat, uniform = (1.0, 1.0), False
         if appearance is not None:
-            if texture >= 0:  # its texels are changed already
+            if texture >= 0 and geom not in masked:  # its texels are changed already
                 repeat = (repeat[0] / appearance.scale, repeat[1] / appearance.scale)
-            else:
+            elif texture < 0:
                 r, g, b = appearance.colour((r, g, b))
         scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform)
     for r, g, b in extra_rgb or []:
@@ -74,21 +82,68 @@ def rgb_texture(model: mujoco.MjModel, material: int) -> int:
     return -1
 
 
+def alpha_masks(model: mujoco.MjModel, geometry: Geometry) -> dict[int, int]:
+    """Add the masks of all textures with holes to `geometry`; return the mask of each geom that has one."""
+    masks: dict[int, int] = {}
+    found: dict[int, int] = {}
+    for geom, texture in _masked(model):
+        if texture not in masks:
+            opaque = _powers_of_two(_texels(model, texture)[:, :, 3:]) >= _OPAQUE
+            masks[texture] = geometry.add_mask(np.ascontiguousarray(opaque[:, :, 0], np.uint8))
+        found[geom] = masks[texture]
+    return found
+
+
+def _masked(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
+    """Yield each geom that has holes, and its texture."""
+    has_holes: dict[int, bool] = {}
+    for geom in np.flatnonzero((model.geom_type == _MESH) & (model.geom_matid >= 0)).tolist():
+        texture = rgb_texture(model, int(model.geom_matid[geom]))
+        if texture < 0 or model.mesh_texcoordadr[model.geom_dataid[geom]] < 0:
+            continue
+        if texture not in has_holes:
+            texels = _texels(model, texture)
+            has_holes[texture] = texels.shape[2] == 4 and bool((texels[:, :, 3] < _OPAQUE).any())
+        if has_holes[texture]:
+            yield geom, texture
+
+
 def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
     """Return the texels (H, W, 3). A texture of one channel is grey, one of two channels grey and alpha."""
+    texels = _texels(model, texture)
+    return np.repeat(texels[:, :, :1], 3, axis=2) if texels.shape[2] < 3 else texels[:, :, :3]
+
+
+def _texels(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:
     height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
     channels = int(model.tex_nchannel[texture])
     begin = int(model.tex_adr[texture])
-    texels = model.tex_data[begin : begin + height * width * channels].reshape(height, width, channels)
-    return np.repeat(texels[:, :, :1], 3, axis=2) if channels < 3 else texels[:, :, :3]
+    texels: NDArray[np.uint8] = model.tex_data[begin : begin + height * width * channels].reshape(
+        height, width, channels
+    )
+    return texels
+
+
+def _without_holes(rgb: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the texels with the mean colour of the opaque ones in the holes, so that no hole tints a coarser level."""
+    opaque = alpha >= _OPAQUE
+    count = int(opaque.sum())
+    if count in (0, opaque.size):
+        return rgb
+    filled = rgb.copy()
+    filled[~opaque] = (rgb[opaque].sum(axis=0, dtype=np.int64) // count).astype(np.uint8)
+    return filled
 
 
 def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, appearance: SurfaceAppearance | None) -> int:
-    rgb = texels_of(model, texture)
+    rgb, texels = texels_of(model, texture), _texels(model, texture)
     height, width = rgb.shape[:2]
+    has_alpha = texels.shape[2] == 4
+    if has_alpha:
+        rgb = _without_holes(rgb, texels[:, :, 3])
     cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
     if appearance is not None:
-        rgb = appearance.texels(rgb, shifted=not cube)
+        rgb = appearance.texels(rgb, shifted=not (cube or has_alpha))
     faces = [_powers_of_two(face) for face in (np.split(rgb, 6) if cube else [rgb])]
     levels = []
     while True:

@@ -112,9 +112,15 @@ void bind_frame(nb::module_ &m) {
             },
             "vertex"_a, "triangle"_a, "uv"_a.none(), "corner_normal"_a.none())
         .def(
+            "add_mask",
+            [](fr::Geometry &g, const In<std::uint8_t, -1, -1> &opaque) {
+                return g.add_mask(opaque.data(), opaque.shape(0), opaque.shape(1));
+            },
+            "opaque"_a, "Add the mask of meshes with holes; (height, width), 0 is a hole.")
+        .def(
             "add_geom",
             [](fr::Geometry &g, int shape, const Vec3 &size, const Vec3 &p_WG, const Mat3 &R_WG, int mesh, bool moving,
-               bool visible, std::uint8_t class_id, std::uint16_t instance, std::uint8_t surface) {
+               bool visible, std::uint8_t class_id, std::uint16_t instance, std::uint8_t surface, int mask) {
                 fr::Geom geom{};
                 const bool known = shape == 0 || (shape >= 2 && shape <= 7);
                 if (!known) throw std::invalid_argument("shape must be 0 or 2 to 7, as in MuJoCo's mjtGeom");
@@ -123,6 +129,7 @@ void bind_frame(nb::module_ &m) {
                 std::copy(p_WG.begin(), p_WG.end(), geom.p_WG);
                 std::copy(R_WG.begin(), R_WG.end(), geom.R_WG);
                 geom.mesh = mesh;
+                geom.mask = mask;
                 geom.moving = moving;
                 geom.visible = visible;
                 geom.class_id = class_id;
@@ -131,7 +138,7 @@ void bind_frame(nb::module_ &m) {
                 return g.add_geom(geom);
             },
             "shape"_a, "size"_a, "p_WG"_a, "R_WG"_a, "mesh"_a, "moving"_a, "visible"_a, "class_id"_a, "instance"_a,
-            "surface"_a, "Add a geom. Shapes have the numbers of MuJoCo's mjtGeom, and its sizes.")
+            "surface"_a, "mask"_a = -1, "Add a geom. Shapes have the numbers of MuJoCo's mjtGeom, and its sizes.")
         .def("finish", &fr::Geometry::finish, "Build the tree of static geoms. Call once, after the last geom.")
         .def(
             "move",

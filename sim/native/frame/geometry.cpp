@@ -213,11 +213,33 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
     return static_cast<int>(meshes_.size()) - 1;
 }
 
+int Geometry::add_mask(const std::uint8_t *opaque, std::size_t height, std::size_t width) {
+    if (finished_) throw std::invalid_argument("the geometry is finished: nothing can be added");
+    const auto usable = [](std::size_t n) { return n >= 4 && n <= 4096 && (n & (n - 1)) == 0; };
+    if (!usable(width) || !usable(height)) throw std::invalid_argument("edges of a mask must be powers of two, 4 to 4096");
+    AlphaMask mask;
+    mask.width = static_cast<int>(width);
+    mask.height = static_cast<int>(height);
+    std::vector<std::uint32_t> words((width * height + 31) / 32);
+    for (std::size_t i = 0; i < width * height; ++i) words[i / 32] |= (opaque[i] != 0 ? 1u : 0u) << i % 32;
+    mask.opaque.assign(words.begin(), words.end());
+    masks_.push_back(std::move(mask));
+    return static_cast<int>(masks_.size()) - 1;
+}
+
 int Geometry::add_geom(const Geom &geom) {
     if (finished_) throw std::invalid_argument("the geometry is finished: nothing can be added");
     Geom g = geom;
     if (g.shape == Shape::kMesh && (g.mesh < 0 || static_cast<std::size_t>(g.mesh) >= meshes_.size())) {
         throw std::invalid_argument("a geom names a mesh index that does not exist: add meshes first");
+    }
+    if (g.mask >= 0) {
+        if (static_cast<std::size_t>(g.mask) >= masks_.size()) {
+            throw std::invalid_argument("a geom names a mask index that does not exist: add masks first");
+        }
+        if (g.shape != Shape::kMesh || meshes_[static_cast<std::size_t>(g.mesh)].uv.empty()) {
+            throw std::invalid_argument("a geom with a mask must be a mesh with texture coordinates");
+        }
     }
     if (!usable_size(g) || (g.shape == Shape::kMesh && meshes_[static_cast<std::size_t>(g.mesh)].triangle.empty())) {
         g.visible = false;

@@ -39,12 +39,20 @@ struct Mesh {
     bool closed = false;
 };
 
+// Holes of a mesh: a surface point exists only where the texel under it is opaque. The finest level decides at any
+// distance, so that a pixel or a ray meets the mask exactly, and the share of hits is the share of opaque texels.
+// Edges are powers of two, at least 4; the mask repeats. Row 0 is at v = 1.
+struct AlphaMask {
+    int width = 0, height = 0;
+    std::vector<std::int32_t> opaque;  // bit 0 of word 0 is the first texel of row 0
+};
+
 struct Geom {
     Shape shape;
     bool moving = false, visible = true;
     std::uint8_t class_id = 0, surface = 0;
     std::uint16_t instance = 0;
-    std::int32_t mesh = -1;
+    std::int32_t mesh = -1, mask = -1;  // mask: of a mesh with texture coordinates
     double size[3];
     double p_WG[3];
     double R_WG[9];   // row-major, G into W
@@ -57,9 +65,11 @@ struct Geom {
 class Geometry {
 public:
     // Add meshes first, then geoms, then call `finish`; nothing can be added after it. Indices count in the order of
-    // adding. Throws std::invalid_argument for an unknown vertex or mesh index, and for additions after `finish`.
+    // adding. Throws std::invalid_argument for an unknown vertex, mesh or mask index, for a mask whose edges are not powers
+    // of two, for a mask on a geom without texture coordinates, and for additions after `finish`.
     int add_mesh(const float *vertex, std::size_t vertices, const std::int32_t *triangle, std::size_t triangles,
                  const float *uv, const float *corner_normal);
+    int add_mask(const std::uint8_t *opaque, std::size_t height, std::size_t width);
     int add_geom(const Geom &geom);  // centre, half, v_W, w_W are filled in here
     void finish();
 
@@ -71,6 +81,7 @@ public:
     void hide(int index);
 
     const std::vector<Mesh> &meshes() const { return meshes_; }
+    const std::vector<AlphaMask> &masks() const { return masks_; }
     const std::vector<Geom> &geoms() const { return geoms_; }
     const Bvh &tree() const { return tree_; }                                // over static geoms; items are geoms
     const std::vector<std::int32_t> &unbounded() const { return unbounded_; }  // infinite planes, static
@@ -84,6 +95,7 @@ private:
     Geom &moving_geom(int index);
 
     std::vector<Mesh> meshes_;
+    std::vector<AlphaMask> masks_;
     std::vector<Geom> geoms_;
     Bvh tree_;
     std::vector<std::int32_t> unbounded_, moving_;

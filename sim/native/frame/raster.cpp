@@ -211,6 +211,7 @@ private:
         packets_.clear();
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
+            if (g.mask >= 0) d.mask = &geometry_.masks()[static_cast<std::size_t>(g.mask)];
             const View local = view_.in(g.p_WG, g.R_WG);
             // If the mesh is beyond the reach of the near limit, the camera is outside it and no front is clipped.
             d.backs_hidden = options_.hide_backs && d.mesh->closed &&

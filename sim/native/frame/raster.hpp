@@ -66,6 +66,7 @@ struct DrawnGeom {
     // Velocity, relative to the camera, that its rigid body would have at the camera's origin if it extended to there.
     float velocity_C[3];
     const Mesh *mesh;
+    const AlphaMask *mask;     // null: no holes
     bool backs_hidden;         // back faces are skipped
 };
 

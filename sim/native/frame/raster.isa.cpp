@@ -1,4 +1,5 @@
 // Inner loops of the raster: one geom against the blocks it may touch. Contract: raster.hpp.
+#include "alpha_mask.hpp"
 #include "raster.hpp"
 #include "shapes.hpp"
 
@@ -273,6 +274,10 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                     closer |= equal & ((geom < old_geom) | ((geom == old_geom) & (index < load<I>(parts))));
                 }
                 if (!any(closer)) return;
+                if (g.mask != nullptr) {
+                    closer &= opaque(*g.mask, g.mesh->uv.data() + 6 * (long)triangle, e0, e1, e2, closer);
+                    if (!any(closer)) return;
+                }
                 const F now = select(closer, t, old);
                 store(ts, now);
                 store(ids, select(closer, geom, old_geom));

@@ -24,6 +24,7 @@ CastGeom cast_geom(const Geom &g, bool shown) {
         for (int i = 0; i < 3; ++i) c.inverse_size[i] = 1.0 / g.size[i];
     }
     c.mesh = g.mesh;
+    c.mask = g.mask;
     c.shape = g.shape;
     c.shown = shown;
     return c;
@@ -106,7 +107,8 @@ RayCaster::RayCaster(const Geometry &geometry) : geometry_(geometry) {
         blocks_.push_back(blocks_of(mesh, tree, boxes));
         mesh_trees_.push_back(widen(tree, boxes));
         CastMesh cast{root(mesh_trees_.back()), blocks_.back().data(),
-                      static_cast<std::int32_t>(blocks_.back().size()), {}, {}, mesh.vertex.data(), mesh.triangle.data()};
+                      static_cast<std::int32_t>(blocks_.back().size()), {}, {}, mesh.vertex.data(), mesh.triangle.data(),
+                      mesh.uv.empty() ? nullptr : mesh.uv.data()};
         const Aabb outer = padded(mesh.box);
         std::copy_n(outer.lo, 3, cast.lo);
         std::copy_n(outer.hi, 3, cast.hi);
@@ -154,6 +156,7 @@ CastScene RayCaster::scene() const {
             geometry_.unbounded().data(),
             geoms_.data(),
             meshes_.data(),
+            geometry_.masks().data(),
             static_cast<std::int32_t>(geometry_.unbounded().size()),
             static_cast<std::int32_t>(geoms_.size()),
             std::max(entries(fixed_), entries(moving_)) + mesh_entries};

@@ -2,7 +2,7 @@
 //
 // For each ray p(t) = o + t d: the nearest t in [t_min, t_max] at which it hits a surface, and the geom. Surfaces are
 // those of mj_ray: planes are hit from above only, solids from within where the ray leaves them, triangles from either
-// side; invisible geoms are ignored. With equal t, the hit with the smaller geom index counts, then triangle index, so
+// side; invisible geoms are ignored, and so are the holes of masks (AlphaMask). With equal t, the hit with the smaller geom index counts, then triangle index, so
 // the result depends only on the rays and the scene, not on the tree, the grouping, the threads or the CPU.
 //
 // Method: rays are sorted by direction and taken eight at a time, in groups of four such packets. Their common beam
@@ -28,7 +28,7 @@ struct CastGeom {
     double p_WG[3], R_WG[9];
     double size[3];
     double inverse_size[3];  // ellipsoids
-    std::int32_t mesh;
+    std::int32_t mesh, mask;  // mask -1: no holes
     Shape shape;
     bool shown;
 };
@@ -47,6 +47,7 @@ struct CastMesh {
     float lo[3], hi[3];
     const float *vertex;           // [vertices][3]
     const std::int32_t *triangle;  // [triangles][3], into `vertex`
+    const float *uv;               // [triangles][3][2], or null
 };
 
 struct CastScene {
@@ -54,6 +55,7 @@ struct CastScene {
     const std::int32_t *unbounded;
     const CastGeom *geoms;
     const CastMesh *meshes;
+    const AlphaMask *masks;
     std::int32_t unbounded_count, geom_count;
     int stack_entries;  // needed by a traversal, including that of a mesh within it
 };

@@ -1,4 +1,5 @@
 // Ray casting through the trees of a scene, eight rays at once. Contract: ray_cast.hpp.
+#include "alpha_mask.hpp"
 #include "beam.hpp"
 #include "ray_cast.hpp"
 #include "shapes.hpp"
@@ -11,6 +12,7 @@ namespace {
 constexpr double kBeyond = 1e30;     // stands for an infinite t: finite, so that its product with 0 is 0
 constexpr double kFarthest = 1e7;    // as in geometry.cpp
 constexpr int kFewBlocks = 4;        // a mesh with so few blocks is tested without its tree
+constexpr double kLaneNumber[kLanes] = {0, 1, 2, 3, 4, 5, 6, 7};
 constexpr int kTogether = 4;         // packets that traverse the trees of the scene as one beam
 
 // Eight rays and their nearest hits so far.
@@ -73,16 +75,38 @@ struct Lanes {
     double t[kLanes], geom[kLanes], part[kLanes];
 };
 
+// Holes of one geom's mesh.
+struct Holes {
+    const AlphaMask *mask;  // null: none
+    const float *uv;
+};
+
+// Removes the hits in holes. Lane i hits the triangle first + i * step, whose corners relative to the ray are `v`.
+HIL_NOINLINE void remove_holes(const Holes &holes, const Vec<D> *v, const Vec<D> &d, long first, long step, D &t) {
+    double e[3][kLanes], at[kLanes];
+    store(e[0], dot(cross(v[1], v[2]), d)), store(e[1], dot(cross(v[2], v[0]), d)), store(e[2], dot(cross(v[0], v[1]), d));
+    store(at, t);
+    for (int i = 0; i < kLanes; ++i) {
+        if (at[i] < kInf && !opaque_at(*holes.mask, holes.uv + 6 * (first + i * step), e[0][i], e[1][i], e[2][i])) at[i] = kInf;
+    }
+    t = load<D>(at);
+}
+
 // Intersects one ray with eight triangles; returns true if a hit is nearer than before.
-HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_min, int lane, Lanes &rays) {
+HIL_INLINE bool meet_block(const TriangleBlock &block, const Holes &holes, double index, double t_min, int lane, Lanes &rays) {
     Vec<D> v[3];
     for (int c = 0; c < 3; ++c) {
         v[c] = {load_floats(block.corner[c][0]) - rays.o[0][lane], load_floats(block.corner[c][1]) - rays.o[1][lane],
                 load_floats(block.corner[c][2]) - rays.o[2][lane]};
     }
     const Vec<D> d{splat<D>(rays.d[0][lane]), splat<D>(rays.d[1][lane]), splat<D>(rays.d[2][lane])};
-    const D t = ray_triangle(v[0], v[1], v[2], d, splat<D>(t_min));
+    D t = ray_triangle(v[0], v[1], v[2], d, splat<D>(t_min));
     if (!any(t <= splat<D>(rays.t[lane]))) return false;
+    if (holes.mask != nullptr) {
+        // Lanes beyond the last triangle repeat it, so that they read no texture coordinates behind the end.
+        t = select(splat<D>(block.count) > load<D>(kLaneNumber), t, splat<D>(kInf));
+        remove_holes(holes, v, d, block.first, 1, t);
+    }
     const double nearest = smallest(t);
     if (!(nearest < kInf)) return false;
     const int place = __builtin_ctz(bits(t == splat<D>(nearest)));
@@ -97,7 +121,7 @@ HIL_INLINE bool meet_block(const TriangleBlock &block, double index, double t_mi
 
 // Intersects all rays of a packet with the triangles of a block, one by one; returns true if any hit is nearer than
 // before. The result has the same bits as that of `meet_block`.
-HIL_INLINE bool meet_triangles(const TriangleBlock &block, double index, const Vec<D> &o, const Vec<D> &d,
+HIL_INLINE bool meet_triangles(const TriangleBlock &block, const Holes &holes, double index, const Vec<D> &o, const Vec<D> &d,
                                const D &t_min, Packet &p) {
     bool met = false;
     for (int i = 0; i < block.count; ++i) {
@@ -106,29 +130,32 @@ HIL_INLINE bool meet_triangles(const TriangleBlock &block, double index, const V
             v[c] = {(double)block.corner[c][0][i] - o.x, (double)block.corner[c][1][i] - o.y,
                     (double)block.corner[c][2][i] - o.z};
         }
-        met |= take(p, ray_triangle(v[0], v[1], v[2], d, t_min), index, (double)(block.first + i));
+        D t = ray_triangle(v[0], v[1], v[2], d, t_min);
+        if (holes.mask != nullptr && any(t <= p.t)) remove_holes(holes, v, d, block.first + i, 0, t);
+        met |= take(p, t, index, (double)(block.first + i));
     }
     return met;
 }
 
 // Intersects the rays that enter a block's box with its triangles; returns true if any hit is nearer than before.
-HIL_INLINE bool enter_block(const TriangleBlock &block, double index, const Vec<D> &o, const Vec<D> &d,
+HIL_INLINE bool enter_block(const TriangleBlock &block, const Holes &holes, double index, const Vec<D> &o, const Vec<D> &d,
                             const Vec<D> &inverse, double t_min, Lanes &rays, Packet &p) {
     const Interval<D> in = within(o, inverse, block.lo, block.hi);
     unsigned entering = bits((in.enter <= in.leave) & (in.leave >= p.t_min) & (in.enter <= p.t));
     if (entering == 0) return false;
     // Loop over the smaller of the two sets, rays or triangles.
-    if (block.count <= __builtin_popcount(entering)) return meet_triangles(block, index, o, d, p.t_min, p);
+    if (block.count <= __builtin_popcount(entering)) return meet_triangles(block, holes, index, o, d, p.t_min, p);
     store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
     bool met = false;
     for (; entering != 0; entering &= entering - 1)
-        met |= meet_block(block, index, t_min, __builtin_ctz(entering), rays);
+        met |= meet_block(block, holes, index, t_min, __builtin_ctz(entering), rays);
     if (met) p.t = load<D>(rays.t), p.geom = load<D>(rays.geom), p.part = load<D>(rays.part);
     return met;
 }
 
-HIL_NOINLINE void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o, const Vec<D> &d,
+HIL_NOINLINE void meet_mesh(const CastMesh &mesh, const AlphaMask *mask, double index, const Vec<D> &o, const Vec<D> &d,
                                          bool tree, StackEntry *stack, Packet &p, double t_min) {
+    const Holes holes{mask, mesh.uv};
     const Vec<D> inverse{inverse_of(d.x), inverse_of(d.y), inverse_of(d.z)};
     const Interval<D> box = within(o, inverse, mesh.lo, mesh.hi);
     // Rays that miss the mesh's box neither widen the beam nor delay its end.
@@ -141,11 +168,11 @@ HIL_NOINLINE void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o,
     if (!tree) {
         store(rays.t, p.t), store(rays.geom, p.geom), store(rays.part, p.part);
         for (int lane = 0; lane < kLanes; ++lane)
-            for (std::int32_t i = 0; i < mesh.block_count; ++i) meet_block(mesh.blocks[i], index, t_min, lane, rays);
+            for (std::int32_t i = 0; i < mesh.block_count; ++i) meet_block(mesh.blocks[i], holes, index, t_min, lane, rays);
         p.t = load<D>(rays.t), p.geom = load<D>(rays.geom), p.part = load<D>(rays.part);
     } else if (mesh.block_count <= kFewBlocks) {
         for (std::int32_t i = 0; i < mesh.block_count; ++i)
-            enter_block(mesh.blocks[i], index, o, d, inverse, t_min, rays, p);
+            enter_block(mesh.blocks[i], holes, index, o, d, inverse, t_min, rays, p);
     } else {
         double any_ray[6];
         const int any_lane = __builtin_ctz(active);
@@ -160,7 +187,7 @@ HIL_NOINLINE void meet_mesh(const CastMesh &mesh, double index, const Vec<D> &o,
         };
         renew();
         walk(mesh.nodes, beam, stack, mesh_far, [&](std::int32_t i, double, StackEntry *) {
-            if (enter_block(mesh.blocks[i], index, o, d, inverse, t_min, rays, p)) renew();
+            if (enter_block(mesh.blocks[i], holes, index, o, d, inverse, t_min, rays, p)) renew();
         });
     }
     p.far = smaller(largest(p.t), kBeyond);
@@ -187,7 +214,7 @@ HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree,
                 break;
             }
             case Shape::kMesh:
-                meet_mesh(scene.meshes[g.mesh], (double)index, o, d, tree, stack, p, t_min);
+                meet_mesh(scene.meshes[g.mesh], g.mask < 0 ? nullptr : scene.masks + g.mask, (double)index, o, d, tree, stack, p, t_min);
                 return;
             default: return;
         }

@@ -53,11 +53,14 @@ struct Caster {
 
 HIL_INLINE std::int32_t triangles_of(const DrawnGeom &g) { return (std::int32_t)(g.mesh->triangle.size() / 3); }
 
-// Returns 1 where the sun is visible, else 0. If the four pixels of the shadow map around a point name the same geom,
+// Returns the visible share of the sun: 0 or 1, except below meshes with holes. If the four pixels of the shadow map around a point name the same geom,
 // and it is not the point's own mesh, they decide. Otherwise a ray from the point is intersected with the shapes and
-// triangles that they name: the edge of a shadow is then as sharp as the shape, at any resolution of the map.
+// triangles that they name: the edge of a shadow is then as sharp as the shape, at any resolution of the map. Meshes with
+// holes (leaves) are too fine for that: their share is that of the four pixels, weighted bilinearly (Reeves et al.,
+// SIGGRAPH 1987).
 HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
     constexpr int kMost = 64;   // casters tested for one block
+    constexpr float kFoliage = 0.15f;  // [m] least distance of a caster with holes, so that no leaf shades itself
     constexpr int kWhole = 32;  // greatest number of triangles of a mesh that is tested as a whole
     F light = splat<F>(1);
     const float *m = job.camera_to_sun;
@@ -86,7 +89,9 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
         unsigned lanes = bits(before);
         if (lanes == 0) continue;
         std::int32_t places[4][16], blocked[16] = {};
-        float z[16];
+        float z[16], right[16], down[16], dim[16] = {};
+        store(right, fx - floor(fx));
+        store(down, fy - floor(fy));
         for (int tap = 0; tap < 4; ++tap) store(places[tap], taps[tap]);
         store(z, limit);
         Caster casters[kMost];
@@ -103,6 +108,12 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
                 const std::int32_t caster = buffer.geom.data()[at];
                 // A convex shape shades no point of itself that faces the sun.
                 if (caster < 0 || (caster == g.geom && is_convex)) continue;
+                if (map.drawn[map.drawn_of_geom[caster]].mask != nullptr) {
+                    const float across = tap & 1 ? right[lane] : 1.0f - right[lane];
+                    const float along = tap >> 1 ? down[lane] : 1.0f - down[lane];
+                    if (buffer.t.data()[at] < z[lane] - kFoliage) dim[lane] += across * along;
+                    continue;
+                }
                 own = own || caster == g.geom;
                 found[hits++] = {caster, buffer.triangle.data()[at]};
                 one = one && caster == found[0].geom;
@@ -142,7 +153,7 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
                 }
             }
         }
-        light = select(shade, splat<F>(0), light);
+        light = select(shade, splat<F>(0), light * (1.0f - load<F>(dim)));
     }
     return light;
 }

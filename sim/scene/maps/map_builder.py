@@ -138,12 +138,19 @@ class MapBuilder:
         self._corners: list[CornerReflector] = []
         self._numbers: dict[str, int] = {}
 
-    def texture(self, name: str, png: bytes, *, cube: bool = False) -> str:
-        """Add a texture from a PNG, unless the name exists. `cube`: on all six sides (for balls), else a flat sheet."""
+    def texture(self, name: str, png: bytes, *, cube: bool = False, holes: bool = False) -> str:
+        """Add a texture from a PNG, unless the name exists. `cube`: on all six sides (for balls), else a flat sheet.
+
+        `holes`: the PNG has an alpha channel, and meshes with texture coordinates are open where it is below one half.
+        """
         if name not in self._textures:
             self._textures.add(name)
             self._assets[f"{name}.png"] = png
-            ET.SubElement(self._asset, "texture", name=name, type="cube" if cube else "2d", file=f"{name}.png")
+            texture = ET.SubElement(
+                self._asset, "texture", name=name, type="cube" if cube else "2d", file=f"{name}.png"
+            )
+            if holes:
+                texture.set("nchannel", "4")
         return name
 
     def material(
