@@ -67,14 +67,16 @@ class Body:
         pos: Vec3 = (0.0, 0.0, 0.0),
         quat: Quat = NO_TURN,
         solid: bool = True,
+        drawn: bool = True,
         asset: str = "",
         part: str = "",
     ) -> None:
         """Add a geom, named after the body; its `pos` and `quat` are in the body's frame.
 
         `size` as in MJCF: radii and half lengths. `asset`: name of the mesh or height field of a geom of that kind.
+        `drawn=False`: only for contact, in group 3.
         """
-        extra: dict[str, str] = {}
+        extra: dict[str, str] = {} if drawn else {"group": "3"}
         if asset:
             extra[kind] = asset
         if pos != (0.0, 0.0, 0.0):
