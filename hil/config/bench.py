@@ -48,8 +48,16 @@ class Bench:
 
     @property
     def world(self) -> World:
-        """The geometry of the scene, made at the first call and then cached."""
-        return load_world(self.scene)
+        """The geometry of the scene, cached, and of all vehicles of a bench with several.
+
+        Raises ConfigError if the scene's map is invalid.
+        """
+        world = load_world(self.scene)
+        if not self.vehicles:
+            return world
+        from sim.physics.vehicle_bodies import with_vehicles  # loads MuJoCo
+
+        return with_vehicles(world, {name: bench.vehicle for name, bench in self.vehicles.items()})
 
 
 def site_of(scene: Scene) -> Geopoint:

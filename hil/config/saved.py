@@ -9,7 +9,7 @@ from typing import Any
 from hil.config.bench import Bench
 from hil.config.scenes import save_scene
 from hil.config.schema import BenchConfig
-from signals.documents.yaml_lines import dump_yaml
+from signals.documents.yaml_lines import dump_yaml, read_yaml
 
 
 def resolved_yaml(config: BenchConfig) -> str:
@@ -28,6 +28,18 @@ def resolved_yaml(config: BenchConfig) -> str:
     }
     head = "# Complete settings of one run; no rig file is merged with them.\n"
     return head + dump_yaml(data)
+
+
+def save_with_vehicles(bench: Bench, folder: Path) -> None:
+    """Write a bench as `save_bench` does, and the benches of its vehicles."""
+    scene = scene_of_vehicles(bench, save_bench(bench, folder))
+    for name, vehicle in bench.vehicles.items():
+        save_bench(vehicle, folder / name, scene=scene)
+
+
+def scene_of_vehicles(bench: Bench, saved: Path) -> str | None:
+    """Return the path of the copied scene from the folder of a vehicle; None: the bench has no scene file."""
+    return f"../{read_yaml(saved).data['scene']}" if "scene" in bench.files else None
 
 
 def save_bench(bench: Bench, folder: Path, *, scene: str | None = None) -> Path:

@@ -100,6 +100,12 @@ class SharedFrames:
         actor.place(truth)
         self.geometry.forget(number)
 
+    def restore(self, vehicle: str, states: bytes) -> None:
+        """Give the states of a vehicle up to a tick, as `VehicleBodies.states_since` has returned them."""
+        number, actor = self._actors[f"{VEHICLE_CLASS}:{vehicle}"]
+        actor.restore(states)
+        self.geometry.forget(number)
+
     def seen_by(self, vehicle: str) -> SharedFrames:
         """Return the source for the sensors of a vehicle: the same geometry without the vehicle itself."""
         view = copy.copy(self)

@@ -113,6 +113,19 @@ void bind_actors(nb::module_ &m) {
             },
             "t_ns"_a, "p_WB"_a, "q_WB"_a, "v_WB_W"_a, "w_WB_B"_a, "speed_radps"_a, "Add the state at `t_ns`.")
         .def(
+            "states_since",
+            [](const hs::PlacedVehicle &vehicle, std::int64_t t_ns) {
+                const std::vector<std::uint8_t> data = vehicle.states_since(t_ns);
+                return nb::bytes(data.data(), data.size());
+            },
+            "t_ns"_a, "Return the state in force at `t_ns` and all later ones, for `restore`; empty without a state.")
+        .def(
+            "restore",
+            [](hs::PlacedVehicle &vehicle, const nb::bytes &states) {
+                vehicle.restore(static_cast<const std::uint8_t *>(states.data()), states.size());
+            },
+            "states"_a, "Replace all states by those that `states_since` of an equal vehicle has returned.")
+        .def(
             "pose",
             [](const hs::PlacedVehicle &vehicle, std::int64_t t_ns, Out<double, -1, 3> p_WB, Out<double, -1, 4> q_WB,
                Out<double, -1, 3> v_WB_W, Out<double, -1, 3> w_WB_W) {

@@ -1,6 +1,7 @@
 #include "placed_vehicle.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <stdexcept>
 #include <utility>
 
@@ -8,6 +9,7 @@ namespace hil::sim {
 
 namespace {
 
+constexpr std::size_t kFixedNumbers = 13;  // of a state, beside its time and those of the rotors
 constexpr Vec3 kOutside{1e8, 0.0, 0.0};  // beyond the geometry's world
 
 double seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
@@ -46,6 +48,44 @@ void PlacedVehicle::place(PlacedState state) {
     }
     while (states_.size() > 1 && states_[1].t_ns <= state.t_ns - kHistoryNs) states_.pop_front();
     states_.push_back(std::move(state));
+}
+
+std::vector<std::uint8_t> PlacedVehicle::states_since(std::int64_t t_ns) const {
+    std::vector<std::uint8_t> data;
+    const PlacedState *first = at(t_ns);
+    const auto add = [&data](const void *from, std::size_t size) {
+        const auto *bytes = static_cast<const std::uint8_t *>(from);
+        data.insert(data.end(), bytes, bytes + size);
+    };
+    for (const PlacedState &state : states_) {
+        if (state.t_ns < first->t_ns) continue;
+        add(&state.t_ns, sizeof state.t_ns);
+        double fixed[kFixedNumbers];
+        write(fixed, state.p_WB);
+        write(fixed + 3, state.q_WB);
+        write(fixed + 7, state.v_WB_W);
+        write(fixed + 10, state.w_WB_B);
+        add(fixed, sizeof fixed);
+        add(state.speed_radps.data(), rotors_.size() * sizeof(double));
+        add(state.angle_rad.data(), rotors_.size() * sizeof(double));
+    }
+    return data;
+}
+
+void PlacedVehicle::restore(const std::uint8_t *data, std::size_t size) {
+    const std::size_t rotors = rotors_.size();
+    const std::size_t row = sizeof(std::int64_t) + (kFixedNumbers + 2 * rotors) * sizeof(double);
+    if (size % row != 0) throw std::invalid_argument("the states are not those of a vehicle with as many rotors");
+    states_.clear();
+    std::vector<double> n(kFixedNumbers + 2 * rotors);
+    for (const std::uint8_t *from = data; from != data + size; from += row) {
+        std::int64_t t_ns;
+        std::memcpy(&t_ns, from, sizeof t_ns);
+        std::memcpy(n.data(), from + sizeof t_ns, row - sizeof t_ns);
+        const auto speeds = n.begin() + kFixedNumbers, angles = speeds + static_cast<std::ptrdiff_t>(rotors);
+        states_.push_back({t_ns, {n[0], n[1], n[2]}, {n[3], n[4], n[5], n[6]}, {n[7], n[8], n[9]}, {n[10], n[11], n[12]},
+                           {speeds, angles}, {angles, n.end()}});
+    }
 }
 
 const PlacedState *PlacedVehicle::at(std::int64_t t_ns) const {

@@ -40,6 +40,13 @@ public:
     // the last kHistoryNs are kept. Throws std::invalid_argument for another number of rotors.
     void place(PlacedState state);
 
+    // The states from the one in force at t on, with their angles; each is 14 + 2 `rotors` numbers of 8 bytes.
+    std::vector<std::uint8_t> states_since(std::int64_t t_ns) const;
+
+    // Replaces all states by those of a `states_since` of an equal vehicle. Throws std::invalid_argument for another
+    // length.
+    void restore(const std::uint8_t *data, std::size_t size);
+
     std::size_t bodies() const override { return 1 + rotors_.size(); }
     Sphere bound(std::int64_t t_ns) const override;
 

@@ -32,10 +32,11 @@ from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
 from hil.apps.dataset.storage.recording import EncodedFrames, incomplete_path, pack_frames
 from hil.apps.dataset.storage.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
 from hil.apps.dataset.workers import Job, JobResult
-from hil.run.sensors.frame_stages import description, make_frames
+from hil.run.sensors.frame_stages import description
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.errors import RecordingError
 from signals.samples import FrameSample, ImageSample, PointCloudSample, RadarSample, TruthState
+from sim.frame.source import SharedFrames
 from sim.sensors.lidar import Lidar
 
 
@@ -65,7 +66,8 @@ class BatchMaker:
         self.plan, self.root = plan, root
         self.tree = TreeWriter(root)
         self._folders: dict[tuple[str, str], str] = {}
-        self.frames = make_frames(plan.bench)
+        frames = SharedFrames(plan.world)
+        self.frames = frames.seen_by(plan.vehicle) if plan.vehicle else frames
         self.frames.expect(0)
         self.sensors: dict[str, Any] = self._make_sensors()
         world = self.frames.geometry.world
@@ -120,6 +122,8 @@ class BatchMaker:
         """Sample and write a batch; `take_finished` collects its record and chunk. Raises RecordingError."""
         writer = BatchWriter(self, batch)
         for moment in batch.moments:
+            for vehicle, states in moment.others.items():
+                self.frames.restore(vehicle, states)
             for due in moment.due:
                 writer.store(due.sensor, self.sample(moment.truth, due), moment.frame)
         writer.finish()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
 
 from hil.apps.dataset.make import DatasetResult, MakeOptions, make_dataset
-from hil.apps.dataset.plan import make_plan
+from hil.apps.dataset.plan import DatasetPlan
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, Problem, RecordingError
 
@@ -17,31 +17,19 @@ _MAX_WORKERS = 1024
 
 
 def run_dataset(
-    console: Console,
-    config: Path | None,
-    out: Path | None,
-    options: MakeOptions,
-    *,
-    frames: int | None,
-    quality: str | None,
-    seed: int | None,
-    settings: Sequence[str],
+    console: Console, out: Path | None, options: MakeOptions, plan_in: Callable[[Path], DatasetPlan]
 ) -> DatasetResult:
-    """Make the data set, by default in a new folder of `runs`, and print frames, rate and folder. Raises HilError."""
+    """Make the data set, by default in a new folder of `runs`, and print frames, rate and folder. Raises HilError.
+
+    `plan_in` makes the plan; it may write files into the folder that it is given.
+    """
     if options.resume and out is None:
         raise ConfigError([Problem("--resume", "needs --out: the folder of the data set to continue")])
     out = new_run_dir(out, "dataset")
     if options.workers is not None and not 1 <= options.workers <= _MAX_WORKERS:
         raise ConfigError([Problem("--workers", f"must be 1 to {_MAX_WORKERS}, not {options.workers}")])
     with tempfile.TemporaryDirectory(prefix="hil-dataset-") as folder:
-        plan = make_plan(
-            config,
-            frames=frames,
-            quality=quality,
-            seed=seed,
-            settings=tuple(settings),
-            work=lambda: Path(folder),
-        )
+        plan = plan_in(Path(folder))
         try:
             result = make_dataset(plan, out, options)
         except KeyboardInterrupt as interrupt:

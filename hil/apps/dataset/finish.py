@@ -41,6 +41,7 @@ from hil.apps.dataset.storage.tree import (
 )
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
+from sim.frame.source import VEHICLE_CLASS
 from sim.sensors.catalog import PRESETS
 from sim.sensors.radar_parameters import RadarParameters
 
@@ -139,6 +140,7 @@ def finish(
             "complete": True,
             "made_from": dict(made_from),
             "randomize": plan.bench.random_choices(),
+            **({"other_vehicles": _instances(plan)} if plan.vehicle else {}),
             "licence": LICENCE,
             "frames": len(counts.frame_t_ns),
             "first_t_ns": counts.frame_t_ns[0],
@@ -154,6 +156,12 @@ def finish(
         },
     )
     shutil.rmtree(root / WORK, ignore_errors=True)
+
+
+def _instances(plan: DatasetPlan) -> dict[str, int]:
+    """Return the instance of each other vehicle in pictures and labels, by its name."""
+    names = plan.world.instance_names
+    return {name: names.index(f"{VEHICLE_CLASS}:{name}") for name in plan.other_vehicles}
 
 
 def _coco_files(
@@ -251,6 +259,7 @@ def _datasheet(
         points = trajectory.preset == "points"
         size = f"{len(trajectory.points_m)} points" if points else f"{trajectory.preset}, {trajectory.side_m:g} m"
         course = f"{size}, at {trajectory.height_m:g} m, {trajectory.speed_mps:g} m/s"
+    vehicle = f" --vehicle {plan.vehicle}" if plan.vehicle else ""
     return Datasheet(
         title=f"{plan.bench.scene.name}, {frames} frames",
         about=[
@@ -258,6 +267,7 @@ def _datasheet(
             f"flight controller over {plan.bench.scene.name}.",
             f"All sensors share one clock. Times are {made_from['epoch_ns']} ns plus the simulated time in "
             "nanoseconds; samples with equal times were taken at the same moment.",
+            *_about_vehicles(plan),
             f"{frames} frames over {(counts.frame_t_ns[-1] - counts.frame_t_ns[0]) / NS_PER_S:.2f} s.",
         ],
         provenance={
@@ -266,7 +276,7 @@ def _datasheet(
             "seed": str(config.seed),
             "quality": plan.quality,
             "bench": f"bench.yaml, sha256 {made_from['config_sha256']}",
-            "command": f"hil dataset bench.yaml --frames {frames}",
+            "command": f"hil dataset bench.yaml{vehicle} --frames {frames}",
         },
         sensors=_sensor_rows(plan, counts, store.tables),
         classes=catalogue.classes,
@@ -277,6 +287,17 @@ def _datasheet(
         pictures=[_preview_picture(store.root, path) for path in previews],
         limits=limits,
     )
+
+
+def _about_vehicles(plan: DatasetPlan) -> list[str]:
+    """Return a paragraph that says which vehicle recorded the data and which others it may see."""
+    if not plan.vehicle:
+        return []
+    others = [f"{name} (instance {instance})" for name, instance in _instances(plan).items()]
+    return [
+        f"Recorded by the vehicle {plan.vehicle}. In the same world fly, as objects of the class {VEHICLE_CLASS}: "
+        f"{', '.join(others) or 'none'}."
+    ]
 
 
 def _preview_picture(root: Path, path: str) -> tuple[str, str, bytes]:

@@ -12,24 +12,23 @@ of the next batch.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.dataset.moments import Batch, BatchCollector, DueSample, SampleClock
+from hil.apps.dataset.moments import Batch, BatchCollector, DueSample, OtherVehicles, SampleClock
 from hil.apps.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
 from hil.config.schema import MAX_SEED
 from hil.run.bench_run import fly
 from hil.run.part import Part, RunContext
-from hil.run.recorder.digest import RawFrame
 from hil.run.recorder.mcap.topics import Columns, columns_of
-from hil.run.recorder.recorder import Recorder
+from hil.run.recorder.no_recorder import NoRecorder
+from hil.run.runs.group_flight import GroupFlight
 from signals.errors import RecordingError
-from signals.samples import ActuatorFrame, Sample, TruthState
+from signals.samples import Sample, TruthState
 from signals.time import NS_PER_S
 
 
@@ -69,13 +68,14 @@ def _port_samples(rows: list[tuple[Sample, int]]) -> PortSamples:
 OnBatch = Callable[[Batch, FlightData], None]
 
 
-class FlightRecorder(Recorder):
+class FlightRecorder(NoRecorder):
     """Recorder that writes no files, but passes each finished batch and its flight data to `on_batch`."""
 
     def __init__(self, plan: DatasetPlan, on_batch: OnBatch) -> None:
-        super().__init__(Path(), mcap=False, tlog=False, tick_ns=plan.config.tick_ns)
+        super().__init__(plan.config.tick_ns)
         self._plan, self._on_batch = plan, on_batch
         self._clock = SampleClock(plan.frame_sensors, plan.config.tick_hz)
+        self._others = OtherVehicles(plan.other_vehicles, plan.frame_sensors)
         self.batches = BatchCollector(plan.reference, frames=plan.frames, batch_frames=BATCH_FRAMES)
         # Collected since the first frame of this batch, in the time of the data set:
         self._truths: list[TruthState] = []
@@ -98,6 +98,7 @@ class FlightRecorder(Recorder):
         if self._now_ns:
             self._base_ns = (self._now_ns // NS_PER_S + 1) * NS_PER_S
         self._clock.start_flight()
+        self._others.start_flight()
         self._recording = self._record_all
 
     def is_over(self, count_reached: Callable[[], int], ended: bool) -> bool:
@@ -114,6 +115,10 @@ class FlightRecorder(Recorder):
         self._recording = reached >= 1 and not past_last
         return past_last
 
+    def place(self, truths: Mapping[str, TruthState]) -> None:
+        """Receive the true states of all vehicles of a bench with several, before `truth` of the same tick."""
+        self._others.place(truths, self._base_ns)
+
     def truth(self, truth: TruthState) -> None:
         """Collect the true state and the samples due at this tick."""
         t_ns = self._now_ns = truth.t_ns + self._base_ns
@@ -128,7 +133,7 @@ class FlightRecorder(Recorder):
             self._truths.append(truth)
 
     def _add_due(self, truth: TruthState, due: tuple[DueSample, ...]) -> None:
-        batch = self.batches.add(truth, due)
+        batch = self.batches.add(truth, due, self._others)
         if batch is not None:
             self._emit(batch)
         if self._first_ns < 0 and self.batches.started:
@@ -159,15 +164,6 @@ class FlightRecorder(Recorder):
         """Collect an event between the first and the last frame."""
         if self._first_ns >= 0 and self._last_ns < 0:
             self._events.append((t_ns + self._base_ns, kind, text))
-
-    def sent(self, tick: int, t_ns: int, data: bytes) -> None:
-        """Discard messages to the autopilot: a data set does not record them."""
-
-    def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
-        """Discard messages from the autopilot."""
-
-    def actuators(self, frame: ActuatorFrame) -> None:
-        """Discard actuator commands."""
 
     def finish(self) -> None:
         """Emit the last, incomplete batch. Call once, after the last flight."""
@@ -205,15 +201,17 @@ def fly_for_frames(plan: DatasetPlan, on_batch: OnBatch) -> FlightRecorder:
     Raises HilError if a flight fails, RecordingError if a flight gives no frame.
     """
     recorder: Any = FlightRecorder(plan, on_batch)
-    bench = plan.flight_bench
     with tempfile.TemporaryDirectory(prefix="hil-dataset-") as folder:
         flight = 0
         while not recorder.batches.full:
             frames_before = recorder.batches.frames
             recorder.start_flight()
             seed = (plan.config.seed + flight) % (MAX_SEED + 1)
-            config = bench.config.model_copy(update={"seed": seed})
-            fly(replace(bench, config=config), Path(folder), recorder, EnoughFrames(recorder))
+            bench, part = plan.flight_bench(seed), EnoughFrames(recorder)
+            if bench.vehicles:
+                GroupFlight(bench, Path(folder), plan.vehicle, recorder.place).fly(recorder, part)
+            else:
+                fly(bench, Path(folder), recorder, part)
             if recorder.batches.frames == frames_before:
                 raise RecordingError(_no_frames_message(plan, flight))
             flight += 1

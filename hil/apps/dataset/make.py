@@ -114,12 +114,16 @@ class BatchMakerFactory:
     quality: str
     root: Path
     maker_type: type[BatchMaker] = BatchMaker
+    vehicle: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "plan": None}
 
     def __call__(self) -> BatchMaker:
-        plan = self.plan or DatasetPlan(load_bench(self.root / BENCH_NAME), self.frames, self.quality)
+        plan = self.plan
+        if plan is None:
+            bench = load_bench(self.root / BENCH_NAME, flown=False)
+            plan = DatasetPlan.of(bench, self.vehicle, self.frames, self.quality)
         return self.maker_type(plan, self.root)
 
 
@@ -164,17 +168,19 @@ class _DatasetMaker:
         tree = TreeWriter(root)
         # Written before the workers start, because a spawned worker reads them.
         files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
-        factory = BatchMakerFactory(plan, plan.frames, plan.quality, root)
+        factory = BatchMakerFactory(plan, plan.frames, plan.quality, root, vehicle=plan.vehicle)
+        _ = plan.world  # made before the workers are forked, which then share it
         with options.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=options.quiet) as progress:
             write_manifest(tree, initial_manifest(self.made_from))
             return self._record(pool, count, files, progress)
 
     def _record(self, pool: Workers, count: int, files: list[Written], progress: FrameProgress) -> DatasetResult:
-        plan, root, world = self.plan, self.root, self.plan.bench.world
+        plan, root, world = self.plan, self.root, self.plan.world
         classes = Classes(world.class_names, world.class_colours)
         tree = TreeWriter(root)
         files += [tree.write(name, text.encode()) for name, text in sorted(sensor_files(plan, classes).items())]
-        store = DatasetStore.open(root, plan, self.bench_files[BENCH_NAME], self.options.make_checkpoints)
+        bench = self.bench_files[f"{plan.vehicle}/{BENCH_NAME}" if plan.vehicle else BENCH_NAME]
+        store = DatasetStore.open(root, plan, bench, self.options.make_checkpoints)
         times: list[tuple[float, int]] = []
 
         def on_done(frames: int) -> None:

@@ -13,7 +13,9 @@ from typing import NamedTuple
 
 from hil.config import SensorConfig
 from signals.samples import TruthState
-from signals.time import RateAccumulator
+from signals.time import RateAccumulator, period_ns_from_hz
+from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle_bodies import VehicleBodies
 
 
 class DueSample(NamedTuple):
@@ -29,11 +31,15 @@ class DueSample(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """A tick with at least one due sample. `frame` is the frame's number, -1 if the reference sensor is not due."""
+    """A tick with at least one due sample. `frame` is the frame's number, -1 if the reference sensor is not due.
+
+    `others`: for each other vehicle in this world, its states as the samples see them (`OtherVehicles.seen`).
+    """
 
     truth: TruthState
     due: tuple[DueSample, ...]
     frame: int
+    others: Mapping[str, bytes] = {}
 
 
 @dataclass(frozen=True)
@@ -49,8 +55,10 @@ class Batch:
     def crc(self) -> int:
         """CRC-32 over every bit of every true state and sample number; it identifies the flight."""
         crc = 0
-        for moment in self.moments:
-            crc = zlib.crc32(repr(moment).encode(), crc)
+        for truth, due, frame, others in self.moments:
+            crc = zlib.crc32(f"Moment({truth=}, {due=}, {frame=})".encode(), crc)
+            for states in others.values():
+                crc = zlib.crc32(states, crc)
         return crc
 
 
@@ -86,6 +94,31 @@ class SampleClock:
         return tuple(samples)
 
 
+class OtherVehicles:
+    """The other vehicles of a bench with several, which the sensors of the recorded one see."""
+
+    def __init__(self, vehicles: Mapping[str, Vehicle], sensors: Mapping[str, SensorConfig]) -> None:
+        """`sensors`: the recorded vehicle's cameras, LiDARs and radars."""
+        self._vehicles = vehicles
+        self._sweep_ns = {n: period_ns_from_hz(s.rate_hz) for n, s in sensors.items() if s.kind == "lidar"}
+        self._bodies: dict[str, VehicleBodies] = {}
+
+    def start_flight(self) -> None:
+        """Forget the states of the flight before."""
+        self._bodies = {name: VehicleBodies(name, vehicle) for name, vehicle in self._vehicles.items()}
+
+    def place(self, truths: Mapping[str, TruthState], base_ns: int) -> None:
+        """Add the states of a tick. `base_ns`: time of the data set at which the flight began."""
+        for name, bodies in self._bodies.items():
+            truth = truths[name]
+            bodies.place(truth._replace(t_ns=truth.t_ns + base_ns))
+
+    def seen(self, t_ns: int, due: tuple[DueSample, ...]) -> dict[str, bytes]:
+        """Return the states at `t_ns`, and those during the LiDAR sweeps that end then, for `SharedFrames.restore`."""
+        sweep_ns = max(self._sweep_ns.get(sample.sensor, 0) for sample in due)
+        return {name: bodies.states_since(t_ns - sweep_ns) for name, bodies in self._bodies.items()}
+
+
 class BatchCollector:
     """Collector of moments into batches. A batch ends at the first frame of the next batch, or with the last frame."""
 
@@ -110,7 +143,7 @@ class BatchCollector:
         """Number of frames taken so far."""
         return self._next_frame
 
-    def add(self, truth: TruthState, due: tuple[DueSample, ...]) -> Batch | None:
+    def add(self, truth: TruthState, due: tuple[DueSample, ...], others: OtherVehicles) -> Batch | None:
         """Add the due samples of one tick and return the batch that this tick ends, if any."""
         is_frame = any(sample.sensor == self._reference for sample in due)
         if not due or not (is_frame or self.started):
@@ -122,7 +155,7 @@ class BatchCollector:
         if is_frame:
             frame = self._next_frame
             self._next_frame += 1
-        self._moments.append(Moment(truth, due, frame))
+        self._moments.append(Moment(truth, due, frame, others.seen(truth.t_ns, due)))
         return batch
 
     def take(self) -> Batch | None:

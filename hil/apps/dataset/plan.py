@@ -27,6 +27,8 @@ from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
 from signals.time import NS_PER_S
 from sim.frame.quality import QUALITIES
+from sim.physics.vehicle import Vehicle
+from sim.scene.world import World
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.catalog import KINDS
 from sim.sensors.radar_parameters import RadarParameters
@@ -49,28 +51,51 @@ _FOLDERS = {"camera": CHANNEL_FOLDERS, "radar": RADAR_FOLDERS}  # by kind; other
 class DatasetPlan:
     """A data set to make: the bench that is flown and rendered, and the number of frames.
 
-    `quality` is the rendering quality as the manifest names it; the bench already contains it.
+    `quality` is the rendering quality as the manifest names it; the bench already contains it. `bench` is that of the
+    recorded vehicle, `group` that of all vehicles if there are several.
     """
 
     bench: Bench
     frames: int
     quality: str
+    group: Bench | None = None
+
+    @classmethod
+    def of(cls, bench: Bench, vehicle: str, frames: int, quality: str) -> DatasetPlan:
+        """Make the plan of one vehicle of a bench, by its name; empty: the bench has only one."""
+        return cls(bench.vehicles[vehicle], frames, quality, bench) if vehicle else cls(bench, frames, quality)
 
     @property
     def config(self) -> BenchConfig:
         """Configuration of the bench."""
         return self.bench.config
 
+    @property
+    def vehicle(self) -> str:
+        """Name of the recorded vehicle; empty if the bench has only one."""
+        return "" if self.group is None else self.config.name
+
+    @property
+    def other_vehicles(self) -> dict[str, Vehicle]:
+        """The other vehicles of the bench, by name."""
+        benches = {} if self.group is None else self.group.vehicles
+        return {name: bench.vehicle for name, bench in benches.items() if name != self.vehicle}
+
+    @cached_property
+    def world(self) -> World:
+        """Geometry of the scene and of all vehicles of a bench with several."""
+        return (self.group or self.bench).world
+
     @cached_property
     def frame_sensors(self) -> dict[str, SensorConfig]:
         """Cameras, LiDARs and radars by name; radars last, because they read the cameras' pictures."""
-        sensors = [(n, s) for n, s in self.config.sensors.items() if KINDS[s.kind].needs_frames]
-        return dict(sorted(sensors, key=lambda pair: pair[1].kind == "radar"))
+        sensors = _frame_sensors(self.bench)
+        return dict(sorted(sensors.items(), key=lambda pair: pair[1].kind == "radar"))
 
     @cached_property
     def flight_sensors(self) -> dict[str, SensorConfig]:
         """Sensors sampled during the flight (IMU, GPS and the like), by name."""
-        return {n: s for n, s in self.config.sensors.items() if not KINDS[s.kind].needs_frames}
+        return _flight_sensors(self.config)
 
     @cached_property
     def reference(self) -> str:
@@ -102,17 +127,37 @@ class DatasetPlan:
         kind = self.config.sensors[name].kind
         return f"{_FOLDERS.get(kind, {}).get(channel, kind)}{self.numbers[name]}"
 
-    @property
-    def flight_bench(self) -> Bench:
-        """The bench without cameras, LiDARs, radars and recordings."""
-        no_recording = Record(mcap=False, images=False, tlog=False, report=False)
-        config = self.config.model_copy(update={"sensors": self.flight_sensors, "record": no_recording})
-        return replace(self.bench, config=config)
+    def flight_bench(self, seed: int) -> Bench:
+        """Return the bench with this seed and without cameras, LiDARs, radars and recordings."""
+        if self.group is None:
+            return _for_flight(self.bench, seed)
+        vehicles = {name: _for_flight(bench, seed) for name, bench in self.group.vehicles.items()}
+        # A vehicle that falls is not sampled any more, so the recorded one cannot be lost.
+        config = vehicles[self.vehicle].config
+        autopilot = config.autopilot.model_copy(update={"on_loss": "error"})
+        config = config.model_copy(update={"autopilot": autopilot})
+        vehicles[self.vehicle] = replace(vehicles[self.vehicle], config=config)
+        return replace(self.group, vehicles=vehicles)
+
+
+def _flight_sensors(config: BenchConfig) -> dict[str, SensorConfig]:
+    return {n: s for n, s in config.sensors.items() if not KINDS[s.kind].needs_frames}
+
+
+def _frame_sensors(bench: Bench) -> dict[str, SensorConfig]:
+    return {n: s for n, s in bench.config.sensors.items() if KINDS[s.kind].needs_frames}
+
+
+def _for_flight(bench: Bench, seed: int) -> Bench:
+    record = Record(mcap=False, images=False, tlog=False, report=False)
+    changes = {"sensors": _flight_sensors(bench.config), "record": record, "seed": seed}
+    return replace(bench, config=bench.config.model_copy(update=changes))
 
 
 def make_plan(
     config: Path | None,
     *,
+    vehicle: str | None = None,
     frames: int | None,
     quality: str | None,
     seed: int | None,
@@ -122,29 +167,50 @@ def make_plan(
     """Load and check the bench. Raises ConfigError with every problem.
 
     `config` defaults to the bench that comes with `hil dataset`. `work` returns a folder for the mission file of a
-    preset course; it is called only if the bench has one.
+    preset course; it is called only if the bench has one. `vehicle`: the one to record, of a bench with several.
     """
     # The default bench is found as missions are: by its path, in the working directory or beside the package.
     path = config if config is not None else find("mission", DEFAULT_BENCH, ())
     if quality is not None and quality not in QUALITIES:
         raise ConfigError([Problem("--quality", f"is unknown: {quality!r}", nearest(quality, QUALITIES))])
     quality_setting = (f"quality={quality}",) if quality is not None else ()
-    bench = load_bench(path, seed=seed, settings=(*settings, *quality_setting))
-    if bench.vehicles:
-        names = ", ".join(bench.vehicles)
-        message = f"has several vehicles ({names}), and a data set is made with one"
-        raise ConfigError(
-            [Problem(_bench_name(bench), message, "give the bench of one vehicle: OUT/NAME/bench.yaml of a run")]
-        )
+    group = load_bench(path, seed=seed, settings=(*settings, *quality_setting), flown=False)
+    bench = _recorded(group, vehicle)
     problems: list[Problem] = []
     count = DEFAULT_FRAMES if frames is None else frames
     if not 1 <= count <= MAX_FRAMES:
         problems.append(Problem("--frames", f"must be 1 to {MAX_FRAMES}, not {count}"))
     bench = _with_memoryless_radars(bench)
-    problems += _problems(bench)
+    where = _bench_name(group)
+    problems += _problems(bench, where if vehicle is None else f"{where}: {vehicle}")
+    for name, other in group.vehicles.items():
+        if name != vehicle:
+            problems += _flight_problems(other.config, f"{where}: {name}")
     if problems:
         raise ConfigError(problems)
-    return DatasetPlan(_with_course(bench, work), count, bench.config.quality or "as the file says")
+    bench, quality = _with_course(bench, work), bench.config.quality or "as the file says"
+    if vehicle is None:
+        return DatasetPlan(bench, count, quality)
+    return DatasetPlan(bench, count, quality, replace(group, vehicles={**group.vehicles, vehicle: bench}))
+
+
+def _recorded(bench: Bench, vehicle: str | None) -> Bench:
+    """Return the bench of the vehicle to record. Raises ConfigError if there is none of this name."""
+    names = ", ".join(bench.vehicles)
+    if vehicle is None and bench.vehicles:
+        able = [name for name, other in bench.vehicles.items() if _frame_sensors(other)]
+        hint = f"--vehicle NAME; with a camera, LiDAR or radar: {', '.join(able) or 'none'}"
+        message = f"has several vehicles ({names}), and a data set is recorded by one"
+        raise ConfigError([Problem(_bench_name(bench), message, hint)])
+    if vehicle is None:
+        return bench
+    if not bench.vehicles:
+        message = f"has no meaning: {_bench_name(bench)} has one vehicle, without a name"
+        raise ConfigError([Problem("--vehicle", message, "leave it out")])
+    if vehicle not in bench.vehicles:
+        message = f"is unknown: {vehicle!r}; the vehicles are {names}"
+        raise ConfigError([Problem("--vehicle", message, nearest(vehicle, bench.vehicles))])
+    return bench.vehicles[vehicle]
 
 
 def _bench_name(bench: Bench) -> str:
@@ -152,17 +218,9 @@ def _bench_name(bench: Bench) -> str:
     return str(path) if path is not None else "the bench"
 
 
-def _problems(bench: Bench) -> list[Problem]:
-    config, where = bench.config, _bench_name(bench)
+def _flight_problems(config: BenchConfig, where: str) -> list[Problem]:
+    """Report what no vehicle of a data set's flight can have."""
     problems = []
-    frame_sensors = {n: s for n, s in config.sensors.items() if KINDS[s.kind].needs_frames}
-    if not frame_sensors:
-        has = ", ".join(config.sensors)
-        hint = f"it has {has}; add one under `sensors`, or leave CONFIG out for the bench that comes with `hil dataset`"
-        problems.append(Problem(where, "has no camera, LiDAR or radar, so there are no frames to record", hint))
-    if bench.mission is None and bench.script is None and config.dataset.trajectory is None:
-        hint = "set `mission`, or `dataset: {trajectory: {preset: square}}`"
-        problems.append(Problem(where, "flies nothing: it has neither a mission nor a trajectory", hint))
     if not config.autopilot.lockstep:
         kind = config.autopilot.kind
         hint = "choose the rig mock, px4_sitl or ardupilot_sitl"
@@ -171,6 +229,22 @@ def _problems(bench: Bench) -> list[Problem]:
     if config.companion.on:
         hint = "remove the section `companion`"
         problems.append(Problem(where, "has companions, whose pictures are rendered in flight", hint))
+    return problems
+
+
+def _problems(bench: Bench, where: str) -> list[Problem]:
+    """Report what the recorded vehicle cannot have."""
+    config = bench.config
+    problems = []
+    frame_sensors = _frame_sensors(bench)
+    if not frame_sensors:
+        has = ", ".join(config.sensors)
+        hint = f"it has {has}; add one under `sensors`, or leave CONFIG out for the bench that comes with `hil dataset`"
+        problems.append(Problem(where, "has no camera, LiDAR or radar, so there are no frames to record", hint))
+    if bench.mission is None and bench.script is None and config.dataset.trajectory is None:
+        hint = "set `mission`, or `dataset: {trajectory: {preset: square}}`"
+        problems.append(Problem(where, "flies nothing: it has neither a mission nor a trajectory", hint))
+    problems += _flight_problems(config, where)
     faulty_sensors = {fault.sensor for fault in config.faults.sensors}
     if bench.script is not None:
         faulty_sensors |= bench.script.sensors_at_risk

@@ -18,6 +18,9 @@ class DatasetOptions:
         Path | None,
         typer.Argument(help="Bench file; default a loop through the city park, with all sensors.", metavar="[CONFIG]"),
     ] = None
+    vehicle: Annotated[
+        str | None, typer.Option(help="Vehicle to record, of a bench with several.", show_default=False)
+    ] = None
     frames: Annotated[int | None, typer.Option(help="Number of frames; default 500.", show_default=False)] = None
     out: Annotated[Path | None, typer.Option(help="Folder of the data set; default runs/<time>-dataset.")] = None
     workers: Annotated[
@@ -37,15 +40,18 @@ def dataset(o: DatasetOptions) -> None:
     """Fly and record labelled data of all sensors as EuRoC, VOC and COCO files and as MCAP."""
     from hil.apps.dataset.command import run_dataset
     from hil.apps.dataset.make import MakeOptions
+    from hil.apps.dataset.plan import DatasetPlan, make_plan
 
-    with exit_on_error():
-        run_dataset(
-            console,
+    def plan_in(folder: Path) -> DatasetPlan:
+        return make_plan(
             o.config,
-            o.out,
-            MakeOptions(workers=o.workers, resume=o.resume, quiet=o.quiet),
+            vehicle=o.vehicle,
             frames=o.frames,
             quality=o.quality,
             seed=o.seed,
-            settings=o.settings or (),
+            settings=tuple(o.settings or ()),
+            work=lambda: folder,
         )
+
+    with exit_on_error():
+        run_dataset(console, o.out, MakeOptions(workers=o.workers, resume=o.resume, quiet=o.quiet), plan_in)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, NoReturn
 
 from firmware_bridge.links.ardupilot.json_link import RestartRequested
 from hil.config import Bench
@@ -17,6 +17,14 @@ from signals.time import NS_PER_S
 _AFTER_DISARM_NS = 3 * NS_PER_S
 
 
+class VehicleFailed(Exception):
+    """Error of one vehicle among several, its cause."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.name = name
+
+
 class Flight:
     """One vehicle's flight in the loop.
 
@@ -24,8 +32,9 @@ class Flight:
     reboot (`autopilot.on_restart: reset`): then the user decides when the run ends.
     """
 
-    def __init__(self, run: RunContext) -> None:
-        self.run = run
+    def __init__(self, run: RunContext, name: str = "") -> None:
+        """`name`: of the vehicle among several; empty: it is the only one."""
+        self.run, self.name = run, name
         self.lost = False  # its autopilot is lost, and the vehicle falls (`autopilot.on_loss: go_on`)
         self.over = False
         config = run.bench.config
@@ -36,9 +45,12 @@ class Flight:
         self._before_hooks, self._after_hooks, self._end_checks = hooks
 
     def before_tick(self) -> None:
-        """Call the parts before a tick."""
-        for before_tick in self._before_hooks:
-            before_tick()
+        """Call the parts before a tick. Raises VehicleFailed if the vehicle has a name."""
+        try:
+            for before_tick in self._before_hooks:
+                before_tick()
+        except Exception as error:  # noqa: BLE001 (a defect of a part, too, is that of its vehicle)
+            self._fail(error)
 
     def step(self) -> bool:
         """Run one tick. Return False if the autopilot has rebooted instead, and the vehicle is back at its start."""
@@ -52,18 +64,27 @@ class Flight:
         return True
 
     def after_tick(self) -> None:
-        """Call the parts after a tick, and set `over` if the flight has ended."""
+        """Call the parts after a tick, and set `over` if the flight has ended. Raises as `before_tick`."""
         scheduler = self.run.scheduler
-        for after_tick in self._after_hooks:
-            after_tick(scheduler.tick)
-        if any(ended() for ended in self._end_checks):
-            self.over = True
-        elif self.lost:
+        try:
+            for after_tick in self._after_hooks:
+                after_tick(scheduler.tick)
+            self.over = any(ended() for ended in self._end_checks)
+        except Exception as error:  # noqa: BLE001 (likewise)
+            self._fail(error)
+        if self.over:
+            return
+        if self.lost:
             self.over = scheduler.truth is not None and scheduler.truth.in_contact
         elif scheduler.actuators.armed:
             self._armed_tick = scheduler.tick
         elif self._until_disarmed and self._armed_tick is not None:
             self.over = scheduler.tick >= self._armed_tick + self._after_ticks
+
+    def _fail(self, error: Exception) -> NoReturn:
+        if not self.name or isinstance(error, FlightEnded):
+            raise error
+        raise VehicleFailed(self.name) from error
 
 
 def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool] | None = None) -> None:

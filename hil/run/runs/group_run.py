@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from hil.config import Bench, save_bench
+from hil.config.saved import scene_of_vehicles
 from hil.config.vehicles.formation import formation_offsets
-from hil.run.loop.tick_loop import Flight, fly_ticks
+from hil.run.loop.tick_loop import Flight, VehicleFailed, fly_ticks
 from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
@@ -25,18 +26,16 @@ from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.group_report import write_group_report
 from hil.run.report.run_json import write_run_json
 from hil.run.runs.failure import Failure
-from hil.run.runs.lockstep import Lockstep, VehicleFailed
+from hil.run.runs.group_flight import for_each, group_of
+from hil.run.runs.lockstep import Lockstep
 from hil.run.runs.vehicle_run import KILLED, RUN_JSON_NAME, RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
-from signals.documents.yaml_lines import read_yaml
 from signals.errors import HilError, RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource, SharedFrames
-from sim.physics.vehicle_bodies import with_vehicles
-from sim.physics.vehicle_group import VehicleContact, VehicleGroup
-from sim.world_loader import load_world
+from sim.physics.vehicle_group import VehicleContact
 
 
 class OtherVehicleFailed(HilError):
@@ -89,15 +88,10 @@ class GroupRun:
         try:
             self._open_recording()
             with ExitStack() as stack:
-                for name, run in self._runs.items():
-                    try:
-                        run.prepare(stack)
-                    except Exception as error:
-                        raise VehicleFailed(name) from error
+                for_each(self._runs, lambda run: run.prepare(stack))
                 self._setup_s = time.monotonic() - self._began_s
                 self._fly()
-                for run in self._runs.values():
-                    run.conclude()
+                for_each(self._runs, VehicleRun.conclude)
         except VehicleFailed as failed:
             cause = failed.__cause__ or failed
             self._failure.note(cause, f"{failed.name}: ")
@@ -126,7 +120,7 @@ class GroupRun:
                     attachments={saved.name: saved.read_bytes()},
                 )
             )
-        scene = f"../{read_yaml(saved).data['scene']}" if "scene" in bench.files else None
+        scene = scene_of_vehicles(bench, saved)
         for name, vehicle in bench.vehicles.items():
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
             shared = Shared(mcap, partial(self._frames_of, name), scene)
@@ -137,8 +131,7 @@ class GroupRun:
     def _frames_of(self, name: str) -> FrameSource:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
         if not self._frames:
-            vehicles = {other: bench.vehicle for other, bench in self._bench.vehicles.items()}
-            self._frames.append(SharedFrames(with_vehicles(load_world(self._bench.scene), vehicles)))
+            self._frames.append(SharedFrames(self._bench.world))
         return self._frames[0].seen_by(name)
 
     @property
@@ -146,12 +139,9 @@ class GroupRun:
         return next(iter(self._bench.vehicles.values())).config.tick_ns
 
     def _fly(self) -> None:
-        contexts = {name: run.context for name, run in self._runs.items()}
-        self._flights = {name: Flight(context) for name, context in contexts.items()}
+        self._flights = {name: Flight(run.context, name) for name, run in self._runs.items()}
         flights = list(self._flights.values())
-        world = VehicleGroup(
-            {name: context.physics for name, context in contexts.items()}, downwash=self._bench.config.group.downwash
-        )
+        world = group_of(self._runs, self._bench)
         lockstep = Lockstep(flights, world, self._place, self._measure)
         began_s = time.monotonic()
         try:

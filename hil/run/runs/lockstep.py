@@ -16,21 +16,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hil.run.loop.tick_loop import Flight
+from hil.run.loop.tick_loop import Flight, VehicleFailed
 from hil.run.part import FlightEnded
 from signals.errors import HandshakeError, LinkError, ModelRangeError
 from signals.samples import TruthState
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
 
 _STOPPED = (0.0,) * 16
-
-
-class VehicleFailed(Exception):
-    """The flight of one vehicle broke off with an error, its cause."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__(name)
-        self.name = name
 
 
 class Lockstep:
@@ -86,7 +78,7 @@ class Lockstep:
         except Exception as error:
             is_lost = may_lose and isinstance(error, LinkError) and not isinstance(error, HandshakeError)
             if not is_lost or config.autopilot.on_loss == "error":
-                raise VehicleFailed(config.name) from error
+                raise VehicleFailed(flight.name) from error
             flight.lost = True
             flight.run.event("error", f"the autopilot is lost, and the vehicle falls (on_loss: go_on): {error}")
             return None

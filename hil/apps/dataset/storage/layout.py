@@ -54,7 +54,8 @@ def headers(plan: DatasetPlan) -> dict[str, str]:
 
 def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
     """Return the text of each description file, by its path in the tree."""
-    body = f"{plan.config.vehicle}, simulated; x forward, y left, z up"
+    vehicle = f"{plan.vehicle}, {plan.config.vehicle}" if plan.vehicle else plan.config.vehicle
+    body = f"{vehicle}, simulated; x forward, y left, z up"
     texts = {
         f"{euroc.ROOT}/body.yaml": f"comment: {json.dumps(body)}\n",
         f"{euroc.ROOT}/{CLASSES_NAME}": palette_csv(classes.names, classes.colours),

@@ -17,7 +17,7 @@ from typing import Any
 from hil.apps.dataset.formats.datasheet import LICENCE
 from hil.apps.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.tree import MANIFEST, WORK, TreeWriter
-from hil.config import save_bench
+from hil.config.saved import save_with_vehicles
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
 
@@ -36,6 +36,7 @@ def provenance(plan: DatasetPlan, bench_files: Mapping[str, bytes]) -> dict[str,
         "config_sha256": digest.hexdigest(),
         "seed": plan.config.seed,
         "scene": plan.bench.scene.name,
+        **({"vehicle": plan.vehicle} if plan.vehicle else {}),
         "quality": plan.quality,
         "frames": plan.frames,
         "batch_frames": BATCH_FRAMES,
@@ -67,7 +68,7 @@ def saved_bench(plan: DatasetPlan) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory(prefix="hil-dataset-") as name:
         folder = Path(name)
         try:
-            save_bench(plan.bench, folder)
+            save_with_vehicles(plan.group or plan.bench, folder)
             paths = sorted(path for path in folder.rglob("*") if path.is_file())
             return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
         except OSError as error:
@@ -113,10 +114,11 @@ def _differences(root: Path, bench_files: Mapping[str, bytes]) -> list[str]:
             continue
         if old == data:
             continue
-        if name != BENCH_NAME:
+        folder, _, file_name = name.rpartition("/")
+        if file_name != BENCH_NAME:
             texts.append(f"was made with another {name}")
             continue
-        keys = _different_keys(_parsed(old), _parsed(data))
+        keys = _different_keys(_parsed(old), _parsed(data), folder)
         texts += [f"was made with another {key}" for key in keys[:_MAX_KEYS_SHOWN]]
         if len(keys) > _MAX_KEYS_SHOWN:
             texts.append(f"and {len(keys) - _MAX_KEYS_SHOWN} more keys of the bench differ")

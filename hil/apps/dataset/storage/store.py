@@ -32,14 +32,18 @@ class DatasetStore:
     def open(cls, root: Path, plan: DatasetPlan, bench: bytes, make_checkpoints: MakeCheckpoints) -> DatasetStore:
         """Open the files; journal and recording keep the data of an earlier attempt.
 
-        `bench` is the saved bench file, attached to the recording. Raises RecordingError if a file cannot be written.
+        `bench` is the saved bench file of the recorded vehicle, attached to the recording. Raises RecordingError if a
+        file cannot be written.
         """
         tables = Tables(root, headers(plan), {name: plan.folder(name) for name in plan.flight_sensors})
         journal = Journal(root / JOURNAL)
+        metadata = {"scene": plan.bench.scene.name, "seed": str(plan.config.seed), "quality": plan.quality}
+        if plan.vehicle:
+            metadata["vehicle"] = plan.vehicle
         recording = DatasetRecording(
             root,
             tick_ns=plan.config.tick_ns,
-            metadata={"scene": plan.bench.scene.name, "seed": str(plan.config.seed), "quality": plan.quality},
+            metadata=metadata,
             attachments={BENCH_NAME: bench},
         )
         return cls(root, tables, journal, recording, make_checkpoints(root, tables))
