@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from hil.apps.dataset.plan import make_plan
 from hil.apps.radar.sources import open_source
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
@@ -52,8 +51,3 @@ def test_radar_data_of_one_vehicle_is_found_by_its_folder(bench_file: Path) -> N
         open_source(out, preset=None, texts=())
     with pytest.raises(ConfigError, match=r"third.*does not exist"):
         open_source(out / "third", preset=None, texts=())
-
-
-def test_a_data_set_needs_the_bench_of_one_vehicle(bench_file: Path) -> None:
-    with pytest.raises(ConfigError, match=r"has several vehicles \(lead, wing\)"):
-        make_plan(bench_file, frames=10, quality=None, seed=None, settings=(), work=lambda: bench_file.parent)

@@ -41,7 +41,7 @@ class PortSamples(NamedTuple):
 
 
 class FlightData(NamedTuple):
-    """True states, flight samples and events of one batch, as columns of `columns_of`.
+    """True states, flight samples and events of one batch, as columns of `columns_of`; `others`: of other vehicles.
 
     Stamps, release times and event times are in the time of the files. The columns are made as soon as the batch ends:
     until it is written, separate Python objects would take far more memory than arrays.
@@ -50,6 +50,7 @@ class FlightData(NamedTuple):
     truths: Columns
     samples: dict[str, PortSamples]  # by port
     events: list[tuple[int, str, str]]  # time [ns], kind, text
+    others: Mapping[str, Columns] = {}  # true states by vehicle
 
 
 def _shifted(sample: Sample, by_ns: int) -> Sample:
@@ -79,8 +80,10 @@ class FlightRecorder(NoRecorder):
         self.batches = BatchCollector(plan.reference, frames=plan.frames, batch_frames=BATCH_FRAMES)
         # Collected since the first frame of this batch, in the time of the data set:
         self._truths: list[TruthState] = []
+        self._other_truths: dict[str, list[TruthState]] = {name: [] for name in plan.other_vehicles}
         self._samples: dict[str, list[tuple[Sample, int]]] = {}  # by port: sample, released at [ns]
         self._events: list[tuple[int, str, str]] = []
+        self._placed: dict[str, TruthState] = {}  # states of the other vehicles at this tick
         self._base_ns = 0  # time of the data set at which the current flight began
         self._now_ns = 0
         self._first_ns = -1  # time of the data set's first frame
@@ -117,7 +120,9 @@ class FlightRecorder(NoRecorder):
 
     def place(self, truths: Mapping[str, TruthState]) -> None:
         """Receive the true states of all vehicles of a bench with several, before `truth` of the same tick."""
-        self._others.place(truths, self._base_ns)
+        shift_ns = self._base_ns
+        self._placed = {name: truths[name]._replace(t_ns=truths[name].t_ns + shift_ns) for name in self._other_truths}
+        self._others.place(self._placed)
 
     def truth(self, truth: TruthState) -> None:
         """Collect the true state and the samples due at this tick."""
@@ -131,6 +136,8 @@ class FlightRecorder(NoRecorder):
             self._add_due(truth, due)
         if self.batches.started and self._recording:
             self._truths.append(truth)
+            for name, other in self._placed.items():
+                self._other_truths[name].append(other)
 
     def _add_due(self, truth: TruthState, due: tuple[DueSample, ...]) -> None:
         batch = self.batches.add(truth, due, self._others)
@@ -146,8 +153,10 @@ class FlightRecorder(NoRecorder):
             columns_of(TruthState, self._truths, EPOCH_NS),
             {port: _port_samples(rows) for port, rows in self._samples.items()},
             [(t_ns + EPOCH_NS, kind, text) for t_ns, kind, text in self._events],
+            {name: columns_of(TruthState, truths, EPOCH_NS) for name, truths in self._other_truths.items()},
         )
         self._truths, self._samples, self._events = [], {}, []
+        self._other_truths = {name: [] for name in self._other_truths}
         self._on_batch(batch, data)
 
     def sample(self, port: str, sample: Sample) -> None:

@@ -107,11 +107,10 @@ class OtherVehicles:
         """Forget the states of the flight before."""
         self._bodies = {name: VehicleBodies(name, vehicle) for name, vehicle in self._vehicles.items()}
 
-    def place(self, truths: Mapping[str, TruthState], base_ns: int) -> None:
-        """Add the states of a tick. `base_ns`: time of the data set at which the flight began."""
+    def place(self, truths: Mapping[str, TruthState]) -> None:
+        """Add the states of a tick, in the time of the data set."""
         for name, bodies in self._bodies.items():
-            truth = truths[name]
-            bodies.place(truth._replace(t_ns=truth.t_ns + base_ns))
+            bodies.place(truths[name])
 
     def seen(self, t_ns: int, due: tuple[DueSample, ...]) -> dict[str, bytes]:
         """Return the states at `t_ns`, and those during the LiDAR sweeps that end then, for `SharedFrames.restore`."""

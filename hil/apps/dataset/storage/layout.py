@@ -10,7 +10,7 @@ from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
 from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
 from hil.apps.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
-from hil.apps.dataset.storage.tables import HEADERS, TRUTH
+from hil.apps.dataset.storage.tables import HEADERS, TRUTH, other_truth
 from hil.config import SensorConfig
 from hil.config.checks.radar_checks import view_of
 from hil.run.sensors.simulated_sensors import transform
@@ -43,6 +43,7 @@ _SENSOR_KEYS: dict[str, dict[str, str]] = {
 def headers(plan: DatasetPlan) -> dict[str, str]:
     """Return the first line of each data.csv, by folder in mav0."""
     lines = {TRUTH: euroc.TRUTH_HEADER}
+    lines |= {other_truth(name): euroc.TRUTH_HEADER for name in plan.other_vehicles}
     for name, sensor in plan.flight_sensors.items():
         lines[plan.folder(name)] = HEADERS[KINDS[sensor.kind].sample_type]
     for name, sensor in plan.frame_sensors.items():
@@ -59,10 +60,12 @@ def sensor_files(plan: DatasetPlan, classes: Classes) -> dict[str, str]:
     texts = {
         f"{euroc.ROOT}/body.yaml": f"comment: {json.dumps(body)}\n",
         f"{euroc.ROOT}/{CLASSES_NAME}": palette_csv(classes.names, classes.colours),
-        f"{euroc.ROOT}/{TRUTH}/sensor.yaml": euroc.sensor_yaml(
-            "ground_truth", comment="the simulator's state", T_BS=euroc.IDENTITY, rate_hz=float(plan.config.tick_hz)
-        ),
     }
+    state = "the simulator's state"
+    for folder, comment in {TRUTH: state, **{other_truth(n): f"{state} of {n}" for n in plan.other_vehicles}}.items():
+        texts[f"{euroc.ROOT}/{folder}/sensor.yaml"] = euroc.sensor_yaml(
+            "ground_truth", comment=comment, T_BS=euroc.IDENTITY, rate_hz=float(plan.config.tick_hz)
+        )
     makers = {"camera": _camera, "radar": _radar}
     for name, sensor in plan.config.sensors.items():
         files = makers.get(sensor.kind, _other_sensor)(plan, name, sensor)

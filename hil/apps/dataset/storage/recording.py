@@ -21,7 +21,7 @@ from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, unwritable
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import FrameSeries
 from hil.run.recorder.mcap.cdr import schema_text
-from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFile, Topics, pack_chunk
+from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFile, Topics, VehicleTopics, pack_chunk
 from hil.run.recorder.mcap.mcap_sink import EventSeries, TopicWriters
 from hil.run.recorder.mcap.ros2_messages import DEFINITIONS
 from hil.run.recorder.mcap.topics import SAMPLE_TOPICS, TRUTH_TOPICS
@@ -31,6 +31,7 @@ from signals.samples import CHANNEL_UNITS, RADAR_UNITS, FrameSample, ImageSample
 Declaration = tuple[int, str, str]  # number, topic, type
 
 _FIRST_CHANNEL = 256  # flight data use lower numbers
+_POSE_TOPICS = [topic for topic in TRUTH_TOPICS if topic.suffix == "truth/pose"]  # of the other vehicles, up to 99
 _TOPICS = ("tf_static", "", "pose", "camera_info", *CHANNEL_UNITS, *RADAR_UNITS)
 _CHANNELS_PER_SENSOR = 32
 _FIRST_SCHEMA = 256
@@ -144,6 +145,7 @@ class DatasetRecording:
         self._mcap = McapFile(self._safe)
         self._tick_ns = tick_ns
         self._truth = TopicWriters(TRUTH_TOPICS, "")
+        self._other_poses: dict[str, TopicWriters] = {}
         self._samples: dict[str, TopicWriters] = {}
         self._events = EventSeries(self._mcap)
         self._mcap.metadata("hil_dataset", dict(metadata), 0)
@@ -153,6 +155,9 @@ class DatasetRecording:
     def add_flight(self, data: FlightData) -> None:
         """Append a chunk with the flight data of a batch."""
         blocks = self._truth.blocks(self._mcap, self._tick_ns, data.truths, data.truths["stamp_ns"])
+        for name, truths in data.others.items():
+            poses = self._other_poses.setdefault(name, TopicWriters(_POSE_TOPICS, ""))
+            blocks += poses.blocks(VehicleTopics(self._mcap, name), self._tick_ns, truths, truths["stamp_ns"])
         for port, samples in sorted(data.samples.items()):
             writers = self._samples.get(port)
             if writers is None:

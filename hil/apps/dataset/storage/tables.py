@@ -56,6 +56,11 @@ COLUMNS: Mapping[type, euroc.TableColumns] = {
 }
 
 
+def other_truth(vehicle: str) -> str:
+    """Return the folder in mav0 of another vehicle's true states."""
+    return f"state_groundtruth_{vehicle}"
+
+
 class Table:
     """One data.csv: number of rows, and size and checksum of the file so far.
 
@@ -118,6 +123,8 @@ class Tables:
     def add_flight(self, data: FlightData) -> None:
         """Add the rows of the true states and of the sensors sampled in the flight."""
         self._tables[TRUTH].add_samples(data.truths, euroc.TRUTH_COLUMNS)
+        for name, truths in data.others.items():
+            self._tables[other_truth(name)].add_samples(truths, euroc.TRUTH_COLUMNS)
         for port, samples in data.samples.items():
             self._tables[self._flight_folders[port]].add_samples(samples.columns, COLUMNS[samples.kind])
 

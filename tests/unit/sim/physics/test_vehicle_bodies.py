@@ -110,6 +110,23 @@ def test_velocities_are_the_rates_of_the_poses() -> None:
         np.testing.assert_allclose([turn[2, 1], turn[0, 2], turn[1, 0]], w[i], rtol=1e-6, atol=1e-6)
 
 
+def test_states_that_are_passed_on_give_the_same_poses() -> None:
+    vehicle, copy = VehicleBodies("v", X500), VehicleBodies("v", X500)
+    assert vehicle.states_since(0) == b""
+    for tick in range(40):
+        turning = (400.0 + tick, 500.0, 0.0, 900.0 - tick)
+        vehicle.place(truth(tick, (0.1 * tick, 2.0, 3.0), rpy_deg=(tick, 5, 90), v=(25, 0, 0), rotors=turning))
+    copy.place(truth(99, ZERO))
+    copy.restore(vehicle.states_since(20 * TICK_NS + 1))
+    for t_ns in (20 * TICK_NS, 20 * TICK_NS + 1, 30 * TICK_NS - 1, 39 * TICK_NS, 45 * TICK_NS):
+        for ours, theirs in zip(poses_of(copy, t_ns), poses_of(vehicle, t_ns), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    assert copy.states_since(0) == vehicle.states_since(20 * TICK_NS)
+    assert len(vehicle.states_since(39 * TICK_NS)) == 8 * (14 + 2 * len(X500.rotors))
+    with pytest.raises(ValueError, match="a vehicle with as many rotors"):
+        copy.restore(b"short")
+
+
 def test_a_second_of_states_is_kept_and_an_earlier_time_begins_anew() -> None:
     vehicle = VehicleBodies("v", X500)
     for tick in range(501):
