@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil.apps.dataset.make import BatchMakerFactory, MakeOptions, make_dataset
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan, make_plan
+from hil.apps.radar.sources import open_source, pictures_at
 from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
@@ -137,6 +138,15 @@ def test_the_other_vehicle_is_an_object_with_its_own_instance(whole: Path) -> No
     assert ours[0] == theirs[0] == str(pose.log_time_ns)
     assert float(theirs[2]) == pose.decode()["pose.position.y"] == pytest.approx(float(ours[2]) + 3.0, abs=0.3)
     assert "Recorded by the vehicle rear" in (whole / "index.html").read_text()
+
+
+def test_hil_radar_reads_its_recording(whole: Path) -> None:
+    source = open_source(whole, preset=None, texts=())
+    assert source.count == FRAMES
+    t_ns = next(source.frames).t_ns
+    bgr = cv2.imread(str(whole / f"mav0/cam0/data/{t_ns}.png"))
+    assert bgr is not None
+    assert (pictures_at(source, {t_ns})[t_ns] == bgr[:, :, ::-1]).all()
 
 
 def test_two_workers_and_spawned_ones_make_the_same_tree(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:

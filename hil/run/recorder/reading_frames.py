@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,8 +61,13 @@ def radar_frame(message: RecordedMessage) -> RecordedRadarFrame:
 
 
 def image(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
-    """Return the capture time [ns] and the picture of a sensor_msgs/Image written by this bench."""
+    """Return the capture time [ns] and the picture of a sensor_msgs/Image written by this bench.
+
+    Of the sensor_msgs/CompressedImage of a data set, only colour is read.
+    """
     values = message.decode()
+    if "format" in values:
+        return capture_ns(values), _colour(message, values)
     if values["encoding"] not in _PIXELS:
         raise RecordingError(
             f"{message.topic}: unsupported encoding {values['encoding']!r} (supported: {', '.join(_PIXELS)})"
@@ -73,6 +79,15 @@ def image(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
     except ValueError as error:
         raise RecordingError(f"{message.topic}, picture {message.sequence}: {error}") from error
     return capture_ns(values), picture.astype(picture.dtype.newbyteorder("="), copy=False)
+
+
+def _colour(message: RecordedMessage, values: Mapping[str, Any]) -> NDArray[np.uint8]:
+    import cv2  # only data sets need it
+
+    bgr = cv2.imdecode(np.frombuffer(bytes(values["data"]), np.uint8), cv2.IMREAD_UNCHANGED)
+    if bgr is None or bgr.ndim != 3 or not message.topic.endswith("/rgb"):
+        raise RecordingError(f"{message.topic}: unsupported encoding {values['format']!r} (only colour is read)")
+    return np.asarray(bgr[:, :, ::-1], np.uint8)
 
 
 def cloud(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
