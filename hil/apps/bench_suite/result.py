@@ -49,6 +49,15 @@ class Check:
         return bool(self.value <= self.limit if self.sense == "<=" else self.value >= self.limit)
 
 
+@dataclass(frozen=True)
+class TextTable:
+    """Table that is printed in place of the rows of a benchmark with more figures than error and time."""
+
+    header: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    note: str = ""
+
+
 @dataclass
 class BenchmarkResult:
     """Rows and checks of one benchmark. `left_out`: parts that were not run. `time_label`: label of the time axis."""
@@ -57,6 +66,7 @@ class BenchmarkResult:
     checks: list[Check] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     time_label: str = "wall time [s]"
+    tables: list[TextTable] = field(default_factory=list)
 
     def as_json(self, name: str) -> dict[str, Any]:
         """Return the JSON object of `hil bench --json`, whose keys are part of the command-line contract."""

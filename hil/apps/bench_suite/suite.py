@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json as jsonlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from hil.apps.bench_suite.options import split_settings
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
 from signals.errors import ConfigError, Problem, RecordingError
 
-# Name -> (module, title of the plot). The module has a function `measure(*, quick, status) -> BenchmarkResult` and
-# optionally `plot(result, title, path)` in place of the plot of error against time.
+# Name -> (module, title of the plot). The module has a function `measure(*, quick, status) -> BenchmarkResult`, which
+# takes `options` too if `hil bench --set` applies to it, and optionally `plot(result, title, path)`, which replaces the
+# plot of error against time and returns the paths of further files.
 BENCHMARKS: dict[str, tuple[str, str]] = {
     "dash": ("hil.apps.bench_suite.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
     "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: time per frame and errors of the labels"),
@@ -27,6 +30,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "physics": ("hil.apps.bench_suite.physics.physics", "Flight physics: error against wall time"),
     "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time per frame"),
     "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error, compared with MuJoCo's renderer"),
+    "realism": ("hil.apps.bench_suite.realism.realism", "Realism: recall of networks trained on real photographs"),
     "skip": ("hil.apps.bench_suite.sensors.skip", "Skipping: time saved by each rule"),
     "slam": ("hil.apps.bench_suite.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
     "stability": (
@@ -37,21 +41,24 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
 }
 
 
-def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console) -> bool:
+def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console, settings: Sequence[str] = ()) -> bool:
     """Run one benchmark, print its result and return True if all checks are met.
 
-    With `json`, write the result to that file and its plot to a .png with the same name.
+    With `json`, write the result to that file and its plot to a .png with the same name. `settings`: KEY=VALUE texts.
 
-    Raises ConfigError for an unknown name, RecordingError if a file cannot be written.
+    Raises ConfigError for an unknown name or setting, RecordingError if a file cannot be written.
     """
     if name not in BENCHMARKS:
         raise ConfigError([Problem("hil bench", f"no benchmark {name!r}", f"use one of: {', '.join(BENCHMARKS)}")])
     module, title = BENCHMARKS[name]
     benchmark = import_module(module)
     measure: Callable[..., BenchmarkResult] = benchmark.measure
-    draw: Callable[[BenchmarkResult, str, Path], None] = getattr(benchmark, "plot", work_precision_plot)
+    draw: Callable[[BenchmarkResult, str, Path], list[Path] | None] = getattr(benchmark, "plot", work_precision_plot)
+    options = {"options": split_settings(settings)} if settings else {}
+    if options and "options" not in signature(measure).parameters:
+        raise ConfigError([Problem("--set", f"does not apply to the benchmark {name!r}")])
     with console.status(f"hil bench {name}") as line:
-        result = measure(quick=quick, status=lambda text: line.update(f"hil bench {name}: {text}"))
+        result = measure(quick=quick, status=lambda text: line.update(f"hil bench {name}: {text}"), **options)
     _print(result, console)
     if json is not None:
         try:
@@ -60,16 +67,23 @@ def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console
         except OSError as error:
             raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
         plot = json.with_suffix(".png")
-        draw(result, title, plot)
-        console.print(f"written: {json}, {plot}")
+        further = draw(result, title, plot) or []
+        console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
     return all(check.ok for check in result.checks)
 
 
 def _print(result: BenchmarkResult, console: Console) -> None:
+    for table in result.tables:
+        shown = Table(*table.header, box=None, pad_edge=False)
+        for cells in table.rows:
+            shown.add_row(*cells)
+        console.print(shown)
+        console.print(table.note)
     rows = Table("case", "method", "error", "unit", result.time_label, box=None, pad_edge=False)
     for row in result.rows:
         rows.add_row(row.case, row.method, f"{row.error:.3g}", row.error_unit, f"{row.time_s:.4g}")
-    console.print(rows)
+    if not result.tables:
+        console.print(rows)
     checks = Table("check", "value", "", "limit", "unit", "", box=None, pad_edge=False)
     for check in result.checks:
         mark = Text("ok", "green") if check.ok else Text("NOT MET", "bold red")

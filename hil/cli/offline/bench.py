@@ -14,10 +14,14 @@ def bench(
     name: Annotated[str, typer.Argument(help="Name of the benchmark.", metavar="NAME")],
     json: Annotated[Path | None, typer.Option(help="Write rows and checks to this file, and a plot beside it.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Run for at most 60 s, and list the omitted checks.")] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Part of the benchmark 'realism' to run; may be repeated.", metavar="KEY=VALUE,..."),
+    ] = None,
 ) -> None:
     """Measure speed together with error. Exit with status 1 if a check is not met."""
     from hil.apps.bench_suite.suite import run_benchmark
 
     with exit_on_error():
-        met = run_benchmark(name, json=json, quick=quick, console=console)
+        met = run_benchmark(name, json=json, quick=quick, console=console, settings=settings or ())
     raise typer.Exit(0 if met else 1)

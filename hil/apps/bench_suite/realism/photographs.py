@@ -1,0 +1,65 @@
+"""Check of the detectors on real photographs, in which people have marked what there is to find."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.bench_suite.realism.kinds import group_labels
+from hil.apps.bench_suite.realism.networks import Detector, Found, overlaps
+from signals.errors import RecordingError
+
+_MIN_IOU = 0.5
+_GREY = 114
+# Group and box (x_min, y_min, x_max, y_max) of the objects in the photographs [px].
+OBJECTS: dict[str, tuple[tuple[str, tuple[float, float, float, float]], ...]] = {
+    "bus.jpg": (
+        ("vehicle", (22.0, 231.0, 805.0, 756.0)),
+        ("person", (50.0, 398.0, 245.0, 903.0)),
+        ("person", (223.0, 405.0, 345.0, 858.0)),
+        ("person", (669.0, 392.0, 810.0, 877.0)),
+    ),
+    "zidane.jpg": (
+        ("person", (747.0, 41.0, 1142.0, 712.0)),
+        ("person", (144.0, 200.0, 1107.0, 711.0)),
+    ),
+}
+# Objects that each network finds from its threshold when it is run correctly.
+EXPECTED = {"yolov4-tiny": 6, "nanodet": 5, "ssd-mobilenetv2": 4}
+
+
+def read_photograph(content: bytes) -> NDArray[np.uint8]:
+    """Return a photograph as (height, width, 3) RGB. Raises RecordingError."""
+    picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    if picture is None:
+        raise RecordingError("a photograph of the packages cannot be decoded")
+    return np.ascontiguousarray(picture[:, :, ::-1])
+
+
+def with_margins(rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], float, float]:
+    """Return the picture with grey margins to 4 : 3, the shape of the frames, and the margins left and above [px]."""
+    height, width = rgb.shape[:2]
+    wide, tall = max(width, round(height * 4 / 3)), max(height, round(width * 3 / 4))
+    left, top = (wide - width) // 2, (tall - height) // 2
+    out = np.full((tall, wide, 3), _GREY, np.uint8)
+    out[top : top + height, left : left + width] = rgb
+    return out, float(left), float(top)
+
+
+def found_in(detector: Detector, photographs: Mapping[str, bytes]) -> tuple[int, dict[str, list[Found]]]:
+    """Return the number of marked objects that a detector finds, and its boxes from its threshold by photograph."""
+    count = 0
+    boxes: dict[str, list[Found]] = {}
+    for name, objects in OBJECTS.items():
+        picture, left, top = with_margins(read_photograph(photographs[name]))
+        found = [one for one in detector.detect(picture)[0] if one.score >= detector.threshold]
+        boxes[name] = found
+        for group, place in objects:
+            labels = group_labels(group)
+            places = np.array([one.box_px for one in found if one.label in labels]).reshape(-1, 4)
+            marked = np.array(place) + np.array([left, top, left, top])
+            count += bool((overlaps(marked, places) >= _MIN_IOU).any())
+    return count, boxes
