@@ -32,34 +32,16 @@ LOWEST_SCORE = 0.05  # boxes below are not kept; average precision needs those b
 _MAX_BOXES = 100  # of a picture
 _SSD_SIDES = (19, 10, 5, 3, 2, 1)  # cells along an edge of each level
 
-COCO = (
-    "person bicycle car motorcycle airplane bus train truck boat|traffic light|fire hydrant|stop sign|parking meter|"
-    "bench bird cat dog horse sheep cow elephant bear zebra giraffe backpack umbrella handbag tie suitcase frisbee "
-    "skis snowboard|sports ball|kite|baseball bat|baseball glove|skateboard surfboard|tennis racket|bottle|wine glass|cup "
-    "fork knife spoon bowl banana apple sandwich orange broccoli carrot|hot dog|pizza donut cake chair couch|"
-    "potted plant|bed|dining table|toilet tv laptop mouse remote keyboard|cell phone|microwave oven toaster sink "
-    "refrigerator book clock vase scissors|teddy bear|hair drier|toothbrush"
+_COCO = (
+    "person, bicycle, car, motorcycle, airplane, bus, train, truck, boat, traffic light, fire hydrant, stop sign, "
+    "parking meter, bench, bird, cat, dog, horse, sheep, cow, elephant, bear, zebra, giraffe, backpack, umbrella, "
+    "handbag, tie, suitcase, frisbee, skis, snowboard, sports ball, kite, baseball bat, baseball glove, "
+    "skateboard, surfboard, tennis racket, bottle, wine glass, cup, fork, knife, spoon, bowl, banana, apple, "
+    "sandwich, orange, broccoli, carrot, hot dog, pizza, donut, cake, chair, couch, potted plant, bed, dining "
+    "table, toilet, tv, laptop, mouse, remote, keyboard, cell phone, microwave, oven, toaster, sink, "
+    "refrigerator, book, clock, vase, scissors, teddy bear, hair drier, toothbrush"
 )
-_PHRASES = frozenset(
-    [
-        "traffic light",
-        "fire hydrant",
-        "stop sign",
-        "parking meter",
-        "sports ball",
-        "baseball bat",
-        "baseball glove",
-        "tennis racket",
-        "wine glass",
-        "hot dog",
-        "potted plant",
-        "dining table",
-        "cell phone",
-        "teddy bear",
-        "hair drier",
-    ]
-)
-COCO_LABELS = tuple(label for part in COCO.split("|") for label in ([part] if part in _PHRASES else part.split()))
+COCO_LABELS = tuple(_COCO.split(", "))
 
 
 class Found(NamedTuple):
