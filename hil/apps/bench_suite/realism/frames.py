@@ -172,7 +172,7 @@ class Scenario:
         if not self._sky_is_free(pose):
             return None
         self._frames.expect(t_ns)
-        out = {
+        out: dict[str, NDArray[Any]] = {
             "range": np.empty((HEIGHT, WIDTH), np.float32),
             "instance": np.empty((HEIGHT, WIDTH), np.uint16),
         }

@@ -18,7 +18,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -110,7 +110,7 @@ def area(boxes: Float) -> Float:
     return (boxes[..., 2] - boxes[..., 0]) * (boxes[..., 3] - boxes[..., 1])
 
 
-def _sigmoid(values: NDArray[np.float32]) -> Float:
+def _sigmoid(values: NDArray[Any]) -> Float:
     return 1.0 / (1.0 + np.exp(-values.astype(np.float64)))
 
 
@@ -221,7 +221,7 @@ def ssd_anchors() -> Float:
     return np.array(anchors)
 
 
-def _rows_first(codes: NDArray[np.float32]) -> NDArray[np.float32]:
+def _rows_first(codes: NDArray[Any]) -> NDArray[Any]:
     """Return the codes in the anchors' order. OpenCV leaves those of each level with channels before rows."""
     parts, first = [], 0
     for level, side in enumerate(_SSD_SIDES):

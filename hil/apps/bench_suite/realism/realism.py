@@ -271,9 +271,9 @@ def _cells(tallies: Sequence[Tally | None]) -> tuple[str, ...]:
     ]
     return (
         str(known[0].objects if known else 0),
-        " ".join(_short(one and one.recall) for one in tallies),
-        " ".join(_short(one and one.average_precision) for one in tallies),
-        " ".join(_short(one and one.false_per_frame) for one in tallies),
+        " ".join(_short(None if one is None else one.recall) for one in tallies),
+        " ".join(_short(None if one is None else one.average_precision) for one in tallies),
+        " ".join(_short(None if one is None else one.false_per_frame) for one in tallies),
         " ".join(_short(value) for value in by_size),
     )
 
