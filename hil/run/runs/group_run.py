@@ -159,7 +159,7 @@ class GroupRun:
                 frames.place(name, truth)
 
     def _measure(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
-        self._measured.add(truths)
+        self._measured.add(truths, [flight.over for flight in self._flights.values()])
         self._record_contacts(contacts)
 
     def _record_contacts(self, contacts: Sequence[VehicleContact]) -> None:

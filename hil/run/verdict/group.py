@@ -1,7 +1,9 @@
 """Measures and judges what happens between the vehicles of a run, from ground truth.
 
-min_distance_m     Least distance between the centres of any two vehicles of which one is in the air.
-contacts           Contacts between vehicles: when, who, how fast.
+min_distance_m     Least distance between the centres of any two vehicles of which one is in the air, until the flight of
+                   either is over: beside a landed or fallen vehicle others may land.
+contacts           Contacts between vehicles: when, who, how fast. Judged are those that begin before both flights are
+                   over: who touches a landed or fallen vehicle has hit an obstacle.
 formation_error_m  Greatest distance between a vehicle and its place in the formation. Measured from the tick at which
                    all are in the air and within the limit (`FORMED_M` if it is null), until one has reached its last
                    waypoint, touches anything, or is lost.
@@ -9,6 +11,7 @@ formation_error_m  Greatest distance between a vehicle and its place in the form
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -40,6 +43,7 @@ class GroupMeasurement:
         `on_the_way` returns False once a vehicle has reached its last waypoint or is lost.
         """
         self._names = tuple(names)
+        self._over_ns = dict.fromkeys(names, math.inf)  # end of each flight
         self._offsets = None if offsets_W_m is None else np.array([offsets_W_m[name] for name in names])
         self._formed_m = FORMED_M if formed_m is None else formed_m
         self._on_the_way = on_the_way
@@ -51,14 +55,21 @@ class GroupMeasurement:
         self._formed = self._ended = False
         self.contacts: list[VehicleContact] = []
 
-    def add(self, truths: Sequence[TruthState]) -> None:
-        """Measure one tick. `truths`: of all vehicles, in the order of their names."""
+    def add(self, truths: Sequence[TruthState], over: Sequence[bool] = ()) -> None:
+        """Measure one tick. `truths`: of all vehicles, in the order of their names; `over`: their flights are over."""
+        if any(over):
+            for name, is_over in zip(self._names, over, strict=True):
+                if is_over:
+                    self._over_ns[name] = min(self._over_ns[name], truths[0].t_ns)
         p_W = np.array([truth.p_WB for truth in truths])
         first, second = self._pairs
         if len(first):
             apart = p_W[first] - p_W[second]
             standing = np.array([truth.in_contact for truth in truths])
-            distance2 = np.where(standing[first] & standing[second], np.inf, np.einsum("ij,ij->i", apart, apart))
+            left_out = standing[first] & standing[second]
+            if any(over):
+                left_out |= np.array(over)[first] | np.array(over)[second]
+            distance2 = np.where(left_out, np.inf, np.einsum("ij,ij->i", apart, apart))
             pair = int(distance2.argmin())
             if distance2[pair] < self._distance2_m2:
                 self._distance2_m2 = float(distance2[pair])
@@ -94,12 +105,11 @@ class GroupMeasurement:
                 t_ns, worst = self._farthest
                 why = [f"{why[0]}: {self._names[worst]} at {t_ns / NS_PER_S:.2f} s"]
             rows, reasons = rows + row, reasons + why
-        fails = limits.contact == "fail" and bool(self.contacts)
-        rows.append(
-            Row("contacts", float(len(self.contacts)), 0.0 if limits.contact == "fail" else None, "", not fails)
-        )
+        judged = [c for c in self.contacts if c.t_ns < max(self._over_ns[c.a], self._over_ns[c.b])]
+        fails = limits.contact == "fail" and bool(judged)
+        rows.append(Row("contacts", float(len(judged)), 0.0 if limits.contact == "fail" else None, "", not fails))
         if fails:
-            reasons.append(contact_text(self.contacts[0]))
+            reasons.append(contact_text(judged[0]))
         return rows, reasons
 
 

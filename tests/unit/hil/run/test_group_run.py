@@ -7,9 +7,11 @@ import os
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from hil.config import Bench, load_bench
 from hil.run.bench_run import run_bench
-from hil.run.part import Part
+from hil.run.part import Part, RunContext
 
 TEXT = """
 rig: mock
@@ -28,20 +30,33 @@ def bench(tmp_path: Path, *settings: str) -> Bench:
 
 
 class Probe(Part):
-    """Part that pauses the run, and raises `error` before tick 3."""
+    """Part that pauses the run, and raises an error in the method `fails`, at tick 3 or later."""
 
     name = "probe"
     paused_s = 0.0
 
-    def __init__(self, error: Exception | None = None, paused_s: float = 0.0) -> None:
-        self._error, self.paused_s = error, paused_s
+    def __init__(self, fails: str = "", paused_s: float = 0.0) -> None:
+        self._fails, self.paused_s = fails, paused_s
         self._ticks = 0
         self.closed = False
 
+    def _step(self, method: str) -> None:
+        if method == self._fails and self._ticks >= 3:
+            raise RuntimeError("boom")
+
     def before_tick(self) -> None:
         self._ticks += 1
-        if self._ticks == 3 and self._error is not None:
-            raise self._error
+        self._step("before_tick")
+
+    def after_tick(self, tick: int) -> None:
+        self._step("after_tick")
+
+    def ended(self) -> bool:
+        self._step("ended")
+        return False
+
+    def conclude(self, run: RunContext) -> None:
+        self._step("conclude")
 
     def close(self) -> None:
         self.closed = True
@@ -51,11 +66,17 @@ def results(out: Path) -> dict[str, Any]:
     return {name: json.loads((out / name / "run.json").read_text()) for name in ("a", "b")}
 
 
-def test_a_defect_outside_a_vehicles_tick_is_an_error_of_all(tmp_path: Path) -> None:
-    probe = Probe(RuntimeError("boom"))
-    result = run_bench(bench(tmp_path), tmp_path / "run", quiet=True, more=[probe])
+@pytest.mark.parametrize("method", ["before_tick", "after_tick", "ended", "conclude"])
+def test_a_defect_of_a_part_names_its_vehicle_and_ends_the_flight_of_all(method: str, tmp_path: Path) -> None:
+    probe = Probe(method)
+    more = {"a": [], "b": [probe]}
+    result = run_bench(bench(tmp_path), tmp_path / "run", quiet=True, more=more.__getitem__)
     assert (result.status, result.run["error"]["type"]) == ("ERROR", "InternalError")
-    assert {run["status"] for run in results(result.out).values()} == {"ERROR"}
+    assert result.run["error"]["message"].startswith("b: RuntimeError: boom")
+    errors = {name: run["error"] for name, run in results(result.out).items()}
+    assert errors["a"]["type"] == "OtherVehicleFailed"
+    assert errors["a"]["message"] == "the vehicle b failed: boom"
+    assert errors["b"]["message"].startswith("RuntimeError: boom")
     assert probe.closed
 
 

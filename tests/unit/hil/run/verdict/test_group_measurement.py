@@ -9,6 +9,7 @@ import pytest
 from hil.config.vehicles.settings import Group
 from hil.run.verdict.group import GroupMeasurement
 from signals.samples import TruthState, Vec3
+from sim.physics.vehicle_group import VehicleContact
 
 TICK_NS = 4_000_000
 
@@ -27,6 +28,23 @@ def test_the_distance_counts_while_one_of_two_is_in_the_air() -> None:
     rows, reasons = measured.verdict(Group(min_distance_m=3.0), None)
     assert rows[0].value == pytest.approx(math.sqrt(5.0))
     assert reasons == ["min_distance_m is 2.24 m, at least 3 m: a and b at 0.00 s"]
+
+
+def test_a_vehicle_whose_flight_is_over_is_an_obstacle_to_those_that_fly() -> None:
+    measured = GroupMeasurement(["a", "b", "c"])
+    measured.add([state(0, (0, 0, 9)), state(0, (4, 0, 9)), state(0, (50, 0, 9))], [False] * 3)
+    measured.add([state(1, (0, 0, 9)), state(1, (1, 0, 0), standing=True), state(1, (50, 0, 9))], [False, True, False])
+    assert measured.min_distance_m == 4.0
+    measured.add([state(2, (49, 0, 9)), state(2, (1, 0, 0), standing=True), state(2, (50, 0, 9))], [False, True, False])
+    assert measured.min_distance_m == 1.0
+    measured.add([state(3, (9, 0, 9))] * 3, [True, True, False])
+    early, ending, late = (VehicleContact(t * TICK_NS, "a", "b", 2.0, 1.0, (1, 0, 0)) for t in (1, 2, 3))
+    measured.contacts = [early, ending, late]
+    rows, reasons = measured.verdict(Group(), None)
+    assert rows[-1].value == 2.0  # `late` began when both flights were over
+    assert reasons == ["a and b touched at 0.00 s, closing at 2.0 m/s, impulse 1.00 N s"]
+    measured.contacts = [late]
+    assert measured.verdict(Group(), None)[1] == []
 
 
 def test_the_formation_is_measured_from_forming_to_the_first_end() -> None:
