@@ -23,6 +23,7 @@ VEHICLE_KEYS = frozenset({
     "rig", "description", "vehicle", "mission", "mission_offset_m", "start", "autopilot", "router", "companion",
     "sensors", "quality", "faults", "limits", "crash", "goal", "search", "manual", "parts",
 })  # fmt: skip
+_WORLD_KEYS = ("map_seed", "weather", "randomize")  # like the scene, which is compared by its file
 # Ports that differ by the vehicle's number, unless it sets its own. PX4 numbers the ports of SDKs so.
 _PORTS: dict[tuple[str, str], Any] = {("router", "sdk"): None, ("companion", "port"): Companion().port}
 # Folders of OUT that do not belong to a vehicle: the copied map, the fresh run of `hil replay`, and others.
@@ -131,7 +132,21 @@ def _vehicle(
         if isinstance(section, dict) and not overlay.covers(port):
             settings.set(port, _raised(section.get(port[1], default), number), settings.where(port))
     settings.set(("name",), name, settings.where(()))
-    return loaded.bench()
+    vehicle = loaded.bench()
+    if differing := _other_world(vehicle, loaded, bench, loading):
+        message = f"belongs to the whole bench, and {name} sets it to another value"
+        raise ConfigError([at(settings, (key,), message, "write it at the top of the bench file") for key in differing])
+    return vehicle
+
+
+def _other_world(vehicle: Bench, loaded: BenchLoading, bench: Bench, loading: BenchLoading) -> list[str]:
+    """Return the settings of the world that a vehicle's own files set to another value than the bench."""
+    stated = [key for key in _WORLD_KEYS if key in loaded.settings.data]
+    differing = [key for key in stated if getattr(vehicle.config, key) != getattr(bench.config, key)]
+    is_option = loading.settings.where(("scene",)).startswith(COMMAND_LINE)  # for all vehicles
+    if "scene" in loaded.settings.data and not is_option:
+        differing += ["scene"] * (loaded.files["scene"].resolve() != loading.files["scene"].resolve())
+    return differing
 
 
 def _general(loading: BenchLoading) -> list[str]:
@@ -175,9 +190,7 @@ def _from_file(bench: Bench, loading: BenchLoading, name: str, place: Place, fil
     if vehicle.config.vehicles:
         raise ConfigError([at(loading.settings, place, f"names a file with several vehicles: {path}")])
     differing = [key for key in SHARED_KEYS if getattr(vehicle.config, key) != getattr(bench.config, key)]
-    is_option = loading.settings.where(("scene",)).startswith(COMMAND_LINE)  # for all vehicles
-    if "scene" in loaded.settings.data and not is_option:
-        differing += ["scene"] * (loaded.files["scene"].resolve() != loading.files["scene"].resolve())
+    differing += _other_world(vehicle, loaded, bench, loading)
     if differing:
         message = f"differs from the bench in {', '.join(differing)}: {path}"
         raise ConfigError([at(loading.settings, place, message, "all vehicles of a run share these settings")])

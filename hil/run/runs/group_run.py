@@ -191,10 +191,10 @@ class GroupRun:
         If every vehicle is lost, none was expendable.
         """
         formation = self._bench.config.formation
-        rows, reasons = self._measured.verdict(
-            self._bench.config.group, None if formation is None else formation.max_error_m
-        )
         lost = {name for name, flight in self._flights.items() if flight.lost}
+        rows, reasons = self._measured.verdict(
+            self._bench.config.group, None if formation is None else formation.max_error_m, lost
+        )
         for name, result in self._results.items():
             if name not in lost or len(lost) == len(self._results):
                 reasons += [f"{name}: {reason}" for reason in result.run["verdict"]["reasons"]]

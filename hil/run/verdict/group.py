@@ -1,7 +1,7 @@
 """Measures and judges what happens between the vehicles of a run, from ground truth.
 
-min_distance_m     Least distance between the centres of any two vehicles of which one is in the air, until the flight of
-                   either is over: beside a landed or fallen vehicle others may land.
+min_distance_m     Least distance between the centres of any two vehicles of which one is in the air, until either's
+                   flight is over: beside a landed or fallen vehicle others may land.
 contacts           Contacts between vehicles: when, who, how fast. Judged are those that begin before both flights are
                    over: who touches a landed or fallen vehicle has hit an obstacle.
 formation_error_m  Greatest distance between a vehicle and its place in the formation. Measured from the tick at which
@@ -12,7 +12,7 @@ formation_error_m  Greatest distance between a vehicle and its place in the form
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,8 @@ class GroupMeasurement:
         self._formation_m: float | None = None
         self._farthest: tuple[int, int] | None = None  # time [ns], number of the vehicle
         self._formed = self._ended = False
+        self._grounded = set(names)  # vehicles that were never in the air
+        self._nearest: tuple[float, int] | None = None  # least greatest error of all in the air [m], its vehicle
         self.contacts: list[VehicleContact] = []
 
     def add(self, truths: Sequence[TruthState], over: Sequence[bool] = ()) -> None:
@@ -82,7 +84,10 @@ class GroupMeasurement:
         worst = int(errors_m.argmax())
         flying = not any(truth.in_contact for truth in truths)
         if not self._formed:
+            self._grounded -= {name for name, truth in zip(self._names, truths, strict=True) if not truth.in_contact}
             self._formed = flying and bool(errors_m[worst] <= self._formed_m)
+            if flying and (self._nearest is None or errors_m[worst] < self._nearest[0]):
+                self._nearest = float(errors_m[worst]), worst
         elif not (flying and self._on_the_way()):
             self._ended = True
         elif self._formation_m is None or errors_m[worst] > self._formation_m:
@@ -93,8 +98,21 @@ class GroupMeasurement:
         """Least distance so far; None: no vehicle was in the air."""
         return None if self._closest is None else float(np.sqrt(self._distance2_m2))
 
-    def verdict(self, limits: Group, max_formation_error_m: float | None) -> tuple[list[Row], list[str]]:
-        """Return the measurements beside their limits, and the reasons for a FAIL."""
+    def _why_not_formed(self, lost: Collection[str]) -> str:
+        if self._grounded:
+            grounded = [name for name in self._names if name in self._grounded]
+            return ", ".join(
+                f"{name} {'was lost before take-off' if name in lost else 'never took off'}" for name in grounded
+            )
+        if self._nearest is None:
+            return "the vehicles were never all in the air"
+        error_m, worst = self._nearest
+        return f"{self._names[worst]} was {error_m:.1f} m from its place at best while all were in the air"
+
+    def verdict(
+        self, limits: Group, max_formation_error_m: float | None, lost: Collection[str] = ()
+    ) -> tuple[list[Row], list[str]]:
+        """Return the measurements beside their limits, and the reasons for a FAIL. `lost`: names of lost vehicles."""
         rows, reasons = rows_within(("min_distance_m", self.min_distance_m, limits.min_distance_m, "m", True))
         if reasons and self._closest is not None:
             t_ns, a, b = self._closest
@@ -104,6 +122,8 @@ class GroupMeasurement:
             if why and self._farthest is not None:
                 t_ns, worst = self._farthest
                 why = [f"{why[0]}: {self._names[worst]} at {t_ns / NS_PER_S:.2f} s"]
+            elif why and not self._formed:
+                why = [f"{why[0]}: {self._why_not_formed(lost)}"]
             rows, reasons = rows + row, reasons + why
         judged = [c for c in self.contacts if c.t_ns < max(self._over_ns[c.a], self._over_ns[c.b])]
         fails = limits.contact == "fail" and bool(judged)

@@ -48,6 +48,19 @@ vehicles:
     assert lead.scene is second.scene
 
 
+def test_a_rig_of_one_vehicle_cannot_change_the_world(tmp_path):
+    own = "weather: {visibility_m: 200}\nrandomize: {light: true}\nscene: city_park\nmap_seed: 4\n"
+    (tmp_path / "own.yaml").write_text("autopilot: {kind: mock}\n" + own)
+    text = "vehicles: {a: {}, b: {rig: own.yaml}}\nformation: {spacing_m: 5}\n"
+    found = problems(tmp_path, text)
+    message = "belongs to the whole bench, and b sets it to another value (write it at the top of the bench file)"
+    for line, key in ((2, "weather"), (3, "randomize"), (4, "scene"), (5, "map_seed")):
+        assert f"own.yaml:{line}: {key} {message}" in found
+    (tmp_path / "own.yaml").write_text("autopilot: {kind: mock}\nweather: {visibility_m: 200}\n")
+    bench = load(tmp_path, f"weather: {{visibility_m: 200}}\n{text}")
+    assert bench.vehicles["b"].config.weather == bench.config.weather
+
+
 def test_noise_depends_on_the_name_alone(tmp_path):
     two = load(tmp_path, "vehicles: {a: {}, b: {start: {p_W: [9, 0, 0]}}}")
     three = load(tmp_path, "vehicles: {c: {start: {p_W: [0, 9, 0]}}, b: {start: {p_W: [9, 0, 0]}}, a: {}}")

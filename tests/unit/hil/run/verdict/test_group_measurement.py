@@ -63,6 +63,13 @@ def test_the_formation_is_measured_from_forming_to_the_first_end() -> None:
 
 def test_a_formation_that_never_forms_fails() -> None:
     measured = GroupMeasurement(["a", "b"], offsets_W_m={"a": (0, 0, 0), "b": (0, 5, 0)}, formed_m=1.0)
-    for tick in range(0, 100, 10):
-        measured.add([state(tick, (0, 0, 9)), state(tick, (0, 20, 9))])
-    assert measured.verdict(Group(), 1.0)[1] == ["formation_error_m was never measured, at most 1 m"]
+    never = "formation_error_m was never measured, at most 1 m"
+    measured.add([state(0, (0, 0, 0), standing=True), state(0, (0, 20, 9))])
+    assert measured.verdict(Group(), 1.0)[1] == [f"{never}: a never took off"]
+    assert measured.verdict(Group(), 1.0, {"a"})[1] == [f"{never}: a was lost before take-off"]
+    measured.add([state(10, (0, 0, 9)), state(10, (0, 20, 0), standing=True)])
+    assert measured.verdict(Group(), 1.0)[1] == [f"{never}: the vehicles were never all in the air"]
+    for tick, y in ((20, 20), (30, 18), (40, 22)):
+        measured.add([state(tick, (0, 0, 9)), state(tick, (0, y, 9))])
+    best = "b was 13.0 m from its place at best while all were in the air"
+    assert measured.verdict(Group(), 1.0)[1] == [f"{never}: {best}"]
