@@ -123,7 +123,7 @@ def local(url: str, address: str) -> bool:
 
 
 def picture(page: Any, name: str) -> None:
-    """Take pictures in both themes at the width of a desktop and a tablet. Fails if the page scrolls sideways."""
+    """Take pictures in both themes at the width of a desktop and a tablet. Fails if the page scrolls sideways, or a desktop's header wraps."""
     folder = os.environ.get("HIL_SCREENSHOTS")
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
@@ -131,6 +131,8 @@ def picture(page: Any, name: str) -> None:
             page.wait_for_timeout(80)
             out = page.locator("html").evaluate("(html) => html.scrollWidth - html.clientWidth")
             assert out <= 0, f"{name} at a {size}'s width: {out} pixels stick out"
+            rows_px = page.locator("header").evaluate("(header) => header.offsetHeight")
+            assert size != "desktop" or rows_px < 60, f"{name}: the header has more than one row"
             if folder:
                 theme = page.locator("html").get_attribute("data-theme")
                 page.screenshot(path=f"{folder}/{name}-{size}-{theme}.png", full_page=True)
