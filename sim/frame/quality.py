@@ -1,6 +1,6 @@
 """Quality of a camera's colour in five named levels, each with one more feature than the previous one.
 
-| level | resolution factor | samples per pixel | textures | shadows |
+| level | resolution factor | samples per pixel | textures | shadows and shading (sim/frame/shading.py) |
 |---|---|---|---|---|
 | low | 1 | 1 | no: mean colours | no |
 | medium | 1 | 1 | yes | no |
@@ -22,6 +22,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from sim.frame.shading import FULL, LEVELLED, PLAIN, Shading
+
 QualityName = Literal["low", "medium", "high", "epic", "cinematic"]
 
 
@@ -33,14 +35,15 @@ class Quality:
     supersample: int  # samples of colour along a pixel's edge
     textures: bool
     shadows: bool
+    shading: Shading
 
 
 QUALITIES: dict[str, Quality] = {
-    "low": Quality(1, 1, textures=False, shadows=False),
-    "medium": Quality(1, 1, textures=True, shadows=False),
-    "high": Quality(1, 1, textures=True, shadows=True),
-    "epic": Quality(1, 2, textures=True, shadows=True),
-    "cinematic": Quality(2, 2, textures=True, shadows=True),
+    "low": Quality(1, 1, textures=False, shadows=False, shading=PLAIN),
+    "medium": Quality(1, 1, textures=True, shadows=False, shading=PLAIN),
+    "high": Quality(1, 1, textures=True, shadows=True, shading=FULL),
+    "epic": Quality(1, 2, textures=True, shadows=True, shading=FULL),
+    "cinematic": Quality(2, 2, textures=True, shadows=True, shading=FULL),
 }
 
 _PIXELS = frozenset({"resolution", "intrinsics"})
@@ -58,6 +61,7 @@ def with_quality(values: Mapping[str, Any], quality: str, given: Collection[str]
             supersample *= level.resolution_factor
     if values.get("colour", "native") == "native":
         changed |= {"supersample": supersample, "textures": level.textures}
+        changed |= {key: getattr(level.shading, key) for key in LEVELLED}
     return {**values, **{key: value for key, value in changed.items() if key not in given}}
 
 

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim import _kernels
 from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SunShadows, mean_of_four
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
+from sim.frame.shading import PLAIN, Shading
 from sim.scene.light import Light, light_in_haze
 from sim.scene.weather import HAZE_M
 
@@ -72,6 +74,7 @@ class FrameRenderer:
         textures: bool = True,
         planes_m: tuple[float, float] = (0.05, 10_000.0),
         light: Light | None = None,
+        shading: Shading = PLAIN,
         execution: Execution = Execution(),
     ) -> None:
         near_m, far_m = planes_m
@@ -87,8 +90,9 @@ class FrameRenderer:
         self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, execution.skips
         self._edges = _edges(camera)
         scenery = geometry.scenery if textures else geometry.plain_scenery
-        self._picture = _picture(geometry, scenery, camera, 1, isa)
-        self._supersampled = _picture(geometry, scenery, camera, supersample, isa) if supersample > 1 else None
+        made = (shading.native(), isa)
+        self._picture = _picture(geometry, scenery, camera, 1, *made)
+        self._supersampled = _picture(geometry, scenery, camera, supersample, *made) if supersample > 1 else None
         # Buffers of the supersampled picture, and of its reductions by 2 x 2 down to twice the camera's size.
         self._larger_rgb: list[NDArray[np.uint8]] = []
         while supersample > 1:
@@ -172,7 +176,9 @@ def _edges(camera: CameraModel) -> tuple[float, float, float, float]:
     )
 
 
-def _picture(geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, scale: int, isa: str) -> Picture:
+def _picture(
+    geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, scale: int, shading: _kernels.Shading, isa: str
+) -> Picture:
     if camera.pinhole:
         return Picture(
             geometry.native,
@@ -184,9 +190,10 @@ def _picture(geometry: FrameGeometry, scenery: Scenery, camera: CameraModel, sca
             scale * camera.cx,
             scale * camera.cy,
             isa,
+            shading,
         )
     scaled = camera if scale == 1 else camera.scaled(scale)
-    return Picture(geometry.native, scenery, np.ascontiguousarray(scaled.rays(), np.float64), isa)
+    return Picture(geometry.native, scenery, np.ascontiguousarray(scaled.rays(), np.float64), isa, shading)
 
 
 def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:

@@ -7,6 +7,8 @@ the mean of 2 x 2 texels of the previous level, in integers.
 
 The alpha channel of a texture on a mesh with texture coordinates makes holes: texels below one half are open. There the
 texture is laid by the mesh's coordinates alone, without repetition factors and random changes of the pattern.
+
+A material's layer with the role `normal` is a texture of surface normals; it is laid as the texture of the colour.
 """
 
 from __future__ import annotations
@@ -39,13 +41,15 @@ def make_scenery(
     """
     scenery = Scenery()
     textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
+    reliefs: dict[int, int] = {}
     uses_material = has_material_colour(model)
     masked = dict(_masked(model))
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
         appearance = appearances[geom] if appearances else None
-        emission, texture, repeat, uniform = 0.0, -1, (1.0, 1.0), False
+        emission, texture, relief, repeat, uniform = 0.0, -1, -1, (1.0, 1.0), False
+        gloss = (0.0, 0.0, 0.0)
         if material >= 0:
             if uses_material[geom]:
                 rgba = model.mat_rgba[material]
@@ -56,20 +60,39 @@ def make_scenery(
                 if key not in textures:
                     textures[key] = _add_texture(scenery, model, source, appearance)
                 texture = textures[key]
+            relief = _relief(scenery, model, material, reliefs)
+            gloss = _gloss(model, material)
             u, v = (float(x) for x in model.mat_texrepeat[material])
             repeat, uniform = (u, v), bool(model.mat_texuniform[material])
         r, g, b = (float(x) for x in rgba[:3])
         if geom in masked:
             repeat, uniform = (1.0, 1.0), False
         if appearance is not None:
-            if texture >= 0 and geom not in masked:  # its texels are changed already
+            if max(texture, relief) >= 0 and geom not in masked:  # its texels are changed already
                 repeat = (repeat[0] / appearance.scale, repeat[1] / appearance.scale)
             elif texture < 0:
                 r, g, b = appearance.colour((r, g, b))
-        scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform)
+        scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform, *gloss, relief)
     for r, g, b in extra_rgb or []:
         scenery.add_geom((r, g, b), 0.0, -1, 1.0, 1.0, False)
     return scenery
+
+
+def _gloss(model: mujoco.MjModel, material: int) -> tuple[float, float, float]:
+    """Return specular, shininess and metallic of a material, each 0 to 1; MuJoCo's metallic of -1 is none."""
+    values = (model.mat_specular[material], model.mat_shininess[material], model.mat_metallic[material])
+    specular, shininess, metallic = (min(max(float(value), 0.0), 1.0) for value in values)
+    return specular, shininess, metallic
+
+
+def _relief(scenery: Scenery, model: mujoco.MjModel, material: int, known: dict[int, int]) -> int:
+    """Return the texture of a material's normals; -1: none. `known`: those added so far, by their number in `model`."""
+    source = int(model.mat_texid[material][mujoco.mjtTextureRole.mjTEXROLE_NORMAL])
+    if source < 0 or int(model.tex_type[source]) == _CUBE:
+        return -1
+    if source not in known:
+        known[source] = int(scenery.add_texture(_pyramid([texels_of(model, source)]), False, linear=True))
+    return known[source]
 
 
 def rgb_texture(model: mujoco.MjModel, material: int) -> int:
@@ -144,12 +167,17 @@ def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, appearan
     cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
     if appearance is not None:
         rgb = appearance.texels(rgb, shifted=not (cube or has_alpha))
-    faces = [_powers_of_two(face) for face in (np.split(rgb, 6) if cube else [rgb])]
+    return int(scenery.add_texture(_pyramid(np.split(rgb, 6) if cube else [rgb]), cube))
+
+
+def _pyramid(images: list[NDArray[np.uint8]]) -> list[NDArray[np.uint8]]:
+    """Return the levels of a texture, each with all faces below each other."""
+    faces = [_powers_of_two(image) for image in images]
     levels = []
     while True:
         levels.append(np.ascontiguousarray(np.concatenate(faces)))
         if min(faces[0].shape[:2]) <= _MIN_EDGE:
-            return int(scenery.add_texture(levels, cube))
+            return levels
         faces = [_halved(face) for face in faces]
 
 

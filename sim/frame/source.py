@@ -13,6 +13,7 @@ from signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
+from sim.frame.shading import PLAIN, Shading
 
 VEHICLE_CLASS = "drone"  # class of a run's vehicles, and prefix of their names among the actors
 
@@ -66,6 +67,7 @@ class FrameSource(Protocol):
         near_m: float,
         far_m: float,
         textures: bool = True,
+        shading: Shading = PLAIN,
         colour: str = "native",
     ) -> Renderer:
         """Return a renderer for one camera; `colour`: the backend of its rgb (sim.frame.mujoco_backend)."""
@@ -138,6 +140,7 @@ class SharedFrames:
         near_m: float,
         far_m: float,
         textures: bool = True,
+        shading: Shading = PLAIN,
         colour: str = "native",
     ) -> Renderer:
         """Return a renderer for one camera. Raises ColourBackendError if MuJoCo's renderer is requested and missing."""
@@ -150,6 +153,7 @@ class SharedFrames:
             supersample=supersample,
             textures=textures,
             planes_m=(near_m, far_m),
+            shading=shading,
             execution=Execution(threads=self._threads),
         )
         if colour == "native":

@@ -43,12 +43,12 @@ T *channel(const nb::dict &out, const char *name, int height, int width, int dep
     return array.data();
 }
 
-int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1, 3>> &levels, bool cube) {
+int add_texture(fr::Scenery &scenery, const std::vector<In<std::uint8_t, -1, -1, 3>> &levels, bool cube, bool linear) {
     fr::Texture t;
     t.cube = cube;
     std::int32_t code[256];  // sRGB (IEC 61966-2-1) to ten bits of the square root of linear light
     for (int i = 0; i < 256; ++i) {
-        code[i] = static_cast<std::int32_t>(std::lround(1023.0 * std::sqrt(hil::sim::srgb_to_linear(i / 255.0))));
+        code[i] = static_cast<std::int32_t>(std::lround(1023.0 * std::sqrt(linear ? i / 255.0 : hil::sim::srgb_to_linear(i / 255.0))));
     }
     if (levels.empty() || levels.size() > 16) throw std::invalid_argument("a texture needs 1 to 16 levels");
     for (const auto &level : levels) {
@@ -161,11 +161,13 @@ void bind_frame(nb::module_ &m) {
 
     nb::class_<fr::Scenery>(m, "Scenery", "Colours and textures (frame/scenery.hpp).")
         .def(nb::init<>())
-        .def("add_texture", &add_texture, "levels"_a, "cube"_a)
+        .def("add_texture", &add_texture, "levels"_a, "cube"_a, "linear"_a = false,
+             "Add a pyramid of images. `linear`: of normals; else sRGB colours.")
         .def(
             "add_geom",
-            [](fr::Scenery &s, const Rgb &rgb, float emission, int texture, float repeat_u, float repeat_v, bool per_metre) {
-                if (texture >= static_cast<int>(s.textures.size()))
+            [](fr::Scenery &s, const Rgb &rgb, float emission, int texture, float repeat_u, float repeat_v, bool per_metre,
+               float specular, float shininess, float metallic, int relief) {
+                if (std::max(texture, relief) >= static_cast<int>(s.textures.size()))
                     throw std::invalid_argument("texture index is out of range");
                 fr::Appearance a;
                 set(a.rgb, rgb);
@@ -173,10 +175,22 @@ void bind_frame(nb::module_ &m) {
                 a.texture = texture;
                 a.repeat[0] = repeat_u, a.repeat[1] = repeat_v;
                 a.per_metre = per_metre;
+                a.specular = specular, a.shininess = shininess, a.metallic = metallic;
+                a.relief = relief;
                 s.geoms.push_back(a);
             },
-            "rgb"_a, "emission"_a, "texture"_a, "repeat_u"_a, "repeat_v"_a, "per_metre"_a)
+            "rgb"_a, "emission"_a, "texture"_a, "repeat_u"_a, "repeat_v"_a, "per_metre"_a,
+            "specular"_a = 0.0f, "shininess"_a = 0.0f, "metallic"_a = 0.0f, "relief"_a = -1)
         .def("without_textures", &fr::without_textures, "Return a copy with each texture replaced by its mean colour.");
+
+    nb::class_<fr::Shading>(m, "Shading", "Parts of the colour that cost time, and the camera's response (frame/scenery.hpp).")
+        .def(
+            "__init__",
+            [](fr::Shading *self, bool filtering, bool highlights, bool relief, bool filmic, const Rgb &gain) {
+                new (self) fr::Shading{filtering, highlights, relief, filmic, {gain[0], gain[1], gain[2]}};
+            },
+            "filtering"_a = false, "highlights"_a = false, "relief"_a = false, "filmic"_a = false,
+            "gain"_a = Rgb{1.0f, 1.0f, 1.0f});
 
     nb::class_<fr::Daylight>(m, "Daylight", "Sun, sky and haze in W; linear colours (frame/scenery.hpp).")
         .def(
@@ -214,29 +228,29 @@ void bind_frame(nb::module_ &m) {
         .def(
             "__init__",
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery, int width, int height, double fx,
-               double fy, double cx, double cy, const std::string &isa) {
+               double fy, double cx, double cy, const std::string &isa, const fr::Shading &shading) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
                     throw std::invalid_argument("the scenery needs an entry for every geom");
                 }
                 new (self) fr::Picture(std::make_unique<fr::Raster>(geometry, width, height, fr::Projection::kPinhole, fx, fy,
                                                                     cx, cy, fr::isa_by_name(isa)),
-                                       scenery);
+                                       scenery, shading);
             },
             "geometry"_a, "scenery"_a, "width"_a, "height"_a, "fx"_a, "fy"_a, "cx"_a, "cy"_a, "isa"_a = "",
-            nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+            "shading"_a = fr::Shading{}, nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
         .def(
             "__init__",
             [](fr::Picture *self, const fr::Geometry &geometry, const fr::Scenery &scenery,
-               const In<double, -1, -1, 3> &directions_C, const std::string &isa) {
+               const In<double, -1, -1, 3> &directions_C, const std::string &isa, const fr::Shading &shading) {
                 if (scenery.geoms.size() != geometry.geoms().size()) {
                     throw std::invalid_argument("the scenery needs an entry for every geom");
                 }
                 new (self) fr::Picture(
                     std::make_unique<fr::Raster>(geometry, static_cast<int>(directions_C.shape(1)),
                                                  static_cast<int>(directions_C.shape(0)), directions_C.data(), fr::isa_by_name(isa)),
-                    scenery);
+                    scenery, shading);
             },
-            "geometry"_a, "scenery"_a, "directions_C"_a, "isa"_a = "", nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
+            "geometry"_a, "scenery"_a, "directions_C"_a, "isa"_a = "", "shading"_a = fr::Shading{}, nb::keep_alive<1, 2>(), nb::keep_alive<1, 3>())
         .def(
             "take",
             [](fr::Picture &self, const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W, const fr::Daylight &light,

@@ -53,6 +53,7 @@ class Camera(InstalledSensor):
             near_m=p.near_m,
             far_m=p.far_m,
             textures=p.textures,
+            shading=p.shading(),
             colour=p.colour,
         )
         self._shared = installation.shared

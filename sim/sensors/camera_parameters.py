@@ -12,6 +12,7 @@ from signals.samples import CHANNEL_UNITS
 from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, CameraModel
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
 from sim.frame.quality import QualityName
+from sim.frame.shading import LEVELLED, PLAIN, SRGB_WHITE_K, Shading, ToneCurve
 from sim.sensors.sensor import Position, check_order
 
 Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS_ACROSS)]
@@ -125,6 +126,12 @@ class CameraParameters(StrictModel):
     quality: QualityName | None = None
     shadows: bool = False
     textures: bool = True  # false: each surface has its mean colour
+    filtering: bool = False  # textures are interpolated (sim/frame/shading.py)
+    highlights: bool = False  # surfaces mirror sun, sky and ground
+    relief: bool = False  # textures of normals
+    tone: ToneCurve = "linear"
+    exposure_ev: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0  # doublings of the light, before the tone curve
+    white_balance_k: Annotated[float, Field(ge=4000.0, le=25_000.0)] = SRGB_WHITE_K
     # Renderer of rgb: the raster, or one of MuJoCo's renderers for machines with a GPU (docs/frames.md).
     colour: Literal["native", "egl", "filament"] = "native"
     supersample: Literal[1, 2, 4] = 1  # samples of colour along a pixel's edge
@@ -182,8 +189,15 @@ class CameraParameters(StrictModel):
             raise ValueError(f"{renderer} draws the whole picture at once: no rolling_shutter_s, or use 'native'")
         if self.supersample != 1:
             raise ValueError(f"{renderer} draws the whole picture at once: supersample 1, or use 'native'")
+        if self.shading() != PLAIN:
+            keys = ", ".join((*LEVELLED, "exposure_ev", "white_balance_k"))
+            raise ValueError(f"{renderer} has a light and a response of its own: leave out {keys}, or use 'native'")
         if not self.textures:
             raise ValueError(f"{renderer} draws the map's own textures: leave `textures` out, or use 'native'")
+
+    def shading(self) -> Shading:
+        """Return the settings of the native raster's colour."""
+        return Shading(self.filtering, self.highlights, self.relief, self.tone, self.exposure_ev, self.white_balance_k)
 
     def model(self) -> CameraModel:
         """Return the camera model. Raises ValueError if no lens has these parameters."""

@@ -10,14 +10,13 @@ from hil.config.schema import BenchConfig
 from signals.documents.document import Document
 from signals.documents.validate import Section, validate
 from signals.errors import ConfigError
-from sim.frame.quality import QualityName, with_quality
+from sim.frame.quality import QUALITIES, QualityName, with_quality
 from sim.randomize.settings import FEATURES, Randomize
 from sim.randomize.variant import in_weather, randomized
 from sim.scene.scene import Scene
 from sim.scene.weather import Weather
 
-# Render settings of a view without a quality.
-_DEFAULT_RENDERING: dict[str, Any] = {"supersample": 2, "shadows": True, "textures": True}
+_DEFAULT_QUALITY: QualityName = "epic"
 
 
 class ViewAppearance(Section):
@@ -43,11 +42,11 @@ class ViewAppearance(Section):
 
         The quality may change the size, unless `fixed_size`.
         """
-        if self.quality is None:
-            return size, dict(_DEFAULT_RENDERING)
-        values = with_quality({"resolution": size}, self.quality, given=("resolution",) if fixed_size else ())
+        quality = self.quality or _DEFAULT_QUALITY
+        values = with_quality({"resolution": size}, quality, given=("resolution",) if fixed_size else ())
         width, height = values["resolution"]
-        return (width, height), {key: values[key] for key in _DEFAULT_RENDERING}
+        options = {key: values[key] for key in ("supersample", "shadows", "textures")}
+        return (width, height), options | {"shading": QUALITIES[quality].shading}
 
 
 def read_appearance(settings: Sequence[str]) -> ViewAppearance:

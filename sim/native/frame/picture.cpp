@@ -130,6 +130,7 @@ void Picture::take(const RasterCamera &camera, const RasterOptions &options, con
     job.scenery = &scenery_;
     job.out = out;
     job.light = &light;
+    job.shading = shading_;
     for (int c = 0; c < 3; ++c) {
         double sun = 0.0;
         for (int k = 0; k < 3; ++k) sun += camera.R_WC[3 * k + c] * light.sun_W[k];

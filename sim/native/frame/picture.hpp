@@ -34,7 +34,8 @@ private:
 
 class Picture {
 public:
-    Picture(std::unique_ptr<Raster> raster, const Scenery &scenery) : raster_(std::move(raster)), scenery_(scenery) {}
+    Picture(std::unique_ptr<Raster> raster, const Scenery &scenery, const Shading &shading)
+        : raster_(std::move(raster)), scenery_(scenery), shading_(shading) {}
 
     // Fills the outputs that are not null. `shadows` may be null. Not thread-safe.
     void take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light, const SunShadows *shadows,
@@ -45,6 +46,7 @@ public:
 private:
     std::unique_ptr<Raster> raster_;
     const Scenery &scenery_;
+    Shading shading_;
 };
 
 }  // namespace hil::sim::frame

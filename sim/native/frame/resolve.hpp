@@ -7,7 +7,23 @@
 //     radial_velocity  (v_P - v_C) . d / |d| [m/s], + receding; 0 without a hit. With v of the rigid body taken at the
 //                      camera's origin this needs no position: w x (t d) is normal to d.
 //     rgb              sRGB: Lambert's law, sun with or without shadow, sky light by the surface's upward component,
-//                      haze by Koschmieder's law (scenery.hpp), for surfaces and sky in linear light
+//                      haze by Koschmieder's law (scenery.hpp), for surfaces and sky in linear light; then gain and
+//                      tone curve
+//
+// Highlights. With F0 = 0.08 specular (dielectrics; metals: their colour), gloss g = shininess and the angle a between
+// normal and view, a surface mirrors the share
+//
+//     k = g (F0 + (max(g, F0) - F0) (1 - cos a)^5)            Schlick, Comput. Graph. Forum 13 (1994), with the limit
+//                                                             for rough surfaces of Lagarde (2011)
+//
+// of the sky or ground in the direction of reflection, and of the sun the lobe of Blinn (SIGGRAPH 1977) with the exponent
+// e = 1024 g^3, normalised by (e + 8) / 8, as the Gaussian exp(-e (1 - n.h)) (Wang et al., SIGGRAPH Asia 2009).
+//
+// Relief. A normal n becomes the unit vector along n + (r_u / r_n) t_u + (r_v / r_n) t_v for the texel (r_u, r_v, r_n) and
+// the unit directions t in which the texture's coordinates grow.
+//
+// Tone curve. x = 0.723 gain L, y = x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14): Narkowicz's fit of the ACES film
+// curve (2015), scaled to leave a grey of 0.18 where it is.
 //
 // A block of 4 x 4 pixels that sees one geom is resolved at once, any other block once for each of its geoms.
 #pragma once
@@ -48,6 +64,7 @@ struct ResolveJob {
     float sun_C[3], up_C[3];
     float pixel_angle_rad;  // of one pixel, for the choice of texture level
     const Daylight *light;
+    Shading shading;
     // Camera to sun camera: p_S = M p_C + s.
     float camera_to_sun[9], camera_in_sun[3];
     ShadowMap shadow[2];  // static, moving

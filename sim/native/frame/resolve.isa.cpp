@@ -43,25 +43,40 @@ HIL_INLINE Vec<F> gradient(const DrawnGeom &g, const Vec<F> &p) {
 
 struct MeshPoint {
     Vec<F> flat, smooth;  // normals in the local frame; smooth: set if the mesh has corner normals
-    F u, v;
+    MeshTexture texture;
 };
 
-// Normal of each pixel's triangle and, if `look`, the interpolated normal and texture coordinates.
-HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangles, const I &mask, const Vec<F> &p, bool look) {
+enum MeshLook : unsigned { kSmooth = 1, kTextured = 2, kRelief = 4 };  // interpolated parts of a MeshPoint
+
+HIL_INLINE void put_at(Vec<F> &to, const I &here, float x, float y, float z) {
+    to = {select(here, splat<F>(x), to.x), select(here, splat<F>(y), to.y), select(here, splat<F>(z), to.z)};
+}
+
+// Directions in the plane of triangle t in which its texture coordinate u (i = 0) or v (i = 1) grows.
+HIL_INLINE void put_gradient(const Mesh &mesh, long t, int i, const I &here, Vec<F> &to) {
+    const float *uv = mesh.uv.data() + 6 * t + i, *grad = mesh.barycentric.data() + 6 * t;
+    const float b = uv[2] - uv[0], c = uv[4] - uv[0];
+    const float x = b * grad[0] + c * grad[3], y = b * grad[1] + c * grad[4], z = b * grad[2] + c * grad[5];
+    const float length2 = x * x + y * y + z * z;
+    const float scale = length2 > 1e-20f ? 1.0f / __builtin_sqrtf(length2) : 0.0f;
+    put_at(to, here, x * scale, y * scale, z * scale);
+}
+
+// Normal of each pixel's triangle and the parts named by `look`.
+HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangles, const I &mask, const Vec<F> &p, unsigned look) {
     const F zero = splat<F>(0);
+    const Vec<F> none{zero, zero, zero};
     const Mesh &mesh = *g.mesh;
-    const bool smooth = look && !mesh.corner_normal.empty(), textured = look && !mesh.uv.empty();
     const I index = load<I>(triangles);
-    MeshPoint found{{zero, zero, zero}, {zero, zero, zero}, zero, zero};
+    MeshPoint found{none, none, {zero, zero, none, none}};
     for (unsigned lanes = bits(mask); lanes != 0;) {
         const std::int32_t triangle = triangles[__builtin_ctz(lanes)];
         const I here = mask & (index == splat<I>(triangle));
         lanes &= ~bits(here);
         const long t = triangle;
         const float *flat = mesh.normal.data() + 3 * t;
-        found.flat = {select(here, splat<F>(flat[0]), found.flat.x), select(here, splat<F>(flat[1]), found.flat.y),
-                      select(here, splat<F>(flat[2]), found.flat.z)};
-        if (!smooth && !textured) continue;
+        put_at(found.flat, here, flat[0], flat[1], flat[2]);
+        if (look == 0) continue;
         const std::int32_t *corner = mesh.triangle.data() + 3 * t;
         const float *a = mesh.vertex.data() + 3 * (long)corner[0], *grad = mesh.barycentric.data() + 6 * t;
         const F x = p.x - a[0], y = p.y - a[1], z = p.z - a[2];
@@ -69,15 +84,19 @@ HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangle
         const auto between = [&](const float *from, int stride, int i) {
             return from[i] + wb * (from[stride + i] - from[i]) + wc * (from[2 * stride + i] - from[i]);
         };
-        if (textured) {
+        if (look & kTextured) {
             const float *from = mesh.uv.data() + 6 * t;
-            found.u = select(here, between(from, 2, 0), found.u);
-            found.v = select(here, between(from, 2, 1), found.v);
+            found.texture.u = select(here, between(from, 2, 0), found.texture.u);
+            found.texture.v = select(here, between(from, 2, 1), found.texture.v);
         }
-        if (smooth) {
+        if (look & kSmooth) {
             const float *from = mesh.corner_normal.data() + 9 * t;
             found.smooth = {select(here, between(from, 3, 0), found.smooth.x), select(here, between(from, 3, 1), found.smooth.y),
                             select(here, between(from, 3, 2), found.smooth.z)};
+        }
+        if (look & kRelief) {
+            put_gradient(mesh, t, 0, here, found.texture.along_u);
+            put_gradient(mesh, t, 1, here, found.texture.along_v);
         }
     }
     return found;
@@ -101,11 +120,69 @@ __attribute__((noinline)) void put_haze(const ResolveJob &job, const Vec<F> &d, 
     c = {mixed(c.r, 0), mixed(c.g, 1), mixed(c.b, 2)};
 }
 
-HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles,
-                     const Vec<F> &normal, const F &u, const F &v, bool mesh_uv) {
+HIL_INLINE Vec<F> unit(const Vec<F> &n) {
+    const F scale = 1.0f / length_of(n);
+    return {n.x * scale, n.y * scale, n.z * scale};
+}
+
+HIL_INLINE F fifth_power(const F &x) { return x * x * (x * x) * x; }
+
+// Adds the mirror images of sun, sky and ground to the light `c` of a surface of colour `own`; `sun`: share of the sun's
+// light that arrives, times the cosine of its incidence. Not inlined, as put_haze.
+__attribute__((noinline)) void put_highlights(const ResolveJob &job, const Appearance &look, const Surface &s, const Vec<F> &normal,
+                                              const Rgb &own, const F &sun, Rgb &c) {
     const Daylight &light = *job.light;
-    const Appearance &look = job.scenery->geoms.data()[g.geom];
-    const Rgb c = albedo(g, look, *job.scenery, s, job.pixel_angle_rad, u, v, mesh_uv);
+    const F zero = splat<F>(0), one = splat<F>(1);
+    const float gloss = look.shininess;
+    const F inverse = splat<F>(-1) / length_of(s.d);
+    const Vec<F> view{s.d.x * inverse, s.d.y * inverse, s.d.z * inverse};  // towards the camera
+    const F facing = min(max(dot(normal, view), zero), one);
+    const F twice = 2.0f * facing;
+    const Vec<F> mirrored{twice * normal.x - view.x, twice * normal.y - view.y, twice * normal.z - view.z};
+    const F up = mirrored.x * job.up_C[0] + mirrored.y * job.up_C[1] + mirrored.z * job.up_C[2];
+    // A rough surface blurs the horizon.
+    const F above = min(max(up * (0.5f / (1.05f - gloss)) + 0.5f, zero), one);
+    const Rgb over = sky(light, up);
+    Vec<F> half{view.x + job.sun_C[0], view.y + job.sun_C[1], view.z + job.sun_C[2]};
+    half = unit(half);
+    const float exponent = 1024.0f * gloss * gloss * gloss;
+    const F lobe = exp_of_minus((1.0f - dot(normal, half)) * exponent) * ((exponent + 8.0f) * 0.125f);
+    const F at_view = fifth_power(1.0f - facing), at_sun = fifth_power(1.0f - min(max(dot(view, half), zero), one));
+    const auto mirror = [&](const F &a, const F &colour, const F &sky_light, int i) {
+        const F f0 = 0.08f * look.specular + look.metallic * (colour - 0.08f * look.specular);
+        const F share = gloss * (f0 + (max(splat<F>(gloss), f0) - f0) * at_view);
+        const F around = light.ground_rgb[i] + above * (sky_light - light.ground_rgb[i]);
+        return a * (1.0f - share) * (1.0f - look.metallic) + around * share + sun * lobe * (f0 + (1.0f - f0) * at_sun) * light.sun_rgb[i];
+    };
+    c = {mirror(c.r, own.r, over.r, 0), mirror(c.g, own.g, over.g, 1), mirror(c.b, own.b, over.b, 2)};
+}
+
+// Turns the normals by a texture of normals. Not inlined, as put_haze.
+template <class Into>
+HIL_INLINE Vec<F> relieved(const ResolveJob &job, const Texture &texture, const TexturePlace &place, const Surface &s,
+                           const Vec<F> &normal, Into &&into_camera) {
+    const Rgb texel = sample(texture, place, s, job.pixel_angle_rad, job.shading.filtering);
+    const F ru = texel.r * 2.0f - 1.0f, rv = texel.g * 2.0f - 1.0f;
+    const F rn = sqrt(max(1.0f - ru * ru - rv * rv, splat<F>(0.04f))), inverse = 1.0f / rn;
+    const Vec<F> u = into_camera(place.along_u), v = into_camera(place.along_v);
+    const F a = ru * inverse, b = rv * inverse;
+    return unit({normal.x + a * u.x + b * v.x, normal.y + a * u.y + b * v.y, normal.z + a * u.z + b * v.z});
+}
+
+template <class Into>
+HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, Vec<F> normal,
+                     const MeshTexture *on_mesh, Into &&into_camera) {
+    const Daylight &light = *job.light;
+    const Scenery &scenery = *job.scenery;
+    const Appearance &look = scenery.geoms.data()[g.geom];
+    const bool relief = job.shading.relief && look.relief >= 0;
+    Rgb c{splat<F>(decode(look.rgb[0])), splat<F>(decode(look.rgb[1])), splat<F>(decode(look.rgb[2]))};
+    if (look.texture >= 0 || relief) {
+        const Texture *texture = look.texture >= 0 ? scenery.textures.data() + look.texture : nullptr;
+        const TexturePlace place = place_on(g, look, s, texture != nullptr && texture->cube, on_mesh);
+        if (texture != nullptr) c = albedo(look, sample(*texture, place, s, job.pixel_angle_rad, job.shading.filtering));
+        if (relief) normal = relieved(job, scenery.textures.data()[look.relief], place, s, normal, into_camera);
+    }
     const F zero = splat<F>(0);
     F sun = normal.x * job.sun_C[0] + normal.y * job.sun_C[1] + normal.z * job.sun_C[2];
     const F up = normal.x * job.up_C[0] + normal.y * job.up_C[1] + normal.z * job.up_C[2];
@@ -118,7 +195,19 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
         const F ambient = light.ground_rgb[i] + above * (light.sky_rgb[i] - light.ground_rgb[i]);
         return a * (ambient + sun * light.sun_rgb[i] + look.emission);
     };
-    return {lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
+    Rgb seen{lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
+    if (job.shading.highlights && look.specular > 0.0f) put_highlights(job, look, s, normal, c, sun, seen);
+    return seen;
+}
+
+HIL_INLINE void put_tone(const Shading &shading, Rgb &c) {
+    const auto toned = [&](const F &x, int i) {
+        const F light = x * shading.gain[i];
+        if (!shading.filmic) return light;
+        const F e = 0.723f * light;
+        return e * (2.51f * e + 0.03f) / (e * (2.43f * e + 0.59f) + 0.14f);
+    };
+    c = {toned(c.r, 0), toned(c.g, 1), toned(c.b, 2)};
 }
 
 // Writes the lanes of one block to a row-major picture.
@@ -164,6 +253,8 @@ void resolve(const ResolveJob &job) {
     const F zero = splat<F>(0), inf = splat<F>(LaneTraits<F>::kInf);
     const bool labels = out.segmentation || out.material || out.instance;
     const bool wants_normal = out.normal || out.rgb;
+    const float *gain = job.shading.gain;
+    const bool tone = job.shading.filmic || gain[0] != 1.0f || gain[1] != 1.0f || gain[2] != 1.0f;
     for (int row = job.row0; row < job.row1; ++row) {
         for (int column = 0; column < b.blocks_x; ++column) {
             const int block = row * b.blocks_x + column, x = 4 * column, y = 4 * row;
@@ -228,29 +319,30 @@ void resolve(const ResolveJob &job) {
                            g.o[1] + t * (d.x * m[3] + d.y * m[4] + d.z * m[5]),
                            g.o[2] + t * (d.x * m[6] + d.y * m[7] + d.z * m[8])};
                 MeshPoint on_mesh;
-                bool mesh_uv = false, smooth = false;
+                unsigned wanted = 0;
                 if (g.shape == Shape::kMesh) {
-                    mesh_uv = out.rgb && !g.mesh->uv.empty() && job.scenery->geoms.data()[geom].texture >= 0;
-                    smooth = out.rgb && !g.mesh->corner_normal.empty();
-                    on_mesh = mesh_point(g, b.triangle.data() + 16 * block, s.mask, s.local, mesh_uv || smooth);
+                    if (out.rgb) {
+                        const Appearance &look = job.scenery->geoms.data()[geom];
+                        const bool relief = job.shading.relief && look.relief >= 0;
+                        if (!g.mesh->uv.empty() && (look.texture >= 0 || relief)) wanted = relief ? kTextured | kRelief : kTextured;
+                        if (!g.mesh->corner_normal.empty()) wanted |= kSmooth;
+                    }
+                    on_mesh = mesh_point(g, b.triangle.data() + 16 * block, s.mask, s.local, wanted);
                     s.gradient = on_mesh.flat;
                 } else {
-                    on_mesh.u = on_mesh.v = zero;
                     s.gradient = gradient(g, s.local);
                 }
-                const auto into_camera = [&](const Vec<F> &q, bool unit) {
+                const auto into_camera = [&](const Vec<F> &q, bool is_unit_already) {
                     // Normals transform by the transpose of the points' matrix, which includes an ellipsoid's scaling.
                     const Vec<F> n{q.x * m[0] + q.y * m[3] + q.z * m[6], q.x * m[1] + q.y * m[4] + q.z * m[7],
                                    q.x * m[2] + q.y * m[5] + q.z * m[8]};
-                    if (unit) return n;
-                    const F scale = 1.0f / length_of(n);
-                    return Vec<F>{n.x * scale, n.y * scale, n.z * scale};
+                    return is_unit_already ? n : unit(n);
                 };
                 const auto facing = [&](const Vec<F> &n, const I &away) {
                     return Vec<F>{select(away, -n.x, n.x), select(away, -n.y, n.y), select(away, -n.z, n.z)};
                 };
-                const bool unit = g.shape == Shape::kBox || g.shape == Shape::kPlane || g.shape == Shape::kMesh;
-                const Vec<F> outward = into_camera(s.gradient, unit);
+                const bool is_unit = g.shape == Shape::kBox || g.shape == Shape::kPlane || g.shape == Shape::kMesh;
+                const Vec<F> outward = into_camera(s.gradient, is_unit);
                 const I away = dot(outward, d) > zero;  // seen from inside, or the back of a triangle
                 s.normal = facing(outward, away);
                 if (out.normal) {
@@ -259,8 +351,9 @@ void resolve(const ResolveJob &job) {
                 }
                 if (!out.rgb) continue;
                 Vec<F> shading = s.normal;
-                if (smooth) shading = facing(into_camera(on_mesh.smooth, false), away);
-                const Rgb c = shade(job, g, s, b.triangle.data() + 16 * block, shading, on_mesh.u, on_mesh.v, mesh_uv);
+                if (wanted & kSmooth) shading = facing(into_camera(on_mesh.smooth, false), away);
+                const Rgb c = shade(job, g, s, b.triangle.data() + 16 * block, shading, wanted & kTextured ? &on_mesh.texture : nullptr,
+                                    [&](const Vec<F> &q) { return into_camera(q, true); });
                 colour = {select(s.mask, c.r, colour.r), select(s.mask, c.g, colour.g), select(s.mask, c.b, colour.b)};
             }
             if (out.radial_velocity) {
@@ -276,6 +369,7 @@ void resolve(const ResolveJob &job) {
                     colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
                 }
                 if (job.light->extinction_per_m > 0.0f) put_haze(job, d, t, seen, colour);
+                if (tone) put_tone(job.shading, colour);
                 put_rgb(out.rgb, b.width, x, y, columns, rows, encode(colour));
             }
         }

@@ -39,6 +39,7 @@ Scenery without_textures(const Scenery &scenery) {
     Scenery plain;
     plain.geoms = scenery.geoms;
     for (Appearance &look : plain.geoms) {
+        look.relief = -1;
         if (look.texture < 0) continue;
         const double *of = mean.data() + 3 * static_cast<std::size_t>(look.texture);
         for (int c = 0; c < 3; ++c) {

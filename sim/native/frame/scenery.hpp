@@ -24,6 +24,9 @@ struct Appearance {  // of one geom
     std::int32_t texture = -1;
     float repeat[2] = {1.0f, 1.0f};  // copies of the texture along an edge of the geom, or per 2 m (as MuJoCo has it)
     bool per_metre = false;
+    float specular = 0.0f, shininess = 0.0f, metallic = 0.0f;  // 0 to 1
+    // Texture of surface normals, laid as `texture` is: red and green are the components along u and v, 1/2 (n + 1).
+    std::int32_t relief = -1;
 };
 
 struct Scenery {
@@ -33,6 +36,15 @@ struct Scenery {
 
 // Returns a copy with each texture replaced by its mean colour.
 Scenery without_textures(const Scenery &scenery);
+
+// Parts of the colour that cost time (resolve.hpp), and the camera's response.
+struct Shading {
+    bool filtering = false;   // textures are interpolated between texels and levels
+    bool highlights = false;  // surfaces mirror sun, sky and ground
+    bool relief = false;      // textures of normals
+    bool filmic = false;      // tone curve of a camera, else linear up to white
+    float gain[3] = {1.0f, 1.0f, 1.0f};  // exposure and white balance
+};
 
 // Light in W; colours linear.
 struct Daylight {

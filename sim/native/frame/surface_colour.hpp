@@ -45,15 +45,39 @@ HIL_INLINE I texel_at(const I &row, const I &column, const I &power) {
            shift_left(row & (std::int32_t)3, 2) + (column & (std::int32_t)3);
 }
 
-// Colour of the surface, linear.
-HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery &scenery, const Surface &s, float pixel_angle_rad,
-                      const F &mesh_u, const F &mesh_v, bool mesh_uv) {
-    const float base[3] = {look.rgb[0], look.rgb[1], look.rgb[2]};
-    if (look.texture < 0) return {splat<F>(decode(base[0])), splat<F>(decode(base[1])), splat<F>(decode(base[2]))};
-    const Texture &texture = scenery.textures.data()[look.texture];
+// Position on a texture: coordinates, copies of the texture per metre, and the directions in the local frame in which the
+// coordinates grow (unit; not for cube maps).
+struct TexturePlace {
+    F u, v, du, dv;
+    I cube_face;
+    Vec<F> along_u, along_v;
+};
+
+// Coordinates and gradients of a mesh's texture, by triangle.
+struct MeshTexture {
+    F u, v;
+    Vec<F> along_u, along_v;  // unit
+};
+
+HIL_INLINE TexturePlace place_on(const DrawnGeom &g, const Appearance &look, const Surface &s, bool cube, const MeshTexture *on_mesh) {
+    TexturePlace at;
+    at.cube_face = splat<I>(0);
+    at.du = at.dv = splat<F>(1);
+    const F zero = splat<F>(0), one = splat<F>(1);
+    if (on_mesh != nullptr) {
+        at.u = on_mesh->u * look.repeat[0];
+        at.v = on_mesh->v * look.repeat[1];
+        at.du = splat<F>(look.repeat[0] * g.mesh->uv_per_m);
+        at.dv = splat<F>(look.repeat[1] * g.mesh->uv_per_m);
+        at.along_u = on_mesh->along_u;
+        at.along_v = on_mesh->along_v;
+        return at;
+    }
     // The geom's axis nearest to the normal; the two others give the coordinates [m].
     const F nx = abs(s.gradient.x), ny = abs(s.gradient.y), nz = abs(s.gradient.z);
     const I along_z = (nz >= nx) & (nz >= ny), along_x = ~along_z & (nx >= ny);
+    at.along_u = {select(along_x, zero, one), select(along_x, one, zero), zero};
+    at.along_v = {zero, select(along_z, one, zero), select(along_z, zero, one)};
     Vec<F> p = s.local;
     float edge[3] = {2.0f * g.half[0], 2.0f * g.half[1], 2.0f * g.half[2]};
     if (g.shape == Shape::kEllipsoid) {
@@ -65,14 +89,7 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
     } else if (g.shape == Shape::kMesh) {
         for (int i = 0; i < 3; ++i) edge[i] = g.mesh->box.hi[i] - g.mesh->box.lo[i];
     }
-    I cube_face = splat<I>(0);
-    F u, v, du = splat<F>(1), dv = du;  // du, dv: copies of the texture per metre
-    if (mesh_uv) {
-        u = mesh_u * look.repeat[0];
-        v = mesh_v * look.repeat[1];
-        du = splat<F>(look.repeat[0] * g.mesh->uv_per_m);
-        dv = splat<F>(look.repeat[1] * g.mesh->uv_per_m);
-    } else if (texture.cube) {
+    if (cube) {
         // Cube map by direction from the middle of the geom's box; faces and their axes as in OpenGL.
         const auto per_half = [&](const F &x, int i) { return x * (edge[i] > 0.0f && edge[i] < 1e6f ? 2.0f / edge[i] : 1.0f); };
         const F qx = per_half(p.x, 0), qy = per_half(p.y, 1), qz = per_half(p.z, 2);
@@ -80,59 +97,121 @@ HIL_INLINE Rgb albedo(const DrawnGeom &g, const Appearance &look, const Scenery 
         const I face_z = (az >= ax) & (az >= ay), face_x = ~face_z & (ax >= ay);
         const F major = select(face_x, qx, select(face_z, qz, qy));
         const F half_per = 0.5f / max(abs(major), splat<F>(1e-20f));
-        u = select(face_x, -copysign(splat<F>(1), qx) * qz, select(face_z, copysign(splat<F>(1), qz) * qx, qx));
-        v = select(face_x | face_z, qy, -copysign(splat<F>(1), qy) * qz);
-        u = u * half_per + 0.5f;
-        v = v * half_per + 0.5f;
+        at.u = select(face_x, -copysign(one, qx) * qz, select(face_z, copysign(one, qz) * qx, qx));
+        at.v = select(face_x | face_z, qy, -copysign(one, qy) * qz);
+        at.u = at.u * half_per + 0.5f;
+        at.v = at.v * half_per + 0.5f;
         // Keep u and v below 1: the far edge belongs to this face, not to the next copy.
-        u = min(u, splat<F>(0.99999f));
-        v = min(v, splat<F>(0.99999f));
+        at.u = min(at.u, splat<F>(0.99999f));
+        at.v = min(at.v, splat<F>(0.99999f));
         const float largest = edge[0] > edge[1] ? (edge[0] > edge[2] ? edge[0] : edge[2]) : (edge[1] > edge[2] ? edge[1] : edge[2]);
-        du = splat<F>(largest > 0.0f && largest < 1e6f ? 1.0f / largest : 1.0f);
-        dv = du;
-        cube_face = select(face_x, splat<I>(0), select(face_z, splat<I>(4), splat<I>(2))) + ((major < splat<F>(0)) & splat<I>(1));
-    } else {
-        u = select(along_x, p.y, p.x);
-        v = select(along_z, p.y, p.z);
-        const F ex = splat<F>(edge[0] > 0.0f && edge[0] < 1e6f ? 1.0f / edge[0] : 1.0f);
-        const F ey = splat<F>(edge[1] > 0.0f && edge[1] < 1e6f ? 1.0f / edge[1] : 1.0f);
-        const F ez = splat<F>(edge[2] > 0.0f && edge[2] < 1e6f ? 1.0f / edge[2] : 1.0f);
-        if (look.per_metre) {
-            // MuJoCo's unit of length for this is 2 m.
-            du = splat<F>(0.5f * look.repeat[0]);
-            dv = splat<F>(0.5f * look.repeat[1]);
-        } else {
-            du = select(along_x, ey, ex) * look.repeat[0];
-            dv = select(along_z, ey, ez) * look.repeat[1];
-        }
-        // The first image begins at the corner of least u and greatest v.
-        const auto half = [&](int i) { return splat<F>(edge[i] < 1e6f ? 0.5f * edge[i] : 0.0f); };
-        u = (u + select(along_x, half(1), half(0))) * du;
-        v = (v - select(along_z, half(1), half(2))) * dv;
+        at.du = splat<F>(largest > 0.0f && largest < 1e6f ? 1.0f / largest : 1.0f);
+        at.dv = at.du;
+        at.cube_face = select(face_x, splat<I>(0), select(face_z, splat<I>(4), splat<I>(2))) + ((major < zero) & splat<I>(1));
+        return at;
     }
+    at.u = select(along_x, p.y, p.x);
+    at.v = select(along_z, p.y, p.z);
+    const F ex = splat<F>(edge[0] > 0.0f && edge[0] < 1e6f ? 1.0f / edge[0] : 1.0f);
+    const F ey = splat<F>(edge[1] > 0.0f && edge[1] < 1e6f ? 1.0f / edge[1] : 1.0f);
+    const F ez = splat<F>(edge[2] > 0.0f && edge[2] < 1e6f ? 1.0f / edge[2] : 1.0f);
+    if (look.per_metre) {
+        // MuJoCo's unit of length for this is 2 m.
+        at.du = splat<F>(0.5f * look.repeat[0]);
+        at.dv = splat<F>(0.5f * look.repeat[1]);
+    } else {
+        at.du = select(along_x, ey, ex) * look.repeat[0];
+        at.dv = select(along_z, ey, ez) * look.repeat[1];
+    }
+    // The first image begins at the corner of least u and greatest v.
+    const auto half = [&](int i) { return splat<F>(edge[i] < 1e6f ? 0.5f * edge[i] : 0.0f); };
+    at.u = (at.u + select(along_x, half(1), half(0))) * at.du;
+    at.v = (at.v - select(along_z, half(1), half(2))) * at.dv;
+    return at;
+}
+
+HIL_INLINE Rgb texel_colour(const Texture &texture, const I &at) {
+    const I packed = gather(texture.texel.data(), at);
+    const auto channel = [&](int shift) {
+        const F root = to_float(shift_right(packed, shift) & (std::int32_t)1023);
+        return root * root * (1.0f / (1023.0f * 1023.0f));
+    };
+    return {channel(0), channel(10), channel(20)};
+}
+
+HIL_INLINE I clipped(const I &level, int levels) {
+    const I zero = splat<I>(0), last = splat<I>(levels - 1);
+    return select(level < zero, zero, select(level > last, last, level));
+}
+
+// Bilinear mean of four texels of a level.
+HIL_INLINE Rgb bilinear(const Texture &texture, const TexturePlace &at, const F &u, const F &v, const I &level, const I &mask) {
+    const I zero = splat<I>(0), one = splat<I>(1);
+    const int face_height = texture.cube ? texture.width : texture.height;
+    const I w = shift_right(splat<I>(texture.width), level), h = shift_right(splat<I>(face_height), level);
+    const F x = u * to_float(w) - 0.5f, y = v * to_float(h) - 0.5f, x0 = floor(x), y0 = floor(y);
+    const F across = x - x0, along = y - y0;
+    const I power = splat<I>(__builtin_ctz((unsigned)texture.width)) - level;
+    const I offset = look_up(texture.offset, level);
+    I column[2], row[2];
+    for (int k = 0; k < 2; ++k) {
+        column[k] = truncate(x0 + 1.0f) + (std::int32_t)(k - 1);
+        row[k] = truncate(y0 + 1.0f) + (std::int32_t)(k - 1);
+        if (texture.cube) {
+            column[k] = select(column[k] < zero, zero, select(column[k] >= w, w - one, column[k]));
+            row[k] = select(row[k] < zero, zero, select(row[k] >= h, h - one, row[k]));
+        } else {
+            column[k] = column[k] & (w - one);
+            row[k] = row[k] & (h - one);
+        }
+        row[k] = h - one - row[k];
+        if (texture.cube) row[k] = row[k] + h * at.cube_face;
+    }
+    Rgb sum{splat<F>(0), splat<F>(0), splat<F>(0)};
+    for (int k = 0; k < 4; ++k) {
+        const F weight = (k & 1 ? across : 1.0f - across) * (k >> 1 ? along : 1.0f - along);
+        const Rgb c = texel_colour(texture, select(mask, offset + texel_at(row[k >> 1], column[k & 1], power), zero));
+        sum = {sum.r + weight * c.r, sum.g + weight * c.g, sum.b + weight * c.b};
+    }
+    return sum;
+}
+
+// Linear colour of a texture, without tint. `filtering`: trilinear (Williams, SIGGRAPH 1983), else the nearest texel of the
+// nearest level.
+HIL_INLINE Rgb sample(const Texture &texture, const TexturePlace &at, const Surface &s, float pixel_angle_rad, bool filtering) {
     const int width = texture.width, height = texture.cube ? texture.width : texture.height;
     // Level by the texels that one pixel covers: the finest level with at most about 1.5 along an edge.
     const F length = length_of(s.d), range = s.t * length;
     const F facing = max(abs(dot(s.normal, s.d)) * (1.0f / length), splat<F>(0.15f));
-    const F covered = range * pixel_angle_rad * max(du * (float)width, dv * (float)height) / facing * 0.7f;
+    const F covered = range * pixel_angle_rad * max(at.du * (float)width, at.dv * (float)height) / facing * 0.7f;
+    // A mesh may have any texture coordinates; converting those out of the range of an int depends on the machine.
+    const F u = select(abs(at.u) < splat<F>(1e6f), at.u - floor(at.u), splat<F>(0));
+    const F v = select(abs(at.v) < splat<F>(1e6f), at.v - floor(at.v), splat<F>(0));
+    const I one = splat<I>(1), zero = splat<I>(0);
+    if (filtering) {
+        // Level as a real number: the logarithm of twice the texels, linear between powers of two.
+        // The geometric mean of a pixel's footprint along and across the slope, between blur and aliasing.
+        const F texels = min(max(covered * (1.0f / 0.7f) * sqrt(facing), splat<F>(1)), splat<F>(65536));
+        const I exponent = shift_right(as<I>(texels), 23) - (std::int32_t)127;
+        const F between = as<F>((as<I>(texels) & (std::int32_t)0x7fffff) | (std::int32_t)0x3f800000) - 1.0f;
+        const I fine = select(s.mask, clipped(exponent, texture.levels), zero), coarse = select(s.mask, clipped(exponent + one, texture.levels), zero);
+        const Rgb a = bilinear(texture, at, u, v, fine, s.mask), b = bilinear(texture, at, u, v, coarse, s.mask);
+        return {a.r + between * (b.r - a.r), a.g + between * (b.g - a.g), a.b + between * (b.b - a.b)};
+    }
     I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
     level = select(covered < splat<F>(1), splat<I>(0), level);
     level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
-    // A mesh may have any texture coordinates; converting those out of the range of an int depends on the machine.
-    u = select(abs(u) < splat<F>(1e6f), u - floor(u), splat<F>(0));
-    v = select(abs(v) < splat<F>(1e6f), v - floor(v), splat<F>(0));
-    const I one = splat<I>(1), w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);
+    const I w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);
     const I column = truncate(u * to_float(w)) & (w - one);
     I row = h - one - (truncate(v * to_float(h)) & (h - one));
-    if (texture.cube) row = row + h * cube_face;
-    const I zero = splat<I>(0);
-    const I at = select(s.mask, look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, splat<I>(__builtin_ctz((unsigned)width)) - level), zero);
-    const I packed = gather(texture.texel.data(), at);
-    const auto channel = [&](int shift, float tint) {
-        const F root = to_float(shift_right(packed, shift) & (std::int32_t)1023);
-        return root * root * (decode(tint) * (1.0f / (1023.0f * 1023.0f)));
-    };
-    return {channel(0, base[0]), channel(10, base[1]), channel(20, base[2])};
+    if (texture.cube) row = row + h * at.cube_face;
+    const I texel = look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, splat<I>(__builtin_ctz((unsigned)width)) - level);
+    return texel_colour(texture, select(s.mask, texel, zero));
+}
+
+// Colour of the surface, linear.
+HIL_INLINE Rgb albedo(const Appearance &look, const Rgb &texel) {
+    return {texel.r * decode(look.rgb[0]), texel.g * decode(look.rgb[1]), texel.b * decode(look.rgb[2])};
 }
 
 }  // namespace

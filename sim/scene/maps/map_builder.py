@@ -166,8 +166,12 @@ class MapBuilder:
         tile_m: float | tuple[float, float] = 0.0,
         specular: float = 0.1,
         shininess: float = 0.2,
+        relief: str = "",
     ) -> str:
-        """Add a material, unless the name exists. `tile_m`: period of its texture; 0: it fills each geom once."""
+        """Add a material, unless the name exists. `tile_m`: period of its texture; 0: it fills each geom once.
+
+        `relief`: texture of surface normals, laid as `texture` is, which must be given too.
+        """
         if name in self._materials:
             return name
         self._materials[name] = surface
@@ -184,7 +188,12 @@ class MapBuilder:
             if tile_m:
                 u, v = tile_m if isinstance(tile_m, tuple) else (tile_m, tile_m)
                 attributes |= {"texuniform": "true", "texrepeat": numbers((2.0 / u, 2.0 / v))}
-        ET.SubElement(self._asset, "material", attributes)
+        material = ET.SubElement(self._asset, "material", attributes)
+        if relief:
+            # MuJoCo takes layers instead of the attribute `texture`.
+            del material.attrib["texture"]
+            for role, layer in (("rgb", texture), ("normal", relief)):
+                ET.SubElement(material, "layer", role=role, texture=layer)
         return name
 
     def mesh(self, name: str, mesh: Mesh) -> str:
