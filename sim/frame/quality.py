@@ -22,7 +22,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sim.frame.shading import FULL, LEVELLED, PLAIN, Shading
+from sim.frame.shading import FULL, LEVELLED, MEAN_COLOURS, PLAIN, Shading
 
 QualityName = Literal["low", "medium", "high", "epic", "cinematic"]
 
@@ -33,17 +33,16 @@ class Quality:
 
     resolution_factor: int
     supersample: int  # samples of colour along a pixel's edge
-    textures: bool
     shadows: bool
     shading: Shading
 
 
 QUALITIES: dict[str, Quality] = {
-    "low": Quality(1, 1, textures=False, shadows=False, shading=PLAIN),
-    "medium": Quality(1, 1, textures=True, shadows=False, shading=PLAIN),
-    "high": Quality(1, 1, textures=True, shadows=True, shading=FULL),
-    "epic": Quality(1, 2, textures=True, shadows=True, shading=FULL),
-    "cinematic": Quality(2, 2, textures=True, shadows=True, shading=FULL),
+    "low": Quality(1, 1, shadows=False, shading=MEAN_COLOURS),
+    "medium": Quality(1, 1, shadows=False, shading=PLAIN),
+    "high": Quality(1, 1, shadows=True, shading=FULL),
+    "epic": Quality(1, 2, shadows=True, shading=FULL),
+    "cinematic": Quality(2, 2, shadows=True, shading=FULL),
 }
 
 _PIXELS = frozenset({"resolution", "intrinsics"})
@@ -60,7 +59,7 @@ def with_quality(values: Mapping[str, Any], quality: str, given: Collection[str]
         else:
             supersample *= level.resolution_factor
     if values.get("colour", "native") == "native":
-        changed |= {"supersample": supersample, "textures": level.textures}
+        changed["supersample"] = supersample
         changed |= {key: getattr(level.shading, key) for key in LEVELLED}
     return {**values, **{key: value for key, value in changed.items() if key not in given}}
 

@@ -60,8 +60,8 @@ class FrameRenderer:
 
     `planes_m`: near and far plane, the minimum and maximum visible depth (range, for a camera that is not a pinhole).
     `supersample` 2 (4) averages colour over 2 x 2 (4 x 4) rays per pixel in linear light; the other channels always
-    belong to the pixel's centre ray. Without `textures` each surface has its mean colour. `light` replaces the scene's
-    light. Raises ValueError for a value outside its range.
+    belong to the pixel's centre ray. `light` replaces the scene's light. Raises ValueError for a value outside its
+    range.
     """
 
     def __init__(
@@ -71,7 +71,6 @@ class FrameRenderer:
         *,
         shadows: bool = False,
         supersample: int = 1,
-        textures: bool = True,
         planes_m: tuple[float, float] = (0.05, 10_000.0),
         light: Light | None = None,
         shading: Shading = PLAIN,
@@ -89,7 +88,7 @@ class FrameRenderer:
         self.camera = camera
         self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, execution.skips
         self._edges = _edges(camera)
-        scenery = geometry.scenery if textures else geometry.plain_scenery
+        scenery = geometry.scenery if shading.textures else geometry.plain_scenery
         made = (shading.native(), isa)
         self._picture = _picture(geometry, scenery, camera, 1, *made)
         self._supersampled = _picture(geometry, scenery, camera, supersample, *made) if supersample > 1 else None

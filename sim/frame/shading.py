@@ -21,6 +21,7 @@ _XYZ_TO_RGB = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -
 class Shading:
     """Settings of the native raster's colour; equations: sim/native/frame/resolve.hpp."""
 
+    textures: bool = True  # false: each surface has its mean colour
     filtering: bool = False  # textures are interpolated between texels and levels, else the nearest texel
     highlights: bool = False  # surfaces mirror sun, sky and ground
     relief: bool = False  # textures of normals
@@ -37,8 +38,9 @@ class Shading:
 
 
 PLAIN = Shading()
+MEAN_COLOURS = Shading(textures=False)
 FULL = Shading(filtering=True, highlights=True, relief=True, tone="filmic")
-LEVELLED = ("filtering", "highlights", "relief", "tone")  # settings that belong to a level of quality
+LEVELLED = ("textures", "filtering", "highlights", "relief", "tone")  # settings that belong to a level of quality
 
 
 def daylight_rgb(temperature_k: float) -> tuple[float, float, float]:

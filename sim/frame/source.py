@@ -66,7 +66,6 @@ class FrameSource(Protocol):
         supersample: int,
         near_m: float,
         far_m: float,
-        textures: bool = True,
         shading: Shading = PLAIN,
         colour: str = "native",
     ) -> Renderer:
@@ -139,7 +138,6 @@ class SharedFrames:
         supersample: int,
         near_m: float,
         far_m: float,
-        textures: bool = True,
         shading: Shading = PLAIN,
         colour: str = "native",
     ) -> Renderer:
@@ -151,7 +149,6 @@ class SharedFrames:
             camera,
             shadows=shadows,
             supersample=supersample,
-            textures=textures,
             planes_m=(near_m, far_m),
             shading=shading,
             execution=Execution(threads=self._threads),

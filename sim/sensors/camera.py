@@ -52,7 +52,6 @@ class Camera(InstalledSensor):
             supersample=p.supersample,
             near_m=p.near_m,
             far_m=p.far_m,
-            textures=p.textures,
             shading=p.shading(),
             colour=p.colour,
         )

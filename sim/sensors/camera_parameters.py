@@ -192,12 +192,18 @@ class CameraParameters(StrictModel):
         if self.shading() != PLAIN:
             keys = ", ".join((*LEVELLED, "exposure_ev", "white_balance_k"))
             raise ValueError(f"{renderer} has a light and a response of its own: leave out {keys}, or use 'native'")
-        if not self.textures:
-            raise ValueError(f"{renderer} draws the map's own textures: leave `textures` out, or use 'native'")
 
     def shading(self) -> Shading:
         """Return the settings of the native raster's colour."""
-        return Shading(self.filtering, self.highlights, self.relief, self.tone, self.exposure_ev, self.white_balance_k)
+        return Shading(
+            self.textures,
+            self.filtering,
+            self.highlights,
+            self.relief,
+            self.tone,
+            self.exposure_ev,
+            self.white_balance_k,
+        )
 
     def model(self) -> CameraModel:
         """Return the camera model. Raises ValueError if no lens has these parameters."""

@@ -45,7 +45,7 @@ class ViewAppearance(Section):
         quality = self.quality or _DEFAULT_QUALITY
         values = with_quality({"resolution": size}, quality, given=("resolution",) if fixed_size else ())
         width, height = values["resolution"]
-        options = {key: values[key] for key in ("supersample", "shadows", "textures")}
+        options = {key: values[key] for key in ("supersample", "shadows")}
         return (width, height), options | {"shading": QUALITIES[quality].shading}
 
 

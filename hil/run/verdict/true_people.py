@@ -20,6 +20,7 @@ from hil.config.checks.radar_checks import view_of
 from signals.samples import TruthState
 from sim.frame.channels import CHANNELS
 from sim.frame.mount import Mount
+from sim.frame.shading import MEAN_COLOURS
 from sim.frame.source import FrameSource
 from sim.scene.world import World
 
@@ -76,7 +77,7 @@ def visible_px(
     p: Any = camera.parameters
     mount = Mount(p.mount_m, p.mount_rpy_deg)
     renderer = frames.renderer(
-        view.camera, shadows=False, supersample=1, near_m=p.near_m, far_m=p.far_m, textures=False
+        view.camera, shadows=False, supersample=1, near_m=p.near_m, far_m=p.far_m, shading=MEAN_COLOURS
     )
     picture = CHANNELS["instance"].empty(view.camera.height, view.camera.width)
     instances = [person.instance for person in people]

@@ -161,7 +161,6 @@ class MapBuilder:
         surface: Surface,
         *,
         rgb: tuple[float, float, float] = (1.0, 1.0, 1.0),
-        alpha: float = 1.0,
         texture: str = "",
         tile_m: float | tuple[float, float] = 0.0,
         specular: float = 0.1,
@@ -177,7 +176,7 @@ class MapBuilder:
         self._materials[name] = surface
         attributes = {
             "name": name,
-            "rgba": numbers((*rgb, alpha)),
+            "rgba": numbers((*rgb, 1.0)),
             "specular": repr(specular),
             "shininess": repr(shininess),
         }

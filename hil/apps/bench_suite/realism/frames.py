@@ -21,7 +21,7 @@ from hil.apps.bench_suite.sensors.raster_cases import camera_pose, cast, looking
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose
-from sim.frame.quality import with_quality
+from sim.frame.quality import QUALITIES, with_quality
 from sim.frame.renderer import CameraPose, FrameRenderer
 from sim.frame.source import SharedFrames
 from sim.scene.scene import load_scene
@@ -37,7 +37,6 @@ _YAW_DEG, _PITCH_DEG, _ROLL_DEG = 12.0, 8.0, 3.0
 _CLEAR_M = 0.5
 _TRIES = 40  # for each frame
 _SPAN_NS = 60_000_000_000
-_RENDERING = ("shadows", "supersample", "textures")
 
 
 @dataclass(frozen=True)
@@ -228,5 +227,11 @@ class Scenario:
 
     def _renderer(self, quality: str) -> Any:
         values = with_quality({"resolution": (WIDTH, HEIGHT)}, quality, given=("resolution",))
-        rendering = {key: values[key] for key in _RENDERING}
-        return self._frames.renderer(self._camera, near_m=_NEAR_M, far_m=_FAR_M, **rendering)
+        return self._frames.renderer(
+            self._camera,
+            shadows=values["shadows"],
+            supersample=values["supersample"],
+            shading=QUALITIES[quality].shading,
+            near_m=_NEAR_M,
+            far_m=_FAR_M,
+        )

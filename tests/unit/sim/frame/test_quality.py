@@ -30,7 +30,7 @@ def geometry() -> FrameGeometry:
 
 def drawn_at(geometry: FrameGeometry, name: str, **options: Any) -> FrameRenderer:
     q = QUALITIES[name]
-    told = {"shadows": q.shadows, "supersample": q.supersample, "textures": q.textures, "shading": q.shading} | options
+    told = {"shadows": q.shadows, "supersample": q.supersample, "shading": q.shading} | options
     return FrameRenderer(geometry, CAMERA, **told)
 
 

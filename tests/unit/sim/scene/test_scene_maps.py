@@ -116,7 +116,7 @@ def test_every_visible_geom_has_exactly_one_class_and_a_surface(name: str, seed:
     scene_map = made(name, seed)
     for geom in range(model.ngeom):
         if not visible(model, geom):  # drawn by a mesh
-            assert model.geom_group[geom] == 3 and model.geom_contype[geom] == 1
+            assert (model.geom_group[geom], model.geom_contype[geom]) == (3, 1)
             continue
         named = owner(model, geom)
         classes = [c for c, globs in scene_map.classes.items() if any(fnmatchcase(named, g) for g in globs)]

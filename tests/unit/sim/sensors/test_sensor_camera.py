@@ -10,6 +10,7 @@ import pytest
 
 from signals.samples import CHANNEL_UNITS, ImageSample, RadarSample, TruthState
 from sim.frame.channels import CHANNELS
+from sim.frame.shading import PLAIN
 from sim.scene.scene import load_scene
 from sim.sensors.camera import Camera
 from sim.sensors.catalog import PRESETS, make_sensor
@@ -164,7 +165,7 @@ def test_every_preset_takes_a_picture(preset: str) -> None:
     width, height = PRESETS[preset].parameters.resolution  # type: ignore[attr-defined]
     assert {picture.shape[:2] for picture in sample.channels.values()} == {(height, width)}
     options = {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 10_000.0}
-    options |= {"textures": True, "colour": "native"}
+    options |= {"shading": PLAIN, "colour": "native"}
     assert frames.options[0] == options
 
 
