@@ -1,0 +1,84 @@
+"""Materials of vehicles: paints, glass, dark trim, rims, lamps, number plates."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+
+from sim.scene.maps import surfaces
+from sim.scene.maps.map_builder import MapBuilder
+from sim.scene.random_generator import RandomGenerator
+
+PAINTS = {
+    "silver": (0.66, 0.68, 0.70), "black": (0.05, 0.05, 0.06), "white": (0.90, 0.90, 0.89), "red": (0.56, 0.06, 0.06),
+    "blue": (0.08, 0.18, 0.42), "green": (0.10, 0.25, 0.18), "grey": (0.30, 0.31, 0.33), "olive": (0.31, 0.33, 0.20),
+    "yellow": (0.90, 0.68, 0.08), "orange": (0.85, 0.36, 0.06), "sand": (0.62, 0.55, 0.42),
+}  # fmt: skip
+# Shares of the paints of new cars, rounded: white, grey, black and silver are three quarters.
+_COMMON = ("white", "white", "grey", "grey", "black", "black", "silver", "silver", "blue", "blue", "red", "green")
+PLATES = 3
+
+# 5 x 7 dots of the characters of the plates, rows from the top.
+_GLYPHS = {
+    "A": "01110 10001 10001 11111 10001 10001 10001", "B": "11110 10001 11110 10001 10001 10001 11110",
+    "H": "10001 10001 10001 11111 10001 10001 10001", "K": "10001 10010 11100 10100 10010 10010 10001",
+    "L": "10000 10000 10000 10000 10000 10000 11111", "T": "11111 00100 00100 00100 00100 00100 00100",
+    "Z": "11111 00001 00010 00100 01000 10000 11111", "0": "01110 10001 10011 10101 11001 10001 01110",
+    "1": "00100 01100 00100 00100 00100 00100 01110", "2": "01110 10001 00001 00110 01000 10000 11111",
+    "3": "11110 00001 00001 01110 00001 00001 11110", "4": "00010 00110 01010 10010 11111 00010 00010",
+    "5": "11111 10000 11110 00001 00001 10001 01110", "7": "11111 00001 00010 00100 01000 01000 01000",
+    "8": "01110 10001 10001 01110 10001 10001 01110",
+}  # fmt: skip
+_TEXTS = ("ZH 40712", "BL 17358", "TK 85240")
+
+
+@cache
+def _plate_png(number: int) -> bytes:
+    """Return a white plate, 256 x 64 pixels, with a blue band and dark characters."""
+    image = np.full((64, 256, 3), 235, np.uint8)
+    image[:, :20] = (160, 60, 20)  # BGR
+    image[:2] = image[-2:] = image[:, -2:] = (40, 40, 40)
+    x = 32
+    for character in _TEXTS[number]:
+        rows = _GLYPHS.get(character, "").split()
+        dots = np.array([[dot == "1" for dot in row] for row in rows], bool)
+        if dots.size:
+            big = dots.repeat(6, 0).repeat(4, 1)
+            image[11 : 11 + 42, x : x + 20][big] = (25, 25, 25)
+        x += 27 if dots.size else 14
+    return bytes(cv2.imencode(".png", image)[1].tobytes())
+
+
+@cache
+def _glass_png() -> bytes:
+    """Return the tint of a pane: dark below, lighter above, where it reflects the sky."""
+    v = ((np.arange(32) + 0.5) / 32.0)[:, None]  # from the top
+    light = (1.0 - v) * (1.0 - v)
+    rgb = [20.0 + 44.0 * light, 23.0 + 52.0 * light, 27.0 + 60.0 * light]
+    image = np.stack([np.broadcast_to(channel, (32, 32)) for channel in rgb[::-1]], axis=-1)
+    return bytes(cv2.imencode(".png", np.ascontiguousarray((image + 0.5).astype(np.uint8)))[1].tobytes())
+
+
+def vehicle_materials(builder: MapBuilder) -> None:
+    """Add the materials that all vehicles share."""
+    builder.texture("vehicle_glass", _glass_png())
+    builder.material("vehicle_glass", surfaces.GLASS, texture="vehicle_glass", specular=0.9, shininess=0.9)
+    builder.material("vehicle_trim", surfaces.RUBBER, rgb=(0.035, 0.035, 0.038), specular=0.05, shininess=0.1)
+    builder.material("vehicle_rim", surfaces.METAL, rgb=(0.60, 0.61, 0.63), specular=0.5, shininess=0.5)
+    builder.material("vehicle_head_lamp", surfaces.GLASS, rgb=(0.88, 0.90, 0.92), specular=0.8, shininess=0.8)
+    builder.material("vehicle_tail_lamp", surfaces.GLASS, rgb=(0.60, 0.03, 0.03), specular=0.6, shininess=0.7)
+    for i in range(PLATES):
+        builder.texture(f"plate_{i}", _plate_png(i))
+        builder.material(f"vehicle_plate_{i}", surfaces.PLASTIC, texture=f"plate_{i}", specular=0.2)
+
+
+def paint_material(builder: MapBuilder, paint: str) -> str:
+    return builder.material(
+        f"paint_coat_{paint}", surfaces.PAINTED_METAL, rgb=PAINTS[paint], specular=0.5, shininess=0.6
+    )
+
+
+def draw_paint(rng: RandomGenerator) -> str:
+    return rng.pick(_COMMON)
