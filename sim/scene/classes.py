@@ -57,6 +57,15 @@ CLASS_COLOURS: dict[str, tuple[int, int, int]] = {
     "stand": (110, 110, 140),
     "bench": (150, 90, 50),
     "gate": (120, 120, 90),
+    "bicycle": (20, 170, 200),
+    "motorcycle": (20, 120, 120),
+    "traffic_light": (255, 200, 60),
+    "stop_sign": (200, 20, 20),
+    "bird": (200, 230, 255),
+    "dog": (150, 100, 20),
+    "backpack": (90, 20, 140),
+    "umbrella": (255, 110, 180),
+    "potted_plant": (40, 200, 100),
 }
 
 # Colours for a scene's own classes, in turn; easy to tell from each other.

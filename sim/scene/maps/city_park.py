@@ -17,7 +17,6 @@ from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, building_materials
-from sim.scene.maps.cars import add_car
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
@@ -34,6 +33,7 @@ from sim.scene.maps.street_furniture import (
     add_swing,
     furniture_materials,
 )
+from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.random_generator import RandomGenerator
 
@@ -169,20 +169,15 @@ class _Park:
                 # The long side, x of the block, faces the park.
                 add_block(b, rng, x, y, _QUARTER_TURN_RAD * (quarter + 1), bays, deep, 3 + rng.index(4))
                 along += width + rng.between(3.0, 9.0)
-        cars = self.rng("cars")
+        cars, looks = self.rng("cars"), self.rng("car_looks")
         for i in range(self.parameters.cars):
             quarter, slot = i % 4, i // 4
             c, n = ((0, -1), (1, 0), (0, 1), (-1, 0))[quarter]
             out = _STREET_M - 2.3
             along = -34.0 + 7.0 * slot + cars.between(0.0, 60.0 / (1 + self.parameters.cars // 4))
-            add_car(
-                b,
-                cars,
-                out * c - along * n,
-                out * n + along * c,
-                _QUARTER_TURN_RAD * (quarter + 0),
-                van=cars.chance(0.2),
-            )
+            cars.unit(), cars.unit()  # drawn for looks once; places of later cars depend on them
+            x, y = out * c - along * n, out * n + along * c
+            add_vehicle(b, looks, looks.pick(STREET_MIX), x, y, _QUARTER_TURN_RAD * quarter)
 
     def hedges(self) -> None:
         b = self.builder

@@ -47,5 +47,6 @@ CLOTH = Surface(0.45, 7.98, 36.4, 2e-3)
 HAIR = Surface(0.25, 7.98, 36.4, 3e-3)
 RUBBER = Surface(0.06, 5.0, 0.5, 1e-3)
 PLASTIC = Surface(0.40, 2.6, 0.05, 1e-5)
+BLACK_PLASTIC = Surface(0.06, 2.6, 0.05, 1e-5)  # coloured by carbon black
 CARBON_FIBRE = Surface(0.06, 1.0, 1e4, 1e-5)
 PROPELLER = Surface(0.06, 3.5, 0.1, 1e-5)  # of drones; radars tell rotor blades by it

@@ -19,13 +19,13 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim.scene.maps import military, surfaces, textures
-from sim.scene.maps.cars import add_car
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import furniture_materials
+from sim.scene.maps.vehicles.kinds import MILITARY_MIX, add_vehicle
 from sim.scene.maps.walk_path import there_and_back
 from sim.scene.random_generator import RandomGenerator
 
@@ -79,6 +79,7 @@ class _Village:
         self.seed = seed
         self.builder = MapBuilder("training_village")
         self.layout = Layout()
+        self.vehicle_looks = self.rng("vehicle_looks")
         for x, y in (START, GOAL):
             self.layout.take_disc(x, y, parameters.clear_m)
 
@@ -251,7 +252,9 @@ class _Village:
         heading = _QUARTER_TURN_RAD * rng.index(4)
 
         def car(x: float, y: float) -> None:
-            add_car(b, rng, x, y, heading, van=rng.chance(0.4), paint="olive")
+            rng.unit()  # drawn for its kind once; later places depend on it
+            looks = self.vehicle_looks
+            add_vehicle(b, looks, looks.pick(MILITARY_MIX), x, y, heading, paint=looks.pick(("olive", "olive", "sand")))
 
         kinds: tuple[tuple[float, Callable[[float, float], None]], ...] = (
             (1.2, lambda x, y: military.add_barrels(b, rng, x, y)),

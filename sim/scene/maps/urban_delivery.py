@@ -18,7 +18,6 @@ from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, add_house, building_materials
-from sim.scene.maps.cars import add_car
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
@@ -26,6 +25,7 @@ from sim.scene.maps.people import add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
+from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.random_generator import RandomGenerator
 
@@ -176,10 +176,11 @@ class _Suburb:
             gate = b.body("gate", (x, 8.17, 0.0))
             gate.geom("box", (1.3, 0.06, 1.3), pos=(0.0, 0.0, 1.3), material="gate", solid=False)
         self.layout.take_box(-10.6, 7.6, 8.6, 14.8)
+        looks = self.rng("depot_vehicles")
         for i in range(4):
             x, y = 12.2, -11.0 + 3.4 * i
             if i < 3:
-                add_car(b, rng, x - 1.0, y, 0.0, van=True, paint="white")
+                add_vehicle(b, looks, "van", x - 1.0, y, 0.0, paint="white")
             self.layout.take_box(x - 4.0, y - 1.3, x + 2.0, y + 1.3)
             mark = b.body("marking", (11.2, y + 1.7, 0.0))
             mark.geom("box", (2.6, 0.05, 0.01), pos=(0.0, 0.0, 0.005), material="road_paint", solid=False)
@@ -315,10 +316,21 @@ class _Suburb:
                 for along in (-54.0, -47.0, -40.0, -33.0, -9.0, -2.0, 5.0, 33.0, 40.0, 47.0, 54.0):
                     for lane in (-1.0, 1.0):
                         spots.append((axis, side, along, lane))
-        for axis, side, along, lane in rng.shuffled(spots)[: self.parameters.parked_vehicles]:
-            x, y, _ = _turned(axis, along + rng.between(-0.6, 0.6), side * _STREET_M + lane * (_LANE_M - 1.15))
+        chosen = rng.shuffled(spots)[: self.parameters.parked_vehicles]
+        looks = self.rng("vehicle_looks")
+        for axis, side, along, lane in chosen:
+            along_m = along + rng.between(-0.6, 0.6)
+            rng.unit(), rng.unit()  # drawn for looks once; places of later vehicles depend on them
+            kind = looks.pick(STREET_MIX)
+            alone = not any((axis, side, along + step, lane) in chosen for step in (-7.0, 7.0))
+            large, which = looks.unit(), looks.unit()
+            if alone and large < 0.25:
+                # A bus stays clear of the crossings only in the middle between two.
+                kind = "bus" if which < 0.4 and along in (-2.0, -40.0, -47.0, 40.0, 47.0) else "lorry"
+            kerb_m = {"bus": 1.34, "lorry": 1.32, "van": 1.16}.get(kind, 1.15)
+            x, y, _ = _turned(axis, along_m, side * _STREET_M + lane * (_LANE_M - kerb_m))
             heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
-            add_car(b, rng, x, y, heading, van=rng.chance(0.25))
+            add_vehicle(b, looks, kind, x, y, heading)
 
     def plants(self) -> None:
         b, p, rng = self.builder, self.parameters, self.rng("plants")

@@ -137,25 +137,37 @@ class LowerBody:
 
     def add_to(self, mesh: Mesh) -> None:
         """Add the closed skin."""
-        n = len(self.stations)
         lows = [self.low_m(x) if self._on_side(i) else self.shape.clearance_m for i, (x, _) in enumerate(self.stations)]
+        self._add_loft(mesh, range(len(self.stations)), lows, _ROWS, _ACROSS, _CROWN_M)
+
+    def hull(self) -> Mesh:
+        """Return a closed mesh of few points of the skin, without arches: its convex hull is the body for contact."""
+        n = len(self.stations)
+        side = [i for i in range(10, n - 10) if (i - 10) % 6 == 0]
+        mesh = Mesh.empty()
+        lows = [self.shape.clearance_m] * n
+        self._add_loft(mesh, [0, 3, 5, 7, *side, n - 8, n - 6, n - 4, n - 1], lows, (0.0, 0.24, 0.68, 1.0), (0.0, 1.0), 0.0)
+        return mesh
+
+    def _add_loft(
+        self, mesh: Mesh, stations: Sequence[int], lows: Sequence[float], shares: Sequence[float],
+        across: Sequence[float], crown_m: float,
+    ) -> None:
         left: list[list[int]] = []
         right: list[list[int]] = []
-        for share in _ROWS:
+        last = len(self.stations) - 1
+        for share in shares:
             row_l, row_r = [], []
-            for i in range(n):
-                # The shoulder of the skin's own point, which lies inside the outline.
-                top = self.shoulder_m(self.stations[i][0])
-                x, y, z = self.point(i, mix(lows[i], top, share))
+            for i in stations:
+                x, y, z = self.point(i, mix(lows[i], self.shoulder_m(self.stations[i][0]), share))
                 row_l.append(add_vertex(mesh, (x, y, z)))
-                row_r.append(row_l[-1] if i in (0, n - 1) else add_vertex(mesh, (x, -y, z)))
+                row_r.append(row_l[-1] if i in (0, last) else add_vertex(mesh, (x, -y, z)))
             left.append(row_l)
             right.append(row_r)
-        loops = [a + b[-2:0:-1] for a, b in zip(left, right, strict=True)]
-        add_indexed_grid(mesh, loops, closed=True)
-        add_strips(mesh, left[-1], right[-1], _ACROSS, _CROWN_M)
+        add_indexed_grid(mesh, [a + b[-2:0:-1] for a, b in zip(left, right, strict=True)], closed=True)
+        add_strips(mesh, left[-1], right[-1], across, crown_m)
         # Underside: straight across, seen from below.
-        add_indexed_grid(mesh, [left[0], right[0]])
+        add_indexed_grid(mesh, [right[0], left[0]])
 
     def _on_side(self, station: int) -> bool:
         return 9 < station < len(self.stations) - 10
@@ -219,8 +231,6 @@ class Greenhouse:
             row_l, row_r = [], []
             for i in range(n):
                 x, y, z = self._smooth_point(i, share)
-                if i in (0, n - 1):
-                    y = 0.0
                 row_l.append(add_vertex(mesh, (x, y, z)))
                 row_r.append(row_l[-1] if i in (0, n - 1) else add_vertex(mesh, (x, -y, z)))
             left.append(row_l)
@@ -233,13 +243,30 @@ class Greenhouse:
                 add_indexed_grid(mesh, [left[k][i : i + 2], left[k + 1][i : i + 2]])
                 add_indexed_grid(mesh, [right[k][i : i + 2][::-1], right[k + 1][i : i + 2][::-1]])
         add_strips(mesh, left[-1], right[-1], (0.0, 0.14, 0.38, 0.62, 0.86, 1.0), 0.05)
-        add_indexed_grid(mesh, [left[0], right[0]])
+        add_indexed_grid(mesh, [right[0], left[0]])
+
+    def hull(self) -> Mesh:
+        """Return a closed mesh whose convex hull is the greenhouse for contact."""
+        mesh = Mesh.empty()
+        columns = self.shape.columns
+        chosen = [0, 2, 3, *(i for i in range(4, len(columns) - 3) if i % 3 == 0), *range(len(columns) - 3, len(columns))]
+        left: list[list[int]] = []
+        right: list[list[int]] = []
+        for share in (0.0, 0.93, 1.0):
+            points = [self._smooth_point(i, share) for i in chosen]
+            left.append([add_vertex(mesh, (x, y, z)) for x, y, z in points])
+            right.append([left[-1][0], *(add_vertex(mesh, (x, -y, z)) for x, y, z in points[1:-1]), left[-1][-1]])
+        add_indexed_grid(mesh, [a + b[-2:0:-1] for a, b in zip(left, right, strict=True)], closed=True)
+        add_strips(mesh, left[-1], right[-1], (0.0, 0.38, 0.62, 1.0), 0.05)
+        add_indexed_grid(mesh, [right[0], left[0]])
+        return mesh
 
     def _smooth_point(self, i: int, share: float) -> Vec3:
         """Return the mean of the points that the faces before and after column `i` give."""
         n = len(self.shape.columns)
         if i in (0, n - 1):
-            return self.point(i, share)
+            x, _, z = self.point(i, share)
+            return x, 0.0, z
         a, b = self.point(i, share), self.point(i - 1e-9, share)
         return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
 
@@ -267,7 +294,7 @@ class Greenhouse:
                 for line in lines:
                     q, r = self.point(line, share, out_m), self.point(line, share)
                     shift = [s + (b - a) / len(lines) for s, a, b in zip(shift, r, q, strict=True)]
-                row.append((p[0] + shift[0], max(p[1] + shift[1], 0.0) if c else 0.0, p[2] + shift[2]))
+                row.append((p[0] + shift[0], p[1] + shift[1] if self.shape.columns[c].base[1] else 0.0, p[2] + shift[2]))
             rows.append(row)
         for side in (1.0, -1.0):
             indices = []

@@ -1,19 +1,18 @@
-"""Meshes of a car or van, one for each material."""
+"""Cars and vans: meshes by material, and their shapes for contact."""
 
 from __future__ import annotations
 
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.vehicles.body_shape import Greenhouse, LowerBody, arch_points, skin_patch
 from sim.scene.maps.vehicles.car_shape import CarShape
-from sim.scene.maps.vehicles.lofts import add_box, add_ellipsoid, add_indexed_grid, add_sheet, add_tube, add_vertex, mix
+from sim.scene.maps.vehicles.driver import add_cabin
+from sim.scene.maps.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube, mix
+from sim.scene.maps.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from sim.scene.maps.vehicles.wheels import add_wheel
 
-Parts = dict[str, Mesh]
-MATERIALS = ("paint", "glass", "trim", "rim", "head_lamp", "tail_lamp", "plate")
-
-
-def car_parts(shape: CarShape, *, spokes: int = 5, open_panes: int = 0) -> Parts:
-    """Return the meshes by material."""
+def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False) -> Parts:
+    """Return the meshes by material. With a driver the windscreen and the front side windows are open."""
+    open_panes = 3 if driver else 0
     parts = {name: Mesh.empty() for name in MATERIALS}
     body = LowerBody(shape)
     cabin = Greenhouse(shape, body)
@@ -24,13 +23,15 @@ def car_parts(shape: CarShape, *, spokes: int = 5, open_panes: int = 0) -> Parts
     for x in shape.wheels_x_m:
         for side in (1.0, -1.0):
             centre = (x, side * (0.5 * shape.width_m - 0.035), shape.wheel_m)
-            add_wheel(parts["trim"], parts["rim"], centre, shape.wheel_m, 0.21, spokes, side)
+            add_wheel(parts["tyre"], parts["rim"], centre, shape.wheel_m, 0.21, spokes, side)
     _add_face(parts, body)
     _add_rear(parts, body)
     _add_seams(parts, body)
     _add_mirrors(parts, body, shape)
     if shape.rails:
         _add_rails(parts["trim"], shape)
+    if driver:
+        add_cabin(parts, shape, body)
     return parts
 
 
@@ -84,7 +85,7 @@ def _add_face(parts: Parts, body: LowerBody) -> None:
     # Intake below the bumper.
     z0, z1 = s.clearance_m + 0.04, s.clearance_m + 0.17
     wide = [body.front_at_y(y) for y in (0.0, 0.25, 0.5, 0.62)]
-    _mirrored(parts["trim"], skin_patch(body, wide, [z0] * 4, [z1, z1, z1, z1 - 0.04], 0.012, 4))
+    _mirrored(parts["trim"], skin_patch(body, wide, [z0] * 4, [z1, z1, z1, z1 - 0.04], 0.02, 4))
     lower, upper, inner = s.lamp_front
     begin = body.front_at_y(inner)
     end = body.at_x(0.5 * s.length_m - 0.05 - 0.72 * s.corner_front[0])
@@ -101,7 +102,7 @@ def _add_face(parts: Parts, body: LowerBody) -> None:
     _mirrored(parts["trim"], skin_patch(body, lens, [mid - 0.035] * 2, [mid + 0.035] * 2, 0.016))
     fog = [body.front_at_y(y) for y in (0.66, 0.74)]
     _mirrored(parts["head_lamp"], skin_patch(body, fog, [z0 + 0.03] * 2, [z0 + 0.10] * 2, 0.018, 3))
-    _add_plate(parts["plate"], body.point(0.0, mix(z1, low, 0.5), 0.02), 1.0)
+    add_plate(parts["plate"], body.point(0.0, mix(z1, low, 0.5), 0.02), 1.0)
 
 
 def _add_rear(parts: Parts, body: LowerBody) -> None:
@@ -121,17 +122,11 @@ def _add_rear(parts: Parts, body: LowerBody) -> None:
     z = s.plate_rear_m
     _mirrored(parts["trim"], skin_patch(body, niche, [z - 0.085] * 2, [z + 0.085] * 2, 0.005))
     last = len(body.stations) - 1.0
-    _add_plate(parts["plate"], body.point(last, z, 0.015), -1.0)
+    add_plate(parts["plate"], body.point(last, z, 0.015), -1.0)
     # Seam between bumper and boot lid.
     seam = [body.rear_at_y(y) for y in (0.74, 0.4, 0.0)]
     z = mix(s.clearance_m, body.shoulder_m(-0.5 * s.length_m), 0.50)
     _mirrored(parts["trim"], skin_patch(body, seam, [z - 0.005] * 3, [z + 0.005] * 3, 0.004))
-
-
-def _add_plate(plate: Mesh, at: tuple[float, float, float], facing: float) -> None:
-    x, _, z = at
-    corners = [(x, -0.26 * facing, z - 0.056), (x, 0.26 * facing, z - 0.056), (x, 0.26 * facing, z + 0.056), (x, -0.26 * facing, z + 0.056)]
-    plate.add_polygon(corners, [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 
 
 def _add_seams(parts: Parts, body: LowerBody) -> None:
@@ -178,4 +173,11 @@ def _add_rails(trim: Mesh, shape: CarShape) -> None:
         add_tube(trim, [(first, y, top - 0.07), (first - 0.1, y, top), (last + 0.1, y, top), (last, y, top - 0.08)], 0.016, 5)
 
 
-__all__ = ["MATERIALS", "Parts", "add_indexed_grid", "add_vertex", "car_parts"]
+def car_proxies(shape: CarShape) -> list[Proxy]:
+    body = LowerBody(shape)
+    half_width = 0.5 * shape.width_m - 0.035
+    return [
+        Proxy("hull", hull=body.hull()),
+        Proxy("hull", hull=Greenhouse(shape, body).hull()),
+        *axle_proxies(shape.wheels_x_m, shape.wheel_m, half_width, 0.105),
+    ]

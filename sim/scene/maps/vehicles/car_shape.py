@@ -5,7 +5,7 @@ x forward from the middle of the length, y left, z up from the ground; lengths i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sim.scene.maps.meshes import Vec2
 
@@ -63,7 +63,7 @@ def _sedan() -> CarShape:
         ((-2.3, 0.99), (-2.1, 1.04), (-1.7, 1.02), (0.4, 0.955), (1.05, 0.93), (2.0, 0.78), (2.3, 0.70)),
         ((0.0, 0.13), (0.16, 0.03), (0.32, 0.0), (0.52, 0.012), (0.70, 0.04), (0.88, 0.10), (1.0, 0.20)),
         ((0.0, 0.12), (0.16, 0.03), (0.42, 0.0), (0.55, 0.02), (0.85, 0.05), (0.95, 0.07), (1.0, 0.11)),
-        _SIDE, (0.62, 0.50), (0.55, 0.42),
+        _SIDE, (0.37, 0.50), (0.42, 0.42),
         (
             Column((1.20, 0.0), (0.28, 0.0), "glass"), Column((1.14, 0.50), (0.25, 0.52), "glass"),
             Column((1.02, 0.90), (0.16, 0.92)), Column((0.98, 0.97), (0.10, 1.0)),
@@ -80,11 +80,11 @@ def _sedan() -> CarShape:
 
 def _hatchback() -> CarShape:
     return CarShape(
-        4.1, 1.78, 1.48, (1.25, -1.33), 0.315, 0.18,
+        4.1, 1.78, 1.48, (1.22, -1.30), 0.315, 0.18,
         ((-2.05, 0.98), (-1.9, 1.02), (-1.2, 1.01), (0.4, 0.965), (1.0, 0.94), (1.80, 0.79), (2.05, 0.71)),
         ((0.0, 0.12), (0.16, 0.03), (0.32, 0.0), (0.52, 0.012), (0.70, 0.04), (0.88, 0.10), (1.0, 0.20)),
         ((0.0, 0.13), (0.16, 0.03), (0.42, 0.0), (0.55, 0.03), (0.80, 0.05), (0.95, 0.07), (1.0, 0.10)),
-        _SIDE, (0.58, 0.50), (0.42, 0.36),
+        _SIDE, (0.33, 0.48), (0.25, 0.34),
         (
             Column((1.18, 0.0), (0.30, 0.0), "glass"), Column((1.12, 0.50), (0.27, 0.52), "glass"),
             Column((1.00, 0.90), (0.18, 0.92)), Column((0.96, 0.97), (0.12, 1.0)),
@@ -105,7 +105,7 @@ def _estate() -> CarShape:
         ((-2.35, 0.98), (-2.2, 1.02), (-1.7, 1.01), (0.4, 0.965), (1.1, 0.94), (2.05, 0.79), (2.35, 0.71)),
         ((0.0, 0.13), (0.16, 0.03), (0.32, 0.0), (0.52, 0.012), (0.70, 0.04), (0.88, 0.10), (1.0, 0.20)),
         ((0.0, 0.13), (0.16, 0.03), (0.42, 0.0), (0.55, 0.03), (0.80, 0.05), (0.95, 0.07), (1.0, 0.10)),
-        _SIDE, (0.62, 0.50), (0.42, 0.36),
+        _SIDE, (0.37, 0.50), (0.42, 0.36),
         (
             Column((1.25, 0.0), (0.36, 0.0), "glass"), Column((1.19, 0.50), (0.33, 0.52), "glass"),
             Column((1.07, 0.90), (0.24, 0.92)), Column((1.03, 0.97), (0.18, 1.0)),
@@ -127,7 +127,7 @@ def _suv() -> CarShape:
         ((-2.3, 1.10), (-2.15, 1.15), (-1.6, 1.14), (0.4, 1.10), (1.0, 1.08), (1.95, 0.98), (2.3, 0.90)),
         ((0.0, 0.14), (0.16, 0.04), (0.34, 0.0), (0.55, 0.012), (0.74, 0.03), (0.90, 0.07), (1.0, 0.16)),
         ((0.0, 0.14), (0.16, 0.03), (0.42, 0.0), (0.55, 0.03), (0.80, 0.05), (0.95, 0.07), (1.0, 0.10)),
-        _SIDE, (0.52, 0.46), (0.42, 0.36),
+        _SIDE, (0.33, 0.46), (0.42, 0.36),
         (
             Column((1.14, 0.0), (0.36, 0.0), "glass"), Column((1.08, 0.50), (0.33, 0.52), "glass"),
             Column((0.96, 0.90), (0.24, 0.92)), Column((0.92, 0.97), (0.18, 1.0)),
@@ -150,7 +150,7 @@ def _van() -> CarShape:
         ((0.0, 0.12), (0.14, 0.03), (0.28, 0.0), (0.50, 0.01), (0.72, 0.03), (0.90, 0.08), (1.0, 0.16)),
         ((0.0, 0.06), (0.14, 0.0), (0.30, 0.0), (0.34, 0.03), (0.9, 0.04), (1.0, 0.05)),
         ((0.0, 0.04), (0.10, 0.015), (0.35, 0.0), (0.60, 0.004), (0.64, 0.014), (0.9, 0.02), (0.97, 0.03), (1.0, 0.05)),
-        (0.50, 0.48), (0.12, 0.10),
+        (0.40, 0.46), (0.12, 0.10),
         (
             Column((2.14, 0.0), (1.22, 0.0), "glass"), Column((2.06, 0.50), (1.18, 0.52), "glass"),
             Column((1.90, 0.90), (1.06, 0.92)), Column((1.84, 0.98), (0.98, 1.0)),
@@ -172,3 +172,27 @@ SHAPES: dict[str, CarShape] = {
     "suv": _suv(),
     "van": _van(),
 }
+
+
+def varied(shape: CarShape, stretch: float, rise: float) -> CarShape:
+    """Return the shape with its lengths along x times `stretch` and its heights above the sills times `rise`."""
+    low = shape.clearance_m
+
+    def up(z: float) -> float:
+        return low + (z - low) * rise
+
+    def knots(line: Knots) -> Knots:
+        return tuple((x * stretch, up(z)) for x, z in line)
+
+    columns = tuple(
+        replace(c, base=(c.base[0] * stretch, c.base[1]), roof=(c.roof[0] * stretch, c.roof[1])) for c in shape.columns
+    )
+    return replace(
+        shape, length_m=shape.length_m * stretch, height_m=up(shape.height_m),
+        wheels_x_m=(shape.wheels_x_m[0] * stretch, shape.wheels_x_m[1] * stretch), shoulder=knots(shape.shoulder),
+        columns=columns, roof=knots(shape.roof),
+        lamp_front=(up(shape.lamp_front[0]), up(shape.lamp_front[1]), shape.lamp_front[2]),
+        lamp_rear=(up(shape.lamp_rear[0]), up(shape.lamp_rear[1]), shape.lamp_rear[2]),
+        grille=(up(shape.grille[0]), up(shape.grille[1]), shape.grille[2]), plate_rear_m=up(shape.plate_rear_m),
+        doors_x_m=tuple(x * stretch for x in shape.doors_x_m),
+    )  # fmt: skip

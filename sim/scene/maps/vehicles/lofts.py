@@ -98,6 +98,15 @@ def add_lathe(
     add_indexed_grid(mesh, rows, closed=True)
 
 
+def add_torus(mesh: Mesh, centre: Vec3, radius_m: float, tube_m: float, sides: int, tube_sides: int) -> None:
+    """Add a torus about the y axis."""
+    profile = [
+        (radius_m - tube_m * det_cos(TURN_RAD * k / tube_sides), -tube_m * det_sin(TURN_RAD * k / tube_sides))
+        for k in range(tube_sides)
+    ]
+    add_lathe(mesh, centre, profile, sides, closed=True)
+
+
 def add_tube(mesh: Mesh, points: Sequence[Vec3], radius_m: float | Sequence[float], sides: int = 6) -> None:
     """Add a round tube along a polyline, closed at both ends. `radius_m`: one for all points, or one for each."""
     radii = [radius_m] * len(points) if isinstance(radius_m, (int, float)) else list(radius_m)

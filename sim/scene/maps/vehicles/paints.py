@@ -65,10 +65,15 @@ def vehicle_materials(builder: MapBuilder) -> None:
     """Add the materials that all vehicles share."""
     builder.texture("vehicle_glass", _glass_png())
     builder.material("vehicle_glass", surfaces.GLASS, texture="vehicle_glass", specular=0.9, shininess=0.9)
-    builder.material("vehicle_trim", surfaces.RUBBER, rgb=(0.035, 0.035, 0.038), specular=0.05, shininess=0.1)
+    builder.material("vehicle_trim", surfaces.BLACK_PLASTIC, rgb=(0.035, 0.035, 0.038), specular=0.05, shininess=0.1)
+    builder.material("vehicle_tyre", surfaces.RUBBER, rgb=(0.035, 0.035, 0.038), specular=0.05, shininess=0.1)
     builder.material("vehicle_rim", surfaces.METAL, rgb=(0.60, 0.61, 0.63), specular=0.5, shininess=0.5)
     builder.material("vehicle_head_lamp", surfaces.GLASS, rgb=(0.88, 0.90, 0.92), specular=0.8, shininess=0.8)
     builder.material("vehicle_tail_lamp", surfaces.GLASS, rgb=(0.60, 0.03, 0.03), specular=0.6, shininess=0.7)
+    builder.material("vehicle_lit", surfaces.PLASTIC, rgb=(0.98, 0.62, 0.12), specular=0.1)
+    builder.material("vehicle_box", surfaces.PAINTED_METAL, rgb=(0.86, 0.87, 0.88), specular=0.3, shininess=0.4)
+    builder.material("vehicle_skin", surfaces.SKIN, rgb=(0.62, 0.44, 0.34), specular=0.0)
+    builder.material("vehicle_hair", surfaces.HAIR, rgb=(0.10, 0.07, 0.05), specular=0.0)
     for i in range(PLATES):
         builder.texture(f"plate_{i}", _plate_png(i))
         builder.material(f"vehicle_plate_{i}", surfaces.PLASTIC, texture=f"plate_{i}", specular=0.2)

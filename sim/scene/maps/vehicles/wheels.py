@@ -8,20 +8,20 @@ from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.vehicles.lofts import add_indexed_grid, add_lathe, add_vertex
 
-_SIDES = 20
+_SIDES = 18
 
 
 def add_wheel(tyre: Mesh, rim: Mesh, centre: Vec3, radius_m: float, width_m: float, spokes: int, outward: float) -> None:
     """Add a wheel whose outer face looks along `outward` y; `centre` is the middle of the outer face."""
     r = radius_m
-    add_lathe(
-        tyre, centre,
-        [(0.0, -width_m), (0.80 * r, -width_m), (0.97 * r, -0.93 * width_m), (r, -0.75 * width_m), (r, -0.25 * width_m),
-         (0.96 * r, -0.06 * width_m), (0.86 * r, 0.0), (0.70 * r, -0.004), (0.67 * r, -0.05), (0.0, -0.055)],
-        _SIDES, outward=outward,
-    )  # fmt: skip
-    add_lathe(rim, centre, [(0.60 * r, -0.045), (0.61 * r, -0.006), (0.69 * r, 0.003), (0.695 * r, -0.012)], _SIDES, outward=outward)
-    add_lathe(rim, centre, [(0.20 * r, -0.045), (0.17 * r, -0.008), (0.0, -0.004)], 10, outward=outward)
+    w = width_m
+    tyre_profile = [
+        (0.0, -w), (0.95 * r, -0.97 * w), (r, -0.75 * w), (r, -0.22 * w), (0.90 * r, 0.0), (0.69 * r, -0.004),
+        (0.66 * r, -0.05), (0.0, -0.055),
+    ]  # fmt: skip
+    add_lathe(tyre, centre, tyre_profile, _SIDES, outward=outward)
+    add_lathe(rim, centre, [(0.60 * r, -0.03), (0.62 * r, 0.0), (0.695 * r, 0.002)], _SIDES, outward=outward)
+    add_lathe(rim, centre, [(0.20 * r, -0.03), (0.0, -0.002)], 8, outward=outward)
     for k in range(spokes):
         angle = TURN_RAD * k / spokes + 0.3
         _add_spoke(rim, centre, r, angle, 0.55 * TURN_RAD / 2 / spokes, outward)
@@ -29,7 +29,7 @@ def add_wheel(tyre: Mesh, rim: Mesh, centre: Vec3, radius_m: float, width_m: flo
 
 def _add_spoke(rim: Mesh, centre: Vec3, r: float, angle_rad: float, half_rad: float, outward: float) -> None:
     rows = []
-    for radius, share, y in ((0.14, 1.6, -0.012), (0.36, 0.85, -0.008), (0.62, 0.75, -0.010)):
+    for radius, share, y in ((0.12, 1.7, -0.012), (0.62, 0.80, -0.006)):
         row = []
         for turn, deep in ((-share, -0.03), (-0.8 * share, 0.0), (0.8 * share, 0.0), (share, -0.03)):
             a = angle_rad + turn * half_rad * (0.36 / radius if radius > 0.36 else 1.0)
