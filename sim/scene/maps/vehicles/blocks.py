@@ -43,7 +43,9 @@ def add_side_sheet(mesh: Mesh, x_rear: float, x_front: float, z_low: float, z_hi
     add_sheet(mesh, [[(x, y, z) for x in xs] for z in (z_low, z_high)])
 
 
-def add_end_sheet(mesh: Mesh, x_low: float, x_high: float, y0: float, y1: float, z_low: float, z_high: float, facing: float) -> None:
+def add_end_sheet(
+    mesh: Mesh, x_low: float, x_high: float, y0: float, y1: float, z_low: float, z_high: float, facing: float
+) -> None:
     """Add a rectangle between y0 < y1 that looks along +x (`facing` 1) or -x; x may differ at its edges."""
     ys = (y0, y1) if facing > 0.0 else (y1, y0)
     add_sheet(mesh, [[(x, y, z) for y in ys] for x, z in ((x_low, z_low), (x_high, z_high))])

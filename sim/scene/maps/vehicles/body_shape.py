@@ -21,9 +21,9 @@ from sim.scene.maps.vehicles.car_shape import CarShape
 from sim.scene.maps.vehicles.lofts import add_indexed_grid, add_vertex, at_knots, mix
 
 ARCH_GAP_M = 0.055  # between tyre and arch
-_ARCH_STATIONS = 9
+_ARCH_STATIONS = 7
 _FOOT_M = 0.008
-_ROWS = (0.0, 0.10, 0.24, 0.42, 0.60, 0.68, 0.84, 0.94, 1.0)  # shares of the height from sill or arch to the shoulder
+_ROWS = (0.0, 0.12, 0.34, 0.58, 0.68, 0.84, 0.94, 1.0)  # of the height up to the shoulder
 _ACROSS = (0.0, 0.10, 0.3, 0.5, 0.7, 0.90, 1.0)  # of a strip from the left shoulder to the right one
 _CROWN_M = 0.045
 _RINGS = (0.0, 0.06, 0.5, 0.93, 1.0)  # of the greenhouse, from its base to the roof
@@ -32,7 +32,7 @@ _BULGE_M = 0.02
 
 
 class LowerBody:
-    """Skin from the sills to the shoulder, bonnet and boot included. Stations run round the left half, front to rear."""
+    """Skin from sills to shoulder, with bonnet and boot. Stations run round the left half, from front to rear."""
 
     def __init__(self, shape: CarShape) -> None:
         self.shape = shape
@@ -62,9 +62,7 @@ class LowerBody:
             # The corner bends from the face to the side: a quarter of an ellipse.
             for k in range(1, 7):
                 angle = TURN_RAD / 4 * k / 6
-                end.append(
-                    (sign * (half_l - bow - a * (1.0 - det_cos(angle))), face + (b - 0.008) * det_sin(angle))
-                )
+                end.append((sign * (half_l - bow - a * (1.0 - det_cos(angle))), face + (b - 0.008) * det_sin(angle)))
             points += end if sign > 0 else end[::-1]
             if sign > 0:
                 points += self._side_stations(half_l - bow - a, -(half_l - bow - s.corner_rear[0]))
@@ -146,12 +144,19 @@ class LowerBody:
         side = [i for i in range(10, n - 10) if (i - 10) % 6 == 0]
         mesh = Mesh.empty()
         lows = [self.shape.clearance_m] * n
-        self._add_loft(mesh, [0, 3, 5, 7, *side, n - 8, n - 6, n - 4, n - 1], lows, (0.0, 0.24, 0.68, 1.0), (0.0, 1.0), 0.0)
+        self._add_loft(
+            mesh, [0, 3, 5, 7, *side, n - 8, n - 6, n - 4, n - 1], lows, (0.0, 0.34, 0.68, 1.0), (0.0, 1.0), 0.0
+        )
         return mesh
 
     def _add_loft(
-        self, mesh: Mesh, stations: Sequence[int], lows: Sequence[float], shares: Sequence[float],
-        across: Sequence[float], crown_m: float,
+        self,
+        mesh: Mesh,
+        stations: Sequence[int],
+        lows: Sequence[float],
+        shares: Sequence[float],
+        across: Sequence[float],
+        crown_m: float,
     ) -> None:
         left: list[list[int]] = []
         right: list[list[int]] = []
@@ -249,7 +254,13 @@ class Greenhouse:
         """Return a closed mesh whose convex hull is the greenhouse for contact."""
         mesh = Mesh.empty()
         columns = self.shape.columns
-        chosen = [0, 2, 3, *(i for i in range(4, len(columns) - 3) if i % 3 == 0), *range(len(columns) - 3, len(columns))]
+        chosen = [
+            0,
+            2,
+            3,
+            *(i for i in range(4, len(columns) - 3) if i % 3 == 0),
+            *range(len(columns) - 3, len(columns)),
+        ]
         left: list[list[int]] = []
         right: list[list[int]] = []
         for share in (0.0, 0.93, 1.0):
@@ -294,7 +305,9 @@ class Greenhouse:
                 for line in lines:
                     q, r = self.point(line, share, out_m), self.point(line, share)
                     shift = [s + (b - a) / len(lines) for s, a, b in zip(shift, r, q, strict=True)]
-                row.append((p[0] + shift[0], p[1] + shift[1] if self.shape.columns[c].base[1] else 0.0, p[2] + shift[2]))
+                row.append(
+                    (p[0] + shift[0], p[1] + shift[1] if self.shape.columns[c].base[1] else 0.0, p[2] + shift[2])
+                )
             rows.append(row)
         for side in (1.0, -1.0):
             indices = []
@@ -306,10 +319,14 @@ class Greenhouse:
 
 
 def skin_patch(
-    body: LowerBody, stations: Sequence[float], lower_m: Sequence[float], upper_m: Sequence[float], out_m: float,
+    body: LowerBody,
+    stations: Sequence[float],
+    lower_m: Sequence[float],
+    upper_m: Sequence[float],
+    out_m: float,
     rows: int = 2,
 ) -> list[list[Vec3]]:
-    """Return rows of points on the lower body's left half, from the lower to the upper edge, `out_m` before the skin."""
+    """Return rows of points on the lower body's left half, bottom to top, `out_m` before the skin."""
     return [
         [
             body.point(s, mix(low, high, j / (rows - 1)), out_m)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.vehicles.blocks import add_block, add_disc_sheet, add_end_sheet, add_side_sheet
+from sim.scene.maps.vehicles.blocks import Ring, add_block, add_disc_sheet, add_end_sheet, add_side_sheet
 from sim.scene.maps.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube
 from sim.scene.maps.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from sim.scene.maps.vehicles.wheels import add_wheel
@@ -12,18 +14,19 @@ LENGTH_M, WIDTH_M, HEIGHT_M = 11.0, 2.55, 3.1
 WHEEL_M = 0.48
 AXLES_M = (2.75, -3.15)
 _HALF = 0.5 * WIDTH_M
+_BODY: tuple[Ring, ...] = (
+    (0.28, -5.42, 5.40, _HALF - 0.03), (0.45, -5.48, 5.48, _HALF), (1.05, -5.5, 5.5, _HALF),
+    (1.15, -5.5, 5.49, _HALF - 0.005), (2.55, -5.46, 5.36, _HALF - 0.04), (2.80, -5.42, 5.30, _HALF - 0.07),
+    (2.93, -5.34, 5.20, _HALF - 0.16), (2.98, -5.20, 5.05, _HALF - 0.34),
+)  # fmt: skip
+_ROOF_UNIT: tuple[Ring, ...] = ((2.97, -2.6, 0.2, 0.85), (3.08, -2.5, 0.1, 0.78), (3.1, -2.35, -0.05, 0.65))
 
 
 def bus_parts() -> Parts:
     parts = {name: Mesh.empty() for name in MATERIALS}
     paint, glass, trim, head, tail = (parts[name] for name in ("paint", "glass", "trim", "head_lamp", "tail_lamp"))
-    rings = (
-        (0.28, -5.42, 5.40, _HALF - 0.03), (0.45, -5.48, 5.48, _HALF), (1.05, -5.5, 5.5, _HALF),
-        (1.15, -5.5, 5.49, _HALF - 0.005), (2.55, -5.46, 5.36, _HALF - 0.04), (2.80, -5.42, 5.30, _HALF - 0.07),
-        (2.93, -5.34, 5.20, _HALF - 0.16), (2.98, -5.20, 5.05, _HALF - 0.34),
-    )  # fmt: skip
-    add_block(paint, rings, 0.16, bow_m=0.06)
-    add_block(paint, ((2.97, -2.6, 0.2, 0.85), (3.08, -2.5, 0.1, 0.78), (3.1, -2.35, -0.05, 0.65)), 0.1)
+    add_block(paint, _BODY, 0.16, bow_m=0.06)
+    add_block(paint, _ROOF_UNIT, 0.1)
     add_block(trim, ((0.18, -5.2, 5.1, _HALF - 0.12), (0.30, -5.2, 5.1, _HALF - 0.12)), 0.1)
     for side in (1.0, -1.0):
         # A continuous dark band with the panes; doors on the right reach down.
@@ -31,7 +34,7 @@ def bus_parts() -> Parts:
         xs = [5.14, -5.0] if side > 0 else [-5.0, 5.14]
         add_sheet(trim, [[(x, y, z) for x in xs] for y, z in low])
         edges = [5.10, 4.1, 2.75, 1.4, 0.05, -1.3, -2.65, -4.0, -4.95]
-        for front, rear in zip(edges, edges[1:], strict=False):
+        for front, rear in pairwise(edges):
             pane = [(side * y, z) for y, z in ((_HALF + 0.009, 1.16), (_HALF - 0.022, 2.40))]
             ends = [front - 0.03, rear + 0.03] if side > 0 else [rear + 0.03, front - 0.03]
             add_sheet(glass, [[(x, y, z) for x in ends] for y, z in pane])
@@ -84,7 +87,7 @@ def _add_front(parts: Parts) -> None:
 
 
 def bus_proxies() -> list[Proxy]:
-    return [
-        Proxy("box", (5.45, _HALF - 0.02, 1.28), (0.0, 0.0, 1.62)),
-        *axle_proxies(AXLES_M, WHEEL_M, _HALF, 0.14),
-    ]
+    body, unit = Mesh.empty(), Mesh.empty()
+    add_block(body, _BODY, 0.16, bow_m=0.06, steps=1)
+    add_block(unit, _ROOF_UNIT, 0.1, steps=1)
+    return [Proxy("hull", hull=body), Proxy("hull", hull=unit), *axle_proxies(AXLES_M, WHEEL_M, _HALF, 0.14)]

@@ -10,6 +10,7 @@ from sim.scene.maps.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add
 from sim.scene.maps.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from sim.scene.maps.vehicles.wheels import add_wheel
 
+
 def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False) -> Parts:
     """Return the meshes by material. With a driver the windscreen and the front side windows are open."""
     open_panes = 3 if driver else 0
@@ -61,7 +62,10 @@ def _add_underside(trim: Mesh, body: LowerBody) -> None:
             add_sheet(trim, rows, flipped=side < 0)
             # The lip follows the skin.
             edge = [body.point(body.at_x(px), pz, 0.006) for px, pz in outer]
-            lip = [[(px, side * half_w - side * 0.012, pz) for px, pz in inner], [(p[0], side * p[1], p[2]) for p in edge]]
+            lip = [
+                [(px, side * half_w - side * 0.012, pz) for px, pz in inner],
+                [(p[0], side * p[1], p[2]) for p in edge],
+            ]
             if s.cladding:
                 add_sheet(trim, lip, flipped=side < 0)
     if s.cladding:
@@ -112,7 +116,10 @@ def _add_rear(parts: Parts, body: LowerBody) -> None:
     begin = body.at_x(-0.5 * s.length_m + 0.05 + (0.45 if s.tall_lamps else 0.6) * s.corner_rear[0])
     end = body.rear_at_y(inner)
     columns = [mix(begin, end, k / 4) for k in range(5)]
-    _mirrored(parts["tail_lamp"], skin_patch(body, columns, [lower + 0.03, lower, lower, lower, lower + 0.02], [upper] * 5, 0.010, 3))
+    _mirrored(
+        parts["tail_lamp"],
+        skin_patch(body, columns, [lower + 0.03, lower, lower, lower, lower + 0.02], [upper] * 5, 0.010, 3),
+    )
     white = [mix(begin, end, t) for t in (0.55, 0.85)]
     _mirrored(parts["head_lamp"], skin_patch(body, white, [lower + 0.02] * 2, [lower + 0.055] * 2, 0.016))
     z0, z1 = s.clearance_m + 0.01, s.clearance_m + 0.13
@@ -170,7 +177,9 @@ def _add_rails(trim: Mesh, shape: CarShape) -> None:
     top = shape.height_m - 0.005
     for side in (1.0, -1.0):
         y = side * (shape.half_roof_m - 0.10)
-        add_tube(trim, [(first, y, top - 0.07), (first - 0.1, y, top), (last + 0.1, y, top), (last, y, top - 0.08)], 0.016, 5)
+        add_tube(
+            trim, [(first, y, top - 0.07), (first - 0.1, y, top), (last + 0.1, y, top), (last, y, top - 0.08)], 0.016, 5
+        )
 
 
 def car_proxies(shape: CarShape) -> list[Proxy]:

@@ -60,8 +60,17 @@ MODELS["lorry"] = [Model("lorry", "lorry", "vehicle", lorry_parts, lorry_proxies
 
 
 def add_vehicle(
-    builder: MapBuilder, rng: RandomGenerator, kind: str, x: float, y: float, heading_rad: float, *,
-    paint: str = "", driver: float = 0.15, ground_m: float = 0.0, variant: int = -1,
+    builder: MapBuilder,
+    rng: RandomGenerator,
+    kind: str,
+    x: float,
+    y: float,
+    heading_rad: float,
+    *,
+    paint: str = "",
+    driver: float = 0.15,
+    ground_m: float = 0.0,
+    variant: int = -1,
 ) -> str:
     """Add a vehicle as one static body and return the body's name. `driver`: probability that somebody sits in it."""
     models = MODELS[kind]

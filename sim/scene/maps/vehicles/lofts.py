@@ -1,8 +1,9 @@
-"""Lofted sheets, tubes and wheels for `Mesh`: grids of points that share their vertices, so that they shade smoothly."""
+"""Lofted sheets, tubes and revolved profiles for `Mesh`: grids with shared vertices, which shade smoothly."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
@@ -19,7 +20,7 @@ def at_knots(knots: Sequence[Vec2], x: float) -> float:
     """Return the ordinate at `x` of a polyline with ascending abscissae; beyond its ends, that of the end."""
     if x <= knots[0][0]:
         return knots[0][1]
-    for (x0, y0), (x1, y1) in zip(knots, knots[1:], strict=False):
+    for (x0, y0), (x1, y1) in pairwise(knots):
         if x <= x1:
             return y0 + (y1 - y0) * (x - x0) / (x1 - x0)
     return knots[-1][1]
@@ -41,7 +42,7 @@ def add_quad(mesh: Mesh, a: int, b: int, c: int, d: int) -> None:
 
 def add_indexed_grid(mesh: Mesh, rows: Sequence[Sequence[int]], *, closed: bool = False) -> None:
     """Add the quadrangles between rows of vertex indices, seen from where columns run right and rows run up."""
-    for low, high in zip(rows, rows[1:], strict=False):
+    for low, high in pairwise(rows):
         n = len(low)
         for i in range(n if closed else n - 1):
             k = (i + 1) % n
@@ -51,9 +52,7 @@ def add_indexed_grid(mesh: Mesh, rows: Sequence[Sequence[int]], *, closed: bool 
 def add_sheet(mesh: Mesh, rows: Sequence[Sequence[Vec3]], *, flipped: bool = False) -> None:
     """Add an open sheet; texture coordinates run from 0 to 1 along columns (u) and rows (v)."""
     height, width = len(rows) - 1, len(rows[0]) - 1
-    indices = [
-        [add_vertex(mesh, p, (i / width, j / height)) for i, p in enumerate(row)] for j, row in enumerate(rows)
-    ]
+    indices = [[add_vertex(mesh, p, (i / width, j / height)) for i, p in enumerate(row)] for j, row in enumerate(rows)]
     if flipped:
         indices = [row[::-1] for row in indices]
     add_indexed_grid(mesh, indices)
@@ -121,9 +120,7 @@ def add_tube(mesh: Mesh, points: Sequence[Vec3], radius_m: float | Sequence[floa
         for i in range(sides):
             c, s = radii[k] * det_cos(TURN_RAD * i / sides), radii[k] * det_sin(TURN_RAD * i / sides)
             row.append(
-                add_vertex(
-                    mesh, (p[0] + c * u[0] + s * v[0], p[1] + c * u[1] + s * v[1], p[2] + c * u[2] + s * v[2])
-                )
+                add_vertex(mesh, (p[0] + c * u[0] + s * v[0], p[1] + c * u[1] + s * v[1], p[2] + c * u[2] + s * v[2]))
             )
         rows.append(row)
     first, last = add_vertex(mesh, points[0]), add_vertex(mesh, points[-1])

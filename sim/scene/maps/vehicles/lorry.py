@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.vehicles.blocks import add_block, add_disc_sheet, add_end_sheet, add_side_sheet
+from sim.scene.maps.vehicles.blocks import Ring, add_block, add_disc_sheet, add_end_sheet, add_side_sheet
 from sim.scene.maps.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube
 from sim.scene.maps.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from sim.scene.maps.vehicles.wheels import add_wheel
@@ -13,6 +13,12 @@ WHEEL_M = 0.47
 AXLES_M = (2.85, -2.15)
 _HALF = 0.5 * WIDTH_M
 _CAB = 1.16  # half width of the cab
+_CABIN: tuple[Ring, ...] = (
+    (0.42, 2.12, 3.93, _CAB - 0.02), (0.62, 2.12, 3.98, _CAB), (1.35, 2.12, 3.98, _CAB),
+    (1.50, 2.12, 3.96, _CAB - 0.005), (2.35, 2.14, 3.76, _CAB - 0.06), (2.55, 2.16, 3.60, _CAB - 0.10),
+    (2.64, 2.24, 3.42, _CAB - 0.20),
+)  # fmt: skip
+_DEFLECTOR: tuple[Ring, ...] = ((2.62, 2.16, 3.25, 0.98), (2.95, 2.16, 2.75, 0.96), (3.16, 2.16, 2.36, 0.92))
 
 
 def lorry_parts() -> Parts:
@@ -20,14 +26,8 @@ def lorry_parts() -> Parts:
     paint, glass, trim, rim, head, tail, box = (
         parts[name] for name in ("paint", "glass", "trim", "rim", "head_lamp", "tail_lamp", "box")
     )
-    rings = (
-        (0.42, 2.12, 3.93, _CAB - 0.02), (0.62, 2.12, 3.98, _CAB), (1.35, 2.12, 3.98, _CAB),
-        (1.50, 2.12, 3.96, _CAB - 0.005), (2.35, 2.14, 3.76, _CAB - 0.06), (2.55, 2.16, 3.60, _CAB - 0.10),
-        (2.64, 2.24, 3.42, _CAB - 0.20),
-    )  # fmt: skip
-    add_block(paint, rings, 0.14, bow_m=0.05)
-    # Wind deflector on the cab.
-    add_block(paint, ((2.62, 2.16, 3.25, 0.98), (2.95, 2.16, 2.75, 0.96), (3.16, 2.16, 2.36, 0.92)), 0.06)
+    add_block(paint, _CABIN, 0.14, bow_m=0.05)
+    add_block(paint, _DEFLECTOR, 0.06)
     add_box(box, (-4.0, -_HALF, 1.02), (2.0, _HALF, 3.3))
     for z in (1.02, 3.24):  # edges of the box in metal
         add_box(rim, (-4.01, -_HALF - 0.006, z), (2.01, _HALF + 0.006, z + 0.07))
@@ -92,10 +92,14 @@ def _add_ends(parts: Parts) -> None:
 
 
 def lorry_proxies() -> list[Proxy]:
+    cab, deflector = Mesh.empty(), Mesh.empty()
+    add_block(cab, _CABIN, 0.14, bow_m=0.05, steps=1)
+    add_block(deflector, _DEFLECTOR, 0.06, steps=1)
     return [
         Proxy("box", (3.0, _HALF, 1.14), (-1.0, 0.0, 2.16)),
-        Proxy("box", (0.90, _CAB, 0.49), (3.03, 0.0, 0.92)),
-        Proxy("box", (0.75, _CAB - 0.06, 0.58), (2.89, 0.0, 1.98)),
+        Proxy("hull", hull=cab),
+        Proxy("hull", hull=deflector),
         Proxy("box", (3.55, 0.42, 0.20), (-0.3, 0.0, 0.82)),
+        Proxy("box", (0.60, 0.265, 0.25), (0.40, 0.815, 0.70)),
         *axle_proxies(AXLES_M, WHEEL_M, _HALF - 0.04, 0.16),
     ]

@@ -10,7 +10,21 @@ from sim.scene.maps.meshes import Mesh
 
 Parts = dict[str, Mesh]
 # The materials; empty meshes are left out of a map.
-MATERIALS = ("paint", "box", "glass", "trim", "tyre", "rim", "head_lamp", "tail_lamp", "lit", "plate", "skin", "cloth", "hair")
+MATERIALS = (
+    "paint",
+    "box",
+    "glass",
+    "trim",
+    "tyre",
+    "rim",
+    "head_lamp",
+    "tail_lamp",
+    "lit",
+    "plate",
+    "skin",
+    "cloth",
+    "hair",
+)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from sim.scene.maps.vehicles.lofts import add_indexed_grid, add_lathe, add_verte
 _SIDES = 18
 
 
-def add_wheel(tyre: Mesh, rim: Mesh, centre: Vec3, radius_m: float, width_m: float, spokes: int, outward: float) -> None:
+def add_wheel(
+    tyre: Mesh, rim: Mesh, centre: Vec3, radius_m: float, width_m: float, spokes: int, outward: float
+) -> None:
     """Add a wheel whose outer face looks along `outward` y; `centre` is the middle of the outer face."""
     r = radius_m
     w = width_m
@@ -33,7 +35,11 @@ def _add_spoke(rim: Mesh, centre: Vec3, r: float, angle_rad: float, half_rad: fl
         row = []
         for turn, deep in ((-share, -0.03), (-0.8 * share, 0.0), (0.8 * share, 0.0), (share, -0.03)):
             a = angle_rad + turn * half_rad * (0.36 / radius if radius > 0.36 else 1.0)
-            p = (centre[0] + radius * r * det_cos(a), centre[1] + outward * (y + deep), centre[2] + radius * r * det_sin(a))
+            p = (
+                centre[0] + radius * r * det_cos(a),
+                centre[1] + outward * (y + deep),
+                centre[2] + radius * r * det_sin(a),
+            )
             row.append(add_vertex(rim, p))
         rows.append(row if outward < 0.0 else row[::-1])
     add_indexed_grid(rim, rows)
