@@ -50,9 +50,10 @@ def bus_parts() -> Parts:
     add_end_sheet(glass, -5.507, -5.475, -0.95, 0.95, 1.45, 2.45, -1.0)
     add_end_sheet(trim, -5.507, -5.507, -0.9, 0.9, 0.55, 1.25, -1.0)
     for side in (1.0, -1.0):
-        for low, high, mesh in ((0.75, 1.15, tail), (1.18, 1.30, head), (2.55, 2.68, tail)):
+        for bottom, top, mesh in ((0.75, 1.15, tail), (1.18, 1.30, head), (2.55, 2.68, tail)):
             y0, y1 = sorted((side * 0.97, side * 1.10))
-            add_end_sheet(mesh, -5.512 + 0.06 * (low > 2), -5.512 + 0.07 * (low > 2), y0, y1, low, high, -1.0)
+            in_m = 0.06 * (bottom > 2.0)
+            add_end_sheet(mesh, -5.512 + in_m, -5.512 + in_m, y0, y1, bottom, top, -1.0)
     add_plate(parts["plate"], (-5.52, 0.0, 0.45), -1.0)
     add_ellipsoid(trim, (5.55, 1.32, 2.25), (0.10, 0.09, 0.24), rings=5, sides=8)
     add_ellipsoid(trim, (5.55, -1.32, 2.25), (0.10, 0.09, 0.24), rings=5, sides=8)

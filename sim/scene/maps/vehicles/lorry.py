@@ -64,7 +64,8 @@ def lorry_parts() -> Parts:
         y0, y1 = sorted((side * 0.75, side * 1.15))
         add_box(trim, (-3.96, y0, 0.70), (-3.90, y1, 0.92))
         add_end_sheet(tail, -3.965, -3.965, y0 + 0.02, y1 - 0.02, 0.73, 0.89, -1.0)
-        add_end_sheet(tail, -4.016, -4.016, *sorted((side * 1.02, side * 1.16)), 3.14, 3.21, -1.0)
+        y0, y1 = sorted((side * 1.02, side * 1.16))
+        add_end_sheet(tail, -4.016, -4.016, y0, y1, 3.14, 3.21, -1.0)
     _add_ends(parts)
     return parts
 
