@@ -123,7 +123,10 @@ def local(url: str, address: str) -> bool:
 
 
 def picture(page: Any, name: str) -> None:
-    """Take pictures in both themes at the width of a desktop and a tablet. Fails if the page scrolls sideways, or a desktop's header wraps."""
+    """Take pictures in both themes at the width of a desktop and a tablet.
+
+    Fails if the page scrolls sideways, or if the header of a desktop wraps.
+    """
     folder = os.environ.get("HIL_SCREENSHOTS")
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
