@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from hil.run.loop.tick_loop import VehicleFailed
 from hil.run.part import FlightEnded
-from hil.run.runs.lockstep import Lockstep, VehicleFailed
+from hil.run.runs.lockstep import Lockstep
 from signals.errors import HandshakeError, LinkClosed, ModelRangeError
 
 LOST = LinkClosed("autopilot", "its process ended")
@@ -18,11 +19,12 @@ class Vehicle:
     """Stand-in for a flight and its scheduler, which raises `error` in `phase` of tick 1."""
 
     def __init__(self, name: str, phase: str = "", error: Exception | None = None, on_loss: str = "go_on") -> None:
+        self.name = name
         self.calls: list[tuple[str, int]] = []
         self.events: list[str] = []
         self.tick, self.lost, self.over = 0, False, False
         self._fails, self._error = phase, error
-        config = SimpleNamespace(name=name, autopilot=SimpleNamespace(on_loss=on_loss))
+        config = SimpleNamespace(autopilot=SimpleNamespace(on_loss=on_loss))
         self.run = SimpleNamespace(
             bench=SimpleNamespace(config=config), scheduler=self, event=lambda _, text: self.events.append(text)
         )
