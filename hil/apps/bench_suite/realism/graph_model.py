@@ -1,7 +1,8 @@
 """TensorFlow.js graph models (model.json and one file of weights) as ONNX models.
 
-Only the operations of the benchmark's models are known. TensorFlow has channels last, ONNX channels first: each value is held with channels first together with a mark that tells which order the graph means, so that a transpose
-between the two orders only changes the mark.
+Only the operations of the benchmark's models are known. TensorFlow has channels last, ONNX channels first: each value
+is held with channels first, together with a mark that tells which order the graph means, so that a transpose between
+the two orders only changes the mark.
 """
 
 from __future__ import annotations

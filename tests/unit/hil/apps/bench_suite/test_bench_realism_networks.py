@@ -118,7 +118,7 @@ def test_a_graph_model_gives_the_same_numbers_as_its_definition() -> None:
     model = {
         "signature": {
             "inputs": {"x": {"name": "x:0", "tensorShape": {"dim": dims}}},
-            "outputs": {"y": {"name": "flat:0"}},
+            "outputs": {"y": {"name": "flat:0", "tensorShape": {"dim": dims[:3]}}},
         },
         "modelTopology": {"node": nodes},
         "weightsManifest": [{"weights": manifest}],
