@@ -107,6 +107,12 @@ class FrameGeometry:
         """Hide an actor until it is posed again, because its poses have changed."""
         self._actors.hide(actor)
 
+    def forget_all(self) -> None:
+        """Hide all actors until they are posed again."""
+        for actor in range(len(self.world.map.actors)):
+            self._actors.hide(actor)
+        self._was_used = False
+
     def pose(self, t_ns: int) -> None:
         """Pose all actors at `t_ns`. A pose that is not finite hides its geoms."""
         self.expect(t_ns)

@@ -5,8 +5,8 @@
 | low | 1 | 1 | no: mean colours | no |
 | medium | 1 | 1 | yes | no |
 | high | 1 | 1 | yes | yes |
-| epic | 1 | 4 | yes | yes |
-| cinematic | 2 in width and height | 4 | yes | yes |
+| epic | 1 | 4 | yes | yes, with ambient occlusion |
+| cinematic | 2 in width and height | 4 | yes | yes, with ambient occlusion |
 
 A camera without a level has the level `medium`. A level overrides the preset, and keys beside it override the level:
 `{preset: camera_320x240, quality: high, shadows: false}` has no shadows. If the resolution (or `intrinsics`) is given
@@ -22,7 +22,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from sim.frame.shading import FULL, LEVELLED, MEAN_COLOURS, PLAIN, Shading
+from sim.frame.shading import FULL, LEVELLED, MEAN_COLOURS, OCCLUDED, PLAIN, Shading
 
 QualityName = Literal["low", "medium", "high", "epic", "cinematic"]
 
@@ -41,8 +41,8 @@ QUALITIES: dict[str, Quality] = {
     "low": Quality(1, 1, shadows=False, shading=MEAN_COLOURS),
     "medium": Quality(1, 1, shadows=False, shading=PLAIN),
     "high": Quality(1, 1, shadows=True, shading=FULL),
-    "epic": Quality(1, 2, shadows=True, shading=FULL),
-    "cinematic": Quality(2, 2, shadows=True, shading=FULL),
+    "epic": Quality(1, 2, shadows=True, shading=OCCLUDED),
+    "cinematic": Quality(2, 2, shadows=True, shading=OCCLUDED),
 }
 
 _PIXELS = frozenset({"resolution", "intrinsics"})

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim import _kernels
-from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SunShadows, mean_of_four
+from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SkyVisibility, SunShadows, mean_of_four
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.channels import CHANNELS
@@ -27,6 +27,7 @@ __all__ = ["CHANNELS", "CameraPose", "FrameRenderer", "RenderSkips"]
 
 SUPERSAMPLES = (1, 2, 4)  # samples of colour along the edge of a pixel
 _SHADOW_PIXELS = 2048  # along the longer edge of the scene
+_SKY_CELL_M, _SKY_REACH_M = 1.0, 10.0
 _GROUND_LIGHT = 0.45  # share of the ambient light that the ground reflects
 
 
@@ -101,6 +102,7 @@ class FrameRenderer:
         light = light if light is not None else geometry.world.scene.light
         self._light = daylight(light, extinction_per_m)
         self._shadows: SunShadows | None = None
+        self._sky = sky_visibility(geometry, isa) if shading.ambient_occlusion else None
         if shadows and light.sun_elevation_deg > 0.0:
             self._shadows = sun_shadows(geometry, light, isa)
 
@@ -162,6 +164,7 @@ class FrameRenderer:
             first,
             last,
             self.threads,
+            self._sky,
         )
 
 
@@ -211,6 +214,15 @@ def daylight(light: Light, extinction_per_m: float = 0.0) -> Daylight:
         extinction_per_m,
         HAZE_M,
     )
+
+
+def sky_visibility(geometry: FrameGeometry, isa: str = "") -> SkyVisibility:
+    """Return the ambient occlusion of a geometry's static geoms, shared by all cameras."""
+    if SkyVisibility not in geometry.prepared:
+        geometry.forget_all()
+        geometry.prepared[SkyVisibility] = SkyVisibility(geometry.native, _SKY_CELL_M, _SKY_REACH_M, isa=isa)
+    sky: SkyVisibility = geometry.prepared[SkyVisibility]
+    return sky
 
 
 def sun_shadows(geometry: FrameGeometry, light: Light, isa: str = "") -> SunShadows:

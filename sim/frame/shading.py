@@ -7,7 +7,7 @@ and 4.2, and the matrix from XYZ that of IEC 61966-2-1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from sim import _kernels
@@ -25,6 +25,7 @@ class Shading:
     filtering: bool = False  # textures are interpolated between texels and levels, else the nearest texel
     highlights: bool = False  # surfaces mirror sun, sky and ground
     relief: bool = False  # textures of normals
+    ambient_occlusion: bool = False  # static things keep the ambient light from what is near them
     tone: ToneCurve = "linear"
     exposure_ev: float = 0.0  # doublings of the light
     white_balance_k: float = SRGB_WHITE_K
@@ -40,7 +41,15 @@ class Shading:
 PLAIN = Shading()
 MEAN_COLOURS = Shading(textures=False)
 FULL = Shading(filtering=True, highlights=True, relief=True, tone="filmic")
-LEVELLED = ("textures", "filtering", "highlights", "relief", "tone")  # settings that belong to a level of quality
+OCCLUDED = replace(FULL, ambient_occlusion=True)
+LEVELLED = (
+    "textures",
+    "filtering",
+    "highlights",
+    "relief",
+    "ambient_occlusion",
+    "tone",
+)  # settings that belong to a level of quality
 
 
 def daylight_rgb(temperature_k: float) -> tuple[float, float, float]:

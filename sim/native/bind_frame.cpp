@@ -220,6 +220,17 @@ void bind_frame(nb::module_ &m) {
             "geometry"_a, "sun_W"_a, "resolution"_a, "isa"_a = "", nb::keep_alive<1, 2>())
         .def("update", &fr::SunShadows::update, "reuse_static"_a, nb::call_guard<nb::gil_scoped_release>());
 
+    nb::class_<fr::SkyVisibility>(m, "SkyVisibility", "Ambient occlusion of the static geoms (frame/sky_visibility.hpp).")
+        .def(
+            "__init__",
+            [](fr::SkyVisibility *self, const fr::Geometry &geometry, double cell_m, double reach_m, int threads,
+               const std::string &isa) {
+                const fr::Isa set = fr::isa_by_name(isa);
+                nb::gil_scoped_release free;
+                new (self) fr::SkyVisibility(geometry, cell_m, reach_m, threads, set);
+            },
+            "geometry"_a, "cell_m"_a, "reach_m"_a, "threads"_a = 1, "isa"_a = "");
+
     nb::class_<fr::RasterCounts>(m, "RasterCounts")
         .def_ro("nodes", &fr::RasterCounts::nodes)
         .def_ro("geoms", &fr::RasterCounts::geoms);
@@ -255,7 +266,7 @@ void bind_frame(nb::module_ &m) {
             "take",
             [](fr::Picture &self, const Vec3 &p_WC, const Mat3 &R_WC, const Vec3 &v_W, const fr::Daylight &light,
                const fr::SunShadows *shadows, const nb::dict &out, float near_t, float far_t, bool frustum, bool occlusion, bool backs,
-               int row0, int row1, int threads) {
+               int row0, int row1, int threads, const fr::SkyVisibility *sky) {
                 const fr::VisibilityBuffer &b = self.raster().buffer();
                 fr::RasterOptions options;
                 options.near_t = near_t;
@@ -275,9 +286,9 @@ void bind_frame(nb::module_ &m) {
                 o.rgb = channel<std::uint8_t>(out, "rgb", b.height, b.width, 3);
                 const fr::RasterCamera camera = camera_of(p_WC, R_WC, v_W);
                 nb::gil_scoped_release free;
-                self.take(camera, options, light, shadows, o, row0, row1, threads);
+                self.take(camera, options, light, shadows, sky, o, row0, row1, threads);
             },
             "p_WC"_a, "R_WC"_a, "v_WC_W"_a, "light"_a, "shadows"_a.none(), "out"_a, "near_t"_a, "far_t"_a, "frustum"_a,
-            "occlusion"_a, "backs"_a, "row0"_a, "row1"_a, "threads"_a)
+            "occlusion"_a, "backs"_a, "row0"_a, "row1"_a, "threads"_a, "sky"_a.none() = nb::none())
         .def_prop_ro("counts", [](const fr::Picture &p) { return p.raster().counts(); });
 }

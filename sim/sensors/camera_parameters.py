@@ -129,6 +129,7 @@ class CameraParameters(StrictModel):
     filtering: bool = False  # textures are interpolated (sim/frame/shading.py)
     highlights: bool = False  # surfaces mirror sun, sky and ground
     relief: bool = False  # textures of normals
+    ambient_occlusion: bool = False
     tone: ToneCurve = "linear"
     exposure_ev: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0  # doublings of the light, before the tone curve
     white_balance_k: Annotated[float, Field(ge=4000.0, le=25_000.0)] = SRGB_WHITE_K
@@ -195,15 +196,8 @@ class CameraParameters(StrictModel):
 
     def shading(self) -> Shading:
         """Return the settings of the native raster's colour."""
-        return Shading(
-            self.textures,
-            self.filtering,
-            self.highlights,
-            self.relief,
-            self.tone,
-            self.exposure_ev,
-            self.white_balance_k,
-        )
+        keys = (*LEVELLED, "exposure_ev", "white_balance_k")
+        return Shading(**{key: getattr(self, key) for key in keys})
 
     def model(self) -> CameraModel:
         """Return the camera model. Raises ValueError if no lens has these parameters."""

@@ -15,6 +15,7 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import Execution, FrameRenderer
 from sim.frame.shading import PLAIN, Shading, daylight_rgb
+from sim.scene.light import Light
 from sim.scene.scene import load_scene
 from sim.world_loader import load_world
 
@@ -208,3 +209,24 @@ def test_every_instruction_set_and_number_of_threads_gives_the_same_colours(isa:
     assert np.array_equal(
         rgb_of(geometry, (0.0, -20.0, 12.0), R_WC, shading, shadows=True, execution=execution), expected
     )
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_a_high_wall_takes_half_of_the_light_of_the_floor_beside_it(tmp_path: Path, isa: str) -> None:
+    """At the foot of an endless wall half of the hemisphere is open; over the open floor and on the wall, all of it."""
+    wall = '<geom name="ground" type="plane" size="0 0 1"/><geom name="wall" type="box" size="1 60 30" pos="11 0 30"/>'
+    geometry = geometry_of(tmp_path, "", wall)
+    light = Light(sun_rgb=(0.0, 0.0, 0.0))
+
+    def share(p: tuple[float, float, float], R_WC: Array) -> float:
+        """Return the share of the ambient light in the middle of the picture."""
+        told = {"light": light, "execution": Execution(isa=isa)}
+        with_it, without = (
+            linear(rgb_of(geometry, p, R_WC, Shading(ambient_occlusion=on), **told)) for on in (True, False)
+        )
+        return float((with_it / without)[46:50, 46:50].mean())
+
+    east = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    assert share((9.6, 0.0, 5.0), DOWN) == pytest.approx(0.2 + 0.8 * 0.5, abs=0.06)
+    assert share((-30.0, 0.0, 5.0), DOWN) == pytest.approx(1.0, abs=0.01)
+    assert share((5.0, 0.0, 20.0), east) == pytest.approx(1.0, abs=0.1)

@@ -68,12 +68,13 @@ struct Shot {
     RasterOptions options;
     Daylight light;
     const SunShadows *shadows;
+    const SkyVisibility *sky;
 };
 
 Channels take(Picture &picture, const Shot &shot, unsigned wanted, int row0, int row1, int threads) {
     const VisibilityBuffer &b = picture.raster().buffer();
     Channels channels(b.width, b.height, wanted);
-    picture.take(shot.camera, shot.options, shot.light, shot.shadows, channels.outputs(), row0, row1, threads);
+    picture.take(shot.camera, shot.options, shot.light, shot.shadows, shot.sky, channels.outputs(), row0, row1, threads);
     if (!channels.intact()) throw Failure("written beside the outputs");
     return channels;
 }
@@ -124,11 +125,13 @@ void one(std::uint64_t seed) {
     Shot shot{};
     shot.light = random_light(rng);
     const std::uint64_t raster_seed = rng.bits();
+    const Shading shading{rng.one_in(2), rng.one_in(2), rng.one_in(2), rng.one_in(2), {1.0f, 0.5f, 2.0f}};
     std::unique_ptr<Picture> picture;
+    std::unique_ptr<SkyVisibility> sky;
     std::unique_ptr<SunShadows> shadows;
     int resolution = 0;
     try {
-        picture = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed), scenery);
+        picture = std::make_unique<Picture>(random_raster(geometry, huge, best_isa(), raster_seed), scenery, shading);
         if (rng.one_in(3)) {
             resolution = 1 + rng.below(300);
             shadows = std::make_unique<SunShadows>(geometry, shot.light.sun_W, resolution, best_isa());
@@ -136,6 +139,8 @@ void one(std::uint64_t seed) {
     } catch (const std::invalid_argument &) {
         if (picture == nullptr) return;  // refused in words; without the sun there is a picture all the same
     }
+    if (rng.one_in(30)) sky = std::make_unique<SkyVisibility>(geometry, rng.uniform(0.5, 3.0), 10.0, 1, best_isa());
+    shot.sky = sky.get();
     if (rng.one_in(8)) shot.options.near_t = static_cast<float>(rng.uniform(1e-3, 3.0));
     if (rng.one_in(8)) shot.options.far_t = static_cast<float>(rng.uniform(3.0, 1e5));
     const int height = picture->raster().buffer().height;
@@ -150,7 +155,7 @@ void one(std::uint64_t seed) {
         same(whole, take(*picture, shot, wanted, 0, height, 1), 0, height, "other channels asked for");
         for (const Isa isa : {Isa::kBase, Isa::kAvx2}) {
             if (!has_isa(isa) || isa == best_isa()) continue;
-            Picture other(random_raster(geometry, huge, isa, raster_seed), scenery);
+            Picture other(random_raster(geometry, huge, isa, raster_seed), scenery, shading);
             Shot again = shot;
             std::unique_ptr<SunShadows> sun;
             if (shadows != nullptr) {

@@ -122,7 +122,7 @@ void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
 }
 
 void Picture::take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light,
-                   const SunShadows *shadows, const ChannelOutputs &out, int row0, int row1, int threads) {
+                   const SunShadows *shadows, const SkyVisibility *sky, const ChannelOutputs &out, int row0, int row1, int threads) {
     ResolveJob job{};
     job.buffer = &raster_->buffer();
     job.rays = &raster_->rays();
@@ -131,6 +131,9 @@ void Picture::take(const RasterCamera &camera, const RasterOptions &options, con
     job.out = out;
     job.light = &light;
     job.shading = shading_;
+    job.sky = sky;
+    for (int i = 0; i < 9; ++i) job.camera_to_world[i] = static_cast<float>(camera.R_WC[i]);
+    for (int i = 0; i < 3; ++i) job.p_WC[i] = static_cast<float>(camera.p_WC[i]);
     for (int c = 0; c < 3; ++c) {
         double sun = 0.0;
         for (int k = 0; k < 3; ++k) sun += camera.R_WC[3 * k + c] * light.sun_W[k];

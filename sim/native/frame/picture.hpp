@@ -37,9 +37,9 @@ public:
     Picture(std::unique_ptr<Raster> raster, const Scenery &scenery, const Shading &shading)
         : raster_(std::move(raster)), scenery_(scenery), shading_(shading) {}
 
-    // Fills the outputs that are not null. `shadows` may be null. Not thread-safe.
+    // Fills the outputs that are not null. `shadows` and `sky` may be null. Not thread-safe.
     void take(const RasterCamera &camera, const RasterOptions &options, const Daylight &light, const SunShadows *shadows,
-              const ChannelOutputs &out, int row0, int row1, int threads);
+              const SkyVisibility *sky, const ChannelOutputs &out, int row0, int row1, int threads);
 
     const Raster &raster() const { return *raster_; }
 

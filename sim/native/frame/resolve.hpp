@@ -19,6 +19,9 @@
 // of the sky or ground in the direction of reflection, and of the sun the lobe of Blinn (SIGGRAPH 1977) with the exponent
 // e = 1024 g^3, normalised by (e + 8) / 8, as the Gaussian exp(-e (1 - n.h)) (Wang et al., SIGGRAPH Asia 2009).
 //
+// Ambient occlusion. With the share V of the surroundings that is open (sky_visibility.hpp), the ambient light is
+// multiplied by 0.2 + 0.8 V: what is not open sends a fifth of the ambient light.
+//
 // Relief. A normal n becomes the unit vector along n + (r_u / r_n) t_u + (r_v / r_n) t_v for the texel (r_u, r_v, r_n) and
 // the unit directions t in which the texture's coordinates grow.
 //
@@ -32,6 +35,7 @@
 
 #include "raster.hpp"
 #include "scenery.hpp"
+#include "sky_visibility.hpp"
 
 namespace hil::sim::frame {
 
@@ -65,6 +69,8 @@ struct ResolveJob {
     float pixel_angle_rad;  // of one pixel, for the choice of texture level
     const Daylight *light;
     Shading shading;
+    const SkyVisibility *sky = nullptr;        // null: no ambient occlusion
+    float camera_to_world[9], p_WC[3];
     // Camera to sun camera: p_S = M p_C + s.
     float camera_to_sun[9], camera_in_sun[3];
     ShadowMap shadow[2];  // static, moving

@@ -1,4 +1,5 @@
 // Inner loops that compute the channels of visible surfaces. Contract: resolve.hpp.
+#include "ambient_occlusion.hpp"
 #include "lane_exp.hpp"
 #include "resolve.hpp"
 #include "sunlight.hpp"
@@ -128,9 +129,9 @@ HIL_INLINE Vec<F> unit(const Vec<F> &n) {
 HIL_INLINE F fifth_power(const F &x) { return x * x * (x * x) * x; }
 
 // Adds the mirror images of sun, sky and ground to the light `c` of a surface of colour `own`; `sun`: share of the sun's
-// light that arrives, times the cosine of its incidence. Not inlined, as put_haze.
+// light that arrives, times the cosine of its incidence; `open`: share of the ambient light. Not inlined, as put_haze.
 __attribute__((noinline)) void put_highlights(const ResolveJob &job, const Appearance &look, const Surface &s, const Vec<F> &normal,
-                                              const Rgb &own, const F &sun, Rgb &c) {
+                                              const Rgb &own, const F &sun, const F &open, Rgb &c) {
     const Daylight &light = *job.light;
     const F zero = splat<F>(0), one = splat<F>(1);
     const float gloss = look.shininess;
@@ -152,7 +153,7 @@ __attribute__((noinline)) void put_highlights(const ResolveJob &job, const Appea
         const F f0 = 0.08f * look.specular + look.metallic * (colour - 0.08f * look.specular);
         const F share = gloss * (f0 + (max(splat<F>(gloss), f0) - f0) * at_view);
         const F around = light.ground_rgb[i] + above * (sky_light - light.ground_rgb[i]);
-        return a * (1.0f - share) * (1.0f - look.metallic) + around * share + sun * lobe * (f0 + (1.0f - f0) * at_sun) * light.sun_rgb[i];
+        return a * (1.0f - share) * (1.0f - look.metallic) + around * share * open + sun * lobe * (f0 + (1.0f - f0) * at_sun) * light.sun_rgb[i];
     };
     c = {mirror(c.r, own.r, over.r, 0), mirror(c.g, own.g, over.g, 1), mirror(c.b, own.b, over.b, 2)};
 }
@@ -191,12 +192,13 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
     sun = select(faces, max(sun, zero), zero);
     if (job.shadows > 0 && any(faces)) sun = sun * sunlight(job, g, s, triangles, faces);
     const F above = up * 0.5f + 0.5f;
+    const F open = job.sky != nullptr ? ambient_share(job, s, normal) : splat<F>(1);
     const auto lit = [&](const F &a, int i) {
-        const F ambient = light.ground_rgb[i] + above * (light.sky_rgb[i] - light.ground_rgb[i]);
+        const F ambient = (light.ground_rgb[i] + above * (light.sky_rgb[i] - light.ground_rgb[i])) * open;
         return a * (ambient + sun * light.sun_rgb[i] + look.emission);
     };
     Rgb seen{lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
-    if (job.shading.highlights && look.specular > 0.0f) put_highlights(job, look, s, normal, c, sun, seen);
+    if (job.shading.highlights && look.specular > 0.0f) put_highlights(job, look, s, normal, c, sun, open, seen);
     return seen;
 }
 
