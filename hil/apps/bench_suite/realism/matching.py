@@ -1,9 +1,11 @@
 """Matching of found boxes with the objects of frames; recall, average precision and false boxes.
 
-Boxes of a group are taken by falling score. Each is matched with the object of its group that it overlaps most, if the
-IoU is at least 0.5: it is right if no better box has that object, and false otherwise (Pascal VOC 2010). Objects that
-are hidden or small (`Truth.counts` is False) are ignored: so is every box that has such an object as its match, or at
-least half of its area on one. Recall counts boxes from the network's threshold, average precision all of them.
+Boxes of a group are taken by falling score; of two that overlap by an IoU above 0.5, such as a car and a truck, the
+better one counts. Each is matched with the object of its group that it overlaps most, if the IoU is at least 0.5. It is
+right if no better box has that object, otherwise a duplicate. A box without a match is false. Average precision counts
+both as false positives (Pascal VOC 2010), the number of false boxes only the latter. Objects that are hidden or small
+(`Truth.counts` is False) are ignored: so is every box that has such an object as its match, or at least half of its area
+on one. Recall and false boxes count boxes from the network's threshold, average precision all of them.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 
 from hil.apps.bench_suite.realism.frames import Truth
 from hil.apps.bench_suite.realism.kinds import Kind, group_labels
-from hil.apps.bench_suite.realism.networks import Found, area, overlaps, shared_area
+from hil.apps.bench_suite.realism.networks import Found, area, best_boxes, overlaps, shared_area
 from hil.config.companion.clients import make_client_importable
 
 make_client_importable()
@@ -24,7 +26,7 @@ from hil.apps.detect.average_precision import ClassResult  # noqa: E402
 
 MIN_IOU, IGNORED_SHARE = 0.5, 0.5
 BUCKETS_PX = ((40.0, 80.0), (80.0, 160.0), (160.0, float("inf")))
-RIGHT, FALSE, IGNORED = 1, 0, -1
+RIGHT, DUPLICATE, FALSE, IGNORED = 1, 2, 0, -1
 
 
 @dataclass(frozen=True)
@@ -44,19 +46,25 @@ def match_group(truths: Sequence[Truth], boxes: Sequence[Found], group: str) -> 
     hidden = np.array([truths[i].box_px for i in rows if not truths[i].counts]).reshape(-1, 4)
     taken: set[int] = set()
     matches = []
-    for one in sorted((box for box in boxes if box.label in labels), key=lambda box: -box.score):
+    for one in _without_overlaps([box for box in boxes if box.label in labels]):
         box = np.array(one.box_px)
         ious = overlaps(box, places)
         best = int(ious.argmax()) if len(rows) else -1
         if best >= 0 and ious[best] >= MIN_IOU:
             row = rows[best]
-            outcome = IGNORED if not truths[row].counts else FALSE if row in taken else RIGHT
+            outcome = IGNORED if not truths[row].counts else DUPLICATE if row in taken else RIGHT
             taken.add(row)
             matches.append(Match(one, outcome, row if outcome == RIGHT else -1))
         else:
             covered = shared_area(box, hidden) >= IGNORED_SHARE * max(float(area(box)), 1e-9)
             matches.append(Match(one, IGNORED if covered.any() else FALSE, -1))
     return matches
+
+
+def _without_overlaps(boxes: Sequence[Found]) -> list[Found]:
+    """Return the boxes by falling score, without those that overlap a better one."""
+    places = np.array([box.box_px for box in boxes]).reshape(-1, 4)
+    return [boxes[row] for row in best_boxes(places, np.array([box.score for box in boxes]), MIN_IOU)]
 
 
 @dataclass

@@ -8,7 +8,7 @@ import pytest
 
 from hil.apps.bench_suite.realism.frames import Truth
 from hil.apps.bench_suite.realism.kinds import BY_NAME, KINDS, group_labels, kind_of
-from hil.apps.bench_suite.realism.matching import FALSE, IGNORED, RIGHT, Tally, match_group
+from hil.apps.bench_suite.realism.matching import DUPLICATE, FALSE, IGNORED, RIGHT, Tally, match_group
 from hil.apps.bench_suite.realism.networks import COCO_LABELS, Found
 
 CAR, BUS, PERSON = BY_NAME["vehicle"], BY_NAME["bus"], BY_NAME["person"]
@@ -39,9 +39,16 @@ def test_a_box_is_right_from_an_iou_of_one_half() -> None:
 
 
 def test_the_better_of_two_boxes_has_the_object() -> None:
-    boxes = [found(0.0, 0.6), found(5.0, 0.8)]
-    assert outcomes([truth(0.0)], boxes) == [RIGHT, FALSE]
+    # IoU of the boxes with each other: 40 / 160.
+    boxes = [found(-30.0, 0.6), found(30.0, 0.8)]
+    assert outcomes([truth(0.0)], boxes) == [RIGHT, DUPLICATE]
     assert match_group([truth(0.0)], boxes, "vehicle")[0].found.score == 0.8
+    tally = tally_of([truth(0.0)], boxes)
+    assert (tally.found, tally.false_boxes) == (1, 0)
+
+
+def test_of_overlapping_boxes_of_a_group_the_best_counts() -> None:
+    assert outcomes([truth(0.0)], [found(0.0, 0.6), found(5.0, 0.8, "truck")]) == [RIGHT]
 
 
 def test_boxes_on_hidden_or_small_objects_are_ignored() -> None:
