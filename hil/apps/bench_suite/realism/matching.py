@@ -4,8 +4,8 @@ Boxes of a group are taken by falling score; of two that overlap by an IoU above
 better one counts. Each is matched with the object of its group that it overlaps most, if the IoU is at least 0.5. It is
 right if no better box has that object, otherwise a duplicate. A box without a match is false. Average precision counts
 both as false positives (Pascal VOC 2010), the number of false boxes only the latter. Objects that are hidden or small
-(`Truth.counts` is False) are ignored: so is every box that has such an object as its match, or at least half of its area
-on one. Recall and false boxes count boxes from the network's threshold, average precision all of them.
+(`Truth.counts` is False) are ignored: so is every box that has such an object as its match, or at least half of its
+area on one. Recall and false boxes count boxes from the network's threshold, average precision all of them.
 """
 
 from __future__ import annotations
