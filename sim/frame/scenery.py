@@ -105,15 +105,25 @@ def rgb_texture(model: mujoco.MjModel, material: int) -> int:
     return -1
 
 
+def open_texels(model: mujoco.MjModel) -> dict[int, NDArray[np.bool_]]:
+    """Return the holes in the texture of each geom that has some, (height, width); row 0 is the texture's first."""
+    of_texture: dict[int, NDArray[np.bool_]] = {}
+    found: dict[int, NDArray[np.bool_]] = {}
+    for geom, texture in _masked(model):
+        if texture not in of_texture:
+            of_texture[texture] = _powers_of_two(_texels(model, texture)[:, :, 3:])[:, :, 0] < _OPAQUE
+        found[geom] = of_texture[texture]
+    return found
+
+
 def alpha_masks(model: mujoco.MjModel, geometry: Geometry) -> dict[int, int]:
     """Add the masks of all textures with holes to `geometry`; return the mask of each geom that has one."""
     masks: dict[int, int] = {}
     found: dict[int, int] = {}
-    for geom, texture in _masked(model):
-        if texture not in masks:
-            opaque = _powers_of_two(_texels(model, texture)[:, :, 3:]) >= _OPAQUE
-            masks[texture] = geometry.add_mask(np.ascontiguousarray(opaque[:, :, 0], np.uint8))
-        found[geom] = masks[texture]
+    for geom, is_open in open_texels(model).items():
+        if id(is_open) not in masks:
+            masks[id(is_open)] = geometry.add_mask((~is_open).astype(np.uint8))
+        found[geom] = masks[id(is_open)]
     return found
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil.apps.bench_suite.sensors.mujoco_rays import cast
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose
 from sim._kernels import frame_isa
 from sim.frame.camera_model import CameraModel
@@ -110,6 +112,22 @@ def test_a_ray_meets_the_card_where_its_texel_is_opaque(geometry: FrameGeometry,
         hit, clear = expected(origin, direction)
         assert 0.1 < hit.mean() < 0.5
         assert np.array_equal(geoms[clear] == card, hit[clear])
+
+
+def test_rays_of_mujoco_go_on_through_holes(geometry: FrameGeometry) -> None:
+    """The reference of the benches, against the plain formula."""
+    model = geometry.world.model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    direction = np.random.default_rng(9).uniform((0.9, -0.3, -0.3), (1.0, 0.3, 0.3), (500, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    origin = np.array([0.5, 0.1, 1.1])
+    geom, range_m, _ = cast(model, data, origin, direction)
+    hit, clear = expected(origin, direction)
+    assert np.array_equal(geom[clear] == model.geom("card").id, hit[clear])
+    behind = clear & ~hit & (geom == model.geom("wall").id)
+    assert abs(range_m * direction[:, 0] - 5.5)[behind].max() < 1e-9
+    assert behind.sum() > 100
 
 
 def test_the_shadow_of_leaves_has_their_share_of_opaque_texels(tmp_path: Path) -> None:

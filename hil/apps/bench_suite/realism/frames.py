@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.realism.kinds import Kind, objects_of
-from hil.apps.bench_suite.sensors.raster_cases import camera_pose, cast, looking
+from hil.apps.bench_suite.sensors.mujoco_rays import cast
+from hil.apps.bench_suite.sensors.raster_cases import camera_pose, looking
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.sensors.raster_cases import GROUPS, random_geoms, vehicle_case, world_with
+from hil.apps.bench_suite.sensors.mujoco_rays import GROUPS, go_on
+from hil.apps.bench_suite.sensors.raster_cases import random_geoms, vehicle_case, world_with
 from hil.apps.bench_suite.timing import best_times
 from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
@@ -117,6 +118,7 @@ def _compare(scene: LidarScene, pattern: str, *, rounds: int) -> tuple[Row, Row,
         for name, took in best_times(runs, rounds=rounds, once_above_s=0.5).items():
             times[name].append(took)
         own_hits, mujoco_hits = (_copied(run()) for run in runs.values())
+        _go_on(scene, origin, rays, mujoco_hits)
         away = _away_from_silhouettes(mujoco_hits[1], pattern)
         differing += int((own_hits[1] != mujoco_hits[1]).sum())
         sample = slice(None, None, _SAMPLE)
@@ -149,18 +151,26 @@ def _multi_ray(scene: LidarScene, origin: Vec3, rays: Rays) -> Hits:
     return rays.range_m, rays.geom
 
 
+def _go_on(scene: LidarScene, origin: Vec3, rays: Rays, hits: Hits) -> None:
+    """Continue MuJoCo's rays through holes, in place."""
+    range_m, geom = hits
+    go_on(scene.model, scene.data, (np.array(origin), rays.directions_W), (geom, range_m, np.zeros((len(geom), 3))))
+    range_m[geom < 0] = np.inf
+
+
 def _copied(hits: Hits) -> Hits:
     """Return a copy of the hits with infinite range for rays that hit nothing."""
     return np.where(hits[1] >= 0, hits[0], np.inf), hits[1].copy()
 
 
-def _mj_ray(scene: LidarScene, origin: tuple[float, float, float], directions_W: Float64) -> Hits:
-    origin_W, hit = np.array(origin), np.zeros(1, np.int32)
+def _mj_ray(scene: LidarScene, origin: Vec3, directions_W: Float64) -> Hits:
+    origin_W, hit, normal = np.array(origin), np.zeros(1, np.int32), np.zeros((len(directions_W), 3))
     range_m, geom = np.empty(len(directions_W)), np.empty(len(directions_W), np.int32)
     for i, direction in enumerate(directions_W):
         t = mujoco.mj_ray(scene.model, scene.data, origin_W, direction, GROUPS, True, -1, hit)
         range_m[i], geom[i] = (t, hit[0]) if hit[0] >= 0 else (np.inf, -1)
-    return range_m, geom
+    go_on(scene.model, scene.data, (origin_W, directions_W), (geom, range_m, normal))
+    return np.where(geom >= 0, range_m, np.inf), geom
 
 
 def _away_from_silhouettes(geom: NDArray[np.int32], pattern: str) -> NDArray[np.bool_]:

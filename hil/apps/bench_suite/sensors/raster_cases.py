@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.apps.bench_suite.sensors.mujoco_rays import cast
 from signals.errors import HilError
 from signals.samples import Vec3
 from sim.frame.mujoco_backend import WorldPose
@@ -30,7 +31,6 @@ Float64 = NDArray[np.float64]
 SCENES = ("city_park", "urban_delivery", "training_village", "radar_range")
 VEHICLES = "vehicles over city_park"
 _SEEN = ("x500", "iris", "racer")
-GROUPS = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # MuJoCo geom groups visible to cameras
 _CLEAR_M = 0.5
 _MIN_HEIGHT_M, _MAX_HEIGHT_M = 2.0, 30.0
 _TRIES = 200  # per view
@@ -240,19 +240,3 @@ def _is_clear(model: mujoco.MjModel, data: mujoco.MjData, p_W: Float64) -> bool:
     back_face = np.einsum("ij,ij->i", normal, rays) > 1e-9
     solid = model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH
     return not bool((hit & back_face & solid).any())
-
-
-def cast(
-    model: mujoco.MjModel, data: mujoco.MjData, origin_W: Float64, directions_W: Float64
-) -> tuple[NDArray[np.int32], Float64, Float64]:
-    """Cast rays with mj_multiRay; `directions_W` is (n, 3), unit vectors.
-
-    Return geom (n,), -1 for none, distance (n,) [m] and normal (n, 3).
-    """
-    n = len(directions_W)
-    geom, distance, normal = np.zeros(n, np.int32), np.zeros(n), np.zeros((n, 3))
-    vectors = np.ascontiguousarray(directions_W, np.float64).reshape(-1)
-    mujoco.mj_multiRay(
-        model, data, np.asarray(origin_W, float), vectors, GROUPS, 1, -1, geom, distance, normal.reshape(-1), n, 1e10
-    )
-    return geom, distance, normal

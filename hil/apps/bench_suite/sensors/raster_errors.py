@@ -17,7 +17,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.sensors.raster_cases import Case, View, cast
+from hil.apps.bench_suite.sensors.mujoco_rays import cast
+from hil.apps.bench_suite.sensors.raster_cases import Case, View
 from sim.frame.camera_model import CameraModel
 from sim.frame.mujoco_backend import WorldPose
 
