@@ -15,7 +15,7 @@ from signals.units import DEG_PER_RAD, TURN_RAD
 from sim.randomize.free_ground import Float64, FreeGround
 from sim.scene.added_person import PERSON, AddedPerson, Oblong
 from sim.scene.appearance import PeopleLimits
-from sim.scene.maps import surfaces
+from sim.scene.maps.clothes import Colours
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.scene_map import SceneMap
@@ -102,22 +102,16 @@ def _points_of(path: WalkPath) -> Float64:
 
 def map_with(people: tuple[AddedPerson, ...], base: SceneMap) -> SceneMap:
     """Return the map `base` with these people added at its end, so that everything else keeps its number."""
-    builder = MapBuilder("people")
+    builder = MapBuilder("people", assets=PERSON)
     for person in people:
         _add(builder, person)
     return builder.added_to(base)
 
 
 def _add(builder: MapBuilder, person: AddedPerson) -> None:
-    rng = RandomGenerator(0, person.name)  # draws only the pose of the arms
-    materials = {
-        "shirt": builder.material(f"{person.name}_shirt", surfaces.CLOTH, rgb=person.shirt_rgb),
-        "trousers": builder.material(f"{person.name}_trousers", surfaces.CLOTH, rgb=person.trousers_rgb),
-        "skin": builder.material(f"{person.name}_skin", surfaces.SKIN, rgb=person.skin_rgb),
-        "hair": builder.material(f"{person.name}_hair", surfaces.HAIR, rgb=person.hair_rgb),
-        "shoe": builder.material(f"{person.name}_shoe", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08)),
-    }
-    traits = PersonTraits(height_m=person.height_m, name=person.name, materials=materials)
+    rng = RandomGenerator(0, person.name)  # draws only clothes and the pose of the arms
+    colours = Colours(person.shirt_rgb, person.trousers_rgb, person.skin_rgb, person.hair_rgb)
+    traits = PersonTraits(height_m=person.height_m, name=person.name, colours=colours)
     if person.way is None:
         add_still_person(builder, rng, person.at_m, person.heading_deg / DEG_PER_RAD, traits=traits)
     else:

@@ -6,7 +6,7 @@ are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 from signals._kernel import det_pow
@@ -19,6 +19,7 @@ class RandomGenerator:
     """Uniform draws of stream `map.<name>` under `seed`, one after the other."""
 
     def __init__(self, seed: int, name: str) -> None:
+        self._seed, self._name = seed, name
         self._stream = NoiseStream(seed, f"map.{name}")
         self._block: list[float] = []
         self._next_block = 0
@@ -29,6 +30,10 @@ class RandomGenerator:
             self._block = self._stream.uniform_block(self._next_block)[::-1, 0].tolist()
             self._next_block += 1
         return self._block.pop()
+
+    def branch(self, name: str) -> RandomGenerator:
+        """Return a generator of its own under the same seed; draws from one do not change the other's."""
+        return RandomGenerator(self._seed, f"{self._name}.{name}")
 
     def between(self, low: float, high: float) -> float:
         """Draw evenly on (low, high)."""
@@ -47,6 +52,10 @@ class RandomGenerator:
         """Draw one of `options`, each as likely as the others."""
         return options[self.index(len(options))]
 
+    def weighted(self, options: Mapping[T, float]) -> T:
+        """Draw one of `options` by their weights."""
+        return weighted_pick(options, self.unit())
+
     def chance(self, probability: float) -> bool:
         """Return True with this probability."""
         return self.unit() < probability
@@ -58,6 +67,16 @@ class RandomGenerator:
             j = self.index(i + 1)
             result[i], result[j] = result[j], result[i]
         return result
+
+
+def weighted_pick(options: Mapping[T, float], share: float) -> T:
+    """Return the option at `share` (0 to 1) of the sum of all weights."""
+    left = share * sum(options.values())
+    for option, weight in options.items():
+        left -= weight
+        if left < 0.0:
+            break
+    return option
 
 
 def feature_rng(seed: int, feature: str, *names: object) -> RandomGenerator:

@@ -99,6 +99,7 @@ void pack(Mesh &mesh) {
         }
         for (std::size_t i = 0; i < 3; ++i) mesh.normal[3 * t + i] = length > 0.0 ? static_cast<float>(n[i] / length) : 0.0f;
     }
+    if (triangles > 0) mesh.edge_m = static_cast<float>(std::sqrt(surface / static_cast<double>(triangles)));
     if (surface > 0.0 && image > 0.0) mesh.uv_per_m = static_cast<float>(std::sqrt(image / surface));
 }
 

@@ -37,6 +37,7 @@ struct Mesh {
     // True if every edge belongs to two triangles that traverse it in opposite directions, and every connected part
     // faces outwards. From outside, no ray then meets the back of a triangle first.
     bool closed = false;
+    float edge_m = 0.0f;  // edge of a square of twice the mean area of the triangles
 };
 
 // Holes of a mesh: a surface point exists only where the texel under it is opaque. The finest level decides at any

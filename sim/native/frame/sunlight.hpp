@@ -53,14 +53,20 @@ struct Caster {
 
 HIL_INLINE std::int32_t triangles_of(const DrawnGeom &g) { return (std::int32_t)(g.mesh->triangle.size() / 3); }
 
+// True for a mesh whose triangles are smaller than the pixels of the shadow map: a pixel names one of many.
+HIL_INLINE bool is_fine(const DrawnGeom &g, const ShadowMap &map) {
+    return g.shape == Shape::kMesh && g.mesh->edge_m * map.rays->fx < 2.0f && triangles_of(g) > 32;
+}
+
 // Returns the visible share of the sun: 0 or 1, except below meshes with holes. If the four pixels of the shadow map around a point name the same geom,
 // and it is not the point's own mesh, they decide. Otherwise a ray from the point is intersected with the shapes and
 // triangles that they name: the edge of a shadow is then as sharp as the shape, at any resolution of the map. Meshes with
-// holes (leaves) are too fine for that: their share is that of the four pixels, weighted bilinearly (Reeves et al.,
+// holes (leaves) and meshes of small triangles (people) are too fine for that: their share is that of the four pixels, weighted bilinearly (Reeves et al.,
 // SIGGRAPH 1987).
 HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
     constexpr int kMost = 64;   // casters tested for one block
     constexpr float kFoliage = 0.15f;  // [m] least distance of a caster with holes, so that no leaf shades itself
+    constexpr float kFine = 0.06f;      // [m] the same of a fine mesh: limbs overlap at their joints
     constexpr int kWhole = 32;  // greatest number of triangles of a mesh that is tested as a whole
     F light = splat<F>(1);
     const float *m = job.camera_to_sun;
@@ -108,10 +114,12 @@ HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &
                 const std::int32_t caster = buffer.geom.data()[at];
                 // A convex shape shades no point of itself that faces the sun.
                 if (caster < 0 || (caster == g.geom && is_convex)) continue;
-                if (map.drawn[map.drawn_of_geom[caster]].mask != nullptr) {
+                const DrawnGeom &drawn = map.drawn[map.drawn_of_geom[caster]];
+                if (drawn.mask != nullptr || (caster != g.geom && is_fine(drawn, map))) {
                     const float across = tap & 1 ? right[lane] : 1.0f - right[lane];
                     const float along = tap >> 1 ? down[lane] : 1.0f - down[lane];
-                    if (buffer.t.data()[at] < z[lane] - kFoliage) dim[lane] += across * along;
+                    const float apart = drawn.mask != nullptr ? kFoliage : kFine;
+                    if (buffer.t.data()[at] < z[lane] - apart) dim[lane] += across * along;
                     continue;
                 }
                 own = own || caster == g.geom;

@@ -7,6 +7,7 @@ figure 4.1 (after Drillis & Contini 1966). Girths are chosen by eye.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 from signals.samples import Vec3
 
@@ -32,10 +33,15 @@ class LimbShape:
 
 
 class Figure:
-    """Lengths [m] and geoms of a person of `height_m`."""
+    """Lengths [m] of a person of `height_m`, and the geoms that stand for the limbs in contact.
 
-    def __init__(self, height_m: float) -> None:
+    A child of about seven years has shorter limbs and a larger head: stature / height of the head is 6.2, of an adult
+    7.6 (Snyder et al., "Anthropometry of Infants, Children, and Youths", UM-HSRI-77-17, 1977).
+    """
+
+    def __init__(self, height_m: float, *, child: bool = False) -> None:
         h = self.height_m = height_m
+        self.child = child
         self.thigh_m = 0.245 * h
         self.shank_m = 0.246 * h
         self.ankle_m = 0.039 * h  # above the sole
@@ -49,6 +55,12 @@ class Figure:
         self.upper_arm_m = 0.172 * h
         self.forearm_m = 0.150 * h
         self.hand_m = 0.050 * h  # wrist to middle of the hand
+        if child:
+            self.thigh_m, self.shank_m = 0.235 * h, 0.232 * h
+            self.hip_half_m, self.shoulder_half_m = 0.050 * h, 0.104 * h
+            self.shoulder_above_hip_m, self.torso_above_hip_m = 0.276 * h, 0.175 * h
+            self.head_above_hip_m = 0.417 * h
+            self.upper_arm_m, self.forearm_m = 0.165 * h, 0.142 * h
         self.leg_m = self.thigh_m + self.shank_m
 
     @property
@@ -60,6 +72,7 @@ class Figure:
 
     def shapes(self) -> tuple[LimbShape, ...]:
         h = self.height_m
+        head = 1.24 if self.child else 1.0
         shapes = [
             LimbShape("pelvis", "hips", "ellipsoid", (0.068 * h, 0.097 * h, 0.075 * h), "trousers"),
             LimbShape("torso", "trunk", "ellipsoid", (0.064 * h, 0.098 * h, 0.158 * h), "shirt"),
@@ -67,10 +80,11 @@ class Figure:
                 "torso", "shoulders", "capsule", (0.040 * h, 0.085 * h), "shirt", (0.0, 0.0, 0.100 * h), lateral=True
             ),
             LimbShape("head", "neck", "capsule", (0.030 * h, 0.020 * h), "skin", (-0.006 * h, 0.0, -0.080 * h)),
-            LimbShape("head", "face", "ellipsoid", (0.052 * h, 0.044 * h, 0.066 * h), "skin"),
+            LimbShape("head", "face", "ellipsoid", (0.052 * head * h, 0.044 * head * h, 0.066 * head * h), "skin"),
             LimbShape(
-                "head", "hair", "ellipsoid", (0.054 * h, 0.048 * h, 0.052 * h), "hair", (-0.010 * h, 0.0, 0.022 * h)
-            ),
+                "head", "hair", "ellipsoid", (0.054 * head * h, 0.048 * head * h, 0.052 * head * h), "hair",
+                (-0.010 * head * h, 0.0, 0.022 * head * h),
+            ),  # fmt: skip
         ]
         for side in ("l", "r"):
             shapes += [
@@ -86,3 +100,12 @@ class Figure:
                 ),
             ]  # fmt: skip
         return tuple(shapes)
+
+    def reach_m(self) -> dict[str, float]:
+        """Return the distance from each limb's origin to the farthest point of its shapes."""
+        reach = dict.fromkeys(LIMBS, 0.0)
+        for s in self.shapes():
+            x, y, z = s.pos
+            size = sum(s.size) if s.kind == "capsule" else max(s.size)
+            reach[s.limb] = max(reach[s.limb], sqrt(x * x + y * y + z * z) + size)
+        return reach

@@ -109,7 +109,9 @@ class Body:
 class MapBuilder:
     """Materials, textures, meshes, bodies and actors of one map, in the order in which they are added."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, *, assets: str = "") -> None:
+        """`assets`: prefix of the names of materials, meshes and textures, for a map that is added to another."""
+        self._prefix = assets
         self._root = ET.Element("mujoco", model=name)
         ET.SubElement(self._root, "compiler", autolimits="true", balanceinertia="false")
         visual = ET.SubElement(self._root, "visual")
@@ -140,11 +142,16 @@ class MapBuilder:
         self._corners: list[CornerReflector] = []
         self._numbers: dict[str, int] = {}
 
+    def _own(self, name: str) -> str:
+        """Return the name of an asset with this builder's prefix."""
+        return name if name.startswith(self._prefix) else self._prefix + name
+
     def texture(self, name: str, png: bytes, *, cube: bool = False, holes: bool = False) -> str:
         """Add a texture from a PNG, unless the name exists. `cube`: on all six sides (for balls), else a flat sheet.
 
         `holes`: the PNG has an alpha channel, and meshes with texture coordinates are open where it is below one half.
         """
+        name = self._own(name)
         if name not in self._textures:
             self._textures.add(name)
             self._assets[f"{name}.png"] = png
@@ -171,6 +178,7 @@ class MapBuilder:
 
         `relief`: texture of surface normals, laid as `texture` is, which must be given too.
         """
+        name = self._own(name)
         if name in self._materials:
             return name
         self._materials[name] = surface
@@ -195,16 +203,23 @@ class MapBuilder:
                 ET.SubElement(material, "layer", role=role, texture=layer)
         return name
 
-    def mesh(self, name: str, mesh: Mesh) -> str:
-        """Add a mesh asset, unless the name exists: shared meshes may be added repeatedly."""
+    def mesh(self, name: str, mesh: Mesh, *, scale: float = 1.0, source: str = "") -> str:
+        """Add a mesh asset, unless the name exists: shared meshes may be added repeatedly.
+
+        `source`: name of the file, if meshes of several scales share one.
+        """
+        file = f"{self._own(source or name)}.obj"
+        name = self._own(name)
         if name not in self._meshes:
             self._meshes.add(name)
-            self._assets[f"{name}.obj"] = mesh.obj()
-            ET.SubElement(self._asset, "mesh", name=name, file=f"{name}.obj", inertia="shell")
+            if file not in self._assets:
+                self._assets[file] = mesh.obj()
+            size = {"scale": numbers((scale, scale, scale))} if scale != 1.0 or self._prefix else {}
+            ET.SubElement(self._asset, "mesh", {"name": name, "file": file, "inertia": "shell", **size})
         return name
 
     def has_mesh(self, name: str) -> bool:
-        return name in self._meshes
+        return self._own(name) in self._meshes
 
     def hfield(self, name: str, rows: list[list[float]], size: tuple[float, float, float, float]) -> str:
         """Add a height field: elevations 0..1 by row from -y, size (half x, half y, height, base) [m]."""
@@ -283,21 +298,22 @@ class MapBuilder:
         return name
 
     def added_to(self, base: SceneMap) -> SceneMap:
-        """Return the map `base` with the materials, bodies and actors of this builder at its end."""
+        """Return the map `base` with the assets, bodies and actors of this builder at its end."""
         return replace(
             base,
             mjcf=_with_sections(base.mjcf, self._sections()),
+            assets={**base.assets, **self._assets},
             surfaces={**base.surfaces, **self._materials},
             actors=(*base.actors, *self._actors),
         )
 
     def _sections(self) -> str:
-        """Return materials and bodies as MJCF sections that may follow those of another map.
+        """Return assets and bodies as MJCF sections that may follow those of another map.
 
         Geoms state every attribute that a default of that map could change.
         """
         asset, world = ET.Element("asset"), ET.Element("worldbody")
-        asset.extend(self._asset.findall("material"))
+        asset.extend(element for element in self._asset if element.get("name") != "sky")
         world.extend(copy.deepcopy(self._world.findall("body")))
         for geom in world.iter("geom"):
             for key, value in _PLAIN_GEOM.items():

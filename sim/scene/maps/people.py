@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,9 @@ from signals.rotation import NO_TURN, product
 from signals.samples import Quat, Vec3
 from sim._kernels import resting_arm, resting_leg
 from sim.scene.maps import surfaces
-from sim.scene.maps.figure import LIMBS, Figure, LimbShape
+from sim.scene.maps.body_meshes import body_mesh
+from sim.scene.maps.clothes import Colours, draw_colours, draw_look
+from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
 from sim.scene.maps.scene_map import Float64
 from sim.scene.maps.walk_path import WalkPath
@@ -24,62 +25,66 @@ _QUARTER_TURN_RAD = 1.5707963267948966
 _ALONG_Y = roll_quat(_QUARTER_TURN_RAD)
 _ALONG_X = pitch_quat(_QUARTER_TURN_RAD)
 
-_SHIRTS = {
-    "white": (0.88, 0.88, 0.86), "navy": (0.12, 0.17, 0.33), "red": (0.70, 0.14, 0.13), "green": (0.17, 0.38, 0.22),
-    "mustard": (0.80, 0.60, 0.18), "sky": (0.42, 0.62, 0.80), "black": (0.10, 0.10, 0.11), "rose": (0.80, 0.50, 0.55),
-    "orange": (0.88, 0.42, 0.10),
-}  # fmt: skip
-_TROUSERS = {
-    "denim": (0.20, 0.28, 0.45), "charcoal": (0.16, 0.16, 0.18), "khaki": (0.55, 0.48, 0.34),
-    "brown": (0.33, 0.23, 0.16),
-}  # fmt: skip
-_SOLDIER = {"olive": (0.30, 0.32, 0.18), "camo": (0.38, 0.36, 0.24)}
-_SKINS = {"a": (0.87, 0.68, 0.56), "b": (0.74, 0.54, 0.40), "c": (0.50, 0.34, 0.24), "d": (0.34, 0.22, 0.16)}
-_HAIRS = {
-    "dark": (0.09, 0.07, 0.06),
-    "brown": (0.28, 0.18, 0.10),
-    "fair": (0.66, 0.52, 0.30),
-    "grey": (0.60, 0.60, 0.60),
-}
+_HEIGHT_STEP_M = 0.05  # of the meshes: people of nearly the same height share them
+_CHILD_M = 1.42  # below this height people have the proportions of a child
 
 
 @dataclass(frozen=True)
 class PersonTraits:
-    """Traits of a person; height and materials are random unless they are given."""
+    """Traits of a person; height and colours are random unless they are given."""
 
     soldier: bool = False  # in uniform
     height_m: float | None = None
     name: str | None = None  # None: numbered in the order of adding
-    materials: Mapping[str, str] | None = None  # of each part of the body
+    colours: Colours | None = None
 
 
-def _draw_materials(builder: MapBuilder, rng: RandomGenerator, *, soldier: bool) -> dict[str, str]:
-    """Return the material of each part of a person."""
+class _Person:
+    """Figure, look and meshes of one person."""
 
-    def draw_material(prefix: str, options: dict[str, Vec3], surface: surfaces.Surface) -> str:
-        colour = rng.pick(tuple(options))
-        return builder.material(f"{prefix}_{colour}", surface, rgb=options[colour])
+    def __init__(self, builder: MapBuilder, rng: RandomGenerator, traits: PersonTraits, *, sitting: bool) -> None:
+        height_m = traits.height_m or rng.between(1.55, 1.93)
+        self.figure = Figure(height_m, child=height_m < _CHILD_M)
+        colours = traits.colours or draw_colours(rng, soldier=traits.soldier)
+        self.name = traits.name or builder.next_name("person", digits=2)
+        self._builder = builder
+        clothes = rng.branch(f"clothes.{self.name}")
+        self._look = draw_look(
+            builder, clothes, colours, name=self.name, soldier=traits.soldier, child=self.figure.child, sitting=sitting
+        )
+        self._scale = max(1, round(height_m / _HEIGHT_STEP_M)) * _HEIGHT_STEP_M
+        self._contact = builder.material("contact", surfaces.CLOTH)
 
-    return {
-        "shirt": draw_material("cloth", _SOLDIER if soldier else _SHIRTS, surfaces.CLOTH),
-        "trousers": draw_material("cloth", _SOLDIER if soldier else _TROUSERS, surfaces.CLOTH),
-        "skin": draw_material("skin", _SKINS, surfaces.SKIN),
-        "hair": (
-            draw_material("cloth", _SOLDIER, surfaces.CLOTH)
-            if soldier
-            else draw_material("hair", _HAIRS, surfaces.HAIR)
-        ),
-        "shoe": builder.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08)),
-    }
+    def reach_m(self) -> dict[str, float]:
+        """Return the distance from each limb's origin to its farthest point."""
+        reach = self.figure.reach_m()
+        for piece in self._look.pieces:
+            farthest = self._scale * (body_mesh(piece.part, self._look.build).radius + abs(piece.y))
+            reach[piece.limb] = max(reach[piece.limb], farthest)
+        return reach
 
-
-def _shape_geom(body: Body, shape: LimbShape, material: str, pos: Vec3, quat: Quat, part: str) -> None:
-    turn = _ALONG_Y if shape.lateral else _ALONG_X if shape.forward else NO_TURN
-    body.geom(shape.kind, shape.size, material=material, pos=pos, quat=product(quat, turn), part=part)
-
-
-def _next_name(builder: MapBuilder) -> str:
-    return builder.next_name("person", digits=2)
+    def add_limb(self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = "") -> None:
+        """Add a limb's meshes, and the shapes that stand for it in contact, at a pose in the body's frame."""
+        cosine, sine = quat[0] * quat[0] - quat[2] * quat[2], 2.0 * quat[0] * quat[2]  # rotates about y
+        for shape in self.figure.shapes():
+            if shape.limb == limb:
+                px, py, pz = shape.pos
+                at = (pos[0] + px * cosine + pz * sine, pos[1] + py, pos[2] + pz * cosine - px * sine)
+                turn = product(quat, _ALONG_Y if shape.lateral else _ALONG_X if shape.forward else NO_TURN)
+                body.geom(
+                    shape.kind, shape.size, material=self._contact, pos=at, quat=turn, drawn=False,
+                    part=f"{part}contact_{shape.part}",
+                )  # fmt: skip
+        for piece in self._look.pieces:
+            if piece.limb == limb:
+                source = f"{piece.part}_{self._look.build}"
+                mesh = self._builder.mesh(
+                    f"{source}_{round(100 * self._scale)}", body_mesh(piece.part, self._look.build),
+                    scale=self._scale, source=source,
+                )  # fmt: skip
+                at = (pos[0], pos[1] + piece.y * self.figure.height_m, pos[2])
+                material = self._look.materials[piece.role]
+                body.geom("mesh", asset=mesh, material=material, pos=at, quat=quat, solid=False, part=part + piece.part)
 
 
 def add_walker(
@@ -91,17 +96,14 @@ def add_walker(
     traits: PersonTraits = PersonTraits(),
 ) -> Walker:
     """Add a walking person as an actor of the map. `ground_m`: height of the ground under `path`."""
-    figure = Figure(traits.height_m or rng.between(1.55, 1.93))
-    materials = traits.materials or _draw_materials(builder, rng, soldier=traits.soldier)
-    walker = Walker(traits.name or _next_name(builder), figure, path, ground_m=ground_m)
+    person = _Person(builder, rng, traits, sitting=False)
+    walker = Walker(person.name, person.figure, path, ground_m=ground_m, reach_m=person.reach_m())
     n = len(LIMBS)
     p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
     walker.pose(0, p, q, v, w)
     for i, limb in enumerate(LIMBS):
         body = builder.limb(walker.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
-        for shape in figure.shapes():
-            if shape.limb == limb:
-                _shape_geom(body, shape, materials[shape.material], shape.pos, NO_TURN, shape.part)
+        person.add_limb(body, limb)
     builder.classify("person", "person_*")
     builder.actor(walker)
     return walker
@@ -151,18 +153,9 @@ def add_still_person(
     traits: PersonTraits = PersonTraits(),
 ) -> None:
     """Add a person as one static body: standing at `at_m`, or sitting there on a seat of height `seat_m` (not 0)."""
-    figure = Figure(traits.height_m or rng.between(1.55, 1.93))
-    materials = traits.materials or _draw_materials(builder, rng, soldier=traits.soldier)
-    rows = _sitting(figure, seat_m) if seat_m else _standing(figure, rng)
+    person = _Person(builder, rng, traits, sitting=seat_m > 0.0)
+    rows = _sitting(person.figure, seat_m) if seat_m else _standing(person.figure, rng)
     builder.classify("person", "person_*")
-    body = builder.named_body(traits.name or _next_name(builder), at_m, yaw_quat(heading_rad))
+    body = builder.named_body(person.name, at_m, yaw_quat(heading_rad))
     for limb, row in zip(LIMBS, rows, strict=True):
-        pitch: Quat = (row[3], 0.0, row[4], 0.0)
-        for shape in figure.shapes():
-            if shape.limb != limb:
-                continue
-            # Rotates about y by the limb's pitch: x' = x cos + z sin, z' = z cos - x sin.
-            c, s = row[3] * row[3] - row[4] * row[4], 2.0 * row[3] * row[4]
-            px, py, pz = shape.pos
-            pos = (row[0] + px * c + pz * s, row[1] + py, row[2] + pz * c - px * s)
-            _shape_geom(body, shape, materials[shape.material], pos, pitch, f"{limb}_{shape.part}")
+        person.add_limb(body, limb, (row[0], row[1], row[2]), (row[3], 0.0, row[4], 0.0), part=f"{limb}_")

@@ -10,6 +10,7 @@ pelvis.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import sqrt
 
 from sim import _kernels
@@ -20,7 +21,16 @@ from sim.scene.maps.walk_path import WalkPath
 class Walker(_kernels.Walker):
     """`Actor` with one mocap body per limb."""
 
-    def __init__(self, name: str, figure: Figure, path: WalkPath, *, ground_m: float = 0.0) -> None:
+    def __init__(
+        self,
+        name: str,
+        figure: Figure,
+        path: WalkPath,
+        *,
+        ground_m: float = 0.0,
+        reach_m: Mapping[str, float] | None = None,
+    ) -> None:
+        """`reach_m`: distance from each limb's origin to its farthest point; None: of the figure's shapes."""
         self.name = name
         self.figure = figure
         self.path = path
@@ -37,7 +47,7 @@ class Walker(_kernels.Walker):
             cycles_per_m=self.cycles_per_m,
             ground_m=ground_m,
             bound_z_m=ground_m + 0.5 * figure.height_m,
-            bound_radius_m=self._bound_radius(),
+            bound_radius_m=self._bound_radius(reach_m or figure.reach_m()),
         )
 
     @property
@@ -45,20 +55,11 @@ class Walker(_kernels.Walker):
         # Corners are interpolated, so the speed differs slightly from the nominal speed.
         return 1.05 * self.path.speed_mps
 
-    def _bound_radius(self) -> float:
+    def _bound_radius(self, reach_m: Mapping[str, float]) -> float:
         middle = 0.5 * self.figure.height_m
-        reach = {
-            limb: max(
-                sqrt(s.pos[0] * s.pos[0] + s.pos[1] * s.pos[1] + s.pos[2] * s.pos[2])
-                + (sum(s.size) if s.kind == "capsule" else max(s.size))
-                for s in self.figure.shapes()
-                if s.limb == limb
-            )
-            for limb in LIMBS
-        }
         radius = 0.0
         for i in range(64):
             for limb, row in zip(LIMBS, _kernels.gait_rows(self.gait, i / 64), strict=True):
                 distance = sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
-                radius = max(radius, distance + reach[limb])
+                radius = max(radius, distance + reach_m[limb])
         return radius + 0.02  # between the sampled phases
