@@ -78,7 +78,7 @@ class FrameGeometry:
         self.native.finish()
         self._actors = SceneActors(self.native)
         for actor, geoms in zip(world.map.actors, actor_geoms, strict=True):
-            _add_actor(self._actors, actor, geoms, model)
+            _add_actor(self._actors, actor, geoms[world.geom_visible[geoms]], model)
         self.t_ns = 0
         self.pose(0)
 

@@ -75,8 +75,8 @@ def weighted_pick(options: Mapping[T, float], share: float) -> T:
     for option, weight in options.items():
         left -= weight
         if left < 0.0:
-            break
-    return option
+            return option
+    return next(reversed(options))
 
 
 def feature_rng(seed: int, feature: str, *names: object) -> RandomGenerator:

@@ -18,6 +18,7 @@ HIL_BY_ISA(RasterKernels, raster_kernels, raster_kernels_of_isa)
 namespace {
 
 constexpr double kPixelMargin = 0.25;
+constexpr std::size_t kFewNodes = 31;  // of a mesh so small that a test of each node costs more than its triangles
 
 void halves(const Aabb &box, double *centre, double *half) {
     for (int i = 0; i < 3; ++i) {
@@ -258,6 +259,10 @@ private:
     }
 
     void collect_packets(const Mesh &mesh, const View &local) {
+        if (mesh.packed_tree.nodes.size() <= kFewNodes) {
+            add_packets(mesh, mesh.packed_tree.nodes[0]);
+            return;
+        }
         // Near child first.
         std::int32_t stack[128];
         int depth = 0;

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 from signals.samples import Vec3
 from sim.scene.maps.figure import Figure
@@ -42,7 +43,7 @@ BUILDS: dict[str, Build] = {
     "f_stout": Build(female=True, girth=1.12, trunk=1.13, belly=0.012),
     "child": Build(child=True, girth=0.95, trunk=1.0),
 }
-_LIMB_SIDES, _ARM_SIDES, _TRUNK_SIDES, _HEAD_SIDES = 8, 7, 12, 16
+_LIMB_SIDES, _ARM_SIDES, _TRUNK_SIDES, _HEAD_SIDES = 8, 6, 12, 12
 _PLAIN_UV = (0.02, 0.02)  # of the face's texture: bare skin
 
 
@@ -67,7 +68,7 @@ def _tube(
 
 def _at(rows: Sequence[Row], z: float) -> Row:
     """Return the row at height z, interpolated linearly."""
-    for low, high in zip(rows, rows[1:], strict=False):
+    for low, high in pairwise(rows):
         if z <= high[0]:
             t = max(0.0, (z - low[0]) / (high[0] - low[0]))
             return tuple(a + t * (b - a) for a, b in zip(low, high, strict=True))
@@ -80,19 +81,18 @@ def _at(rows: Sequence[Row], z: float) -> Row:
 def _shank(build: Build) -> SmoothMesh:
     top = build.figure.shank_m / 2
     rows: list[Row] = [
-        (-top - 0.012, 0.012, 0.012, 0.010), (-top, 0.021, 0.022, 0.018), (-top + 0.035, 0.021, 0.022, 0.019),
-        (-0.02, 0.025, 0.033, 0.027), (0.045, 0.028, 0.043, 0.034), (top - 0.035, 0.030, 0.038, 0.033),
-        (top, 0.034, 0.031, 0.031), (top + 0.016, 0.026, 0.024, 0.025), (top + 0.026, 0.014, 0.013, 0.014),
+        (-top, 0.020, 0.021, 0.018), (-top + 0.035, 0.021, 0.022, 0.019), (0.0, 0.026, 0.038, 0.030),
+        (0.050, 0.028, 0.043, 0.034), (top, 0.034, 0.031, 0.031), (top + 0.020, 0.022, 0.020, 0.021),
     ]  # fmt: skip
-    return _tube(rows, _LIMB_SIDES, girth=build.girth, caps=(0.003, 0.003))
+    return _tube(rows, _LIMB_SIDES, girth=build.girth, caps=(0.014, 0.008))
 
 
 def _bare_thigh(build: Build) -> SmoothMesh:
     """Return the lower half of the thigh, for below a hem."""
     top = build.figure.thigh_m / 2
     rows: list[Row] = [
-        (-top - 0.020, 0.022, 0.022, 0.020), (-top, 0.033, 0.030, 0.031), (-top + 0.030, 0.036, 0.034, 0.034),
-        (0.0, 0.044, 0.044, 0.040), (top - 0.06, 0.048, 0.051, 0.045),
+        (-top - 0.016, 0.025, 0.024, 0.023), (-top, 0.033, 0.030, 0.031), (-top + 0.030, 0.036, 0.034, 0.034),
+        (top - 0.06, 0.048, 0.051, 0.045),
     ]  # fmt: skip
     return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(-1,), caps=(0.006, 0.0))
 
@@ -100,11 +100,10 @@ def _bare_thigh(build: Build) -> SmoothMesh:
 def _trouser_thigh(build: Build) -> SmoothMesh:
     top = build.figure.thigh_m / 2
     rows: list[Row] = [
-        (-top - 0.032, 0.018, 0.018, 0.016), (-top - 0.016, 0.035, 0.034, 0.031), (-top, 0.042, 0.039, 0.037),
-        (-top + 0.03, 0.042, 0.042, 0.039), (0.0, 0.047, 0.049, 0.044), (top - 0.05, 0.051, 0.056, 0.049),
-        (top, 0.050, 0.058, 0.050), (top + 0.026, 0.038, 0.046, 0.040), (top + 0.040, 0.020, 0.024, 0.022),
+        (-top - 0.018, 0.033, 0.032, 0.029), (-top + 0.006, 0.042, 0.040, 0.037), (0.0, 0.047, 0.049, 0.044),
+        (top - 0.05, 0.051, 0.056, 0.049), (top, 0.050, 0.058, 0.050), (top + 0.028, 0.036, 0.044, 0.038),
     ]  # fmt: skip
-    return _tube(rows, _LIMB_SIDES, girth=build.girth, caps=(0.004, 0.004), rounds=1.0)
+    return _tube(rows, _LIMB_SIDES, girth=build.girth, caps=(0.014, 0.014))
 
 
 def _trouser_shank(build: Build, hem: float = 0.034, low: float = -0.006, knee: float = 0.040) -> SmoothMesh:
@@ -112,20 +111,19 @@ def _trouser_shank(build: Build, hem: float = 0.034, low: float = -0.006, knee: 
     mid = 0.5 * (hem + knee)
     rows: list[Row] = [
         (-top + low, hem, hem + 0.006, hem - 0.004), (-top + low + 0.035, hem - 0.003, hem + 0.003, hem - 0.005),
-        (-0.02, mid, mid + 0.004, mid - 0.003), (0.045, mid + 0.001, mid + 0.008, mid),
-        (top - 0.030, knee, knee + 0.002, knee - 0.002), (top, knee + 0.003, knee, knee - 0.002),
-        (top + 0.020, knee - 0.009, knee - 0.012, knee - 0.011), (top + 0.032, 0.018, 0.018, 0.016),
+        (0.02, mid, mid + 0.006, mid - 0.002), (top - 0.030, knee, knee + 0.002, knee - 0.002),
+        (top, knee + 0.003, knee, knee - 0.002), (top + 0.022, knee - 0.011, knee - 0.013, knee - 0.012),
     ]  # fmt: skip
-    return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.003))
+    return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.011))
 
 
 def _shorts_leg(build: Build) -> SmoothMesh:
     top = build.figure.thigh_m / 2
     rows: list[Row] = [
         (-top + 0.035, 0.052, 0.052, 0.047), (0.0, 0.053, 0.055, 0.048), (top - 0.05, 0.054, 0.059, 0.050),
-        (top, 0.052, 0.059, 0.051), (top + 0.026, 0.040, 0.048, 0.041), (top + 0.040, 0.020, 0.024, 0.022),
+        (top, 0.052, 0.059, 0.051), (top + 0.028, 0.038, 0.046, 0.039),
     ]  # fmt: skip
-    return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.004))
+    return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.014))
 
 
 def _section_across(x: float, half: float, low: float, high: float) -> list[Vec3]:
@@ -141,15 +139,15 @@ def _shoe_of(rows: Sequence[tuple[float, float, float, float]]) -> SmoothMesh:
     """Loft through rows x, half width, low and high z, from heel to toe."""
     outlines = [_section_across(*row) for row in rows]
     (xa, _, la, ha), (xb, _, lb, hb) = rows[0], rows[-1]
-    ends = ((xa - 0.003, 0.0, 0.5 * (la + ha)), (xb + 0.002, 0.0, 0.5 * (lb + hb)))
+    ends = ((xa - 0.005, 0.0, 0.5 * (la + ha)), (xb + 0.002, 0.0, 0.5 * (lb + hb)))
     return skin(outlines, ends=ends, rows=[row[0] / 0.3 for row in rows])
 
 
 def _shoe(build: Build) -> SmoothMesh:
-    sole = -build.figure.ankle_m + 0.004
+    sole = -build.figure.ankle_m
     return _shoe_of([
-        (-0.039, 0.014, sole, -0.012), (-0.030, 0.020, sole, 0.009), (0.010, 0.023, sole, 0.008),
-        (0.040, 0.026, sole, -0.009), (0.074, 0.028, sole, -0.018), (0.098, 0.018, sole + 0.003, -0.025),
+        (-0.036, 0.017, sole, 0.004), (0.010, 0.023, sole, 0.010), (0.042, 0.026, sole, -0.010),
+        (0.074, 0.028, sole, -0.018), (0.098, 0.018, sole + 0.003, -0.025),
     ])  # fmt: skip
 
 
@@ -157,8 +155,8 @@ def _sole(build: Build) -> SmoothMesh:
     low = -build.figure.ankle_m
     high = low + 0.011
     return _shoe_of([
-        (-0.041, 0.015, low + 0.002, high), (-0.030, 0.021, low, high), (0.034, 0.026, low, high),
-        (0.074, 0.029, low, high), (0.101, 0.018, low + 0.005, high),
+        (-0.038, 0.019, low, high), (0.030, 0.026, low, high), (0.076, 0.029, low, high),
+        (0.101, 0.018, low + 0.004, high),
     ])  # fmt: skip
 
 
@@ -177,10 +175,10 @@ def _pelvis(build: Build) -> SmoothMesh:
     wide = 1.05 if build.female else 1.0
     t = build.trunk
     rows: list[Row] = [
-        (-0.058, 0.030, 0.034, 0.046), (-0.036, 0.050, 0.062, 0.086 * wide), (-0.005, 0.058, 0.073, 0.098 * wide),
-        (0.020, 0.058, 0.068, 0.094 * wide), (0.050, 0.046, 0.046, 0.080),
+        (-0.052, 0.034, 0.040, 0.058), (-0.030, 0.053, 0.066, 0.090 * wide), (0.000, 0.055, 0.068, 0.093 * wide),
+        (0.028, 0.045, 0.050, 0.080 * wide),
     ]  # fmt: skip
-    return _tube(rows, 12, girth=t, square=0.06, creases=(-1,), caps=(0.004, 0.0))
+    return _tube(rows, 10, girth=t, square=0.06, creases=(-1,), caps=(0.008, 0.0))
 
 
 def _torso_rows(build: Build) -> list[Row]:
@@ -188,24 +186,20 @@ def _torso_rows(build: Build) -> list[Row]:
     b = build.belly
     if build.child:
         return [
-            (-0.215, 0.068, 0.070, 0.096), (-0.15, 0.067, 0.064, 0.094), (-0.10, 0.068, 0.056, 0.089),
-            (-0.05, 0.067, 0.054, 0.087), (0.0, 0.064, 0.056, 0.089), (0.045, 0.062, 0.058, 0.092),
-            (0.075, 0.054, 0.054, 0.096), (0.095, 0.040, 0.044, 0.088), (0.108, 0.031, 0.037, 0.060),
-            (0.118, 0.027, 0.032, 0.036),
+            (-0.215, 0.068, 0.070, 0.096), (-0.15, 0.067, 0.064, 0.094), (-0.075, 0.067, 0.055, 0.088),
+            (0.0, 0.064, 0.056, 0.090), (0.045, 0.062, 0.058, 0.093), (0.078, 0.050, 0.051, 0.094),
+            (0.097, 0.038, 0.042, 0.076), (0.108, 0.031, 0.037, 0.052), (0.118, 0.027, 0.032, 0.036),
         ]  # fmt: skip
     if build.female:
         return [
-            (-0.215, 0.072, 0.080, 0.106), (-0.15, 0.067 + b, 0.073, 0.104), (-0.10, 0.060 + b, 0.056, 0.090),
-            (-0.055, 0.056 + b, 0.048, 0.079), (0.0, 0.062 + 0.6 * b, 0.050, 0.085), (0.030, 0.077, 0.054, 0.090),
-            (0.055, 0.074, 0.057, 0.093), (0.082, 0.056, 0.055, 0.099), (0.104, 0.044, 0.048, 0.098),
-            (0.120, 0.034, 0.040, 0.080), (0.132, 0.028, 0.034, 0.054), (0.141, 0.025, 0.030, 0.037),
-            (0.149, 0.023, 0.027, 0.028),
+            (-0.215, 0.072, 0.080, 0.106), (-0.15, 0.067 + b, 0.073, 0.104), (-0.060, 0.056 + b, 0.048, 0.079),
+            (0.0, 0.062 + 0.6 * b, 0.050, 0.085), (0.036, 0.077, 0.055, 0.091), (0.080, 0.057, 0.055, 0.099),
+            (0.112, 0.038, 0.043, 0.090), (0.131, 0.028, 0.034, 0.056), (0.149, 0.023, 0.027, 0.028),
         ]  # fmt: skip
     return [
-        (-0.215, 0.072, 0.076, 0.101), (-0.15, 0.069 + b, 0.070, 0.100), (-0.10, 0.064 + 1.2 * b, 0.057, 0.093),
-        (-0.055, 0.062 + 1.3 * b, 0.052, 0.089), (0.0, 0.066 + b, 0.054, 0.096), (0.045, 0.072 + 0.5 * b, 0.060, 0.104),
-        (0.078, 0.066, 0.060, 0.110), (0.103, 0.052, 0.053, 0.109), (0.121, 0.038, 0.045, 0.094),
-        (0.134, 0.031, 0.037, 0.065), (0.144, 0.029, 0.034, 0.044), (0.153, 0.026, 0.030, 0.033),
+        (-0.215, 0.072, 0.076, 0.101), (-0.15, 0.069 + b, 0.070, 0.100), (-0.070, 0.063 + 1.3 * b, 0.053, 0.089),
+        (0.0, 0.066 + b, 0.054, 0.096), (0.045, 0.072 + 0.5 * b, 0.060, 0.104), (0.084, 0.064, 0.059, 0.110),
+        (0.112, 0.045, 0.049, 0.103), (0.133, 0.031, 0.037, 0.067), (0.153, 0.026, 0.030, 0.033),
     ]  # fmt: skip
 
 
@@ -269,9 +263,9 @@ def _skirt_leg(build: Build) -> SmoothMesh:
     top = build.figure.thigh_m / 2
     rows: list[Row] = [
         (-0.072, 0.066, 0.066, 0.056), (-0.02, 0.062, 0.063, 0.054), (top - 0.05, 0.056, 0.060, 0.051),
-        (top, 0.053, 0.060, 0.051), (top + 0.026, 0.038, 0.046, 0.040), (top + 0.040, 0.020, 0.024, 0.022),
+        (top, 0.053, 0.060, 0.051), (top + 0.028, 0.036, 0.044, 0.038),
     ]  # fmt: skip
-    return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.004))
+    return _tube(rows, _LIMB_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.014))
 
 
 def _front(build: Build, hem: float, loose: float, half: float) -> SmoothMesh:
@@ -300,11 +294,11 @@ def _vest(build: Build) -> SmoothMesh:
     body = [_at(_torso_rows(build), -0.095), *body]
     t = build.trunk
     rows: list[Row] = [(z, t * f + 0.020, t * b + 0.018, t * h + 0.004) for z, f, b, h in body]
-    z, f, b, h = rows[-1]
+    _, f, b, h = rows[-1]
     rows.append((0.112, f - 0.010, b - 0.008, 0.72 * h))
     mesh = _tube(rows, 12, square=0.10, creases=(0, -1))
-    for y in (-0.052, 0.0, 0.052):
-        mesh.add(block((f + 0.012, y, -0.045), (0.013, 0.022, 0.036)))
+    for y in (-0.037, 0.037):
+        mesh.add(block((f + 0.012, y, -0.045), (0.013, 0.031, 0.036)))
     mesh.add(block((-0.075, 0.0, 0.02), (0.020, 0.052, 0.058)))
     return mesh
 
@@ -326,29 +320,27 @@ def _sleeve(build: Build, loose: float = 0.003) -> SmoothMesh:
     top = build.figure.upper_arm_m / 2
     w = loose
     rows: list[Row] = [
-        (-top - 0.024, 0.012, 0.012, 0.011), (-top - 0.012, 0.021 + w, 0.021 + w, 0.020 + w),
-        (-top, 0.025 + w, 0.026 + w, 0.024 + w), (-0.03, 0.026 + w, 0.027 + w, 0.025 + w),
-        (0.03, 0.028 + w, 0.029 + w, 0.026 + w), (top - 0.022, 0.029 + w, 0.030 + w, 0.026 + w),
-        (top - 0.005, 0.023 + w, 0.025 + w, 0.019 + w), (top + 0.006, 0.013, 0.014, 0.010),
+        (-top - 0.016, 0.019 + w, 0.019 + w, 0.018 + w), (-top, 0.025 + w, 0.026 + w, 0.024 + w),
+        (0.03, 0.028 + w, 0.029 + w, 0.026 + w), (top - 0.020, 0.029 + w, 0.030 + w, 0.026 + w),
+        (top - 0.002, 0.021 + w, 0.023 + w, 0.017 + w),
     ]  # fmt: skip
-    return _tube(rows, _ARM_SIDES, girth=build.girth, caps=(0.003, 0.002))
+    return _tube(rows, _ARM_SIDES, girth=build.girth, caps=(0.010, 0.010))
 
 
 def _short_sleeve(build: Build) -> SmoothMesh:
     top = build.figure.upper_arm_m / 2
     rows: list[Row] = [
-        (-0.025, 0.032, 0.032, 0.030), (0.03, 0.032, 0.032, 0.030), (top - 0.022, 0.031, 0.032, 0.028),
-        (top - 0.005, 0.025, 0.026, 0.021), (top + 0.006, 0.013, 0.014, 0.010),
+        (-0.025, 0.032, 0.032, 0.030), (0.03, 0.032, 0.032, 0.030), (top - 0.020, 0.031, 0.032, 0.028),
+        (top - 0.002, 0.022, 0.024, 0.018),
     ]  # fmt: skip
-    return _tube(rows, _ARM_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.002))
+    return _tube(rows, _ARM_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.010))
 
 
 def _forearm(build: Build) -> SmoothMesh:
     top = build.figure.forearm_m / 2
     rows: list[Row] = [
-        (-top - 0.008, 0.011, 0.011, 0.009), (-top, 0.0145, 0.0145, 0.012), (-0.035, 0.017, 0.017, 0.015),
-        (0.03, 0.023, 0.023, 0.021), (top - 0.01, 0.0225, 0.023, 0.022), (top, 0.021, 0.022, 0.021),
-        (top + 0.012, 0.015, 0.015, 0.014),
+        (-top - 0.004, 0.013, 0.013, 0.011), (-0.035, 0.017, 0.017, 0.015), (0.03, 0.023, 0.023, 0.021),
+        (top, 0.0215, 0.022, 0.021), (top + 0.014, 0.013, 0.013, 0.012),
     ]  # fmt: skip
     return _tube(rows, _ARM_SIDES, girth=build.girth, caps=(0.003, 0.004))
 
@@ -357,35 +349,30 @@ def _long_cuff(build: Build, loose: float = 0.003) -> SmoothMesh:
     top = build.figure.forearm_m / 2
     w = loose
     rows: list[Row] = [
-        (-top + 0.004, 0.0165 + w, 0.0165 + w, 0.0145 + w), (-top + 0.02, 0.018 + w, 0.018 + w, 0.016 + w),
-        (0.02, 0.024 + w, 0.024 + w, 0.022 + w), (top - 0.01, 0.0255 + w, 0.026 + w, 0.024 + w),
-        (top, 0.0245 + w, 0.025 + w, 0.023 + w), (top + 0.014, 0.018 + w, 0.018 + w, 0.017 + w),
-        (top + 0.022, 0.010, 0.010, 0.010),
+        (-top + 0.004, 0.0165 + w, 0.0165 + w, 0.0145 + w), (0.02, 0.024 + w, 0.024 + w, 0.022 + w),
+        (top - 0.006, 0.0255 + w, 0.026 + w, 0.024 + w), (top + 0.014, 0.019 + w, 0.019 + w, 0.018 + w),
     ]  # fmt: skip
-    return _tube(rows, _ARM_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.003))
+    return _tube(rows, _ARM_SIDES, girth=build.girth, creases=(0,), caps=(0.0, 0.011))
 
 
 def _hand(build: Build) -> SmoothMesh:
     g = 1.0 if not build.female else 0.93
     rows: list[Row] = [
-        (-0.048, 0.007, 0.007, 0.006, 0.004), (-0.034, 0.014, 0.016, 0.009, 0.003), (-0.012, 0.019, 0.021, 0.012),
-        (0.010, 0.022, 0.022, 0.013), (0.032, 0.017, 0.017, 0.0125), (0.054, 0.0125, 0.0125, 0.0105),
+        (-0.042, 0.011, 0.013, 0.008, 0.003), (-0.012, 0.019, 0.021, 0.012), (0.010, 0.022, 0.022, 0.013),
+        (0.032, 0.017, 0.017, 0.0125), (0.054, 0.0125, 0.0125, 0.0105),
     ]  # fmt: skip
-    mesh = _tube([(*row, 0.0) if len(row) == 4 else row for row in rows], 6, girth=g, caps=(0.006, 0.003))
-    thumb: list[Row] = [
-        (-0.022, 0.004, 0.004, 0.004, 0.032), (-0.012, 0.0065, 0.0065, 0.006, 0.030),
-        (0.008, 0.0075, 0.0075, 0.007, 0.023), (0.026, 0.005, 0.005, 0.005, 0.012),
-    ]  # fmt: skip
-    mesh.add(_tube(thumb, 4, girth=g, caps=(0.003, 0.0)))
+    mesh = _tube([(*row, 0.0) if len(row) == 4 else row for row in rows], 6, girth=g, caps=(0.012, 0.003))
+    thumb: list[Row] = [(-0.014, 0.006, 0.006, 0.006, 0.031), (0.012, 0.008, 0.008, 0.007, 0.022)]
+    mesh.add(_tube(thumb, 4, girth=g, caps=(0.009, 0.016)))
     return mesh
 
 
 # Head, hair, headgear.
 
 _FACE: list[Row] = [  # z, x of the front and of the back, half width, further forward in the middle (chin, lips, nose)
-    (-0.0635, 0.034, -0.006, 0.013, 0.000), (-0.057, 0.044, -0.018, 0.022, 0.003), (-0.046, 0.044, -0.034, 0.031, 0.001),
+    (-0.060, 0.042, -0.013, 0.019, 0.002), (-0.047, 0.044, -0.033, 0.031, 0.002),
     (-0.037, 0.046, -0.043, 0.035, 0.003), (-0.027, 0.046, -0.049, 0.038, 0.003), (-0.018, 0.046, -0.052, 0.040, 0.015),
-    (-0.008, 0.046, -0.055, 0.042, 0.010), (0.003, 0.046, -0.057, 0.043, 0.004), (0.012, 0.050, -0.059, 0.0435, 0.001),
+    (-0.008, 0.046, -0.055, 0.042, 0.010), (0.004, 0.046, -0.057, 0.043, 0.004), (0.013, 0.050, -0.059, 0.0435, 0.001),
     (0.029, 0.050, -0.059, 0.0435, 0.0), (0.046, 0.041, -0.052, 0.039, 0.0), (0.060, 0.020, -0.032, 0.023, 0.0),
 ]  # fmt: skip
 _CROWN = 0.066
@@ -416,17 +403,17 @@ def _head(build: Build) -> SmoothMesh:
     v = [(z + 0.066) / 0.132 for z, *_ in _FACE]
     mesh = skin(outlines, ends=((0.012, 0.0, -0.066), (-0.006, 0.0, _CROWN)), rows=v)
     for y in (-0.0425, 0.0425):
-        mesh.add(ball((-0.008, y, -0.007), (0.010, 0.006, 0.016), 6, 2).with_uv(_PLAIN_UV))
+        mesh.add(ball((-0.008, y, -0.007), (0.010, 0.006, 0.016), 4, 2).with_uv(_PLAIN_UV))
     k = _head_scale(build)
     mesh = _scaled(mesh, k)
     f = build.figure
     base = f.shoulder_above_hip_m - f.head_above_hip_m
     r = (0.0275 if build.female else 0.032) * (0.92 if build.child else 1.0)
     neck: list[Row] = [
-        (base + 0.006, 1.25 * r, 1.3 * r, 1.35 * r, -0.010), (base + 0.030, r, 1.05 * r, r, -0.011),
-        (-0.052 * k, r, 1.05 * r, r, -0.012), (-0.02 * k, 0.8 * r, 0.8 * r, 0.9 * r, -0.014),
+        (base + 0.006, 1.25 * r, 1.3 * r, 1.35 * r, -0.010), (base + 0.032, r, 1.05 * r, r, -0.011),
+        (-0.03 * k, 0.9 * r, 0.9 * r, r, -0.014),
     ]  # fmt: skip
-    mesh.add(_tube(neck, 8).with_uv(_PLAIN_UV))
+    mesh.add(_tube(neck, 7).with_uv(_PLAIN_UV))
     return mesh
 
 
@@ -435,14 +422,16 @@ def _scaled(mesh: SmoothMesh, k: float) -> SmoothMesh:
     return SmoothMesh(vertices, mesh.uvs, mesh.triangles, mesh.groups)
 
 
-def _shell(limits: Sequence[float], thick: float, rise: float, *, straight: bool = False, rows: int = 5) -> SmoothMesh:
+def _shell(limits: Sequence[float], thick: float, rise: float, *, straight: bool = False, rows: int = 4) -> SmoothMesh:
     """Return a cover of the skull down to `limits`: z for every corner from the back round to the front (symmetric).
 
     `thick`: over the skin; `rise`: over the crown. `straight`: below the ears it hangs down.
     """
-    half = _HEAD_SIDES // 2
-    assert len(limits) == half + 1
-    low = [limits[i if i <= half else _HEAD_SIDES - i] for i in range(_HEAD_SIDES)]
+    low = []
+    for i in range(_HEAD_SIDES):
+        turn = 2.0 * min(i, _HEAD_SIDES - i) / _HEAD_SIDES * (len(limits) - 1)
+        k = min(int(turn), len(limits) - 2)
+        low.append(limits[k] + (turn - k) * (limits[k + 1] - limits[k]))
     top = _CROWN + rise
     outlines = []
     for share in [0.0, *((k / rows) for k in range(rows, 0, -1))]:
@@ -462,7 +451,7 @@ def _shell(limits: Sequence[float], thick: float, rise: float, *, straight: bool
     return skin(outlines, ends=((-0.006, 0.0, 0.0), (-0.008, 0.0, top)), rows=v, creases=(1,))
 
 
-# Heights of the hairline at the nape, ..., the ear (corner 4), ..., the forehead (corner 8).
+# Heights of the hairline at the nape, ..., the ear (fifth), ..., the forehead (last).
 _SHORT = (-0.040, -0.038, -0.026, -0.012, 0.002, 0.010, 0.030, 0.040, 0.042)
 
 
@@ -482,7 +471,7 @@ def _hair_bob(build: Build) -> SmoothMesh:
 
 def _hair_long(build: Build) -> SmoothMesh:
     limits = (-0.145, -0.143, -0.135, -0.118, -0.082, -0.015, 0.020, 0.035, 0.037)
-    return _scaled(_shell(limits, 0.008, 0.008, straight=True, rows=6), _head_scale(build))
+    return _scaled(_shell(limits, 0.008, 0.008, straight=True, rows=5), _head_scale(build))
 
 
 def _hair_bun(build: Build) -> SmoothMesh:
@@ -563,17 +552,19 @@ def _shoulder_bag(build: Build) -> SmoothMesh:
     for x in (chest, -0.062 * build.trunk - 0.012):  # the strap in front and behind, from hip to shoulder
         near = -0.008 if x > 0.0 else 0.008
         sections = [
-            Section(-0.130, 0.004, 0.012, 0.010, 0.45 * x, 0.95 * y), Section(-0.06, 0.003, 0.016, 0.010, 0.97 * x, -0.056),
-            Section(0.04, 0.003, 0.018, 0.010, 1.02 * x, -0.006), Section(0.100, 0.003, 0.018, 0.010, 0.80 * x + near, 0.038),
+            Section(-0.130, 0.004, 0.012, 0.010, 0.45 * x, 0.95 * y),
+            Section(-0.06, 0.003, 0.016, 0.010, 0.97 * x, -0.056),
+            Section(0.04, 0.003, 0.018, 0.010, 1.02 * x, -0.006),
+            Section(0.100, 0.003, 0.018, 0.010, 0.80 * x + near, 0.038),
             Section(0.136, 0.008, 0.010, 0.010, 0.08 * x, 0.058),
-        ]  # fmt: skip
+        ]
         if x < 0.0:
             sections = [Section(s.z, s.back, s.front, s.half_y, s.x, s.y) for s in sections]
         mesh.add(loft(sections, 6, creases=(0, -1)))
     return mesh
 
 
-def _shopping_bag(build: Build) -> SmoothMesh:
+def _shopping_bag(_build: Build) -> SmoothMesh:
     mesh = block((0.004, 0.0, -0.165), (0.070, 0.028, 0.088), square=0.2, taper=0.94)
     for x in (-0.030, 0.036):
         handle: list[Row] = [

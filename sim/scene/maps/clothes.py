@@ -18,10 +18,10 @@ from sim.scene.random_generator import RandomGenerator, weighted_pick
 _Weights = dict[str, float]
 
 TOPS: dict[str, Vec3] = {
-    "black": (0.11, 0.11, 0.12), "charcoal": (0.22, 0.22, 0.24), "navy": (0.12, 0.16, 0.30), "white": (0.92, 0.92, 0.90),
-    "grey": (0.55, 0.56, 0.57), "beige": (0.76, 0.68, 0.55), "olive": (0.33, 0.35, 0.22), "burgundy": (0.42, 0.10, 0.14),
-    "sky": (0.50, 0.66, 0.82), "red": (0.74, 0.15, 0.14), "green": (0.17, 0.38, 0.24), "mustard": (0.80, 0.60, 0.18),
-    "rose": (0.82, 0.56, 0.60), "teal": (0.10, 0.42, 0.46),
+    "black": (0.11, 0.11, 0.12), "charcoal": (0.22, 0.22, 0.24), "navy": (0.12, 0.16, 0.30),
+    "white": (0.92, 0.92, 0.90), "grey": (0.55, 0.56, 0.57), "beige": (0.76, 0.68, 0.55), "olive": (0.33, 0.35, 0.22),
+    "burgundy": (0.42, 0.10, 0.14), "sky": (0.50, 0.66, 0.82), "red": (0.74, 0.15, 0.14), "green": (0.17, 0.38, 0.24),
+    "mustard": (0.80, 0.60, 0.18), "rose": (0.82, 0.56, 0.60), "teal": (0.10, 0.42, 0.46),
 }  # fmt: skip
 _TOP_WEIGHTS: _Weights = {
     "black": 0.19, "charcoal": 0.10, "navy": 0.15, "white": 0.13, "grey": 0.11, "beige": 0.07, "olive": 0.05,
@@ -149,9 +149,10 @@ class _Dresser:
 
     def shoes(self, colour: str, sole: str) -> None:
         self.paint("shoe", "shoe", colour, _SHOES, surfaces.RUBBER)
-        self.paint("sole", "shoe", sole, _SHOES, surfaces.RUBBER)
         self.put_both("foot", "shoe", "shoe")
-        self.put_both("foot", "sole", "sole")
+        if sole != "black":
+            self.paint("sole", "shoe", sole, _SHOES, surfaces.RUBBER)
+            self.put_both("foot", "sole", "sole")
 
     def look(self, build: str) -> Look:
         return Look(build, tuple(self.pieces), self.materials)
@@ -244,7 +245,9 @@ def _top(d: _Dresser, *, female: bool, sitting: bool) -> str:
 
 def _bottom(d: _Dresser, *, shorts: bool, skirt: bool) -> None:
     kind = d.rng.weighted(
-        {"slim": 0.38, "trouser": 0.42, "wide": 0.10} | ({"shorts": 0.35} if shorts else {}) | ({"skirt": 0.2} if skirt else {})
+        {"slim": 0.38, "trouser": 0.42, "wide": 0.10}
+        | ({"shorts": 0.35} if shorts else {})
+        | ({"skirt": 0.2} if skirt else {})
     )
     colour = d.colours.trousers
     is_denim = kind != "skirt" and (not isinstance(colour, str) or colour.startswith("denim"))

@@ -26,7 +26,6 @@ class LimbShape:
     part: str
     kind: str
     size: tuple[float, ...]
-    material: str  # shirt, trousers, skin, hair or shoe
     pos: Vec3 = (0.0, 0.0, 0.0)
     lateral: bool = False  # axis along y instead of z
     forward: bool = False  # axis along x instead of z
@@ -74,28 +73,29 @@ class Figure:
         h = self.height_m
         head = 1.24 if self.child else 1.0
         shapes = [
-            LimbShape("pelvis", "hips", "ellipsoid", (0.068 * h, 0.097 * h, 0.075 * h), "trousers"),
-            LimbShape("torso", "trunk", "ellipsoid", (0.064 * h, 0.098 * h, 0.158 * h), "shirt"),
+            LimbShape("pelvis", "hips", "ellipsoid", (0.068 * h, 0.097 * h, 0.075 * h)),
+            LimbShape("torso", "trunk", "ellipsoid", (0.064 * h, 0.098 * h, 0.158 * h)),
+            LimbShape("torso", "shoulders", "capsule", (0.040 * h, 0.085 * h), (0.0, 0.0, 0.100 * h), lateral=True),
+            LimbShape("head", "neck", "capsule", (0.030 * h, 0.020 * h), (-0.006 * h, 0.0, -0.080 * h)),
+            LimbShape("head", "face", "ellipsoid", (0.052 * head * h, 0.044 * head * h, 0.066 * head * h)),
             LimbShape(
-                "torso", "shoulders", "capsule", (0.040 * h, 0.085 * h), "shirt", (0.0, 0.0, 0.100 * h), lateral=True
-            ),
-            LimbShape("head", "neck", "capsule", (0.030 * h, 0.020 * h), "skin", (-0.006 * h, 0.0, -0.080 * h)),
-            LimbShape("head", "face", "ellipsoid", (0.052 * head * h, 0.044 * head * h, 0.066 * head * h), "skin"),
-            LimbShape(
-                "head", "hair", "ellipsoid", (0.054 * head * h, 0.048 * head * h, 0.052 * head * h), "hair",
+                "head",
+                "hair",
+                "ellipsoid",
+                (0.054 * head * h, 0.048 * head * h, 0.052 * head * h),
                 (-0.010 * head * h, 0.0, 0.022 * head * h),
-            ),  # fmt: skip
+            ),
         ]
         for side in ("l", "r"):
             shapes += [
-                LimbShape(f"upper_arm_{side}", "arm", "capsule", (0.028 * h, self.upper_arm_m / 2), "shirt"),
-                LimbShape(f"forearm_{side}", "arm", "capsule", (0.021 * h, self.forearm_m / 2), "skin"),
-                LimbShape(f"hand_{side}", "hand", "ellipsoid", (0.024 * h, 0.014 * h, 0.045 * h), "skin"),
-                LimbShape(f"thigh_{side}", "leg", "capsule", (0.044 * h, self.thigh_m / 2), "trousers"),
-                LimbShape(f"shank_{side}", "leg", "capsule", (0.030 * h, self.shank_m / 2), "trousers"),
+                LimbShape(f"upper_arm_{side}", "arm", "capsule", (0.028 * h, self.upper_arm_m / 2)),
+                LimbShape(f"forearm_{side}", "arm", "capsule", (0.021 * h, self.forearm_m / 2)),
+                LimbShape(f"hand_{side}", "hand", "ellipsoid", (0.024 * h, 0.014 * h, 0.045 * h)),
+                LimbShape(f"thigh_{side}", "leg", "capsule", (0.044 * h, self.thigh_m / 2)),
+                LimbShape(f"shank_{side}", "leg", "capsule", (0.030 * h, self.shank_m / 2)),
                 # The origin of the foot is the ankle. Its capsule, of radius 0.022 h, touches the ground at the sole.
                 LimbShape(
-                    f"foot_{side}", "shoe", "capsule", (0.022 * h, 0.052 * h), "shoe",
+                    f"foot_{side}", "shoe", "capsule", (0.022 * h, 0.052 * h),
                     (0.035 * h, 0.0, 0.022 * h - self.ankle_m), forward=True,
                 ),
             ]  # fmt: skip

@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, Vec2
-
-_DIGITS = 6  # of coordinates
 
 
 @dataclass(frozen=True)
@@ -68,15 +67,15 @@ class SmoothMesh(Mesh):
     def normals(self) -> list[Vec3]:
         """Return the unit normal of each vertex: the mean of its group's triangles, weighted by area."""
         sums = {g: [0.0, 0.0, 0.0] for g in self.groups}
-        for triangle in self.triangles:
-            p, q, r = (self.vertices[i] for i in triangle)
-            ux, uy, uz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-            vx, vy, vz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-            n = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
-            for group in {self.groups[i] for i in triangle}:
+        for a, b, c in self.triangles:
+            (px, py, pz), (qx, qy, qz), (rx, ry, rz) = self.vertices[a], self.vertices[b], self.vertices[c]
+            ux, uy, uz, vx, vy, vz = qx - px, qy - py, qz - pz, rx - px, ry - py, rz - pz
+            x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            for group in (self.groups[a], self.groups[b], self.groups[c]):
                 total = sums[group]
-                for k in range(3):
-                    total[k] += n[k]
+                total[0] += x
+                total[1] += y
+                total[2] += z
         units = {}
         for group, (x, y, z) in sums.items():
             length = sqrt(x * x + y * y + z * z)
@@ -84,13 +83,11 @@ class SmoothMesh(Mesh):
         return [units[g] for g in self.groups]
 
     def obj(self) -> bytes:
-        def line(kind: str, values: Sequence[float]) -> str:
-            return f"{kind} {' '.join(repr(round(value, _DIGITS) + 0.0) for value in values)}"
-
-        lines = [line("v", vertex) for vertex in self.vertices]
-        lines += [line("vt", uv) for uv in self.uvs]
-        lines += [line("vn", normal) for normal in self.normals()]
-        lines += ["f " + " ".join(f"{i + 1}/{i + 1}/{i + 1}" for i in triangle) for triangle in self.triangles]
+        corner = [f"{i}/{i}/{i}" for i in range(1, len(self.vertices) + 1)]
+        lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in self.vertices]
+        lines += [f"vt {u:.5f} {v:.5f}" for u, v in self.uvs]
+        lines += [f"vn {x:.4f} {y:.4f} {z:.4f}" for x, y, z in self.normals()]
+        lines += [f"f {corner[a]} {corner[b]} {corner[c]}" for a, b, c in self.triangles]
         return ("\n".join(lines) + "\n").encode()
 
 
@@ -140,7 +137,7 @@ def skin(
                 mesh.groups.append(group + i % n)
             group += n
         starts.append((copies[0], copies[-1]))
-    for (_, low), (high, _) in zip(starts, starts[1:], strict=False):
+    for (_, low), (high, _) in pairwise(starts):
         for i in range(n):
             a, b = low + i, high + i
             mesh.triangles += [(a, a + 1, b + 1), (a, b + 1, b)]

@@ -63,7 +63,9 @@ class _Person:
             reach[piece.limb] = max(reach[piece.limb], farthest)
         return reach
 
-    def add_limb(self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = "") -> None:
+    def add_limb(
+        self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = ""
+    ) -> None:
         """Add a limb's meshes, and the shapes that stand for it in contact, at a pose in the body's frame."""
         cosine, sine = quat[0] * quat[0] - quat[2] * quat[2], 2.0 * quat[0] * quat[2]  # rotates about y
         for shape in self.figure.shapes():
