@@ -209,8 +209,8 @@ def test_people_are_solid_and_leave_room_to_take_off() -> None:
     assert len(told["people"]) == 8
 
 
-HOSTILE = """<mujoco><compiler angle="radian"/>
-<default><geom contype="0" conaffinity="0" group="4" rgba="1 0 0 0.5"/></default>
+HOSTILE = """<mujoco><compiler angle="radian" meshdir="m" texturedir="t"/>
+<default><mesh scale="3 3 3"/><geom contype="0" conaffinity="0" group="4" rgba="1 0 0 0.5"/></default>
 <asset><material name="floor" rgba="0.3 0.5 0.3 1"/></asset>
 <worldbody>
 <geom name="floor" type="plane" size="0 0 1" material="floor" group="0" contype="1" rgba="0.5 0.5 0.5 1"/>
@@ -229,8 +229,8 @@ def test_defaults_and_globs_of_a_map_do_not_reach_the_added_people(tmp_path: Pat
     n = int(load_world(base).model.ngeom)
     assert [world.class_names[k] for k in world.geom_class[:n]] == ["ground", "tree"]
     assert {world.class_names[k] for k in world.geom_class[n:]} == {"person"}
-    assert world.geom_visible[n:].all()
-    assert world.geom_solid[n:].all()
+    assert (world.geom_visible[n:] != world.geom_solid[n:]).all()  # meshes are seen, capsules touched
+    assert np.abs(world.model.mesh_vert).max() < 0.8
     assert len(world.added_people) <= 3
 
 
