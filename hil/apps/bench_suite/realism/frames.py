@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.realism.kinds import Kind, objects_of
+from hil.apps.bench_suite.realism.kinds import BY_NAME, Kind, objects_of
 from hil.apps.bench_suite.sensors.mujoco_rays import cast
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose, looking
 from sim.frame.camera_model import CameraModel
@@ -25,6 +25,7 @@ from sim.frame.mujoco_backend import WorldPose
 from sim.frame.quality import QUALITIES, with_quality
 from sim.frame.renderer import CameraPose, FrameRenderer
 from sim.frame.source import SharedFrames
+from sim.scene.maps.surfaces import SKIN
 from sim.scene.scene import load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -37,6 +38,7 @@ _MAX_DOWN_DEG = 50.0
 _YAW_DEG, _PITCH_DEG, _ROLL_DEG = 12.0, 8.0, 3.0
 _CLEAR_M = 0.5
 _TRIES = 40  # for each frame
+_PERSON = BY_NAME["person"]
 _SPAN_NS = 60_000_000_000
 
 
@@ -175,6 +177,7 @@ class Scenario:
         out: dict[str, NDArray[Any]] = {
             "range": np.empty((HEIGHT, WIDTH), np.float32),
             "instance": np.empty((HEIGHT, WIDTH), np.uint16),
+            "material": np.empty((HEIGHT, WIDTH), np.uint8),
         }
         self._truth.render(pose, out)
         if out["range"].min() < _CLEAR_M:
@@ -186,18 +189,35 @@ class Scenario:
         if not first.counts:
             return None
         others = [i for i in instances if i in self.objects and i != target]
-        return (first, *(self._truth_of(i, out["instance"], pose, t_ns) for i in others))
+        truths = [first, *(self._truth_of(i, out["instance"], pose, t_ns) for i in others)]
+        return (*truths, *self._riders(out["instance"], out["material"]))
+
+    def _riders(self, instances: NDArray[np.uint16], surfaces: NDArray[np.uint8]) -> list[Truth]:
+        """Return the people who are part of another object, such as drivers; they never count.
+
+        Their box is that of the visible skin, made twice as wide and high.
+        """
+        skin = np.isin(surfaces, [i for i, surface in enumerate(self.world.surfaces) if surface == SKIN])
+        riders = []
+        for instance in np.unique(instances[skin]).tolist():
+            kind = self.objects.get(instance)
+            if kind is None or kind.name == _PERSON.name:
+                continue
+            x_min, y_min, x_max, y_max = _box_of(skin & (instances == instance))
+            across, down = 0.5 * (x_max - x_min), 0.5 * (y_max - y_min)
+            box = (x_min - across, y_min - down, x_max + across, y_max + down)
+            riders.append(Truth(_PERSON, f"rider of {self.world.instance_names[instance]}", box, 0.0))
+        return riders
 
     def _sky_is_free(self, pose: CameraPose) -> bool:
         geom, _, _ = cast(self.world.model, self._pose.data, np.array(pose.p_WC), np.array([[0.0, 0.0, 1.0]]))
         return bool(geom[0] < 0)
 
     def _truth_of(self, instance: int, picture: NDArray[np.uint16], pose: CameraPose, t_ns: int) -> Truth:
-        rows, columns = np.nonzero(picture == instance)
-        box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
+        pixels = picture == instance
         whole = self._whole_px(instance, pose, t_ns)
-        share = min(1.0, len(rows) / whole) if whole else 0.0
-        return Truth(self.objects[instance], self.world.instance_names[instance], box, share)
+        share = min(1.0, float(np.count_nonzero(pixels)) / whole) if whole else 0.0
+        return Truth(self.objects[instance], self.world.instance_names[instance], _box_of(pixels), share)
 
     def _whole_px(self, instance: int, pose: CameraPose, t_ns: int) -> float:
         """Return the pixels of an object that nothing hides, within and outside of the picture."""
@@ -236,3 +256,9 @@ class Scenario:
             near_m=_NEAR_M,
             far_m=_FAR_M,
         )
+
+
+def _box_of(pixels: NDArray[np.bool_]) -> tuple[float, float, float, float]:
+    """Return the box of the pixels that are True."""
+    rows, columns = np.nonzero(pixels)
+    return (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hil.apps.bench_suite.realism.frames import HEIGHT, WIDTH, Scenario
 from hil.apps.bench_suite.realism.kinds import BY_NAME
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose, looking
+from sim.scene.maps.surfaces import SKIN
 
 CAR = BY_NAME["vehicle"]
 SCENE = """\
@@ -70,3 +72,16 @@ def test_the_share_tells_what_a_wall_and_the_border_hide(tmp_path: Path) -> None
     cut = scene._truth_of(2, picture, camera_pose(np.array([0.0, 0.0, 0.7]), R_WC), 0)
     assert cut.box_px[0] == 0.0
     assert cut.share < 0.6
+
+
+def test_a_driver_is_a_person_who_never_counts(scene: Path) -> None:
+    scenario = Scenario(str(scene), None)
+    skin = len(scenario.world.surfaces)
+    scenario.world = replace(scenario.world, surfaces=(*scenario.world.surfaces, SKIN))
+    instances, surfaces = np.zeros((HEIGHT, WIDTH), np.uint16), np.zeros((HEIGHT, WIDTH), np.uint8)
+    instances[100:300, 100:500] = 2  # the car
+    surfaces[140:160, 200:230] = skin
+    (driver,) = scenario._riders(instances, surfaces)
+    assert driver.box_px == (185.0, 130.0, 245.0, 170.0)
+    assert driver.kind.name == "person"
+    assert not driver.counts
