@@ -103,6 +103,66 @@ void pack(Mesh &mesh) {
     if (surface > 0.0 && image > 0.0) mesh.uv_per_m = static_cast<float>(std::sqrt(image / surface));
 }
 
+// Fills mesh.face.
+void group_faces(Mesh &mesh) {
+    constexpr double kSameNormal = 1e-6, kSameTexture = 1e-4;  // greatest differences, of components and of coordinates
+    const std::size_t triangles = mesh.triangle.size() / 3;
+    mesh.face.resize(triangles);
+    std::iota(mesh.face.begin(), mesh.face.end(), 0);
+    if (!mesh.corner_normal.empty()) return;
+    const auto corner = [&](std::size_t t, std::size_t c) { return &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[3 * t + c])]; };
+    // Texture coordinate i of triangle t's map at the point p.
+    const auto mapped = [&](std::size_t t, const float *p, std::size_t i) {
+        const float *a = corner(t, 0), *uv = &mesh.uv[6 * t + i], *gradient = &mesh.barycentric[6 * t];
+        double b = 0.0, c = 0.0;
+        for (std::size_t k = 0; k < 3; ++k) {
+            b += (static_cast<double>(p[k]) - a[k]) * gradient[k];
+            c += (static_cast<double>(p[k]) - a[k]) * gradient[3 + k];
+        }
+        return uv[0] + b * (static_cast<double>(uv[2]) - uv[0]) + c * (static_cast<double>(uv[4]) - uv[0]);
+    };
+    const auto same = [&](std::size_t t, std::size_t of) {
+        for (std::size_t i = 0; i < 3; ++i) {
+            if (!(std::fabs(mesh.normal[3 * t + i] - mesh.normal[3 * of + i]) <= kSameNormal)) return false;
+        }
+        for (std::size_t c = 0; c < 3 && !mesh.uv.empty(); ++c) {
+            for (std::size_t i = 0; i < 2; ++i) {
+                if (!(std::fabs(mapped(of, corner(t, c), i) - mesh.uv[6 * t + 2 * c + i]) <= kSameTexture)) return false;
+            }
+        }
+        return true;
+    };
+    std::vector<std::pair<float, std::int32_t>> largest;  // the square of an edge, negative, stands for the size
+    for (std::size_t t = 0; t < triangles; ++t) {
+        double least = kInf;
+        for (std::size_t c = 0; c < 3; ++c) {
+            double square = 0.0;
+            for (std::size_t k = 0; k < 3; ++k) {
+                const double step = static_cast<double>(corner(t, c)[k]) - corner(t, (c + 1) % 3)[k];
+                square += step * step;
+            }
+            least = std::min(least, square);
+        }
+        largest.emplace_back(static_cast<float>(-least), static_cast<std::int32_t>(t));
+    }
+    std::sort(largest.begin(), largest.end());
+    std::map<std::array<std::int32_t, 3>, std::vector<std::int32_t>> faces;  // by direction
+    for (const auto &[size, triangle] : largest) {
+        const auto t = static_cast<std::size_t>(triangle);
+        const auto rounded = [&](std::size_t i) { return static_cast<std::int32_t>(std::lround(16.0 * mesh.normal[3 * t + i])); };
+        std::vector<std::int32_t> &known = faces[{rounded(0), rounded(1), rounded(2)}];
+        constexpr std::size_t kMost = 64;  // compared, so that a mesh of many faces takes no longer
+        const std::size_t first = known.size() > kMost ? known.size() - kMost : 0;
+        const auto found = std::find_if(known.begin() + static_cast<std::ptrdiff_t>(first), known.end(),
+                                        [&](std::int32_t of) { return same(t, static_cast<std::size_t>(of)); });
+        if (found != known.end()) {
+            mesh.face[t] = *found;
+        } else {
+            known.push_back(triangle);
+        }
+    }
+}
+
 bool is_closed(const Mesh &mesh) {
     // Corners at the same position are one corner, also if the file repeats it.
     std::map<std::array<float, 3>, std::int32_t> places;
@@ -209,6 +269,7 @@ int Geometry::add_mesh(const float *vertex, std::size_t vertices, const std::int
         sorted.tree.order[i] = static_cast<std::int32_t>(i);
     }
     pack(sorted);
+    group_faces(sorted);
     sorted.closed = is_closed(sorted);
     meshes_.push_back(std::move(sorted));
     return static_cast<int>(meshes_.size()) - 1;

@@ -33,6 +33,9 @@ struct Mesh {
     std::vector<float> normal;  // [triangles][3], unit; zero for a triangle without area
     // [triangles][2][3]: gradients of the barycentric coordinates of the second and third corner; zero at the first.
     std::vector<float> barycentric;
+    // [triangles]: one triangle of those that share its plane and its map of texture coordinates, the largest; normals and
+    // coordinates of a flat mesh are computed once for all of them. With corner normals each triangle is its own.
+    std::vector<std::int32_t> face;
     Bvh packed_tree;
     // True if every edge belongs to two triangles that traverse it in opposite directions, and every connected part
     // faces outwards. From outside, no ray then meets the back of a triangle first.

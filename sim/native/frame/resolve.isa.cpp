@@ -63,15 +63,17 @@ HIL_INLINE void put_gradient(const Mesh &mesh, long t, int i, const I &here, Vec
     put_at(to, here, x * scale, y * scale, z * scale);
 }
 
-// Normal of each pixel's triangle and the parts named by `look`.
+// Normal of each pixel's triangle and the parts named by `look`, face by face.
 HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangles, const I &mask, const Vec<F> &p, unsigned look) {
     const F zero = splat<F>(0);
     const Vec<F> none{zero, zero, zero};
     const Mesh &mesh = *g.mesh;
-    const I index = load<I>(triangles);
+    const I index = gather(mesh.face.data(), select(mask, load<I>(triangles), splat<I>(0)));
+    std::int32_t faces[16];
+    store(faces, index);
     MeshPoint found{none, none, {zero, zero, none, none}};
     for (unsigned lanes = bits(mask); lanes != 0;) {
-        const std::int32_t triangle = triangles[__builtin_ctz(lanes)];
+        const std::int32_t triangle = faces[__builtin_ctz(lanes)];
         const I here = mask & (index == splat<I>(triangle));
         lanes &= ~bits(here);
         const long t = triangle;
