@@ -11,9 +11,10 @@ from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import Vehicle
+from sim.scene.imports.sources import import_source
 from sim.scene.map_file import read_map_file
 from sim.scene.map_section import MjcfMap
-from sim.scene.scene import Scene, is_mjcf, scene_of_mjcf
+from sim.scene.scene import Scene, is_map_file, scene_of_map
 from sim.scene.scene_file import SceneFile
 from sim.world_loader import load_world
 
@@ -21,9 +22,9 @@ _MAP_FOLDER = "scene_map"
 
 
 def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
-    """Read a scene's YAML file, or an MJCF file as a scene. Raises ConfigError if the file cannot be read at all."""
-    if is_mjcf(path):
-        return scene_of_mjcf(path), []
+    """Read a scene's YAML file, or a map's file as a scene. Raises ConfigError if the file cannot be read at all."""
+    if is_map_file(path):
+        return scene_of_map(path), []
     document = read_yaml(path)
     if document.data in (None, {}):
         return None, [
@@ -59,17 +60,24 @@ def save_scene(scene: Scene, source: Path, folder: Path) -> str:
     Weather and randomisation are left out of the copy, because the bench applies them again when it is loaded.
     """
     scene = scene.original
-    if not isinstance(scene.map, MjcfMap):
+    imported = import_source(scene)
+    if not isinstance(scene.map, MjcfMap) and imported is None:
         name = f"scene{source.suffix}"
         (folder / name).write_bytes(source.read_bytes())
         return name
-    map_file = read_map_file((scene.file.folder / scene.map.mjcf).expanduser())
     map_folder = folder / _MAP_FOLDER
     map_folder.mkdir(exist_ok=True)
-    (map_folder / "map.xml").write_text(map_file.text, encoding="utf-8")
-    for name, data in map_file.assets.items():
-        (map_folder / name).write_bytes(data)
-    new_map = scene.map.model_copy(update={"mjcf": f"{_MAP_FOLDER}/map.xml"})
+    if imported is not None:
+        names = imported.save(map_folder)
+    else:
+        assert isinstance(scene.map, MjcfMap)
+        map_file = read_map_file((scene.file.folder / scene.map.mjcf).expanduser())
+        (map_folder / "map.xml").write_text(map_file.text, encoding="utf-8")
+        for name, data in map_file.assets.items():
+            (map_folder / name).write_bytes(data)
+        names = {"mjcf": "map.xml"}
+    assert scene.map is not None
+    new_map = scene.map.model_copy(update={key: f"{_MAP_FOLDER}/{name}" for key, name in names.items()})
     copied = scene.model_copy(update={"map": new_map})
     head = f"# The scene of {shown_path(source)}, with its map in {_MAP_FOLDER}/.\n"
     (folder / "scene.yaml").write_text(head + dump_yaml(copied.model_dump(mode="json")), encoding="utf-8")

@@ -1,8 +1,8 @@
-"""Section `map` of a scene: a generator with its parameters, or the user's own MJCF file."""
+"""Section `map` of a scene: a generator with its parameters, or a file: MJCF, glTF or OpenStreetMap."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import pydantic
 from pydantic import Discriminator, Field, Tag
@@ -13,6 +13,7 @@ from sim.scene.maps.scene_map import Surface
 MAX_SEED = 2**63 - 1
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]
 ClassName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
+Metres = Annotated[float, Field(ge=-1.0e5, le=1.0e5)]
 Glob = Annotated[str, Field(min_length=1, max_length=200)]
 
 
@@ -61,24 +62,60 @@ class MjcfMap(StrictModel):
     # MJCF material -> a name of sim.scene.surfaces, or values
     surfaces: dict[str, SurfaceChoice] = Field(default_factory=dict)
 
-    # Keys of a generated map, declared only so that they are rejected with a clear message.
+    # Keys of other maps, declared only so that they are rejected with a clear message.
     generator: Any = Field(default=None, exclude=True)
     seed: Any = Field(default=None, exclude=True)
 
     @pydantic.model_validator(mode="after")
     def _one_source(self) -> MjcfMap:
-        for key in ("generator", "seed"):
-            if getattr(self, key) is not None:
-                raise ValueError(f"holds both mjcf and {key}: a map is a file or comes from a generator")
-        return self
+        return _without(self, "mjcf", ("generator", "seed"))
+
+
+class GltfMap(StrictModel):
+    """A place from a glTF file (.glb, .gltf), with the classes and surfaces of its parts."""
+
+    gltf: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
+    scale: Annotated[float, Field(gt=0.0, le=1.0e6)] = 1.0  # metres per unit of the file
+    yaw_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 0.0  # counter-clockwise, seen from above
+    # The take-off place, in metres east, north and up in the scaled and turned file.
+    origin_m: tuple[Metres, Metres, Metres] = (0.0, 0.0, 0.0)
+    ground: bool | None = None  # add the plane z = 0; null: if the file has none round the take-off place
+    contact_error_m: Annotated[float, Field(ge=0.05, le=2.0)] = 0.2  # how far solid things may reach beyond seen ones
+    classes: dict[str, tuple[Glob, ...]] = Field(default_factory=dict)  # patterns of node, mesh and material names
+    new_classes: tuple[ClassName, ...] = ()
+    surfaces: dict[str, SurfaceChoice] = Field(default_factory=dict)  # patterns of material names
+
+    generator: Any = Field(default=None, exclude=True)
+    seed: Any = Field(default=None, exclude=True)
+    mjcf: Any = Field(default=None, exclude=True)
+
+    @pydantic.model_validator(mode="after")
+    def _one_source(self) -> GltfMap:
+        return _without(self, "gltf", ("generator", "seed", "mjcf"))
+
+
+T = TypeVar("T", bound=StrictModel)
+
+
+def _without(section: T, own: str, others: tuple[str, ...]) -> T:
+    """Return the section. Raises ValueError if it holds a key of another kind of map."""
+    for key in others:
+        if getattr(section, key) is not None:
+            raise ValueError(f"holds both {own} and {key}: a map is one file or comes from a generator")
+    return section
 
 
 def _map_source(section: Any) -> str:
-    mjcf = "mjcf" in section if isinstance(section, dict) else isinstance(section, MjcfMap)
-    return "from a file" if mjcf else "from a generator"
+    for key, kind in _FILES.items():
+        if key in section if isinstance(section, dict) else isinstance(section, kind):
+            return f"from {key}"
+    return "from a generator"
 
 
+_FILES: dict[str, type[StrictModel]] = {"mjcf": MjcfMap, "gltf": GltfMap}
 MapSection = Annotated[
-    Annotated[GeneratedMap, Tag("from a generator")] | Annotated[MjcfMap, Tag("from a file")],
+    Annotated[GeneratedMap, Tag("from a generator")]
+    | Annotated[MjcfMap, Tag("from mjcf")]
+    | Annotated[GltfMap, Tag("from gltf")],
     Discriminator(_map_source),
 ]

@@ -18,7 +18,7 @@ from signals.documents.validate import StrictModel, load_model
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.scene.appearance import Appearance
 from sim.scene.light import Light
-from sim.scene.map_section import GeneratedMap, MapSection, MjcfMap
+from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap
 from sim.scene.scene_file import SceneFile
 from sim.scene.view_point import ViewPoint
 from sim.scene.weather import Weather
@@ -119,27 +119,31 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """Load a scene of `rigs/scenes` by name, or a YAML or MJCF (.xml) file by path. Raises ConfigError."""
+    """Load a scene of `rigs/scenes` by name, or a YAML file or a map's file (.xml, .glb, .gltf) by path. Raises ConfigError."""
     path = Path(name_or_path)
-    if is_mjcf(path):
-        return scene_of_mjcf(path)
+    if is_map_file(path):
+        return scene_of_map(path)
     path = path if path.suffix else SCENE_DIR / f"{path}.yaml"
     scene, document = load_model(path, Scene)
     return scene.from_file(SceneFile(path, document))
 
 
-def is_mjcf(path: Path) -> bool:
-    """Return True if the suffix is that of an MJCF file."""
-    return path.suffix.lower() in (".xml", ".mjcf")
+def is_map_file(path: Path) -> bool:
+    """Return True if the suffix is that of a map: MJCF or glTF."""
+    return path.suffix.lower() in _MAP_SUFFIXES
 
 
-def scene_of_mjcf(path: Path) -> Scene:
-    """Return an MJCF file as a scene, with the default site and friction, which such a file does not hold."""
+_MAP_SUFFIXES = {".xml": "mjcf", ".mjcf": "mjcf", ".glb": "gltf", ".gltf": "gltf"}
+
+
+def scene_of_map(path: Path) -> Scene:
+    """Return a map's file as a scene, with the default site and friction, which such a file does not hold."""
     name = re.sub(r"[^a-z0-9_]+", "_", path.stem.lower())
+    kind = _MAP_SUFFIXES[path.suffix.lower()]
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",
         description=f"Map {path.name}",
         site=Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0),
         ground_friction=0.8,
-        map=MjcfMap(mjcf=path.name),
+        map=MjcfMap(mjcf=path.name) if kind == "mjcf" else GltfMap(gltf=path.name),
     ).from_file(SceneFile(path, Document(shown_path(path), None)))

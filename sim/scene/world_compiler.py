@@ -1,7 +1,7 @@
 """Compile the map of a scene to a `World`.
 
-The map comes from one of three sources: a generator with a seed, the user's own MJCF file, or a ground plane with
-boxes.
+The map comes from a generator with a seed, the user's own MJCF file, a file of another program (sim/scene/imports), or
+is a ground plane with boxes.
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ from signals.errors import ConfigError, Problem
 from sim.scene import semantics
 from sim.scene.classes import MAX_CLASSES, class_table
 from sim.scene.compile_process import compile_with_limits
+from sim.scene.imports.sources import ImportSource, import_source, named_file
 from sim.scene.map_file import MapFile, read_map_file
 from sim.scene.map_limits import needs_limits, size_problems
-from sim.scene.map_section import GeneratedMap, MjcfMap
+from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap
 from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.scene import Box, Scene
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
@@ -41,11 +42,12 @@ _GROUND = '<geom name="ground" type="plane" size="0 0 1"/>'
 
 @dataclass(frozen=True)
 class MapSource:
-    """Section `map` of a scene, with the MJCF file that it names, if any."""
+    """Section `map` of a scene, with the files that it names, if any."""
 
-    section: GeneratedMap | MjcfMap | None
+    section: MapSection | None
     file: MapFile | None = None
     text: str = ""
+    imported: ImportSource | None = None
 
     def key(self, scene: Scene) -> str:
         """Return a hash of everything that the compiled map depends on."""
@@ -53,6 +55,8 @@ class MapSource:
         if self.section is not None:
             parts["map"] = self.section.model_dump()
         state = hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode())
+        if self.imported is not None:
+            state.update(self.imported.key().encode())
         for name, data in (self.file.assets if self.file is not None else {}).items():
             state.update(name.encode())
             state.update(hashlib.sha256(data).digest())
@@ -60,20 +64,11 @@ class MapSource:
 
 
 def map_source(scene: Scene) -> MapSource:
-    """Return the source of a scene's map; an MJCF file is read. Raises ConfigError if the file cannot be used."""
+    """Return the source of a scene's map; its files are read. Raises ConfigError if they cannot be used."""
     section = scene.map
     if not isinstance(section, MjcfMap):
-        return MapSource(section)
-    folder = scene.file.folder
-    path = folder / section.mjcf
-    try:
-        exists = path.expanduser().is_file()
-    except (OSError, RuntimeError, ValueError):
-        exists = False
-    if not exists:
-        message = f"names a file that does not exist: {section.mjcf}"
-        raise ConfigError([scene.file.problem(("map", "mjcf"), message, f"looked beside {scene.file.document.source}")])
-    file = read_map_file(path.expanduser())
+        return MapSource(section, imported=import_source(scene))
+    file = read_map_file(named_file(scene, "mjcf", section.mjcf))
     return MapSource(section, file, file.text)
 
 
@@ -88,6 +83,9 @@ def compile_source(scene: Scene, source: MapSource) -> World:
     if isinstance(section, MjcfMap):
         assert source.file is not None
         return _from_file(scene, section, source.file)
+    if section is not None:
+        assert source.imported is not None
+        return _imported(scene, section, source.imported)
     text = f"<mujoco><worldbody>{_GROUND}</worldbody></mujoco>"
     scene_map = SceneMap(_with_boxes(text, scene.boxes), {}, {}, {}, ())
     return compile_map(scene, scene_map, class_table())
@@ -112,7 +110,48 @@ def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
 
 
 def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
-    problems = []
+    class_colours, surfaces, problems = _names(scene, section)
+    problems += size_problems(file.root)
+    for element in file.root.walk():
+        if element.tag == "freejoint" or (element.tag == "joint" and element.attributes.get("type") == "free"):
+            message = "holds a free joint, but only the vehicle may fly, and the bench adds it"
+            problems.append(Problem(element.where, message, "remove the joint: the body is then static"))
+        elif element.tag == "body" and element.attributes.get("name") == VEHICLE:
+            message = f"holds a body named {VEHICLE!r}, the name of the body that the bench adds"
+            problems.append(Problem(element.where, message, "remove it, or rename it if it is scenery"))
+    if problems:
+        raise ConfigError(problems)
+    text = file.text
+    if section.ground:
+        text = _insert(text, _GROUND)
+    scene_map = SceneMap(_with_boxes(text, scene.boxes), file.assets, section.classes, surfaces, ())
+    return compile_map(scene, scene_map, class_colours, file)
+
+
+def _imported(scene: Scene, section: GltfMap, source: ImportSource) -> World:
+    class_colours, surfaces, problems = _names(scene, section)
+    if problems:
+        raise ConfigError(problems)
+    made = source.make(surfaces)
+    for name, index in made.unmatched_classes:
+        pattern = section.classes[name][index]
+        message = f"matches nothing in the map: {pattern!r}"
+        place = ("map", "classes", name, index)
+        problems.append(scene.file.problem(place, message, nearest(pattern, made.names, listed=False)))
+    for name in made.unmatched_surfaces:
+        message = "matches no material of the map"
+        problems.append(scene.file.problem(("map", "surfaces", name), message, nearest(name, made.names, listed=False)))
+    if problems:
+        raise ConfigError(problems)
+    scene_map = replace(made.scene_map, mjcf=_with_boxes(made.scene_map.mjcf, scene.boxes))
+    return compile_map(scene, scene_map, class_colours, limited=True)
+
+
+def _names(
+    scene: Scene, section: MjcfMap | GltfMap
+) -> tuple[dict[str, tuple[int, int, int]], dict[str, Surface], list[Problem]]:
+    """Return the table of classes, the surfaces by material, and what is wrong with these names."""
+    problems: list[Problem] = []
     for name in section.new_classes:
         if name in class_table() or section.new_classes.count(name) > 1:
             problems.append(scene.file.problem(("map", "new_classes"), f"holds a class that exists already: {name!r}"))
@@ -139,21 +178,7 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
             problems.append(
                 scene.file.problem(("map", "surfaces", material), f"is an unknown surface: {value!r}", hint)
             )
-    problems += size_problems(file.root)
-    for element in file.root.walk():
-        if element.tag == "freejoint" or (element.tag == "joint" and element.attributes.get("type") == "free"):
-            message = "holds a free joint, but only the vehicle may fly, and the bench adds it"
-            problems.append(Problem(element.where, message, "remove the joint: the body is then static"))
-        elif element.tag == "body" and element.attributes.get("name") == VEHICLE:
-            message = f"holds a body named {VEHICLE!r}, the name of the body that the bench adds"
-            problems.append(Problem(element.where, message, "remove it, or rename it if it is scenery"))
-    if problems:
-        raise ConfigError(problems)
-    text = file.text
-    if section.ground:
-        text = _insert(text, _GROUND)
-    scene_map = SceneMap(_with_boxes(text, scene.boxes), file.assets, section.classes, surfaces, ())
-    return compile_map(scene, scene_map, class_colours, file)
+    return class_colours, surfaces, problems
 
 
 def _with_boxes(mjcf: str, boxes: tuple[Box, ...]) -> str:
@@ -181,15 +206,21 @@ def _with_worldbody(mjcf: str, element: str) -> str:
 
 
 def compile_map(
-    scene: Scene, scene_map: SceneMap, class_colours: Mapping[str, tuple[int, int, int]], file: MapFile | None = None
+    scene: Scene,
+    scene_map: SceneMap,
+    class_colours: Mapping[str, tuple[int, int, int]],
+    file: MapFile | None = None,
+    *,
+    limited: bool = False,
 ) -> World:
     """Compile a map and number its classes, instances and surfaces; raises ConfigError.
 
     `class_colours`: class -> colour, in the order of class ids. `file`: the user's MJCF file, for its line numbers.
+    `limited`: compile in a process of its own.
     """
     mujoco.set_mju_user_warning(_ignore)  # by default MuJoCo writes a log file into the working directory
     try:
-        if file is not None and needs_limits(file.root):
+        if limited or (file is not None and needs_limits(file.root)):
             model = compile_with_limits(scene_map.mjcf, scene_map.assets)
         else:
             model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))

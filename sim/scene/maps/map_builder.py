@@ -17,6 +17,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from signals._kernel import det_cos, det_sin
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
@@ -135,6 +138,7 @@ class MapBuilder:
         self._materials: dict[str, Surface] = {}
         self._textures: set[str] = set()
         self._meshes: set[str] = set()
+        self._hfields: set[str] = set()
         self._bodies: set[str] = set()
         self._geoms: set[str] = set()
         self._classes: dict[str, tuple[str, ...]] = {}
@@ -218,17 +222,36 @@ class MapBuilder:
             ET.SubElement(self._asset, "mesh", {"name": name, "file": file, "inertia": "shell", **size})
         return name
 
+    def mesh_file(self, file: str, data: bytes) -> None:
+        """Add a mesh asset named like its file without the suffix."""
+        name = file.rpartition(".")[0]
+        self._meshes.add(name)
+        self._assets[file] = data
+        ET.SubElement(self._asset, "mesh", name=name, file=file, inertia="shell")
+
+    def hull(self, name: str, corners: NDArray[np.float64]) -> str:
+        """Add the convex hull of points (n, 3) as a mesh asset, unless the name exists."""
+        if name not in self._meshes:
+            self._meshes.add(name)
+            ET.SubElement(self._asset, "mesh", name=name, vertex=numbers(corners.ravel().tolist()), inertia="shell")
+        return name
+
     def has_mesh(self, name: str) -> bool:
         return self._own(name) in self._meshes
 
     def hfield(self, name: str, rows: list[list[float]], size: tuple[float, float, float, float]) -> str:
         """Add a height field: elevations 0..1 by row from -y, size (half x, half y, height, base) [m]."""
+        self._hfields.add(name)
         flat = numbers(value for row in rows for value in row)
         ET.SubElement(
             self._asset, "hfield", name=name, nrow=str(len(rows)), ncol=str(len(rows[0])), size=numbers(size),
             elevation=flat,
         )  # fmt: skip
         return name
+
+    def hfield_of(self, name: str, heights: NDArray[np.float64], size: tuple[float, float, float, float]) -> str:
+        """Add a height field as `hfield` does, from an array, unless the name exists."""
+        return name if name in self._hfields else self.hfield(name, heights.tolist(), size)
 
     def ground(self, kind: str, size: Iterable[float], *, material: str, name: str = "ground", **more: Vec3) -> None:
         """Add a geom to the worldbody: an instance of its own, whose class follows from its own name."""

@@ -78,3 +78,4 @@ class SceneMap:
     surfaces: Mapping[str, Surface]  # MJCF material name -> Surface
     actors: tuple[Actor, ...]
     corners: tuple[CornerReflector, ...] = ()  # of plates in the MJCF
+    notes: tuple[str, ...] = ()  # what an imported map leaves out or simplifies

@@ -1,0 +1,216 @@
+"""Materials of a glTF file as materials of a map.
+
+The base colour becomes the colour and the texture. Roughness r and metalness m become MuJoCo's specular and shininess:
+
+    shininess = 1 - r,   specular = (1 - r) (1 + m) / 2
+
+which gives 0.25 and 0.5 for paint (m = 0, r = 0.5) and 0.8 and 0.8 for polished metal (m = 1, r = 0.2). The surface for LiDAR and
+radar follows from words in the material's name, else from its metalness.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from signals._kernel import det_pow
+from sim.scene.imports.gltf_file import GltfFile
+from sim.scene.imports.gltf_schema import Material, TextureInfo
+from sim.scene.maps.scene_map import Surface
+from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
+
+MAX_PIXELS = 1 << 27
+MAX_EDGE = 2048  # of a texture; larger ones are made smaller
+_INVISIBLE = 0.05  # alpha below which a blended material is not there
+_WORDS = {
+    "glass": "glass", "window": "glass", "metal": "painted_metal", "steel": "metal", "iron": "painted_metal",
+    "wood": "wood", "timber": "wood", "brick": "brick", "concrete": "concrete", "cement": "concrete",
+    "asphalt": "asphalt", "road": "asphalt", "grass": "grass", "lawn": "grass", "leaf": "foliage", "leaves": "foliage",
+    "foliage": "foliage", "tree": "foliage", "bark": "wood", "water": "water", "plaster": "plaster", "stucco": "plaster",
+    "roof": "roof_tile", "tile": "roof_tile", "stone": "stone", "rock": "stone", "gravel": "gravel", "sand": "sand",
+    "soil": "soil", "dirt": "soil", "earth": "soil", "rubber": "rubber", "tire": "rubber", "plastic": "plastic",
+    "car": "painted_metal", "skin": "skin_clothes", "cloth": "skin_clothes", "fabric": "skin_clothes",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Look:
+    """A material of the file, ready for the map."""
+
+    name: str
+    rgb: tuple[float, float, float]  # sRGB codes / 255
+    texture: int | None  # index of the image
+    holes: float | None  # alpha below this is open; None: closed
+    uv_set: int
+    uv: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    specular: float
+    shininess: float
+    surface: Surface
+    visible: bool
+
+
+def look_of(file: GltfFile, index: int | None) -> Look:
+    """Return the look of a material; without one, that of the glTF default."""
+    gltf = file.gltf
+    if index is not None and index >= len(gltf.materials):
+        raise file.error("a primitive", f"names materials[{index}], which does not exist")
+    material = gltf.materials[index] if index is not None else Material()
+    pbr = material.pbrMetallicRoughness
+    factor, colour_map = pbr.baseColorFactor, pbr.baseColorTexture
+    metal, rough = pbr.metallicFactor, pbr.roughnessFactor
+    older = material.extensions.get("KHR_materials_pbrSpecularGlossiness")
+    if isinstance(older, dict):
+        factor, colour_map = _older_colour(file, older, f"materials[{index}]")
+        metal, rough = 0.0, 1.0
+    elif pbr.metallicRoughnessTexture is not None:
+        image = _image_of(file, pbr.metallicRoughnessTexture)
+        if image is not None:
+            mean = decoded(file, image)[:, :, :3].reshape(-1, 3).mean(axis=0) / 255.0  # B, G, R
+            metal, rough = metal * float(mean[0]), rough * float(mean[1])
+    if index is None:
+        metal = 0.0
+    texture = _image_of(file, colour_map) if colour_map is not None else None
+    holes = None
+    if material.alphaMode == "MASK":
+        holes = min(max(material.alphaCutoff / max(factor[3], 1e-3), 1.0 / 255.0), 1.0)
+    elif material.alphaMode == "BLEND" and texture is not None:
+        holes = 0.5
+    visible = material.alphaMode != "BLEND" or factor[3] >= _INVISIBLE
+    if material.alphaMode == "MASK" and factor[3] < material.alphaCutoff:
+        visible = False
+    name = material.name or ("default" if index is None else f"material_{index}")
+    gloss = 1.0 - rough
+    transform = colour_map.extensions.get("KHR_texture_transform") if colour_map is not None else None
+    uv_set = colour_map.texCoord if colour_map is not None else 0
+    if isinstance(transform, dict) and isinstance(transform.get("texCoord"), int):
+        uv_set = transform["texCoord"]
+    return Look(
+        name,
+        (_srgb(factor[0]), _srgb(factor[1]), _srgb(factor[2])),
+        texture,
+        holes,
+        uv_set,
+        _uv_transform(transform),
+        0.5 * gloss * (1.0 + metal),
+        gloss,
+        _surface(name, metal, material.alphaMode == "BLEND" and factor[3] < 0.8),
+        visible,
+    )
+
+
+def _older_colour(
+    file: GltfFile, older: dict, part: str
+) -> tuple[tuple[float, float, float, float], TextureInfo | None]:
+    """Return the diffuse colour of the extension KHR_materials_pbrSpecularGlossiness."""
+    try:
+        info = TextureInfo.model_validate(older["diffuseTexture"]) if "diffuseTexture" in older else None
+        r, g, b, a = (min(max(float(v), 0.0), 1.0) for v in older.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0)))
+    except (ValueError, TypeError):
+        raise file.error(part, "has a wrong KHR_materials_pbrSpecularGlossiness") from None
+    return (r, g, b, a), info
+
+
+def _image_of(file: GltfFile, info: TextureInfo) -> int | None:
+    if info.index >= len(file.gltf.textures):
+        raise file.error("a material", f"names textures[{info.index}], which does not exist")
+    texture = file.gltf.textures[info.index]
+    webp = texture.extensions.get("EXT_texture_webp")
+    if isinstance(webp, dict) and isinstance(webp.get("source"), int):
+        return int(webp["source"])
+    if texture.source is None and "KHR_texture_basisu" in texture.extensions:
+        raise file.error(f"textures[{info.index}]", "needs KHR_texture_basisu, which is not read", "write it as PNG")
+    return texture.source
+
+
+def _srgb(linear: float) -> float:
+    """Return the sRGB code / 255 of linear light (IEC 61966-2-1)."""
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * det_pow(linear, 1.0 / 2.4) - 0.055
+
+
+def srgb_of(colour: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the sRGB code / 255 of a linear colour."""
+    r, g, b = (_srgb(min(max(float(v), 0.0), 1.0)) for v in colour)
+    return r, g, b
+
+
+def _surface(name: str, metal: float, see_through: bool) -> Surface:
+    lower = name.lower()
+    for word, surface in _WORDS.items():
+        if word in lower:
+            return SURFACES[surface]
+    if see_through:
+        return SURFACES["glass"]
+    return SURFACES["metal"] if metal > 0.5 else DEFAULT_SURFACE
+
+
+def _uv_transform(transform: object) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """Return the function of KHR_texture_transform: uv' = offset + R(rotation) (scale uv)."""
+    if not isinstance(transform, dict):
+        return lambda uv: uv
+    offset = np.array(transform.get("offset", (0.0, 0.0)), float)
+    scale = np.array(transform.get("scale", (1.0, 1.0)), float)
+    angle = float(transform.get("rotation", 0.0))
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s], [-s, c]])
+    if offset.shape != (2,) or scale.shape != (2,) or not np.isfinite([*offset, *scale, angle]).all():
+        return lambda uv: uv
+    return lambda uv: (uv * scale) @ turn.T + offset
+
+
+def decoded(file: GltfFile, index: int) -> NDArray[np.uint8]:
+    """Return an image as (H, W, 3 or 4), blue first. Raises ConfigError."""
+    data = file.image(index)
+    part = f"images[{index}]"
+    if file.gltf.images[index].name:
+        part += f" ({file.gltf.images[index].name[:60]!r})"
+    size = _size_of(data)
+    if size is not None and size[0] * size[1] > MAX_PIXELS:
+        raise file.error(part, f"is {size[0]} x {size[1]} pixels; {MAX_PIXELS} are allowed", "make it smaller")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise file.error(part, "cannot be decoded", "it must be a whole PNG, JPEG or WebP file")
+    if image.dtype != np.uint8:
+        image = (image / 257.0 if image.dtype == np.uint16 else image * 255.0).clip(0, 255).astype(np.uint8)
+    if image.ndim == 2:
+        image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    edge = max(image.shape[:2])
+    if edge > MAX_EDGE:
+        width, height = (max(1, round(n * MAX_EDGE / edge)) for n in (image.shape[1], image.shape[0]))
+        image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    return image
+
+
+def png_of(image: NDArray[np.uint8], holes: float | None) -> tuple[bytes, bool]:
+    """Return the PNG of a texture, and whether it has holes: with them, its alpha is 0 or 255."""
+    if holes is not None and image.shape[2] == 4:
+        alpha = np.where(image[:, :, 3] >= holes * 255.0, 255, 0).astype(np.uint8)
+        if not alpha.all():
+            return _png(np.dstack([image[:, :, :3], alpha])), True
+    return _png(image[:, :, :3]), False
+
+
+def _png(image: NDArray[np.uint8]) -> bytes:
+    return bytes(cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes())
+
+
+def _size_of(data: bytes) -> tuple[int, int] | None:
+    """Return width and height from the head of a PNG or JPEG file."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+        width, height = struct.unpack(">II", data[16:24])
+        return width, height
+    at = 2
+    while data[:2] == b"\xff\xd8" and at + 9 < len(data) and data[at] == 0xFF:
+        kind, length = data[at + 1], struct.unpack(">H", data[at + 2 : at + 4])[0]
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            height, width = struct.unpack(">HH", data[at + 5 : at + 9])
+            return width, height
+        at += 2 + length
+    return None
