@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import pydantic
 from pydantic import Discriminator, Field, Tag
@@ -94,6 +94,31 @@ class GltfMap(StrictModel):
         return _without(self, "gltf", ("generator", "seed", "mjcf"))
 
 
+class OsmMap(StrictModel):
+    """A district from an OpenStreetMap extract, round the scene's site."""
+
+    osm: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
+    elevation: str | None = None  # GeoTIFF of the ground's heights; null: level ground
+    radius_m: Annotated[float, Field(ge=20.0, le=3000.0)] = 500.0  # half the edge of the square that is built
+    seed: Seed = 1  # of facades, trees and what else the extract does not state
+    ground: Literal["auto", "grass", "paving", "gravel", "soil", "asphalt", "sand"] = "auto"
+    max_trees: Annotated[int, Field(ge=0, le=5000)] = 1500
+    classes: dict[str, tuple[Glob, ...]] = Field(default_factory=dict)  # patterns of "key=value"
+    new_classes: tuple[ClassName, ...] = ()
+
+    generator: Any = Field(default=None, exclude=True)
+    mjcf: Any = Field(default=None, exclude=True)
+    gltf: Any = Field(default=None, exclude=True)
+
+    @property
+    def surfaces(self) -> dict[str, SurfaceChoice]:
+        return {}
+
+    @pydantic.model_validator(mode="after")
+    def _one_source(self) -> OsmMap:
+        return _without(self, "osm", ("generator", "mjcf", "gltf"))
+
+
 T = TypeVar("T", bound=StrictModel)
 
 
@@ -112,10 +137,11 @@ def _map_source(section: Any) -> str:
     return "from a generator"
 
 
-_FILES: dict[str, type[StrictModel]] = {"mjcf": MjcfMap, "gltf": GltfMap}
+_FILES: dict[str, type[StrictModel]] = {"mjcf": MjcfMap, "gltf": GltfMap, "osm": OsmMap}
 MapSection = Annotated[
     Annotated[GeneratedMap, Tag("from a generator")]
     | Annotated[MjcfMap, Tag("from mjcf")]
-    | Annotated[GltfMap, Tag("from gltf")],
+    | Annotated[GltfMap, Tag("from gltf")]
+    | Annotated[OsmMap, Tag("from osm")],
     Discriminator(_map_source),
 ]

@@ -18,7 +18,7 @@ from signals.documents.validate import StrictModel, load_model
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.scene.appearance import Appearance
 from sim.scene.light import Light
-from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap
+from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.scene_file import SceneFile
 from sim.scene.view_point import ViewPoint
 from sim.scene.weather import Weather
@@ -119,7 +119,7 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """Load a scene of `rigs/scenes` by name, or a YAML file or a map's file (.xml, .glb, .gltf) by path. Raises ConfigError."""
+    """Load a scene of `rigs/scenes` by name, or a YAML or map file by path. Raises ConfigError."""
     path = Path(name_or_path)
     if is_map_file(path):
         return scene_of_map(path)
@@ -129,21 +129,41 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def is_map_file(path: Path) -> bool:
-    """Return True if the suffix is that of a map: MJCF or glTF."""
-    return path.suffix.lower() in _MAP_SUFFIXES
+    """Return True if the suffix is that of a map: MJCF, glTF or OpenStreetMap."""
+    return path.name.lower().endswith(tuple(_MAP_SUFFIXES))
 
 
-_MAP_SUFFIXES = {".xml": "mjcf", ".mjcf": "mjcf", ".glb": "gltf", ".gltf": "gltf"}
+_MAP_SUFFIXES = {
+    ".xml": "mjcf", ".mjcf": "mjcf", ".glb": "gltf", ".gltf": "gltf", ".osm": "osm", ".osm.xml": "osm", ".pbf": "osm",
+}  # fmt: skip
 
 
 def scene_of_map(path: Path) -> Scene:
-    """Return a map's file as a scene, with the default site and friction, which such a file does not hold."""
-    name = re.sub(r"[^a-z0-9_]+", "_", path.stem.lower())
-    kind = _MAP_SUFFIXES[path.suffix.lower()]
+    """Return a map's file as a scene, with the default site and friction, which such a file does not hold.
+
+    The site of an OpenStreetMap extract is free ground close to its middle. Raises ConfigError if it cannot be read.
+    """
+    suffix = max((end for end in _MAP_SUFFIXES if path.name.lower().endswith(end)), key=len)
+    kind = _MAP_SUFFIXES[suffix]
+    name = re.sub(r"[^a-z0-9_]+", "_", path.name[: -len(suffix)].lower())
+    site = Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0)
+    file = SceneFile(path, Document(shown_path(path), None))
+    section: MapSection = MjcfMap(mjcf=path.name)
+    if kind == "gltf":
+        section = GltfMap(gltf=path.name)
+    elif kind == "osm":
+        # Imported here because few flights need the reader.
+        from sim.scene.imports.osm_file import read_osm
+        from sim.scene.imports.osm_map import take_off_place
+
+        section = OsmMap(osm=path.name)
+        data = file.cache["osm"] = read_osm(path)
+        latitude_deg, longitude_deg = take_off_place(data, section.radius_m)
+        site = Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=0.0)
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",
         description=f"Map {path.name}",
-        site=Site(latitude_deg=47.397742, longitude_deg=8.545594, altitude_m=488.0),
+        site=site,
         ground_friction=0.8,
-        map=MjcfMap(mjcf=path.name) if kind == "mjcf" else GltfMap(gltf=path.name),
-    ).from_file(SceneFile(path, Document(shown_path(path), None)))
+        map=section,
+    ).from_file(file)

@@ -26,7 +26,7 @@ from sim.scene.compile_process import compile_with_limits
 from sim.scene.imports.sources import ImportSource, import_source, named_file
 from sim.scene.map_file import MapFile, read_map_file
 from sim.scene.map_limits import needs_limits, size_problems
-from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap
+from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.scene import Box, Scene
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
@@ -128,7 +128,7 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
     return compile_map(scene, scene_map, class_colours, file)
 
 
-def _imported(scene: Scene, section: GltfMap, source: ImportSource) -> World:
+def _imported(scene: Scene, section: GltfMap | OsmMap, source: ImportSource) -> World:
     class_colours, surfaces, problems = _names(scene, section)
     if problems:
         raise ConfigError(problems)
@@ -144,11 +144,11 @@ def _imported(scene: Scene, section: GltfMap, source: ImportSource) -> World:
     if problems:
         raise ConfigError(problems)
     scene_map = replace(made.scene_map, mjcf=_with_boxes(made.scene_map.mjcf, scene.boxes))
-    return compile_map(scene, scene_map, class_colours, limited=True)
+    return compile_map(scene, scene_map, class_colours, limited=isinstance(section, GltfMap))
 
 
 def _names(
-    scene: Scene, section: MjcfMap | GltfMap
+    scene: Scene, section: MjcfMap | GltfMap | OsmMap
 ) -> tuple[dict[str, tuple[int, int, int]], dict[str, Surface], list[Problem]]:
     """Return the table of classes, the surfaces by material, and what is wrong with these names."""
     problems: list[Problem] = []

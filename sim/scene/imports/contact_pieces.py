@@ -96,6 +96,13 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
     return pieces
 
 
+def flat_parts(corners: Float64) -> list[Float64]:
+    """Return the outlines (n, 2) of convex polygons that cover flat triangles (n, 3, 2), with E = 0.2 m."""
+    raised = np.concatenate([corners, np.zeros((*corners.shape[:2], 1))], axis=2)
+    slabs, _ = _slabs(raised, 0.2, len(raised))
+    return [slab.points[:, :2] for slab in slabs]
+
+
 def _welded(corners: Float64, grid_m: float) -> tuple[NDArray[np.int64], Float64]:
     """Return the vertex indices (n, 3) of triangles whose corners within a grid cell are one, and the vertices."""
     points = corners.reshape(-1, 3)

@@ -1,8 +1,8 @@
 """Triangles and placements of the meshes of a glTF file.
 
-glTF has y up and +z towards the viewer; W has z up. Vertices are turned by A: (x, y, z) -> (x, -z, y). A node's matrix M
-becomes A M A^-1, split into a rotation and scales along the mesh's axes where these are at right angles; otherwise it
-is applied to the vertices.
+glTF has y up and +z towards the viewer; W has z up. Vertices are turned by A: (x, y, z) -> (x, -z, y). A node's matrix
+M becomes A M A^-1, split into a rotation and scales along the mesh's axes where these are at right angles; otherwise
+it is applied to the vertices.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Surfaces:
 
 @dataclass(frozen=True)
 class Placed:
-    """A mesh at a place. p_W = position + R (scales * v), with v turned z up; without right angles R is the identity."""
+    """A mesh at a place: p_W = position + R scales v, with v turned z up. Without right angles R is the identity."""
 
     name: str  # of the node; of the mesh, if the node has none
     mesh: int

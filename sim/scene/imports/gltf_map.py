@@ -22,6 +22,7 @@ from sim.scene.imports.gltf_file import MAX_TRIANGLES, GltfFile
 from sim.scene.imports.gltf_geometry import Notes, Placed, Surfaces, placed_meshes, surfaces_of
 from sim.scene.imports.gltf_materials import Look, decoded, look_of, png_of, srgb_of
 from sim.scene.imports.imported_map import ImportedMap
+from sim.scene.imports.msh import msh
 from sim.scene.maps import surfaces as named_surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder
 from sim.scene.maps.scene_map import Surface
@@ -57,7 +58,7 @@ def map_of_gltf(file: GltfFile, options: GltfOptions) -> ImportedMap:
 class _MapMaker:
     def __init__(self, file: GltfFile, options: GltfOptions) -> None:
         self._file, self._options = file, options
-        self._builder = MapBuilder("gltf")
+        self._builder = MapBuilder("gltf", flat_meshes=True)
         self._notes = Notes()
         self._surfaces: dict[int, list[Surfaces]] = {}
         self._looks: dict[int | None, Look] = {}
@@ -168,7 +169,7 @@ class _MapMaker:
             for asset, material, centre, label in self._drawn(placed, parts):
                 body.geom("mesh", asset=asset, material=material, pos=centre, solid=False, part=label)
         pieces = self._solid(placed, shown)
-        self._add_pieces(bodies[0], pieces, placed, "" not in by_class)
+        self._add_pieces(bodies[0], pieces, classified="" not in by_class)
         self._error_m = max(self._error_m, pieces.error_m)
         self._look_under_origin(shown, placed, position)
 
@@ -278,7 +279,7 @@ class _MapMaker:
             )
         return self._pieces[key]
 
-    def _add_pieces(self, body: Body, pieces: Pieces, placed: Placed, classified: bool) -> None:
+    def _add_pieces(self, body: Body, pieces: Pieces, *, classified: bool) -> None:
         b = self._builder
         material = b.material("contact", named_surfaces.CONCRETE)
         stem = self._stems.setdefault(id(pieces), f"solid_{len(self._stems)}")
@@ -343,15 +344,3 @@ def _quat_of(R: Float64) -> Quat:
         q = [R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], root * root]
     w, x, y, z = (float(v) for v in np.array(q) / np.linalg.norm(q))
     return (w, x, y, z)
-
-
-def msh(vertex: Float64, triangle: NDArray[np.int64], uv: Float64 | None, normal: Float64 | None) -> bytes:
-    """Return a mesh in MuJoCo's binary format; it has at least 4 vertices."""
-    while len(vertex) < 4:
-        vertex = np.concatenate([vertex, vertex[-1:]])
-        uv = None if uv is None else np.concatenate([uv, uv[-1:]])
-        normal = None if normal is None else np.concatenate([normal, normal[-1:]])
-    counts = (len(vertex), 0 if normal is None else len(normal), 0 if uv is None else len(uv), len(triangle))
-    parts = [np.array(counts, "<i4").tobytes(), vertex.astype("<f4").tobytes()]
-    parts += [array.astype("<f4").tobytes() for array in (normal, uv) if array is not None]
-    return b"".join([*parts, triangle.astype("<i4").tobytes()])

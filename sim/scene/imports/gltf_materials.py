@@ -4,8 +4,8 @@ The base colour becomes the colour and the texture. Roughness r and metalness m 
 
     shininess = 1 - r,   specular = (1 - r) (1 + m) / 2
 
-which gives 0.25 and 0.5 for paint (m = 0, r = 0.5) and 0.8 and 0.8 for polished metal (m = 1, r = 0.2). The surface for LiDAR and
-radar follows from words in the material's name, else from its metalness.
+which gives 0.5 and 0.25 for paint (m = 0, r = 0.5), and 0.8 and 0.8 for polished metal (m = 1, r = 0.2). The surface
+for LiDAR and radar follows from words in the material's name, else from its metalness.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ _WORDS = {
     "glass": "glass", "window": "glass", "metal": "painted_metal", "steel": "metal", "iron": "painted_metal",
     "wood": "wood", "timber": "wood", "brick": "brick", "concrete": "concrete", "cement": "concrete",
     "asphalt": "asphalt", "road": "asphalt", "grass": "grass", "lawn": "grass", "leaf": "foliage", "leaves": "foliage",
-    "foliage": "foliage", "tree": "foliage", "bark": "wood", "water": "water", "plaster": "plaster", "stucco": "plaster",
-    "roof": "roof_tile", "tile": "roof_tile", "stone": "stone", "rock": "stone", "gravel": "gravel", "sand": "sand",
+    "foliage": "foliage", "tree": "foliage", "bark": "wood", "water": "water", "plaster": "plaster",
+    "stucco": "plaster", "roof": "roof_tile", "tile": "roof_tile", "stone": "stone", "rock": "stone", "gravel": "gravel", "sand": "sand",
     "soil": "soil", "dirt": "soil", "earth": "soil", "rubber": "rubber", "tire": "rubber", "plastic": "plastic",
     "car": "painted_metal", "skin": "skin_clothes", "cloth": "skin_clothes", "fabric": "skin_clothes",
 }  # fmt: skip

@@ -112,11 +112,14 @@ class Body:
 class MapBuilder:
     """Materials, textures, meshes, bodies and actors of one map, in the order in which they are added."""
 
-    def __init__(self, name: str, *, assets: str = "") -> None:
-        """`assets`: prefix of the names of materials, meshes and textures, for a map that is added to another."""
+    def __init__(self, name: str, *, assets: str = "", flat_meshes: bool = False) -> None:
+        """`assets`: prefix of the names of materials, meshes and textures, for a map that is added to another.
+
+        `flat_meshes`: allow meshes without a thickness, whose inertia is at the limit of what MuJoCo accepts.
+        """
         self._prefix = assets
         self._root = ET.Element("mujoco", model=name)
-        ET.SubElement(self._root, "compiler", autolimits="true", balanceinertia="false")
+        ET.SubElement(self._root, "compiler", autolimits="true", balanceinertia=str(flat_meshes).lower())
         visual = ET.SubElement(self._root, "visual")
         ET.SubElement(visual, "headlight", ambient="0.35 0.37 0.42", diffuse="0.15 0.15 0.15", specular="0 0 0")
         ET.SubElement(visual, "map", znear="0.001", zfar="24.0", shadowclip="1.6")
@@ -259,6 +262,17 @@ class MapBuilder:
         attributes = {"name": name, "type": kind, "size": numbers(size), "material": self.known_material(material)}
         attributes |= {key: numbers(value) for key, value in more.items()}
         ET.SubElement(self._world, "geom", attributes)
+
+    def ground_hfield(self, asset: str, *, material: str, pos: Vec3, name: str = "ground") -> None:
+        """Add a height field to the worldbody, as `ground` does with other geoms."""
+        self.claim_geom(name)
+        attributes = {"name": name, "type": "hfield", "hfield": asset, "pos": numbers(pos)}
+        ET.SubElement(self._world, "geom", attributes | {"material": self.known_material(material)})
+
+    @property
+    def last_body(self) -> str:
+        """Name of the child body of the world that was added last."""
+        return str(self._world.findall("body")[-1].get("name"))
 
     def body(self, kind: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN) -> Body:
         """Add an object of class `kind`, numbered in the order of adding."""
