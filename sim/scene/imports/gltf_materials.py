@@ -32,7 +32,8 @@ _WORDS = {
     "wood": "wood", "timber": "wood", "brick": "brick", "concrete": "concrete", "cement": "concrete",
     "asphalt": "asphalt", "road": "asphalt", "grass": "grass", "lawn": "grass", "leaf": "foliage", "leaves": "foliage",
     "foliage": "foliage", "tree": "foliage", "bark": "wood", "water": "water", "plaster": "plaster",
-    "stucco": "plaster", "roof": "roof_tile", "tile": "roof_tile", "stone": "stone", "rock": "stone", "gravel": "gravel", "sand": "sand",
+    "stucco": "plaster", "roof": "roof_tile", "tile": "roof_tile", "stone": "stone", "rock": "stone",
+    "gravel": "gravel", "sand": "sand",
     "soil": "soil", "dirt": "soil", "earth": "soil", "rubber": "rubber", "tire": "rubber", "plastic": "plastic",
     "car": "painted_metal", "skin": "skin_clothes", "cloth": "skin_clothes", "fabric": "skin_clothes",
 }  # fmt: skip

@@ -485,7 +485,7 @@ class _District:
                     z = self._heights(np.array([[ax, ay], [bx, by]]))
                     low, high = float(z.min()) - base, float(z.max()) - base + height
                     body.geom(
-                        "box", (0.5 * length + 0.5 * thick, 0.5 * thick, 0.5 * (high - low)), material=f"osm_{material}",
+                        "box", (0.5 * (length + thick), 0.5 * thick, 0.5 * (high - low)), material=f"osm_{material}",
                         pos=(0.5 * (ax + bx) - x0, 0.5 * (ay + by) - y0, 0.5 * (low + high)),
                         quat=yaw_quat(det_atan2(dy, dx)),
                     )  # fmt: skip

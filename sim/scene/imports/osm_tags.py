@@ -38,7 +38,8 @@ _HEIGHTS_M = {
     "greenhouse": 3.0, "barn": 6.0, "stable": 4.0, "sty": 3.0, "farm_auxiliary": 5.0, "industrial": 8.0,
     "warehouse": 8.0, "hangar": 9.0, "supermarket": 6.0, "church": 14.0, "cathedral": 25.0, "chapel": 7.0,
     "mosque": 12.0, "temple": 10.0, "synagogue": 10.0, "service": 3.0, "transformer_tower": 6.0, "bunker": 3.0,
-    "construction": 6.0, "ruins": 3.0, "stadium": 15.0, "parking": 9.0, "silo": 12.0, "water_tower": 25.0, "tower": 25.0,
+    "construction": 6.0, "ruins": 3.0, "stadium": 15.0, "parking": 9.0, "silo": 12.0, "water_tower": 25.0,
+    "tower": 25.0,
 }  # fmt: skip
 _HOUSE_AREA_M2 = 180.0  # a building of no stated type below this is taken for a house
 
@@ -67,7 +68,8 @@ _NEAREST_ROOF = {
 
 # Width [m], material of the map
 ROADS: dict[str, tuple[float, str]] = {
-    "motorway": (11.0, "asphalt"), "trunk": (9.0, "asphalt"), "primary": (8.0, "asphalt"), "secondary": (7.0, "asphalt"),
+    "motorway": (11.0, "asphalt"), "trunk": (9.0, "asphalt"), "primary": (8.0, "asphalt"),
+    "secondary": (7.0, "asphalt"),
     "tertiary": (6.5, "asphalt"), "residential": (5.5, "asphalt"), "unclassified": (5.5, "asphalt"),
     "living_street": (5.0, "paving"), "service": (3.5, "asphalt"), "track": (3.0, "gravel"), "busway": (4.0, "asphalt"),
     "motorway_link": (5.0, "asphalt"), "trunk_link": (5.0, "asphalt"), "primary_link": (5.0, "asphalt"),
