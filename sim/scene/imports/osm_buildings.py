@@ -83,7 +83,7 @@ class BuildingMaker:
         self._roof(body, over, roof, footprint, rng)
         hulls = [_solid(part, roof, bottom) for part in _convex_parts(polygon)]
         if over is not polygon:
-            hulls += [_solid(part, roof, None) for part in _convex_parts(over)]
+            hulls += [slab for part in _convex_parts(over) for slab in _slabs(part, roof)]
         for i, hull in enumerate(hulls):
             name = f"{number}_solid_{i}"
             self._builder.hull(name, hull)
@@ -311,28 +311,30 @@ def _convex_parts(polygon: Any) -> list[Float64]:
     return flat_parts(triangles(polygon))
 
 
-def _solid(outline: Float64, roof: Roof, bottom: float | None) -> Float64:
-    """Return points whose hull is what is between `bottom` (None: 0.15 m below the roof) and the roof."""
+def _solid(outline: Float64, roof: Roof, bottom: float) -> Float64:
+    """Return points whose hull is what is between `bottom` and the roof."""
     points = [outline]
-    n = len(roof.planes)
-    if n > 1:
-        for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-            points += [(a + t * (b - a))[None] for t in roof.breaks(a, b)]
+    if len(roof.planes) > 1:
         part = shapely.Polygon(outline)
-        for i in range(n):
-            region = _region(roof, i, part)
-            if not region.is_empty:
-                tips = np.asarray(region.exterior.coords)[:-1, :2]
-                inside = [tip for tip in tips if part.contains(shapely.Point(tip))]
-                points += [np.array(inside)] if inside else []
+        for i in range(len(roof.planes)):
+            region = _region(roof, i, part).intersection(part)
+            points += [rings(piece)[0] for piece in parts(region)]
     top = np.concatenate(points)
     z = roof.height(top)
-    upper = np.column_stack([top, z])
-    if bottom is None:
-        lower = np.column_stack([top, z - 0.15])
-    else:
-        lower = np.column_stack([outline, np.full(len(outline), min(bottom, float(z.min()) - 0.1))])
-    return np.concatenate([upper, lower])
+    lower = np.column_stack([outline, np.full(len(outline), min(bottom, float(z.min()) - 0.1))])
+    return np.concatenate([np.column_stack([top, z]), lower])
+
+
+def _slabs(outline: Float64, roof: Roof) -> list[Float64]:
+    """Return points whose hulls are 0.15 m of the roof over a convex outline, one for each plane."""
+    part = shapely.Polygon(outline)
+    found = []
+    for i in range(len(roof.planes)):
+        for piece in parts(_region(roof, i, part).intersection(part)):
+            top = rings(piece)[0]
+            z = roof.height(top)
+            found.append(np.concatenate([np.column_stack([top, z]), np.column_stack([top, z - 0.15])]))
+    return found
 
 
 def footprint_of(key: str, tags: Tags, polygon: Any) -> tuple[Footprint, bool, bool]:
