@@ -116,7 +116,7 @@ class _Extract:
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[float, float], int] = {}
-        self._spots: list[str] = []
+        self._spots: list[tuple[int, dict[str, str]]] = []
         self._ways: list[str] = []
 
     def node(self, x: float, y: float) -> int:
@@ -124,7 +124,7 @@ class _Extract:
 
     def spot(self, x: float, y: float, **tags: str) -> None:
         number = self.node(x, y)
-        self._spots.append((number, tags))  # type: ignore[arg-type]
+        self._spots.append((number, tags))
 
     def way(self, points: list[tuple[float, float]], **tags: str) -> None:
         refs = "".join(f'<nd ref="{self.node(x, y)}"/>' for x, y in points)
@@ -134,7 +134,7 @@ class _Extract:
         self.way([*points, points[0]], **tags)
 
     def xml(self) -> str:
-        tagged = dict(self._spots)  # type: ignore[arg-type]
+        tagged = dict(self._spots)
         lines = ["<?xml version='1.0' encoding='UTF-8'?>", '<osm version="0.6">']
         xs, ys = zip(*self._nodes, strict=True)
         low, high = _degrees(min(xs), min(ys)), _degrees(max(xs), max(ys))
@@ -142,7 +142,7 @@ class _Extract:
         for (x, y), number in self._nodes.items():
             lat, lon = _degrees(x, y)
             own = tagged.get(number)
-            end = f">{_tags(own)}</node>" if own else "/>"  # type: ignore[arg-type]
+            end = f">{_tags(own)}</node>" if own else "/>"
             lines.append(f'<node id="{number}" lat="{lat}" lon="{lon}"{end}')
         return "\n".join([*lines, *self._ways, "</osm>", ""])
 

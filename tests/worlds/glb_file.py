@@ -62,6 +62,9 @@ class GlbFile:
         primitives = []
         for vertex, triangle, material, uv in parts:
             attributes = {"POSITION": self.accessor(np.asarray(vertex, "f4"))}
+            own = self.json["accessors"][attributes["POSITION"]]
+            stored = np.asarray(vertex, "f4").astype(float)
+            own["min"], own["max"] = stored.min(axis=0).tolist(), stored.max(axis=0).tolist()
             if uv is not None:
                 attributes["TEXCOORD_0"] = self.accessor(np.asarray(uv, "f4"))
             kind = "u2" if len(vertex) < 65536 else "u4"
