@@ -1,0 +1,110 @@
+"""Heights from a GeoTIFF."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from signals.errors import ConfigError
+from sim.scene.imports.elevation import make_terrain, read_geotiff, utm
+from sim.scene.scene import Site, load_scene
+from sim.world_loader import load_world
+from tests.worlds.example_places import LATITUDE_DEG, LONGITUDE_DEG, quarter_osm
+
+SITE = Site(latitude_deg=LATITUDE_DEG, longitude_deg=LONGITUDE_DEG, altitude_m=400.0)
+
+
+def geotiff(heights: np.ndarray, origin: tuple[float, float], step: tuple[float, float], epsg: int) -> bytes:
+    """Return a GeoTIFF of 32-bit heights; `origin`: upper left corner, x and y."""
+    rows, columns = heights.shape
+    geographic = epsg in (4326, 4258)
+    keys = (1, 1, 0, 3, 1024, 0, 1, 2 if geographic else 1, 1025, 0, 1, 1, 2048 if geographic else 3072, 0, 1, epsg)
+    scale = struct.pack("<3d", *step, 0.0)
+    tie = struct.pack("<6d", 0.0, 0.0, 0.0, *origin, 0.0)
+    directory = struct.pack(f"<{len(keys)}H", *keys)
+    pixels = heights.astype("<f4").tobytes()
+    blocks, at = {}, 8
+    for name, data in (("pixels", pixels), ("scale", scale), ("tie", tie), ("keys", directory)):
+        blocks[name] = at
+        at += len(data)
+    entries = [
+        (256, 4, 1, columns), (257, 4, 1, rows), (258, 3, 1, 32), (259, 3, 1, 1), (262, 3, 1, 1),
+        (273, 4, 1, blocks["pixels"]), (277, 3, 1, 1), (278, 4, 1, rows), (279, 4, 1, len(pixels)), (339, 3, 1, 3),
+        (33550, 12, 3, blocks["scale"]), (33922, 12, 6, blocks["tie"]), (34735, 3, len(keys), blocks["keys"]),
+    ]  # fmt: skip
+    table = struct.pack("<H", len(entries)) + b"".join(
+        struct.pack("<HHI", tag, kind, n) + (struct.pack("<HH", value, 0) if kind == 3 and n == 1 else struct.pack("<I", value))
+        for tag, kind, n, value in entries
+    )
+    return b"II" + struct.pack("<HI", 42, at) + pixels + scale + tie + directory + table + struct.pack("<I", 0)
+
+
+def slope_tiff(epsg: int = 4326) -> bytes:
+    """Return heights that rise by 1 m each 20 m to the east, 450 m at the site."""
+    step = (0.0002, 0.0001)
+    n = 80
+    origin = (LONGITUDE_DEG - 0.5 * n * step[0], LATITUDE_DEG + 0.5 * n * step[1])
+    east_m = (np.arange(n) + 0.5 - 0.5 * n) * step[0] * 75_450.0
+    return geotiff(np.tile(450.0 + east_m / 20.0, (n, 1)), origin, step, epsg)
+
+
+def test_utm_against_published_values() -> None:
+    x, y = utm(np.array([0.0, 45.0]), np.array([6.0, 3.0]), 31, south=False)
+    assert x[0] == pytest.approx(833978.5569, abs=1e-3)
+    assert (y[0], x[1]) == pytest.approx((0.0, 500_000.0), abs=1e-3)
+    assert y[1] == pytest.approx(0.9996 * 4984944.378, abs=2e-3)  # the meridian from the equator to 45 degrees
+
+
+def test_terrain_follows_the_file(tmp_path: Path) -> None:
+    (tmp_path / "dem.tif").write_bytes(slope_tiff())
+    terrain = make_terrain(read_geotiff(tmp_path / "dem.tif"), SITE, 200.0)
+    points = np.array([(100.0, 0.0), (-140.0, 60.0), (37.0, -151.0)])
+    np.testing.assert_allclose(terrain.height(points), points[:, 0] / 20.0, atol=0.05)
+    assert terrain.height(np.zeros((1, 2)))[0] == 0.0
+
+
+def test_a_quarter_on_a_slope(tmp_path: Path) -> None:
+    """Buildings stand in the slope, roads and the take-off place lie on it."""
+    (tmp_path / "dem.tif").write_bytes(slope_tiff())
+    (tmp_path / "place.osm").write_text(quarter_osm(2, 2))
+    (tmp_path / "scene.yaml").write_text(
+        f"name: place\ndescription: A slope\nground_friction: 0.8\n"
+        f"site: {{latitude_deg: {LATITUDE_DEG}, longitude_deg: {LONGITUDE_DEG}, altitude_m: 450.0}}\n"
+        "map: {osm: place.osm, elevation: dem.tif, radius_m: 150}\n"
+    )
+    world = load_world(load_scene(tmp_path / "scene.yaml"))
+    model = world.model
+    roads = np.flatnonzero(world.geom_class == world.class_names.index("road"))
+    assert len(roads) > 0
+    for geom in roads.tolist():
+        mesh = int(model.geom_dataid[geom])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        quat = np.zeros(9)
+        mujoco.mju_quat2Mat(quat, model.geom_quat[geom])
+        body = int(model.geom_bodyid[geom])
+        points = model.mesh_vert[first : first + count] @ quat.reshape(3, 3).T + model.geom_pos[geom] + model.body_pos[body]
+        far = np.abs(points[:, 0]) > 30.0
+        np.testing.assert_allclose(points[far, 2], points[far, 0] / 20.0 + 0.03, atol=0.08)
+    house = next(b for b in range(model.nbody) if model.body(b).name == "house_000")
+    assert model.body_pos[house][2] == pytest.approx(model.body_pos[house][0] / 20.0, abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is not a TIFF file"),
+        (b"II*\0\xff\xff\xff\x7f", "is not a TIFF file, or it is cut off"),
+        (slope_tiff(3857), "is in EPSG:3857, which is not read"),
+        (slope_tiff()[:2] + slope_tiff()[2:].replace(struct.pack("<H", 33550), struct.pack("<H", 33551)), "has no place on Earth"),
+        (geotiff(np.zeros((4, 4)), (0.0, 1.0), (0.1, 0.1), 4326), "has no height at the take-off place"),
+    ],
+)
+def test_bad_files_have_named_errors(data: bytes, message: str, tmp_path: Path) -> None:
+    (tmp_path / "dem.tif").write_bytes(data)
+    with pytest.raises(ConfigError, match="dem.tif") as caught:
+        make_terrain(read_geotiff(tmp_path / "dem.tif"), SITE, 100.0)
+    assert message in str(caught.value)
