@@ -30,9 +30,7 @@ def yard_glb() -> bytes:
     bark = file.material("bark", (0.10, 0.06, 0.04, 1.0))
     leaves = file.material("leaves", (0.08, 0.22, 0.04, 1.0))
     steel = file.material("painted steel", (0.05, 0.16, 0.35, 1.0))
-    net = file.material(
-        "net", texture=file.image(_net()), alphaMode="MASK", alphaCutoff=0.5, doubleSided=True
-    )
+    net = file.material("net", texture=file.image(_net()), alphaMode="MASK", alphaCutoff=0.5, doubleSided=True)
     # The ground, in glTF's axes: x east, y up, -z north.
     n, half = 25, 60.0
     line = np.linspace(-half, half, n)
@@ -78,7 +76,12 @@ def _ball(radius: float, height: float, middle: float) -> tuple[NDArray, NDArray
     angle = np.arange(sides) * (2.0 * np.pi / sides)
     r = radius * np.sqrt(1.0 - up * up)
     vertex = np.stack(
-        [np.outer(r, np.cos(angle)).ravel(), np.repeat(middle + height * up, sides), np.outer(r, np.sin(angle)).ravel()], 1
+        [
+            np.outer(r, np.cos(angle)).ravel(),
+            np.repeat(middle + height * up, sides),
+            np.outer(r, np.sin(angle)).ravel(),
+        ],
+        1,
     )
     vertex = np.concatenate([vertex, [[0, middle - height, 0], [0, middle + height, 0]]])
     triangles = []

@@ -68,7 +68,10 @@ class GlbFile:
             if uv is not None:
                 attributes["TEXCOORD_0"] = self.accessor(np.asarray(uv, "f4"))
             kind = "u2" if len(vertex) < 65536 else "u4"
-            primitive: dict[str, Any] = {"attributes": attributes, "indices": self.accessor(triangle.astype(kind).ravel())}
+            primitive: dict[str, Any] = {
+                "attributes": attributes,
+                "indices": self.accessor(triangle.astype(kind).ravel()),
+            }
             if material is not None:
                 primitive["material"] = material
             primitives.append(primitive)

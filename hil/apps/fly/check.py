@@ -7,18 +7,20 @@ from hil.config import Bench
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.sensors.frame_stages import stage_specs
+from sim.world_loader import load_world
 
 
 def check_bench(choice: BenchChoice) -> str:
-    """Load the bench, check the wiring of its stages, and return a line about each vehicle.
+    """Load the bench, check the wiring of its stages, and return a line about each vehicle and each note on the map.
 
     Raises ConfigError or WiringError.
     """
     bench = choice.load()
+    notes = [f"  note: {note}" for note in load_world(bench.scene).map.notes] if bench.scene.map is not None else []
     if not bench.vehicles:
-        return f"ok: {_facts(bench)}"
+        return "\n".join([f"ok: {_facts(bench)}", *notes])
     lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
-    return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines])
+    return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines, *notes])
 
 
 def _facts(bench: Bench) -> str:

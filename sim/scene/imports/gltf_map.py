@@ -39,7 +39,7 @@ _TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y up t
 
 @dataclass(frozen=True)
 class GltfOptions:
-    """How a file becomes a map."""
+    """Options by which a file becomes a map."""
 
     scale: float = 1.0
     yaw_deg: float = 0.0

@@ -62,7 +62,7 @@ _SMALL_NODES = {  # key, value -> class, height [m], radius [m], material
 
 @dataclass(frozen=True)
 class OsmOptions:
-    """How an extract becomes a map."""
+    """Options by which an extract becomes a map."""
 
     radius_m: float = 500.0
     seed: int = 1

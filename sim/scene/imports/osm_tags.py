@@ -1,4 +1,4 @@
-"""What OpenStreetMap tags mean: heights, roofs, widths, surfaces and classes.
+"""Meaning of OpenStreetMap tags: heights, roofs, widths, surfaces and classes.
 
 Keys and values are those of the OpenStreetMap wiki ("Simple 3D Buildings", "Key:highway", "Key:barrier"). Widths and
 heights of objects that do not state them are usual values of European towns.

@@ -52,7 +52,10 @@ def check(corners: np.ndarray, pieces: Pieces, *, hollow: bool = True) -> None:
 
 def test_a_house_round_a_courtyard_stays_open() -> None:
     walls = triangles_of(
-        box((-9, -7, 0), (9, -4, 5)), box((-9, 4, 0), (9, 7, 5)), box((-9, -4, 0), (-5, 4, 5)), box((5, -4, 0), (9, 4, 5))
+        box((-9, -7, 0), (9, -4, 5)),
+        box((-9, 4, 0), (9, 7, 5)),
+        box((-9, -4, 0), (-5, 4, 5)),
+        box((5, -4, 0), (9, 4, 5)),
     )
     pieces = contact_pieces(walls, error_m=0.2, max_pieces=100, up=UP)
     check(walls, pieces, hollow=False)
@@ -92,7 +95,9 @@ def test_a_torus_within_the_stated_error(budget: int) -> None:
 def test_a_ball_is_one_hull() -> None:
     hull = ConvexHull(np.random.default_rng(1).normal(size=(60, 3)))
     corners = hull.points[hull.simplices]
-    flip = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]) < 0
+    flip = (
+        np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]) < 0
+    )
     corners[flip] = corners[flip][:, ::-1]
     pieces = contact_pieces(corners, error_m=0.2, max_pieces=10, up=UP)
     assert (len(pieces.hulls), len(pieces.boxes)) == (1, 0)

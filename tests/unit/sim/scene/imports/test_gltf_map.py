@@ -36,7 +36,9 @@ def world_triangles(world: World) -> np.ndarray:
 
 
 def area(corners: np.ndarray) -> float:
-    return float(0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum())
+    return float(
+        0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    )
 
 
 def small_file() -> GlbFile:
@@ -132,7 +134,9 @@ def test_what_is_seen_is_what_is_solid() -> None:
     world = load_world(load_scene(EXAMPLES / "yard.yaml"))
     model = world.model
     solid = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    model.geom_group[:] = np.where(solid & world.geom_visible, 1, np.where(solid, 2, np.where(world.geom_visible, 0, 5)))
+    model.geom_group[:] = np.where(
+        solid & world.geom_visible, 1, np.where(solid, 2, np.where(world.geom_visible, 0, 5))
+    )
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     rng = np.random.default_rng(3)
@@ -145,7 +149,9 @@ def test_what_is_seen_is_what_is_solid() -> None:
             for groups in ([1, 1, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0]):
                 geom = np.full((1, 1), -1, np.int32)
                 place = np.array(start, float).reshape(3, 1)
-                hits.append(mujoco.mj_ray(model, data, place, ray.reshape(3, 1), np.array(groups, np.uint8), 1, -1, geom))
+                hits.append(
+                    mujoco.mj_ray(model, data, place, ray.reshape(3, 1), np.array(groups, np.uint8), 1, -1, geom)
+                )
             if min(hits) >= 0.0:
                 differences.append(hits[1] - hits[0])
     differences = np.array(differences)

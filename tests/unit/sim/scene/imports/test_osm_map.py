@@ -12,7 +12,7 @@ import pytest
 
 from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
-from sim.scene.imports import osm_file, osm_tags
+from sim.scene.imports import osm_file, osm_tags, shapes
 from sim.scene.imports.osm_file import read_osm
 from sim.scene.scene import load_scene
 from sim.scene.world import World
@@ -219,7 +219,9 @@ def test_a_long_file_and_a_far_site(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "is longer than" in problems_of(tmp_path, out.xml())
     monkeypatch.undo()
     text = out.xml().replace("47.39", "46.39")
-    with pytest.raises(ConfigError, match="has nothing within 500 m of the site .its middle is at latitude_deg: 46.39"):
+    with pytest.raises(
+        ConfigError, match=r"has nothing within 500 m of the site \(its middle is at latitude_deg: 46\.39"
+    ):
         world_of(tmp_path, text)
 
 
@@ -256,3 +258,8 @@ def test_pbf_with_and_without_its_package(tmp_path: Path, monkeypatch: pytest.Mo
 def test_lengths(text: str, value: float | None) -> None:
     found = osm_tags.length_m(text)
     assert found is None if value is None else found == pytest.approx(value)
+
+
+def test_without_shapely_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shapes, "shapely", None)
+    assert 'pip install "hil-bench[scenes]"' in problems_of(tmp_path, quarter_osm(2, 2))
