@@ -62,7 +62,7 @@ class _MapMaker:
         self._notes = Notes()
         self._surfaces: dict[int, list[Surfaces]] = {}
         self._looks: dict[int | None, Look] = {}
-        self._materials: dict[tuple[int | None, tuple[float, float, float]], str] = {}
+        self._materials: dict[tuple[int | None, tuple[float, ...]], str] = {}
         self._material_names: set[str] = set()
         self._textures: dict[tuple[int, float | None], str] = {}
         self._meshes: dict[object, list[tuple[str, str, tuple[float, float, float], str]]] = {}
@@ -158,11 +158,11 @@ class _MapMaker:
         for part in shown:
             name = self._class_of(placed.name, mesh_name, self._look(part.material).name)
             by_class.setdefault(name, []).append(part)
-        pose = (tuple(position.tolist()), _quat_of(placed.R))
+        x, y, z = position.tolist()
         bodies = []
         for name, parts in by_class.items():
             body_name = self._body_name(placed.name)
-            body = self._builder.named_body(body_name, *pose)  # type: ignore[arg-type]
+            body = self._builder.named_body(body_name, (x, y, z), _quat_of(placed.R))
             bodies.append(body)
             if name:
                 self._classes.setdefault(name, []).append(body_name)
@@ -214,7 +214,7 @@ class _MapMaker:
             normal = None if (length < 1e-12).any() else normal / length
         uv = part.uv[look.uv_set] if look.texture is not None and look.uv_set < 2 else None
         uv = None if uv is None else look.uv(uv)
-        result = []
+        result: list[tuple[str, str, tuple[float, float, float], str]] = []
         for rgb, chosen in _by_colour(part.colour, triangle, look):
             material = self._material(part.material, rgb, textured=uv is not None)
             used, local = np.unique(triangle[chosen], return_inverse=True)
@@ -232,9 +232,9 @@ class _MapMaker:
         return result
 
     def _material(self, index: int | None, rgb: tuple[float, float, float], *, textured: bool) -> str:
-        key = (index, rgb) if textured else (index, (*rgb, -1.0))
+        key: tuple[int | None, tuple[float, ...]] = (index, rgb if textured else (*rgb, -1.0))
         if key in self._materials:
-            return self._materials[key]  # type: ignore[index]
+            return self._materials[key]
         look = self._look(index)
         name = re.sub(r"[^A-Za-z0-9_.\-]+", "_", look.name)[:80] or "material"
         while name in self._material_names or name == "ground":
@@ -256,7 +256,7 @@ class _MapMaker:
         self._builder.material(
             name, surface, rgb=rgb, texture=texture, specular=look.specular, shininess=look.shininess
         )
-        self._materials[key] = name  # type: ignore[index]
+        self._materials[key] = name
         return name
 
     def _solid(self, placed: Placed, shown: list[Surfaces]) -> Pieces:

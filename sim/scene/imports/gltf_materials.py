@@ -186,7 +186,7 @@ def decoded(file: GltfFile, index: int) -> NDArray[np.uint8]:
     if edge > MAX_EDGE:
         width, height = (max(1, round(n * MAX_EDGE / edge)) for n in (image.shape[1], image.shape[0]))
         image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-    return image
+    return np.asarray(image, np.uint8)
 
 
 def png_of(image: NDArray[np.uint8], holes: float | None) -> tuple[bytes, bool]:

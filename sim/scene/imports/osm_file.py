@@ -8,6 +8,7 @@ from __future__ import annotations
 import xml.parsers.expat
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
@@ -152,7 +153,8 @@ def _pbf(path: Path, source: str) -> OsmData:
         raise ConfigError([Problem(source, message, hint)]) from None
     data = OsmData(source)
     try:
-        for count, item in enumerate(osmium.FileProcessor(str(path))):
+        objects: Any = osmium.FileProcessor(str(path))
+        for count, item in enumerate(objects):
             if count >= MAX_OBJECTS:
                 message = f"holds more than {MAX_OBJECTS} objects"
                 raise ConfigError([Problem(source, message, "cut out a district: osmium extract --bbox W,S,E,N")])

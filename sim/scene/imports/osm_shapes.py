@@ -133,7 +133,9 @@ class _Assembler:
         self._shapes.areas += [Area(key if not i else f"{key}.{i}", tags, p) for i, p in enumerate(polygons)]
 
     def _relation(self, number: int, members: tuple[tuple[str, int, str], ...], tags: Tags) -> set[int]:
-        outer, inner, used = [], [], set()
+        outer: list[Any] = []
+        inner: list[Any] = []
+        used: set[int] = set()
         missing = False
         for kind, ref, role in members:
             if kind != "way":
