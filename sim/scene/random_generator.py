@@ -76,7 +76,7 @@ def weighted_pick(options: Mapping[T, float], share: float) -> T:
         left -= weight
         if left < 0.0:
             return option
-    return next(reversed(options))
+    return list(options)[-1]
 
 
 def feature_rng(seed: int, feature: str, *names: object) -> RandomGenerator:

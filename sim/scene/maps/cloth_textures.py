@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from signals.noise import NoiseStream
 
-Image = NDArray[np.float64]
+Image = NDArray[np.floating[Any]]
 _SIDE_PX = 128
 _FACE_PX = (128, 256)  # the face's front is in the middle of the columns
 

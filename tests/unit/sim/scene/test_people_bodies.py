@@ -1,0 +1,167 @@
+"""Bodies of people: closed meshes, limbs without gaps, true heights, one label, and contact as it was."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import cv2
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.apps.view.points import looking_at, pose_of
+from signals.units import TURN_RAD
+from sim.frame.camera_model import CameraModel
+from sim.frame.mount import Mount
+from sim.frame.source import SharedFrames, channel_array
+from sim.scene.maps.body_build import BUILDS
+from sim.scene.maps.body_meshes import PARTS, body_mesh
+from sim.scene.maps.figure import LIMBS, Figure
+from sim.scene.maps.map_builder import MapBuilder
+from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
+from sim.scene.maps.walk_path import WalkPath
+from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene import load_scene
+from sim.scene.world import World
+from sim.world_loader import load_world
+
+WAY = WalkPath([(0.0, 0.0), (9.0, 0.0), (9.0, 5.0), (0.0, 5.0)], 1.2)
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_meshes_are_closed_and_face_outwards(build: str) -> None:
+    for part in PARTS:
+        mesh = body_mesh(part, build)
+        vertices = np.round(np.array(mesh.vertices), 6) + 0.0
+        corner = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()[np.array(mesh.triangles)]
+        edges = Counter((int(t[k]), int(t[(k + 1) % 3])) for t in corner for k in range(3))
+        assert all(n == 1 and edges[b, a] == 1 for (a, b), n in edges.items()), part
+        p, q, r = (np.array(mesh.vertices)[np.array(mesh.triangles)[:, i]] for i in range(3))
+        assert np.einsum("ij,ij->", p, np.cross(q, r)) > 0.0, part
+
+
+def seen(world: World, frames: SharedFrames, t_ns: int, azimuth_rad: float, up_rad: float) -> NDArray[np.uint16]:
+    """Return the instances in a picture of the person of the radar range from 4 m."""
+    camera = CameraModel.from_fov(300, 400, 36.0)
+    (x, y, z), _ = world.map.actors[0].bound(t_ns)
+    level = 4.0 * math.cos(up_rad)
+    at = (x + level * math.cos(azimuth_rad), y + level * math.sin(azimuth_rad), z + 4.0 * math.sin(up_rad))
+    frames.expect(t_ns)
+    out = {name: channel_array(name, camera) for name in ("instance", "segmentation")}
+    renderer = frames.renderer(camera, near_m=0.05, far_m=100.0, supersample=1, shadows=False)
+    renderer.render(Mount((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).pose(pose_of(looking_at("x", at, (x, y, z)))), out)
+    is_person = out["segmentation"] == world.class_names.index("person")
+    assert len(np.unique(out["instance"][is_person])) == 1
+    return out["instance"] * is_person
+
+
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_a_walking_body_has_no_gaps(seed: int) -> None:
+    world = load_world(load_scene("radar_walk_away"), map_seed=seed)
+    frames = SharedFrames(world)
+    for k in range(6):
+        t_ns = 1_000_000_000 + k * 190_000_000
+        for azimuth, up in ((0.0, 0.02), (0.25, 0.02), (0.5, 0.1), (0.8, 0.02), (0.1, 0.125)):
+            mask = seen(world, frames, t_ns, azimuth * TURN_RAD, up * TURN_RAD) > 0
+            parts, _, sizes, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)
+            assert mask.sum() > 4000
+            assert parts == 2, (k, azimuth, sorted(sizes[1:, 4]))
+
+
+def built(height_m: float, seed: int) -> tuple[mujoco.MjModel, mujoco.MjData, Figure]:
+    builder = MapBuilder("people")
+    add_still_person(builder, RandomGenerator(seed, "p"), (0.0, 0.0, 0.0), 0.0, traits=PersonTraits(height_m=height_m))
+    made = builder.build()
+    model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data, Figure(height_m, child=height_m < 1.4)
+
+
+def span(model: mujoco.MjModel, data: mujoco.MjData, words: tuple[str, ...]) -> tuple[float, float]:
+    """Return the lowest and highest z of the drawn geoms whose names contain one of the words."""
+    low, high = math.inf, -math.inf
+    for geom in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).tolist():
+        if any(word in model.geom(geom).name for word in words):
+            mesh = model.geom_dataid[geom]
+            begin = model.mesh_vertadr[mesh]
+            points = model.mesh_vert[begin : begin + model.mesh_vertnum[mesh]]
+            z = (points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])[:, 2]
+            low, high = min(low, float(z.min())), max(high, float(z.max()))
+    return low, high
+
+
+@pytest.mark.parametrize("height_m", [1.12, 1.57, 1.74, 1.93])
+def test_heights_are_those_of_the_figure(height_m: float) -> None:
+    for seed in range(4):
+        model, data, figure = built(height_m, seed)
+        sole, _ = span(model, data, ("foot",))
+        _, crown = span(model, data, ("head_head",))
+        chin, _ = span(model, data, ("head_head",))
+        knee = figure.ankle_m + figure.shank_m
+        assert abs(sole) < 0.004
+        assert crown == pytest.approx(0.994 * height_m, abs=0.025 * height_m)
+        assert chin < 0.87 * height_m  # the neck reaches into the collar
+        low, high = span(model, data, ("shank_l",))
+        assert low < figure.ankle_m
+        assert knee < high < knee + 0.06 * height_m
+
+
+def test_a_child_has_a_larger_head_for_its_height() -> None:
+    adult, child = BUILDS["m_mid"], BUILDS["child"]
+    assert child.figure.leg_m < adult.figure.leg_m
+
+    def head_m(build: str) -> float:
+        z = [v[2] for v in body_mesh("hair_short", build).vertices]
+        return max(z) - min(z)
+
+    assert head_m("child") > 1.15 * head_m("m_mid")
+
+
+def test_contact_is_by_the_shapes_of_the_figure_alone() -> None:
+    builder = MapBuilder("people")
+    walker = add_walker(builder, RandomGenerator(1, "p"), WAY, traits=PersonTraits(height_m=1.7))
+    made = builder.build()
+    model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+    solid = model.geom_contype == 1
+    assert (solid == (model.geom_group == 3)).all()
+    assert (solid == (model.geom_type != mujoco.mjtGeom.mjGEOM_MESH)).all()
+    limb = [model.body(int(model.geom_bodyid[g])).name for g in np.flatnonzero(solid)]
+    shapes = sorted(Figure(1.7).shapes(), key=lambda shape: LIMBS.index(shape.limb))
+    assert limb == [f"{walker.name}_{shape.limb}" for shape in shapes]
+    for geom, shape in zip(np.flatnonzero(solid), shapes, strict=True):
+        assert model.geom_size[geom][: len(shape.size)].tolist() == list(shape.size)
+
+
+def test_clothes_draw_from_a_generator_of_their_own() -> None:
+    """Five draws, as before there were clothes: the height and four colours."""
+    for soldier in (False, True):
+        rng, same = RandomGenerator(3, "p"), RandomGenerator(3, "p")
+        walker = add_walker(MapBuilder("people"), rng, WAY, traits=PersonTraits(soldier=soldier))
+        assert walker.figure.height_m == same.between(1.55, 1.93)
+        for _ in range(4):
+            same.unit()
+        assert rng.unit() == same.unit()
+
+
+def test_bound_holds_the_meshes() -> None:
+    for seed in range(12):
+        builder = MapBuilder("people")
+        walker = add_walker(builder, RandomGenerator(seed, "p"), WAY)
+        made = builder.build()
+        model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+        data = mujoco.MjData(model)
+        n = len(LIMBS)
+        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+        for t_ns in range(0, 2_000_000_000, 230_000_000):
+            walker.pose(t_ns, p, q, v, w)
+            data.mocap_pos[:], data.mocap_quat[:] = p, q
+            mujoco.mj_kinematics(model, data)
+            centre, radius = walker.bound(t_ns)
+            for geom in np.flatnonzero(model.geom_group < 3).tolist():
+                mesh = model.geom_dataid[geom]
+                points = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
+                placed = points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+                assert np.linalg.norm(placed - centre, axis=1).max() <= radius, model.geom(geom).name
