@@ -115,6 +115,11 @@ class LowerBody:
         inset = nx * nx * end + ny * ny * at_knots(self._side, q) - out_m
         return x - nx * inset, y - ny * inset, z
 
+    def lid_point(self, x: float, share: float, out_m: float = 0.0) -> Vec3:
+        """Return a point on bonnet or boot lid, at `share` (-1 to 1, to the left) of its half width."""
+        _, y, z = self.point(self.at_x(x), self.shoulder_m(x))
+        return x, share * y, z + _CROWN_M * (1.0 - share * share) * 2.0 * y / self.shape.width_m + out_m
+
     def at_x(self, x: float) -> float:
         """Return the station at x on the side."""
         return self._where(lambda p: -p[0], -x, 3, len(self.stations) - 4)
@@ -227,8 +232,8 @@ class Greenhouse:
         y = max(mix(by, ry, share) + ny * out, 0.0)
         return mix(bx, rx, share) + nx * out, y, mix(z0, z1, share) + 0.3 * out_m
 
-    def add_to(self, mesh: Mesh, open_panes: int = 0) -> None:
-        """Add pillars and roof; the skin behind the first `open_panes` panes of each side is left out."""
+    def add_to(self, mesh: Mesh, *, open_front: bool = False) -> None:
+        """Add pillars and roof; with `open_front` the skin has holes for the front side windows."""
         n = len(self.shape.columns)
         left: list[list[int]] = []
         right: list[list[int]] = []
@@ -240,7 +245,7 @@ class Greenhouse:
                 row_r.append(row_l[-1] if i in (0, n - 1) else add_vertex(mesh, (x, -y, z)))
             left.append(row_l)
             right.append(row_r)
-        holes = self._panes()[:open_panes]
+        holes = self._open(open_front)
         for k in range(len(_RINGS) - 1):
             for i in range(n - 1):
                 if i in holes and 0 < k < len(_RINGS) - 2:
@@ -281,12 +286,22 @@ class Greenhouse:
         a, b = self.point(i, share), self.point(i - 1e-9, share)
         return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
 
+    def roof_point(self, x: float, share: float, out_m: float = 0.0) -> Vec3:
+        """Return a point on the roof, at `share` (-1 to 1, to the left) of its half width."""
+        y = self.shape.half_roof_m - _ROOF_INSET_M
+        return x, share * y, at_knots(self.shape.roof, x) + 0.05 * (1.0 - share * share) + out_m
+
+    def _open(self, open_front: bool) -> list[int]:
+        return self._panes()[2:3] if open_front else []
+
     def _panes(self) -> list[int]:
         return [i for i, column in enumerate(self.shape.columns) if column.pane]
 
-    def add_panes(self, glass: Mesh, trim: Mesh, open_panes: int = 0) -> None:
-        """Add the glass, slightly before the skin, without the first `open_panes` panes of each side."""
-        for i in self._panes()[open_panes:]:
+    def add_panes(self, glass: Mesh, trim: Mesh, *, open_front: bool = False) -> None:
+        """Add the glass, slightly before the skin; with `open_front` the front side windows have none."""
+        for i in self._panes():
+            if i in self._open(open_front):
+                continue
             top = 0.93 if self.shape.columns[i].pane == "glass" else 0.68
             self._add_pane(glass, i, (0.07, 0.5 * (0.07 + top), top), 0.008)
             if i < 2:  # the windscreen ends above the wipers
@@ -309,12 +324,18 @@ class Greenhouse:
                     (p[0] + shift[0], p[1] + shift[1] if self.shape.columns[c].base[1] else 0.0, p[2] + shift[2])
                 )
             rows.append(row)
+        a, b = self.shape.columns[column], self.shape.columns[column + 1]
+        across = self.shape.half_base_m * abs(b.base[1] - a.base[1]) > abs(b.base[0] - a.base[0])
         for side in (1.0, -1.0):
             indices = []
             for j, row in enumerate(rows):
                 v = j / (len(rows) - 1)
-                points = row if side > 0 else row[::-1]
-                indices.append([add_vertex(mesh, (x, side * y, z), (0.5, 0.02 + 0.96 * v)) for x, y, z in points])
+                us = [0.5 + 0.5 * side * c.base[1] for c in (a, b)] if across else [0.98, 0.02]
+                line = [
+                    add_vertex(mesh, (x, side * y, z), (u, (0.51 if across else 0.01) + 0.48 * v))
+                    for (x, y, z), u in zip(row, us, strict=True)
+                ]
+                indices.append(line if side > 0 else line[::-1])
             add_indexed_grid(mesh, indices)
 
 

@@ -11,15 +11,14 @@ from sim.scene.maps.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, ax
 from sim.scene.maps.vehicles.wheels import add_wheel
 
 
-def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False) -> Parts:
-    """Return the meshes by material. With a driver the windscreen and the front side windows are open."""
-    open_panes = 3 if driver else 0
+def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, roof_pane: bool = False) -> Parts:
+    """Return the meshes by material. With a driver the front side windows are open."""
     parts = {name: Mesh.empty() for name in MATERIALS}
     body = LowerBody(shape)
     cabin = Greenhouse(shape, body)
     body.add_to(parts["paint"])
-    cabin.add_to(parts["paint"], open_panes)
-    cabin.add_panes(parts["glass"], parts["trim"], open_panes)
+    cabin.add_to(parts["paint"], open_front=driver)
+    cabin.add_panes(parts["glass"], parts["trim"], open_front=driver)
     _add_underside(parts["trim"], body)
     for x in shape.wheels_x_m:
         for side in (1.0, -1.0):
@@ -28,6 +27,8 @@ def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False) -> Part
     _add_face(parts, body)
     _add_rear(parts, body)
     _add_seams(parts, body)
+    _add_lids(parts["trim"], body)
+    _add_roof(parts, cabin, roof_pane=roof_pane)
     _add_mirrors(parts, body, shape)
     if shape.rails:
         _add_rails(parts["trim"], shape)
@@ -159,6 +160,46 @@ def _add_seams(parts: Parts, body: LowerBody) -> None:
                 parts["trim"], (p[0] - 0.09, min(side * (p[1] + 0.028), side * p[1]), z - 0.014),
                 (p[0] + 0.09, max(side * (p[1] + 0.028), side * p[1]), z + 0.014),
             )  # fmt: skip
+
+
+def _add_lids(trim: Mesh, body: LowerBody) -> None:
+    """Add the gaps beside and before the bonnet, and those of a boot lid if the car has one."""
+    s = body.shape
+    cowl, nose = s.columns[3].base[0] + 0.10, 0.5 * s.length_m - 0.05 - 0.62 * s.corner_front[0]
+    xs = [mix(cowl, nose, k / 4) for k in range(5)]
+    for side in (1.0, -1.0):
+        edges = (side * 0.83, side * 0.845)
+        rows = [[body.lid_point(x, share, 0.004) for x in xs] for share in edges]
+        add_sheet(trim, rows, flipped=side > 0)
+    ends = [(nose, nose - 0.012)]
+    tail = s.columns[-1].base[0]
+    if tail + 0.5 * s.length_m > 0.35:
+        ends.append((tail - 0.06, tail - 0.072))
+    for front, rear in ends:
+        shares = [-0.83, -0.4, 0.0, 0.4, 0.83]
+        add_sheet(trim, [[body.lid_point(x, share, 0.004) for share in shares] for x in (front, rear)], flipped=True)
+
+
+def _add_roof(parts: Parts, cabin: Greenhouse, *, roof_pane: bool) -> None:
+    """Add wipers, an aerial and, if asked for, a large pane in the roof."""
+    s = cabin.shape
+    for begin, end in ((-0.1, -1.25), (0.85, -0.15)):
+        line = []
+        for k in range(3):
+            column = mix(begin, end, k / 2)
+            x, y, z = cabin.point(min(abs(column), 1.8), 0.075 + 0.03 * k, 0.02)
+            line.append((x, y if column < 0.0 else -y, z))
+        add_tube(parts["trim"], line, 0.009, 4)
+    front, rear = s.roof[-1][0], s.roof[0][0]
+    x = rear + 0.18
+    add_tube(parts["trim"], [cabin.roof_point(x, 0.0, -0.01), (x - 0.07, 0.0, s.height_m + 0.03)], (0.02, 0.008), 4)
+    if roof_pane:
+        xs = [mix(front - 0.12, 0.5 * (front + rear) - 0.15, k / 3) for k in range(4)]
+        shares = (-0.74, -0.3, 0.3, 0.74)
+        rows = [[cabin.roof_point(x, share, 0.012) for share in shares] for x in xs]
+        add_sheet(parts["glass"], rows, flipped=True)
+        glass = parts["glass"]
+        glass.uvs[-16:] = [(0.02, 0.47)] * 16
 
 
 def _add_mirrors(parts: Parts, body: LowerBody, shape: CarShape) -> None:

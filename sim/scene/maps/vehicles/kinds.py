@@ -40,7 +40,9 @@ def _car_models(kind: str) -> list[Model]:
             models.append(
                 Model(
                     f"{kind}_{suffix}{'_driver' if driver else ''}", "van" if kind == "van" else "car", "vehicle",
-                    lambda shape=shape, spokes=spokes, driver=driver: car_parts(shape, spokes=spokes, driver=driver),  # type: ignore[misc]
+                    lambda shape=shape, spokes=spokes, driver=driver, pane=suffix == 'b' and kind != 'van': car_parts(
+                        shape, spokes=spokes, driver=driver, roof_pane=pane
+                    ),  # type: ignore[misc]
                     lambda shape=shape: car_proxies(shape),  # type: ignore[misc]
                 )
             )  # fmt: skip

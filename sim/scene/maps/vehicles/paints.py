@@ -53,12 +53,27 @@ def _plate_png(number: int) -> bytes:
 
 @cache
 def _glass_png() -> bytes:
-    """Return the tint of a pane: dark below, lighter above, where it reflects the sky."""
-    v = ((np.arange(32) + 0.5) / 32.0)[:, None]  # from the top
-    light = (1.0 - v) * (1.0 - v)
-    rgb = [20.0 + 44.0 * light, 23.0 + 52.0 * light, 27.0 + 60.0 * light]
-    image = np.stack([np.broadcast_to(channel, (32, 32)) for channel in rgb[::-1]], axis=-1)
-    return bytes(cv2.imencode(".png", np.ascontiguousarray((image + 0.5).astype(np.uint8)))[1].tobytes())
+    """Return panes, 128 pixels square: a windscreen above, a side window below.
+
+    Both are dark, lighter towards the top, where they reflect the sky; behind them stand dashboard and seats.
+    """
+    u = (np.arange(128) + 0.5) / 128.0
+    v = 1.0 - (np.arange(64) + 0.5) / 64.0  # upwards
+    u, v = np.broadcast_to(u, (64, 128)), np.broadcast_to(v[:, None], (64, 128))
+    halves = []
+    for seats, dashboard in (((0.28, 0.72), 0.16), ((0.38,), 0.0)):
+        image = np.stack([20.0 + 44.0 * v * v, 23.0 + 52.0 * v * v, 27.0 + 60.0 * v * v], axis=-1)
+        for seat in seats:
+            wide = 0.06 if dashboard else 0.12
+            head = (np.abs(u - seat) < wide) & (np.abs(v - 0.56) < 0.13)
+            back = (np.abs(u - seat) < 2.1 * wide) & (v < 0.38)
+            image[head | back] += 16.0
+        if dashboard:
+            image[v < dashboard] = (58.0, 57.0, 56.0)
+            image[(np.abs(u - 0.5) < 0.06) & (np.abs(v - 0.90) < 0.045)] = 8.0  # mirror
+        halves.append(image)
+    image = np.concatenate(halves)[:, :, ::-1] + 0.5
+    return bytes(cv2.imencode(".png", np.ascontiguousarray(image.astype(np.uint8)))[1].tobytes())
 
 
 def vehicle_materials(builder: MapBuilder) -> None:
