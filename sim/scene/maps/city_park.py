@@ -7,6 +7,7 @@ and people.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import sqrt
 from typing import Annotated
 
@@ -20,6 +21,8 @@ from sim.scene.maps.buildings import add_block, building_materials
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
+from sim.scene.maps.objects.animals import add_bird, add_dog
+from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.people import add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
@@ -260,12 +263,14 @@ class _Park:
     def furniture(self) -> None:
         b, p = self.builder, self.parameters
         self.seats: list[tuple[float, float, float]] = []
+        self.benches: list[tuple[float, float, float]] = []
         for i in range(p.benches):
             x, y, heading = self.beside_walk((i + 0.5) / p.benches, 2.75)
             if self.layout.free(x, y, 0.9):
                 add_bench(b, x, y, heading)
                 self.layout.take_disc(x, y, 1.1)
                 self.seats.append((x, y, heading))
+                self.benches.append((x, y, heading))
             if i % 2 == 0:
                 x, y, _ = self.beside_walk((i + 0.5) / p.benches + 0.013, 2.0)
                 if self.layout.free(x, y, 0.3):
@@ -322,6 +327,33 @@ class _Park:
                 lambda x, y: add_still_person(b, rng, (x, y, 0.0), rng.between(0.0, TURN_RAD)),
             )  # fmt: skip
 
+    def objects(self) -> None:
+        """Add belongings, animals and parked two-wheelers, after all else, so that nothing else moves."""
+        b, rng = self.builder, self.rng("objects")
+        for k, (x, y, heading) in enumerate(self.benches):
+            c, s = det_cos(heading), det_sin(heading)
+            left = 1.05 if k % 2 else -1.05
+            px, py = x - left * s, y + left * c
+            if k % 3 == 2:
+                add_potted_plant(b, rng, (px, py, 0.0))
+            else:
+                add_backpack(b, rng, (px, py, 0.0), heading + rng.between(-0.5, 0.5))
+        turn = TURN_RAD
+
+        def scatter(count: int, radius_m: float, add: Callable[[float, float], None]) -> None:
+            self.layout.scatter(rng, count, radius_m, (-27.0, -27.0, 27.0, 27.0), add)
+
+        scatter(2, 1.6, lambda x, y: add_parasol(b, rng, (x, y, 0.0)))
+        scatter(2, 0.6, lambda x, y: add_dog(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
+        scatter(3, 0.9, lambda x, y: add_vehicle(b, rng, "bicycle", x, y, rng.between(0.0, turn)) and None)
+
+        def birds(x: float, y: float) -> None:
+            for _ in range(3):
+                at = (x + rng.between(-0.7, 0.7), y + rng.between(-0.7, 0.7), 0.0)
+                add_bird(b, rng, at, rng.between(0.0, turn))
+
+        scatter(3, 0.9, birds)
+
     @staticmethod
     def _in_lane(point: Point, lane_m: float) -> Point:
         x, y = point
@@ -359,5 +391,6 @@ def generate(parameters: CityParkParameters, seed: int) -> SceneMap:
     park.furniture()
     park.plants()
     park.people()
+    park.objects()
     park.builder.classify("ground", "ground")
     return park.builder.build()

@@ -21,6 +21,9 @@ from signals.units import TURN_RAD
 from sim.scene.maps import military, surfaces, textures
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
+from sim.scene.maps.objects.animals import add_bird, add_dog
+from sim.scene.maps.objects.belongings import add_backpack
+from sim.scene.maps.objects.street_signs import add_stop_sign
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
@@ -301,6 +304,41 @@ class _Village:
                 self.layout.take_disc(x, y, 0.6)
                 add_still_person(b, rng, (x, y, 0.0), rng.between(0.0, TURN_RAD), traits=PersonTraits(soldier=True))
 
+    def objects(self) -> None:
+        """Add belongings, animals and signs off the streets, after all else, so that nothing else moves."""
+        b, rng = self.builder, self.rng("objects")
+        turn = TURN_RAD
+
+        def scatter(count: int, radius_m: float, add: Callable[[float, float], None]) -> None:
+            for _ in range(count):
+                for _ in range(60):
+                    x, y = rng.between(_LOW_M, _HIGH_M), rng.between(_LOW_M, _HIGH_M)
+                    off_street = min(abs(x - line) for line in self.lines[0]) > 2.6
+                    off_street = off_street and min(abs(y - line) for line in self.lines[1]) > 2.6
+                    if off_street and self.layout.free(x, y, radius_m):
+                        self.layout.take_disc(x, y, radius_m)
+                        add(x, y)
+                        break
+
+        scatter(4, 0.5, lambda x, y: add_backpack(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
+        scatter(2, 0.6, lambda x, y: add_dog(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
+        scatter(
+            2, 1.2, lambda x, y: add_vehicle(b, rng, "motorcycle", x, y, rng.between(0.0, turn), paint="olive") and None
+        )
+
+        def birds(x: float, y: float) -> None:
+            for _ in range(3):
+                at = (x + rng.between(-0.7, 0.7), y + rng.between(-0.7, 0.7), 0.0)
+                add_bird(b, rng, at, rng.between(0.0, turn))
+
+        scatter(3, 0.9, birds)
+        corner = self.parameters.street_m / 2 - 0.25
+        for i, j in ((1, 1), (3, 2), (2, 4)):
+            x, y = self.lines[0][i] + corner, self.lines[1][j] - corner
+            if self.layout.free(x, y, 0.2):
+                add_stop_sign(b, x, y, -_QUARTER_TURN_RAD)
+                self.layout.take_disc(x, y, 0.4)
+
 
 def _between(a: Point, b: Point, share: float) -> Point:
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
@@ -330,5 +368,6 @@ def generate(parameters: TrainingVillageParameters, seed: int) -> SceneMap:
     village.plots()
     village.surroundings()
     village.people()
+    village.objects()
     village.builder.classify("ground", "ground")
     return village.builder.build()

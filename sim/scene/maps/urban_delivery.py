@@ -7,6 +7,7 @@ Drop zones (class `drop_zone`) are marked squares of `zone_m` in gardens: flat, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import Annotated
@@ -21,6 +22,9 @@ from sim.scene.maps.buildings import add_block, add_house, building_materials
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
+from sim.scene.maps.objects.animals import add_bird, add_dog
+from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
+from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
@@ -188,6 +192,7 @@ class _Suburb:
     def blocks(self) -> None:
         b, rng = self.builder, self.rng("blocks")
         self.lots: list[Lot] = []
+        self.doors: list[tuple[Lot, float, float]] = []  # with the place of each door: behind the front, to the left
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
                 if i == j == 0:
@@ -233,6 +238,7 @@ class _Suburb:
         path.geom("box", (setback / 2, 0.6, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.095), material="drive", solid=False)
         a, c = lot.at(0.0, shift), lot.at(setback, shift)
         self.layout.take_band((a, c), 0.9)
+        self.doors.append((lot, setback, shift))
         # A fence towards the left neighbour; some fronts have a hedge.
         if number % 3 != 2:
             self.fence(lot.at(0.4, lot.width_m / 2), lot.at(lot.depth_m - 0.4, lot.width_m / 2), rng)
@@ -317,6 +323,7 @@ class _Suburb:
                     for lane in (-1.0, 1.0):
                         spots.append((axis, side, along, lane))
         chosen = rng.shuffled(spots)[: self.parameters.parked_vehicles]
+        self.free_spots = [spot for spot in spots if spot not in chosen]
         looks = self.rng("vehicle_looks")
         for axis, side, along, lane in chosen:
             along_m = along + rng.between(-0.6, 0.6)
@@ -347,6 +354,73 @@ class _Suburb:
             if self.layout.free(x, y, 0.8):
                 self.layout.take_disc(x, y, 0.8)
                 add_bush(b, rng, x, y)
+
+    def signs(self) -> None:
+        """Add traffic lights at the crossings, for both directions, and stop signs."""
+        b, rng = self.builder, self.rng("signs")
+        for side_x in (-1.0, 1.0):
+            for side_y in (-1.0, 1.0):
+                lit = rng.pick(("red", "green", "red", "amber"))
+                kerb = _LANE_M + 0.4
+                # Before the zebra, to the right of each driver.
+                for x, y, heading in (
+                    (side_x * (_INNER_M - 3.9), -side_x * kerb, pi if side_x > 0 else 0.0),
+                    (side_x * (_INNER_M - 0.3), side_x * kerb, 0.0 if side_x > 0 else pi),
+                ):
+                    if self.layout.free(x, side_y * _STREET_M + y, 0.25):
+                        add_traffic_light(b, x, side_y * _STREET_M + y, heading, lit)
+                        self.layout.take_disc(x, side_y * _STREET_M + y, 0.4)
+        beside, before = _OUTER_M + 0.45, _OUTER_M + 2.0
+        for x, y, heading in (
+            (_INNER_M - 0.4, -_INNER_M + 2.9, pi),
+            (beside, -before, -_QUARTER_TURN_RAD),
+            (-beside, before, _QUARTER_TURN_RAD),
+        ):
+            if self.layout.free(x, y, 0.25):
+                add_stop_sign(b, x, y, heading)
+                self.layout.take_disc(x, y, 0.4)
+
+    def objects(self) -> None:
+        """Add what stands in front gardens and at doors, after all else, so that nothing else moves."""
+        b, rng = self.builder, self.rng("objects")
+        for k, (lot, back, left) in enumerate(rng.shuffled(self.doors)):
+            if k < 8:
+                for side in (-1.0, 1.0):
+                    add_potted_plant(b, rng, (*lot.at(back - 0.35, left + 0.95 * side), _LAWN_M))
+            elif k < 10:
+                add_backpack(b, rng, (*lot.at(back - 0.4, left + 0.8), _LAWN_M), lot.heading_rad)
+
+        def in_gardens(
+            count: int, radius_m: float, back_m: tuple[float, float], add: Callable[[Point, Lot], None]
+        ) -> None:
+            for _ in range(count):
+                lot = rng.pick(self.lots)
+                for _ in range(20):
+                    x, y = lot.at(rng.between(*back_m), rng.between(-0.5, 0.5) * (lot.width_m - 2.5))
+                    if self.layout.free(x, y, radius_m):
+                        self.layout.take_disc(x, y, radius_m)
+                        add((x, y), lot)
+                        break
+
+        in_gardens(3, 1.6, (13.0, 20.0), lambda p, _: add_parasol(b, rng, (*p, _LAWN_M)))
+        in_gardens(3, 0.6, (1.2, 4.0), lambda p, _: add_dog(b, rng, (*p, _LAWN_M), rng.between(0.0, TURN_RAD)))
+        in_gardens(5, 0.9, (1.2, 3.6), lambda p, lot: self.bicycle(rng, p, lot))
+        for _ in range(3):
+            in_gardens(1, 0.9, (1.0, 4.0), lambda p, _: self.birds(rng, p))
+        for axis, side, along, lane in self.free_spots[:2]:
+            x, y, _ = _turned(axis, along, side * _STREET_M + lane * (_LANE_M - 0.6))
+            heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
+            add_vehicle(b, rng, "motorcycle", x, y, heading)
+
+    def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
+        heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * _QUARTER_TURN_RAD
+        add_vehicle(self.builder, rng, "bicycle", *at, heading, ground_m=_LAWN_M)
+
+    def birds(self, rng: RandomGenerator, at: Point) -> None:
+        """Add a group of three birds."""
+        for _ in range(3):
+            x, y = at[0] + rng.between(-0.7, 0.7), at[1] + rng.between(-0.7, 0.7)
+            add_bird(self.builder, rng, (x, y, _LAWN_M), rng.between(0.0, TURN_RAD))
 
     def people(self) -> None:
         """Add people on the pavements: round a block, or to and fro along one side."""
@@ -399,5 +473,7 @@ def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
     suburb.vehicles()
     suburb.plants()
     suburb.people()
+    suburb.signs()
+    suburb.objects()
     suburb.builder.classify("ground", "ground")
     return suburb.builder.build()
