@@ -1,11 +1,18 @@
-// sim._kernels.WalkPath and Walker: walking people. Contracts: walk_path.hpp, gait.hpp.
+// sim._kernels.WalkPath, Walker and RoadVehicle: what moves along paths. Contracts: walk_path.hpp, gait.hpp,
+// road_vehicle.hpp.
 
+#include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
+#include <stdexcept>
 #include <tuple>
+#include <utility>
+#include <vector>
 
 #include "bind_arrays.hpp"
 #include "gait.hpp"
+#include "road_vehicle.hpp"
 #include "walk_path.hpp"
 
 namespace {
@@ -107,4 +114,25 @@ void bind_gait(nb::module_ &m) {
             },
             "t_ns"_a, "p_WB"_a.noconvert(), "q_WB"_a.noconvert(), "v_WB_W"_a.noconvert(), "w_WB_W"_a.noconvert(),
             "Fill poses and velocities in W of all limbs.");
+    nb::class_<hs::RoadVehicle, hs::Actor>(m, "RoadVehicle", "Road vehicle on a closed path (road_vehicle.hpp).")
+        .def(
+            "__init__",
+            [](hs::RoadVehicle *self, const hs::WalkPath &path, const In<double, -1, 3> &wheels_B, double turns_per_m,
+               double ground_m, double bound_z_m, double bound_radius_m) {
+                std::vector<std::array<double, 3>> wheels(wheels_B.shape(0));
+                for (std::size_t i = 0; i < wheels.size(); ++i) std::copy_n(wheels_B.data() + 3 * i, 3, wheels[i].begin());
+                new (self) hs::RoadVehicle(path, std::move(wheels), turns_per_m, ground_m, bound_z_m, bound_radius_m);
+            },
+            nb::kw_only(), "path"_a, "wheels_B"_a, "turns_per_m"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
+        .def(
+            "pose",
+            [](const hs::RoadVehicle &vehicle, std::int64_t t_ns, Out<double, -1, 3> p_WB, Out<double, -1, 4> q_WB, Out<double, -1, 3> v_WB_W, Out<double, -1, 3> w_WB_W) {
+                const std::size_t n = vehicle.bodies();
+                if (p_WB.shape(0) != n || q_WB.shape(0) != n || v_WB_W.shape(0) != n || w_WB_W.shape(0) != n) {
+                    throw std::invalid_argument("each array needs a row for the chassis and one for each wheel");
+                }
+                vehicle.pose(t_ns, p_WB.data(), q_WB.data(), v_WB_W.data(), w_WB_W.data());
+            },
+            "t_ns"_a, "p_WB"_a.noconvert(), "q_WB"_a.noconvert(), "v_WB_W"_a.noconvert(), "w_WB_W"_a.noconvert(),
+            "Fill poses and velocities in W of chassis and wheels.");
 }

@@ -345,7 +345,11 @@ class _Park:
 
         scatter(2, 1.6, lambda x, y: add_parasol(b, rng, (x, y, 0.0)))
         scatter(2, 0.6, lambda x, y: add_dog(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
-        scatter(3, 0.9, lambda x, y: add_vehicle(b, rng, "bicycle", x, y, rng.between(0.0, turn)) and None)
+
+        def bicycle(x: float, y: float) -> None:
+            add_vehicle(b, rng, "bicycle", x, y, rng.between(0.0, turn))
+
+        scatter(3, 0.9, bicycle)
 
         def birds(x: float, y: float) -> None:
             for _ in range(3):

@@ -322,9 +322,11 @@ class _Village:
 
         scatter(4, 0.5, lambda x, y: add_backpack(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
         scatter(2, 0.6, lambda x, y: add_dog(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
-        scatter(
-            2, 1.2, lambda x, y: add_vehicle(b, rng, "motorcycle", x, y, rng.between(0.0, turn), paint="olive") and None
-        )
+
+        def motorcycle(x: float, y: float) -> None:
+            add_vehicle(b, rng, "motorcycle", x, y, rng.between(0.0, turn), paint="olive")
+
+        scatter(2, 1.2, motorcycle)
 
         def birds(x: float, y: float) -> None:
             for _ in range(3):

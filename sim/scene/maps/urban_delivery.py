@@ -30,6 +30,7 @@ from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
+from sim.scene.maps.vehicles.traffic import add_driven_car
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.random_generator import RandomGenerator
 
@@ -49,6 +50,7 @@ class UrbanDeliveryParameters(StrictModel):
     drop_zones: Annotated[int, Field(ge=0, le=24)] = 8
     zone_m: Annotated[float, Field(ge=0.5, le=3.0)] = 1.6
     parked_vehicles: Annotated[int, Field(ge=0, le=60)] = 14
+    traffic: Annotated[int, Field(ge=0, le=8)] = 0
     trees: Annotated[int, Field(ge=0, le=200)] = 24
     walkers: Annotated[int, Field(ge=0, le=60)] = 8
     standing_people: Annotated[int, Field(ge=0, le=40)] = 3
@@ -331,13 +333,25 @@ class _Suburb:
             kind = looks.pick(STREET_MIX)
             alone = not any((axis, side, along + step, lane) in chosen for step in (-7.0, 7.0))
             large, which = looks.unit(), looks.unit()
-            if alone and large < 0.25:
-                # A bus stays clear of the crossings only in the middle between two.
-                kind = "bus" if which < 0.4 and along in (-2.0, -40.0, -47.0, 40.0, 47.0) else "lorry"
+            # The streets round the middle block stay wide enough for traffic, and crossings clear.
+            if alone and large < 0.35 and abs(along) > 30.0:
+                kind = "bus" if which < 0.4 and abs(along) in (40.0, 47.0) else "lorry"
             kerb_m = {"bus": 1.34, "lorry": 1.32, "van": 1.16}.get(kind, 1.15)
             x, y, _ = _turned(axis, along_m, side * _STREET_M + lane * (_LANE_M - kerb_m))
             heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, looks, kind, x, y, heading)
+
+    def traffic(self) -> None:
+        """Add cars that drive round the middle block, one way, in the middle of the streets."""
+        s = _STREET_M
+        rng = self.rng("traffic")
+        first = rng.unit()
+        for i in range(self.parameters.traffic):
+            path = WalkPath(
+                [(-s, -s), (s, -s), (s, s), (-s, s)], 7.0, corner_m=6.5, start_lap=first + i / self.parameters.traffic,
+                max_yaw_rate_radps=0.9,
+            )  # fmt: skip
+            add_driven_car(self.builder, rng, path)
 
     def plants(self) -> None:
         b, p, rng = self.builder, self.parameters, self.rng("plants")
@@ -475,5 +489,6 @@ def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
     suburb.people()
     suburb.signs()
     suburb.objects()
+    suburb.traffic()
     suburb.builder.classify("ground", "ground")
     return suburb.builder.build()

@@ -69,6 +69,7 @@ class WalkPath(_kernels.WalkPath):
         *,
         corner_m: float = 1.5,
         start_lap: float = 0.0,
+        max_yaw_rate_radps: float = _MAX_YAW_RATE_RADPS,
     ) -> None:
         """`corner_m`: distance before a vertex at which its corner begins; less if edges are short."""
         if len(vertices) < 3:
@@ -101,7 +102,7 @@ class WalkPath(_kernels.WalkPath):
             spans.append(("corner", corner_length_m))
             s += corner_length_m
             if turn != 0.0:
-                corner_speed = min(corner_speed, _MAX_YAW_RATE_RADPS * corner_length_m / (_PEAK_OF_SLOPE * abs(turn)))
+                corner_speed = min(corner_speed, max_yaw_rate_radps * corner_length_m / (_PEAK_OF_SLOPE * abs(turn)))
         self.lap_m = s
         self.pieces, self.lap_s = self._time_pieces(spans, corner_speed)
         self.offset_s = start_lap * self.lap_s

@@ -331,11 +331,11 @@ class Greenhouse:
             for j, row in enumerate(rows):
                 v = j / (len(rows) - 1)
                 us = [0.5 + 0.5 * side * c.base[1] for c in (a, b)] if across else [0.98, 0.02]
-                line = [
+                edge = [
                     add_vertex(mesh, (x, side * y, z), (u, (0.51 if across else 0.01) + 0.48 * v))
                     for (x, y, z), u in zip(row, us, strict=True)
                 ]
-                indices.append(line if side > 0 else line[::-1])
+                indices.append(edge if side > 0 else edge[::-1])
             add_indexed_grid(mesh, indices)
 
 

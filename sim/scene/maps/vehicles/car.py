@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from signals.samples import Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.vehicles.body_shape import Greenhouse, LowerBody, arch_points, skin_patch
 from sim.scene.maps.vehicles.car_shape import CarShape
@@ -10,8 +11,12 @@ from sim.scene.maps.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add
 from sim.scene.maps.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
 from sim.scene.maps.vehicles.wheels import add_wheel
 
+_TYRE_M = 0.21  # width
 
-def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, roof_pane: bool = False) -> Parts:
+
+def car_parts(
+    shape: CarShape, *, spokes: int = 5, driver: bool = False, roof_pane: bool = False, wheels: bool = True
+) -> Parts:
     """Return the meshes by material. With a driver the front side windows are open."""
     parts = {name: Mesh.empty() for name in MATERIALS}
     body = LowerBody(shape)
@@ -20,10 +25,9 @@ def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, roof_pa
     cabin.add_to(parts["paint"], open_front=driver)
     cabin.add_panes(parts["glass"], parts["trim"], open_front=driver)
     _add_underside(parts["trim"], body)
-    for x in shape.wheels_x_m:
-        for side in (1.0, -1.0):
-            centre = (x, side * (0.5 * shape.width_m - 0.035), shape.wheel_m)
-            add_wheel(parts["tyre"], parts["rim"], centre, shape.wheel_m, 0.21, spokes, side)
+    for x, y, z in wheel_centres(shape) if wheels else ():
+        side = 1.0 if y > 0.0 else -1.0
+        add_wheel(parts["tyre"], parts["rim"], (x, y, z), shape.wheel_m, _TYRE_M, spokes, side)
     _add_face(parts, body)
     _add_rear(parts, body)
     _add_seams(parts, body)
@@ -34,6 +38,19 @@ def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, roof_pa
         _add_rails(parts["trim"], shape)
     if driver:
         add_cabin(parts, shape, body)
+    return parts
+
+
+def wheel_centres(shape: CarShape) -> list[Vec3]:
+    """Return the middles of the wheels' outer faces: front left, front right, rear left, rear right."""
+    y = 0.5 * shape.width_m - 0.035
+    return [(x, side * y, shape.wheel_m) for x in shape.wheels_x_m for side in (1.0, -1.0)]
+
+
+def wheel_parts(shape: CarShape, spokes: int, side: float) -> Parts:
+    """Return tyre and rim of one wheel of the left (`side` 1) or right side, about the middle of its outer face."""
+    parts = {"tyre": Mesh.empty(), "rim": Mesh.empty()}
+    add_wheel(parts["tyre"], parts["rim"], (0.0, 0.0, 0.0), shape.wheel_m, _TYRE_M, spokes, side)
     return parts
 
 
@@ -225,7 +242,7 @@ def _add_rails(trim: Mesh, shape: CarShape) -> None:
 
 def car_proxies(shape: CarShape) -> list[Proxy]:
     body = LowerBody(shape)
-    half_width = 0.5 * shape.width_m - 0.035
+    half_width = wheel_centres(shape)[0][1]
     return [
         Proxy("hull", hull=body.hull()),
         Proxy("hull", hull=Greenhouse(shape, body).hull()),

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from sim.scene.maps import surfaces
-from sim.scene.maps.map_builder import MapBuilder, roll_quat, yaw_quat
+from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.vehicles.bicycle import bicycle_parts, bicycle_proxies
 from sim.scene.maps.vehicles.bus import bus_parts, bus_proxies
 from sim.scene.maps.vehicles.car import car_parts, car_proxies
 from sim.scene.maps.vehicles.car_shape import SHAPES, varied
 from sim.scene.maps.vehicles.lorry import lorry_parts, lorry_proxies
 from sim.scene.maps.vehicles.motorcycle import motorcycle_parts, motorcycle_proxies
-from sim.scene.maps.vehicles.paints import PAINTS, PLATES, draw_paint, paint_material, vehicle_materials
+from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, vehicle_materials
 from sim.scene.maps.vehicles.parts import Parts, Proxy
 from sim.scene.random_generator import RandomGenerator
 
@@ -88,12 +88,12 @@ def add_vehicle(
     return name
 
 
-def add_parts(builder: MapBuilder, body, model: Model, paint: str, plate: int) -> None:  # type: ignore[no-untyped-def]
+def add_parts(builder: MapBuilder, body: Body, model: Model, paint: str, plate: int) -> None:
     """Add the geoms of a model to a body."""
     vehicle_materials(builder)
     names = _mesh_names(builder, model)
     for part, asset in names.items():
-        body.geom("mesh", asset=asset, material=_material(builder, part, paint, plate), solid=False, part=part)
+        body.geom("mesh", asset=asset, material=part_material(builder, part, paint, plate), solid=False, part=part)
     for i, proxy in enumerate(model.proxies()):
         part = f"proxy_{i}"
         if proxy.hull is not None:
@@ -112,7 +112,7 @@ def _mesh_names(builder: MapBuilder, model: Model) -> dict[str, str]:
     return {part: builder.mesh(f"{model.name}_{part}", mesh) for part, mesh in parts.items() if mesh.triangles}
 
 
-def _material(builder: MapBuilder, part: str, paint: str, plate: int) -> str:
+def part_material(builder: MapBuilder, part: str, paint: str, plate: int) -> str:
     if part == "paint":
         return paint_material(builder, paint)
     if part == "plate":
@@ -121,6 +121,3 @@ def _material(builder: MapBuilder, part: str, paint: str, plate: int) -> str:
         shirt = tuple(_SHIRTS)[(plate + len(paint)) % len(_SHIRTS)]
         return builder.material(f"driver_{shirt}", surfaces.CLOTH, rgb=_SHIRTS[shirt], specular=0.0)
     return f"vehicle_{part}"
-
-
-__all__ = ["MODELS", "PAINTS", "add_parts", "add_vehicle"]

@@ -8,11 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.scene.maps import surfaces
+from sim.scene.maps import surfaces, urban_delivery
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.meshes import Mesh
+from sim.scene.maps.scene_map import SceneMap
+from sim.scene.maps.vehicles.car import car_parts
 from sim.scene.maps.vehicles.kinds import MODELS, add_vehicle
+from sim.scene.maps.vehicles.traffic import DrivenCar
 from sim.scene.random_generator import RandomGenerator
 
 # Length, width over the mirrors and height of common vehicles [m], by data sheets: least and greatest.
@@ -104,3 +107,78 @@ def test_the_suburb_mixes_kinds_each_one_instance() -> None:
         assert all(model.body(name).parentid == 0 for name in vehicles)
         bodies |= {name.rsplit("_", 1)[0] for name in vehicles}
     assert bodies == {"car", "van", "lorry", "bus"}
+
+
+def posed(car: DrivenCar, t_ns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    n = len(car.bodies)
+    out = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
+    car.pose(t_ns, *out)
+    return out
+
+
+def turned(q: np.ndarray) -> np.ndarray:
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, q)
+    return R.reshape(3, 3)
+
+
+def traffic(seed: int, count: int) -> SceneMap:
+    return urban_delivery.generate(urban_delivery.UrbanDeliveryParameters(traffic=count), seed)
+
+
+def test_velocities_of_driven_cars_are_the_derivatives_of_their_poses() -> None:
+    car = next(actor for actor in traffic(1, 1).actors if isinstance(actor, DrivenCar))
+    h = 100_000
+    for t_ns in (0, 3_210_000_000, 9_000_000_000, 14_123_000_000, 21_700_000_000):
+        before, now, after = posed(car, t_ns - h), posed(car, t_ns), posed(car, t_ns + h)
+        assert np.allclose((after[0] - before[0]) / (2e-9 * h), now[2], atol=1e-4)
+        for i in range(len(car.bodies)):
+            # R' R^T is the cross-product matrix of the angular velocity.
+            rate = (turned(after[1][i]) - turned(before[1][i])) / (2e-9 * h) @ turned(now[1][i]).T
+            assert np.allclose((rate[2, 1], rate[0, 2], rate[1, 0]), now[3][i], atol=1e-3)
+        assert np.linalg.norm(now[2][0]) <= car.max_speed_mps
+        # On straights the tyre's lowest point rests on the road.
+        contact = now[2][1:] + np.cross(now[3][1:], [0.0, 0.0, -car.shape.wheel_m])
+        if abs(now[3][0, 2]) < 1e-9:
+            assert np.abs(contact).max() < 0.01 * car.path.speed_mps
+
+
+def test_bound_of_a_driven_car_holds_it() -> None:
+    car = next(actor for actor in traffic(1, 1).actors if isinstance(actor, DrivenCar))
+    points = np.array([v for mesh in car_parts(car.shape, driver=True).values() for v in mesh.vertices])
+    for t_ns in (0, 5_000_000_000):
+        p, q, _, _ = posed(car, t_ns)
+        centre, radius_m = car.bound(t_ns)
+        assert np.linalg.norm(p[0] + points @ turned(q[0]).T - centre, axis=1).max() <= radius_m
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_traffic_keeps_clear_of_parked_vehicles_and_of_itself(seed: int) -> None:
+    scene_map = traffic(seed, 6)
+    model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
+    data = mujoco.MjData(model)
+    cars = [actor for actor in scene_map.actors if isinstance(actor, DrivenCar)]
+    moving = {name for car in cars for name in car.bodies}
+    parked = []
+    for geom in range(model.ngeom):
+        name = model.body(model.geom_bodyid[geom]).name
+        if (
+            model.geom_group[geom] < 3
+            and name not in moving
+            and name.startswith(("car_", "van_", "bus_", "lorry_", "mot"))
+        ):
+            parked.append(geom)
+    mujoco.mj_kinematics(model, data)
+    for k in range(30):
+        places = []
+        for car in cars:
+            p, q, _, _ = posed(car, k * 1_000_000_000)
+            R = turned(q[0])
+            places.append(p[0])
+            for geom in parked:
+                centre = data.geom_xpos[geom] + data.geom_xmat[geom].reshape(3, 3) @ model.geom_aabb[geom, :3]
+                half = np.abs(R.T @ data.geom_xmat[geom].reshape(3, 3)) @ model.geom_aabb[geom, 3:]
+                gap = np.abs(R.T @ (centre - p[0])) - half - [0.5 * car.shape.length_m, 0.5 * car.shape.width_m, 0.0]
+                assert max(gap[:2]) > 0.1, (car.name, model.geom(geom).name)
+        for i, p in enumerate(places):
+            assert all(np.linalg.norm(p - other) > 8.0 for other in places[:i])

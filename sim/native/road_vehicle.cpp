@@ -1,0 +1,53 @@
+#include "road_vehicle.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "detmath.hpp"
+
+namespace hil::sim {
+
+RoadVehicle::RoadVehicle(WalkPath path, std::vector<std::array<double, 3>> wheels, double turns_per_m, double ground_m,
+                         double bound_z_m, double bound_radius_m)
+    : path_(std::move(path)),
+      wheels_(std::move(wheels)),
+      turns_per_m_(turns_per_m),
+      ground_m_(ground_m),
+      bound_z_m_(bound_z_m),
+      bound_radius_m_(bound_radius_m) {}
+
+Sphere RoadVehicle::bound(std::int64_t t_ns) const {
+    const WalkPlace place = path_.place(path_.progress(t_ns).s_m);
+    return {{place.x_m, place.y_m, bound_z_m_}, bound_radius_m_};
+}
+
+void RoadVehicle::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const {
+    constexpr double kHalfTurn = 3.141592653589793;
+    const WalkProgress progress = path_.progress(t_ns);
+    const WalkPlace place = path_.place(progress.s_m);
+    const double c = place.cos, s = place.sin, speed = progress.speed_mps, yaw_rate = speed * place.yaw_per_m;
+    // Half the heading without trigonometry, as in Walker::pose.
+    const double hc = c > -0.5 ? std::sqrt(0.5 * (1.0 + c)) : 0.5 * std::fabs(s) / std::sqrt(0.5 * (1.0 - c));
+    double hs = c < 0.5 ? std::sqrt(0.5 * (1.0 - c)) : 0.5 * std::fabs(s) / hc;
+    if (s < 0.0) {
+        hs = -hs;
+    }
+    const double turns = progress.s_m * turns_per_m_, half_spin = kHalfTurn * (turns - std::floor(turns));
+    const double tc = det::cos(half_spin), ts = det::sin(half_spin), spin = 2.0 * kHalfTurn * turns_per_m_ * speed;
+    for (std::size_t i = 0; i <= wheels_.size(); ++i) {
+        double *p = p_WB + 3 * i, *q = q_WB + 4 * i, *v = v_WB_W + 3 * i, *w = w_WB_W + 3 * i;
+        double rx = 0.0, ry = 0.0, rz = 0.0;
+        q[0] = hc, q[1] = 0.0, q[2] = 0.0, q[3] = hs;
+        w[0] = 0.0, w[1] = 0.0, w[2] = yaw_rate;
+        if (i > 0) {
+            const auto &[x, y, z] = wheels_[i - 1];
+            rx = c * x - s * y, ry = s * x + c * y, rz = z;
+            q[0] = hc * tc, q[1] = -hs * ts, q[2] = hc * ts, q[3] = hs * tc;
+            w[0] = -s * spin, w[1] = c * spin;
+        }
+        p[0] = place.x_m + rx, p[1] = place.y_m + ry, p[2] = ground_m_ + rz;
+        v[0] = speed * place.dx_ds - yaw_rate * ry, v[1] = speed * place.dy_ds + yaw_rate * rx, v[2] = 0.0;
+    }
+}
+
+}  // namespace hil::sim
