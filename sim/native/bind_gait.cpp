@@ -106,6 +106,13 @@ void bind_gait(nb::module_ &m) {
                                       bound_radius_m);
             },
             nb::kw_only(), "shape"_a, "path"_a, "cycles_per_m"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
+        .def(
+            "__init__",
+            [](hs::Walker *self, const hs::LimbRows &seated, const hs::WalkPath &path, double ground_m,
+               double bound_z_m, double bound_radius_m) {
+                new (self) hs::Walker(seated, path, ground_m, bound_z_m, bound_radius_m);
+            },
+            nb::kw_only(), "seated"_a, "path"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
         .def("phase", &hs::Walker::phase, "t_ns"_a, "Return the phase of the step cycle, [0, 1).")
         .def(
             "pose",

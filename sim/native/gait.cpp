@@ -223,6 +223,10 @@ Walker::Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, doubl
     : shape_(shape), path_(std::move(path)), cycles_per_m_(cycles_per_m), ground_m_(ground_m), bound_z_m_(bound_z_m),
       bound_radius_m_(bound_radius_m) {}
 
+Walker::Walker(const LimbRows &seated, WalkPath path, double ground_m, double bound_z_m, double bound_radius_m)
+    : seated_(seated), path_(std::move(path)), cycles_per_m_(0.0), ground_m_(ground_m), bound_z_m_(bound_z_m),
+      bound_radius_m_(bound_radius_m) {}
+
 Sphere Walker::bound(std::int64_t t_ns) const {
     const WalkPlace place = path_.place(path_.progress(t_ns).s_m);
     return {{place.x_m, place.y_m, bound_z_m_}, bound_radius_m_};
@@ -239,7 +243,11 @@ void Walker::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W,
     const WalkProgress progress = path_.progress(t_ns);
     const WalkPlace place = path_.place(progress.s_m);
     LimbRows rows;
-    gait_rows(shape_, phase_at(progress.s_m), rows);
+    if (seated_) {
+        rows = *seated_;
+    } else {
+        gait_rows(shape_, phase_at(progress.s_m), rows);
+    }
     const double c = place.cos, s = place.sin;
     const double rate = progress.speed_mps * cycles_per_m_, yaw_rate = progress.speed_mps * place.yaw_per_m;
     // Cosine and sine of half the heading, without trigonometry. At cos = -1 the sign is arbitrary, because both

@@ -19,6 +19,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "actor.hpp"
 #include "walk_path.hpp"
@@ -64,6 +65,9 @@ public:
     Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
            double bound_radius_m);
 
+    // A person on wheels: in frame H the limbs stay as `seated` has them.
+    Walker(const LimbRows &seated, WalkPath path, double ground_m, double bound_z_m, double bound_radius_m);
+
     std::size_t bodies() const override { return kLimbs; }
     Sphere bound(std::int64_t t_ns) const override;
 
@@ -75,7 +79,8 @@ public:
 private:
     double phase_at(double s_m) const;
 
-    GaitShape shape_;
+    GaitShape shape_{};
+    std::optional<LimbRows> seated_;
     WalkPath path_;
     double cycles_per_m_, ground_m_, bound_z_m_, bound_radius_m_;
 };

@@ -23,7 +23,7 @@ from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
 from sim.scene.maps.objects.animals import add_bird, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
-from sim.scene.maps.people import add_still_person, add_walker
+from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import (
@@ -58,6 +58,8 @@ class CityParkParameters(StrictModel):
     benches: Annotated[int, Field(ge=0, le=24)] = 6
     lamps: Annotated[int, Field(ge=0, le=40)] = 8
     walkers: Annotated[int, Field(ge=0, le=60)] = 8
+    children: Annotated[int, Field(ge=0, le=20)] = 0
+    wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
     resting_people: Annotated[int, Field(ge=0, le=20)] = 3
     cars: Annotated[int, Field(ge=0, le=40)] = 3
     hill_m: Annotated[float, Field(ge=0.0, le=8.0)] = 3.5
@@ -304,19 +306,7 @@ class _Park:
     def people(self) -> None:
         b, p, rng = self.builder, self.parameters, self.rng("people")
         for i in range(p.walkers):
-            speed = rng.between(0.9, 1.5)
-            lap = rng.unit()
-            if i % 2 == 0:
-                # Round the park in either direction, each on a lane of its own.
-                lane = rng.between(-0.7, 0.7)
-                points = [self._in_lane(point, lane) for point in self.round_walk[::3]]
-                if rng.chance(0.5):
-                    points.reverse()
-                path = WalkPath(points, speed, corner_m=1.2, start_lap=lap)
-            else:
-                spoke = self.spokes[(i // 2) % 4]
-                path = _along_spoke(spoke, speed, lap, rng)
-            add_walker(b, rng, path)
+            add_walker(b, rng, self._way(rng, i, (0.9, 1.5)))
         for i in range(p.resting_people):
             if i % 3 != 2 and self.seats:
                 x, y, heading = self.seats.pop(rng.index(len(self.seats)))
@@ -326,6 +316,26 @@ class _Park:
                 rng, 1, 0.5, (-25.0, -25.0, 25.0, 25.0),
                 lambda x, y: add_still_person(b, rng, (x, y, 0.0), rng.between(0.0, TURN_RAD)),
             )  # fmt: skip
+
+        children, wheels = self.rng("children"), self.rng("wheelchairs")
+        for i in range(p.children):
+            traits = PersonTraits(height_m=children.between(1.05, 1.40))
+            add_walker(b, children, self._way(children, i, (0.6, 1.0)), traits=traits)
+        for i in range(p.wheelchairs):
+            add_wheelchair_user(b, wheels, self._way(wheels, 2 * i, (0.7, 1.3)))
+
+    def _way(self, rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:
+        """Draw a path round the park (even numbers) or along one of its spokes."""
+        speed = rng.between(*speed_mps)
+        lap = rng.unit()
+        if number % 2:
+            return _along_spoke(self.spokes[(number // 2) % 4], speed, lap, rng)
+        # Round the park in either direction, each on a lane of its own.
+        lane = rng.between(-0.7, 0.7)
+        points = [self._in_lane(point, lane) for point in self.round_walk[::3]]
+        if rng.chance(0.5):
+            points.reverse()
+        return WalkPath(points, speed, corner_m=1.2, start_lap=lap)
 
     def objects(self) -> None:
         """Add belongings, animals and parked two-wheelers, after all else, so that nothing else moves."""

@@ -232,6 +232,8 @@ def _top(d: _Dresser, *, female: bool, sitting: bool) -> str:
         under = d.rng.weighted({"white": 0.45, "grey": 0.25, "navy": 0.15, "black": 0.15})
         d.paint("under", "cloth", under, TOPS, surfaces.CLOTH, "cloth_plain")
         d.put("torso", f"{kind}_front", "under")
+        if kind == "coat":
+            d.put_both("thigh", "skirt_leg", "top")
     if kind in ("tshirt", "dress"):
         d.put_both("upper_arm", "short_sleeve", "top")
         d.put_both("upper_arm", "arm", "skin")

@@ -9,14 +9,14 @@ import numpy as np
 from signals.rotation import NO_TURN, product
 from signals.samples import Quat, Vec3
 from sim._kernels import resting_arm, resting_leg
-from sim.scene.maps import surfaces
+from sim.scene.maps import surfaces, wheelchair
 from sim.scene.maps.body_meshes import body_mesh
 from sim.scene.maps.clothes import Colours, draw_colours, draw_look
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
 from sim.scene.maps.scene_map import Float64
 from sim.scene.maps.walk_path import WalkPath
-from sim.scene.maps.walker import Walker
+from sim.scene.maps.walker import Roller, Walker
 from sim.scene.random_generator import RandomGenerator
 
 Row = list[float]  # one limb: x, y, z, cos and sin of half its pitch, ... (sim/native/gait.hpp)
@@ -62,6 +62,26 @@ class _Person:
             farthest = self._scale * (body_mesh(piece.part, self._look.build).radius + abs(piece.y))
             reach[piece.limb] = max(reach[piece.limb], farthest)
         return reach
+
+    def add_wheelchair(self, body: Body, origin: Vec3) -> None:
+        """Add a wheelchair to the body of the pelvis; `origin`: the ground below the hips in the body's frame."""
+        b = self._builder
+        made = (
+            (
+                "tyres",
+                wheelchair.tyres,
+                b.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08), specular=0.0),
+            ),
+            ("frame", wheelchair.frame, b.material("chair_frame", surfaces.PAINTED_METAL, rgb=(0.30, 0.31, 0.33))),
+            ("seat", wheelchair.seat, b.material("bag_black", surfaces.CLOTH, rgb=(0.10, 0.10, 0.11), specular=0.0)),
+        )
+        for name, make, material in made:
+            mesh = make()
+            asset = b.mesh(f"wheelchair_{name}", mesh)
+            body.geom("mesh", asset=asset, material=material, pos=origin, solid=False, part=f"wheelchair_{name}")
+        centre, half = wheelchair.BOX
+        x, y, z = (a + c for a, c in zip(origin, centre, strict=True))
+        body.geom("box", half, material=self._contact, pos=(x, y, z), drawn=False, part="contact_wheelchair")
 
     def add_limb(
         self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = ""
@@ -142,6 +162,47 @@ def _sitting(figure: Figure, seat_m: float) -> list[Row]:
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = 0.93 * figure.thigh_m
         rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
+    return rows
+
+
+def add_wheelchair_user(
+    builder: MapBuilder,
+    rng: RandomGenerator,
+    path: WalkPath,
+    *,
+    ground_m: float = 0.0,
+    traits: PersonTraits = PersonTraits(),
+) -> Roller:
+    """Add a person who rolls along `path` in a wheelchair, as an actor of the map."""
+    person = _Person(builder, rng, traits, sitting=True)
+    rows = _seated_rows(person.figure)
+    hip_z = rows[0][2]
+    reach = person.reach_m()
+    reach["pelvis"] = max(reach["pelvis"], wheelchair.reach_m(hip_z))
+    roller = Roller(person.name, person.figure, path, rows, ground_m=ground_m, reach_m=reach)
+    n = len(LIMBS)
+    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+    roller.pose(0, p, q, v, w)
+    for i, limb in enumerate(LIMBS):
+        body = builder.limb(roller.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
+        person.add_limb(body, limb)
+        if limb == "pelvis":
+            person.add_wheelchair(body, (0.0, 0.0, -hip_z))
+    builder.classify("person", "person_*")
+    builder.actor(roller)
+    return roller
+
+
+def _seated_rows(figure: Figure) -> list[Row]:
+    """Return full rows of a person in a wheelchair, the feet on its footrests."""
+    hip_z = wheelchair.SEAT_M + 0.055 * figure.height_m
+    rows = [[*row, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] for row in _trunk_rows(figure, hip_z)]
+    shoulder_z = hip_z + figure.shoulder_above_hip_m
+    for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
+        rows += [list(row) for row in resting_arm(figure.lengths_m, 1.12 * side, shoulder_z, 0.10, -1.15)]
+    for side in (figure.hip_half_m, -figure.hip_half_m):
+        ankle_z = wheelchair.FOOTREST_M + figure.ankle_m
+        rows += [list(row) for row in resting_leg(figure.lengths_m, 1.3 * side, hip_z, 0.40, ankle_z)]
     return rows
 
 

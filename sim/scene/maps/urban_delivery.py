@@ -25,7 +25,7 @@ from sim.scene.maps.meshes import ellipse, ribbon
 from sim.scene.maps.objects.animals import add_bird, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
-from sim.scene.maps.people import add_still_person, add_walker
+from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
@@ -53,6 +53,8 @@ class UrbanDeliveryParameters(StrictModel):
     traffic: Annotated[int, Field(ge=0, le=8)] = 0
     trees: Annotated[int, Field(ge=0, le=200)] = 24
     walkers: Annotated[int, Field(ge=0, le=60)] = 8
+    children: Annotated[int, Field(ge=0, le=20)] = 0
+    wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
     standing_people: Annotated[int, Field(ge=0, le=40)] = 3
 
 
@@ -439,25 +441,34 @@ class _Suburb:
     def people(self) -> None:
         """Add people on the pavements: round a block, or to and fro along one side."""
         b, p, rng = self.builder, self.parameters, self.rng("people")
-        blocks = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
         for k in range(p.walkers):
-            i, j = blocks[rng.index(len(blocks))]
-            inset = 1.1 + rng.between(-0.2, 0.3)
-            (x0, x1), (y0, y1) = _span(i), _span(j)
-            x0, x1, y0, y1 = x0 + inset, x1 - inset, y0 + inset, y1 - inset
-            speed, lap = rng.between(0.9, 1.5), rng.unit()
-            if k % 2 == 0:
-                corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-                path = WalkPath(corners[:: 1 if rng.chance(0.5) else -1], speed, corner_m=1.0, start_lap=lap)
-            else:
-                path = there_and_back((x0 + 1.0, y0), (x1 - 1.0, y0), speed, lane_m=0.5, start_lap=lap)
-            add_walker(b, rng, path, ground_m=_KERB_M)
+            add_walker(b, rng, _way(rng, k, (0.9, 1.5)), ground_m=_KERB_M)
         for _ in range(p.standing_people):
             lot = rng.pick(self.lots)
             x, y = lot.at(rng.between(1.0, 4.0), rng.between(-3.0, 3.0))
             if self.layout.free(x, y, 0.4):
                 self.layout.take_disc(x, y, 0.5)
                 add_still_person(b, rng, (x, y, _LAWN_M), rng.between(0.0, TURN_RAD))
+        children, wheels = self.rng("children"), self.rng("wheelchairs")
+        for k in range(p.children):
+            traits = PersonTraits(height_m=children.between(1.05, 1.40))
+            add_walker(b, children, _way(children, k, (0.6, 1.0)), ground_m=_KERB_M, traits=traits)
+        for k in range(p.wheelchairs):
+            add_wheelchair_user(b, wheels, _way(wheels, 2 * k, (0.7, 1.3)), ground_m=_KERB_M)
+
+
+def _way(rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:
+    """Draw a path round a block (even numbers) or to and fro along one of its sides."""
+    blocks = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+    i, j = blocks[rng.index(len(blocks))]
+    inset = 1.1 + rng.between(-0.2, 0.3)
+    (x0, x1), (y0, y1) = _span(i), _span(j)
+    x0, x1, y0, y1 = x0 + inset, x1 - inset, y0 + inset, y1 - inset
+    speed, lap = rng.between(*speed_mps), rng.unit()
+    if number % 2:
+        return there_and_back((x0 + 1.0, y0), (x1 - 1.0, y0), speed, lane_m=0.5, start_lap=lap)
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    return WalkPath(corners[:: 1 if rng.chance(0.5) else -1], speed, corner_m=1.0, start_lap=lap)
 
 
 def _turned(axis: int, along: float, across: float) -> tuple[float, float, float]:

@@ -10,7 +10,7 @@ pelvis.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import sqrt
 
 from sim import _kernels
@@ -63,3 +63,39 @@ class Walker(_kernels.Walker):
                 distance = sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
                 radius = max(radius, distance + reach_m[limb])
         return radius + 0.02  # between the sampled phases
+
+
+class Roller(_kernels.Walker):
+    """`Actor` of a person on wheels; `rows` of the limbs as in sim/native/gait.hpp, without derivatives."""
+
+    def __init__(
+        self,
+        name: str,
+        figure: Figure,
+        path: WalkPath,
+        rows: Sequence[Sequence[float]],
+        *,
+        ground_m: float,
+        reach_m: Mapping[str, float],
+    ) -> None:
+        self.name = name
+        self.figure = figure
+        self.path = path
+        self.ground_m = ground_m
+        self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
+        middle = 0.5 * figure.height_m
+        reaches = [
+            reach_m[limb] + sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
+            for limb, row in zip(LIMBS, rows, strict=True)
+        ]
+        super().__init__(
+            seated=[list(row) for row in rows],
+            path=path,
+            ground_m=ground_m,
+            bound_z_m=ground_m + middle,
+            bound_radius_m=max(reaches),
+        )
+
+    @property
+    def max_speed_mps(self) -> float:
+        return 1.05 * self.path.speed_mps

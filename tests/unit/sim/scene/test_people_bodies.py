@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from pathlib import Path
 
 import cv2
 import mujoco
@@ -16,12 +17,14 @@ from signals.units import TURN_RAD
 from sim.frame.camera_model import CameraModel
 from sim.frame.mount import Mount
 from sim.frame.source import SharedFrames, channel_array
+from sim.scene.maps import wheelchair
 from sim.scene.maps.body_build import BUILDS
 from sim.scene.maps.body_meshes import PARTS, body_mesh
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
+from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.walk_path import WalkPath
+from sim.scene.maps.walker import Roller, Walker
 from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
 from sim.scene.world import World
@@ -30,10 +33,11 @@ from sim.world_loader import load_world
 WAY = WalkPath([(0.0, 0.0), (9.0, 0.0), (9.0, 5.0), (0.0, 5.0)], 1.2)
 
 
-@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("build", [*BUILDS, "wheelchair"])
 def test_meshes_are_closed_and_face_outwards(build: str) -> None:
-    for part in PARTS:
-        mesh = body_mesh(part, build)
+    chair = {"tyres": wheelchair.tyres(), "frame": wheelchair.frame(), "seat": wheelchair.seat()}
+    meshes = chair if build == "wheelchair" else {part: body_mesh(part, build) for part in PARTS}
+    for part, mesh in meshes.items():
         vertices = np.round(np.array(mesh.vertices), 6) + 0.0
         corner = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()[np.array(mesh.triangles)]
         edges = Counter((int(t[k]), int(t[(k + 1) % 3])) for t in corner for k in range(3))
@@ -146,10 +150,43 @@ def test_clothes_draw_from_a_generator_of_their_own() -> None:
         assert rng.unit() == same.unit()
 
 
+SPECIAL = """name: s
+description: d
+site: {latitude_deg: 1, longitude_deg: 1, altitude_m: 1}
+ground_friction: 0.8
+map: {generator: %s, seed: 3, walkers: 0, children: 2, wheelchairs: 2}
+"""
+
+
+@pytest.mark.parametrize("generator", ["city_park", "urban_delivery"])
+def test_children_walk_and_wheelchairs_roll(generator: str, tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(SPECIAL % generator)
+    world = load_world(load_scene(tmp_path / "s.yaml"))
+    actors = [actor for actor in world.map.actors if actor.name.startswith("person")]
+    assert [type(actor) for actor in actors] == [Walker, Walker, Roller, Roller]
+    assert all(1.0 < actor.figure.height_m < 1.41 for actor in actors[:2])
+    n = len(LIMBS)
+    step_ns = 2_000
+    for roller in actors[2:]:
+        for t_ns in range(1_000_000_000, 60_000_000_000, 1_765_432_100):
+            p0, p1, p = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+            q, v, w = np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+            roller.pose(t_ns - step_ns, p0, q, v, w)
+            roller.pose(t_ns + step_ns, p1, q, v, w)
+            roller.pose(t_ns, p, q, v, w)
+            assert np.abs((p1 - p0) / (2e-9 * step_ns) - v).max() < 1e-5
+            assert np.ptp(p[:3, 2]) > 0.4  # upright
+    geoms = [world.model.geom(g) for g in range(world.model.ngeom)]
+    of_one = [int(world.geom_instance[g.id]) for g in geoms if g.name.startswith(actors[2].name)]
+    assert len(set(of_one)) == 1
+    assert any("wheelchair_tyres" in g.name for g in geoms)
+
+
 def test_bound_holds_the_meshes() -> None:
     for seed in range(12):
         builder = MapBuilder("people")
-        walker = add_walker(builder, RandomGenerator(seed, "p"), WAY)
+        add = add_walker if seed % 3 else add_wheelchair_user
+        walker = add(builder, RandomGenerator(seed, "p"), WAY)
         made = builder.build()
         model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
         data = mujoco.MjData(model)
