@@ -270,7 +270,8 @@ def _bottom(d: _Dresser, *, shorts: bool, skirt: bool) -> None:
 
 def _legs_below_a_hem(d: _Dresser, skirt: str) -> None:
     """Add bare legs or legs in tights, with the part of the skirt that they push ahead."""
-    d.put_both("thigh", "skirt_leg", skirt)
+    if all(piece.part != "skirt_leg" for piece in d.pieces):  # a coat has brought them
+        d.put_both("thigh", "skirt_leg", skirt)
     role = "skin"
     if d.rng.chance(0.5):
         d.paint("tights", "cloth", "black", TOPS, surfaces.CLOTH)

@@ -182,6 +182,16 @@ def test_children_walk_and_wheelchairs_roll(generator: str, tmp_path: Path) -> N
     assert any("wheelchair_tyres" in g.name for g in geoms)
 
 
+def test_all_looks_can_be_built() -> None:
+    builder, rng = MapBuilder("people"), RandomGenerator(5, "p")
+    for k in range(200):
+        traits = PersonTraits(soldier=k % 5 == 0, height_m=1.2 if k % 7 == 0 else None)
+        add_still_person(builder, rng, (float(k), 0.0, 0.0), 0.0, seat_m=0.45 * (k % 3 == 0), traits=traits)
+    made = builder.build()
+    parts = {name.split("_m_")[0].split("_f_")[0].split("_child")[0] for name in made.assets if name.endswith(".obj")}
+    assert {name.removesuffix(".obj") for name in parts} == set(PARTS)
+
+
 def test_bound_holds_the_meshes() -> None:
     for seed in range(12):
         builder = MapBuilder("people")
