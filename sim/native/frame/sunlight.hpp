@@ -58,11 +58,11 @@ HIL_INLINE bool is_fine(const DrawnGeom &g, const ShadowMap &map) {
     return g.shape == Shape::kMesh && g.mesh->edge_m * map.rays->fx < 2.0f && triangles_of(g) > 32;
 }
 
-// Returns the visible share of the sun: 0 or 1, except below meshes with holes. If the four pixels of the shadow map around a point name the same geom,
-// and it is not the point's own mesh, they decide. Otherwise a ray from the point is intersected with the shapes and
-// triangles that they name: the edge of a shadow is then as sharp as the shape, at any resolution of the map. Meshes with
-// holes (leaves) and meshes of small triangles (people) are too fine for that: their share is that of the four pixels, weighted bilinearly (Reeves et al.,
-// SIGGRAPH 1987).
+// Returns the visible share of the sun: 0 or 1, except below soft casters. If the four pixels of the shadow map around a
+// point name the same geom, and it is not the point's own mesh, they decide. Otherwise a ray from the point is
+// intersected with the shapes and triangles that they name: the edge of a shadow is then as sharp as the shape, at any
+// resolution of the map. Soft casters, meshes with holes (leaves) and meshes of small triangles (people), are too fine
+// for that: their share is that of the four pixels, weighted bilinearly (Reeves et al., SIGGRAPH 1987).
 HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
     constexpr int kMost = 64;   // casters tested for one block
     constexpr float kFoliage = 0.15f;  // [m] least distance of a caster with holes, so that no leaf shades itself
