@@ -40,9 +40,10 @@ class Shading:
 
 PLAIN = Shading()
 MEAN_COLOURS = Shading(textures=False)
-FULL = Shading(filtering=True, highlights=True, relief=True, tone="filmic")
+# Half a stop more than the eye's grey: cameras meter scenes of grass, asphalt and brick, which are darker than a grey card.
+FULL = Shading(filtering=True, highlights=True, relief=True, tone="filmic", exposure_ev=0.5)
 OCCLUDED = replace(FULL, ambient_occlusion=True)
-LEVELLED = (
+LEVELLED = ("textures", "filtering", "highlights", "relief", "ambient_occlusion", "tone", "exposure_ev")
     "textures",
     "filtering",
     "highlights",

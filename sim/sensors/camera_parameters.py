@@ -191,12 +191,12 @@ class CameraParameters(StrictModel):
         if self.supersample != 1:
             raise ValueError(f"{renderer} draws the whole picture at once: supersample 1, or use 'native'")
         if self.shading() != PLAIN:
-            keys = ", ".join((*LEVELLED, "exposure_ev", "white_balance_k"))
+            keys = ", ".join((*LEVELLED, "white_balance_k"))
             raise ValueError(f"{renderer} has a light and a response of its own: leave out {keys}, or use 'native'")
 
     def shading(self) -> Shading:
         """Return the settings of the native raster's colour."""
-        keys = (*LEVELLED, "exposure_ev", "white_balance_k")
+        keys = (*LEVELLED, "white_balance_k")
         return Shading(**{key: getattr(self, key) for key in keys})
 
     def model(self) -> CameraModel:
