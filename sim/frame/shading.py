@@ -40,17 +40,11 @@ class Shading:
 
 PLAIN = Shading()
 MEAN_COLOURS = Shading(textures=False)
-# Half a stop more than the eye's grey: cameras meter scenes of grass, asphalt and brick, which are darker than a grey card.
+# Half a stop up: cameras meter scenes of grass, asphalt and brick, which are darker than a grey card.
 FULL = Shading(filtering=True, highlights=True, relief=True, tone="filmic", exposure_ev=0.5)
 OCCLUDED = replace(FULL, ambient_occlusion=True)
+# Settings that belong to a level of quality.
 LEVELLED = ("textures", "filtering", "highlights", "relief", "ambient_occlusion", "tone", "exposure_ev")
-    "textures",
-    "filtering",
-    "highlights",
-    "relief",
-    "ambient_occlusion",
-    "tone",
-)  # settings that belong to a level of quality
 
 
 def daylight_rgb(temperature_k: float) -> tuple[float, float, float]:
