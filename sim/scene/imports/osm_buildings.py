@@ -35,7 +35,7 @@ _OFFICE_KINDS = frozenset(["office", "commercial", "civic", "public", "hospital"
 _SHOP_KINDS = frozenset(["retail", "commercial"])
 _OPEN_KINDS = frozenset(["roof", "carport"])  # a roof on posts
 _EAVES_M = 0.35
-_TILE_M = 2.4  # of roof tiles
+_TILE_M = 4.8  # of roof tiles
 _WALL_SURFACES: dict[str, Surface] = {"brick": surfaces.BRICK, "dark_brick": surfaces.BRICK, "metal": surfaces.METAL}
 _ROOF_RGB = {
     "tiles": (1.0, 1.0, 1.0), "tiles_dark": (0.62, 0.60, 0.60), "slate": (0.55, 0.62, 0.72), "felt": (0.38, 0.38, 0.39),

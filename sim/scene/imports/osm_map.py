@@ -38,11 +38,11 @@ Float64 = NDArray[np.float64]
 _LIFT_M = 0.03  # of areas over the ground; roads are not solid
 _MARKING_M = 0.02  # of road paint over the road
 _TILES_M = {
-    "grass": 9.0,
-    "asphalt": 4.0,
-    "paving": 2.4,
+    "grass": 16.0,
+    "asphalt": 6.0,
+    "paving": 4.8,
     "gravel": 4.0,
-    "soil": 12.0,
+    "soil": 16.0,
     "sand": 6.0,
     "water": 8.0,
     "wood": 0.6,
@@ -223,7 +223,7 @@ class _District:
             )
             b.material(f"osm_ground_{name}", surface, rgb=rgb, texture=texture, tile_m=_TILES_M[name], specular=0.0)
         b.material("osm_paint", surfaces.ROAD_PAINT, rgb=(0.86, 0.86, 0.84), specular=0.0)
-        b.material("osm_stone_wall", surfaces.STONE, texture="blockwork", tile_m=1.2, specular=0.0)
+        b.material("osm_stone_wall", surfaces.STONE, texture="blockwork", tile_m=3.2, specular=0.0)
         b.material("osm_fence", surfaces.WOOD, rgb=(0.78, 0.74, 0.70), texture="wood", tile_m=0.6, specular=0.0)
         b.material("osm_steel", surfaces.METAL, rgb=(0.62, 0.64, 0.66), specular=0.6, shininess=0.6)
         b.material("osm_concrete", surfaces.CONCRETE, texture="concrete", tile_m=3.0, specular=0.0)

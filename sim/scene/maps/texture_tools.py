@@ -1,0 +1,153 @@
+"""Tools of the procedural textures: noise on a torus, mixing, PNG. Pixels are 32-bit floats; a picture is (3, H, W)."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signals.noise import NoiseStream
+
+SIDE_PX = 256
+Image = NDArray[np.floating[Any]]
+Size = tuple[int, int]  # rows, columns
+Rgb = tuple[float, float, float]
+
+
+@cache
+def uniform(name: str, count: int) -> Image:
+    """Return `count` values on (0, 1) of the stream `name`; not to be changed."""
+    stream = NoiseStream(0, f"texture.{name}")
+    blocks = [stream.uniform_block(b)[:, 0] for b in range(-(-count // 256))]
+    return np.concatenate(blocks)[:count].astype(np.float32)
+
+
+def _lattice(name: str, size: Size) -> Image:
+    """Return values on (0, 1): a piece of one sheet of noise, large pieces with repeats, placed by the name."""
+    sheet = uniform("sheet", SIDE_PX * SIDE_PX).reshape(SIDE_PX, SIDE_PX)
+    down, across = (int(value * SIDE_PX) for value in uniform(name, 2))
+    rows, columns = (np.arange(size[0]) + down) % SIDE_PX, (np.arange(size[1]) + across) % SIDE_PX
+    lattice: Image = sheet[rows[:, None], columns]
+    return lattice
+
+
+def clouds(name: str, cells_x: int, cells_y: int | None = None, size: Size = (SIDE_PX, SIDE_PX)) -> Image:
+    """Return smooth noise on (0, 1): random values on a torus of cells, blended by cubic B-splines.
+
+    Cells of a few pixels are blended by the smoothstep 3u^2 - 2u^3 instead. `size`: rows and columns.
+    """
+    cells_y = cells_y or cells_x
+    lattice = _lattice(f"{name}.{cells_x}.{cells_y}", (cells_y, cells_x))
+    if cells_x * 10 > size[1] or cells_y * 10 > size[0]:
+        return blended(lattice, size)
+    # Splines keep some 60 % of the deviation of the lattice.
+    return np.clip(1.65 * (_spline(_spline(lattice.T, size[1]).T, size[0]) - 0.5) + 0.5, 0.0, 1.0)
+
+
+def _spline(lattice: Image, pixels: int) -> Image:
+    """Return the torus of cells enlarged along its first axis by uniform cubic B-splines."""
+    cells = lattice.shape[0]
+    position = np.arange(pixels) * (cells / pixels)
+    low = position.astype(np.int64)
+    u = (position - low).astype(np.float32)[:, None]
+    w = 1.0 - u
+    weights = (w * w * w, 4.0 - 3.0 * u * u * (1.0 + w), 4.0 - 3.0 * w * w * (1.0 + u), u * u * u)
+    total = lattice[(low - 1) % cells] * (weights[0] / 6.0)
+    for k, weight in enumerate(weights[1:]):
+        term = lattice[(low + k) % cells]
+        term *= weight / 6.0
+        total += term
+    result: Image = total
+    return result
+
+
+def blended(lattice: Image, size: Size) -> Image:
+    """Return the values of a torus of cells, enlarged to `size`."""
+
+    def weights(cells: int, pixels: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Image]:
+        position = np.arange(pixels) * (cells / pixels)
+        low = position.astype(np.int64)
+        u = (position - low).astype(np.float32)
+        return low, (low + 1) % cells, u * u * (3.0 - 2.0 * u)
+
+    y0, y1, v = weights(lattice.shape[0], size[0])
+    x0, x1, u = weights(lattice.shape[1], size[1])
+    columns = lattice[:, x0]
+    columns += u * (lattice[:, x1] - columns)
+    result: Image = columns[y0]
+    step_up = columns[y1]
+    step_up -= result
+    step_up *= v[:, None]
+    result += step_up
+    return result
+
+
+@cache
+def grain(name: str, size: Size = (SIDE_PX, SIDE_PX)) -> Image:
+    """Return white noise on (0, 1). Beyond 256 x 256 the same values repeat, shifted from tile to tile."""
+    tile = _lattice(f"{name}.grain", (SIDE_PX, SIDE_PX))
+    rows, columns = size[0] // SIDE_PX, size[1] // SIDE_PX
+    if rows * columns <= 1:
+        return tile[: size[0], : size[1]]
+    tiles = [[np.roll(tile, (97 * i + 31 * j, 61 * j + 17 * i), (0, 1)) for j in range(columns)] for i in range(rows)]
+    return np.block(tiles)
+
+
+def _rgb(rgb: Rgb) -> Image:
+    return np.array(rgb, np.float32)[:, None, None]
+
+
+def mix(a: Rgb, b: Rgb, t: Image) -> Image:
+    """Return a picture: a where t = 0 and b where t = 1."""
+    image: Image = np.clip(t, 0.0, 1.0) * (_rgb(b) - _rgb(a))
+    image += _rgb(a)
+    return image
+
+
+def over(image: Image, rgb: Rgb, share: Image) -> Image:
+    """Return the picture with `rgb` laid over it, opaque where `share` is 1."""
+    share = np.clip(share, 0.0, 1.0).astype(np.float32, copy=False)
+    cover: Image = _rgb(rgb) - image
+    cover *= share
+    cover += image
+    return cover
+
+
+def step(low: float, high: float, x: Image) -> Image:
+    """Return 0 below `low`, 1 above `high`, and the smoothstep between them; also downwards."""
+    u = np.clip((x - low) / (high - low), 0.0, 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+def png_of(image: Image) -> bytes:
+    """Return a picture as PNG, not compressed; a fourth channel is its alpha."""
+    scaled = image * np.float32(255.0) + np.float32(0.5)
+    texels = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8).transpose(1, 2, 0)
+    height, width, channels = texels.shape
+    # Each row begins with the number of its filter, 0: none.
+    rows = np.concatenate([np.zeros((height, 1), np.uint8), texels.reshape(height, -1)], axis=1)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 6 if channels == 4 else 2, 0, 0, 0)
+    # Compression would take longer than everything else.
+    body = zlib.compress(rows.tobytes(), 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def grid(size: Size = (SIDE_PX, SIDE_PX)) -> tuple[Image, Image]:
+    """Return u, to the right, and v, downwards, on [0, 1)."""
+    across = ((np.arange(size[1]) + 0.5) / size[1]).astype(np.float32)
+    down = ((np.arange(size[0]) + 0.5) / size[0]).astype(np.float32)
+    return np.broadcast_to(across, size), np.broadcast_to(down[:, None], size)
+
+
+def cracks(name: str, cells: int, size: Size, width: float) -> Image:
+    """Return 1 on thin winding lines: where smooth noise passes its middle."""
+    field = 0.7 * clouds(name, cells, cells, size) + 0.3 * clouds(f"{name}.fine", 4 * cells, 4 * cells, size)
+    return np.clip(1.0 - np.abs(field - 0.5) / width, 0.0, 1.0)
