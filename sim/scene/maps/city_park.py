@@ -18,8 +18,18 @@ from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, building_materials
+from sim.scene.maps.ground_details import (
+    STREET_WIDTH_M,
+    Strip,
+    covers,
+    ground_materials,
+    kerbs,
+    puddles,
+    spots,
+    street,
+)
 from sim.scene.maps.layout import Layout, Point
-from sim.scene.maps.map_builder import MapBuilder, yaw_quat
+from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
 from sim.scene.maps.objects.animals import add_bird, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
@@ -71,6 +81,7 @@ class _Park:
         self.seed = seed
         self.builder = MapBuilder("city_park")
         self.layout = Layout()
+        self.bare: list[Point] = []  # where the grass is worn off
         # Keeps 7 m round the origin free of anything above knee height.
         self.layout.take_disc(0.0, 0.0, 7.0)
 
@@ -82,17 +93,16 @@ class _Park:
         plant_materials(b)
         furniture_materials(b)
         building_materials(b)
-        for name in ("grass", "gravel", "asphalt", "paving", "water", "concrete"):
+        ground_materials(b)
+        for name in ("grass", "gravel", "paving", "water"):
             b.texture(name, textures.png(name))
-        b.material("grass", surfaces.GRASS, texture="grass", tile_m=9.0, specular=0.0)
+        b.material("grass", surfaces.GRASS, texture="grass", tile_m=16.0, specular=0.0)
         # Meshes in W have texture coordinates in metres.
         b.material("gravel", surfaces.GRAVEL, texture="gravel", specular=0.0)
-        b.material("asphalt", surfaces.ASPHALT, texture="asphalt", specular=0.0)
         b.material("paving", surfaces.CONCRETE, texture="paving", specular=0.0)
-        b.material("pavement", surfaces.CONCRETE, texture="paving", tile_m=2.4, specular=0.0)
-        b.material("water", surfaces.WATER, texture="water", specular=0.8, shininess=0.7)
-        b.material("kerb", surfaces.STONE, rgb=(0.66, 0.65, 0.62), specular=0.0)
-        b.material("road_paint", surfaces.ROAD_PAINT, rgb=(0.92, 0.92, 0.90), specular=0.0)
+        b.material("pavement", surfaces.CONCRETE, texture="paving", tile_m=4.8, specular=0.0)
+        b.material("water", surfaces.WATER, texture="water", specular=0.9, shininess=0.9)
+        b.material("kerb", surfaces.STONE, rgb=(0.58, 0.57, 0.54), specular=0.0)
 
     def paths(self) -> None:
         b, rng = self.builder, self.rng("paths")
@@ -103,7 +113,7 @@ class _Park:
             angle = TURN_RAD * i / 72
             r = 29.5 + 1.9 * det_sin(3.0 * angle + a) + 1.1 * det_sin(2.0 * angle + c)
             self.round_walk.append((r * det_cos(angle), r * det_sin(angle)))
-        self.path_mesh("walk", self.round_walk, _PATH_HALF_M, "gravel", 3.0, closed=True)
+        self.path_mesh("walk", self.round_walk, _PATH_HALF_M, "gravel", 4.0, closed=True)
         self.layout.take_band(self.round_walk, _PATH_HALF_M + 0.4, closed=True)
         self.spokes: list[list[Point]] = []
         for i, (c_x, s_y) in enumerate(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))):
@@ -115,10 +125,10 @@ class _Park:
                 points.append((out * c_x - side * s_y, out * s_y + side * c_x))
             self.spokes.append(points)
             # Slightly above the round walk, so that crossings show one surface.
-            self.path_mesh(f"spoke_{i}", points, _PATH_HALF_M, "gravel", 3.0, closed=False, top_m=0.026)
+            self.path_mesh(f"spoke_{i}", points, _PATH_HALF_M, "gravel", 4.0, closed=False, top_m=0.026)
             self.layout.take_band(points, _PATH_HALF_M + 0.4)
         body = b.body("path")
-        place = b.mesh("place", slab(ellipse(_PLACE_M, _PLACE_M, 40), -0.05, 0.012, tile_m=2.4))
+        place = b.mesh("place", slab(ellipse(_PLACE_M, _PLACE_M, 40), -0.05, 0.012, tile_m=4.8))
         body.geom("mesh", asset=place, material="paving", solid=False, part="place")
 
     def path_mesh(
@@ -140,8 +150,8 @@ class _Park:
         s = _STREET_M
         square = [(-s, -s), (s, -s), (s, s), (-s, s)]
         road = b.body("road")
-        mesh = b.mesh("street", ribbon(_square(s), 3.5 * sqrt(2.0), -0.05, 0.015, tile_m=4.0, closed=True))
-        road.geom("mesh", asset=mesh, material="asphalt", solid=False, part="lanes")
+        mesh = b.mesh("street", street(_street_strips(s, 0.015), self.rng("street_looks")))
+        road.geom("mesh", asset=mesh, material="street", solid=False, part="lanes")
         for i, ((x0, y0), (x1, y1)) in enumerate(zip(square, [*square[1:], square[0]], strict=True)):
             along_x = y0 == y1
             half = (s - 4.0, 0.06, 0.01) if along_x else (0.06, s - 4.0, 0.01)
@@ -161,6 +171,7 @@ class _Park:
                  (-middle, 0, 1.3, middle - 1.3))
             ):  # fmt: skip
                 body.geom("box", (hx, hy, 0.08), pos=(x, y, 0.04), material="pavement", part=f"side_{i}")
+        self.street_details(road)
         for quarter in range(4):
             c, n = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarter]
             along = -54.0
@@ -172,7 +183,7 @@ class _Park:
                 middle = along + width / 2
                 x, y = out * c - middle * n, out * n + middle * c
                 # The long side, x of the block, faces the park.
-                add_block(b, rng, x, y, _QUARTER_TURN_RAD * (quarter + 1), bays, deep, 3 + rng.index(4))
+                add_block(b, rng, x, y, _QUARTER_TURN_RAD * (quarter + 1), bays, deep, 3 + rng.index(4), recessed=False)
                 along += width + rng.between(3.0, 9.0)
         cars, looks = self.rng("cars"), self.rng("car_looks")
         for i in range(self.parameters.cars):
@@ -183,6 +194,35 @@ class _Park:
             cars.unit(), cars.unit()  # drawn for looks once; places of later cars depend on them
             x, y = out * c - along * n, out * n + along * c
             add_vehicle(b, looks, looks.pick(STREET_MIX), x, y, _QUARTER_TURN_RAD * quarter)
+
+    def street_details(self, road: Body) -> None:
+        """Add kerb stones, manhole covers and puddles in the gutters."""
+        b, rng = self.builder, self.rng("street_details")
+        inner, outer = _HALF_M + 3.0, _STREET_M + 3.5
+        edges = [*_edges(_square(inner)), *[(end, begin) for begin, end in _edges(_square(outer))]]
+        road.geom("mesh", asset=b.mesh("kerbs", kerbs(edges, 0.12)), material="kerb_stones", solid=False, part="kerbs")
+        places, wet = [], []
+        for c, n in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+            for _ in range(2):
+                along, out = rng.between(-44.0, 44.0), _STREET_M + rng.pick((-1.75, 1.75))
+                places.append((out * c - along * n, out * n + along * c))
+            along, out = rng.between(-40.0, 40.0), _STREET_M + rng.pick((-3.0, 3.0))
+            far, wide = rng.between(0.9, 2.2), rng.between(0.25, 0.45)
+            wet.append((out * c - along * n, out * n + along * c, wide if c else far, far if c else wide))
+        road.geom("mesh", asset=b.mesh("covers", covers(places, 0.018)), material="manhole", solid=False, part="covers")
+        mesh = b.mesh("puddles", puddles(wet, 0.019, rng))
+        road.geom("mesh", asset=mesh, material="puddle", solid=False, part="puddles")
+
+    def lawn_details(self) -> None:
+        """Add wear to the lawn: bare spots under trees and benches, dry patches."""
+        b, rng = self.builder, self.rng("lawn_details")
+        places = [(x, y, rng.between(0.9, 1.6), 1.0) for x, y in self.bare]
+        for _ in range(12):
+            x, y = rng.between(-44.0, 44.0), rng.between(-44.0, 44.0)
+            places.append((x, y, rng.between(1.2, 3.5), 0.0))
+        body = b.body("ground")
+        mesh = b.mesh("worn_spots", spots(places, 0.0, rng))
+        body.geom("mesh", asset=mesh, material="worn_spot", solid=False, part="spots")
 
     def hedges(self) -> None:
         b = self.builder
@@ -257,7 +297,7 @@ class _Park:
             rows.append(row)
         b = self.builder
         b.hfield("hill", rows, (half, half, self.parameters.hill_m, 0.1))
-        b.material("hill_grass", surfaces.GRASS, texture="grass", tile_m=9.0, specular=0.0)
+        b.material("hill_grass", surfaces.GRASS, texture="grass", tile_m=16.0, specular=0.0)
         # Its rim lies slightly below the lawn, so that no edge shows.
         b.body("hill", (x, y, -0.02)).geom("hfield", asset="hill", material="hill_grass")
         self.layout.take_disc(x, y, half)
@@ -270,6 +310,7 @@ class _Park:
             x, y, heading = self.beside_walk((i + 0.5) / p.benches, 2.75)
             if self.layout.free(x, y, 0.9):
                 add_bench(b, x, y, heading)
+                self.bare.append((x + 0.5 * det_cos(heading), y + 0.5 * det_sin(heading)))
                 self.layout.take_disc(x, y, 1.1)
                 self.seats.append((x, y, heading))
                 self.benches.append((x, y, heading))
@@ -297,11 +338,16 @@ class _Park:
         h = _HALF_M - 2.6
         gx, gy = self.grove
         grove = p.trees // 4
-        placed = self.layout.scatter(
-            rng, grove, 2.3, (gx - 7, gy - 7, gx + 7, gy + 7), lambda x, y: add_tree(b, rng, x, y), tries=20
-        )
-        self.layout.scatter(rng, p.trees - placed, 2.6, (-h, -h, h, h), lambda x, y: add_tree(b, rng, x, y))
+        placed = self.layout.scatter(rng, grove, 2.3, (gx - 7, gy - 7, gx + 7, gy + 7), self.tree(rng), tries=20)
+        self.layout.scatter(rng, p.trees - placed, 2.6, (-h, -h, h, h), self.tree(rng))
         self.layout.scatter(rng, p.bushes, 0.9, (-h, -h, h, h), lambda x, y: add_bush(b, rng, x, y))
+
+    def tree(self, rng: RandomGenerator) -> Callable[[float, float], None]:
+        def place(x: float, y: float) -> None:
+            add_tree(self.builder, rng, x, y)
+            self.bare.append((x, y))
+
+        return place
 
     def people(self) -> None:
         b, p, rng = self.builder, self.parameters, self.rng("people")
@@ -380,6 +426,20 @@ def _square(half_m: float) -> list[Point]:
     return [(-half_m, -half_m), (half_m, -half_m), (half_m, half_m), (-half_m, half_m)]
 
 
+def _edges(corners: list[Point]) -> list[tuple[Point, Point]]:
+    return list(zip(corners, [*corners[1:], corners[0]], strict=True))
+
+
+def _street_strips(middle_m: float, z_m: float) -> list[Strip]:
+    """Return the four sides and the four corners of a street along a square."""
+    s, half = middle_m, 0.5 * STREET_WIDTH_M
+    strips = []
+    for c, n in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+        ends = [(s * c - along * n, s * n + along * c) for along in (half - s, s - half, s + half)]
+        strips += [Strip(ends[0], ends[1], z_m), Strip(ends[1], ends[2], z_m, crossing=True)]
+    return strips
+
+
 def _along_spoke(spoke: list[Point], speed_mps: float, lap: float, rng: RandomGenerator) -> WalkPath:
     """Return a path out along a spoke on its right and back on its left."""
     out = [spoke[k] for k in range(3, 24, 4)]
@@ -406,5 +466,6 @@ def generate(parameters: CityParkParameters, seed: int) -> SceneMap:
     park.plants()
     park.people()
     park.objects()
+    park.lawn_details()
     park.builder.classify("ground", "ground")
     return park.builder.build()

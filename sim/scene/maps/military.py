@@ -5,9 +5,9 @@ from __future__ import annotations
 from signals.rotation import product
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
-from sim.scene.maps.map_builder import MapBuilder, roll_quat, yaw_quat
+from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz
-from sim.scene.maps.walls import Openings, Shell, add_shell
+from sim.scene.maps.walls import Looks, Openings, Shell, add_shell
 from sim.scene.random_generator import RandomGenerator
 
 STOREY_M = 3.2
@@ -24,18 +24,19 @@ _CONTAINER_RGB = {
 def military_materials(builder: MapBuilder) -> None:
     for name in ("blockwork", "concrete", "plaster", "sheet_metal", "sandbags", "wood"):
         builder.texture(name, textures.png(name))
-    builder.material("blockwork", surfaces.CONCRETE, texture="blockwork", tile_m=(0.8, 0.8), specular=0.0)
-    builder.material("concrete_wall", surfaces.CONCRETE, texture="concrete", tile_m=2.5, specular=0.0)
+    builder.material("blockwork", surfaces.CONCRETE, texture="blockwork", tile_m=3.2, specular=0.0)
     builder.material(
-        "concrete_dark", surfaces.CONCRETE, rgb=(0.72, 0.71, 0.70), texture="concrete", tile_m=2.5, specular=0.0
+        "concrete_dark", surfaces.CONCRETE, rgb=(0.72, 0.71, 0.70), texture="concrete", tile_m=5.0, specular=0.0
     )
-    builder.material(
-        "render_sand", surfaces.PLASTER, rgb=(0.83, 0.73, 0.56), texture="plaster", tile_m=3.0, specular=0.0
-    )
-    builder.material(
-        "render_grey", surfaces.PLASTER, rgb=(0.68, 0.68, 0.66), texture="plaster", tile_m=3.0, specular=0.0
-    )
-    builder.material("slab", surfaces.CONCRETE, rgb=(0.60, 0.59, 0.57), specular=0.0)
+    # Materials of meshes that have texture coordinates, so without a tile size.
+    builder.material("blockwork_mesh", surfaces.CONCRETE, texture="blockwork", specular=0.0)
+    builder.material("concrete_wall_mesh", surfaces.CONCRETE, texture="concrete", specular=0.0)
+    builder.material("render_sand_mesh", surfaces.PLASTER, rgb=(0.83, 0.75, 0.61), texture="plaster", specular=0.0)
+    builder.material("render_grey_mesh", surfaces.PLASTER, rgb=(0.71, 0.71, 0.69), texture="plaster", specular=0.0)
+    builder.texture("spall", textures.png("spall"), holes=True)
+    builder.material("spall", surfaces.CONCRETE, texture="spall", specular=0.0)
+    builder.material("frame_wood", surfaces.WOOD, rgb=(0.75, 0.74, 0.72), texture="wood", specular=0.0)
+    builder.material("slab", surfaces.CONCRETE, rgb=(0.53, 0.52, 0.50), specular=0.0)
     builder.material("sandbags", surfaces.SANDBAG, texture="sandbags", specular=0.0)
     builder.material("crate", surfaces.WOOD, texture="wood", tile_m=0.8, specular=0.0)
     builder.material("steel_dark", surfaces.PAINTED_METAL, rgb=(0.28, 0.29, 0.30), specular=0.3)
@@ -43,6 +44,14 @@ def military_materials(builder: MapBuilder) -> None:
     for name, rgb in _CONTAINER_RGB.items():
         builder.material(f"container_{name}", surfaces.PAINTED_METAL, rgb=rgb, texture="sheet_metal", specular=0.2)
         builder.material(f"barrel_{name}", surfaces.PAINTED_METAL, rgb=rgb, specular=0.3)
+
+
+_TILES_M = {"blockwork": 3.2, "concrete_wall": 5.0, "render_sand": 3.0, "render_grey": 3.0}
+
+
+def _looks(body: Body, x: float, y: float, material: str) -> Looks:
+    rng = RandomGenerator(0, f"shell.{body.name}.{x!r}.{y!r}")
+    return Looks(rng, _TILES_M[material], spalls=material.startswith("render"))
 
 
 def _rows(storeys: int, *, sill_m: float = 1.0, head_m: float = 2.2) -> tuple[tuple[float, float], ...]:
@@ -71,7 +80,8 @@ def add_shell_house(
     sides = _sides(rng, _rows(storeys), counts, 1.1)
     floors = [STOREY_M * i for i in range(1, storeys)]
     shell = Shell(half_x_m, half_y_m, height, _WALL_M, floors)
-    add_shell(body, shell, sides, material=rng.pick(_WALLS), slab_material="slab")
+    material = rng.pick(_WALLS)
+    add_shell(builder, body, shell, sides, _looks(body, x, y, material), material=material, slab_material="slab")
 
 
 def add_tall_block(
@@ -84,7 +94,8 @@ def add_tall_block(
     height = STOREY_M * storeys
     floors = [STOREY_M * i for i in range(1, storeys)]
     shell = Shell(half_x_m, half_y_m, height, 0.3, floors)
-    add_shell(body, shell, sides, material=rng.pick(_WALLS), slab_material="slab")
+    material = rng.pick(_WALLS)
+    add_shell(builder, body, shell, sides, _looks(body, x, y, material), material=material, slab_material="slab")
     # Stairwell on the roof.
     body.geom("box", (1.2, 1.0, 0.9), pos=(0.3 * half_x_m, 0.0, height + 1.1), material="concrete_dark", part="stairs")
 
@@ -103,7 +114,8 @@ def add_hall(
         gate = (side % 2 == 0) == long_x
         sides.append(Openings(row, count, 3.0, rng.index(count) if gate else -1))
     shell = Shell(half_x_m, half_y_m, height_m, 0.35)
-    add_shell(body, shell, sides, material="concrete_wall", slab_material="steel_dark")
+    looks = _looks(body, x, y, "concrete_wall")
+    add_shell(builder, body, shell, sides, looks, material="concrete_wall", slab_material="steel_dark")
 
 
 def add_water_tower(builder: MapBuilder, x: float, y: float) -> None:

@@ -19,6 +19,7 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim.scene.maps import military, surfaces, textures
+from sim.scene.maps.ground_details import puddles
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.objects.animals import add_bird, add_dog
@@ -96,9 +97,10 @@ class _Village:
         furniture_materials(b)
         for name in ("earth", "gravel"):
             b.texture(name, textures.png(name))
-        b.material("earth", surfaces.SOIL, texture="earth", tile_m=12.0, specular=0.0)
+        b.material("earth", surfaces.SOIL, texture="earth", tile_m=16.0, specular=0.0)
         b.material("track", surfaces.GRAVEL, rgb=(0.86, 0.82, 0.76), texture="gravel", tile_m=4.0, specular=0.0)
-        b.material("rut", surfaces.SOIL, rgb=(0.42, 0.37, 0.29), specular=0.0)
+        b.material("rut", surfaces.SOIL, rgb=(0.76, 0.74, 0.70), texture="earth", tile_m=8.0, specular=0.0)
+        b.material("puddle", surfaces.WATER, rgb=(0.27, 0.24, 0.19), specular=0.9, shininess=0.95)
 
     def streets(self) -> None:
         """Add streets along the grid lines between the cells, the outer ones included."""
@@ -116,6 +118,12 @@ class _Village:
             body.geom("box", (half, reach, 0.02), pos=(0.0, 0.0, -0.008), material="track", solid=False, part="lane")
             for i, rut in enumerate((-0.8, 0.8)):
                 body.geom("box", (0.16, reach, 0.02), pos=(rut, 0.0, 0.0), material="rut", solid=False, part=f"rut_{i}")
+        looks = self.rng("street_looks")
+        wet = [
+            (looks.pick(self.lines[0]) + looks.pick((-0.8, 0.8)), looks.between(-5.0, 75.0), 0.3, 1.4) for _ in range(5)
+        ]
+        mesh = b.mesh("puddles", puddles(wet, 0.026, looks))
+        b.body("road").geom("mesh", asset=mesh, material="puddle", solid=False, part="puddles")
         for line in self.lines[1]:
             body = b.body("road", (middle, line, 0.0))
             body.geom("box", (reach, half, 0.02), pos=(0.0, 0.0, -0.003), material="track", solid=False, part="lane")

@@ -19,6 +19,7 @@ from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, add_house, building_materials
+from sim.scene.maps.ground_details import Strip, covers, ground_materials, puddles, spots, street
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
@@ -81,6 +82,7 @@ class _Suburb:
         self.builder = MapBuilder("urban_delivery")
         self.layout = Layout()
         self.layout.take_disc(0.0, 0.0, 6.0)
+        self.bare: list[Point] = []  # where the grass is worn off
 
     def rng(self, name: str) -> RandomGenerator:
         return RandomGenerator(self.seed, f"urban_delivery.{name}")
@@ -90,21 +92,22 @@ class _Suburb:
         plant_materials(b)
         furniture_materials(b)
         building_materials(b)
-        for name in ("grass", "asphalt", "paving", "gravel"):
+        ground_materials(b)
+        for name in ("grass", "asphalt", "paving", "gravel", "sheet_metal"):
             b.texture(name, textures.png(name))
-        b.material("grass", surfaces.GRASS, texture="grass", tile_m=9.0, specular=0.0)
-        b.material("lawn", surfaces.GRASS, rgb=(1.0, 1.0, 0.9), texture="grass", tile_m=5.0, specular=0.0)
-        b.material("asphalt", surfaces.ASPHALT, texture="asphalt", tile_m=4.0, specular=0.0)
-        b.material("lot_asphalt", surfaces.ASPHALT, rgb=(1.25, 1.25, 1.28), texture="asphalt", tile_m=4.0, specular=0.0)
-        b.material("paving", surfaces.CONCRETE, texture="paving", tile_m=2.4, specular=0.0)
-        b.material("drive", surfaces.GRAVEL, texture="gravel", tile_m=2.0, specular=0.0)
-        b.material("kerb", surfaces.STONE, rgb=(0.70, 0.69, 0.66), specular=0.0)
-        b.material("road_paint", surfaces.ROAD_PAINT, rgb=(0.93, 0.93, 0.91), specular=0.0)
-        b.material("zone_white", surfaces.ROAD_PAINT, rgb=(0.95, 0.95, 0.95), specular=0.0)
+        b.material("grass", surfaces.GRASS, texture="grass", tile_m=16.0, specular=0.0)
+        b.material("lawn", surfaces.GRASS, rgb=(0.98, 1.0, 0.92), texture="grass", tile_m=16.0, specular=0.0)
+        b.material("lot_asphalt", surfaces.ASPHALT, rgb=(1.0, 1.0, 1.0), texture="asphalt", tile_m=6.0, specular=0.0)
+        b.material("paving", surfaces.CONCRETE, texture="paving", tile_m=4.8, specular=0.0)
+        b.material("drive", surfaces.GRAVEL, texture="gravel", tile_m=4.0, specular=0.0)
+        b.material("kerb", surfaces.STONE, texture="kerb", tile_m=(8.0, 0.4), specular=0.0)
+        b.material("zone_white", surfaces.ROAD_PAINT, rgb=(0.88, 0.88, 0.87), specular=0.0)
         b.material("zone_blue", surfaces.ROAD_PAINT, rgb=(0.08, 0.30, 0.72), specular=0.0)
         b.material("zone_orange", surfaces.ROAD_PAINT, rgb=(0.95, 0.45, 0.05), specular=0.0)
-        b.material("gate", surfaces.PAINTED_METAL, rgb=(0.25, 0.40, 0.55), specular=0.3)
-        b.material("fence", surfaces.WOOD, rgb=(0.93, 0.92, 0.88), specular=0.0)
+        b.material(
+            "gate", surfaces.PAINTED_METAL, rgb=(0.34, 0.44, 0.52), texture="sheet_metal", tile_m=1.3, specular=0.3
+        )
+        b.material("fence", surfaces.WOOD, rgb=(0.82, 0.81, 0.78), specular=0.0)
         b.material("fence_brown", surfaces.WOOD, rgb=(0.45, 0.31, 0.20), specular=0.0)
 
     def streets(self) -> None:
@@ -114,15 +117,10 @@ class _Suburb:
         for axis in range(2):
             for side in (-1.0, 1.0):
                 road = b.body("road", _turned(axis, 0.0, side * _STREET_M), yaw_quat(axis * _QUARTER_TURN_RAD))
-                top = 0.012 if axis == 0 else 0.008
-                road.geom(
-                    "box",
-                    (reach, _LANE_M, 0.02),
-                    pos=(0.0, 0.0, top - 0.02),
-                    material="asphalt",
-                    solid=False,
-                    part="lanes",
-                )
+                strips = _street_strips(reach, crossings=axis == 0)
+                name = "street_x" if axis == 0 else "street_y"
+                mesh = b.mesh(name, street(strips, self.rng(name)))
+                road.geom("mesh", asset=mesh, material="street", solid=False, part="lanes")
                 x = -reach + 2.0
                 i = 0
                 while x < reach:
@@ -150,6 +148,35 @@ class _Suburb:
                         solid=False,
                         part=f"bar_{k}",
                     )
+
+    def street_details(self) -> None:
+        """Add manhole covers, and puddles in the gutters."""
+        b, rng = self.builder, self.rng("street_details")
+        places, wet = [], []
+        for axis in range(2):
+            for side in (-1.0, 1.0):
+                for block in range(3):
+                    along = (-42.0, 0.0, 42.0)[block] + rng.between(-12.0, 12.0)
+                    x, y, _ = _turned(axis, along, side * _STREET_M + rng.pick((-1.75, 1.75)))
+                    places.append((x, y))
+                along, across = rng.between(-54.0, -30.0), side * _STREET_M + rng.pick((-3.0, 3.0))
+                x, y, _ = _turned(axis, along, across)
+                far, wide = rng.between(0.9, 2.0), rng.between(0.25, 0.45)
+                wet.append((x, y, far if axis == 0 else wide, wide if axis == 0 else far))
+        road = b.body("road")
+        road.geom("mesh", asset=b.mesh("covers", covers(places, 0.015)), material="manhole", solid=False, part="covers")
+        mesh = b.mesh("puddles", puddles(wet, 0.016, rng))
+        road.geom("mesh", asset=mesh, material="puddle", solid=False, part="puddles")
+
+    def lawn_details(self) -> None:
+        """Add bare spots under trees and dry patches to the lawns."""
+        b, rng = self.builder, self.rng("lawn_details")
+        places = [(x, y, rng.between(0.8, 1.3), 1.0) for x, y in self.bare]
+        for lot in self.lots:
+            x, y = lot.at(rng.between(3.0, lot.depth_m - 3.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
+            places.append((x, y, rng.between(0.9, 1.7), 0.0))
+        mesh = b.mesh("worn_spots", spots(places, _LAWN_M, rng))
+        b.body("lawn").geom("mesh", asset=mesh, material="worn_spot", solid=False, part="spots")
 
     def depot(self) -> None:
         """Add the middle block: a lot at ground level with a start pad, a kerb round it, the depot and its vans."""
@@ -179,7 +206,7 @@ class _Suburb:
             ("bar", (0.31, 0.09, 0.01), (0.0, 0.0, 0.004)),
         ):
             pad.geom("box", size, pos=pos, material="zone_white", solid=False, part=part)
-        add_block(b, rng, -1.0, 11.2, 0.0, 6, 2, 2)
+        add_block(b, rng, -1.0, 11.2, 0.0, 6, 2, 2, recessed=True, street=None, gates=(0, 2, 4))
         for x in (-8.5, -2.5, 3.5):
             gate = b.body("gate", (x, 8.17, 0.0))
             gate.geom("box", (1.3, 0.06, 1.3), pos=(0.0, 0.0, 1.3), material="gate", solid=False)
@@ -207,9 +234,11 @@ class _Suburb:
                 body = b.body("pavement", (cx, cy, 0.0))
                 body.geom("box", (hx, hy, 0.1), pos=(0.0, 0.0, _KERB_M - 0.1), material="paving", part="slab")
                 for k, (px, py, sx, sy) in enumerate(
-                    ((0, hy, hx, 0.08), (0, -hy, hx, 0.08), (hx, 0, 0.08, hy), (-hx, 0, 0.08, hy))
+                    ((0, hy, hx, 0.08), (0, -hy, hx, 0.08), (hx, 0, hy, 0.08), (-hx, 0, hy, 0.08))
                 ):
-                    body.geom("box", (sx, sy, 0.1), pos=(px, py, _KERB_M - 0.095), material="kerb", part=f"kerb_{k}")
+                    turn = yaw_quat(0.0 if k < 2 else _QUARTER_TURN_RAD)  # the stones lie along x of the box
+                    at = (px, py, _KERB_M - 0.095)
+                    body.geom("box", (sx, sy, 0.1), pos=at, quat=turn, material="kerb", part=f"kerb_{k}")
                 lawn = b.body("lawn", (cx, cy, 0.0))
                 lawn.geom(
                     "box", (hx - _FRONT_M, hy - _FRONT_M, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.1), material="lawn"
@@ -364,6 +393,7 @@ class _Suburb:
                 if self.layout.free(x, y, 2.2):
                     self.layout.take_disc(x, y, 2.2)
                     add_tree(b, rng, x, y, size=0.85)
+                    self.bare.append((x, y))
                     break
         for lot in self.lots:
             x, y = lot.at(rng.between(1.2, 3.8), rng.between(-0.5, 0.5) * (lot.width_m - 2.5))
@@ -471,6 +501,16 @@ def _way(rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> W
     return WalkPath(corners[:: 1 if rng.chance(0.5) else -1], speed, corner_m=1.0, start_lap=lap)
 
 
+def _street_strips(reach_m: float, *, crossings: bool) -> list[Strip]:
+    """Return a street along x with its two crossings, which only the streets along x draw."""
+    cuts = (-reach_m, -_OUTER_M, -_INNER_M, _INNER_M, _OUTER_M, reach_m)
+    strips = []
+    for i in range(5):
+        if i % 2 == 0 or crossings:
+            strips.append(Strip((cuts[i], 0.0), (cuts[i + 1], 0.0), 0.012, crossing=i % 2 == 1))
+    return strips
+
+
 def _turned(axis: int, along: float, across: float) -> tuple[float, float, float]:
     """Return a point of a street along x (axis 0) or, turned a quarter to the left, along y (axis 1)."""
     return (along, across, 0.0) if axis == 0 else (-across, along, 0.0)
@@ -501,5 +541,7 @@ def generate(parameters: UrbanDeliveryParameters, seed: int) -> SceneMap:
     suburb.signs()
     suburb.objects()
     suburb.traffic()
+    suburb.street_details()
+    suburb.lawn_details()
     suburb.builder.classify("ground", "ground")
     return suburb.builder.build()
