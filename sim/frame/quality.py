@@ -1,19 +1,20 @@
 """Quality of a camera's colour in five named levels, each with one more feature than the previous one.
 
-| level | resolution factor | samples per pixel | textures | shadows and shading (sim/frame/shading.py) |
-|---|---|---|---|---|
-| low | 1 | 1 | no: mean colours | no |
-| medium | 1 | 1 | yes | no |
-| high | 1 | 1 | yes | yes |
-| epic | 1 | 4 | yes | yes, with ambient occlusion |
-| cinematic | 2 in width and height | 4 | yes | yes, with ambient occlusion |
+| level | resolution factor | samples per pixel | textures | shadows and shading (sim/frame/shading.py) | paths |
+|---|---|---|---|---|---|
+| low | 1 | 1 | no: mean colours | no | 8 |
+| medium | 1 | 1 | yes | no | 16 |
+| high | 1 | 1 | yes | yes | 32 |
+| epic | 1 | 4 | yes | yes, with ambient occlusion | 64 |
+| cinematic | 2 in width and height | 4 | yes | yes, with ambient occlusion | 64 |
 
 A camera without a level has the level `medium`. A level overrides the preset, and keys beside it override the level:
 `{preset: camera_320x240, quality: high, shadows: false}` has no shadows. If the resolution (or `intrinsics`) is given
 beside `cinematic`, the number of pixels stays and each takes 16 samples.
 
 Only colour changes: the other channels are the truth at the pixel's centre, the same at all levels that have the same
-resolution. Cameras whose colour MuJoCo draws use only the shadows and the resolution of a level.
+resolution. Cameras whose colour MuJoCo draws use only the shadows and the resolution of a level. Path-traced colour
+always has shadows, and 32 paths without a level.
 """
 
 from __future__ import annotations
@@ -35,14 +36,15 @@ class Quality:
     supersample: int  # samples of colour along a pixel's edge
     shadows: bool
     shading: Shading
+    paths: int  # per pixel, of path-traced colour
 
 
 QUALITIES: dict[str, Quality] = {
-    "low": Quality(1, 1, shadows=False, shading=MEAN_COLOURS),
-    "medium": Quality(1, 1, shadows=False, shading=PLAIN),
-    "high": Quality(1, 1, shadows=True, shading=FULL),
-    "epic": Quality(1, 2, shadows=True, shading=OCCLUDED),
-    "cinematic": Quality(2, 2, shadows=True, shading=OCCLUDED),
+    "low": Quality(1, 1, shadows=False, shading=MEAN_COLOURS, paths=8),
+    "medium": Quality(1, 1, shadows=False, shading=PLAIN, paths=16),
+    "high": Quality(1, 1, shadows=True, shading=FULL, paths=32),
+    "epic": Quality(1, 2, shadows=True, shading=OCCLUDED, paths=64),
+    "cinematic": Quality(2, 2, shadows=True, shading=OCCLUDED, paths=64),
 }
 
 _PIXELS = frozenset({"resolution", "intrinsics"})
@@ -61,6 +63,8 @@ def with_quality(values: Mapping[str, Any], quality: str, given: Collection[str]
     if values.get("colour", "native") == "native":
         changed["supersample"] = supersample
         changed |= {key: getattr(level.shading, key) for key in LEVELLED}
+    elif values["colour"] == "path_traced":
+        changed |= {"samples": level.paths, "textures": level.shading.textures}
     return {**values, **{key: value for key, value in changed.items() if key not in given}}
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import NDArray
 
 from signals.classes import Classes
@@ -28,6 +29,15 @@ class Renderer(Protocol):
 
     def render(self, pose: CameraPose, out: Mapping[str, NDArray[Any]], *, rows: tuple[int, int] | None = None) -> None:
         """Fill exactly the channels in `out`; `rows`: only rows [from, to), multiples of 4 or the height."""
+        ...
+
+
+@runtime_checkable
+class ExposingRenderer(Protocol):
+    """Renderer that draws the colour of a whole exposure at once, with all its moments and rows."""
+
+    def expose(self, moments: Sequence[Sequence[tuple[tuple[int, int], CameraPose]]], rgb: NDArray[np.uint8]) -> None:
+        """Fill `rgb` with the mean, in linear light, of moments; each is a list of rows [from, to) and their pose."""
         ...
 
 
@@ -68,8 +78,13 @@ class FrameSource(Protocol):
         far_m: float,
         shading: Shading = PLAIN,
         colour: str = "native",
+        samples: int | None = None,
     ) -> Renderer:
-        """Return a renderer for one camera; `colour`: the backend of its rgb (sim.frame.mujoco_backend)."""
+        """Return a renderer for one camera.
+
+        `colour`: the backend of its rgb (sim.frame.mujoco_backend, sim.frame.path_traced.renderer). `samples`: paths
+        per pixel of `path_traced`.
+        """
         ...
 
     def close(self) -> None:
@@ -140,8 +155,9 @@ class SharedFrames:
         far_m: float,
         shading: Shading = PLAIN,
         colour: str = "native",
+        samples: int | None = None,
     ) -> Renderer:
-        """Return a renderer for one camera. Raises ColourBackendError if MuJoCo's renderer is requested and missing."""
+        """Return a renderer for one camera. Raises ColourBackendError if the backend of its colour is missing."""
         from sim.frame.renderer import Execution, FrameRenderer
 
         native = FrameRenderer(
@@ -155,6 +171,14 @@ class SharedFrames:
         )
         if colour == "native":
             return native
+        if colour == "path_traced":
+            from sim.frame.path_traced.renderer import DEFAULT_SAMPLES, PathTracedRenderer, tracer_of
+
+            traced = PathTracedRenderer(
+                native, tracer_of(self.geometry), samples=samples or DEFAULT_SAMPLES, shading=shading
+            )
+            self._to_close.append(traced.close)
+            return traced
         from sim.frame.mujoco_backend import MixedRenderer, MujocoColour
 
         mixed = MixedRenderer(
@@ -164,6 +188,6 @@ class SharedFrames:
         return mixed
 
     def close(self) -> None:
-        """Release the graphics contexts."""
+        """Release the graphics contexts and the path tracer's process."""
         while self._to_close:
             self._to_close.pop()()

@@ -24,7 +24,7 @@ from signals.noise import noise_key
 from signals.samples import ImageSample, TruthState
 from sim.frame.camera_effects import DepthSensor, LightSensor, vignette
 from sim.frame.mount import Mount
-from sim.frame.source import Renderer, channel_array
+from sim.frame.source import ExposingRenderer, Renderer, channel_array
 from sim.sensors.camera_parameters import CameraParameters
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
@@ -54,7 +54,9 @@ class Camera(InstalledSensor):
             far_m=p.far_m,
             shading=p.shading(),
             colour=p.colour,
+            samples=p.samples,
         )
+        self._exposing = self._renderer if isinstance(self._renderer, ExposingRenderer) else None
         self._shared = installation.shared
         if self._shared is not None:
             separate_colour = p.supersample > 1 or p.colour != "native" or p.motion_blur is not None
@@ -75,7 +77,9 @@ class Camera(InstalledSensor):
             self._shared.expect(truth)
         pictures: dict[str, NDArray[Any]] = {name: channel_array(name, self.model) for name in self.channels}
         sensor, raw = self._sensor, self._raw
-        if sensor is None or raw is None:
+        if self._exposing is not None and "rgb" in pictures:
+            self._draw_exposure(truth, seq, pictures, self._exposing)
+        elif sensor is None or raw is None:
             self._draw(truth, 0.0, pictures)
         else:
             self._draw_with_effects(truth, seq, pictures, sensor, raw)
@@ -107,6 +111,26 @@ class Camera(InstalledSensor):
                 self._draw(truth, moment_s, {"rgb": raw})
                 sensor.add(raw, weight)
         sensor.finish(seq, pictures["rgb"])
+
+    def _draw_exposure(
+        self, truth: TruthState, seq: int, pictures: dict[str, NDArray[Any]], renderer: ExposingRenderer
+    ) -> None:
+        """Draw the colour of the whole exposure at once, and the other channels by the raster."""
+        geometry = {name: picture for name, picture in pictures.items() if name != "rgb"}
+        if geometry:
+            self._draw(truth, 0.0, geometry)
+        bands = self._bands or [((0, self.model.height), 0.0)]
+        renderer.expose(
+            [
+                [(rows, self.mount.pose(truth, moment_s + delay_s)) for rows, delay_s in bands]
+                for moment_s in self._moments
+            ],
+            pictures["rgb"],
+        )
+        if self._sensor is not None:
+            self._sensor.begin()
+            self._sensor.add(pictures["rgb"], 1.0)
+            self._sensor.finish(seq, pictures["rgb"])
 
     def _draw(self, truth: TruthState, moment_s: float, out: Mapping[str, NDArray[Any]]) -> None:
         """Draw the picture of one instant of the exposure, band by band with a rolling shutter."""

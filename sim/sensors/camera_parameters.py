@@ -15,6 +15,9 @@ from sim.frame.quality import QualityName
 from sim.frame.shading import LEVELLED, PLAIN, SRGB_WHITE_K, Shading, ToneCurve
 from sim.sensors.sensor import Position, check_order
 
+MAX_SAMPLES = 1024  # paths per pixel
+MAX_PATH_TRACED_PIXELS = 1 << 24
+
 Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS_ACROSS)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Attitude = tuple[Angle, Angle, Angle]
@@ -133,8 +136,9 @@ class CameraParameters(StrictModel):
     tone: ToneCurve = "linear"
     exposure_ev: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0  # doublings of the light, before the tone curve
     white_balance_k: Annotated[float, Field(ge=4000.0, le=25_000.0)] = SRGB_WHITE_K
-    # Renderer of rgb: the raster, or one of MuJoCo's renderers for machines with a GPU (docs/frames.md).
-    colour: Literal["native", "egl", "filament"] = "native"
+    # Renderer of rgb: the raster, one of MuJoCo's renderers for machines with a GPU, or a path tracer (docs/frames.md).
+    colour: Literal["native", "egl", "filament", "path_traced"] = "native"
+    samples: Annotated[int, Field(ge=1, le=MAX_SAMPLES)] | None = None  # paths per pixel of `path_traced`
     supersample: Literal[1, 2, 4] = 1  # samples of colour along a pixel's edge
     exposure: ExposureControl = ExposureControl()
     vignetting: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # 1: as cos^4 of the angle to the axis
@@ -174,9 +178,23 @@ class CameraParameters(StrictModel):
             raise ValueError(f"supersample {self.supersample} takes pictures of at most {max_pixels} pixels across")
         model = self.model()
         check_invertible(model)
-        if self.colour != "native":
+        if self.colour == "path_traced":
+            self._could_be_path_traced()
+        elif self.samples is not None:
+            raise ValueError("samples are the paths of `colour: path_traced`: leave it out, or use supersample")
+        elif self.colour != "native":
             self._could_be_drawn_by_mujoco(model)
         return self
+
+    def _could_be_path_traced(self) -> None:
+        width, height = self.resolution
+        if width * height > MAX_PATH_TRACED_PIXELS:
+            raise ValueError(
+                f"colour 'path_traced' draws at most {MAX_PATH_TRACED_PIXELS} pixels, not {width} x {height}: "
+                "use a smaller resolution, or 'native'"
+            )
+        if self.supersample != 1:
+            raise ValueError("colour 'path_traced' has `samples` paths per pixel: supersample 1, or use 'native'")
 
     def _could_be_drawn_by_mujoco(self, model: CameraModel) -> None:
         renderer = f"colour {self.colour!r}"

@@ -27,6 +27,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "lidar": ("hil.apps.bench_suite.sensors.lidar", "LiDAR: range error against time per sweep"),
     "lockstep": ("hil.apps.bench_suite.link.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.apps.bench_suite.link.link", "Links: lateness, message errors and flight errors against time"),
+    "photo": ("hil.apps.bench_suite.sensors.photo", "Path-traced colour: time of a picture and errors of its geometry"),
     "physics": ("hil.apps.bench_suite.physics.physics", "Flight physics: error against wall time"),
     "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time per frame"),
     "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error, compared with MuJoCo's renderer"),

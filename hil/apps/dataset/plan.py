@@ -257,8 +257,8 @@ def _problems(bench: Bench, where: str) -> list[Problem]:
             hint = "set exposure.auto: false, or record it with `hil run`"
             message = "has automatic exposure, which depends on earlier pictures; frames are made out of order here"
             problems.append(Problem(f"{where}: sensors.{name}", message, hint))
-        if isinstance(p, CameraParameters) and p.colour != "native":
-            hint = "set colour: native"
+        if isinstance(p, CameraParameters) and p.colour not in ("native", "path_traced"):
+            hint = "set colour: native or path_traced"
             problems.append(Problem(f"{where}: sensors.{name}", f"renders its colour with {p.colour!r}", hint))
         if isinstance(p, RadarParameters) and not set(p.outputs) & set(RADAR_FOLDERS):
             hint = "set outputs: [raw, range_doppler]; `hil radar` makes points and tracks of them"

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.storage.journal import BatchRecord
 from signals.errors import HilError, RecordingError
+from sim.frame.path_traced import process as path_tracer
 
 JOBS_PER_WORKER = 2
 _PR_SET_PDEATHSIG = 1  # Linux: prctl(2)
@@ -59,7 +60,7 @@ class Workers:
             gc.collect()
             gc.freeze()  # keeps shared pages shared: the collector neither writes to nor scans what exists now
         context: Any = mp.get_context("fork" if self._forked else "spawn")
-        self._pool = ProcessPoolExecutor(count, context, _initialise_worker, (make_handler,))
+        self._pool = ProcessPoolExecutor(count, context, _initialise_worker, (make_handler, count))
         self._max_pending = JOBS_PER_WORKER * count
         self._pending: set[Future[JobResult]] = set()
         with warnings.catch_warnings():
@@ -130,10 +131,11 @@ _make_handler: Callable[[], JobHandler]  # set in worker processes
 _handler: JobHandler | None = None
 
 
-def _initialise_worker(make_handler: Callable[[], JobHandler]) -> None:
-    """Initialise a worker process."""
+def _initialise_worker(make_handler: Callable[[], JobHandler], count: int) -> None:
+    """Initialise a worker process, one of `count`."""
     global _make_handler
     _make_handler = make_handler
+    path_tracer.threads_per_process = max(1, (os.cpu_count() or 1) // count)
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 from hil.config.merge.layers import Settings, merge_options
 from hil.config.schema import BenchConfig
@@ -23,6 +23,7 @@ class ViewAppearance(Section):
     """The keys of a bench file that change the appearance of a scene."""
 
     quality: QualityName | None = None
+    colour: Literal["native", "egl", "filament", "path_traced"] = "native"
     weather: Weather | None = None
     randomize: Randomize = Randomize()
 
@@ -43,10 +44,15 @@ class ViewAppearance(Section):
         The quality may change the size, unless `fixed_size`.
         """
         quality = self.quality or _DEFAULT_QUALITY
-        values = with_quality({"resolution": size}, quality, given=("resolution",) if fixed_size else ())
+        given = ("resolution",) if fixed_size else ()
+        values = with_quality({"resolution": size, "colour": self.colour, "supersample": 1}, quality, given)
         width, height = values["resolution"]
-        options = {key: values[key] for key in ("supersample", "shadows")}
-        return (width, height), options | {"shading": QUALITIES[quality].shading}
+        options = {key: values[key] for key in ("supersample", "shadows")} | {"shading": QUALITIES[quality].shading}
+        if self.colour != "native":
+            options["colour"] = self.colour
+        if self.colour == "path_traced":
+            options["samples"] = values["samples"]
+        return (width, height), options
 
 
 def read_appearance(settings: Sequence[str]) -> ViewAppearance:

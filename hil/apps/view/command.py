@@ -62,15 +62,18 @@ def view_scene(
     seed: int | None = None,
     variants: int = 0,
     quality: str | None = None,
+    colour: str | None = None,
     settings: Sequence[str] = (),
     load: Callable[[str, int | None], tuple[Scene, Any, FrameSource]] | None = None,
 ) -> list[Path]:
     """Render the scene into `out` (default runs/view-SCENE) and return the files, the contact sheet first.
 
-    `name` is a scene's name or file; `settings` are `KEY=VALUE` texts for quality, weather and randomize. Raises
-    ConfigError for wrong options, RecordingError if the pictures cannot be written.
+    `name` is a scene's name or file; `settings` are `KEY=VALUE` texts for quality, colour, weather and randomize.
+    Raises ConfigError for wrong options, RecordingError if the pictures cannot be written, ColourBackendError if the
+    renderer of `colour` is missing.
     """
-    appearance = read_appearance([*settings, *([f"quality={quality}"] if quality is not None else ())])
+    options = {"quality": quality, "colour": colour}
+    appearance = read_appearance([*settings, *(f"{key}={text}" for key, text in options.items() if text is not None)])
     size, rendering = appearance.rendering(_size(camera.size), fixed_size=camera.size is not None)
     model = CameraModel.from_fov(*size, FOV_DEG)
     position, direction = _numbers("--at", camera.at, 3), _numbers("--look", camera.look, 2)
@@ -83,7 +86,10 @@ def view_scene(
                 from hil.apps.view.variants import draw_variants  # matplotlib
 
                 return draw_variants(folder, scene, appearance, variants, points[0], model)
-            return _write_pictures(folder, scene, frames, points, model, rendering)
+            try:
+                return _write_pictures(folder, scene, frames, points, model, rendering)
+            finally:
+                frames.close()
     except OSError as error:
         raise RecordingError(f"{folder}: the pictures cannot be written ({error.strerror or error})") from error
 

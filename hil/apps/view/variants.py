@@ -56,7 +56,10 @@ def _picture(
     frames.expect(0)
     picture: NDArray[np.uint8] = channel_array("rgb", camera)
     pose = Mount((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).pose(pose_of(point))
-    frames.renderer(camera, near_m=0.05, far_m=_FAR_M, **rendering).render(pose, {"rgb": picture})
+    try:
+        frames.renderer(camera, near_m=0.05, far_m=_FAR_M, **rendering).render(pose, {"rgb": picture})
+    finally:
+        frames.close()
     visibility_m = scene.weather.visibility_m
     visibility = "clear" if visibility_m is None else f"{visibility_m / 1000.0:.2g} km"
     return (

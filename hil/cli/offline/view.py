@@ -25,6 +25,9 @@ class ViewOptions:
         str | None, typer.Option(help="Size of the pictures in pixels; default 640x480.", metavar="WxH")
     ] = None
     quality: Annotated[str | None, typer.Option(help="low, medium, high, epic or cinematic.")] = None
+    colour: Annotated[
+        str | None, typer.Option(help="Renderer of the colour: native, egl, filament or path_traced.")
+    ] = None
     variants: Annotated[
         int,
         typer.Option(min=0, max=64, help="Write one sheet with N randomised variants instead.", metavar="N"),
@@ -48,6 +51,7 @@ def view(o: ViewOptions) -> None:
             seed=o.seed,
             variants=o.variants,
             quality=o.quality,
+            colour=o.colour,
             settings=o.settings or (),
         )
     console.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)

@@ -165,7 +165,7 @@ def test_every_preset_takes_a_picture(preset: str) -> None:
     width, height = PRESETS[preset].parameters.resolution  # type: ignore[attr-defined]
     assert {picture.shape[:2] for picture in sample.channels.values()} == {(height, width)}
     options = {"shadows": False, "supersample": 1, "near_m": 0.05, "far_m": 10_000.0}
-    options |= {"shading": PLAIN, "colour": "native"}
+    options |= {"shading": PLAIN, "colour": "native", "samples": None}
     assert frames.options[0] == options
 
 
@@ -180,9 +180,11 @@ NOT_SQUARE = {"fx": 50.0, "fy": 51.0, "cx": 31.5, "cy": 23.5}
         {"colour": "filament", "fov_deg": None, "intrinsics": NOT_SQUARE},
         {"colour": "egl", "motion_blur": {"exposure_s": 0.01}},
         {"rolling_shutter_s": 0.01, "supersample": 2},
+        {"colour": "path_traced", "samples": 4, "rolling_shutter_s": 0.01, "textures": False},
+        {"colour": "path_traced", "distortion": {"model": "kannala_brandt"}},
     ],
 )
-def test_what_a_renderer_of_mujocos_can_draw_is_not_refused(values: dict[str, Any]) -> None:
+def test_what_another_renderer_can_draw_is_not_refused(values: dict[str, Any]) -> None:
     assert camera(**values).channels == ("rgb", "depth")
 
 
@@ -213,6 +215,9 @@ def test_what_a_renderer_of_mujocos_can_draw_is_not_refused(values: dict[str, An
         ({"colour": "filament", "supersample": 2}, "'filament' draws the whole picture at once: supersample 1"),
         ({"colour": "egl", "distortion": {"model": "kannala_brandt"}}, "'egl' draws pinhole cameras only"),
         ({"colour": "egl", **OFF_CENTRE, "intrinsics": NOT_SQUARE}, "'egl' draws square pixels only"),
+        ({"colour": "path_traced", "supersample": 2}, "'path_traced' has `samples` paths per pixel"),
+        ({"colour": "path_traced", "resolution": (8192, 8192)}, "'path_traced' draws at most 16777216 pixels"),
+        ({"samples": 8}, "samples are the paths of `colour: path_traced`"),
         ({"colour": "filament", **OFF_CENTRE}, "'filament' needs the optical axis in the middle"),
     ],
 )
