@@ -20,13 +20,14 @@ class StartRequest(NamedTuple):
 
 
 class LensData(NamedTuple):
-    """Directions of a camera. Those of a lens with distortion are tabulated at the corners of the pixels."""
+    """Directions of a camera. Those of a lens with distortion are tabulated at `nodes` points per pixel and edge."""
 
     width: int
     height: int
     f: tuple[float, float]
     c: tuple[float, float]
-    table: NDArray[np.float32] | None  # (height + 1, width + 1, 3)
+    table: NDArray[np.float32] | None  # (nodes height + 1, nodes width + 1, 3), the first at the picture's corner
+    nodes: int
     planes_m: tuple[float, float]  # along the axis for a pinhole, along the ray for other lenses
 
 

@@ -28,6 +28,7 @@ from sim.scene.world import World
 
 DEFAULT_SAMPLES = 32
 MAX_PIXELS = 1 << 24  # of one picture
+_FINE_PIXELS = 1 << 22  # up to here a lens is tabulated twice per pixel, with the centres exact
 Band = tuple[tuple[int, int], CameraPose]  # rows [from, to) and the pose at their time
 
 
@@ -50,8 +51,10 @@ class PathTracer:
                 f"the path tracer draws at most {MAX_PIXELS:,} pixels (4096 x 4096), not {camera.width} x "
                 f"{camera.height}"
             )
-        table = None if camera.pinhole else _corner_directions(camera).astype(np.float32)
-        lens = LensData(camera.width, camera.height, (camera.fx, camera.fy), (camera.cx, camera.cy), table, planes_m)
+        nodes = 2 if camera.width * camera.height <= _FINE_PIXELS else 1
+        table = None if camera.pinhole else _directions(camera, nodes).astype(np.float32)
+        f, c = (camera.fx, camera.fy), (camera.cx, camera.cy)
+        lens = LensData(camera.width, camera.height, f, c, table, nodes, planes_m)
         process = self._started()
         self._lenses.append(lens)
         process.add_lens(len(self._lenses) - 1, lens)
@@ -164,13 +167,13 @@ def tracer_of(geometry: FrameGeometry) -> PathTracer:
     return tracer
 
 
-def _corner_directions(camera: CameraModel) -> NDArray[np.float64]:
-    """Return unit directions at the corners of the pixels, (height + 1, width + 1, 3)."""
-    x = (np.arange(camera.width + 1) - camera.cx) / camera.fx
-    y = (np.arange(camera.height + 1) - camera.cy) / camera.fy
+def _directions(camera: CameraModel, nodes: int) -> NDArray[np.float64]:
+    """Return unit directions at `nodes` points per pixel and edge, (nodes height + 1, nodes width + 1, 3)."""
+    x = (np.arange(nodes * camera.width + 1) / nodes - camera.cx) / camera.fx
+    y = (np.arange(nodes * camera.height + 1) / nodes - camera.cy) / camera.fy
     distorted = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     try:
         directions = camera.directions(distorted)
     except ValueError as error:
         raise PathTracerError(f"the path tracer needs the lens half a pixel beyond the picture: {error}") from error
-    return directions.reshape(camera.height + 1, camera.width + 1, 3)
+    return directions.reshape(len(y), len(x), 3)

@@ -155,10 +155,14 @@ class Tracer:
             d_C /= length
         else:
             table = F(lens.table.astype(np.float32).ravel())
-            corner = row * (width + 1) + column
-            upper = dr.lerp(dr.gather(V, table, corner), dr.gather(V, table, corner + 1), jx)
-            lower = dr.lerp(dr.gather(V, table, corner + width + 1), dr.gather(V, table, corner + width + 2), jx)
-            d_C = dr.normalize(dr.lerp(upper, lower, jy))
+            nodes, across = dr.opaque(F, lens.nodes), dr.opaque(U, lens.table.shape[1])
+            x, y = (F(column) + jx) * nodes, (F(row) + jy) * nodes
+            x0 = dr.minimum(U(x), across - 2)
+            y0 = dr.minimum(U(y), dr.opaque(U, lens.table.shape[0] - 2))
+            at, wx = y0 * across + x0, x - F(x0)
+            upper = dr.lerp(dr.gather(V, table, at), dr.gather(V, table, at + 1), wx)
+            lower = dr.lerp(dr.gather(V, table, at + across), dr.gather(V, table, at + across + 1), wx)
+            d_C = dr.normalize(dr.lerp(upper, lower, y - F(y0)))
             length = F(1.0)
         band = dr.minimum(row // dr.opaque(U, exposure.band_rows), dr.opaque(U, exposure.bands - 1))
         at = moment * dr.opaque(U, exposure.bands) + band
@@ -190,7 +194,7 @@ class Tracer:
                 found = found | opaque
                 holes += 1
                 going = going & hit & ~opaque & (holes < _MAX_HOLES)
-                o = o + (t + _OFFSET_M) * ray.d
+                o = mi.Point3f(o + (t + _OFFSET_M) * ray.d)
                 distance = dr.select(going, distance + _OFFSET_M, distance)
                 reach = reach - t - _OFFSET_M
         else:
