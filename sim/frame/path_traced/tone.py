@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 _CONTRAST, _SHOULDER = 1.16, 0.977
-_MIDDLE_IN, _MIDDLE_OUT = 0.14, 0.19
+_MIDDLE_IN, _MIDDLE_OUT = 0.14, 0.205
 _BRIGHTEST = 7.0
 
 

@@ -31,6 +31,7 @@ _MAX_HOLES = 24  # holes that one ray may pass
 _FIREFLY = 12.0  # brightest path, in units of a white surface in the light that the exposure is set for
 _SUN_HALF_RAD = 0.00465
 _OFFSET_M = 2e-4
+_PER_HORIZON = 50.0  # the ground beyond the farthest geometry fades into the sky within 1 / 50 rad
 _LEAF_THROUGH = 0.35  # share of the light on a leaf that comes through
 
 
@@ -428,7 +429,7 @@ class Tracer:
         lower = dr.lerp(dr.gather(V, self._sky_map, low + i0), dr.gather(V, self._sky_map, low + i1), wx)
         upper = dr.lerp(dr.gather(V, self._sky_map, up + i0), dr.gather(V, self._sky_map, up + i1), wx)
         ground = V(*(dr.opaque(F, float(x)) for x in self._sky.ground_rgb))
-        return dr.select(d.z >= 0.0, dr.lerp(lower, upper, wy), ground)
+        return dr.lerp(dr.lerp(lower, upper, wy), ground, dr.clip(-_PER_HORIZON * d.z, 0.0, 1.0))
 
 
 def _mesh(name: str, corner: np.ndarray) -> Any:

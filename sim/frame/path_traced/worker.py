@@ -66,7 +66,8 @@ class Worker:
             for first in range(0, lens.height, step)
         ]
         light, albedo, normal = (np.concatenate(parts) for parts in zip(*tiles, strict=True))
-        clean = np.asarray(self._denoise(light, albedo, normal, hdr=True))
+        # The denoiser's own scale is a sum whose order depends on the number of threads.
+        clean = np.asarray(self._denoise(light, albedo, normal, hdr=True, input_scale=1.0 / sky.white))
         return to_srgb(clean, sky.white, sky.balance)
 
     def cpu_s(self) -> float:
