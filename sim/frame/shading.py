@@ -30,12 +30,16 @@ class Shading:
     exposure_ev: float = 0.0  # doublings of the light
     white_balance_k: float = SRGB_WHITE_K
 
-    def native(self) -> _kernels.Shading:
-        """Return the settings for the kernels."""
+    def gain(self) -> tuple[float, float, float]:
+        """Return the factors of red, green and blue by exposure and white balance."""
         factor = 2.0**self.exposure_ev
         neutral, seen = daylight_rgb(SRGB_WHITE_K), daylight_rgb(self.white_balance_k)
         red, green, blue = (factor * n / s for n, s in zip(neutral, seen, strict=True))
-        return _kernels.Shading(self.filtering, self.highlights, self.relief, self.tone == "filmic", (red, green, blue))
+        return red, green, blue
+
+    def native(self) -> _kernels.Shading:
+        """Return the settings for the kernels."""
+        return _kernels.Shading(self.filtering, self.highlights, self.relief, self.tone == "filmic", self.gain())
 
 
 PLAIN = Shading()

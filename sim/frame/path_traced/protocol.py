@@ -49,4 +49,5 @@ class RenderRequest(NamedTuple):
     moving: tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]
     samples: int
     seed: int
-    textures: bool
+    textures: bool = True
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)  # of light before the tone curve

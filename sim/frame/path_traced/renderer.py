@@ -24,6 +24,7 @@ from sim.frame.path_traced.protocol import Exposure, LensData, RenderRequest
 from sim.frame.path_traced.scene_data import MovingGeoms, SceneData, make_scene_data
 from sim.frame.path_traced.sky_request import sky_request
 from sim.frame.renderer import FrameRenderer
+from sim.frame.shading import PLAIN, Shading
 from sim.scene.world import World
 
 DEFAULT_SAMPLES = 32
@@ -66,12 +67,16 @@ class PathTracer:
         moments: Sequence[Sequence[Band]],
         *,
         samples: int,
-        textures: bool,
         t_ns: int,
-        left_out: int,
+        left_out: int = -1,
+        shading: Shading = PLAIN,
     ) -> NDArray[np.uint8]:
-        """Return a picture: the mean over `moments`, each of bands of rows. Raises PathTracerError."""
-        request = self._request(lens, moments, samples, textures, t_ns, left_out)
+        """Return a picture: the mean over `moments`, each of bands of rows. Raises PathTracerError.
+
+        Of `shading` only textures, exposure and white balance count.
+        """
+        request = self._request(lens, moments, samples, t_ns, left_out)
+        request = request._replace(textures=shading.textures, gain=shading.gain())
         return self._started().render(request)
 
     @property
@@ -84,7 +89,7 @@ class PathTracer:
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
         """Return the geom at each pixel's centre (-1: none) and its range [m], for comparison with the raster."""
         height = self._lenses[lens].height
-        return self._started().surfaces(self._request(lens, [[((0, height), pose)]], 1, True, t_ns, left_out))
+        return self._started().surfaces(self._request(lens, [[((0, height), pose)]], 1, t_ns, left_out))
 
     def close(self) -> None:
         """End the process. A later picture starts it again."""
@@ -102,7 +107,7 @@ class PathTracer:
         return self._process
 
     def _request(
-        self, lens: int, moments: Sequence[Sequence[Band]], samples: int, textures: bool, t_ns: int, left_out: int
+        self, lens: int, moments: Sequence[Sequence[Band]], samples: int, t_ns: int, left_out: int
     ) -> RenderRequest:
         poses = [pose for bands in moments for _, pose in bands]
         p_WC = np.array([pose.p_WC for pose in poses], np.float64) - self._data.origin_W
@@ -111,17 +116,17 @@ class PathTracer:
         exposure = Exposure(p_WC, R_WC, len(moments), len(moments[0]), end - first)
         seed = crc32(p_WC.tobytes() + R_WC.tobytes() + t_ns.to_bytes(8, "little", signed=True))
         moving = self._moving.at(t_ns, left_out)
-        return RenderRequest(lens, exposure, moving, max(samples, len(moments)), seed, textures)
+        return RenderRequest(lens, exposure, moving, max(samples, len(moments)), seed)
 
 
 class PathTracedRenderer:
     """FrameRenderer whose `rgb` is path traced, for the same camera, pose and time."""
 
     def __init__(
-        self, native: FrameRenderer, tracer: PathTracer, *, samples: int = DEFAULT_SAMPLES, textures: bool = True
+        self, native: FrameRenderer, tracer: PathTracer, *, samples: int = DEFAULT_SAMPLES, shading: Shading = PLAIN
     ) -> None:
         self._native, self._tracer = native, tracer
-        self._samples, self._textures = samples, textures
+        self._samples, self._shading = samples, shading
         self._lens = tracer.add_camera(native.camera, (native.near_m, native.far_m))
         self._is_open = True
         tracer.users += 1
@@ -153,9 +158,9 @@ class PathTracedRenderer:
             self._lens,
             moments,
             samples=self._samples,
-            textures=self._textures,
             t_ns=geometry.t_ns,
             left_out=geometry.left_out,
+            shading=self._shading,
         )
 
 

@@ -68,7 +68,7 @@ class Worker:
         light, albedo, normal = (np.concatenate(parts) for parts in zip(*tiles, strict=True))
         # The denoiser's own scale is a sum whose order depends on the number of threads.
         clean = np.asarray(self._denoise(light, albedo, normal, hdr=True, input_scale=1.0 / sky.white))
-        return to_srgb(clean, sky.white, sky.balance)
+        return to_srgb(clean, sky.white, sky.balance * np.array(request.gain))
 
     def cpu_s(self) -> float:
         """Return the processor time of this process so far, in seconds."""

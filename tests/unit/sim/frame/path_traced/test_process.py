@@ -49,7 +49,7 @@ def start(monkeypatch: pytest.MonkeyPatch, last: str, then: str) -> TracerProces
 def request() -> RenderRequest:
     exposure = Exposure(np.zeros((1, 3)), np.eye(3).reshape(1, 9), 1, 1, 4)
     moving: Any = (np.zeros(0, np.int32), np.zeros((0, 3), np.float32), np.zeros((0, 3, 3), np.float32))
-    return RenderRequest(0, exposure, moving, 1, 0, True)
+    return RenderRequest(0, exposure, moving, 1, 0)
 
 
 def test_an_llvm_that_aborts_is_named(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
