@@ -5,6 +5,8 @@ elevation above the horizon:
 
     to_sun_W = (sin a cos e, cos a cos e, sin e)
 
+With `utc`, a scene takes both from this time and its site.
+
 `fog_per_m` gives haze by its extinction instead of by the visibility (sim/scene/weather.py); if both are given, they
 add up.
 """
@@ -12,9 +14,10 @@ add up.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from signals._kernel import det_cos, det_exp, det_sin
 from signals.documents.validate import StrictModel
@@ -25,9 +28,21 @@ Intensity = Annotated[float, Field(ge=0.0, le=10.0)]
 Rgb = tuple[Intensity, Intensity, Intensity]
 
 
+def time_of(utc: str) -> datetime:
+    """Return a time in ISO 8601. Raises ValueError if it is none, or has no time zone."""
+    try:
+        time = datetime.fromisoformat(utc)
+    except ValueError:
+        time = None
+    if time is None or time.tzinfo is None:
+        raise ValueError(f"must be a time such as 2026-06-21T10:00:00Z, not {utc!r}")
+    return time
+
+
 class Light(StrictModel):
     """Light of a scene; the defaults are a clear mid-morning."""
 
+    utc: str | None = None  # sets the sun's direction, with the site (sim/scene/scene.py); ISO 8601 with a time zone
     sun_azimuth_deg: Annotated[float, Field(ge=-360.0, le=360.0)] = 130.0
     sun_elevation_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 45.0  # below 0: no sunlight
     sun_rgb: Rgb = (1.0, 0.96, 0.88)
@@ -35,6 +50,13 @@ class Light(StrictModel):
     sky_zenith_rgb: Rgb = (0.16, 0.34, 0.70)
     sky_horizon_rgb: Rgb = (0.62, 0.74, 0.88)
     fog_per_m: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+    @field_validator("utc")
+    @classmethod
+    def _is_a_time(cls, utc: str | None) -> str | None:
+        if utc is not None:
+            time_of(utc)
+        return utc
 
     @property
     def to_sun_W(self) -> tuple[float, float, float]:

@@ -11,15 +11,16 @@ import re
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field, PrivateAttr, model_validator
 
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, load_model
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.scene.appearance import Appearance
-from sim.scene.light import Light
+from sim.scene.light import Light, time_of
 from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.scene_file import SceneFile
+from sim.scene.sun_position import sun_position_deg
 from sim.scene.view_point import ViewPoint
 from sim.scene.weather import Weather
 
@@ -68,6 +69,19 @@ class Scene(StrictModel):
     _file: SceneFile = PrivateAttr(default_factory=SceneFile)
     _appearance: Appearance | None = PrivateAttr(default=None)
     _original: Scene | None = PrivateAttr(default=None)
+
+    @model_validator(mode="after")
+    def _sun_by_time_and_site(self) -> Scene:
+        """Fill the direction of the sun in, if the light has a time."""
+        if self.light.utc is None:
+            return self
+        site = self.site
+        azimuth, elevation = sun_position_deg(time_of(self.light.utc), site.latitude_deg, site.longitude_deg)
+        sun = {"sun_azimuth_deg": azimuth, "sun_elevation_deg": elevation}
+        if any(getattr(self.light, key) != sun[key] for key in sun.keys() & self.light.model_fields_set):
+            raise ValueError("light: utc gives the sun's direction: leave out sun_azimuth_deg and sun_elevation_deg")
+        self.__dict__["light"] = self.light.model_copy(update=sun)  # the model is frozen from here on
+        return self
 
     @property
     def extinction_per_m(self) -> float:

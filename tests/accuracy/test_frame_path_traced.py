@@ -201,6 +201,34 @@ def test_a_rolling_shutter_bends_the_pole_as_the_raster_does(plain: SharedFrames
     assert np.abs(native - traced).mean() < 0.6
 
 
+RELIEF = """\
+<mujoco><asset>
+  <texture name="tilted" type="2d" builtin="flat" width="16" height="16" rgb1="{r} {g} 0.85"/>
+  <material name="bent" rgba="0.7 0.7 0.7 1" specular="0"><layer role="normal" texture="tilted"/></material>
+</asset><worldbody><geom name="slab" type="box" size="9 9 0.1" material="bent"/></worldbody></mujoco>
+"""
+
+
+def test_a_texture_of_normals_turns_a_surface_to_the_sun(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    sun = load_scene(tmp_path / "scene.yaml").light.to_sun_W
+    codes = []
+    for sign in (-1.0, 0.0, 1.0):  # away from the sun, flat, towards it; u grows along x, v along y
+        r, g = (0.5 + sign * 0.35 * sun[axis] for axis in (0, 1))
+        (tmp_path / "map.xml").write_text(RELIEF.format(r=r, g=g))
+        frames = SharedFrames(load_world(load_scene(tmp_path / "scene.yaml")))
+        tracer_or_skip(frames.geometry)
+        camera = CameraModel.from_fov(32, 24, 40.0)
+        rgb = channel_array("rgb", camera)
+        renderer = frames.renderer(
+            camera, shadows=True, supersample=1, near_m=0.05, far_m=100.0, colour="path_traced", samples=64
+        )
+        renderer.render(camera_pose(np.array([0.0, 0.0, 4.0]), looking(0.0, 90.0)), {"rgb": rgb})
+        frames.close()
+        codes.append(float(rgb.mean()))
+    assert codes[0] + 15.0 < codes[1] < codes[2] - 5.0
+
+
 def test_the_light_of_a_scene_scales_sun_and_sky() -> None:
     default = sky_request(Light(), 0.0)
     assert default.sun_rgb == (1.0, 1.0, 1.0)

@@ -31,11 +31,12 @@ Float64 = NDArray[np.float64]
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
+_RELIEF = "relief"  # in the key of a texture of normals
 _OPAQUE = 128  # least alpha of a texel that is not a hole
 _INFINITE_M = 1e6
 
 # Columns of the table of materials.
-COLUMNS = ("red", "green", "blue", "texture", "f0", "alpha", "metallic", "emission", "kind", "holes")
+COLUMNS = ("red", "green", "blue", "texture", "f0", "alpha", "metallic", "emission", "kind", "holes", "relief")
 
 
 class Looks(NamedTuple):
@@ -113,7 +114,16 @@ def make_looks(world: World) -> Looks:
             elif not has_holes:
                 repeat[geom] /= appearance.scale
         look[:3] = _linear(np.clip(rgb, 0.0, 1.0))
-        look[3], look[9] = texture, has_holes
+        look[3], look[9], look[10] = texture, has_holes, -1.0
+        if number >= 0:
+            source = int(model.mat_texid[number][mujoco.mjtTextureRole.mjTEXROLE_NORMAL])
+            if source >= 0 and int(model.tex_type[source]) != _CUBE:
+                look[10] = numbers.setdefault((source, _RELIEF), len(textures))
+                if look[10] == len(textures):
+                    textures.append(_image(model, source, None)[0])
+                    is_cube.append(False)
+                if appearance is not None and texture < 0 and not has_holes:
+                    repeat[geom] /= appearance.scale
         surface = world.surfaces[int(world.geom_surface[geom])]
         look[4:7] = _gloss(specular, shininess, metallic, roughness)
         if surface == WATER:

@@ -133,7 +133,9 @@ class TracerProcess:
             self.close()
             if name == "start":
                 raise _EndedError(how) from error
-            raise PathTracerError(f"the path tracer's process {how} while it did '{name}'") from error
+            raise PathTracerError(
+                f"the path tracer's process {how} during '{name}': try fewer pixels, or fewer processes at once"
+            ) from error
         if status == "ok":
             return result
         self.close()

@@ -97,15 +97,15 @@ def make_scene_data(world: World) -> SceneData:
         facets, mesh_uv, edge_m = _facets(model, geom, name, meshes)
         if not len(facets.corner):
             continue
-        texture = int(looks.material[geom, 3])
+        texture, relief = (int(looks.material[geom, column]) for column in (3, 10))
         uv = np.zeros((*facets.corner.shape[:2], 2))
-        if texture >= 0:
+        if max(texture, relief) >= 0:
             uv = corner_uv(
                 facets.corner,
                 edge_m,
                 looks.repeat[geom],
                 per_metre=bool(looks.per_metre[geom]),
-                cube=looks.is_cube[texture],
+                cube=texture >= 0 and looks.is_cube[texture],
                 mesh_uv=mesh_uv,
             )
         corner, normal = facets

@@ -64,6 +64,7 @@ class Tracer:
         tables = (message["material"], message["plain_material"])
         self._tables = tuple(F(table.ravel()) for table in tables)
         self._holes = bool(tables[0][:, 9].any())
+        self._relief = bool((tables[0][:, 10] >= 0.0).any())
         self._columns = int(tables[0].shape[1])
         self._load_textures(message["textures"])
         shapes: dict[str, Any] = {"type": "scene"}
@@ -230,8 +231,8 @@ class Tracer:
         y = dr.minimum(U((uv.y - dr.floor(uv.y)) * F(h)), h - 1)
         return masked & (dr.gather(U, self._texels, offset + y * w + x, masked) < U(0x80000000))
 
-    def _texture(self, texture: Any, uv: Any, active: Any) -> Any:
-        """Return the linear colour of textures, between the four nearest texels that are no holes."""
+    def _texture(self, texture: Any, uv: Any, active: Any, *, colour: bool = True) -> Any:
+        """Return textures between the four nearest texels that are no holes; colours in linear light."""
         offset, w, h = (dr.gather(U, self._texture_sizes, 3 * texture + i, active) for i in range(3))
         x, y = (uv.x - dr.floor(uv.x)) * F(w) - 0.5, (uv.y - dr.floor(uv.y)) * F(h) - 0.5
         x0, y0 = dr.floor(x), dr.floor(y)
@@ -250,9 +251,24 @@ class Tracer:
             texel = dr.gather(U, self._texels, offset + j * w + i, active)
             part = dr.select(texel >= U(0x80000000), part, 0.0) + 1e-6
             c = V(F(texel & 255), F((texel >> 8) & 255), F((texel >> 16) & 255)) * (1.0 / 255.0)
-            total += part * (c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878))
+            total += part * (c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878) if colour else c)
             weight += part
         return total / weight
+
+    def _relieved(self, relief: Any, triangle: Any, bary: Any, n: Any, ab: Any, ac: Any) -> Any:
+        """Return normals bent by a texture of normals: n + (r_u / r_n) t_u + (r_v / r_n) t_v, with v upwards."""
+        has = relief >= 0.0
+        a, b, c = (dr.gather(mi.Vector2f, self._uv, 3 * triangle + k, has) for k in range(3))
+        du, dv = b - a, c - a
+        area = du.x * dv.y - du.y * dv.x
+        per = dr.select(dr.abs(area) > 1e-20, 1.0 / area, 0.0)
+        along_u, down_v = (ab * dv.y - ac * du.y) * per, (ac * du.x - ab * dv.x) * per
+        texel = self._texture(U(dr.maximum(relief, 0.0)), a + du * bary.x + dv * bary.y, has, colour=False)
+        r = texel * 2.0 - 1.0
+        up = dr.maximum(r.z, 0.1)
+        t_u = along_u * dr.rsqrt(dr.maximum(dr.squared_norm(along_u), 1e-20))
+        t_v = -down_v * dr.rsqrt(dr.maximum(dr.squared_norm(down_v), 1e-20))
+        return dr.normalize(n + t_u * (r.x / up) + t_v * (r.y / up))
 
     @dr.syntax
     def _paths(self, lens: Lens, exposure: Exposure, lane: Any, samples: Any, seed: Any, textures: bool) -> Any:
@@ -338,6 +354,10 @@ class Tracer:
                 kind = dr.gather(F, table, row + 8, found)
                 leafy = kind == float(LEAFY)
                 n = dr.select(kind == float(WATERY), _rippled(p, n), n)
+                if dr.hint(self._relief, mode="scalar"):
+                    relief = dr.gather(F, table, row + 10, found)
+                    n = dr.select(relief >= 0.0, self._relieved(relief, triangle, bary, n, ab, ac), n)
+                    n = dr.select(dr.dot(n, d) < -0.01, n, dr.normalize(n - (dr.dot(n, d) + 0.02) * d))
                 colour = dr.minimum(colour, 0.95)
                 sum_albedo += dr.select(start, colour, V(0.0))
                 sum_normal += dr.select(start, n, V(0.0))
