@@ -26,6 +26,7 @@ Float64 = NDArray[np.float64]
 _SHAPES = {int(getattr(mujoco.mjtGeom, f"mjGEOM_{name}")): name for name in
            ("PLANE", "HFIELD", "SPHERE", "CAPSULE", "ELLIPSOID", "CYLINDER", "BOX", "MESH")}  # fmt: skip
 _FLAT = ("HFIELD", "MESH")
+_LEAST_SMOOTH = 0.76  # cosine between the normals of a corner and of its triangle
 
 
 class TriangleSoup(NamedTuple):
@@ -139,7 +140,7 @@ def _facets(
         kept = np.isfinite(area) & (area > 0.0)
         flat = tessellation.flat_normals(corner)
         normal = flat if mesh.corner_normal is None else mesh.corner_normal.astype(np.float64)
-        usable = np.linalg.norm(normal, axis=-1, keepdims=True) > 0.5
+        usable = np.einsum("nki,nki->nk", normal, flat)[..., None] > _LEAST_SMOOTH  # else a sharp edge, smoothed over
         size = np.ptp(mesh.vertex, axis=0) if len(mesh.vertex) else np.zeros(3)
         uv = None if mesh.uv is None else np.nan_to_num(mesh.uv[kept].astype(np.float64))
         edge = (float(size[0]), float(size[1]), float(size[2]))

@@ -32,6 +32,7 @@ _FIREFLY = 12.0  # brightest path, in units of a white surface in the light that
 _SUN_HALF_RAD = 0.00465
 _OFFSET_M = 2e-4
 _PER_HORIZON = 50.0  # the ground beyond the farthest geometry fades into the sky within 1 / 50 rad
+_LEAST_FACING = 0.08  # cosine between a shading normal and the view
 _LEAF_THROUGH = 0.35  # share of the light on a leaf that comes through
 
 
@@ -357,13 +358,14 @@ class Tracer:
                 if dr.hint(self._relief, mode="scalar"):
                     relief = dr.gather(F, table, row + 10, found)
                     n = dr.select(relief >= 0.0, self._relieved(relief, triangle, bary, n, ab, ac), n)
-                    n = dr.select(dr.dot(n, d) < -0.01, n, dr.normalize(n - (dr.dot(n, d) + 0.02) * d))
                 colour = dr.minimum(colour, 0.95)
                 sum_albedo += dr.select(start, colour, V(0.0))
                 sum_normal += dr.select(start, n, V(0.0))
                 light += beta * emission * colour * sky.white
 
                 v = -d
+                # An interpolated normal may face away from the viewer: it is bent until it does not.
+                n = dr.normalize(n + v * dr.maximum(_LEAST_FACING - dr.dot(n, v), 0.0))
                 nv = dr.maximum(dr.dot(n, v), 1e-3)
                 f0 = dr.lerp(V(f0_dielectric), colour, metal)
                 has_coat = f0_dielectric + metal > 0.0
