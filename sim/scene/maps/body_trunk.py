@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import sqrt
+
 from sim.scene.maps.body_build import Build, Row, row_at, tube
 from sim.scene.maps.loft import Section, SmoothMesh, ball, block, loft, skin
 
@@ -159,7 +161,7 @@ def straps(build: Build) -> SmoothMesh:
             slope = min(max((z - 0.06) / 0.08, 0.0), 1.0)
             trunk = build.trunk + (1.0 - build.trunk) * slope
             s = min(y / (trunk * half), 0.97)
-            x = trunk * front * (1.0 - s * s) ** 0.5 + 0.010
+            x = trunk * front * sqrt(1.0 - s * s) + 0.010
             sections.append(Section(z, 0.006, 0.014, 0.013, x - 0.002, side * y, 0.2))
         sections.append(Section(sections[-1].z + 0.012, 0.012, 0.030, 0.012, -0.012, side * 0.048, 0.2))
         mesh.add(loft(sections, 6, creases=(0, -1)))
