@@ -10,7 +10,8 @@ cover every triangle and reach at most `error_m` E beyond the surface:
 3. What stays in more than `max_pieces` slabs is covered, the smallest slabs first, by boxes of a grid with cells of
    E / sqrt(3), joined along the axes. If these are too many as well, E is doubled.
 
-Terrain (a surface of slopes below 80 degrees, met once by every vertical line) becomes a height field instead.
+Terrain (a surface that every vertical line meets once) becomes a height field instead. With slopes above 80 degrees, as
+in scans of houses from the air, E is then at least 2 cells of the field.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from scipy.spatial import ConvexHull, QhullError
 Float64 = NDArray[np.float64]
 
 MAX_HFIELD = 400  # cells along a side: MuJoCo and the raster prepare some 300,000 triangles
-_MERGE_TRIANGLES = 60_000  # above, vertices are first moved to a grid of E/8
+_MERGE_TRIANGLES = 60_000
 _TERRAIN_TRIANGLES = 200
 _STEEP = 0.17  # cosine of 80 degrees
-_MAX_E_STEPS = 4
+_MAX_E_STEPS = 5
 _MAX_CORNERS = 64  # of a slab's outline
 
 
@@ -74,18 +75,25 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
         return pieces
     left = np.concatenate(rest)
     if np.array_equal(up, (0.0, 0.0, 1.0)):
-        field_, left = _terrain(rest, error_m)
-        pieces.terrain = field_
+        pieces.terrain, left, pieces.error_m = _terrain(rest, error_m)
         if not len(left):
             return pieces
-    kept_hulls = len(pieces.hulls)
+    budget = max_pieces - len(pieces.hulls)
+    longest = np.linalg.norm(left - np.roll(left, 1, axis=1), axis=2).max(axis=1)
     for step in range(_MAX_E_STEPS):
         E = error_m * 2.0**step
-        pieces.error_m = E
-        slabs, small = _slabs(left, E, max_pieces - kept_hulls)
+        reached_m = max(pieces.error_m, E)
+        # Merging takes some 30 us for each triangle, so that of very many only the large ones are merged.
+        merged = longest > (0.0 if len(left) <= _MERGE_TRIANGLES else 4.0 * E)
+        last = step == _MAX_E_STEPS - 1
+        if not last and (merged.sum() > _MERGE_TRIANGLES or _expected_boxes(left[~merged], E) > 2.0 * budget):
+            continue
+        slabs, small = _slabs(left[merged], E, budget)
+        small = np.concatenate([small, left[~merged]])
         boxes = _grid_boxes(small, E / sqrt(3.0)) if len(small) else []
-        if kept_hulls + len(slabs) + len(boxes) <= max_pieces or step == _MAX_E_STEPS - 1:
+        if len(slabs) + len(boxes) <= budget:
             break
+    pieces.error_m = reached_m
     for slab in slabs:
         box = _as_box(slab)
         if box is not None:
@@ -190,11 +198,8 @@ def _outline(points: Float64, n: Float64) -> tuple[Float64, float]:
 
 def _slabs(corners: Float64, E: float, max_slabs: int) -> tuple[list[_Slab], Float64]:
     """Merge triangles into slabs; return the largest `max_slabs` and the triangles of all others."""
-    if len(corners) > _MERGE_TRIANGLES:
-        index, points = _welded(corners, E / 8.0)
-        corners = points[index]
-        edge = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-        corners = corners[edge > 1e-9]
+    if not len(corners):
+        return [], corners
     index, _ = _welded(corners, 1e-5)
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(cross, axis=1)
@@ -283,32 +288,30 @@ def _as_box(slab: _Slab) -> tuple[Float64, Float64, Float64] | None:
     return centre, np.array([0.5 * width, 0.5 * height, 0.5 * (front - back)]), np.stack([u, np.cross(n, u), n], axis=1)
 
 
+def _expected_boxes(corners: Float64, E: float) -> float:
+    """Return the area of triangles in cells of the grid of E, of which about three make a box."""
+    if not len(corners):
+        return 0.0
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(0.5 * np.linalg.norm(cross, axis=1).sum()) / (E * E / 3.0) / 3.0
+
+
 def _grid_boxes(corners: Float64, cell_m: float) -> list[tuple[Float64, Float64]]:
-    """Return boxes (centre, half edges) of grid cells that cover the triangles."""
+    """Return boxes (centre, half edges) of grid cells that cover the triangles: runs of cells, joined where alike."""
     cells = _cells(corners, cell_m)
-    left = set(map(tuple, cells.tolist()))
-    boxes = []
-    for cell in sorted(left):
-        if cell not in left:
-            continue
-        low, high = list(cell), list(cell)
-        for axis in range(3):
-            while True:
-                beyond = [range(low[k], high[k] + 1) for k in range(3)]
-                beyond[axis] = range(high[axis] + 1, high[axis] + 2)
-                layer = [(x, y, z) for x in beyond[0] for y in beyond[1] for z in beyond[2]]
-                if not all(item in left for item in layer):
-                    break
-                high[axis] += 1
-        left -= {
-            (x, y, z)
-            for x in range(low[0], high[0] + 1)
-            for y in range(low[1], high[1] + 1)
-            for z in range(low[2], high[2] + 1)
-        }
-        a, b = np.array(low) * cell_m, (np.array(high) + 1) * cell_m
-        boxes.append((0.5 * (a + b), 0.5 * (b - a)))
-    return boxes
+    low, high = cells, cells
+    for axis in range(3):
+        others = [k for k in range(3) if k != axis]
+        keys = np.column_stack([low[:, axis], *(low[:, k] for k in others), *(high[:, k] for k in others)])
+        order = np.lexsort(keys.T)
+        keys = keys[order]
+        begins = np.ones(len(keys), bool)
+        begins[1:] = (keys[1:, 1:] != keys[:-1, 1:]).any(axis=1) | (keys[1:, 0] != high[order][:-1, axis] + 1)
+        ends = np.append(begins[1:], True)
+        joined = high[order][ends].copy()
+        low, high = low[order][begins].copy(), joined
+    a, b = low * cell_m, (high + 1) * cell_m
+    return list(zip(0.5 * (a + b), 0.5 * (b - a), strict=True))
 
 
 def _cells(corners: Float64, cell_m: float) -> NDArray[np.int64]:
@@ -348,17 +351,18 @@ def _small(corners: Float64, edge_m: float) -> list[Float64]:
     return [group for group in done if len(group)]
 
 
-def _terrain(parts: list[Float64], error_m: float) -> tuple[HeightField | None, Float64]:
-    """Return a height field of the largest part that is one, and the other triangles."""
+def _terrain(parts: list[Float64], error_m: float) -> tuple[HeightField | None, Float64, float]:
+    """Return a height field of the largest part if it is one, the other triangles, and the error of the field."""
     parts = sorted(parts, key=len, reverse=True)
     ground = parts[0]
     everything = np.concatenate(parts)
     if len(ground) < _TERRAIN_TRIANGLES:
-        return None, everything
+        return None, everything, error_m
     cross = np.cross(ground[:, 1] - ground[:, 0], ground[:, 2] - ground[:, 0])
     n_z = cross[:, 2] / np.linalg.norm(cross, axis=1)
-    if float(np.abs(n_z).min()) < _STEEP or not (np.all(n_z > 0.0) or np.all(n_z < 0.0)):
-        return None, everything
+    steep = float(np.abs(n_z).min()) < _STEEP
+    if not (np.all(n_z > 1e-6) or np.all(n_z < -1e-6)):
+        return None, everything, error_m
     low, high = ground.reshape(-1, 3).min(axis=0), ground.reshape(-1, 3).max(axis=0)
     size = high - low
     cell = float(max(size[0], size[1])) / MAX_HFIELD
@@ -386,22 +390,29 @@ def _terrain(parts: list[Float64], error_m: float) -> tuple[HeightField | None, 
         times[block] += strictly
         height[block] = np.maximum(height[block], z)
     if times.max() > 1:
-        return None, everything  # it folds over itself
+        return None, everything, error_m  # it folds over itself
     known = np.isfinite(height)
     if not known.any():
-        return None, everything
+        return None, everything, error_m
     height[~known] = low[2] - 1.0
     # The field must follow the mesh between its own points as well.
     points = ground.reshape(-1, 3)
     at_x, at_y = (points[:, 0] - low[0]) / step_x, (points[:, 1] - low[1]) / step_y
+    if steep:  # no corner of a roof sticks out
+        nearest = (np.floor(at_y + 0.5).astype(int), np.floor(at_x + 0.5).astype(int))
+        np.maximum.at(height, nearest, points[:, 2])
+        known[nearest] = True
     j, i = np.clip(at_x.astype(int), 0, columns - 2), np.clip(at_y.astype(int), 0, rows - 2)
     u, v = at_x - j, at_y - i
     z = (height[i, j] * (1 - u) + height[i, j + 1] * u) * (1 - v) + (
         height[i + 1, j] * (1 - u) + height[i + 1, j + 1] * u
     ) * v
     whole = known[i, j] & known[i, j + 1] & known[i + 1, j] & known[i + 1, j + 1]
-    if np.abs(z - points[:, 2])[whole].max(initial=0.0) > error_m or (~known).mean() > 0.5:
-        return None, everything
+    if steep:  # the field is as high as every point within a cell, and as low beyond the next
+        error_m = max(error_m, 2.0 * cell)
+    bad = not steep and np.abs(z - points[:, 2])[whole].max(initial=0.0) > error_m
+    if bad or (~known).mean() > 0.5:
+        return None, everything, error_m
     field_ = HeightField(height, (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])), (0.5 * size[0], 0.5 * size[1]))
     others = np.concatenate(parts[1:]) if len(parts) > 1 else np.zeros((0, 3, 3))
-    return field_, others
+    return field_, others, error_m

@@ -29,8 +29,8 @@ from sim.scene.maps.scene_map import Surface
 
 Float64 = NDArray[np.float64]
 
-MAX_PIECES = 8_000  # solid pieces of a map
-_MAX_MESH_PIECES, _MIN_MESH_PIECES = 2_000, 12
+MAX_PIECES = 16_000  # solid pieces of a map
+_MAX_MESH_PIECES, _MIN_MESH_PIECES = 8_000, 12
 MAX_EXTENT_M = 50_000.0
 _MAX_COLOURS = 48  # of the vertices of one primitive
 _ROUND_ORIGIN_M = np.array([(x, y) for x in (-3.0, 0.0, 3.0) for y in (-3.0, 0.0, 3.0)])
