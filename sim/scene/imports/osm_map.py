@@ -428,9 +428,12 @@ class _District:
                 ]
                 continue
             found.append((area.key, area.tags, area.polygon))
-        found += [(d.key, {**d.tags}, d.polygon) for i, d in enumerate(details) if i in covered or not wholes]
+        found += [(d.key, d.tags, d.polygon) for i, d in enumerate(details) if i in covered or not wholes]
         made = []
         for key, tags, polygon in found:
+            if max(abs(polygon.centroid.x), abs(polygon.centroid.y)) > self._half_m:
+                self._notes["objects beyond map.radius_m are left out"] += 1
+                continue
             if not _simple(polygon):
                 self._notes["buildings are too small or too thin and are left out"] += 1
                 continue
@@ -462,6 +465,7 @@ class _District:
             for spot in self._shapes.spots
             if spot.tags.get("barrier") in ("gate", "entrance", "lift_gate", "swing_gate", "kissing_gate")
         }
+        box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
         for line in self._shapes.lines:
             known = osm_tags.BARRIERS.get(line.tags.get("barrier", ""))
             if known is None or _underground(line.tags):
@@ -473,6 +477,7 @@ class _District:
             openings = [gates[node] for node in line.nodes if node in gates]
             if openings:
                 path = path - union(openings)
+            path = shapely.intersection(path, box)
             x0, y0 = line.points[0]
             body = self._builder.body(self._class(line.tags, kind), (x0, y0, 0.0))
             base = self._builder.z(x0, y0)
@@ -503,6 +508,7 @@ class _District:
                 for k in range(max(2, ceil(path.length / _ROW_STEP_M))):
                     p = path.interpolate(min(k * _ROW_STEP_M, path.length))
                     places.append((p.x, p.y, _tree_size(line.tags, rng), line.tags))
+        box = shapely.box(-self._half_m, -self._half_m, self._half_m, self._half_m)
         clear = union(
             shapely.LineString(line.points).buffer(3.0)
             for line in self._shapes.lines
@@ -510,9 +516,11 @@ class _District:
         )
         for area in self._shapes.areas:
             if any(area.tags.get(key) == value for key, value in osm_tags.WOODS):
-                within = area.polygon - clear
+                within = area.polygon.intersection(box) - clear
+                if within.is_empty:
+                    continue
                 shapely.prepare(within)
-                x0, y0, x1, y1 = area.polygon.bounds
+                x0, y0, x1, y1 = within.bounds
                 wood = self.rng(f"wood.{area.key}")
                 for i in range(int((x1 - x0) / _WOOD_STEP_M) + 1):
                     for j in range(int((y1 - y0) / _WOOD_STEP_M) + 1):

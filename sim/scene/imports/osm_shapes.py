@@ -110,7 +110,9 @@ class _Assembler:
         points, nodes = self._points(way)
         if len(points) < 2:
             return
-        if not any(self._within(p) for p in points):
+        xs, ys = zip(*points, strict=True)
+        reach = self._reach_m
+        if max(xs) < -reach or min(xs) > reach or max(ys) < -reach or min(ys) > reach:
             self._shapes.notes["objects beyond map.radius_m are left out"] += 1
             return
         closed = len(way.nodes) > 2 and way.nodes[0] == way.nodes[-1] and len(points) > 3

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import random
+import re
 import struct
 from pathlib import Path
 
@@ -13,7 +16,7 @@ import pytest
 from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
 from sim.frame.meshes import mesh_triangles
-from sim.scene.imports import gltf_file, gltf_materials
+from sim.scene.imports import gltf_file, gltf_map, gltf_materials
 from sim.scene.scene import Scene, load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -290,3 +293,20 @@ def test_patterns_without_effect_are_reported(tmp_path: Path) -> None:
     assert "scene.yaml:7" in str(caught.value)
     assert "did you mean 'crate'?" in str(caught.value)
     assert "did you mean 'wood'?" in str(caught.value)
+
+
+def test_damaged_files_raise_nothing_but_named_errors(tmp_path: Path) -> None:
+    rng = random.Random(5)
+    for _ in range(300):
+        data = bytearray(GOOD)
+        if rng.random() < 0.7:
+            for _ in range(rng.choice((1, 3, 10))):
+                data[rng.randrange(len(data))] = rng.randrange(256)
+        else:
+            numbers = list(re.finditer(rb"\d+", bytes(data[20:1200])))
+            found = rng.choice(numbers)
+            value = rng.choice((b"-1", b"9e99", b'"x"', b"[]"))[: found.end() - found.start()]
+            data[20 + found.start() : 20 + found.end()] = value.rjust(found.end() - found.start())
+        (tmp_path / "place.glb").write_bytes(data)
+        with contextlib.suppress(ConfigError):
+            gltf_map.map_of_gltf(gltf_file.read_gltf(tmp_path / "place.glb"), gltf_map.GltfOptions())
