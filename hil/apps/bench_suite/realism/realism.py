@@ -337,20 +337,24 @@ def _check(result: RealismResult, seen: Sequence[Seen], detectors: Sequence[Dete
             value = mean(person, lambda t: t.recall, of_scene)
             limit = PEOPLE_BEFORE.get(scene, 0.0)
             result.checks.append(Check(f"people, {scene}: mean of the networks' recall", value, ">=", limit, "1"))
-    for detector in detectors:
-        count = sum(
-            tally(seen, detector, kind, lambda f: f.quality == main).false_per_frame for kind in (vehicle, person)
-        )
+    judged_frames = partial(_is_judged, quality=main)
+    for detector in detectors if set(MAIN) & set(aimed_at) else ():
+        count = sum(tally(seen, detector, kind, judged_frames).false_per_frame for kind in (vehicle, person))
         name = f"{detector.name}: false people and vehicles per frame"
         result.checks.append(Check(name, count, "<=", _MAX_FALSE, "boxes"))
 
 
+def _is_judged(frame: Frame, quality: str) -> bool:
+    """Return True for frames that the checks are about: those aimed at people and vehicles."""
+    return frame.kind.name in MAIN and frame.quality == quality
+
+
 def _is_of(seed: int | None, quality: str, frame: Frame) -> bool:
-    return frame.seed == seed and frame.quality == quality
+    return frame.seed == seed and _is_judged(frame, quality)
 
 
 def _is_in(scene: str, quality: str, frame: Frame) -> bool:
-    return frame.scene == scene and frame.quality == quality
+    return frame.scene == scene and _is_judged(frame, quality)
 
 
 def _size_text(bucket: tuple[float, float]) -> str:
