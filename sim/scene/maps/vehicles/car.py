@@ -105,9 +105,9 @@ def _add_face(parts: Parts, body: LowerBody) -> None:
         z = mix(low, high, share)
         _mirrored(parts["rim"], skin_patch(body, stations[:3], [z - 0.008] * 3, [z + 0.008] * 3, 0.016))
     # Intake below the bumper.
-    z0, z1 = s.clearance_m + 0.04, s.clearance_m + 0.17
+    z0, z1 = s.clearance_m + 0.07, s.clearance_m + 0.18
     wide = [body.front_at_y(y) for y in (0.0, 0.25, 0.5, 0.62)]
-    _mirrored(parts["trim"], skin_patch(body, wide, [z0] * 4, [z1, z1, z1, z1 - 0.04], 0.02, 4))
+    _mirrored(parts["trim"], skin_patch(body, wide, [z0] * 4, [z1, z1, z1, z1 - 0.03], 0.03, 4))
     lower, upper, inner = s.lamp_front
     begin = body.front_at_y(inner)
     end = body.at_x(0.5 * s.length_m - 0.05 - 0.72 * s.corner_front[0])
@@ -133,11 +133,11 @@ def _add_rear(parts: Parts, body: LowerBody) -> None:
     lower, upper, inner = s.lamp_rear
     begin = body.at_x(-0.5 * s.length_m + 0.05 + (0.45 if s.tall_lamps else 0.6) * s.corner_rear[0])
     end = body.rear_at_y(inner)
-    columns = [mix(begin, end, k / 4) for k in range(5)]
-    _mirrored(
-        parts["tail_lamp"],
-        skin_patch(body, columns, [lower + 0.03, lower, lower, lower, lower + 0.02], [upper] * 5, 0.010, 3),
-    )
+    # Each lamp in a dark frame, so that red lamps show on red paint.
+    for name, out, rim in (("trim", 0.006, 0.014), ("tail_lamp", 0.012, 0.0)):
+        columns = [mix(begin, end, (k / 4 - 0.5) * (1.0 + 4.0 * rim) + 0.5) for k in range(5)]
+        lows = [lower + 0.03 - rim, *([lower - rim] * 3), lower + 0.02 - rim]
+        _mirrored(parts[name], skin_patch(body, columns, lows, [upper + rim] * 5, out, 3))
     white = [mix(begin, end, t) for t in (0.55, 0.85)]
     _mirrored(parts["head_lamp"], skin_patch(body, white, [lower + 0.02] * 2, [lower + 0.055] * 2, 0.016))
     z0, z1 = s.clearance_m + 0.01, s.clearance_m + 0.13

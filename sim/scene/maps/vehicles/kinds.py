@@ -52,7 +52,11 @@ def _car_models(kind: str) -> list[Model]:
 # Shares of the kinds among parked cars.
 STREET_MIX = ("sedan", "sedan", "hatchback", "hatchback", "hatchback", "estate", "estate", "suv", "suv", "van")
 MILITARY_MIX = ("suv", "suv", "suv", "estate", "sedan", "van")
-_FLEET_PAINTS = {"bus": ("white", "red", "yellow", "blue"), "lorry": ("white", "red", "blue", "green", "orange")}
+_FLEET_PAINTS = {
+    "bus": ("white", "red", "yellow", "blue"),
+    "lorry": ("white", "red", "blue", "green", "orange"),
+    "van": ("white", "white", "white", "silver", "grey", "blue", "red"),
+}
 
 MODELS: dict[str, list[Model]] = {kind: _car_models(kind) for kind in SHAPES}
 MODELS["bus"] = [Model("bus", "bus", "vehicle", bus_parts, bus_proxies)]
