@@ -35,11 +35,11 @@ _OFFICE_KINDS = frozenset(["office", "commercial", "civic", "public", "hospital"
 _SHOP_KINDS = frozenset(["retail", "commercial"])
 _OPEN_KINDS = frozenset(["roof", "carport"])  # a roof on posts
 _EAVES_M = 0.35
-_TILE_M = 4.8  # of roof tiles
+_TILE_M, _FELT_M = 4.8, 6.0  # edge of the texture of roof tiles, and of flat roofs
 _WALL_SURFACES: dict[str, Surface] = {"brick": surfaces.BRICK, "dark_brick": surfaces.BRICK, "metal": surfaces.METAL}
 _ROOF_RGB = {
-    "tiles": (1.0, 1.0, 1.0), "tiles_dark": (0.62, 0.60, 0.60), "slate": (0.55, 0.62, 0.72), "felt": (0.38, 0.38, 0.39),
-    "gravel": (0.62, 0.61, 0.58), "metal": (0.60, 0.63, 0.65),
+    "tiles": (1.0, 1.0, 1.0), "tiles_dark": (0.82, 0.78, 0.76), "slate": (0.72, 0.86, 1.0), "felt": (1.0, 1.0, 1.0),
+    "gravel": (0.9, 0.9, 0.9), "metal": (0.60, 0.63, 0.65),
 }  # fmt: skip
 
 
@@ -168,6 +168,7 @@ class BuildingMaker:
     def _roof(self, body: Body, polygon: Any, roof: Roof, footprint: Footprint, rng: RandomGenerator) -> None:
         faces = _Faces()
         kind = self._roof_kind(footprint, rng)
+        tile_m = _FELT_M if kind in ("felt", "gravel") else _TILE_M
         n = len(roof.planes)
         for i, plane in enumerate(roof.planes):
             region = polygon if n == 1 else polygon.intersection(_region(roof, i, polygon))
@@ -178,7 +179,7 @@ class BuildingMaker:
             for part in parts(region):
                 corners = triangles(part)
                 z = corners @ plane[:2] + plane[2]
-                uv = np.stack([corners @ along, -(corners @ down) * stretch], axis=-1) / _TILE_M
+                uv = np.stack([corners @ along, -(corners @ down) * stretch], axis=-1) / tile_m
                 faces.add(np.concatenate([corners, z[:, :, None]], axis=2), uv)
         if not faces.triangles:
             return
@@ -199,7 +200,9 @@ class BuildingMaker:
 
     def _roof_material(self, kind: str, rgb: tuple[float, float, float] | None) -> str:
         b = self._builder
-        texture = {"tiles": "roof_tiles", "tiles_dark": "roof_tiles", "slate": "roof_tiles"}.get(kind, "gravel")
+        texture = {"tiles": "roof_tiles", "tiles_dark": "roof_tiles", "slate": "roof_tiles", "felt": "roof_felt"}.get(
+            kind, "gravel"
+        )
         b.texture(texture, textures.png(texture))
         colour = _ROOF_RGB[kind] if rgb is None else rgb
         if rgb is not None and texture == "roof_tiles":  # the texture is red already

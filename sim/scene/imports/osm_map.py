@@ -43,8 +43,8 @@ _TILES_M = {
     "paving": 4.8,
     "gravel": 4.0,
     "soil": 16.0,
-    "sand": 6.0,
-    "water": 8.0,
+    "sand": 16.0,
+    "water": 5.0,
     "wood": 0.6,
 }
 _FREE_M = 6.0  # radius of the free ground where the vehicle takes off
