@@ -147,6 +147,11 @@ def is_map_file(path: Path) -> bool:
     return path.name.lower().endswith(tuple(_MAP_SUFFIXES))
 
 
+def has_own_site(path: Path) -> bool:
+    """Return True for a map's file that states its place on Earth: an OpenStreetMap extract."""
+    return any(path.name.lower().endswith(end) and kind == "osm" for end, kind in _MAP_SUFFIXES.items())
+
+
 _MAP_SUFFIXES = {
     ".xml": "mjcf", ".mjcf": "mjcf", ".glb": "gltf", ".gltf": "gltf", ".osm": "osm", ".osm.xml": "osm", ".pbf": "osm",
 }  # fmt: skip

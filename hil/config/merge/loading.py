@@ -41,7 +41,7 @@ from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import in_weather, randomized
-from sim.scene.scene import Scene
+from sim.scene.scene import Scene, has_own_site
 from sim.sensors.catalog import KINDS
 
 
@@ -88,6 +88,9 @@ class BenchLoading:
             self.settings.merge(layer)
         for key, value in options.items():
             self.settings.set((key,), value, f"--{key}")
+        if "mission" not in options and has_own_site(Path(str(options.get("scene", "")))):
+            # The bench file's mission is at another place on Earth. A --set mission=... still counts: it comes last.
+            self.settings.set(("mission",), None, "--scene")
         self.problems += merge_options(self.settings, settings)
 
     def _take_complete(self, bench: Document) -> bool:

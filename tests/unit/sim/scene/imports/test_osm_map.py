@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from hil.apps.fly.choice import BenchChoice
 from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
 from sim.scene.imports import osm_file, osm_tags, shapes
@@ -263,3 +264,9 @@ def test_lengths(text: str, value: float | None) -> None:
 def test_without_shapely_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shapes, "shapely", None)
     assert 'pip install "hil-bench[scenes]"' in problems_of(tmp_path, quarter_osm(2, 2))
+
+
+def test_a_mission_elsewhere_on_earth_does_not_count(tmp_path: Path) -> None:
+    (tmp_path / "place.osm").write_text(quarter_osm(2, 2))
+    choice = BenchChoice(Path(__file__).parents[5] / "hil.yaml", scene=str(tmp_path / "place.osm"))
+    assert choice.load().mission is None
