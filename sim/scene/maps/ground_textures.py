@@ -70,7 +70,7 @@ def _asphalt() -> Image:
     image = _asphalt_grain("asphalt", size, 3)
     image *= 1.0 - 0.16 * step(0.55, 0.75, clouds("asphalt.dirt", 5, 5, size))
     image *= 1.0 - 0.4 * cracks("asphalt.crack", 5, size, 0.006) * step(0.5, 0.65, clouds("asphalt.where", 3, 3, size))
-    oil = step(0.86, 1.0, clouds("asphalt.oil", 10, 10, size))
+    oil = step(0.9, 1.0, clouds("asphalt.oil", 14, 14, size))
     return over(image, (0.15, 0.15, 0.15), 0.5 * oil)
 
 

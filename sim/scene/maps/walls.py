@@ -136,7 +136,7 @@ def add_wall(
     if looks.spalls:
         for _ in range(int(length_m / 3.5)):
             _spall(looks, face, length_m, height_m, holes, openings, outward * (half + 0.004))
-    for _ in range(int(length_m / 2.0)):
+    for _ in range(int(length_m / 4.0)):
         _chip(looks, at, looks.rng.between(0.3, length_m - 0.3), outward * (half + looks.rng.between(0.08, 0.4)))
 
 
@@ -166,7 +166,7 @@ def _trim(looks: Looks, face: Face, front: Front, x: Vec2, z: Vec2, half: float,
         top = low + 0.005
         corners = [(a - 0.06, top, out), (b + 0.06, top, out), (b + 0.06, top, edge), (a - 0.06, top, edge)]
         face(looks.slab, corners, _UNIT)
-    if looks.rng.chance(0.55):
+    if looks.rng.chance(0.4):
         w, across = 0.06, 0.3 * out
         front(looks.frame, (a, a + w), (low, high), across, 0.8)
         front(looks.frame, (b - w, b), (low, high), across, 0.8)
