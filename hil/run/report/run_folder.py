@@ -19,6 +19,7 @@ from signals.errors import ConfigError, RecordingError
 _SUFFIXES = (
     *(".csv", ".html", ".json", ".jsonl", ".log", ".mcap", ".parm", ".part", ".plan", ".png", ".tlog", ".txt"),
     *(".waypoints", ".yaml", ".yml", ".xml", ".obj", ".stl", ".msh", ".bin", ".hdr", ".skn"),
+    *(".glb", ".osm", ".pbf", ".tif"),
 )
 _FOLDERS = frozenset({"autopilot", "calibration", "scene_map"})
 _RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one of a run
