@@ -6,6 +6,8 @@
 
 namespace hil::sim::frame::HIL_ISA {
 
+constexpr std::int32_t kLaneBit[16] = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
+
 // Mask of the lanes `wanted` whose point of a triangle is opaque. `uv`: of the triangle's corners. `a`, `b`, `c`:
 // barycentric coordinates of the corners up to a common factor.
 HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F &b, const F &c, const I &wanted) {
@@ -19,9 +21,15 @@ HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F 
     const I column = truncate(within_tile(0) * (float)mask.width) & (std::int32_t)(mask.width - 1);
     const I row = (std::int32_t)(mask.height - 1) - (truncate(within_tile(1) * (float)mask.height) & (std::int32_t)(mask.height - 1));
     const I texel = row * (std::int32_t)mask.width + column;
-    const I word = gather(mask.opaque.data(), shift_right(texel, 5));
-    // Shift the texel's bit to the sign.
-    return wanted & (shift_left(word, (std::int32_t)31 - (texel & (std::int32_t)31)) < splat<I>(0));
+    // Lane by lane: few are wanted, and a gather costs as much as all.
+    std::int32_t at[16];
+    store(at, texel);
+    std::uint32_t hit = 0;
+    for (unsigned lanes = bits(wanted); lanes != 0; lanes &= lanes - 1) {
+        const int lane = __builtin_ctz(lanes);
+        hit |= ((std::uint32_t)mask.opaque.data()[at[lane] >> 5] >> (at[lane] & 31) & 1u) << lane;
+    }
+    return (splat<I>((std::int32_t)hit) & load<I>(kLaneBit)) != splat<I>(0);
 }
 
 // The same for one point, in double, as in docs/lidar.md: the ray caster decides by the same texel as the raster.

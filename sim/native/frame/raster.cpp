@@ -79,7 +79,12 @@ public:
             heap_.pop_back();
             if (options_.occlusion_culling && hidden({0, buffer_.blocks_x, row0_, row1_}, nearest)) break;
             if (item < 0) {
-                draw_geom(~item);
+                // Leaves are drawn last: most of those that are hidden are then behind something without holes.
+                if (geometry_.geoms()[static_cast<std::size_t>(~item)].mask >= 0) {
+                    masked_.push_back(~item);
+                } else {
+                    draw_geom(~item);
+                }
                 continue;
             }
             const BvhNode &node = geometry_.tree().nodes[static_cast<std::size_t>(item)];
@@ -93,6 +98,7 @@ public:
                 }
             }
         }
+        for (const auto geom : masked_) draw_geom(geom);
     }
 
 private:
@@ -314,6 +320,7 @@ private:
     std::vector<std::int32_t> &drawn_of_geom_;
     std::vector<std::pair<float, std::int32_t>> &heap_;
     std::vector<std::int32_t> &packets_;
+    std::vector<std::int32_t> masked_;  // geoms with holes, nearest first
     RasterCounts &counts_;
 };
 

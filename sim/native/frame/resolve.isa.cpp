@@ -189,8 +189,10 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
     const F zero = splat<F>(0);
     F sun = normal.x * job.sun_C[0] + normal.y * job.sun_C[1] + normal.z * job.sun_C[2];
     const F up = normal.x * job.up_C[0] + normal.y * job.up_C[1] + normal.z * job.up_C[2];
-    // Shading by the flat normal: an interpolated one may face the sun although the surface does not.
-    const I faces = s.mask & (s.normal.x * job.sun_C[0] + s.normal.y * job.sun_C[1] + s.normal.z * job.sun_C[2] > zero);
+    // Shading by the flat normal: an interpolated one may face the sun although the surface does not. Leaves let the
+    // light through to their other side.
+    const Vec<F> &flat = g.mask == nullptr ? s.normal : normal;
+    const I faces = s.mask & (flat.x * job.sun_C[0] + flat.y * job.sun_C[1] + flat.z * job.sun_C[2] > zero);
     sun = select(faces, max(sun, zero), zero);
     if (job.shadows > 0 && any(faces)) sun = sun * sunlight(job, g, s, triangles, faces);
     const F above = up * 0.5f + 0.5f;
@@ -355,7 +357,9 @@ void resolve(const ResolveJob &job) {
                 }
                 if (!out.rgb) continue;
                 Vec<F> shading = s.normal;
-                if (wanted & kSmooth) shading = facing(into_camera(on_mesh.smooth, false), away);
+                // The normals of leaf cards are those of the crown, seen from either side.
+                if (wanted & kSmooth) shading = into_camera(on_mesh.smooth, false);
+                if (wanted & kSmooth && g.mask == nullptr) shading = facing(shading, away);
                 const Rgb c = shade(job, g, s, b.triangle.data() + 16 * block, shading, wanted & kTextured ? &on_mesh.texture : nullptr,
                                     [&](const Vec<F> &q) { return into_camera(q, true); });
                 colour = {select(s.mask, c.r, colour.r), select(s.mask, c.g, colour.g), select(s.mask, c.b, colour.b)};

@@ -30,12 +30,13 @@ from sim.scene.maps.ground_details import (
 )
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
-from sim.scene.maps.meshes import box_with_tiles, ellipse, ribbon, slab
+from sim.scene.maps.meshes import ellipse, ribbon, slab
 from sim.scene.maps.objects.animals import add_bird, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
-from sim.scene.maps.plants import add_bush, add_tree, plant_materials
+from sim.scene.maps.plants import add_bush, add_hedge, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
+from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import (
     SEAT_M,
     add_bench,
@@ -73,6 +74,7 @@ class CityParkParameters(StrictModel):
     resting_people: Annotated[int, Field(ge=0, le=20)] = 3
     cars: Annotated[int, Field(ge=0, le=40)] = 3
     hill_m: Annotated[float, Field(ge=0.0, le=8.0)] = 3.5
+    season: Season = "summer"
 
 
 class _Park:
@@ -90,7 +92,7 @@ class _Park:
 
     def materials(self) -> None:
         b = self.builder
-        plant_materials(b)
+        plant_materials(b, self.parameters.season)
         furniture_materials(b)
         building_materials(b)
         ground_materials(b)
@@ -227,15 +229,12 @@ class _Park:
     def hedges(self) -> None:
         b = self.builder
         half = (_HALF_M - 3.5) / 2
-        mesh = b.mesh("hedge", box_with_tiles((half, 0.35, 0.5), (1.6, 1.6)))
         for quarter in range(4):
             c, n = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarter]
             for side in (-1.0, 1.0):
                 along = side * (3.0 + half)
                 x, y = 45.4 * c - along * n, 45.4 * n + along * c
-                heading = _QUARTER_TURN_RAD * (quarter + 1)
-                body = b.body("hedge", (x, y, 0.0), yaw_quat(heading))
-                body.geom("mesh", asset=mesh, material="crown_oak", pos=(0.0, 0.0, 0.5))
+                add_hedge(b, x, y, _QUARTER_TURN_RAD * (quarter + 1), (half, 0.35, 0.5))
 
     def quarters(self) -> None:
         rng = self.rng("quarters")

@@ -25,6 +25,7 @@ from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
+from sim.scene.maps.season import Season
 
 # Size of the scene [m] by which MuJoCo scales lights and clip planes: near at 0.05 m, far at 1200 m.
 _EXTENT_M = 50.0
@@ -89,10 +90,19 @@ class Body:
         self._add(kind, tuple(size), material, part, extra, solid=solid)
 
     def rod(
-        self, radius_m: float, ends_m: tuple[float, ...], *, material: str, solid: bool = True, part: str = ""
+        self,
+        radius_m: float,
+        ends_m: tuple[float, ...],
+        *,
+        material: str,
+        solid: bool = True,
+        drawn: bool = True,
+        part: str = "",
     ) -> None:
         """Add a capsule between two points; `ends_m`: x, y, z of both."""
-        self._add("capsule", (radius_m,), material, part, {"fromto": numbers(ends_m)}, solid=solid)
+        extra: dict[str, str] = {} if drawn else {"group": "3"}
+        extra["fromto"] = numbers(ends_m)
+        self._add("capsule", (radius_m,), material, part, extra, solid=solid)
 
     def _add(
         self, kind: str, size: tuple[float, ...], material: str, part: str, extra: dict[str, str], *, solid: bool
@@ -148,6 +158,7 @@ class MapBuilder:
         self._actors: list[Actor] = []
         self._corners: list[CornerReflector] = []
         self._numbers: dict[str, int] = {}
+        self.season: Season = "summer"  # of plants
 
     def _own(self, name: str) -> str:
         """Return the name of an asset with this builder's prefix."""

@@ -26,8 +26,18 @@ def _sheet_metal() -> Image:
 
 
 def _bark() -> Image:
-    t = 0.5 * clouds("bark", 24, 4) + 0.25 * clouds("bark", 48, 12) + 0.25 * grain("bark")
-    return mix((0.20, 0.14, 0.10), (0.49, 0.39, 0.30), t)
+    t = 0.55 * clouds("bark", 22, 4) + 0.25 * clouds("bark", 48, 12) + 0.2 * grain("bark")
+    return mix((0.17, 0.14, 0.11), (0.62, 0.55, 0.47), 1.5 * t - 0.25)
+
+
+def _birch_bark() -> Image:
+    """Return white bark with dark bands across, blackish fissures, and a warm tint."""
+    bands = clouds("birch.bands", 5, 44)
+    t = 0.5 * clouds("birch", 8, 6) + 0.5 * grain("birch")
+    image = mix((0.62, 0.58, 0.53), (0.86, 0.84, 0.80), 0.3 + 0.7 * t)
+    image[(bands > 0.70) & (clouds("birch.gaps", 9, 40) > 0.45)] *= 0.42
+    image[clouds("birch.fissures", 5, 9) > 0.82] = (0.15, 0.13, 0.12)
+    return image
 
 
 def _leaves() -> Image:
@@ -65,6 +75,7 @@ _MAKERS: dict[str, Callable[[], Image]] = {
     **facade_textures.MAKERS,
     "sheet_metal": _sheet_metal,
     "bark": _bark,
+    "birch_bark": _birch_bark,
     "leaves": _leaves,
     "wood": _wood,
     "water": _water,

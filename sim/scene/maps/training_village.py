@@ -28,6 +28,7 @@ from sim.scene.maps.objects.street_signs import add_stop_sign
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
+from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import furniture_materials
 from sim.scene.maps.vehicles.kinds import MILITARY_MIX, add_vehicle
 from sim.scene.maps.walk_path import there_and_back
@@ -52,6 +53,7 @@ class TrainingVillageParameters(StrictModel):
     walkers: Annotated[int, Field(ge=0, le=40)] = 6
     standing_people: Annotated[int, Field(ge=0, le=40)] = 4
     outer_trees: Annotated[int, Field(ge=0, le=200)] = 24
+    season: Season = "summer"
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class _Village:
     def materials(self) -> None:
         b = self.builder
         military.military_materials(b)
-        plant_materials(b)
+        plant_materials(b, self.parameters.season)
         furniture_materials(b)
         for name in ("earth", "gravel"):
             b.texture(name, textures.png(name))

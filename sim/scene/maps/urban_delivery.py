@@ -29,6 +29,7 @@ from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
+from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.maps.vehicles.traffic import add_driven_car
@@ -57,6 +58,7 @@ class UrbanDeliveryParameters(StrictModel):
     children: Annotated[int, Field(ge=0, le=20)] = 0
     wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
     standing_people: Annotated[int, Field(ge=0, le=40)] = 3
+    season: Season = "summer"
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class _Suburb:
 
     def materials(self) -> None:
         b = self.builder
-        plant_materials(b)
+        plant_materials(b, self.parameters.season)
         furniture_materials(b)
         building_materials(b)
         ground_materials(b)
