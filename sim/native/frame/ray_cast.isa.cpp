@@ -101,10 +101,11 @@ HIL_INLINE bool meet_block(const TriangleBlock &block, const Holes &holes, doubl
     }
     const Vec<D> d{splat<D>(rays.d[0][lane]), splat<D>(rays.d[1][lane]), splat<D>(rays.d[2][lane])};
     D t = ray_triangle(v[0], v[1], v[2], d, splat<D>(t_min));
-    if (!any(t <= splat<D>(rays.t[lane]))) return false;
+    const auto nearer = t <= splat<D>(rays.t[lane]);
+    if (!any(nearer)) return false;
     if (holes.mask != nullptr) {
         // Lanes beyond the last triangle repeat it, so that they read no texture coordinates behind the end.
-        t = select(splat<D>(block.count) > load<D>(kLaneNumber), t, splat<D>(kInf));
+        t = select(nearer & (splat<D>(block.count) > load<D>(kLaneNumber)), t, splat<D>(kInf));
         remove_holes(holes, v, d, block.first, 1, t);
     }
     const double nearest = smallest(t);
@@ -131,7 +132,12 @@ HIL_INLINE bool meet_triangles(const TriangleBlock &block, const Holes &holes, d
                     (double)block.corner[c][2][i] - o.z};
         }
         D t = ray_triangle(v[0], v[1], v[2], d, t_min);
-        if (holes.mask != nullptr && any(t <= p.t)) remove_holes(holes, v, d, block.first + i, 0, t);
+        if (holes.mask != nullptr) {
+            const auto nearer = t <= p.t;
+            if (!any(nearer)) continue;
+            t = select(nearer, t, splat<D>(kInf));
+            remove_holes(holes, v, d, block.first + i, 0, t);
+        }
         met |= take(p, t, index, (double)(block.first + i));
     }
     return met;

@@ -24,23 +24,30 @@ _STEP = 0.17
 
 @dataclass(frozen=True)
 class Form:
-    """Shape of a bough. `root`: where its branches start."""
+    """Shape of a bough. `root`: where its branches start; `others`: middles of the boughs beside it."""
 
     axes: Vec3
     root: Vec3
-    cards: int
+    cards: int  # of the whole ellipsoid; those within another bough are left out
     card: float  # length of a card
     core: float  # size of the inner body
     lowest: float = -1.0  # directions below this height have no cards
-    inmost: float = -1.0  # nor have directions of lesser x (towards the trunk)
+    others: tuple[Vec3, ...] = ()
 
 
+_LOBE, _LOBE_ROOT = (1.0, 0.925, 0.79), (-0.5, 0.0, -0.85)
+_TALL, _TALL_ROOT = (1.0, 0.925, 1.25), (-0.25, 0.0, -1.2)
+# The lobes of a crown are a third of a turn apart, each higher than the last; x points away from the trunk.
 FORMS = {
-    "whole": Form((1.0, 1.0, 0.85), (0.0, 0.0, -0.95), 72, 0.54, 0.74),
-    "lobe": Form((1.0, 0.925, 0.79), (-0.5, 0.0, -0.85), 48, 0.63, 0.72, inmost=-0.66),
-    "tall": Form((1.0, 0.925, 1.25), (-0.25, 0.0, -1.2), 52, 0.66, 0.62),
-    "bush": Form((1.0, 0.85, 0.8), (0.0, 0.0, -0.65), 36, 0.62, 0.72, lowest=-0.4),
+    "whole": Form((1.0, 1.0, 0.85), (0.0, 0.0, -0.95), 64, 0.56, 0.74),
+    "lobe_0": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.72, others=((-0.76, 0.44, 0.46), (-0.76, -0.44, 0.92))),
+    "lobe_1": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.72, others=((-0.76, 0.44, 0.46), (-0.76, -0.44, -0.46))),
+    "lobe_2": Form(_LOBE, _LOBE_ROOT, 50, 0.62, 0.72, others=((-0.76, 0.44, -0.92), (-0.76, -0.44, -0.46))),
+    "tall_0": Form(_TALL, _TALL_ROOT, 50, 0.65, 0.62, others=((-0.42, 0.0, 0.61),)),
+    "tall_1": Form(_TALL, _TALL_ROOT, 50, 0.65, 0.62, others=((-0.42, 0.0, -0.61),)),
+    "bush": Form((1.0, 0.85, 0.8), (0.0, 0.0, -0.65), 34, 0.62, 0.72, lowest=-0.4),
 }
+_INSIDE = 0.84  # size of the part of another bough that hides cards
 
 
 def fan(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, number: int, normals: Sequence[Vec3]) -> None:
@@ -90,6 +97,15 @@ def sphere_points(count: int, start: float) -> list[Vec3]:
     return points
 
 
+def _hidden(form: Form, n: Vec3) -> bool:
+    """Return True if the surface in direction n lies within another bough."""
+    for other in form.others:
+        u, v, w = ((n[i] * form.axes[i] - other[i]) / form.axes[i] for i in range(3))
+        if u * u + v * v + w * w < _INSIDE * _INSIDE:
+            return True
+    return False
+
+
 def _random_direction(rng: RandomGenerator) -> Vec3:
     return unit((rng.between(-1.0, 1.0), rng.between(-1.0, 1.0), rng.between(-1.0, 1.0)))
 
@@ -108,13 +124,11 @@ def bough(form_name: str, variant: int, droop: float) -> tuple[Mesh, Skeleton]:
     form = FORMS[form_name]
     a, b, c = form.axes
     rng = RandomGenerator(variant, f"bough.{form_name}.{droop}")
-    directions = [
-        n for n in sphere_points(form.cards, rng.unit()) if n[2] > form.lowest and n[0] > form.inmost
-    ]
+    directions = [n for n in sphere_points(form.cards, rng.unit()) if n[2] > form.lowest and not _hidden(form, n)]
     # Some cards reach out, others stay behind, so that the outline is uneven.
     targets = []
     for x, y, z in directions:
-        r = rng.between(0.76, 0.96)
+        r = rng.between(0.71, 0.90)
         targets.append((r * a * x, r * b * y, r * c * z))
     skeleton = grow(form.root, targets, step=_STEP, tip_radius=0.0055, droop=droop)
     cards = Mesh.empty()

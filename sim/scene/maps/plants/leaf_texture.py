@@ -21,7 +21,7 @@ from signals._kernel import det_atan2, det_cos, det_sin
 from signals.units import TURN_RAD
 from sim.scene.maps.plants.species import SPECIES, Leaves, LeafShape, Species
 from sim.scene.maps.season import Season
-from sim.scene.maps.textures import Rgb
+from sim.scene.maps.texture_tools import Rgb
 from sim.scene.random_generator import RandomGenerator
 
 TILE_PX = 256
@@ -356,6 +356,9 @@ def _drawn(name: str, season: Season) -> NDArray[np.uint8]:
     part = image[::-1]
     part[:, :, :3] = np.clip(tile.rgb * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
     part[:, :, 3] = np.where(tile.opaque, 255, 0)
+    # Renderers that do not know holes show the mean colour of the leaves there.
+    leaf = part[tile.opaque]
+    part[~tile.opaque, :3] = leaf[:, :3].sum(axis=0, dtype=np.int64) // len(leaf)
     return image
 
 

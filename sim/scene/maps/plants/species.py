@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sim.scene.maps.season import Season
-from sim.scene.maps.textures import Rgb
+from sim.scene.maps.texture_tools import Rgb
 
 LeafShape = Literal["heart", "lobed", "ovate", "palmate", "oval", "needle", "tuft"]
 

@@ -19,7 +19,7 @@ from sim.scene.maps.plants.species import SPECIES
 from sim.scene.random_generator import RandomGenerator
 
 _CROWN_SHAPES = 4
-_VARIANTS = 3
+_VARIANTS = 2
 _STEP_M = 0.2  # of a bough's size
 _TWIG = 0.007  # least radius of a bare tree's branches, in the size of a bough
 
@@ -63,7 +63,7 @@ def add_tree(builder: MapBuilder, rng: RandomGenerator, x: float, y: float, *, s
             _solid(body, "ellipsoid", half, pos=pos, quat=turn, part=f"crown_solid_{i}")
             limbs.append(((0.0, 0.0, rise - 0.85 * wide), pos))
             variant = (i + int(64.0 * kind)) % _VARIANTS
-            _add_bough(builder, body, leaf, "lobe" if lobes == 3 else "tall", (variant, wide, angle), pos, i)
+            _add_bough(builder, body, leaf, f"{'lobe' if lobes == 3 else 'tall'}_{i}", (variant, wide, angle), pos, i)
         top = trunk + crown * (0.75 if lobes == 3 else 0.5)
     wood = _trunk(radius, (tip[0], tip[1], top), thin=0.3)
     if SPECIES[leaf].leaves(builder.season) is not None:
