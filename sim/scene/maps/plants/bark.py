@@ -33,7 +33,11 @@ def tube(mesh: Mesh, points: Sequence[Vec3], radii: Sequence[float], sides: int,
             angle = TURN_RAD * (j % sides) / sides
             c, s = wide * det_cos(angle), wide * det_sin(angle)
             mesh.vertices.append(
-                (p[0] + c * side[0] + s * across[0], p[1] + c * side[1] + s * across[1], p[2] + c * side[2] + s * across[2])
+                (
+                    p[0] + c * side[0] + s * across[0],
+                    p[1] + c * side[1] + s * across[1],
+                    p[2] + c * side[2] + s * across[2],
+                )
             )
             mesh.uvs.append((2.0 * j / sides, length / _TILE_M))
     rings = len(points)

@@ -53,8 +53,8 @@ _INSIDE = 0.84  # size of the part of another bough that hides cards
 def fan(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, number: int, normals: Sequence[Vec3]) -> None:
     """Add a triangle of leaves: it grows from `base` along d, its upper side faces `facing`.
 
-    `size`: length and width. `number`: which fan of the texture. `normals` of base, right and left end. A negative width
-    mirrors it.
+    `size`: length and width; a negative width mirrors it. `number`: which fan of the texture. `normals` of base, right
+    and left end.
     """
     long, wide = size
     right = unit(cross(d, facing))
@@ -68,9 +68,7 @@ def fan(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, number: int, 
     mesh.triangles.append((first, first + 1, first + 2))
 
 
-def kite(
-    mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, normals: Sequence[Vec3], *, fold: float
-) -> None:
+def kite(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, normals: Sequence[Vec3], *, fold: float) -> None:
     """Add a square of leaves that is folded along its twig, the same way. `normals` of base, right, tip and left."""
     long, wide = size
     right = unit(cross(d, facing))

@@ -43,7 +43,15 @@ def fir(variant: int) -> Conifer:
     for k in range(2):
         facing = (1.0, 0.0, 0.0) if k == 0 else (0.0, 1.0, 0.0)
         base = (0.0, 0.0, 0.86)
-        kite(mesh, base, (0.0, 0.0, 1.0), facing, (0.16, 0.07), _round_axis(base, (0.0, 0.0, 1.0), 0.16, rise=0.5), fold=0.0)
+        kite(
+            mesh,
+            base,
+            (0.0, 0.0, 1.0),
+            facing,
+            (0.16, 0.07),
+            _round_axis(base, (0.0, 0.0, 1.0), 0.16, rise=0.5),
+            fold=0.0,
+        )
     profile = [(0.03, 0.03), (0.46 * _RADIUS, 0.06), (0.28 * _RADIUS, 0.45), (0.03 * _RADIUS, 0.93)]
     lumps = [[rng.between(0.85, 1.15) for _ in range(8)] for _ in profile]
     return mesh, revolve(profile, 8, wobble=lambda ring, side: lumps[ring][side]), None
@@ -71,7 +79,10 @@ def pine(variant: int) -> Conifer:
             tube(wood, [base, elbow, along(elbow, bent, 0.35 * length)], [0.007, 0.005, 0.002], 3)
             side = unit((-out[1], out[0], 0.0))
             wide = 0.95 * length * (1.0 if rng.chance(0.5) else -1.0)
-            for facing, size in (((0.0, 0.0, 1.0), (0.95 * length, wide)), (weighted((1.0, side), (0.3, out)), (0.85 * length, 0.7 * wide))):
+            for facing, size in (
+                ((0.0, 0.0, 1.0), (0.95 * length, wide)),
+                (weighted((1.0, side), (0.3, out)), (0.85 * length, 0.7 * wide)),
+            ):
                 foot = along(base, d, 0.16 * length)
                 lift = weighted((0.75, d), (0.4, bent))
                 normals = _round_axis(foot, lift, size[0], rise=0.5)

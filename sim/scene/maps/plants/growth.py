@@ -1,8 +1,9 @@
-"""Branch skeletons by space colonisation (Runions, Lane & Prusinkiewicz, Eurographics Workshop on Natural Phenomena 2007).
+"""Branch skeletons by space colonisation.
 
-Targets attract the nearest node of the tree; each attracted node grows a step towards the mean direction of its targets,
-bent upwards or downwards by `droop`. A target that a node has come near is a tip. Radii follow from Leonardo's rule:
-the cross-section of a branch is the sum of those of its continuations. Only + - * / and sqrt: the same bits everywhere.
+Runions, Lane & Prusinkiewicz, Eurographics Workshop on Natural Phenomena 2007: targets attract the nearest node of the
+tree; each attracted node grows a step towards the mean direction of its targets, bent downwards by `droop`. A target
+that a node has come near is a tip. Radii follow from Leonardo's rule: the cross-section of a branch is the sum of those
+of its continuations. Only + - * / and sqrt: the same bits everywhere.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_atan2, det_cos, det_sin
 from signals.units import TURN_RAD
-from sim.scene.maps.plants.species import SPECIES, Leaves, LeafShape, Species
+from sim.scene.maps.plants.species import SPECIES, LeafShape, Leaves, Species
 from sim.scene.maps.season import Season
 from sim.scene.maps.texture_tools import Rgb
 from sim.scene.random_generator import RandomGenerator
@@ -58,7 +58,14 @@ def _needle(a: Image) -> Image:
     return np.float32(0.055) * np.minimum(1.0, 4.0 * (1.0 - a))
 
 
-_OUTLINES: dict[LeafShape, Outline] = {"heart": _heart, "ovate": _ovate, "oval": _oval, "lobed": _lobed, "palmate": _pointed, "tuft": _needle}
+_OUTLINES: dict[LeafShape, Outline] = {
+    "heart": _heart,
+    "ovate": _ovate,
+    "oval": _oval,
+    "lobed": _lobed,
+    "palmate": _pointed,
+    "tuft": _needle,
+}
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,9 @@ def _stamp(shape: LeafShape, eighths: int, leaf_px: float, turn: int) -> Stamp:
         inside = (off < wide) & (along > 0.0) & (along < 1.0)
         near |= (off < wide + np.float32(0.12)) & (along > -0.1) & (along < 1.1)
         # One half is lighter, the midrib pale.
-        tone = np.where(across > 0.0, np.float32(1.08), np.float32(0.90)) * (np.float32(0.88) + np.float32(0.22) * along)
+        tone = np.where(across > 0.0, np.float32(1.08), np.float32(0.90)) * (
+            np.float32(0.88) + np.float32(0.22) * along
+        )
         light = np.where(inside, np.where(off < 0.03, np.float32(1.22), tone), light)
         within |= inside
     dim = np.where(within, np.float32(0.0), np.where(near, np.float32(0.74), np.float32(1.0)))
@@ -131,8 +140,8 @@ class _Tile:
             return
         part = slice(y0 - y, y1 - y), slice(x0 - x, x1 - x)
         rows, columns = slice(y0, y1), slice(x0, x1)
-        self.rgb[rows, columns] = (
-            self.rgb[rows, columns] * stamp.dim[part] + stamp.light[part] * np.asarray(rgb, np.float32)
+        self.rgb[rows, columns] = self.rgb[rows, columns] * stamp.dim[part] + stamp.light[part] * np.asarray(
+            rgb, np.float32
         )
         self.opaque[rows, columns] |= stamp.within[part]
 
@@ -165,7 +174,9 @@ class _Tile:
         off = np.abs(dy * np.float32(ux) - dx * np.float32(uy))
         comb = (s - np.float32(0.8) * off) * np.float32(1.0 / 3.4)
         comb = comb - np.floor(comb)
-        reach = np.float32(long) * np.minimum(1.0, (np.float32(length + long) - s) * np.float32(0.05) + np.float32(0.25))
+        reach = np.float32(long) * np.minimum(
+            1.0, (np.float32(length + long) - s) * np.float32(0.05) + np.float32(0.25)
+        )
         within = (s > 0.0) & (s < length + 0.6 * long) & (off < reach) & ((comb < 0.72) | (off < 1.6))
         self._shade(rows, columns, (s > 0.0) & (s < length) & (off < reach))
         self._put(rows, columns, within, np.float32(0.75) + np.float32(0.5) * comb, rgb)
@@ -197,7 +208,7 @@ _DIAGONAL = (0.7071067811865476, 0.7071067811865476)
 
 
 def _room(p: Point, d: Point, edge: float) -> float:
-    """Return the way from p in direction d to the border of a fan, and at most 1000 pixels; all `edge` pixels inside."""
+    """Return the way from p in direction d to the line `edge` pixels inside the border of a fan, at most 1000."""
     ways = [(edge - x) / c for x, c in zip(p, d, strict=True) if c < -0.01]
     outward = d[0] + d[1]
     if outward > 0.01:
@@ -316,29 +327,31 @@ def _tufts(tile: _Tile, rng: RandomGenerator, species: Species, leaves: Leaves, 
         tile.put(_stamp("tuft", 5 + rng.index(4), species.leaf_px, turn), (a[0] + t * ux, a[1] + t * uy), rgb)
 
 
-def _foliage(species: Species, season: Season, light: float) -> Image:
-    """Return dense foliage of half-size leaves without holes or seams: (256, 256, 3), v upwards."""
+def _foliage(species: Species, season: Season, light: float, copies: int) -> Image:
+    """Return dense foliage of half-size leaves without holes or seams, `copies` along each edge: (256, 256, 3)."""
     rng = RandomGenerator(0, f"foliage.{species.name}.{season}")
     leaves = species.leaves(season) or species.autumn
     tile = _Tile(_mixed(leaves.rgb, leaves.rgb, 0.0, 0.28 * light))
-    side = TILE_PX // 4  # repeated, so that its leaves have about the size of those on cards
+    side, middle = TILE_PX // copies, TILE_PX // 2
     needles = species.shape in ("needle", "tuft")
     long = 9.0 if needles else 0.5 * species.leaf_px
-    count = 40 if needles else int(2.4 * (side / long) * (side / long))
+    count = 40 * 16 // (copies * copies) if needles else int(2.4 * (side / long) * (side / long))
     for i in range(count):
         tone = light * (0.55 + 0.45 * i / count) * rng.between(0.7, 1.15)
-        at = (side * (1.5 + rng.unit()), side * (1.5 + rng.unit()))
+        at = (middle + side * (rng.unit() - 0.5), middle + side * (rng.unit() - 0.5))
         rgb = _mixed(leaves.rgb, leaves.other_rgb, rng.unit(), tone)
         turn = rng.index(32)
         for x in (at[0] - side, at[0], at[0] + side):
             for y in (at[1] - side, at[1], at[1] + side):
+                if max(abs(x - middle), abs(y - middle)) > 0.5 * side + 16.0:
+                    continue
                 if needles:
                     d = (det_cos(TURN_RAD * turn / 32), det_sin(TURN_RAD * turn / 32))
                     tile.needles((x - 9.0 * d[0], y - 9.0 * d[1]), (x + 9.0 * d[0], y + 9.0 * d[1]), 5.0, rgb, rgb)
                 else:
                     tile.put(_stamp(species.shape, 4, species.leaf_px, turn), (x, y), rgb)
-    low, high = 2 * side - side // 2, 3 * side - side // 2
-    return np.tile(tile.rgb[low:high, low:high], (4, 4, 1))
+    low, high = middle - side // 2, middle + side // 2
+    return np.tile(tile.rgb[low:high, low:high], (copies, copies, 1))
 
 
 @cache
@@ -370,9 +383,12 @@ def png(name: str, season: Season) -> bytes:
 
 
 @cache
-def foliage_png(name: str, season: Season, light: float) -> bytes:
-    """Return dense foliage as PNG, 256 pixels square, without holes. `light`: its brightness to that of leaves."""
-    rgb = _foliage(SPECIES[name], season, light)
+def foliage_png(name: str, season: Season, light: float, copies: int) -> bytes:
+    """Return dense foliage as PNG, 256 pixels square, without holes.
+
+    `light`: its brightness to that of leaves. `copies`: of the same picture along each edge.
+    """
+    rgb = _foliage(SPECIES[name], season, light, copies)
     image = np.clip(rgb[::-1, :, ::-1] * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
     return bytes(cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes())
 

@@ -37,12 +37,12 @@ def leaf_material(builder: MapBuilder, name: str) -> str:
 
 def foliage_material(builder: MapBuilder, name: str) -> str:
     """Return dense foliage in the light, without holes."""
-    texture = builder.texture(f"foliage_{name}", leaf_texture.foliage_png(name, builder.season, 1.0))
+    texture = builder.texture(f"foliage_{name}", leaf_texture.foliage_png(name, builder.season, 1.15, 2))
     return builder.material(f"foliage_{name}", surfaces.LEAVES, texture=texture, specular=0.0)
 
 
 def inside_material(builder: MapBuilder, name: str, *, cube: bool = True) -> str:
     """Return dense foliage in the shade, for the inside of crowns; `cube`: for ellipsoids, else for meshes."""
     key = f"inside_{name}" if cube else f"inside_{name}_mesh"
-    texture = builder.texture(key, leaf_texture.foliage_png(name, builder.season, _INSIDE), cube=cube)
+    texture = builder.texture(key, leaf_texture.foliage_png(name, builder.season, _INSIDE, 4), cube=cube)
     return builder.material(key, surfaces.LEAVES, texture=texture, specular=0.0)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.map_builder import Body, MapBuilder, numbers, yaw_quat
-from sim.scene.maps.meshes import Mesh, box_with_tiles
+from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.plants.bark import branches, tube
 from sim.scene.maps.plants.cards import FORMS, bough
 from sim.scene.maps.plants.conifers import VARIANTS, fir, pine
-from sim.scene.maps.plants.hedges import INSIDE_M, hedge_cards
+from sim.scene.maps.plants.hedges import hedge_body
 from sim.scene.maps.plants.materials import bark_material, foliage_material, inside_material, leaf_material
 from sim.scene.maps.plants.solids import crown_hull, fir_hull
 from sim.scene.maps.plants.species import SPECIES
@@ -88,12 +88,8 @@ def add_hedge(builder: MapBuilder, x: float, y: float, heading_rad: float, half_
     body = builder.body("hedge", (x, y, 0.0), yaw_quat(heading_rad))
     pos = (0.0, 0.0, half_m[2])
     _solid(body, "box", half_m, pos=pos, part="solid")
-    inner = (half_m[0] - INSIDE_M, half_m[1] - INSIDE_M, half_m[2] - INSIDE_M)
-    name = f"hedge_{numbers(half_m).replace(' ', '_')}"
-    asset = builder.mesh(f"{name}_inside", box_with_tiles(inner, (0.8, 0.8)))
-    body.geom("mesh", asset=asset, material=foliage_material(builder, "hedge"), pos=pos, solid=False, part="inside")
-    asset = builder.mesh(name, hedge_cards(half_m))
-    body.geom("mesh", asset=asset, material=leaf_material(builder, "hedge"), pos=pos, solid=False, part="leaves")
+    asset = builder.mesh(f"hedge_{numbers(half_m).replace(' ', '_')}", hedge_body(half_m))
+    body.geom("mesh", asset=asset, material=foliage_material(builder, "hedge"), pos=pos, solid=False, part="leaves")
 
 
 def add_conifer(builder: MapBuilder, body: Body, name: str, height_m: float, variant: int) -> None:
@@ -146,7 +142,11 @@ def _add_bough(
     body.geom("mesh", asset=asset, material=material, pos=pos, quat=quat, solid=False, part=f"leaves_{number}")
     if not bare:
         shape = FORMS[form]
-        core = (shape.core * wide_m * shape.axes[0], shape.core * wide_m * shape.axes[1], shape.core * wide_m * shape.axes[2])
+        core = (
+            shape.core * wide_m * shape.axes[0],
+            shape.core * wide_m * shape.axes[1],
+            shape.core * wide_m * shape.axes[2],
+        )
         material = inside_material(builder, name)
         body.geom("ellipsoid", core, material=material, pos=pos, quat=quat, solid=False, part=f"inside_{number}")
         return
