@@ -7,7 +7,7 @@ per face.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
@@ -19,15 +19,11 @@ Vec2 = tuple[float, float]
 
 @dataclass
 class Mesh:
-    """Mesh: vertices [m] with texture coordinates (v upwards), and triangles of vertex indices.
-
-    `normals`: of all vertices, or none; then they follow from the triangles.
-    """
+    """Mesh: vertices [m] with texture coordinates (v upwards), and triangles of vertex indices."""
 
     vertices: list[Vec3]
     uvs: list[Vec2]
     triangles: list[tuple[int, int, int]]
-    normals: list[Vec3] = field(default_factory=list)
 
     @staticmethod
     def empty() -> Mesh:
@@ -36,10 +32,7 @@ class Mesh:
     def obj(self) -> bytes:
         lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in self.vertices]
         lines += [f"vt {u!r} {v!r}" for u, v in self.uvs]
-        lines += [f"vn {x!r} {y!r} {z!r}" for x, y, z in self.normals]
-        corner = "{0}/{0}/{0}" if self.normals else "{0}/{0}"
-        face = f"f {corner} {corner.replace('0', '1')} {corner.replace('0', '2')}"
-        lines += [face.format(a + 1, b + 1, c + 1) for a, b, c in self.triangles]
+        lines += [f"f {a + 1}/{a + 1} {b + 1}/{b + 1} {c + 1}/{c + 1}" for a, b, c in self.triangles]
         return ("\n".join(lines) + "\n").encode()
 
     def add_polygon(self, points: Sequence[Vec3], uvs: Sequence[Vec2]) -> None:

@@ -7,7 +7,7 @@ horizontal half axis. The corners' normals point away from the middle of the bou
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from math import sqrt
 
@@ -18,8 +18,28 @@ from sim.scene.maps.meshes import Mesh, Vec2
 from sim.scene.maps.plants.growth import Skeleton, along, cross, grow, unit
 from sim.scene.random_generator import RandomGenerator
 
+Normals = Sequence[Vec3]
 _GOLDEN = 0.3819660112501051  # of a turn
 _STEP = 0.17
+
+
+@dataclass
+class CardMesh(Mesh):
+    """Mesh with a normal at each vertex."""
+
+    normals: list[Vec3] = field(default_factory=list)
+
+    @staticmethod
+    def empty() -> CardMesh:
+        return CardMesh([], [], [])
+
+    def obj(self) -> bytes:
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in self.vertices]
+        lines += [f"vt {u!r} {v!r}" for u, v in self.uvs]
+        lines += [f"vn {x!r} {y!r} {z!r}" for x, y, z in self.normals]
+        corner = [f"{i}/{i}/{i}" for i in range(1, len(self.vertices) + 1)]
+        lines += [f"f {corner[a]} {corner[b]} {corner[c]}" for a, b, c in self.triangles]
+        return ("\n".join(lines) + "\n").encode()
 
 
 @dataclass(frozen=True)
@@ -50,7 +70,7 @@ FORMS = {
 _INSIDE = 0.84  # size of the part of another bough that hides cards
 
 
-def fan(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, number: int, normals: Sequence[Vec3]) -> None:
+def fan(mesh: CardMesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, number: int, normals: Normals) -> None:
     """Add a triangle of leaves: it grows from `base` along d, its upper side faces `facing`.
 
     `size`: length and width; a negative width mirrors it. `number`: which fan of the texture. `normals` of base, right
@@ -68,7 +88,7 @@ def fan(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, number: int, 
     mesh.triangles.append((first, first + 1, first + 2))
 
 
-def kite(mesh: Mesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, normals: Sequence[Vec3], *, fold: float) -> None:
+def kite(mesh: CardMesh, base: Vec3, d: Vec3, facing: Vec3, size: Vec2, normals: Normals, *, fold: float) -> None:
     """Add a square of leaves that is folded along its twig, the same way. `normals` of base, right, tip and left."""
     long, wide = size
     right = unit(cross(d, facing))
@@ -117,7 +137,7 @@ def weighted(*terms: tuple[float, Vec3]) -> Vec3:
 
 
 @cache
-def bough(form_name: str, variant: int, droop: float) -> tuple[Mesh, Skeleton]:
+def bough(form_name: str, variant: int, droop: float) -> tuple[CardMesh, Skeleton]:
     """Return the leaf cards and the branches."""
     form = FORMS[form_name]
     a, b, c = form.axes
@@ -129,7 +149,7 @@ def bough(form_name: str, variant: int, droop: float) -> tuple[Mesh, Skeleton]:
         r = rng.between(0.71, 0.90)
         targets.append((r * a * x, r * b * y, r * c * z))
     skeleton = grow(form.root, targets, step=_STEP, tip_radius=0.0055, droop=droop)
-    cards = Mesh.empty()
+    cards = CardMesh.empty()
     for k, (n, target) in enumerate(zip(directions, targets, strict=True)):
         out = unit((n[0] / a, n[1] / b, n[2] / c))
         before = skeleton.nodes[skeleton.parent[skeleton.tips[k]]]

@@ -9,7 +9,7 @@ from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, revolve
 from sim.scene.maps.plants.bark import tube
-from sim.scene.maps.plants.cards import kite, weighted
+from sim.scene.maps.plants.cards import CardMesh, kite, weighted
 from sim.scene.maps.plants.growth import along, unit
 from sim.scene.random_generator import RandomGenerator
 
@@ -23,7 +23,7 @@ _RADIUS = 0.26  # at the foot of the crown
 def fir(variant: int) -> Conifer:
     """Return a fir: dense whorls, hanging at the foot and rising towards the top."""
     rng = RandomGenerator(variant, "fir.boughs")
-    mesh = Mesh.empty()
+    mesh = CardMesh.empty()
     share = 0.015
     while share < 0.93:
         long = _RADIUS * (1.0 - 0.90 * share) * 1.08
@@ -61,7 +61,7 @@ def fir(variant: int) -> Conifer:
 def pine(variant: int) -> Conifer:
     """Return a young pine: open whorls that rise towards their ends."""
     rng = RandomGenerator(variant, "pine.boughs")
-    mesh, wood = Mesh.empty(), Mesh.empty()
+    mesh, wood = CardMesh.empty(), Mesh.empty()
     share = 0.03
     while share < 0.9:
         long = _RADIUS * (1.0 - 0.85 * share) * rng.between(0.95, 1.1)

@@ -27,6 +27,7 @@ from sim.scene.random_generator import RandomGenerator
 TILE_PX = 256
 
 Image = NDArray[np.float32]
+Floats = NDArray[np.floating]
 Point = tuple[float, float]
 # Half the width of a leaf at a share of its length, both in lengths.
 Outline = Callable[[Image], Image]
@@ -187,7 +188,7 @@ class _Tile:
         part = self.rgb[rows, columns]
         part[where] *= np.float32(0.72)
 
-    def _put(self, rows: slice, columns: slice, where: NDArray[np.bool_], light: Image, rgb: Rgb) -> None:
+    def _put(self, rows: slice, columns: slice, where: NDArray[np.bool_], light: Floats, rgb: Rgb) -> None:
         light = np.broadcast_to(light, where.shape)[where]
         self.rgb[rows, columns][where] = light[:, None] * np.asarray(rgb, np.float32)
         self.opaque[rows, columns][where] = True
