@@ -35,8 +35,8 @@ def _birch_bark() -> Image:
     bands = clouds("birch.bands", 5, 44)
     t = 0.5 * clouds("birch", 8, 6) + 0.5 * grain("birch")
     image = mix((0.62, 0.58, 0.53), (0.86, 0.84, 0.80), 0.3 + 0.7 * t)
-    image[(bands > 0.70) & (clouds("birch.gaps", 9, 40) > 0.45)] *= 0.42
-    image[clouds("birch.fissures", 5, 9) > 0.82] = (0.15, 0.13, 0.12)
+    image[:, (bands > 0.70) & (clouds("birch.gaps", 9, 40) > 0.45)] *= 0.42
+    image[:, clouds("birch.fissures", 5, 9) > 0.82] = np.array([[0.15], [0.13], [0.12]])
     return image
 
 
