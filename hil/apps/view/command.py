@@ -61,8 +61,6 @@ def view_scene(
     *,
     seed: int | None = None,
     variants: int = 0,
-    quality: str | None = None,
-    colour: str | None = None,
     settings: Sequence[str] = (),
     load: Callable[[str, int | None], tuple[Scene, Any, FrameSource]] | None = None,
 ) -> list[Path]:
@@ -70,10 +68,9 @@ def view_scene(
 
     `name` is a scene's name or file; `settings` are `KEY=VALUE` texts for quality, colour, weather and randomize.
     Raises ConfigError for wrong options, RecordingError if the pictures cannot be written, ColourBackendError if the
-    renderer of `colour` is missing.
+    renderer of the colour is missing.
     """
-    options = {"quality": quality, "colour": colour}
-    appearance = read_appearance([*settings, *(f"{key}={text}" for key, text in options.items() if text is not None)])
+    appearance = read_appearance(settings)
     size, rendering = appearance.rendering(_size(camera.size), fixed_size=camera.size is not None)
     model = CameraModel.from_fov(*size, FOV_DEG)
     position, direction = _numbers("--at", camera.at, 3), _numbers("--look", camera.look, 2)

@@ -43,6 +43,8 @@ def view(o: ViewOptions) -> None:
     """Write pictures of a scene in every channel of a camera."""
     from hil.apps.view.command import ViewCamera, view_scene
 
+    options = {"quality": o.quality, "colour": o.colour}
+    chosen = [f"{key}={text}" for key, text in options.items() if text is not None]
     with exit_on_error():
         files = view_scene(
             o.scene,
@@ -50,8 +52,6 @@ def view(o: ViewOptions) -> None:
             ViewCamera(o.at, o.look, o.size),
             seed=o.seed,
             variants=o.variants,
-            quality=o.quality,
-            colour=o.colour,
-            settings=o.settings or (),
+            settings=[*(o.settings or ()), *chosen],
         )
     console.print(f"{files[0]}  and {len(files) - 1} more pictures beside it", markup=False)

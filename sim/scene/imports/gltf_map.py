@@ -287,11 +287,11 @@ class _MapMaker:
             middle = 0.5 * (hull.min(axis=0) + hull.max(axis=0))
             x, y, z = middle.tolist()
             b.hull(f"{stem}_{i}", hull - middle)
-            body.geom("mesh", asset=f"{stem}_{i}", material=material, pos=(x, y, z), drawn=False, part=f"solid_{i}")
+            body.proxy("mesh", asset=f"{stem}_{i}", material=material, pos=(x, y, z), part=f"solid_{i}")
         for i, (centre, half, axes) in enumerate(pieces.boxes):
             x, y, z = centre.tolist()
-            body.geom(
-                "box", half.tolist(), material=material, pos=(x, y, z), quat=_quat_of(axes), drawn=False,
+            body.proxy(
+                "box", half.tolist(), material=material, pos=(x, y, z), quat=_quat_of(axes),
                 part=f"solid_box_{i}",
             )  # fmt: skip
         if pieces.terrain is not None:
@@ -300,9 +300,7 @@ class _MapMaker:
             rise = max(high - low, 1e-3)
             name = f"{stem}_terrain"
             b.hfield_of(name, (field.heights - low) / rise, (*field.half, rise, 1.0))
-            body.geom(
-                "hfield", asset=name, material=material, pos=(*field.centre, low), drawn=False, part="solid_terrain"
-            )
+            body.proxy("hfield", asset=name, material=material, pos=(*field.centre, low), part="solid_terrain")
             if not classified:
                 self._classes.setdefault("terrain", []).append(body.name)
 

@@ -87,7 +87,7 @@ class BuildingMaker:
         for i, hull in enumerate(hulls):
             name = f"{number}_solid_{i}"
             self._builder.hull(name, hull)
-            body.geom("mesh", asset=name, material=self.solid_material(), drawn=False, part=f"{number}_solid_{i}")
+            body.proxy("mesh", asset=name, material=self.solid_material(), part=f"{number}_solid_{i}")
 
     def solid_material(self) -> str:
         return self._builder.material("osm_solid", surfaces.CONCRETE)

@@ -7,6 +7,7 @@ canopies and roof units have boxes of their own.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi, sqrt
 
 from signals._kernel import det_atan2
@@ -73,7 +74,7 @@ def _proxy(body: Body, x: tuple[float, float], y: tuple[float, float], z: tuple[
     """Add a solid box that is not drawn."""
     half = (0.5 * (x[1] - x[0]), 0.5 * (y[1] - y[0]), 0.5 * (z[1] - z[0]))
     middle = (0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1]), 0.5 * (z[0] + z[1]))
-    body.geom("box", half, material="proxy", pos=middle, part=part, drawn=False)
+    body.proxy("box", half, material="proxy", pos=middle, part=part)
 
 
 def _proxy_before(
@@ -88,23 +89,22 @@ def _proxy_before(
 def add_block(
     builder: MapBuilder,
     rng: RandomGenerator,
-    x: float,
-    y: float,
-    heading_rad: float,
-    bays: int,
-    deep: int,
-    storeys: int,
+    place: tuple[float, float, float],
+    size: tuple[int, int, int],
     *,
     recessed: bool,
     street: int | None = 2,
     gates: tuple[int, ...] = (),
 ) -> None:
-    """Add a block of flats of `bays` x `deep` x `storeys` bays of 3 m, with a flat or a tiled roof.
+    """Add a block of flats with a flat or a tiled roof.
+
+    `place`: x, y and heading. `size`: bays, bays in depth and storeys, 3 m each.
 
     `recessed`: its windows are recessed and glazed, else a part of the walls' texture: for buildings in the distance.
     `street`: its side (facade.sides_of) with entrances and shops, None: none. `gates`: bays of the -y side whose ground
     floor has no window, because a gate stands before it.
     """
+    (x, y, heading_rad), (bays, deep, storeys) = place, size
     body = builder.body("building", (x, y, 0.0), yaw_quat(heading_rad))
     half = (0.5 * BAY_M * bays, 0.5 * BAY_M * deep, 0.5 * BAY_M * storeys)
     style = rng.pick(_STYLES)
@@ -118,7 +118,7 @@ def add_block(
         count = bays if number % 2 == 0 else deep
         _block_side(
             facades, body, look, side, (count, storeys), style,
-            faces_street=number == street, shops=shops and number == street, gates=gates if number == 0 else (),
+            ground=GroundFloor(number == street, shops and number == street, gates if number == 0 else ()),
             recessed=recessed,
         )  # fmt: skip
     if flat:
@@ -135,16 +135,25 @@ def add_block(
     )
 
 
+@dataclass(frozen=True)
+class GroundFloor:
+    """Ground floor of one side of a block of flats."""
+
+    faces_street: bool  # it has an entrance
+    shops: bool
+    gates: tuple[int, ...]  # bays without a window
+
+
 def _block_side(
     facades: Facades, body: Body, look: RandomGenerator, side: Side, size: tuple[int, int], style: str, *,
-    faces_street: bool, shops: bool, gates: tuple[int, ...], recessed: bool,
+    ground: GroundFloor, recessed: bool,
 ) -> None:  # fmt: skip
     """Add one side of a block: windows by bay and storey, ground floor, cornice, balconies, pipes."""
     bays, storeys = size
     width, sill, head = OFFICE_WINDOW_M if style == "office" else WINDOW_M
     window = Opening(0.5 * (BAY_M - width), 0.5 * (BAY_M + width), sill, head)
     top = BAY_M * storeys
-    entrance = bays // 2 if faces_street and bays > 2 else -1
+    entrance = bays // 2 if ground.faces_street and bays > 2 else -1
     middles = [BAY_M * (bay + 0.5) for bay in range(bays)]
 
     def front(x: tuple[float, float], z: tuple[float, float]) -> None:
@@ -153,7 +162,7 @@ def _block_side(
         else:
             facades.flat(side, x, z)
 
-    plain = [bay for bay in range(bays) if shops or bay == entrance or bay in gates]
+    plain = [bay for bay in range(bays) if ground.shops or bay == entrance or bay in ground.gates]
     if not plain:
         front((0.0, side.length_m), (0.0, top))
     else:
@@ -164,11 +173,11 @@ def _block_side(
             if bay > edge:
                 front((BAY_M * edge, BAY_M * bay), (0.0, BAY_M))
             edge = bay + 1
-        if shops:
+        if ground.shops:
             _shop_fronts(facades, look, side, bays, entrance)
         for bay in plain:
             cell = (BAY_M * bay, BAY_M * (bay + 1))
-            if bay in gates:
+            if bay in ground.gates:
                 facades.wall(side, cell, (0.0, BAY_M))
             elif bay == entrance:
                 x = middles[bay]
@@ -177,7 +186,7 @@ def _block_side(
                 facades.door(side, opening)
                 facades.band(side, (x - 0.95, x + 0.95), (2.5, 2.6), 0.2, "dark")
     facades.band(side, (-0.14, side.length_m + 0.14), (top - 0.25, top), 0.14, "stone", faces="fb")
-    if faces_street and style in ("sand", "white") and look.chance(0.75):
+    if ground.faces_street and style in ("sand", "white") and look.chance(0.75):
         for bay in range(1, bays - 1, 4):
             for level in range(1, storeys):
                 stone = "cream" if style == "sand" else "stone"
@@ -262,7 +271,7 @@ def _block_roof(
     name = f"blockroof_{round(200 * half[0])}_{round(200 * half[1])}"
     mesh = builder.mesh(name, extrude_xz([(-hx, 0.0), (hx, 0.0), (hx, edge), (0.0, rise), (-hx, edge)], hy))
     turned = yaw_quat(_QUARTER_TURN_RAD)
-    body.geom("mesh", asset=mesh, material="proxy", pos=(0.0, 0.0, top), quat=turned, part="roof", drawn=False)
+    body.proxy("mesh", asset=mesh, material="proxy", pos=(0.0, 0.0, top), quat=turned, part="roof")
     facades.pitched_roof(Pitched(hy, half[1], hx, top + rise, top + edge, top, top), ridge_along_x=True)
     for number, side in enumerate(sides_of(half[0], half[1])):
         if number % 2 == 1:
@@ -303,7 +312,7 @@ def add_house(
         )
     name = f"house_{round(hx * 100)}_{round(hy * 100)}_{round(wall * 10)}_{round(rise * 100)}"
     mesh = builder.mesh(name, gabled(hx, hy, wall, rise, tile_m=1.0))
-    body.geom("mesh", asset=mesh, material="proxy", part="walls", drawn=False)
+    body.proxy("mesh", asset=mesh, material="proxy", part="walls")
     facades = Facades(_BRICK_WIDTH_M if brick else _RENDER_WIDTH_M)
     roof = rng.pick(("roof_tiles_mesh", "roof_tiles_mesh", "roof_slate"))
     _house_roof(facades, body, (hx, hy), wall, rise)
@@ -329,9 +338,7 @@ def _house_roof(facades: Facades, body: Body, half: tuple[float, float], wall: f
         cz = wall + 0.5 * (rise - eaves * rise / slope) + 0.08
         tilt = pitch_quat(pitch)
         quat = tilt if side > 0 else product(yaw_quat(pi), tilt)
-        body.geom(
-            "box", (reach, hy + 0.3, 0.07), pos=(cx, 0.0, cz), quat=quat, material="proxy", part=part, drawn=False
-        )
+        body.proxy("box", (reach, hy + 0.3, 0.07), pos=(cx, 0.0, cz), quat=quat, material="proxy", part=part)
     # Heights of the slabs' upper and lower faces, by their distance from the ridge.
     thick = 0.07 * slope / hx
     ex = hx + eaves * hx / slope

@@ -185,7 +185,8 @@ class _Park:
                 middle = along + width / 2
                 x, y = out * c - middle * n, out * n + middle * c
                 # The long side, x of the block, faces the park.
-                add_block(b, rng, x, y, _QUARTER_TURN_RAD * (quarter + 1), bays, deep, 3 + rng.index(4), recessed=False)
+                place = (x, y, _QUARTER_TURN_RAD * (quarter + 1))
+                add_block(b, rng, place, (bays, deep, 3 + rng.index(4)), recessed=False)
                 along += width + rng.between(3.0, 9.0)
         cars, looks = self.rng("cars"), self.rng("car_looks")
         for i in range(self.parameters.cars):
@@ -195,7 +196,7 @@ class _Park:
             along = -34.0 + 7.0 * slot + cars.between(0.0, 60.0 / (1 + self.parameters.cars // 4))
             cars.unit(), cars.unit()  # drawn for looks once; places of later cars depend on them
             x, y = out * c - along * n, out * n + along * c
-            add_vehicle(b, looks, looks.pick(STREET_MIX), x, y, _QUARTER_TURN_RAD * quarter)
+            add_vehicle(b, looks, looks.pick(STREET_MIX), (x, y, _QUARTER_TURN_RAD * quarter))
 
     def street_details(self, road: Body) -> None:
         """Add kerb stones, manhole covers and puddles in the gutters."""
@@ -402,7 +403,7 @@ class _Park:
         scatter(2, 0.6, lambda x, y: add_dog(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
 
         def bicycle(x: float, y: float) -> None:
-            add_vehicle(b, rng, "bicycle", x, y, rng.between(0.0, turn))
+            add_vehicle(b, rng, "bicycle", (x, y, rng.between(0.0, turn)))
 
         scatter(3, 0.9, bicycle)
 

@@ -53,6 +53,16 @@ def roll_quat(angle_rad: float) -> Quat:
     return (det_cos(0.5 * angle_rad), det_sin(0.5 * angle_rad), 0.0, 0.0)
 
 
+def _placing(kind: str, pos: Vec3, quat: Quat, asset: str) -> dict[str, str]:
+    """Return the attributes of a geom's asset and pose, without those of MuJoCo's defaults."""
+    placing = {kind: asset} if asset else {}
+    if pos != (0.0, 0.0, 0.0):
+        placing["pos"] = numbers(pos)
+    if quat != NO_TURN:
+        placing["quat"] = numbers(quat)
+    return placing
+
+
 class Body:
     """Body under construction; its geoms are in its own frame."""
 
@@ -71,23 +81,29 @@ class Body:
         pos: Vec3 = (0.0, 0.0, 0.0),
         quat: Quat = NO_TURN,
         solid: bool = True,
-        drawn: bool = True,
         asset: str = "",
         part: str = "",
     ) -> None:
         """Add a geom, named after the body; its `pos` and `quat` are in the body's frame.
 
         `size` as in MJCF: radii and half lengths. `asset`: name of the mesh or height field of a geom of that kind.
-        `drawn=False`: only for contact, in group 3.
         """
-        extra: dict[str, str] = {} if drawn else {"group": "3"}
-        if asset:
-            extra[kind] = asset
-        if pos != (0.0, 0.0, 0.0):
-            extra["pos"] = numbers(pos)
-        if quat != NO_TURN:
-            extra["quat"] = numbers(quat)
-        self._add(kind, tuple(size), material, part, extra, solid=solid)
+        self._add(kind, tuple(size), material, part, _placing(kind, pos, quat, asset), solid=solid)
+
+    def proxy(
+        self,
+        kind: str,
+        size: Iterable[float] = (),
+        *,
+        material: str,
+        pos: Vec3 = (0.0, 0.0, 0.0),
+        quat: Quat = NO_TURN,
+        asset: str = "",
+        part: str = "",
+    ) -> None:
+        """Add a geom for contact only: it is in group 3, which is not drawn. Arguments as of `geom`."""
+        extra = {"group": "3"} | _placing(kind, pos, quat, asset)
+        self._add(kind, tuple(size), material, part, extra, solid=True)
 
     def rod(
         self,

@@ -81,7 +81,7 @@ class _Person:
             body.geom("mesh", asset=asset, material=material, pos=origin, solid=False, part=f"wheelchair_{name}")
         centre, half = wheelchair.BOX
         x, y, z = (a + c for a, c in zip(origin, centre, strict=True))
-        body.geom("box", half, material=self._contact, pos=(x, y, z), drawn=False, part="contact_wheelchair")
+        body.proxy("box", half, material=self._contact, pos=(x, y, z), part="contact_wheelchair")
 
     def add_limb(
         self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = ""
@@ -93,8 +93,8 @@ class _Person:
                 px, py, pz = shape.pos
                 at = (pos[0] + px * cosine + pz * sine, pos[1] + py, pos[2] + pz * cosine - px * sine)
                 turn = product(quat, _ALONG_Y if shape.lateral else _ALONG_X if shape.forward else NO_TURN)
-                body.geom(
-                    shape.kind, shape.size, material=self._contact, pos=at, quat=turn, drawn=False,
+                body.proxy(
+                    shape.kind, shape.size, material=self._contact, pos=at, quat=turn,
                     part=f"{part}contact_{shape.part}",
                 )  # fmt: skip
         for piece in self._look.pieces:

@@ -32,14 +32,14 @@ def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> No
         builder.mesh("bench_iron", _bench_iron())
     body.geom("mesh", asset="bench_slats", material="wood", solid=False, part="slats")
     body.geom("mesh", asset="bench_iron", material="iron", solid=False, part="iron")
-    body.geom("box", (0.8, 0.22, 0.025), pos=(0.0, 0.0, SEAT_M - 0.025), material="wood", drawn=False, part="seat")
+    body.proxy("box", (0.8, 0.22, 0.025), pos=(0.0, 0.0, SEAT_M - 0.025), material="wood", part="seat")
     back = roll_quat(_QUARTER_TURN_RAD + 0.17)
     pos = (0.0, -0.26, SEAT_M + 0.28)
-    body.geom("box", (0.8, 0.20, 0.02), pos=pos, quat=back, material="wood", drawn=False, part="back")
+    body.proxy("box", (0.8, 0.20, 0.02), pos=pos, quat=back, material="wood", part="back")
     for side in (-1.0, 1.0):
         name = "left" if side < 0 else "right"
         pos = (0.68 * side, -0.02, 0.2)
-        body.geom("box", (0.03, 0.22, 0.2), pos=pos, material="iron", drawn=False, part=f"leg_{name}")
+        body.proxy("box", (0.03, 0.22, 0.2), pos=pos, material="iron", part=f"leg_{name}")
 
 
 def _bench_slats() -> Mesh:

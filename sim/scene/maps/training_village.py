@@ -267,7 +267,9 @@ class _Village:
         def car(x: float, y: float) -> None:
             rng.unit()  # drawn for its kind once; later places depend on it
             looks = self.vehicle_looks
-            add_vehicle(b, looks, looks.pick(MILITARY_MIX), x, y, heading, paint=looks.pick(("olive", "olive", "sand")))
+            add_vehicle(
+                b, looks, looks.pick(MILITARY_MIX), (x, y, heading), paint=looks.pick(("olive", "olive", "sand"))
+            )
 
         kinds: tuple[tuple[float, Callable[[float, float], None]], ...] = (
             (1.2, lambda x, y: military.add_barrels(b, rng, x, y)),
@@ -334,7 +336,7 @@ class _Village:
         scatter(2, 0.6, lambda x, y: add_dog(b, rng, (x, y, 0.0), rng.between(0.0, turn)))
 
         def motorcycle(x: float, y: float) -> None:
-            add_vehicle(b, rng, "motorcycle", x, y, rng.between(0.0, turn), paint="olive")
+            add_vehicle(b, rng, "motorcycle", (x, y, rng.between(0.0, turn)), paint="olive")
 
         scatter(2, 1.2, motorcycle)
 

@@ -208,7 +208,7 @@ class _Suburb:
             ("bar", (0.31, 0.09, 0.01), (0.0, 0.0, 0.004)),
         ):
             pad.geom("box", size, pos=pos, material="zone_white", solid=False, part=part)
-        add_block(b, rng, -1.0, 11.2, 0.0, 6, 2, 2, recessed=True, street=None, gates=(0, 2, 4))
+        add_block(b, rng, (-1.0, 11.2, 0.0), (6, 2, 2), recessed=True, street=None, gates=(0, 2, 4))
         for x in (-8.5, -2.5, 3.5):
             gate = b.body("gate", (x, 8.17, 0.0))
             gate.geom("box", (1.3, 0.06, 1.3), pos=(0.0, 0.0, 1.3), material="gate", solid=False)
@@ -217,7 +217,7 @@ class _Suburb:
         for i in range(4):
             x, y = 12.2, -11.0 + 3.4 * i
             if i < 3:
-                add_vehicle(b, looks, "van", x - 1.0, y, 0.0, paint="white")
+                add_vehicle(b, looks, "van", (x - 1.0, y, 0.0), paint="white")
             self.layout.take_box(x - 4.0, y - 1.3, x + 2.0, y + 1.3)
             mark = b.body("marking", (11.2, y + 1.7, 0.0))
             mark.geom("box", (2.6, 0.05, 0.01), pos=(0.0, 0.0, 0.005), material="road_paint", solid=False)
@@ -372,7 +372,7 @@ class _Suburb:
             kerb_m = {"bus": 1.34, "lorry": 1.32, "van": 1.16}.get(kind, 1.15)
             x, y, _ = _turned(axis, along_m, side * _STREET_M + lane * (_LANE_M - kerb_m))
             heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
-            add_vehicle(b, looks, kind, x, y, heading)
+            add_vehicle(b, looks, kind, (x, y, heading))
 
     def traffic(self) -> None:
         """Add cars that drive round the middle block, one way, in the middle of the streets."""
@@ -458,11 +458,11 @@ class _Suburb:
         for axis, side, along, lane in self.free_spots[:2]:
             x, y, _ = _turned(axis, along, side * _STREET_M + lane * (_LANE_M - 0.6))
             heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
-            add_vehicle(b, rng, "motorcycle", x, y, heading)
+            add_vehicle(b, rng, "motorcycle", (x, y, heading))
 
     def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
         heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * _QUARTER_TURN_RAD
-        add_vehicle(self.builder, rng, "bicycle", *at, heading, ground_m=_LAWN_M)
+        add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=_LAWN_M)
 
     def birds(self, rng: RandomGenerator, at: Point) -> None:
         """Add a group of three birds."""

@@ -106,7 +106,7 @@ def add_wall(
         middle = 0.5 * (a + b)
         pos = (start[0] + middle * c, start[1] + middle * s, 0.5 * (low + high))
         size = (0.5 * (b - a), 0.5 * (high - low), 0.5 * thickness_m)
-        body.geom("box", size, pos=pos, quat=quat, material="slab", part=f"{part}_{serial}", drawn=False)
+        body.proxy("box", size, pos=pos, quat=quat, material="slab", part=f"{part}_{serial}")
         serial += 1
 
     holes = _holes(length_m, openings)

@@ -65,7 +65,7 @@ def add_bird(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad:
             builder.mesh(f"bird_{part}_{kind}", mesh)
     for part, material in (("plumage", f"plumage_{kind}"), ("wings", f"wing_{kind}"), ("legs", "bird_leg")):
         body.geom("mesh", asset=f"bird_{part}_{kind}", material=material, solid=False, part=part)
-    body.geom("sphere", (0.055 * s,), pos=(0.0, 0.0, 0.145 * s), material=f"plumage_{kind}", drawn=False, part="proxy")
+    body.proxy("sphere", (0.055 * s,), pos=(0.0, 0.0, 0.145 * s), material=f"plumage_{kind}", part="proxy")
 
 
 def add_dog(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad: float) -> None:
@@ -124,4 +124,4 @@ def add_dog(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad: 
     for i, (size, pos) in enumerate(
         (((0.34, 0.09, 0.09), (-0.04, 0.0, 0.46)), ((0.10, 0.06, 0.06), (0.46, 0.0, 0.72)))
     ):
-        body.geom("box", size, pos=pos, material="dog_dark", drawn=False, part=f"proxy_{i}")
+        body.proxy("box", size, pos=pos, material="dog_dark", part=f"proxy_{i}")

@@ -77,7 +77,7 @@ def add_backpack(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_
     body = builder.body("backpack", at_m, yaw_quat(heading_rad))
     for part, material in (("bag", f"fabric_{colour}"), ("straps", "fabric_dark"), ("zips", "zip")):
         body.geom("mesh", asset=f"backpack_{part}", material=material, solid=False, part=part)
-    body.geom("box", (0.09, 0.14, 0.22), pos=(0.0, 0.0, 0.23), material="fabric_dark", drawn=False, part="proxy")
+    body.proxy("box", (0.09, 0.14, 0.22), pos=(0.0, 0.0, 0.23), material="fabric_dark", part="proxy")
 
 
 def add_parasol(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> None:
@@ -104,11 +104,11 @@ def add_parasol(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> None:
     body.geom("mesh", asset="canopy_1", material="canopy_white", solid=False, part="white")
     body.geom("mesh", asset="parasol_ribs", material="parasol_pole", solid=False, part="ribs")
     body.geom("cylinder", (0.26, 0.05), pos=(0.0, 0.0, 0.05), material="parasol_foot", part="foot")
-    body.geom("cylinder", (0.022, 1.28), pos=(0.0, 0.0, 1.28), material="parasol_pole", drawn=False, part="proxy")
+    body.proxy("cylinder", (0.022, 1.28), pos=(0.0, 0.0, 1.28), material="parasol_pole", part="proxy")
     for i, (radius, low, high) in enumerate(((1.25, 2.0, 2.14), (0.80, 2.14, 2.36), (0.35, 2.36, 2.52))):
-        body.geom(
+        body.proxy(
             "cylinder", (radius, 0.5 * (high - low)), pos=(0.0, 0.0, 0.5 * (low + high)), material="parasol_pole",
-            drawn=False, part=f"proxy_{i}",
+            part=f"proxy_{i}",
         )  # fmt: skip
 
 
@@ -147,7 +147,7 @@ def add_potted_plant(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> N
     body.geom("mesh", asset="pot", material="terracotta", solid=False, part="pot")
     body.geom("cylinder", (0.16, 0.01), pos=(0.0, 0.0, 0.305), material="pot_soil", solid=False, part="soil")
     body.geom("mesh", asset="pot_leaves", material=f"pot_leaf_{shade}", solid=False, part="leaves")
-    body.geom("cylinder", (0.15, 0.165), pos=(0.0, 0.0, 0.165), material="terracotta", drawn=False, part="proxy")
+    body.proxy("cylinder", (0.15, 0.165), pos=(0.0, 0.0, 0.165), material="terracotta", part="proxy")
 
 
 def _leaves() -> Mesh:

@@ -66,7 +66,7 @@ def add_traffic_light(builder: MapBuilder, x: float, y: float, heading_rad: floa
     body = builder.body("traffic_light", (x, y, 0.0), yaw_quat(heading_rad))
     body.geom("mesh", asset=builder.mesh("signal_head", head), material="signal_black", solid=False, part="head")
     body.geom("mesh", asset=builder.mesh("signal_board", white), material="signal_white", solid=False, part="board")
-    body.geom("box", (0.10, 0.24, 0.53), pos=(0.10, 0.0, z + 0.465), material="signal_black", drawn=False, part="proxy")
+    body.proxy("box", (0.10, 0.24, 0.53), pos=(0.10, 0.0, z + 0.465), material="signal_black", part="proxy")
     for k, colour in enumerate(("green", "amber", "red")):
         material = f"lens_{colour}_{'lit' if colour == lit else 'dark'}"
         builder.material(material, surfaces.PLASTIC, rgb=_LENSES[colour][colour != lit], specular=0.3)
@@ -111,4 +111,4 @@ def add_stop_sign(builder: MapBuilder, x: float, y: float, heading_rad: float) -
     add_indexed_grid(back, rows, closed=True)
     body.geom("mesh", asset=builder.mesh("stop_face", face), material="stop_sign", solid=False, part="face")
     body.geom("mesh", asset=builder.mesh("stop_back", back), material="signal_post", solid=False, part="back")
-    body.geom("box", (0.01, 0.36, 0.36), pos=(-0.01, 0.0, 2.25), material="signal_post", drawn=False, part="proxy")
+    body.proxy("box", (0.01, 0.36, 0.36), pos=(-0.01, 0.0, 2.25), material="signal_post", part="proxy")

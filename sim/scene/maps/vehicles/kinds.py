@@ -69,16 +69,18 @@ def add_vehicle(
     builder: MapBuilder,
     rng: RandomGenerator,
     kind: str,
-    x: float,
-    y: float,
-    heading_rad: float,
+    place: tuple[float, float, float],
     *,
     paint: str = "",
     driver: float = 0.15,
     ground_m: float = 0.0,
     variant: int = -1,
 ) -> str:
-    """Add a vehicle as one static body and return the body's name. `driver`: probability that somebody sits in it."""
+    """Add a vehicle as one static body and return the body's name.
+
+    `place`: x, y and heading. `driver`: probability that somebody sits in it.
+    """
+    x, y, heading_rad = place
     models = MODELS[kind]
     shape, seated = rng.index(2), rng.unit() < driver
     drawn = rng.pick(_FLEET_PAINTS[kind]) if kind in _FLEET_PAINTS else draw_paint(rng)
@@ -102,11 +104,11 @@ def add_parts(builder: MapBuilder, body: Body, model: Model, paint: str, plate: 
         part = f"proxy_{i}"
         if proxy.hull is not None:
             asset = builder.mesh(f"{model.name.removesuffix('_driver')}_hull_{i}", proxy.hull)
-            body.geom("mesh", asset=asset, material="vehicle_trim", drawn=False, part=part)
+            body.proxy("mesh", asset=asset, material="vehicle_trim", part=part)
             continue
         quat = roll_quat(_QUARTER_TURN_RAD) if proxy.kind == "cylinder" else (1.0, 0.0, 0.0, 0.0)
-        body.geom(
-            proxy.kind, proxy.size, pos=proxy.pos, quat=quat, material="vehicle_trim", drawn=False, part=part
+        body.proxy(
+            proxy.kind, proxy.size, pos=proxy.pos, quat=quat, material="vehicle_trim", part=part
         )  # fmt: skip
 
 
