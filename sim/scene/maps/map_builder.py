@@ -115,7 +115,7 @@ class Body:
         drawn: bool = True,
         part: str = "",
     ) -> None:
-        """Add a capsule between two points; `ends_m`: x, y, z of both."""
+        """Add a capsule between two points; `ends_m`: x, y, z of both. `drawn=False`: a proxy."""
         extra: dict[str, str] = {} if drawn else {"group": "3"}
         extra["fromto"] = numbers(ends_m)
         self._add("capsule", (radius_m,), material, part, extra, solid=solid)

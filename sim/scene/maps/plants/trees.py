@@ -115,7 +115,7 @@ def add_conifer(builder: MapBuilder, body: Body, name: str, height_m: float, var
 
 
 def _solid(body: Body, kind: str, size: tuple[float, ...] = (), **more: object) -> None:
-    body.geom(kind, size, material="plant_solid", drawn=False, **more)  # type: ignore[arg-type]
+    body.proxy(kind, size, material="plant_solid", **more)  # type: ignore[arg-type]
 
 
 def _add_bough(

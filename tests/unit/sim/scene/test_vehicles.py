@@ -57,7 +57,7 @@ def test_size_and_skin(kind: str) -> None:
 def stage(kind: str, variant: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
     builder = MapBuilder("stage")
     builder.material("floor", surfaces.ASPHALT)
-    add_vehicle(builder, RandomGenerator(1, "test"), kind, 0.0, 0.0, 0.0, variant=variant, driver=0.0)
+    add_vehicle(builder, RandomGenerator(1, "test"), kind, (0.0, 0.0, 0.0), variant=variant, driver=0.0)
     scene_map = builder.build()
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     data = mujoco.MjData(model)
