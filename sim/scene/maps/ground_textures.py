@@ -196,6 +196,7 @@ MAKERS: dict[str, Callable[[], Image]] = {
     "earth": _dry_ground,
     "gravel": _gravel,
     "asphalt": _asphalt,
+    "clean_asphalt": lambda: _asphalt_grain("asphalt", _MEDIUM, 3),  # without marks that repeat, for wide areas
     "street": _street,
     "paving": _paving,
     "kerb": _kerb,

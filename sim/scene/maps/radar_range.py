@@ -92,8 +92,8 @@ def _add_reflector(builder: MapBuilder, reflector: Reflector, aim_m: float) -> N
 
 def generate(parameters: RadarRangeParameters, seed: int) -> SceneMap:
     builder = MapBuilder("radar_range")
-    builder.texture("asphalt", textures.png("asphalt"))
-    builder.material("asphalt", surfaces.ASPHALT, texture="asphalt", tile_m=4.0, specular=0.0)
+    builder.texture("asphalt", textures.png("clean_asphalt"))
+    builder.material("asphalt", surfaces.ASPHALT, texture="asphalt", tile_m=6.0, specular=0.0)
     builder.material("steel", surfaces.METAL, rgb=(0.72, 0.74, 0.77), specular=0.6, shininess=0.6)
     builder.material("plastic", surfaces.PLASTIC, rgb=(0.90, 0.90, 0.88))
     builder.material("road_paint", surfaces.ROAD_PAINT, rgb=(0.93, 0.93, 0.91), specular=0.0)
