@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from sim.scene.maps.figure import LIMBS, Figure
@@ -34,7 +34,10 @@ def arrays() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 def test_walkers_are_those_of_the_equations(
     height_m: float, speed_mps: float, path: str, start_lap: float, times_ns: list[int]
 ) -> None:
-    walker = Walker("w", Figure(height_m), PATHS[path](speed_mps, start_lap), ground_m=0.3)
+    try:
+        walker = Walker("w", Figure(height_m), PATHS[path](speed_mps, start_lap), ground_m=0.3)
+    except ValueError:  # steps longer than the legs of a small person who walks fast
+        reject()
     for t_ns in (0, *times_ns):
         found = walker.path.progress(t_ns)
         assert found == walker_reference.progress(walker.path, t_ns)
