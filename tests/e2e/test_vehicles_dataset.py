@@ -158,6 +158,7 @@ def test_two_workers_and_spawned_ones_make_the_same_tree(plan: DatasetPlan, whol
     assert (loaded.vehicle, set(loaded.other_vehicles)) == ("rear", {"front"})
 
 
+@pytest.mark.slow
 def test_it_is_made_again_from_its_own_bench_and_resumed(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     with pytest.raises(Crash):
         make_dataset(plan, tmp_path / "set", replace(inline(), make_workers=partial(Inline, crash_at=1)))
@@ -208,6 +209,7 @@ def test_companions_of_any_vehicle_are_refused(tmp_path: Path) -> None:
         plan_of(tmp_path, text=text)
 
 
+@pytest.mark.slow
 def test_a_mission_with_an_end_is_flown_again_by_all(tmp_path: Path) -> None:
     """The other vehicle starts again too: it is in the same direction in the first picture of both flights."""
     root = tmp_path / "set"
@@ -222,6 +224,7 @@ def test_a_mission_with_an_end_is_flown_again_by_all(tmp_path: Path) -> None:
     assert after == pytest.approx(before, abs=3.0)
 
 
+@pytest.mark.slow
 def test_a_parked_vehicle_is_seen_and_a_lost_recorder_is_an_error(tmp_path: Path) -> None:
     parked = BENCH.replace("front: {}", "front: {mission: null}")
     made = make_dataset(plan_of(tmp_path, frames=2, text=parked), tmp_path / "parked", inline())

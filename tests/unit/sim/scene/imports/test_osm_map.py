@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import importlib
 from pathlib import Path
 from typing import Any
 
@@ -262,6 +263,7 @@ def test_lengths(text: str, value: float | None) -> None:
 
 
 def test_without_shapely_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    importlib.import_module("sim.scene.imports.osm_map")  # binds the true shapely, for the tests after this one
     monkeypatch.setattr(shapes, "shapely", None)
     assert 'pip install "hil-bench[scenes]"' in problems_of(tmp_path, quarter_osm(2, 2))
 
