@@ -160,16 +160,18 @@ class SharedFrames:
         """Return a renderer for one camera. Raises ColourBackendError if the backend of its colour is missing."""
         from sim.frame.renderer import Execution, FrameRenderer
 
+        # Beside another backend the raster draws no colour, and needs nothing that belongs to colour.
+        draws_colour = colour == "native"
         native = FrameRenderer(
             self.geometry,
             camera,
-            shadows=shadows,
-            supersample=supersample,
+            shadows=shadows and draws_colour,
+            supersample=supersample if draws_colour else 1,
             planes_m=(near_m, far_m),
-            shading=shading,
+            shading=shading if draws_colour else PLAIN,
             execution=Execution(threads=self._threads),
         )
-        if colour == "native":
+        if draws_colour:
             return native
         if colour == "path_traced":
             from sim.frame.path_traced.renderer import DEFAULT_SAMPLES, PathTracedRenderer, tracer_of
