@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
@@ -18,6 +19,7 @@ _WHEEL_M, _HALF_TRACK_M = 0.30, 0.28
 _SPOKES = 10
 
 
+@cache
 def tyres() -> SmoothMesh:
     """Return the tyres of the four wheels."""
     mesh = SmoothMesh.empty()
@@ -27,6 +29,7 @@ def tyres() -> SmoothMesh:
     return mesh
 
 
+@cache
 def frame() -> SmoothMesh:
     """Return the tubes, push rims, spokes and footrests."""
     mesh = SmoothMesh.empty()
@@ -55,6 +58,7 @@ def frame() -> SmoothMesh:
     return mesh
 
 
+@cache
 def seat() -> SmoothMesh:
     """Return the seat and the back."""
     mesh = block((0.03, 0.0, 0.475), (0.21, 0.20, 0.020))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 from sim.scene.maps import surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
@@ -100,7 +101,7 @@ def add_parts(builder: MapBuilder, body: Body, model: Model, paint: str, plate: 
     names = _mesh_names(builder, model)
     for part, asset in names.items():
         body.geom("mesh", asset=asset, material=part_material(builder, part, paint, plate), solid=False, part=part)
-    for i, proxy in enumerate(model.proxies()):
+    for i, proxy in enumerate(_proxies_of(model)):
         part = f"proxy_{i}"
         if proxy.hull is not None:
             asset = builder.mesh(f"{model.name.removesuffix('_driver')}_hull_{i}", proxy.hull)
@@ -113,9 +114,21 @@ def add_parts(builder: MapBuilder, body: Body, model: Model, paint: str, plate: 
 
 
 def _mesh_names(builder: MapBuilder, model: Model) -> dict[str, str]:
-    """Return the mesh assets of a model by part; they are made once in a map."""
-    parts = model.parts()
+    """Return the mesh assets of a model by part."""
+    parts = _parts_of(model)
     return {part: builder.mesh(f"{model.name}_{part}", mesh) for part, mesh in parts.items() if mesh.triangles}
+
+
+@cache
+def _parts_of(model: Model) -> Parts:
+    """Return the meshes of a model, made once in a process."""
+    return model.parts()
+
+
+@cache
+def _proxies_of(model: Model) -> list[Proxy]:
+    """Return the contact shapes of a model, made once in a process."""
+    return model.proxies()
 
 
 def part_material(builder: MapBuilder, part: str, paint: str, plate: int) -> str:
