@@ -215,6 +215,7 @@ class _District:
             ("soil", surfaces.SOIL, "earth", (1.0, 1.0, 1.0), 0.0),
             ("sand", surfaces.SAND, "earth", (1.25, 1.2, 1.05), 0.0),
             ("water", surfaces.WATER, "water", (1.0, 1.0, 1.0), 0.9),
+            ("wood", surfaces.WOOD, "wood", (1.0, 1.0, 1.0), 0.0),
         )
         for name, surface, texture, rgb, specular in made:
             rgb = tuple(min(1.0, c) for c in rgb)  # type: ignore[assignment]

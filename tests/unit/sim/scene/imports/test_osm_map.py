@@ -262,6 +262,16 @@ def test_lengths(text: str, value: float | None) -> None:
     assert found is None if value is None else found == pytest.approx(value)
 
 
+def test_a_road_of_every_known_surface_has_its_material(tmp_path: Path) -> None:
+    text = quarter_osm(1, 1)
+    road = '<tag k="highway" v="residential"/>'
+    assert road in text
+    for surface, material in osm_tags.SURFACES.items():
+        paved = text.replace(road, f'{road}<tag k="surface" v="{surface}"/>')
+        world = world_of(tmp_path, paved)
+        assert f"osm_{material}" in {world.model.material(m).name for m in world.model.geom_matid if m >= 0}, surface
+
+
 def test_without_shapely_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     importlib.import_module("sim.scene.imports.osm_map")  # binds the true shapely, for the tests after this one
     monkeypatch.setattr(shapes, "shapely", None)
