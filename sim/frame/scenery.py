@@ -13,7 +13,7 @@ A material's layer with the role `normal` is a texture of surface normals; it is
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -43,7 +43,7 @@ def make_scenery(
     textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
     reliefs: dict[int, int] = {}
     uses_material = has_material_colour(model)
-    masked = dict(_masked(model))
+    masked = open_texels(model)
     for geom in range(model.ngeom):
         rgba = model.geom_rgba[geom]
         material = int(model.geom_matid[geom])
@@ -107,12 +107,19 @@ def rgb_texture(model: mujoco.MjModel, material: int) -> int:
 
 def open_texels(model: mujoco.MjModel) -> dict[int, NDArray[np.bool_]]:
     """Return the holes in the texture of each geom that has some, (height, width); row 0 is the texture's first."""
-    of_texture: dict[int, NDArray[np.bool_]] = {}
+    of_texture: dict[int, NDArray[np.bool_] | None] = {}
     found: dict[int, NDArray[np.bool_]] = {}
-    for geom, texture in _masked(model):
+    for geom in np.flatnonzero((model.geom_type == _MESH) & (model.geom_matid >= 0)).tolist():
+        texture = rgb_texture(model, int(model.geom_matid[geom]))
+        if texture < 0 or model.mesh_texcoordadr[model.geom_dataid[geom]] < 0:
+            continue
         if texture not in of_texture:
-            of_texture[texture] = _powers_of_two(_texels(model, texture)[:, :, 3:])[:, :, 0] < _OPAQUE
-        found[geom] = of_texture[texture]
+            texels = _texels(model, texture)
+            has_holes = texels.shape[2] == 4 and bool((texels[:, :, 3] < _OPAQUE).any())
+            of_texture[texture] = _powers_of_two(texels[:, :, 3:])[:, :, 0] < _OPAQUE if has_holes else None
+        holes = of_texture[texture]
+        if holes is not None:
+            found[geom] = holes
     return found
 
 
@@ -125,20 +132,6 @@ def alpha_masks(model: mujoco.MjModel, geometry: Geometry) -> dict[int, int]:
             masks[id(is_open)] = geometry.add_mask((~is_open).astype(np.uint8))
         found[geom] = masks[id(is_open)]
     return found
-
-
-def _masked(model: mujoco.MjModel) -> Iterator[tuple[int, int]]:
-    """Yield each geom that has holes, and its texture."""
-    has_holes: dict[int, bool] = {}
-    for geom in np.flatnonzero((model.geom_type == _MESH) & (model.geom_matid >= 0)).tolist():
-        texture = rgb_texture(model, int(model.geom_matid[geom]))
-        if texture < 0 or model.mesh_texcoordadr[model.geom_dataid[geom]] < 0:
-            continue
-        if texture not in has_holes:
-            texels = _texels(model, texture)
-            has_holes[texture] = texels.shape[2] == 4 and bool((texels[:, :, 3] < _OPAQUE).any())
-        if has_holes[texture]:
-            yield geom, texture
 
 
 def texels_of(model: mujoco.MjModel, texture: int) -> NDArray[np.uint8]:

@@ -18,7 +18,7 @@ from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import ColourBackendError, MujocoColour, egl_problem, filament_problem
 from sim.frame.renderer import FrameRenderer
-from sim.frame.scenery import _masked, open_texels
+from sim.frame.scenery import open_texels
 from sim.frame.source import SharedFrames, channel_array
 from sim.scene.scene import load_scene
 from sim.world_loader import load_world
@@ -37,7 +37,7 @@ def test_silhouettes_agree_with_the_raster(park: Case, camera: CameraModel) -> N
         pytest.skip(egl_problem())
     geometry = FrameGeometry(park.world)
     renderer, out = FrameRenderer(geometry, camera), buffers(camera, ("geom", "depth"))
-    holed = [geom for geom, _ in _masked(park.world.model)]
+    holed = list(open_texels(park.world.model))
     colour = MujocoColour(park.world, camera)
     rgb = np.zeros((camera.height, camera.width, 3), np.uint8)
     try:

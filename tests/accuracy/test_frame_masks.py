@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.sensors.mujoco_rays import cast
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose
-from sim._kernels import frame_isa
 from sim.frame.camera_model import CameraModel
 from sim.frame.distortion import KannalaBrandt
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import Execution, FrameRenderer
 from sim.scene.scene import Scene, load_scene
 from sim.world_loader import load_world
+from tests.unit.sim.frame.test_frame_raster import ISAS
 
 SIDE_PX = 32
-ISAS = ("base", "avx2", "avx512")[: 1 + ("base", "avx2", "avx512").index(frame_isa())]
 # A quad of 2 x 2 m at x = 4 m that faces -x, its texture laid twice across; the back wall is at x = 6 m.
 SCENE = """\
 name: card

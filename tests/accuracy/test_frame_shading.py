@@ -10,7 +10,6 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose
-from sim._kernels import frame_isa
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import Execution, FrameRenderer
@@ -18,9 +17,9 @@ from sim.frame.shading import PLAIN, Shading, daylight_rgb
 from sim.scene.light import Light
 from sim.scene.scene import load_scene
 from sim.world_loader import load_world
+from tests.unit.sim.frame.test_frame_raster import ISAS
 
 Array = NDArray[np.float64]
-ISAS = ("base", "avx2", "avx512")[: 1 + ("base", "avx2", "avx512").index(frame_isa())]
 CAMERA = CameraModel.from_fov(96, 96, 40.0)
 DOWN = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 SCENE = """\

@@ -32,7 +32,7 @@ HIL_INLINE I opaque(const AlphaMask &mask, const float *uv, const F &a, const F 
     return (splat<I>((std::int32_t)hit) & load<I>(kLaneBit)) != splat<I>(0);
 }
 
-// The same for one point, in double, as in docs/lidar.md: the ray caster decides by the same texel as the raster.
+// The same for one point, in double: the ray caster decides by the same texel as the raster.
 inline bool opaque_at(const AlphaMask &mask, const float *uv, double a, double b, double c) {
     const double scale = 1.0 / (a + b + c), wb = b * scale, wc = c * scale;
     long at[2];

@@ -10,7 +10,7 @@ namespace {
 constexpr float kBounced = 0.2f;      // light from directions that are not open, relative to those that are
 constexpr float kOffSurface = 0.35f;  // [cells] along the normal, so that a wall is not shaded by its own inside
 
-// Not inlined, as put_haze.
+// Not inlined, as put_haze (resolve.isa.cpp).
 __attribute__((noinline)) F ambient_share(const ResolveJob &job, const Surface &s, const Vec<F> &normal) {
     const SkyVisibility &sky = *job.sky;
     const float *R = job.camera_to_world;

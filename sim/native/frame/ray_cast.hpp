@@ -2,8 +2,9 @@
 //
 // For each ray p(t) = o + t d: the nearest t in [t_min, t_max] at which it hits a surface, and the geom. Surfaces are
 // those of mj_ray: planes are hit from above only, solids from within where the ray leaves them, triangles from either
-// side; invisible geoms are ignored, and so are the holes of masks (AlphaMask). With equal t, the hit with the smaller geom index counts, then triangle index, so
-// the result depends only on the rays and the scene, not on the tree, the grouping, the threads or the CPU.
+// side; invisible geoms are ignored, and so are the holes of masks (AlphaMask). With equal t, the hit with the smaller
+// geom index counts, then triangle index, so the result depends only on the rays and the scene, not on the tree, the
+// grouping, the threads or the CPU.
 //
 // Method: rays are sorted by direction and taken eight at a time, in groups of four such packets. Their common beam
 // (bounds of origins and directions) traverses a tree with eight boxes a node, near to far. Shapes are intersected with

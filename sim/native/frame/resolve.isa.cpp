@@ -160,7 +160,7 @@ __attribute__((noinline)) void put_highlights(const ResolveJob &job, const Appea
     c = {mirror(c.r, own.r, over.r, 0), mirror(c.g, own.g, over.g, 1), mirror(c.b, own.b, over.b, 2)};
 }
 
-// Turns the normals by a texture of normals. Not inlined, as put_haze.
+// Turns unit normals in C by a texture of normals.
 template <class Into>
 HIL_INLINE Vec<F> relieved(const ResolveJob &job, const Texture &texture, const TexturePlace &place, const Surface &s,
                            const Vec<F> &normal, Into &&into_camera) {
