@@ -237,7 +237,7 @@ class _MapMaker:
             return self._materials[key]
         look = self._look(index)
         name = re.sub(r"[^A-Za-z0-9_.\-]+", "_", look.name)[:80] or "material"
-        while name in self._material_names or name == "ground":
+        while name in self._material_names or name in ("ground", "contact"):
             name += "_"
         self._material_names.add(name)
         surface = look.surface

@@ -30,11 +30,11 @@ _TOP_WEIGHTS: _Weights = {
 BOTTOMS: dict[str, Vec3] = {
     "denim": (0.24, 0.33, 0.52), "denim_dark": (0.13, 0.17, 0.27), "denim_light": (0.48, 0.58, 0.72),
     "black": TOPS["black"], "charcoal": TOPS["charcoal"], "khaki": (0.58, 0.50, 0.36), "brown": (0.33, 0.24, 0.17),
-    "grey": (0.45, 0.46, 0.47),
+    "grey_dark": (0.45, 0.46, 0.47),
 }  # fmt: skip
 _BOTTOM_WEIGHTS: _Weights = {
     "denim": 0.20, "denim_dark": 0.22, "denim_light": 0.06, "black": 0.20, "charcoal": 0.12, "khaki": 0.10,
-    "brown": 0.04, "grey": 0.06,
+    "brown": 0.04, "grey_dark": 0.06,
 }  # fmt: skip
 SKINS: dict[str, Vec3] = {
     "a": (0.90, 0.72, 0.61), "b": (0.82, 0.62, 0.49), "c": (0.70, 0.50, 0.37), "d": (0.50, 0.34, 0.25),

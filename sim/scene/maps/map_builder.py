@@ -165,6 +165,7 @@ class MapBuilder:
         )  # fmt: skip
         self._assets: dict[str, bytes] = {}
         self._materials: dict[str, Surface] = {}
+        self._looks: dict[str, tuple[object, ...]] = {}
         self._textures: set[str] = set()
         self._meshes: set[str] = set()
         self._hfields: set[str] = set()
@@ -208,14 +209,20 @@ class MapBuilder:
         shininess: float = 0.2,
         relief: str = "",
     ) -> str:
-        """Add a material, unless the name exists. `tile_m`: period of its texture; 0: it fills each geom once.
+        """Add a material, unless the same one exists. `tile_m`: period of its texture; 0: it fills each geom once.
 
-        `relief`: texture of surface normals, laid as `texture` is, which must be given too.
+        `relief`: texture of surface normals, laid as `texture` is, which must be given too. Raises ValueError if
+        another material has the name.
         """
         name = self._own(name)
+        look = (surface, rgb, texture, tile_m, specular, shininess, relief)
+        if self._looks.get(name, look) != look:
+            raise ValueError(f"two materials named {name}")
         if name in self._materials:
             return name
-        self._materials[name] = surface
+        if texture and texture not in self._textures:
+            raise ValueError(f"material {name}: no texture {texture}; make it with texture() first")
+        self._materials[name], self._looks[name] = surface, look
         attributes = {
             "name": name,
             "rgba": numbers((*rgb, 1.0)),
@@ -223,8 +230,6 @@ class MapBuilder:
             "shininess": repr(shininess),
         }
         if texture:
-            if texture not in self._textures:
-                raise ValueError(f"material {name}: no texture {texture}; make it with texture() first")
             attributes["texture"] = texture
             if tile_m:
                 u, v = tile_m if isinstance(tile_m, tuple) else (tile_m, tile_m)

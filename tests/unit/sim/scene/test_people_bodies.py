@@ -20,6 +20,7 @@ from sim.frame.source import SharedFrames, channel_array
 from sim.scene.maps import wheelchair
 from sim.scene.maps.body_build import BUILDS
 from sim.scene.maps.body_meshes import PARTS, body_mesh
+from sim.scene.maps.clothes import BOTTOMS, TOPS, Colours, draw_look
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
@@ -180,6 +181,17 @@ def test_children_walk_and_wheelchairs_roll(generator: str, tmp_path: Path) -> N
     of_one = [int(world.geom_instance[g.id]) for g in geoms if g.name.startswith(actors[2].name)]
     assert len(set(of_one)) == 1
     assert any("wheelchair_tyres" in g.name for g in geoms)
+
+
+def test_a_grey_shirt_and_grey_trousers_have_materials_of_their_own() -> None:
+    builder = MapBuilder("people")
+    for k, colours in enumerate((Colours("grey", "black", "a", "dark"), Colours("black", "grey_dark", "a", "dark"))):
+        for seed in range(8):
+            draw_look(builder, RandomGenerator(seed, "p"), colours, name=f"p{k}{seed}")
+    made = builder.build()
+    model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
+    for name, rgb in (("cloth_grey_plain", TOPS["grey"]), ("cloth_grey_dark_plain", BOTTOMS["grey_dark"])):
+        assert model.mat(name).rgba[:3] == pytest.approx(rgb, abs=1e-6)
 
 
 def test_all_looks_can_be_built() -> None:

@@ -338,6 +338,9 @@ def test_builder_refuses_what_would_break_later() -> None:
     with pytest.raises(ValueError, match="no texture bark"):
         builder.material("bark", surfaces.BARK, texture="bark")
     builder.material("bark", surfaces.BARK)
+    assert builder.material("bark", surfaces.BARK) == "bark"
+    with pytest.raises(ValueError, match="two materials named bark"):
+        builder.material("bark", surfaces.BARK, rgb=(0.4, 0.3, 0.2))
     with pytest.raises(ValueError, match="no material leaf"):
         builder.ground("plane", (0.0, 0.0, 1.0), material="leaf")
     builder.ground("plane", (0.0, 0.0, 1.0), material="bark", name="floor")

@@ -17,6 +17,7 @@ from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
 from sim.frame.meshes import mesh_triangles
 from sim.scene.imports import gltf_file, gltf_map, gltf_materials
+from sim.scene.imports.gltf_materials import srgb_of
 from sim.scene.scene import Scene, load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -112,6 +113,14 @@ def test_textures_masks_and_colours_of_vertices(tmp_path: Path) -> None:
     painted = [g for g in np.flatnonzero(world.geom_visible) if model.geom(g).name.startswith("painted")]
     assert {tuple(model.mat_rgba[model.geom_matid[g]][:3].round(2).tolist()) for g in painted} == {(1, 0, 0), (0, 0, 1)}
     assert world.surfaces[world.geom_surface[painted[0]]].relative_permittivity > 1.0
+
+
+def test_materials_named_like_those_of_the_bench_keep_their_look(tmp_path: Path) -> None:
+    for name in ("contact", "ground"):
+        file = small_file()
+        file.json["materials"][0]["name"] = name
+        model = load_world(scene_of(tmp_path, file.glb())).model
+        assert model.mat(f"{name}_").rgba[:3] == pytest.approx(srgb_of(np.array([0.5, 0.25, 0.1])), abs=1e-6)
 
 
 def test_instances_share_a_mesh_and_mirrors_face_outwards(tmp_path: Path) -> None:
