@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from signals._kernel import det_cos, det_sin
 from signals.samples import Quat
 from signals.units import RAD_PER_DEG
+from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.contact_pieces import Pieces, contact_pieces
 from sim.scene.imports.gltf_file import MAX_TRIANGLES, GltfFile
 from sim.scene.imports.gltf_geometry import Notes, Placed, Surfaces, placed_meshes, surfaces_of
@@ -70,11 +71,7 @@ class _MapMaker:
         self._stems: dict[int, str] = {}  # of the assets of solid pieces
         self._bodies: dict[str, int] = {}
         self._classes: dict[str, list[str]] = {}
-        self._patterns = [
-            (name, index, pattern, [False])
-            for name, patterns in (options.classes or {}).items()
-            for index, pattern in enumerate(patterns)
-        ]
+        self._patterns = ClassPatterns(options.classes)
         self._used_surfaces: set[str] = set()
         self._error_m = options.contact_error_m
         self._covered = np.zeros(len(_ROUND_ORIGIN_M), bool)
@@ -109,7 +106,7 @@ class _MapMaker:
         names = [part.name for parts in (gltf.nodes, gltf.meshes, gltf.materials) for part in parts if part.name]
         return ImportedMap(
             scene_map,
-            tuple((name, index) for name, index, _, used in self._patterns if not used[0]),
+            self._patterns.unmatched,
             tuple(name for name in options.surfaces or {} if name not in self._used_surfaces),
             tuple(dict.fromkeys(names)),
         )
@@ -136,13 +133,6 @@ class _MapMaker:
             self._looks[index] = look_of(self._file, index)
         return self._looks[index]
 
-    def _class_of(self, node: str, mesh: str, material: str) -> str:
-        found = ""
-        for name, _, pattern, used in self._patterns:
-            if any(word and fnmatch.fnmatchcase(word, pattern) for word in (node, mesh, material)):
-                found, used[0] = name, True
-        return found
-
     def _add(self, placed: Placed) -> None:
         """Add a mesh at its place: a body for each class of its materials; the first holds what is solid."""
         shown = [s for s in self._of(placed.mesh) if self._look(s.material).visible]
@@ -156,7 +146,7 @@ class _MapMaker:
             raise self._file.error(f"node {placed.name[:60]!r}", message, "set map.scale and map.origin_m")
         by_class: dict[str, list[Surfaces]] = {}
         for part in shown:
-            name = self._class_of(placed.name, mesh_name, self._look(part.material).name)
+            name = self._patterns.class_of((placed.name, mesh_name, self._look(part.material).name), "")
             by_class.setdefault(name, []).append(part)
         x, y, z = position.tolist()
         bodies = []

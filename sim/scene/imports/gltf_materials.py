@@ -5,11 +5,12 @@ The base colour becomes the colour and the texture. Roughness r and metalness m 
     shininess = 1 - r,   specular = (1 - r) (1 + m) / 2
 
 which gives 0.5 and 0.25 for paint (m = 0, r = 0.5), and 0.8 and 0.8 for polished metal (m = 1, r = 0.2). The surface
-for LiDAR and radar follows from words in the material's name, else from its metalness.
+for LiDAR and radar follows from whole words in the material's name, else from its metalness.
 """
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +28,8 @@ from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 MAX_PIXELS = 1 << 27
 MAX_EDGE = 2048  # of a texture; larger ones are made smaller
 _INVISIBLE = 0.05  # alpha below which a blended material is not there
-_WORDS = {
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")  # of a name such as RoofTiles_01
+_WORDS = {  # in this order; "tiles" counts as "tile"
     "glass": "glass", "window": "glass", "metal": "painted_metal", "steel": "metal", "iron": "painted_metal",
     "wood": "wood", "timber": "wood", "brick": "brick", "concrete": "concrete", "cement": "concrete",
     "asphalt": "asphalt", "road": "asphalt", "grass": "grass", "lawn": "grass", "leaf": "foliage", "leaves": "foliage",
@@ -35,7 +37,9 @@ _WORDS = {
     "stucco": "plaster", "roof": "roof_tile", "tile": "roof_tile", "stone": "stone", "rock": "stone",
     "gravel": "gravel", "sand": "sand",
     "soil": "soil", "dirt": "soil", "earth": "soil", "rubber": "rubber", "tire": "rubber", "plastic": "plastic",
-    "car": "painted_metal", "skin": "skin_clothes", "cloth": "skin_clothes", "fabric": "skin_clothes",
+    "car": "painted_metal", "skin": "skin_clothes", "cloth": "skin_clothes", "clothes": "skin_clothes",
+    "fabric": "skin_clothes", "brickwork": "brick", "brickwall": "brick", "cobblestone": "stone", "sandstone": "stone",
+    "limestone": "stone", "plywood": "wood", "hardwood": "wood", "rooftop": "roof_tile",
 }  # fmt: skip
 
 
@@ -140,9 +144,10 @@ def srgb_of(colour: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _surface(name: str, metal: float, see_through: bool) -> Surface:
-    lower = name.lower()
+    words = {word.lower() for word in _WORD.findall(name)}
+    words |= {word[:-1] for word in words if word.endswith("s")}
     for word, surface in _WORDS.items():
-        if word in lower:
+        if word in words:
             return SURFACES[surface]
     if see_through:
         return SURFACES["glass"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from signals.geodesy import Site
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from sim.scene.imports import osm_tags
+from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
 from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.msh import msh
@@ -158,11 +158,7 @@ class _District:
         self._source, self._shapes, self._options, self._terrain = source, shapes, options, terrain
         self._builder = _Builder(terrain)
         self._notes: Counter[str] = shapes.notes
-        self._patterns = [
-            (name, index, pattern, [False])
-            for name, patterns in (options.classes or {}).items()
-            for index, pattern in enumerate(patterns)
-        ]
+        self._patterns = ClassPatterns(options.classes)
         self._names: set[str] = set()
         self._terrain_cells: Any = None
         self._serial = 0
@@ -186,20 +182,18 @@ class _District:
         notes = tuple(f"{count} {text}" for text, count in sorted(self._notes.items()))
         return ImportedMap(
             replace(built, notes=notes),
-            tuple((name, index) for name, index, _, used in self._patterns if not used[0]),
+            self._patterns.unmatched,
             (),
             tuple(sorted(self._names)),
         )
 
     def _class(self, tags: Tags, default: str) -> str:
         """Return an object's class: that of the last of the user's patterns that matches a tag, or the default."""
-        if self._patterns:
-            words = [f"{key}={value}" for key, value in tags.items()]
-            self._names.update(words)
-            for name, _, pattern, used in self._patterns:
-                if any(fnmatch.fnmatchcase(word, pattern) for word in words):
-                    default, used[0] = name, True
-        return default
+        if not self._options.classes:
+            return default
+        words = [f"{key}={value}" for key, value in tags.items()]
+        self._names.update(words)
+        return self._patterns.class_of(words, default)
 
     def _materials(self) -> None:
         b = self._builder

@@ -19,6 +19,7 @@ from sim.frame.meshes import mesh_triangles
 from sim.scene.imports import gltf_file, gltf_map, gltf_materials
 from sim.scene.imports.gltf_materials import srgb_of
 from sim.scene.scene import Scene, load_scene
+from sim.scene.surfaces import SURFACES
 from sim.scene.world import World
 from sim.world_loader import load_world
 from tests.worlds.example_places import yard_glb
@@ -121,6 +122,22 @@ def test_materials_named_like_those_of_the_bench_keep_their_look(tmp_path: Path)
         file.json["materials"][0]["name"] = name
         model = load_world(scene_of(tmp_path, file.glb())).model
         assert model.mat(f"{name}_").rgba[:3] == pytest.approx(srgb_of(np.array([0.5, 0.25, 0.1])), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "surface"),
+    [
+        ("Street_01", "concrete"), ("carpet", "concrete"), ("skinny pole", "concrete"), ("tree.bark", "foliage"),
+        ("RoofTiles2", "roof_tile"), ("OLD-BRICKS", "brick"), ("treeLeaves", "foliage"), ("sandstone", "stone"),
+    ],
+)  # fmt: skip
+def test_surfaces_follow_from_whole_words_of_a_material(name: str, surface: str, tmp_path: Path) -> None:
+    file = small_file()
+    file.json["materials"][0] |= {"name": name}
+    file.json["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = 0.0
+    world = load_world(scene_of(tmp_path, file.glb()))
+    crate = next(g for g in np.flatnonzero(world.geom_visible) if world.model.geom(g).name.startswith("crate"))
+    assert world.surfaces[world.geom_surface[crate]] == SURFACES[surface]
 
 
 def test_instances_share_a_mesh_and_mirrors_face_outwards(tmp_path: Path) -> None:
