@@ -194,14 +194,17 @@ def make_terrain(tiff: GeoTiff, site: Site, half_m: float) -> Terrain:
             f"has no height at the take-off place, latitude {site.latitude_deg:.6f}, longitude {site.longitude_deg:.6f}"
         )
         raise ConfigError([Problem(tiff.source, message)])
-    known = np.isfinite(z)
-    while not known.all():  # unknown heights are those of the nearest known ones
-        for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
-            moved, moved_known = np.roll(z, step, axis), np.roll(known, step, axis)
-            fill = ~known & moved_known
-            z[fill], known = moved[fill], known | fill
-    z = np.round(z - middle, 4)
+    z = np.round(_filled(z) - middle, 4)
     # The take-off place is level, so that the vehicle stands.
     near = np.abs(line) <= max(2.0, 0.75 * cell)
     z[np.ix_(near, near)] = 0.0
     return Terrain(z, (float(line[0]), float(line[0])), float(cell))
+
+
+def _filled(z: Float64) -> Float64:
+    """Return heights with the unknown ones (NaN) taken from the nearest known ones along rows and columns."""
+    z = z.copy()
+    while np.isnan(z).any():
+        for into, source in ((z[1:], z[:-1]), (z[:-1], z[1:]), (z[:, 1:], z[:, :-1]), (z[:, :-1], z[:, 1:])):
+            into[:] = np.where(np.isnan(into), source, into)
+    return z

@@ -68,6 +68,20 @@ def test_terrain_follows_the_file(tmp_path: Path) -> None:
     assert terrain.height(np.zeros((1, 2)))[0] == 0.0
 
 
+def test_unknown_heights_are_those_of_the_nearest_known_ones(tmp_path: Path) -> None:
+    """A file that ends 40 m west of the site, and one with a hole: no height comes from the opposite edge."""
+    step, n = (0.0002, 0.0001), 80
+    origin = (LONGITUDE_DEG - 40.0 / 75_450.0, LATITUDE_DEG + 0.5 * n * step[1])
+    heights = np.tile(450.0 + np.arange(n), (n, 1))
+    heights[10:14, 8:10] = np.nan
+    (tmp_path / "dem.tif").write_bytes(geotiff(heights, origin, step, 4326))
+    terrain = make_terrain(read_geotiff(tmp_path / "dem.tif"), SITE, 200.0)
+    west = np.array([(-60.0, 0.0), (-100.0, 0.0), (-200.0, 100.0)])
+    edge = terrain.height(np.array([(-38.0, 0.0)]))[0]
+    np.testing.assert_allclose(terrain.height(west), edge, atol=0.5)
+    assert edge < -1.0
+
+
 def test_a_quarter_on_a_slope(tmp_path: Path) -> None:
     """Buildings stand in the slope, roads and the take-off place lie on it."""
     pytest.importorskip("shapely")
