@@ -265,22 +265,12 @@ def _rectangle(polygon: Any) -> Float64:
     return np.asarray(box.exterior.coords)[:4, :2]
 
 
-_COMPASS = dict(
-    zip(
-        ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"],
-        range(16),
-        strict=True,
-    )
-)
-
-
 def _direction(text: str | None, rectangle: Float64) -> Float64:
     """Return the direction downhill that `roof:direction` states; without it, across the rectangle."""
-    if text is not None:
-        degrees = 22.5 * _COMPASS[text.upper()] if text.upper() in _COMPASS else osm_tags.number(text.rstrip("°"))
-        if degrees is not None:
-            angle = np.deg2rad(degrees)
-            return np.array([np.sin(angle), np.cos(angle)])
+    degrees = osm_tags.direction_deg(text)
+    if degrees is not None:
+        angle = np.deg2rad(degrees)
+        return np.array([np.sin(angle), np.cos(angle)])
     u, v = rectangle[1] - rectangle[0], rectangle[2] - rectangle[1]
     short = v if float(u @ u) >= float(v @ v) else u
     return short / np.sqrt(short @ short)

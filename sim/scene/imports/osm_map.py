@@ -17,6 +17,7 @@ from signals.errors import ConfigError, Problem
 from signals.geodesy import Site
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
+from signals.units import RAD_PER_DEG
 from sim.scene.imports import osm_tags
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
@@ -561,8 +562,10 @@ class _District:
             add_lamp(b, x, y, height_m=5.0)
             self._rename_class(tags, "lamp")
         elif tags.get("amenity") == "bench":
-            heading = osm_tags.number(tags.get("direction")) or 360.0 * self.rng(spot.key).unit()
-            add_bench(b, x, y, (90.0 - heading) * 0.017453292519943295)
+            heading = osm_tags.direction_deg(tags.get("direction"))
+            if heading is None:
+                heading = 360.0 * self.rng(spot.key).unit()
+            add_bench(b, x, y, (90.0 - heading) * RAD_PER_DEG)
             self._rename_class(tags, "bench")
         elif tags.get("amenity") == "waste_basket":
             add_bin(b, x, y)

@@ -125,6 +125,9 @@ _COLOURS = {
     "maroon": "6c2c24", "tan": "c8ac80", "cream": "ece0c0", "lightyellow": "ece4b8", "sandybrown": "d0a070",
     "firebrick": "983028", "darkred": "782820", "ivory": "ece8d8", "wheat": "e0cc9c", "salmon": "d88c74",
 }  # fmt: skip
+_COMPASS = (
+    "N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW",
+)  # fmt: skip
 
 
 def length_m(text: str | None) -> float | None:
@@ -138,13 +141,21 @@ def length_m(text: str | None) -> float | None:
     return value if 0.0 <= value <= _MAX_HEIGHT_M else None
 
 
-def number(text: str | None) -> float | None:
-    """Return a plain number of at least 0, or None."""
+def number(text: str | None, greatest: float = 300.0) -> float | None:
+    """Return a plain number from 0 to `greatest`, or None."""
     try:
         value = float(text.split(";")[0]) if text is not None else -1.0
     except ValueError:
         return None
-    return value if 0.0 <= value <= 300.0 else None
+    return value if 0.0 <= value <= greatest else None
+
+
+def direction_deg(text: str | None) -> float | None:
+    """Return a direction clockwise from north, stated in degrees or as a point of the compass, or None."""
+    if text is None:
+        return None
+    point = text.strip().upper()
+    return 22.5 * _COMPASS.index(point) if point in _COMPASS else number(text.rstrip("° "), 360.0)
 
 
 def colour(text: str | None) -> tuple[float, float, float] | None:

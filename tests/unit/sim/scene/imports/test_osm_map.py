@@ -262,6 +262,26 @@ def test_lengths(text: str, value: float | None) -> None:
     assert found is None if value is None else found == pytest.approx(value)
 
 
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("0", 0.0), ("330", 330.0), ("45°", 45.0), ("nw", 315.0), ("N", 0.0), ("361", None), ("up", None), (None, None)],
+)
+def test_directions(text: str | None, value: float | None) -> None:
+    assert osm_tags.direction_deg(text) == value
+
+
+def test_a_bench_faces_where_its_direction_says(tmp_path: Path) -> None:
+    directions = {"0": (0.0, 1.0), "90": (1.0, 0.0), "330": (-0.5, 0.75**0.5)}
+    out = _Extract()
+    for i, text in enumerate(directions):
+        out.spot(20.0 + 5.0 * i, 0.0, amenity="bench", direction=text)
+    model = world_of(tmp_path, out.xml()).model
+    for i, facing in enumerate(directions.values()):
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, model.body(f"bench_{i:03d}").quat)
+        assert turn.reshape(3, 3)[:2, 1] == pytest.approx(facing, abs=1e-6)  # its y is where a sitting person looks
+
+
 def test_a_road_of_every_known_surface_has_its_material(tmp_path: Path) -> None:
     text = quarter_osm(1, 1)
     road = '<tag k="highway" v="residential"/>'
