@@ -57,8 +57,6 @@ class GltfFile:
         if index >= len(self.gltf.bufferViews):
             raise self.error(part, f"names bufferViews[{index}], which does not exist")
         view = self.gltf.bufferViews[index]
-        if view.buffer >= len(self.buffers):
-            raise self.error(f"bufferViews[{index}]", f"names buffers[{view.buffer}], which does not exist")
         data = self.buffers[view.buffer]
         if view.byteOffset + view.byteLength > len(data):
             message = f"ends at byte {view.byteOffset + view.byteLength} of a buffer of {len(data)} bytes"
@@ -128,14 +126,13 @@ class GltfFile:
         for data in self.buffers:
             starts.append(len(body))
             body += data + b"\0" * (-len(data) % 4)
-        for view in raw.get("bufferViews", []):
-            view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
-            view["buffer"] = 0
+        for view, checked in zip(raw.get("bufferViews", []), self.gltf.bufferViews, strict=True):
+            view |= {"buffer": 0, "byteOffset": checked.byteOffset + starts[checked.buffer]}
         for index, data in self.images.items():
             image = raw["images"][index]
             image.pop("uri")
             image["bufferView"] = len(raw.setdefault("bufferViews", []))
-            image.setdefault("mimeType", "image/png" if data[:4] == b"\x89PNG" else "image/jpeg")
+            image.setdefault("mimeType", _mime_type(data))
             raw["bufferViews"].append({"buffer": 0, "byteOffset": len(body), "byteLength": len(data)})
             body += data + b"\0" * (-len(data) % 4)
         if body:
@@ -146,6 +143,12 @@ class GltfFile:
         if body:
             chunks += struct.pack("<II", len(body), _BIN) + bytes(body)
         return struct.pack("<III", _GLB, 2, 12 + len(chunks)) + chunks
+
+
+def _mime_type(image: bytes) -> str:
+    if image[:4] == b"\x89PNG":
+        return "image/png"
+    return "image/webp" if image[:4] == b"RIFF" and image[8:12] == b"WEBP" else "image/jpeg"
 
 
 def read_gltf(path: Path) -> GltfFile:
@@ -296,6 +299,9 @@ class _Reader:
         gltf = file.gltf
         if len(gltf.nodes) > MAX_NODES:
             raise self._error(f"has {len(gltf.nodes)} nodes; {MAX_NODES} are allowed", "join them")
+        for i, view in enumerate(gltf.bufferViews):
+            if view.buffer >= len(gltf.buffers):
+                raise self._error(f"bufferViews[{i}] names buffers[{view.buffer}], which does not exist")
         for i, accessor in enumerate(gltf.accessors):
             if accessor.count > 3 * MAX_TRIANGLES:
                 raise self._error(f"accessors[{i}] has {accessor.count} values; {3 * MAX_TRIANGLES} are allowed")

@@ -9,6 +9,7 @@ import re
 import struct
 from pathlib import Path
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -248,6 +249,7 @@ BAD = {
     ),
     "no such mesh": (changed(nodes__0__mesh=7), "nodes[0] names meshes[7]"),
     "no such accessor": (changed(**{f"{PRIMITIVE}__indices": 99}), "accessors[99], which does not exist"),
+    "no such buffer": (changed(bufferViews__0__buffer=5), "bufferViews[0] names buffers[5], which does not exist"),
     "no such material": (changed(**{f"{PRIMITIVE}__material": 9}), "materials[9]"),
     "circle": (changed(nodes__0__children=[0]), "nodes[0] is below itself"),
     "huge buffer": (changed(bufferViews__0__byteLength=5_000_000_000), "ends at byte 5000000000"),
@@ -287,6 +289,20 @@ def test_a_buffer_beside_the_file_that_is_missing_or_short(tmp_path: Path) -> No
     assert "buffers[0] names a file that does not exist" in problems_of(tmp_path, text, "place.gltf")
     (tmp_path / "body.bin").write_bytes(b"\0" * 100)
     assert "buffers[0] has 100 bytes instead of 2000" in problems_of(tmp_path, text, "place.gltf")
+
+
+@pytest.mark.parametrize(("suffix", "kind"), [(".png", "png"), (".jpg", "jpeg"), (".webp", "webp")])
+def test_images_beside_the_file_keep_their_kind_when_packed(suffix: str, kind: str, tmp_path: Path) -> None:
+    file = small_file()
+    (tmp_path / f"red{suffix}").write_bytes(cv2.imencode(suffix, np.full((8, 8, 3), (0, 0, 255), np.uint8))[1])
+    file.json |= {"images": [{"uri": f"red{suffix}"}], "textures": [{"source": 0}]}
+    file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    (tmp_path / "place.glb").write_bytes(file.glb())
+    packed = gltf_file.read_gltf(tmp_path / "place.glb").packed()
+    (tmp_path / "packed.glb").write_bytes(packed)
+    again = gltf_file.read_gltf(tmp_path / "packed.glb")
+    assert again.raw["images"][0]["mimeType"] == f"image/{kind}"
+    assert np.abs(gltf_materials.decoded(again, 0).reshape(-1, 3).mean(axis=0) - (0, 0, 255)).max() < 3
 
 
 def test_sizes_are_limited_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
