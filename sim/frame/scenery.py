@@ -8,7 +8,8 @@ the mean of 2 x 2 texels of the previous level, in integers.
 The alpha channel of a texture on a mesh with texture coordinates makes holes: texels below one half are open. There the
 texture is laid by the mesh's coordinates alone, without repetition factors and random changes of the pattern.
 
-A material's layer with the role `normal` is a texture of surface normals; it is laid as the texture of the colour.
+A material's layer with the role `normal` is a texture of surface normals; it is laid, and randomly shifted, as the
+texture of the colour.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from sim._kernels import Geometry, Scenery
 from sim.scene.semantics import has_material_colour
-from sim.scene.surface_appearance import SurfaceAppearance
+from sim.scene.surface_appearance import NO_SHIFT, SurfaceAppearance, shifted
 
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -41,7 +42,7 @@ def make_scenery(
     """
     scenery = Scenery()
     textures: dict[tuple[int, SurfaceAppearance | None], int] = {}
-    reliefs: dict[int, int] = {}
+    reliefs: dict[tuple[int, tuple[float, float]], int] = {}
     uses_material = has_material_colour(model)
     masked = open_texels(model)
     for geom in range(model.ngeom):
@@ -60,7 +61,12 @@ def make_scenery(
                 if key not in textures:
                     textures[key] = _add_texture(scenery, model, source, appearance)
                 texture = textures[key]
-            relief = _relief(scenery, model, material, reliefs)
+            source, shift = relief_of(model, material, appearance)
+            if source >= 0:
+                if (source, shift) not in reliefs:
+                    image = shifted(texels_of(model, source), shift)
+                    reliefs[source, shift] = int(scenery.add_texture(_pyramid([image]), False, linear=True))
+                relief = reliefs[source, shift]
             gloss = _gloss(model, material)
             u, v = (float(x) for x in model.mat_texrepeat[material])
             repeat, uniform = (u, v), bool(model.mat_texuniform[material])
@@ -68,9 +74,9 @@ def make_scenery(
         if geom in masked:
             repeat, uniform = (1.0, 1.0), False
         if appearance is not None:
-            if max(texture, relief) >= 0 and geom not in masked:  # its texels are changed already
+            if max(texture, relief) >= 0 and geom not in masked:
                 repeat = (repeat[0] / appearance.scale, repeat[1] / appearance.scale)
-            elif texture < 0:
+            if texture < 0:  # texels are changed already
                 r, g, b = appearance.colour((r, g, b))
         scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform, *gloss, relief)
     for r, g, b in extra_rgb or []:
@@ -85,16 +91,6 @@ def _gloss(model: mujoco.MjModel, material: int) -> tuple[float, float, float]:
     return specular, shininess, metallic
 
 
-def _relief(scenery: Scenery, model: mujoco.MjModel, material: int, known: dict[int, int]) -> int:
-    """Return the texture of a material's normals; -1: none. `known`: those added so far, by their number in `model`."""
-    source = int(model.mat_texid[material][mujoco.mjtTextureRole.mjTEXROLE_NORMAL])
-    if source < 0 or int(model.tex_type[source]) == _CUBE:
-        return -1
-    if source not in known:
-        known[source] = int(scenery.add_texture(_pyramid([texels_of(model, source)]), False, linear=True))
-    return known[source]
-
-
 def rgb_texture(model: mujoco.MjModel, material: int) -> int:
     """Return the texture of a material's colour; -1: none."""
     roles = model.mat_texid[material]
@@ -103,6 +99,18 @@ def rgb_texture(model: mujoco.MjModel, material: int) -> int:
         if source >= 0 and model.tex_type[source] != mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             return source
     return -1
+
+
+def relief_of(
+    model: mujoco.MjModel, material: int, appearance: SurfaceAppearance | None
+) -> tuple[int, tuple[float, float]]:
+    """Return the texture of a material's normals, -1 for none, and its shift, which is that of the colour."""
+    source = int(model.mat_texid[material][mujoco.mjtTextureRole.mjTEXROLE_NORMAL])
+    if source < 0 or model.tex_type[source] == _CUBE:
+        return -1, NO_SHIFT
+    colour = rgb_texture(model, material)
+    stays = appearance is None or (colour >= 0 and not _can_shift(model, colour))
+    return source, NO_SHIFT if appearance is None or stays else appearance.shift
 
 
 def open_texels(model: mujoco.MjModel) -> dict[int, NDArray[np.bool_]]:
@@ -161,15 +169,29 @@ def _without_holes(rgb: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> NDArray[
     return filled
 
 
-def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, appearance: SurfaceAppearance | None) -> int:
+def _is_cube(model: mujoco.MjModel, texture: int) -> bool:
+    return bool(model.tex_type[texture] == _CUBE and model.tex_height[texture] == 6 * model.tex_width[texture])
+
+
+def _can_shift(model: mujoco.MjModel, texture: int) -> bool:
+    return not _is_cube(model, texture) and model.tex_nchannel[texture] != 4
+
+
+def texture_image(
+    model: mujoco.MjModel, texture: int, appearance: SurfaceAppearance | None
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None, bool]:
+    """Return the texels (H, W, 3) of a colour as they are drawn, their alpha (H, W) if stored, and True for a cube."""
     rgb, texels = texels_of(model, texture), _texels(model, texture)
-    height, width = rgb.shape[:2]
-    has_alpha = texels.shape[2] == 4
-    if has_alpha:
-        rgb = _without_holes(rgb, texels[:, :, 3])
-    cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
+    alpha = texels[:, :, 3] if texels.shape[2] == 4 else None
+    if alpha is not None:
+        rgb = _without_holes(rgb, alpha)
     if appearance is not None:
-        rgb = appearance.texels(rgb, shifted=not (cube or has_alpha))
+        rgb = appearance.texels(rgb, shifts=_can_shift(model, texture))
+    return rgb, alpha, _is_cube(model, texture)
+
+
+def _add_texture(scenery: Scenery, model: mujoco.MjModel, texture: int, appearance: SurfaceAppearance | None) -> int:
+    rgb, _, cube = texture_image(model, texture, appearance)
     return int(scenery.add_texture(_pyramid(np.split(rgb, 6) if cube else [rgb]), cube))
 
 

@@ -25,6 +25,7 @@ from sim.scene.random_generator import feature_rng
 _PER_ROOT_3 = 0.5773502691896258
 Rgb = tuple[float, float, float]
 T = TypeVar("T", float, NDArray[np.float64])
+NO_SHIFT = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class SurfaceAppearance:
         r, g, b = (self.brightness * channel for channel in self._rotated(*rgb))
         return _clipped(r), _clipped(g), _clipped(b)
 
-    def texels(self, image: NDArray[np.uint8], *, shifted: bool = True) -> NDArray[np.uint8]:
+    def texels(self, image: NDArray[np.uint8], *, shifts: bool = True) -> NDArray[np.uint8]:
         """Return the changed texture, (H, W, 3) sRGB codes. Cube maps cannot be shifted: their faces do not repeat."""
         total = image.reshape(-1, 3).sum(axis=0, dtype=np.int64)
         mean = [float(t) / (image.shape[0] * image.shape[1]) for t in total]
@@ -53,10 +54,7 @@ class SurfaceAppearance:
         for i in range(3):
             value = (deviation[i] * self.contrast + rotated_mean[i]) * self.brightness
             changed[:, :, i] = np.clip(value + 0.5, 0.0, 255.0).astype(np.uint8)
-        if not shifted:
-            return changed
-        rows, columns = (int(share * size) for share, size in zip(self.shift, image.shape[:2], strict=True))
-        return np.roll(changed, (rows, columns), axis=(0, 1))
+        return shifted(changed, self.shift) if shifts else changed
 
     def _rotated(self, r: T, g: T, b: T) -> tuple[T, T, T]:
         """Return a colour rotated about the grey axis."""
@@ -79,8 +77,14 @@ def draw_surface(limits: TextureLimits, seed: int, name: str, *, keeps_hue: bool
     scale = rng.log_between(*limits.scale)
     shift = (rng.unit(), rng.unit())
     return SurfaceAppearance(
-        0.0 if keeps_hue else hue_deg, brightness, contrast, scale, shift if limits.shift else (0.0, 0.0)
+        0.0 if keeps_hue else hue_deg, brightness, contrast, scale, shift if limits.shift else NO_SHIFT
     )
+
+
+def shifted(image: NDArray[np.uint8], shift: tuple[float, float]) -> NDArray[np.uint8]:
+    """Return a repeating image (H, W, ...) shifted along its rows and columns, by shares of its size."""
+    rows, columns = (int(share * size) for share, size in zip(shift, image.shape[:2], strict=True))
+    return np.roll(image, (rows, columns), axis=(0, 1))
 
 
 def _clipped(channel: float) -> float:

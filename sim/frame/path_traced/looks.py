@@ -22,16 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.frame.path_traced.protocol import LEAFY, WATERY
-from sim.frame.scenery import rgb_texture
+from sim.frame.scenery import relief_of, rgb_texture, texels_of, texture_image
 from sim.scene.maps.surfaces import GLASS, GRASS, LEAVES, WATER
 from sim.scene.semantics import has_material_colour
+from sim.scene.surface_appearance import shifted
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
-_CUBE = int(mujoco.mjtTexture.mjTEXTURE_CUBE)
-_RELIEF = "relief"  # in the key of a texture of normals
 _OPAQUE = 128  # least alpha of a texel that is not a hole
 _INFINITE_M = 1e6
 
@@ -99,8 +98,8 @@ def make_looks(world: World) -> Looks:
                 key = (source, appearance)
                 if key not in numbers:
                     numbers[key] = len(textures)
-                    image, cube = _image(model, source, appearance)
-                    textures.append(image)
+                    image, alpha, cube = texture_image(model, source, appearance)
+                    textures.append(_with_alpha(image, alpha))
                     is_cube.append(cube)
                 texture = numbers[key]
                 has_holes = _has_uv(model, geom) and bool((textures[texture][..., 3] < _OPAQUE).any())
@@ -116,11 +115,11 @@ def make_looks(world: World) -> Looks:
         look[:3] = _linear(np.clip(rgb, 0.0, 1.0))
         look[3], look[9], look[10] = texture, has_holes, -1.0
         if number >= 0:
-            source = int(model.mat_texid[number][mujoco.mjtTextureRole.mjTEXROLE_NORMAL])
-            if source >= 0 and int(model.tex_type[source]) != _CUBE:
-                look[10] = numbers.setdefault((source, _RELIEF), len(textures))
+            source, shift = relief_of(model, number, appearance)
+            if source >= 0:
+                look[10] = numbers.setdefault((source, shift), len(textures))
                 if look[10] == len(textures):
-                    textures.append(_image(model, source, None)[0])
+                    textures.append(_with_alpha(shifted(texels_of(model, source), shift), None))
                     is_cube.append(False)
                 if appearance is not None and texture < 0 and not has_holes:
                     repeat[geom] /= appearance.scale
@@ -141,21 +140,8 @@ def _gloss(specular: float, shininess: float, metallic: float, roughness: float)
     return 0.08 * specular, min(max(alpha, 0.02), 1.0), min(max(metallic, 0.0), 1.0)
 
 
-def _image(model: mujoco.MjModel, texture: int, appearance: object) -> tuple[NDArray[np.uint8], bool]:
-    height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
-    channels = int(model.tex_nchannel[texture])
-    begin = int(model.tex_adr[texture])
-    texels = model.tex_data[begin : begin + height * width * channels].reshape(height, width, channels)
-    image = np.full((height, width, 4), 255, np.uint8)
-    image[..., :3] = texels[..., :1] if channels < 3 else texels[..., :3]
-    if channels == 4:
-        image[..., 3] = texels[..., 3]
-    cube = int(model.tex_type[texture]) == _CUBE and height == 6 * width
-    if appearance is not None:
-        image[..., :3] = appearance.texels(  # type: ignore[attr-defined]
-            image[..., :3], shifted=not (cube or channels == 4)
-        )
-    return image, cube
+def _with_alpha(rgb: NDArray[np.uint8], alpha: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+    return np.dstack([rgb, np.full(rgb.shape[:2], 255, np.uint8) if alpha is None else alpha])
 
 
 def _has_uv(model: mujoco.MjModel, geom: int) -> bool:

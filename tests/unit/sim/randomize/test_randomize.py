@@ -141,7 +141,7 @@ def test_surfaces_change_within_their_limits() -> None:
     moved = draw_surface(plain.model_copy(update={"shift": True}), 1, "x", keeps_hue=False)
     assert sorted(moved.texels(texels).ravel()) == sorted(same.texels(texels).ravel())
     assert not np.array_equal(moved.texels(texels), same.texels(texels))
-    assert np.array_equal(moved.texels(texels, shifted=False), same.texels(texels))
+    assert np.array_equal(moved.texels(texels, shifts=False), same.texels(texels))
 
 
 def test_pictures_differ_and_geometry_does_not() -> None:
