@@ -294,7 +294,9 @@ def test_a_buffer_beside_the_file_that_is_missing_or_short(tmp_path: Path) -> No
 @pytest.mark.parametrize(("suffix", "kind"), [(".png", "png"), (".jpg", "jpeg"), (".webp", "webp")])
 def test_images_beside_the_file_keep_their_kind_when_packed(suffix: str, kind: str, tmp_path: Path) -> None:
     file = small_file()
-    (tmp_path / f"red{suffix}").write_bytes(cv2.imencode(suffix, np.full((8, 8, 3), (0, 0, 255), np.uint8))[1])
+    (tmp_path / f"red{suffix}").write_bytes(
+        cv2.imencode(suffix, np.full((8, 8, 3), (0, 0, 255), np.uint8))[1].tobytes()
+    )
     file.json |= {"images": [{"uri": f"red{suffix}"}], "textures": [{"source": 0}]}
     file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
     (tmp_path / "place.glb").write_bytes(file.glb())
