@@ -1,4 +1,4 @@
-"""Strict JSON with line numbers, which are determined when a message needs them. Duplicate keys are an error."""
+"""Strict JSON with line numbers, which are determined when a message needs them."""
 
 from __future__ import annotations
 
@@ -79,8 +79,11 @@ def _places(text: str) -> Iterator[tuple[Place, int]]:
             place.append(0)
 
 
-def parse_json(text: str, source: str) -> Document:
-    """Parse one JSON document; NaN and Infinity become floats. Raises ConfigError."""
+def parse_json(text: str, source: str, *, repeated: list[Problem] | None = None) -> Document:
+    """Parse one JSON document; NaN and Infinity become floats. Raises ConfigError.
+
+    `repeated`, if given, collects the duplicate keys, of which the last one counts, instead of an error.
+    """
     duplicates: list[str] = []
 
     def pairs(items: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -102,9 +105,10 @@ def parse_json(text: str, source: str) -> Document:
         raise ConfigError([Problem(source, f"is not valid JSON: {error}")]) from None
     document = Document(source, data, _Lines(text))
     if duplicates:
-        raise ConfigError(
-            [_duplicate_problem(text, source, key) for key in list(dict.fromkeys(duplicates))[:_MAX_DUPLICATES]]
-        )
+        found = [_duplicate_problem(text, source, key) for key in list(dict.fromkeys(duplicates))[:_MAX_DUPLICATES]]
+        if repeated is None:
+            raise ConfigError(found)
+        repeated += found
     return document
 
 
