@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from types import ModuleType
 
 MOVED = {
+    "hil.apps.flown_run": "hil.apps.fly.flown_run",
+    "hil.apps.timing_test": "hil.apps.devices.timing_test",
     "hil.autopilots": "hil.run.autopilots",
     "hil.bench": "hil.run.bench_run",
     "hil.bench_suite": "hil.apps.bench_suite",
@@ -28,9 +30,9 @@ MOVED = {
     "hil.dashboard": "hil.apps.dash",
     "hil.dataset": "hil.apps.dataset",
     "hil.detect": "hil.apps.detect",
-    "hil.devices_command": "hil.apps.devices",
+    "hil.devices_command": "hil.apps.devices.command",
     "hil.entry": "hil.cli.entry",
-    "hil.flown_run": "hil.apps.flown_run",
+    "hil.flown_run": "hil.apps.fly.flown_run",
     "hil.frame_stages": "hil.run.sensors.frame_stages",
     "hil.goal": "hil.run.verdict.goal",
     "hil.judging": "hil.run.parts",
@@ -41,9 +43,10 @@ MOVED = {
     "hil.radar_command": "hil.apps.radar.command",
     "hil.radar_offline": "hil.apps.radar",
     "hil.recorder": "hil.run.recorder",
-    "hil.replay": "hil.run.replay",
+    "hil.replay": "hil.run.runs.replay",
     "hil.report": "hil.run.report",
     "hil.restartable_physics": "hil.run.loop.restartable_physics",
+    "hil.run.replay": "hil.run.runs.replay",
     "hil.run_folder": "hil.run.report.run_folder",
     "hil.scheduler": "hil.run.loop.scheduler",
     "hil.search": "hil.run.verdict.search",

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from hil.apps.flown_run import HEALTH, BenchError, Run, health
+from hil.apps.fly.flown_run import HEALTH, BenchError, Run, health
 
 if TYPE_CHECKING:
     from firmware_bridge.devices.mock_bus import MockDesk, MockHid, MockSerialPorts, MockUsbBus

@@ -35,7 +35,8 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_cos, det_sin
 from signals.errors import ModelRangeError
-from signals.samples import TruthState, Vec3
+from signals.rotation import NO_TURN, norm
+from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
 from sim.physics.actors import Actors
 from sim.physics.contact_model import build_model, soften_contact
@@ -43,6 +44,7 @@ from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
+from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import BatteryState, Effects, Vehicle, rigid_body
 from sim.scene.scene import Scene
@@ -51,6 +53,7 @@ from sim.scene.wind import GustEvent, Wind, WindAtVehicle
 from sim.world_loader import load_world
 
 HARD_LANDING_MPS = 2.5
+NO_MOTION: Vec3 = (0.0, 0.0, 0.0)
 _SETTLE_NS = 500 * NS_PER_MS
 _MAX_TRAVEL_M = 1.0e6  # a vehicle within the speed limit travels less in a tick; NaN fails the comparison too
 
@@ -161,6 +164,8 @@ class QuadrotorPhysics:
         else:
             state[_P] = start.p_WB
         self._was_touching = self._standing
+        self._start_truth = self._truth.copy()
+        self._start_warmstart = self._data.qacc_warmstart.copy()
         self._wind_W: Vec3 = self._wind.wind.steady_W_mps
         self._downwash_W: Vec3 | None = None
         self._events: list[PhysicsEvent] = []
@@ -233,6 +238,75 @@ class QuadrotorPhysics:
             self._begin_events(tick)
         return self._truth_state(tick, touching)
 
+    @property
+    def truth(self) -> TruthState:
+        """State at the last complete tick, or where the vehicle was placed since."""
+        return self._truth_state(max(self._tick, 0), self._was_touching)
+
+    def place(
+        self,
+        p_WB: Vec3,
+        q_WB: Quat = NO_TURN,
+        v_WB_W: Vec3 = NO_MOTION,
+        w_WB_B: Vec3 = NO_MOTION,
+        rotor_speed_radps: Sequence[float] | None = None,
+    ) -> TruthState:
+        """Move the vehicle to another state between two ticks, and return it; by default the rotors stand still.
+
+        From here the flight has the bits of a new object with this state, as far as wind, faults and battery are the
+        same: these go on. Raises ValueError for a state beyond the limits of the model, and changes nothing then.
+        """
+        rotors = [0.0] * len(self.vehicle.rotors) if rotor_speed_radps is None else list(rotor_speed_radps)
+        length = math.sqrt(sum(x * x for x in q_WB))
+        for name, size, limit in (
+            ("p_WB", norm(p_WB), 50.0e3),
+            ("v_WB_W", norm(v_WB_W), 200.0),
+            ("w_WB_B", norm(w_WB_B), 200.0),
+            ("rotor_speed_radps", max(rotors, default=0.0), 2.0 * self.vehicle.rotor_constants.max_speed_radps),
+        ):
+            if not size <= limit:
+                raise ValueError(f"{name} has the size {size:g}, and the model holds up to {limit:g}")
+        if not 1e-3 <= length <= 1e3:
+            raise ValueError(f"q_WB {q_WB} is no rotation: its length is {length:g}")
+        if len(rotors) != len(self.vehicle.rotors) or not all(speed >= 0.0 for speed in rotors):
+            raise ValueError(
+                f"rotor_speed_radps needs a speed of 0 or more for each of {len(self.vehicle.rotors)} rotors"
+            )
+        self._truth[:] = 0.0
+        self._truth[_P], self._truth[_Q] = p_WB, [x / length for x in q_WB]
+        self._truth[_V], self._truth[_W], self._truth[self._rotor_slice] = v_WB_W, w_WB_B, rotors
+        self._data.qacc_warmstart[:] = 0.0
+        return self._placed(touching=False)
+
+    def reset(self) -> TruthState:
+        """Return the vehicle to its start between two ticks, with a full battery, as a new object begins."""
+        self._truth[:] = self._start_truth
+        self._data.qacc_warmstart[:] = self._start_warmstart
+        if self._battery is not None:
+            self._battery[:] = (self._battery_start_c, 0.0, 0.0)
+        return self._placed(touching=self._standing)
+
+    def join(self, tick: int) -> TruthState:
+        """Let a new object take part in a group that has completed tick `tick`."""
+        if self._tick != -1:
+            raise ValueError(f"only a vehicle that has not flown can join; this one is at tick {self._tick}")
+        self.fly(0, ())
+        self._tick = tick
+        return self.truth
+
+    def _placed(self, *, touching: bool) -> TruthState:
+        """Forget what was known of the way so far."""
+        self._was_touching = touching
+        self.hard = False
+        self._remaining_m = 0.0
+        if self._actors is not None:
+            self._actors_remaining_m = 0.0
+        return self.truth
+
+    def contact(self) -> SceneContact | None:
+        """Return the deepest contact with the scene in the last contact step; None if there was none."""
+        return deepest_contact(self._model, self._data, self.scene)
+
     def _fit_battery(self, auxiliary_w: float) -> None:
         battery = self.vehicle.battery
         assert battery is not None
@@ -276,6 +350,13 @@ class QuadrotorPhysics:
         """Return the faults and gusts that began or ended since the last call, in order."""
         events, self._events = self._events, []
         return events
+
+    def set_steady_wind(self, wind_W_mps: Vec3) -> None:
+        """Set the steady wind from the next tick on; turbulence and gusts come on top as before."""
+        self._wind.set_steady(wind_W_mps)
+        if self._wind.constant and self._downwash_W is None:
+            self._wind_W = wind_W_mps
+            self.body.set_wind(wind_W_mps, wind_W_mps)
 
     def inject(self, disturbance: RotorFault | GustEvent) -> None:
         """Add a fault or gust during the flight.

@@ -100,13 +100,20 @@ class VehicleGroup:
                 raise self._named(error, index) from None
         if tick > 0 and len(self._vehicles) > 1:
             self._collide(tick, touching)
-        states = []
+        states, errors = [], []
         for index, vehicle in enumerate(self._vehicles):
             try:
                 states.append(vehicle.finish(touching[index]))
             except ModelRangeError as error:
-                raise self._named(error, index) from None
+                errors.append(self._named(error, index))
+        if errors:  # the tick of the other vehicles is complete
+            raise errors[0]
         return states
+
+    def forget(self, name: str) -> None:
+        """Forget the contacts of a vehicle that was placed elsewhere between two ticks; they are not reported."""
+        index = self._names.index(name)
+        self._lasting = {pair: lasting for pair, lasting in self._lasting.items() if index not in pair}
 
     def take_contacts(self, *, last: bool = False) -> list[VehicleContact]:
         """Return the contacts reported since the last call; with `last` also those whose impact still goes on."""

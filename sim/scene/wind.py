@@ -145,6 +145,10 @@ class WindAtVehicle:
             turbulence = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
         return self._sum(tick, turbulence)
 
+    def set_steady(self, wind_W_mps: Vec3) -> None:
+        """Set the steady wind from now on; the axis of the turbulence stays."""
+        self.wind = self.wind.model_copy(update={"steady_W_mps": wind_W_mps})
+
     def add(self, gust: GustEvent) -> list[WindEvent]:
         """Add a gust that has not begun; return its events."""
         self.wind = self.wind.model_copy(update={"gusts": (*self.wind.gusts, gust)})

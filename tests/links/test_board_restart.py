@@ -17,7 +17,7 @@ from firmware_bridge.mock_pixhawk.ids import Result
 from firmware_bridge.mock_pixhawk.services.commands import Commands
 from firmware_bridge.mock_pixhawk.vehicle import Home
 from firmware_bridge.transports.serial import SerialTransport
-from hil.apps.timing_test import check_timing
+from hil.apps.devices.timing_test import check_timing
 from signals.errors import HandshakeError
 from tests.worlds.hitl_board import HitlBoard
 

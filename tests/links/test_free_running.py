@@ -23,7 +23,7 @@ from firmware_bridge.links.px4.free_running import FreeRunningLink
 from firmware_bridge.links.px4.hitl_setup import HitlSetup
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
-from hil.apps.devices import check_board
+from hil.apps.devices.command import check_board
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from signals.errors import HandshakeError, LinkClosed, LinkError

@@ -28,12 +28,12 @@ def devices(
 ) -> None:
     """List serial ports, USB autopilots and gamepads."""
     if timing is not None:
-        from hil.apps.timing_test import check_timing
+        from hil.apps.devices.timing_test import check_timing
 
         with exit_on_error():
             good = check_timing(console, timing, baud=baud, seconds=seconds)
         raise typer.Exit(0 if good else 1)
-    from hil.apps.devices import check_board, print_devices
+    from hil.apps.devices.command import check_board, print_devices
 
     if check is None:
         print_devices(console, as_json=json, watch=watch)

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from firmware_bridge.devices.mock_bus import MockDesk
-from hil.apps.devices import print_devices
+from hil.apps.devices.command import print_devices
 
 
 def printed(desk, *, width=40, **options):

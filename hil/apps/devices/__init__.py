@@ -1,0 +1,1 @@
+"""`hil devices`: lists serial ports, autopilots and gamepads, and checks a board and this computer's timing."""

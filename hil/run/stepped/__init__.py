@@ -1,0 +1,1 @@
+"""World that is stepped from outside: vehicles, their ideal controller, clock."""

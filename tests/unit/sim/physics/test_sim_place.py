@@ -1,0 +1,179 @@
+"""A vehicle that is placed elsewhere between two ticks flies on with the bits of a new one that starts there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from signals.samples import Quat, TruthState, Vec3
+from sim.physics.disturbances import Disturbances
+from sim.physics.flight_start import FlightStart
+from sim.physics.integration import Integration
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import Effects, load_vehicle
+from sim.physics.vehicle_group import VehicleGroup
+from sim.scene.scene import Scene, load_scene
+from sim.scene.wind import Wind
+
+TICK_NS = 4_000_000
+X500 = load_vehicle("x500")
+AIRFIELD = load_scene("airfield")
+TILTED: Quat = (0.9, 0.1, -0.2, 0.3)
+
+
+def unit(q: Quat) -> Quat:
+    length = float(np.sqrt(np.dot(q, q)))
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+
+
+def flight(physics: QuadrotorPhysics, first: int, ticks: int, controls: Sequence[float]) -> list[TruthState]:
+    """Return the states of the next ticks, numbered from 1."""
+    states = [physics.advance(first + k, controls) for k in range(ticks)]
+    return [state._replace(tick=k + 1, t_ns=(k + 1) * TICK_NS) for k, state in enumerate(states)]
+
+
+def new(scene: Scene, p_W: Vec3, **options: bool) -> QuadrotorPhysics:
+    physics = QuadrotorPhysics(X500, scene, TICK_NS, start=FlightStart(p_WB=p_W), integration=Integration(**options))
+    physics.advance(0, ())
+    return physics
+
+
+@pytest.mark.parametrize("height_m", [0.24, 0.6, 30.0])  # with and without contact afterwards
+@pytest.mark.parametrize("skipping", [True, False])
+def test_the_flight_after_place_has_the_bits_of_a_new_one(height_m: float, skipping: bool) -> None:
+    p_W, v_W, w_B = (3.0, -2.0, height_m), (1.5, 0.5, -1.0), (0.3, -0.2, 0.1)
+    flown = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, integration=Integration(contact_skipping=skipping))
+    flight(flown, 0, 300, (0.9, 0.2, 0.9, 0.3))  # tumbles into the ground
+    placed = flown.place(p_W, TILTED, v_W, w_B)
+    fresh = new(AIRFIELD, p_W, contact_skipping=skipping)
+    fresh.state[3:7], fresh.state[7:10], fresh.state[10:13] = unit(TILTED), v_W, w_B
+    assert placed.p_WB == p_W
+    assert placed.a_WB_W == placed.alpha_WB_B == (0.0, 0.0, 0.0)
+    controls = (0.3, 0.35, 0.3, 0.3)
+    assert flight(flown, 300, 400, controls) == flight(fresh, 1, 400, controls)
+    assert flown.skips.touching > 0
+
+
+def test_rotor_speeds_may_be_given() -> None:
+    flown, fresh = QuadrotorPhysics(X500, AIRFIELD, TICK_NS), new(AIRFIELD, (0.0, 0.0, 5.0))
+    flight(flown, 0, 20, (0.5,) * 4)
+    speeds = (500.0, 510.0, 490.0, 505.0)
+    assert flown.place((0.0, 0.0, 5.0), rotor_speed_radps=speeds).rotor_speed_radps == speeds
+    fresh.state[13:] = speeds
+    assert flight(flown, 20, 50, (0.5,) * 4) == flight(fresh, 1, 50, (0.5,) * 4)
+
+
+@pytest.mark.parametrize("start", [FlightStart(), FlightStart(ground_W=(4.0, 1.0, 0.0), yaw_rad=1.0)])
+def test_reset_returns_to_the_start(start: FlightStart) -> None:
+    flown = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=start, effects=Effects(battery=True))
+    fresh = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=start, effects=Effects(battery=True))
+    first = fresh.advance(0, ())
+    flight(flown, 0, 300, (0.8, 0.7, 0.8, 0.7))
+    assert flown.reset()[2:] == first[2:]
+    assert flight(flown, 300, 300, (0.75,) * 4) == flight(fresh, 1, 300, (0.75,) * 4)
+    assert flown.battery == fresh.battery
+
+
+def test_a_thousand_resets_leave_no_trace() -> None:
+    physics = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    tick, ends = 0, set()
+    for _ in range(1000):
+        ends.add(flight(physics, tick, 6, (0.9, 0.9, 0.9, 0.8))[-1].p_WB if tick else None)
+        tick += 6
+        if tick == 6:
+            flight(physics, 0, 6, (0.9, 0.9, 0.9, 0.8))
+        physics.reset()
+    assert len(ends) == 2
+
+
+def test_wind_goes_on() -> None:
+    wind = Wind(steady_W_mps=(3.0, 0.0, 0.0))
+    flown = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, disturbances=Disturbances(wind=wind))
+    flight(flown, 0, 10, (0.6,) * 4)
+    flown.place((0.0, 0.0, 50.0))
+    assert flown.wind_W_mps == (3.0, 0.0, 0.0)
+    assert flight(flown, 10, 100, (0.0,) * 4)[-1].p_WB[0] > 0.001
+    flown.set_steady_wind((-3.0, 0.0, 0.0))
+    flown.place((0.0, 0.0, 50.0))
+    assert flight(flown, 110, 100, (0.0,) * 4)[-1].p_WB[0] < -0.001
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (((0.0, 0.0, 60e3),), "p_WB"),
+        (((float("nan"), 0.0, 0.0),), "p_WB"),
+        (((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 0.0)), "q_WB"),
+        (((0.0, 0.0, 1.0), (float("nan"), 0.0, 0.0, 0.0)), "q_WB"),
+        (((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (300.0, 0.0, 0.0)), "v_WB_W"),
+        (((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 201.0, 0.0)), "w_WB_B"),
+        (((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (1.0, 1.0)), "rotor_speed_radps"),
+    ],
+)
+def test_a_state_beyond_the_model_is_refused_and_changes_nothing(arguments: tuple[object, ...], named: str) -> None:
+    physics = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    before = physics.advance(0, ())
+    with pytest.raises(ValueError, match=f"^{named}"):
+        physics.place(*arguments)  # type: ignore[arg-type]
+    assert physics.truth == before
+
+
+def test_a_vehicle_joins_a_group_that_flies() -> None:
+    a, b = QuadrotorPhysics(X500, AIRFIELD, TICK_NS), new(AIRFIELD, (9.0, 0.0, 3.0))
+    for tick in range(5):
+        a.advance(tick, (0.0,) * 4)
+    joined = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=FlightStart(p_WB=(9.0, 0.0, 3.0)))
+    assert joined.join(4).p_WB == (9.0, 0.0, 3.0)
+    group = VehicleGroup({"a": a, "b": joined})
+    states = [group.advance(tick, [(0.0,) * 4, (0.4,) * 4])[1] for tick in range(5, 55)]
+    alone = flight(b, 1, 50, (0.4,) * 4)
+    assert [state[2:] for state in states] == [state[2:] for state in alone]
+    with pytest.raises(ValueError, match="only a vehicle that has not flown"):
+        joined.join(9)
+
+
+def test_the_contact_of_a_vehicle_on_the_ground() -> None:
+    physics = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    flight(physics, 0, 5, (0.0,) * 4)
+    contact = physics.contact()
+    assert contact is not None
+    assert contact.name == "ground"
+    assert contact.normal_W == (0.0, 0.0, 1.0)
+    assert 0.0 < contact.depth_m < 1e-4
+    assert abs(contact.point_W[2]) < 1e-4
+
+
+def test_the_contact_names_the_box_that_a_vehicle_hits() -> None:
+    scene = load_scene("training_village")
+    from sim.world_loader import load_world
+
+    world = load_world(scene)
+    physics = QuadrotorPhysics(X500, scene, TICK_NS)
+    physics.advance(0, ())
+    box = next(i for i in range(world.model.ngeom) if world.geom_solid[i] and world.model.geom_type[i] == 6)
+    top = world.model.geom_pos[box] + (0.0, 0.0, world.model.geom_size[box][2])
+    if world.model.geom_bodyid[box]:
+        top = top + world.model.body_pos[world.model.geom_bodyid[box]]
+    physics.place((float(top[0]), float(top[1]), float(top[2]) + 0.3))
+    for tick in range(1, 200):
+        if physics.advance(tick, (0.0,) * 4).in_contact:
+            break
+    contact = physics.contact()
+    assert contact is not None
+    assert contact.geom >= 0
+
+
+def test_place_takes_less_than_half_a_dozen_ticks() -> None:
+    scene = load_scene("training_village")
+    physics = QuadrotorPhysics(X500, scene, TICK_NS)
+    flight(physics, 0, 50, (0.0,) * 4)
+    began = time.process_time()
+    for _ in range(200):
+        physics.place((1.0, 2.0, 20.0))
+    placing = time.process_time() - began
+    began = time.process_time()
+    flight(physics, 50, 1000, (0.0,) * 4)
+    assert placing < 6 * (time.process_time() - began) / 5
