@@ -1,0 +1,1 @@
+"""AirSim's flight controller: moves, arming, remote control."""
