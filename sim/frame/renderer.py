@@ -33,7 +33,11 @@ _GROUND_LIGHT = 0.45  # share of the ambient light that the ground reflects
 
 @dataclass(frozen=True)
 class RenderSkips:
-    """Skipping of work that cannot change the picture. Without it: the same bits, but slower (`hil bench skip`)."""
+    """Skipping of work that cannot change the picture. Without it: the same bits, but slower (`hil bench skip`).
+
+    Except `mesh_backs`: on outlines, where front and back of a fine mesh are closer than the rounding of their
+    distances, some 2 pixels in a million differ, in depth by at most 2 mm (measured in three maps, up to 40 m away).
+    """
 
     frustum: bool = True  # geoms and branches of the tree outside the picture, pixels outside a geom's bounds
     occlusion: bool = True  # geometry hidden in all its pixels
@@ -49,7 +53,7 @@ class RenderSkips:
 
 @dataclass(frozen=True)
 class Execution:
-    """Threads, skipping and instruction set. Every choice gives the same picture."""
+    """Threads, skipping and instruction set. Every choice gives the same picture, but for `RenderSkips.mesh_backs`."""
 
     threads: int = 1
     skips: RenderSkips = RenderSkips()
