@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from functools import cache
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -35,6 +36,11 @@ def park() -> World:
     return load_world(load_scene("city_park"))
 
 
+@cache
+def park_in(season: Season) -> SceneMap:
+    return generate(CityParkParameters(season=season), 1)
+
+
 def posed(model: mujoco.MjModel) -> mujoco.MjData:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -48,6 +54,15 @@ def row_of_trees(count: int, season: Season) -> SceneMap:
     for i in range(count):
         add_tree(builder, rng, 10.0 * i, 0.0)
     return builder.build()
+
+
+def leaf_colour(scene_map: SceneMap, species: str) -> tuple[float, float, float]:
+    """Return mean red and green of a species' leaves, and the share of opaque texels."""
+    png = np.frombuffer(scene_map.assets[f"leaves_{species}.png"], np.uint8)
+    texels = cv2.imdecode(png, cv2.IMREAD_UNCHANGED)
+    opaque = texels[:, :, 3] >= 128
+    _, green, red, _ = texels[opaque].mean(axis=0)
+    return float(red), float(green), float(opaque.mean())
 
 
 def test_trunks_and_crowns_are_solid_where_they_were() -> None:
@@ -139,9 +154,14 @@ def entry_m(
 
 @pytest.mark.parametrize("season", SEASONS)
 def test_a_season_changes_looks_but_neither_places_nor_solid_shapes(season: Season) -> None:
-    other = generate(CityParkParameters(season=season), 1)
+    other = park_in(season)
     again = generate(CityParkParameters(season=season), 1)
     assert (again.mjcf, again.assets) == (other.mjcf, other.assets)
+    red, green, opaque = leaf_colour(other, "maple")
+    assert (red > green) == (season in ("autumn", "winter"))  # in winter twigs are left
+    in_summer = leaf_colour(park_in("summer"), "maple")
+    assert (green > 1.1 * in_summer[1]) == (season == "spring")
+    assert (opaque < 0.6 * in_summer[2]) == (season == "winter")
     model = mujoco.MjModel.from_xml_string(other.mjcf, dict(other.assets))
     summer = park().model
     mine, theirs = model.geom_contype == 1, summer.geom_contype == 1
@@ -164,9 +184,9 @@ def test_trees_share_their_meshes_and_are_small() -> None:
 def test_a_mesh_with_normals_keeps_them_in_the_model() -> None:
     scene_map = row_of_trees(12, "summer")
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
-    for geom in range(model.ngeom):
-        if not model.geom(geom).name.endswith("_leaves_0"):
-            continue
+    leaves = [geom for geom in range(model.ngeom) if model.geom(geom).name.endswith("_leaves_0")]
+    assert leaves
+    for geom in leaves:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_normaladr[mesh]), int(model.mesh_normalnum[mesh])
         corner = model.mesh_facenormal[model.mesh_faceadr[mesh] : model.mesh_faceadr[mesh] + model.mesh_facenum[mesh]]

@@ -241,7 +241,9 @@ def tessellated(model: mujoco.MjModel) -> int:
 def test_city_park_is_rich_and_not_padded(seed: int) -> None:
     model, _ = compiled("city_park", seed)
     assert tessellated(model) >= 100_000
-    assert 250 <= np.count_nonzero(model.geom_group < 3) <= 700
+    assert 250 <= np.count_nonzero(model.geom_group < 3) <= 700  # drawn
+    assert 250 <= np.count_nonzero(model.geom_contype) <= 600  # solid
+    assert model.ngeom <= 1200
     assert len(made("city_park", seed).actors) == 8
     kinds = [owner(model, g).rsplit("_", 1)[0] for g in range(model.ngeom)]
     for kind, at_least in (("tree", 50), ("bench", 12), ("lamp", 15), ("playground", 20), ("water", 4), ("hill", 1)):
@@ -321,16 +323,23 @@ def test_doors_of_the_suburb_can_be_reached_and_zones_are_clear(seed: int) -> No
     assert zones == 8
 
 
+SOLID = ("_proxy", "_solid", "_post", "_chimney", "_lid", "_slab")
+LOOSE = ("_glass", "_paint", "_tyre", "_plumage", "_leaves", "_sleeve", "_mark", "_frames", "_lanes")
+
+
 def test_solid_and_visual_geoms_are_told_apart() -> None:
-    model, _ = compiled("urban_delivery", 1)
-    assert set(model.geom_contype.tolist()) == {0, 1}
-    assert (model.geom_contype == model.geom_conaffinity).all()
-    for geom in range(model.ngeom):
-        named = str(mujoco.mj_id2name(model, GEOM, geom))
-        if named.endswith(("_walls", "_trunk_solid", "_body")):
-            assert model.geom_contype[geom] == 1
-        if "_pane_" in named:
-            assert model.geom_contype[geom] == 0
+    unmatched = {*SOLID, *LOOSE}
+    for name in ("city_park", "urban_delivery", "training_village"):
+        model, _ = compiled(name, 1)
+        assert set(model.geom_contype.tolist()) == {0, 1}
+        assert (model.geom_contype == model.geom_conaffinity).all()
+        for geom in range(model.ngeom):
+            named = str(mujoco.mj_id2name(model, GEOM, geom))
+            for suffix in (*SOLID, *LOOSE):
+                if named.endswith(suffix):
+                    unmatched.discard(suffix)
+                    assert model.geom_contype[geom] == (suffix in SOLID), named
+    assert not unmatched
 
 
 def test_builder_refuses_what_would_break_later() -> None:
