@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from signals.noise import NoiseStream
+from sim.scene.maps.texture_tools import encoded_png
 
 BAY_M = 3.0  # width of a bay, height of a storey
 BAYS, STOREYS = 4, 2
@@ -160,4 +160,4 @@ def ground_png(name: str, *, shops: bool) -> bytes:
 
 def _png(image: Image) -> bytes:
     bgr = np.clip(image[:, :, ::-1] * 255.0 + 0.5, 0.0, 255.0).astype(np.uint8)
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(bgr))[1].tobytes())
+    return encoded_png(bgr)

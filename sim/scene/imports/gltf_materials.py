@@ -23,6 +23,7 @@ from signals._kernel import det_pow
 from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_schema import Material, TextureInfo
 from sim.scene.maps.scene_map import Surface
+from sim.scene.maps.texture_tools import encoded_png
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 
 MAX_PIXELS = 1 << 27
@@ -199,12 +200,8 @@ def png_of(image: NDArray[np.uint8], holes: float | None) -> tuple[bytes, bool]:
     if holes is not None and image.shape[2] == 4:
         alpha = np.where(image[:, :, 3] >= holes * 255.0, 255, 0).astype(np.uint8)
         if not alpha.all():
-            return _png(np.dstack([image[:, :, :3], alpha])), True
-    return _png(image[:, :, :3]), False
-
-
-def _png(image: NDArray[np.uint8]) -> bytes:
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes())
+            return encoded_png(np.dstack([image[:, :, :3], alpha])), True
+    return encoded_png(image[:, :, :3]), False
 
 
 def _size_of(data: bytes) -> tuple[int, int] | None:

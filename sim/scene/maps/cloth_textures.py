@@ -9,11 +9,11 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from signals.noise import NoiseStream
+from sim.scene.maps.texture_tools import encoded_png
 
 Image = NDArray[np.floating[Any]]
 _SIDE_PX = 128
@@ -149,4 +149,4 @@ CLOTH_TEXTURES = tuple(_MAKERS)
 def cloth_png(name: str) -> bytes:
     """Return one of CLOTH_TEXTURES."""
     bgr = np.clip(_MAKERS[name]()[:, :, ::-1] * 255.0 + 0.5, 0.0, 255.0).astype(np.uint8)
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(bgr))[1].tobytes())
+    return encoded_png(bgr)

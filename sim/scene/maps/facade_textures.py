@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
-import cv2
 import numpy as np
 
+from sim.scene.maps.dot_font import write
 from sim.scene.maps.texture_tools import Image, Rgb, Size, clouds, cracks, grain, grid, mix, over, step, uniform
 
 _MEDIUM = (512, 512)
@@ -338,8 +338,7 @@ def _trim() -> Image:
     picture = np.ascontiguousarray((np.clip(image, 0.0, 1.0) * 255.0).astype(np.uint8).transpose(1, 2, 0))
     for name, text in (("sign_bakery", "BAKERY"), ("sign_pharmacy", "PHARMACY"), ("sign_books", "BOOKS")):
         at = TRIM_ROWS.index(name) * height
-        wide = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, 0.9, 2)[0][0]
-        cv2.putText(picture, text, (256 - wide // 2, at + 26), cv2.FONT_HERSHEY_DUPLEX, 0.9, (225, 215, 190), 2)
+        write(picture, text, (at + 6, 256 - 9 * len(text)), (3, 3), 18, (225, 215, 190))
     brick = TRIM_ROWS.index("brick") * height
     bond = np.tile(_brick()[:, : 2 * height : 2], (1, 1, 2)).transpose(1, 2, 0)
     picture[brick : brick + height] = (np.clip(bond, 0.0, 1.0) * 255.0).astype(np.uint8)

@@ -7,6 +7,7 @@ import zlib
 from functools import cache
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -121,6 +122,11 @@ def step(low: float, high: float, x: Image) -> Image:
     """Return 0 below `low`, 1 above `high`, and the smoothstep between them; also downwards."""
     u = np.clip((x - low) / (high - low), 0.0, 1.0)
     return u * u * (3.0 - 2.0 * u)
+
+
+def encoded_png(image: NDArray[np.uint8]) -> bytes:
+    """Return an image (H, W, 3 or 4), blue first, as PNG, compressed."""
+    return bytes(cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes())
 
 
 def png_of(image: Image) -> bytes:

@@ -1,9 +1,9 @@
 """Procedural textures, as PNG bytes: sRGB, without seams, 256 pixels square unless stated otherwise.
 
-Only + - * / and comparisons make the pixels: the same bits on every machine. Each is made once per process. Colours
-are albedos of real materials (linear): grass 0.1 to 0.2, asphalt 0.06 to 0.12, concrete 0.3, brick 0.15 to 0.2, light
-render 0.5, white paint 0.75. Textures of the ground are in ground_textures.py, those of buildings in
-facade_textures.py.
+Only + - * /, square roots and comparisons make the pixels: the same bits on every machine. Each is made once per
+process. Colours are albedos of real materials (linear): grass 0.1 to 0.2, asphalt 0.06 to 0.12, concrete 0.3, brick
+0.15 to 0.2, light render 0.5, white paint 0.75. Textures of the ground are in ground_textures.py, those of buildings
+in facade_textures.py.
 """
 
 from __future__ import annotations

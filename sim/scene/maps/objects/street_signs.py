@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from functools import cache
 
-import cv2
 import numpy as np
 
 from signals._kernel import det_cos, det_sin
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces
+from sim.scene.maps.dot_font import write
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import Mesh
+from sim.scene.maps.texture_tools import encoded_png
 from sim.scene.maps.vehicles.lofts import add_box, add_indexed_grid, add_sheet, add_vertex
 
 _LAMP_M = 0.105  # radius of a lens
@@ -22,11 +23,6 @@ _LENSES = {
     "amber": ((1.0, 0.62, 0.08), (0.22, 0.13, 0.02)),
     "green": ((0.10, 0.95, 0.45), (0.02, 0.17, 0.08)),
 }
-# 5 x 7 dots of the letters, rows from the top.
-_LETTERS = (
-    "01111 10000 10000 01110 00001 00001 11110", "11111 00100 00100 00100 00100 00100 00100",
-    "01110 10001 10001 10001 10001 10001 01110", "11110 10001 10001 11110 10000 10000 10000",
-)  # fmt: skip
 
 
 @cache
@@ -40,12 +36,8 @@ def _stop_png() -> bytes:
     image = np.empty((side, side, 3), np.uint8)
     image[:] = (28, 20, 190)  # BGR
     image[reach > 0.90] = (240, 240, 240)
-    for k, letter in enumerate(_LETTERS):
-        dots = np.array([[dot == "1" for dot in row] for row in letter.split()], bool)
-        big = dots.repeat(6, 0).repeat(4, 1)
-        x = 18 + 24 * k
-        image[43 : 43 + 42, x : x + 20][big] = (245, 245, 245)
-    return bytes(cv2.imencode(".png", image)[1].tobytes())
+    write(image, "STOP", (43, 18), (6, 4), 24, (245, 245, 245))
+    return encoded_png(image)
 
 
 def add_traffic_light(builder: MapBuilder, x: float, y: float, heading_rad: float, lit: str) -> None:

@@ -2,8 +2,9 @@
 
 A texture has 256 x 256 pixels. That of a broadleaved plant holds two triangular fans of twigs: one grows from the lower
 left corner to the diagonal, the other from the upper right corner. That of a conifer holds one twig, along the diagonal
-from the lower left corner. Textures of dense foliage have no holes. Only + - * / and comparisons make the pixels. Each
-texture is drawn once per process.
+from the lower left corner. Textures of dense foliage have no holes. Only + - * /, square roots, comparisons and the
+angle functions of `signals._kernel` make the pixels: the same bits on every machine. Each texture is drawn once per
+process.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from dataclasses import dataclass
 from functools import cache
 from math import sqrt
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +21,7 @@ from signals._kernel import det_atan2, det_cos, det_sin
 from signals.units import TURN_RAD
 from sim.scene.maps.plants.species import SPECIES, LeafShape, Leaves, Species
 from sim.scene.maps.season import Season
-from sim.scene.maps.texture_tools import Rgb
+from sim.scene.maps.texture_tools import Rgb, encoded_png
 from sim.scene.random_generator import RandomGenerator
 
 TILE_PX = 256
@@ -380,7 +380,7 @@ def _drawn(name: str, season: Season) -> NDArray[np.uint8]:
 def png(name: str, season: Season) -> bytes:
     """Return the texture of a species in a season as PNG."""
     image = _drawn(name, season)
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(image[:, :, [2, 1, 0, 3]]))[1].tobytes())
+    return encoded_png(image[:, :, [2, 1, 0, 3]])
 
 
 @cache
@@ -391,7 +391,7 @@ def foliage_png(name: str, season: Season, light: float, copies: int) -> bytes:
     """
     rgb = _foliage(SPECIES[name], season, light, copies)
     image = np.clip(rgb[::-1, :, ::-1] * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes())
+    return encoded_png(image)
 
 
 def fill(name: str, season: Season) -> float:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 
-import cv2
 import numpy as np
 
 from sim.scene.maps import surfaces
+from sim.scene.maps.dot_font import write
 from sim.scene.maps.map_builder import MapBuilder
+from sim.scene.maps.texture_tools import encoded_png
 from sim.scene.random_generator import RandomGenerator
 
 PAINTS = {
@@ -20,17 +21,6 @@ PAINTS = {
 _COMMON = ("white", "white", "grey", "grey", "black", "black", "silver", "silver", "blue", "blue", "red", "green")
 PLATES = 3
 
-# 5 x 7 dots of the characters of the plates, rows from the top.
-_GLYPHS = {
-    "A": "01110 10001 10001 11111 10001 10001 10001", "B": "11110 10001 11110 10001 10001 10001 11110",
-    "H": "10001 10001 10001 11111 10001 10001 10001", "K": "10001 10010 11100 10100 10010 10010 10001",
-    "L": "10000 10000 10000 10000 10000 10000 11111", "T": "11111 00100 00100 00100 00100 00100 00100",
-    "Z": "11111 00001 00010 00100 01000 10000 11111", "0": "01110 10001 10011 10101 11001 10001 01110",
-    "1": "00100 01100 00100 00100 00100 00100 01110", "2": "01110 10001 00001 00110 01000 10000 11111",
-    "3": "11110 00001 00001 01110 00001 00001 11110", "4": "00010 00110 01010 10010 11111 00010 00010",
-    "5": "11111 10000 11110 00001 00001 10001 01110", "7": "11111 00001 00010 00100 01000 01000 01000",
-    "8": "01110 10001 10001 01110 10001 10001 01110",
-}  # fmt: skip
 _TEXTS = ("ZH 40712", "BL 17358", "TK 85240")
 
 
@@ -40,15 +30,8 @@ def _plate_png(number: int) -> bytes:
     image = np.full((64, 256, 3), 235, np.uint8)
     image[:, :20] = (160, 60, 20)  # BGR
     image[:2] = image[-2:] = image[:, -2:] = (40, 40, 40)
-    x = 32
-    for character in _TEXTS[number]:
-        rows = _GLYPHS.get(character, "").split()
-        dots = np.array([[dot == "1" for dot in row] for row in rows], bool)
-        if dots.size:
-            big = dots.repeat(6, 0).repeat(4, 1)
-            image[11 : 11 + 42, x : x + 20][big] = (25, 25, 25)
-        x += 27 if dots.size else 14
-    return bytes(cv2.imencode(".png", image)[1].tobytes())
+    write(image, _TEXTS[number], (11, 32), (6, 4), 27, (25, 25, 25))
+    return encoded_png(image)
 
 
 @cache
@@ -73,7 +56,7 @@ def _glass_png() -> bytes:
             image[(np.abs(u - 0.5) < 0.06) & (np.abs(v - 0.90) < 0.045)] = 8.0  # mirror
         halves.append(image)
     image = np.concatenate(halves)[:, :, ::-1] + 0.5
-    return bytes(cv2.imencode(".png", np.ascontiguousarray(image.astype(np.uint8)))[1].tobytes())
+    return encoded_png(image.astype(np.uint8))
 
 
 def vehicle_materials(builder: MapBuilder) -> None:
