@@ -1,0 +1,156 @@
+"""Moves that send one kind of command for a duration: AirSim's moveBy* and rotateByYawRate.
+
+AirSim sends a command every 20 ms, and at least one; the move ends with the first period that reaches the duration and
+returns True. A duration of 0 or less sends nothing and returns True (moveByVelocityZ: False).
+
+Differences from AirSim: none in time. `throttle` and `pwm` are those of AirSim's quadrotor, whatever the vehicle:
+0.5866 hovers, and a thrust that the vehicle does not have is limited.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hil.apps.airsim.flight.move import NOTHING, Clock, Command, NedState, Xy, finite, limit_of
+from hil.apps.airsim.flight.yaw import YawMode, check_heading, heading_of
+from signals._kernel import det_cos, det_sin
+from signals.samples import Vec3
+from signals.units import RAD_PER_DEG
+
+
+class Timed:
+    """Move of fixed length. `begin` gives the command from the state at its start."""
+
+    def __init__(self, duration_s: float, begin: Callable[[NedState], Command], *, empty: bool = True) -> None:
+        duration_s = limit_of(duration=duration_s)
+        self.succeeded = empty if duration_s <= 0.0 else False
+        self._empty = duration_s <= 0.0
+        self._clock = Clock(duration_s)
+        self._begin = begin
+        self._command = NOTHING
+
+    def step(self, state: NedState) -> Command | None:
+        """Return the command, the same every time; None after the duration."""
+        if self._empty:
+            return None
+        if self._command is NOTHING:
+            self._command = self._begin(state)
+        if self._clock.over(state.t_ns):
+            self.succeeded = True
+            return None
+        return self._command
+
+
+def always(command: Command) -> Callable[[NedState], Command]:
+    """Return the function that gives this command at every state."""
+    return lambda _state: command
+
+
+def move_by_velocity(velocity_mps: Vec3, duration_s: float, drivetrain: int, yaw_mode: YawMode) -> Timed:
+    """Fly at a velocity in NED."""
+    vx, vy, vz = velocity_mps
+    finite(vx=vx, vy=vy, vz=vz)
+    check_heading(yaw_mode, drivetrain)
+    heading = heading_of(yaw_mode, drivetrain, (vx, vy))
+    return Timed(duration_s, always(Command(v_xy_mps=(vx, vy), vz_mps=vz, **heading._asdict())))
+
+
+def move_by_velocity_z(velocity_mps: Xy, z_m: float, duration_s: float, drivetrain: int, yaw_mode: YawMode) -> Timed:
+    """Fly at a horizontal velocity in NED and a height."""
+    vx, vy = velocity_mps
+    finite(vx=vx, vy=vy, z=z_m)
+    check_heading(yaw_mode, drivetrain)
+    heading = heading_of(yaw_mode, drivetrain, (vx, vy))
+    return Timed(duration_s, always(Command(v_xy_mps=(vx, vy), z_m=z_m, **heading._asdict())), empty=False)
+
+
+def move_by_velocity_body_frame(velocity_mps: Vec3, duration_s: float, drivetrain: int, yaw_mode: YawMode) -> Timed:
+    """Fly at a velocity along the heading at the start of the move; z is down."""
+    vx, vy, vz = velocity_mps
+    finite(vx=vx, vy=vy, vz=vz)
+    check_heading(yaw_mode, drivetrain)
+
+    def begin(state: NedState) -> Command:
+        course = _from_heading((vx, vy), state.yaw_rad)
+        return Command(v_xy_mps=course, vz_mps=vz, **heading_of(yaw_mode, drivetrain, course)._asdict())
+
+    return Timed(duration_s, begin)
+
+
+def move_by_velocity_z_body_frame(
+    velocity_mps: Xy, z_m: float, duration_s: float, drivetrain: int, yaw_mode: YawMode
+) -> Timed:
+    """Fly at a horizontal velocity along the heading at the start of the move, and a height."""
+    vx, vy = velocity_mps
+    finite(vx=vx, vy=vy, z=z_m)
+    check_heading(yaw_mode, drivetrain)
+
+    def begin(state: NedState) -> Command:
+        course = _from_heading((vx, vy), state.yaw_rad)
+        return Command(v_xy_mps=course, z_m=z_m, **heading_of(yaw_mode, drivetrain, course)._asdict())
+
+    return Timed(duration_s, begin)
+
+
+def _from_heading(v_mps: Xy, yaw_rad: float) -> Xy:
+    c, s = det_cos(yaw_rad), det_sin(yaw_rad)
+    return (v_mps[0] * c - v_mps[1] * s, v_mps[0] * s + v_mps[1] * c)
+
+
+def move_by_motor_pwms(pwms: tuple[float, float, float, float], duration_s: float) -> Timed:
+    """Set the four rotors, 0..1: front right, rear left, front left, rear right. Others are limited to that range."""
+    front_right, rear_left, front_left, rear_right = pwms
+    finite(front_right_pwm=front_right, rear_left_pwm=rear_left, front_left_pwm=front_left, rear_right_pwm=rear_right)
+    return Timed(duration_s, always(Command(pwms=pwms)))
+
+
+def move_by_roll_pitch_yaw_z(roll_pitch_rad: Xy, yaw_rad: float, z_m: float, duration_s: float) -> Timed:
+    """Hold roll, pitch, heading [rad, FRD and NED] and a height."""
+    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw=yaw_rad, z=z_m)
+    return Timed(duration_s, always(Command(roll_pitch_rad=roll_pitch_rad, yaw_rad=yaw_rad, z_m=z_m)))
+
+
+def move_by_roll_pitch_yaw_throttle(roll_pitch_rad: Xy, yaw_rad: float, throttle: float, duration_s: float) -> Timed:
+    """Hold roll, pitch, heading [rad, FRD and NED] and a throttle."""
+    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw=yaw_rad, throttle=throttle)
+    return Timed(duration_s, always(Command(roll_pitch_rad=roll_pitch_rad, yaw_rad=yaw_rad, throttle=throttle)))
+
+
+def move_by_roll_pitch_yawrate_z(roll_pitch_rad: Xy, yaw_rate_radps: float, z_m: float, duration_s: float) -> Timed:
+    """Hold roll and pitch [rad, FRD], a yaw rate [rad/s] and a height."""
+    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw_rate=yaw_rate_radps, z=z_m)
+    return Timed(duration_s, always(Command(roll_pitch_rad=roll_pitch_rad, yaw_rate_radps=yaw_rate_radps, z_m=z_m)))
+
+
+def move_by_roll_pitch_yawrate_throttle(
+    roll_pitch_rad: Xy, yaw_rate_radps: float, throttle: float, duration_s: float
+) -> Timed:
+    """Hold roll and pitch [rad, FRD], a yaw rate [rad/s] and a throttle."""
+    finite(roll=roll_pitch_rad[0], pitch=roll_pitch_rad[1], yaw_rate=yaw_rate_radps, throttle=throttle)
+    command = Command(roll_pitch_rad=roll_pitch_rad, yaw_rate_radps=yaw_rate_radps, throttle=throttle)
+    return Timed(duration_s, always(command))
+
+
+def move_by_angle_rates_z(rates_radps: Vec3, z_m: float, duration_s: float) -> Timed:
+    """Turn about the body's axes [rad/s, FRD] and hold a height."""
+    wx, wy, wz = rates_radps
+    finite(roll_rate=wx, pitch_rate=wy, yaw_rate=wz, z=z_m)
+    return Timed(duration_s, always(Command(roll_pitch_rate_radps=(wx, wy), yaw_rate_radps=wz, z_m=z_m)))
+
+
+def move_by_angle_rates_throttle(rates_radps: Vec3, throttle: float, duration_s: float) -> Timed:
+    """Turn about the body's axes [rad/s, FRD] with a throttle."""
+    wx, wy, wz = rates_radps
+    finite(roll_rate=wx, pitch_rate=wy, yaw_rate=wz, throttle=throttle)
+    return Timed(duration_s, always(Command(roll_pitch_rate_radps=(wx, wy), yaw_rate_radps=wz, throttle=throttle)))
+
+
+def rotate_by_yaw_rate(yaw_rate_degps: float, duration_s: float) -> Timed:
+    """Turn at a rate [deg/s, clockwise] over the place where the move began."""
+    finite(yaw_rate=yaw_rate_degps)
+
+    def begin(state: NedState) -> Command:
+        x, y, z = state.p_m
+        return Command(p_xy_m=(x, y), z_m=z, yaw_rate_radps=yaw_rate_degps * RAD_PER_DEG)
+
+    return Timed(duration_s, begin)
