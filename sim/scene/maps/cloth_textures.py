@@ -85,16 +85,17 @@ def _check() -> Image:
 
 
 def _camouflage() -> Image:
-    a, b, c = _noise("camo_a", 7, 9), _noise("camo_b", 10, 13), _noise("camo_c", 16, 20)
+    """Return small dark spots of greens and browns: large light ones dissolve a body's outline for detectors."""
+    a, b, c = _noise("camo_a", 14, 18), _noise("camo_b", 18, 24), _noise("camo_c", 30, 36)
     image = np.empty((_SIDE_PX, _SIDE_PX, 3))
-    image[:] = (0.62, 0.60, 0.46)
+    image[:] = (0.34, 0.36, 0.26)
     for mask, rgb in (
-        (0.7 * a + 0.3 * c > 0.52, (0.42, 0.43, 0.28)),
-        (0.7 * b + 0.3 * c > 0.57, (0.34, 0.26, 0.18)),
-        (0.6 * a + 0.4 * c < 0.36, (0.19, 0.20, 0.15)),
+        (0.7 * a + 0.3 * c > 0.52, (0.24, 0.28, 0.18)),
+        (0.7 * b + 0.3 * c > 0.57, (0.26, 0.20, 0.15)),
+        (0.6 * a + 0.4 * c < 0.36, (0.12, 0.13, 0.11)),
     ):
         image[mask] = rgb
-    return image * _grey(_folds() + 0.1)
+    return image * _grey(_folds() + 0.14)
 
 
 def _face(*, female: bool = False, beard: bool = False) -> Image:

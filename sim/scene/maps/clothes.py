@@ -49,8 +49,12 @@ _HAIR_WEIGHTS: _Weights = {
     "black": 0.24, "dark": 0.28, "brown": 0.20, "fair": 0.10, "grey": 0.10, "white": 0.05, "red": 0.03,
 }  # fmt: skip
 _BEARDS = ("black", "dark", "brown")  # colours of hair whose beards the texture has
-_UNIFORMS: dict[str, Vec3] = {"olive": (0.84, 0.92, 0.76), "camo": (1.0, 0.95, 0.80)}  # of the pattern
-_GEAR: dict[str, Vec3] = {"gear_green": (0.27, 0.29, 0.19), "gear_tan": (0.45, 0.38, 0.26)}
+# Police, and soldiers in plain field dress or in spots: the last one's colour multiplies the pattern.
+_UNIFORMS: dict[str, Vec3] = {
+    "black": (0.10, 0.10, 0.11), "navy": (0.11, 0.13, 0.20), "field": (0.20, 0.22, 0.16), "spots": (0.97, 0.98, 0.91),
+}  # fmt: skip
+_DARK_GEAR: dict[str, Vec3] = {"gear_black": (0.10, 0.10, 0.11), "gear_grey": (0.17, 0.18, 0.20)}
+_FIELD_GEAR: dict[str, Vec3] = {"gear_green": (0.36, 0.37, 0.28), "gear_tan": (0.60, 0.50, 0.36)}
 _SHOES: dict[str, Vec3] = {
     "black": (0.08, 0.08, 0.08), "white": (0.86, 0.86, 0.85), "brown": (0.30, 0.19, 0.12), "grey": (0.35, 0.36, 0.38),
     "navy": (0.12, 0.15, 0.26),
@@ -195,19 +199,23 @@ def _soldier(d: _Dresser) -> Look:
     female = build.startswith("f")
     d.arm_in = _ARM_IN[female]
     d.skin(female=female, beard=d.rng.chance(0.15) and not female and d.colours.hair in _BEARDS)
-    pattern = "cloth_camouflage"
-    d.paint("top", "uniform", d.colours.shirt, _UNIFORMS, surfaces.CLOTH, pattern)
+    uniform = d.colours.shirt
+    pattern = "cloth_camouflage" if uniform == "spots" else "cloth_plain"
+    d.paint("top", "uniform", uniform, _UNIFORMS, surfaces.CLOTH, pattern)
     d.put("pelvis", "pelvis", "top")
     d.put_both("thigh", "trouser_thigh", "top")
     d.put_both("shank", "bloused_shank", "top")
     d.put("torso", "sweater", "top")
     d.put_both("upper_arm", "sleeve", "top")
     d.put_both("forearm", "cuff", "top")
-    d.paint("gear", "cloth", d.rng.pick(tuple(_GEAR)), _GEAR, surfaces.CLOTH, "cloth_plain")
+    gear = _DARK_GEAR if uniform in ("black", "navy") else _FIELD_GEAR
+    d.paint("gear", "cloth", d.rng.pick(tuple(gear)), gear, surfaces.CLOTH, "cloth_plain")
     d.put("torso", "vest", "gear")
-    d.put("head", "helmet", "top" if d.rng.chance(0.6) else "gear")
     d.paint("hair", "hair", d.colours.hair, HAIRS, surfaces.HAIR)
     d.put("head", "hair_short", "hair")
+    headgear = d.rng.weighted({"helmet": 0.5, "cap": 0.3, "none": 0.2})
+    if headgear != "none":
+        d.put("head", headgear, "top" if d.rng.chance(0.6) else "gear")
     d.shoes(d.rng.pick(("black", "brown")), "black")
     d.put_both("shank", "boot_shaft", "shoe")
     return d.look(build)
