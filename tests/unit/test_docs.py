@@ -12,6 +12,7 @@ import typer
 import yaml
 
 import signals.errors
+from hil.apps.bench_suite.suite import BENCHMARKS
 from hil.cli.app import app
 from hil.config.schema import BenchConfig
 
@@ -78,6 +79,13 @@ def test_quoted_messages_exist_and_every_error_is_explained() -> None:
     assert not [p for q in quotes for p in map(str.strip, q.split("…")) if len(p) > 5 and p.strip(",;:() ") not in code]
     errors = {e for e in vars(signals.errors) if e.endswith(("Error", "Found", "Busy", "Closed", "Lost"))}
     assert errors - set(re.findall(r"`(\w+)`", page)) == {"HilError"}  # the base
+
+
+@pytest.mark.parametrize("page", ["command-line", "accuracy"])
+def test_every_benchmark_is_listed(page: str) -> None:
+    text = (ROOT / f"docs/{page}.md").read_text()
+    listed = text.split("`hil bench NAME`")[1].splitlines()[0] if page == "command-line" else text
+    assert [name for name in BENCHMARKS if f"`{name}`" not in listed] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

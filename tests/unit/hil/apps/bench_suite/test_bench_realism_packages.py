@@ -95,8 +95,10 @@ def test_a_missing_network_leaves_the_means_over_all_without_a_value() -> None:
     detector = type("Detector", (), {"name": "yolov4-tiny", "threshold": 0.25, "labels": ("person",)})()
     realism._check(result, [seen_car()], [detector], selection)
     of_cars = [check for check in result.checks if check.name.startswith("cars")]
-    assert len(of_cars) == 2
-    assert all(math.isnan(check.value) and not check.ok for check in of_cars)
+    assert [check.limit for check in of_cars] == [0.50, 0.65, 0.75]
+    assert all(math.isnan(check.value) and not check.ok for check in of_cars[:2])
+    assert of_cars[2].value == 0.0  # of the one network that it is about
+    assert not of_cars[2].ok
 
 
 def seen_car() -> realism.Seen:
