@@ -1,0 +1,1 @@
+"""RPC methods of AirSim's API, one file per group; `catalog` lists the groups."""

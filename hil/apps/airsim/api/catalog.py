@@ -1,0 +1,19 @@
+"""All groups of methods of the server. A new group is one file with a function `methods(simulation)`, and its line here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hil.apps.airsim.api import session, state
+from hil.apps.airsim.rpc.methods import Method, MethodTable
+from hil.apps.airsim.world.simulation import Simulation
+
+GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
+    session.methods,
+    state.methods,
+)
+
+
+def method_table(simulation: Simulation) -> MethodTable:
+    """Return all methods of a server."""
+    return MethodTable(method for group in GROUPS for method in group(simulation))

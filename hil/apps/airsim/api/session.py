@@ -1,0 +1,120 @@
+"""Methods about the session: connection and versions, api control, arming, reset, pause, and the vehicles that exist."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from hil.apps.airsim.rpc.arguments import BOOL, COUNT, FLOAT, INT, POSE, TEXT, Pose
+from hil.apps.airsim.rpc.methods import Method, Parameter, Pending, RpcError, method, optional
+from hil.apps.airsim.rpc.packing import Double
+from hil.apps.airsim.world.drone import Drone
+from hil.apps.airsim.world.simulation import FRAME_TICKS, Simulation
+from signals._kernel import roll_pitch_yaw
+from signals.time import NS_PER_S
+from signals.units import DEG_PER_RAD
+
+SERVER_VERSION = 4  # Cosys-AirSim's client asks for 4 at least, AirSim's for 1
+MIN_CLIENT_VERSION = 1
+_LONGEST_S = 1.0e6
+_TYPES = {"simpleflight": "SimpleFlight", "computervision": "ComputerVision"}
+VEHICLE = optional("vehicle_name", TEXT, "")
+
+
+def geo_point(simulation: Simulation, p_W: tuple[float, float, float]) -> dict[str, float]:
+    """Return AirSim's GeoPoint of a point of W."""
+    latitude, longitude, altitude = simulation.earth.geodetic(p_W)
+    return {"latitude": Double(latitude), "longitude": Double(longitude), "altitude": float(altitude)}
+
+
+def flown(drone: Drone, name: str) -> Drone:
+    """Return the vehicle if it can fly. Raises RpcError in ComputerVision."""
+    if drone.autopilot is None:
+        raise RpcError(
+            f"{name} needs a vehicle that flies, and settings.json has SimMode ComputerVision, in which vehicles only "
+            "stand where simSetVehiclePose puts them; set SimMode to Multirotor"
+        )
+    return drone
+
+
+def methods(simulation: Simulation) -> list[Method]:
+    """Return the methods of this group."""
+    sim = simulation
+
+    def enable_api_control(enabled: bool, vehicle: str) -> None:
+        drone = sim.drone(vehicle)
+        if drone.autopilot is not None:
+            drone.autopilot.enable_api_control(enabled)
+
+    def is_api_control_enabled(vehicle: str) -> bool:
+        autopilot = sim.drone(vehicle).autopilot
+        return autopilot is not None and autopilot.api_control
+
+    def arm(armed: bool, vehicle: str) -> bool:
+        drone = flown(sim.drone(vehicle), "armDisarm")
+        assert drone.autopilot is not None
+        if not drone.autopilot.api_control:
+            sim.log(f"armDisarm of {drone.name} was refused: call enableApiControl(True) first")
+            return False
+        drone.autopilot.arm(armed)
+        return True
+
+    def continue_for_time(seconds: float) -> Pending:
+        if not 0.0 <= seconds <= _LONGEST_S:
+            raise RpcError(f"simContinueForTime takes 0 to {_LONGEST_S:g} seconds, not {seconds:g}")
+        return sim.continue_for(round(seconds * NS_PER_S / sim.world.tick_ns))
+
+    def continue_for_frames(frames: int) -> Pending:
+        return sim.continue_for(frames * FRAME_TICKS)
+
+    def add_vehicle(name: str, kind: str, pose: Pose, pawn_path: str) -> bool:  # noqa: ARG001
+        wanted = _TYPES.get(kind.lower())
+        own = "SimpleFlight" if sim.flies else "ComputerVision"
+        if wanted != own:
+            raise RpcError(f"simAddVehicle cannot add a vehicle of type '{kind}' now; use '{own.lower()}'")
+        if not name:
+            raise RpcError("simAddVehicle needs a name for the vehicle")
+        roll, pitch, yaw = roll_pitch_yaw(pose.orientation)
+        angles = (roll * DEG_PER_RAD, pitch * DEG_PER_RAD, yaw * DEG_PER_RAD)
+        settings = sim.settings.added_vehicle(name)
+        sim.add(replace(settings, position_m=tuple(pose.position), rotation_deg=angles))
+        return True
+
+    def print_message(message: str, parameter: str, severity: int) -> None:
+        level = {1: "warning: ", 2: "error: "}.get(severity, "")
+        sim.log(f"{level}{message}{parameter}")
+
+    return [
+        method("ping", lambda: True),
+        method("getServerVersion", lambda: SERVER_VERSION),
+        method("getMinRequiredClientVersion", lambda: MIN_CLIENT_VERSION),
+        method("enableApiControl", enable_api_control, Parameter("is_enabled", BOOL), VEHICLE),
+        method("isApiControlEnabled", is_api_control_enabled, VEHICLE),
+        method("armDisarm", arm, Parameter("arm", BOOL), VEHICLE),
+        method("reset", sim.reset),
+        method("simPause", sim.pause, Parameter("is_paused", BOOL)),
+        method("simIsPaused", lambda: not sim.runs),
+        method("simContinueForTime", continue_for_time, Parameter("seconds", FLOAT)),
+        method("simContinueForFrames", continue_for_frames, Parameter("frames", COUNT)),
+        method("listVehicles", lambda: list(sim.drones)),
+        method(
+            "simAddVehicle",
+            add_vehicle,
+            Parameter("vehicle_name", TEXT),
+            Parameter("vehicle_type", TEXT),
+            Parameter("pose", POSE),
+            optional("pawn_path", TEXT, ""),
+        ),
+        method("getSettingsString", lambda: sim.settings.text),
+        method("getHomeGeoPoint", lambda name: geo_point(sim, sim.drone(name).origin.origin_W), VEHICLE),
+        method(
+            "simPrintLogMessage",
+            print_message,
+            Parameter("message", TEXT),
+            optional("message_param", TEXT, ""),
+            optional("severity", INT, 0),
+        ),
+        # Clients before June 2018:
+        method("isSimulationMode", lambda: True),
+        method("timestampNow", lambda: sim.now_ns),
+        method("getServerDebugInfo", lambda: ""),
+    ]

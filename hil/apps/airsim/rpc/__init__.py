@@ -1,0 +1,1 @@
+"""MessagePack-RPC over TCP, as AirSim's server (rpclib) and its clients speak it."""

@@ -1,0 +1,1 @@
+"""The simulation that the server's clients see: vehicles, clock, sensors."""

@@ -1,0 +1,115 @@
+"""Clocks of the server: they call `Simulation.step` inside the asyncio loop, in slices between which clients are served.
+
+wall    Simulated time follows the wall clock at ClockSpeed. Tick k is due at a time that is computed from the start, so
+        nothing drifts. A computer that is too slow falls behind by at most `_MOST_BEHIND_S`; the rest is lost, and told.
+calls   Simulated time moves only while a client waits for it, in a move or in simContinueForTime, as fast as it goes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import Protocol
+
+from hil.apps.airsim.world.simulation import Simulation
+from signals.time import NS_PER_S
+
+_SLICE_NS = 1_000_000  # of wall time; a request waits no longer than this
+_MOST_BEHIND_S = 0.25
+_NS_PER_MINUTE = 60 * NS_PER_S
+
+
+class Clock(Protocol):
+    """Clock of one server."""
+
+    name: str
+
+    async def run(self) -> None:
+        """Advance the simulation until the task is cancelled."""
+        ...
+
+
+def _slice(simulation: Simulation, ticks: int) -> int:
+    """Advance by at most `ticks` ticks and one slice of wall time. Return the number of ticks."""
+    end_ns = time.perf_counter_ns() + _SLICE_NS
+    done = 0
+    while done < ticks and simulation.runs:
+        simulation.step()
+        done += 1
+        if time.perf_counter_ns() >= end_ns:
+            break
+    return done
+
+
+class CallsClock:
+    """Clock `calls`."""
+
+    name = "calls"
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._work = asyncio.Event()
+        simulation.wake = self._work.set
+
+    async def run(self) -> None:
+        """Advance the simulation until the task is cancelled."""
+        simulation, work = self._simulation, self._work
+        while True:
+            await work.wait()
+            work.clear()
+            while simulation.busy and simulation.runs:
+                # In steps of one tick: time stands still at the tick in which the last task ended.
+                end_ns = time.perf_counter_ns() + _SLICE_NS
+                while simulation.busy and simulation.runs:
+                    simulation.step()
+                    if time.perf_counter_ns() >= end_ns:
+                        break
+                await asyncio.sleep(0)
+
+
+class WallClock:
+    """Clock `wall`."""
+
+    name = "wall"
+
+    def __init__(self, simulation: Simulation, speed: float) -> None:
+        self._simulation, self._speed = simulation, speed
+        self._work = asyncio.Event()
+        self.lost_ns = 0  # of wall time, that the computer was too slow for
+        self._told_ns = -_NS_PER_MINUTE
+        simulation.wake = self._work.set
+        simulation.epoch_ns = time.time_ns()
+
+    async def run(self) -> None:
+        """Advance the simulation until the task is cancelled."""
+        simulation = self._simulation
+        tick_wall_ns = simulation.world.tick_ns / self._speed
+        while True:
+            while not simulation.runs:
+                self._work.clear()
+                await self._work.wait()
+            begin_ns, begin_tick = time.perf_counter_ns(), simulation.world.tick
+            while simulation.runs:
+                now_ns = time.perf_counter_ns()
+                due = begin_tick + int((now_ns - begin_ns) / tick_wall_ns)
+                behind = due - simulation.world.tick
+                if behind * tick_wall_ns > _MOST_BEHIND_S * NS_PER_S:
+                    excess = behind - int(_MOST_BEHIND_S * NS_PER_S / tick_wall_ns)
+                    begin_ns += round(excess * tick_wall_ns)
+                    self._lose(round(excess * tick_wall_ns), now_ns)
+                    behind -= excess
+                if behind > 0:
+                    _slice(simulation, behind)
+                    await asyncio.sleep(0)
+                else:
+                    next_ns = begin_ns + (due + 1 - begin_tick) * tick_wall_ns
+                    await asyncio.sleep(max(0.0, (next_ns - now_ns) / NS_PER_S))
+
+    def _lose(self, lost_ns: int, now_ns: int) -> None:
+        self.lost_ns += lost_ns
+        if now_ns - self._told_ns > _NS_PER_MINUTE:
+            self._told_ns = now_ns
+            self._simulation.log(
+                f"the simulation is slower than the wall clock at ClockSpeed {self._speed:g}: "
+                f"{self.lost_ns / NS_PER_S:.2f} s of wall time were lost so far; lower ClockSpeed or use --clock calls"
+            )

@@ -1,0 +1,69 @@
+"""One vehicle as AirSim's API shows it: its frame, its flight controller, its task, and its last collision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from hil.apps.airsim.rpc.arguments import Vector
+from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
+from hil.apps.airsim.world.autopilot import Autopilot
+from hil.apps.airsim.world.ned import NedFrame
+from hil.run.stepped.vehicle import SteppedVehicle
+from signals.frames import ned_from_enu
+from signals.samples import Vec3
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Collision of a vehicle, in W."""
+
+    t_ns: int = 0
+    object_name: str = ""
+    object_id: int = -1
+    point_W: Vec3 | None = None  # None: no collision
+    normal_W: Vec3 = (0.0, 0.0, 0.0)  # away from the object
+    position_W: Vec3 = (0.0, 0.0, 0.0)  # of the vehicle
+    depth_m: float = 0.0
+
+
+@dataclass
+class Drone:
+    """Vehicle of the server. `origin` is its own NED frame: its start, level."""
+
+    name: str
+    settings: VehicleSettings
+    vehicle: SteppedVehicle
+    origin: NedFrame
+    autopilot: Autopilot | None  # None in ComputerVision
+    collision: Collision = Collision()
+    touching: bool = False
+    marks: dict[str, Any] = field(default_factory=dict)  # settings of drawings, such as the trace line
+
+    def reset(self) -> None:
+        """Return to the start; api control and arming must be asked for again."""
+        self.vehicle.reset()
+        self.collision, self.touching = Collision(), False
+        if self.autopilot is not None:
+            self.autopilot.reset()
+
+    def take_collision(self, epoch_ns: int) -> dict[str, Any]:
+        """Return AirSim's collision info, and clear it."""
+        info = self.collision_info(epoch_ns)
+        self.collision = Collision()
+        return info
+
+    def collision_info(self, epoch_ns: int) -> dict[str, Any]:
+        """Return AirSim's collision info; time stamps count from `epoch_ns`."""
+        c, nothing = self.collision, Vector()
+        collided = c.point_W is not None
+        return {
+            "has_collided": collided,
+            "penetration_depth": float(c.depth_m),
+            "time_stamp": epoch_ns + c.t_ns if collided else 0,
+            "normal": Vector(*ned_from_enu(c.normal_W)) if collided else nothing,
+            "impact_point": Vector(*self.origin.from_W(c.point_W)) if c.point_W is not None else nothing,
+            "position": Vector(*self.origin.from_W(c.position_W)) if collided else nothing,
+            "object_name": c.object_name,
+            "object_id": c.object_id,
+        }

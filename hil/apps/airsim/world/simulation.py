@@ -1,0 +1,214 @@
+"""The world of the server: its vehicles, the requests that let time go on, and what clients see of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hil.apps.airsim.rpc.methods import Pending, RpcError
+from hil.apps.airsim.settings.settings import AirSimSettings
+from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
+from hil.apps.airsim.world.autopilot import Autopilot
+from hil.apps.airsim.world.drone import Collision, Drone
+from hil.apps.airsim.world.ned import Earth, NedFrame
+from hil.run.stepped.world import SteppedWorld
+from signals.frames import ned_from_enu
+from signals.samples import Vec3
+from signals.time import NS_PER_S
+from signals.units import RAD_PER_DEG
+from sim.physics.flight_start import FlightStart
+from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Scene
+from sim.sensors.ground_range import rays_into
+
+TICK_NS = 4_000_000  # 250 Hz
+FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
+CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` begin here, so that they repeat
+_GROUND_SEARCH_M = 2.0  # a vehicle that starts within this height of the ground stands on it
+
+Log = Callable[[str], None]
+
+
+class Simulation:
+    """Vehicles of one server in one scene. Time moves in `step` alone; `hil.apps.airsim.world.clock` calls it."""
+
+    def __init__(self, scene: Scene, vehicle: Vehicle, settings: AirSimSettings, *, ground_W: Vec3, log: Log) -> None:
+        """`vehicle`: the model of every multirotor. `ground_W`: place on the ground where AirSim's origin stands."""
+        self.scene, self.model, self.settings = scene, vehicle, settings
+        self.log = log
+        self.frame = NedFrame((ground_W[0], ground_W[1], ground_W[2] + vehicle.standing_height_m))
+        self.earth = Earth(settings.origin, self.frame)
+        self.world = SteppedWorld(scene, TICK_NS)
+        self._rays = rays_into(scene)
+        self.epoch_ns = CALLS_EPOCH_NS
+        self.paused = False
+        self.drones: dict[str, Drone] = {}
+        self._until_tick: int | None = None  # end of simContinueForTime
+        self._continued = Pending()
+        self.wake: Callable[[], None] = lambda: None  # set by the clock: something lets time go on
+        for name, each in settings.vehicles.items():
+            self._add(name, each)
+        self.default_name = settings.default_vehicle
+        if settings.wind_mps != (0.0, 0.0, 0.0):
+            self.world.set_wind(ned_from_enu(settings.wind_mps))
+
+    @property
+    def flies(self) -> bool:
+        """False in ComputerVision, where vehicles only stand where clients put them."""
+        return self.settings.sim_mode == "Multirotor"
+
+    @property
+    def now_ns(self) -> int:
+        """Time stamp of the present: nanoseconds since 1970."""
+        return self.epoch_ns + self.world.t_ns
+
+    def drone(self, name: str) -> Drone:
+        """Return a vehicle; "" is the default one. Raises RpcError with the names that exist."""
+        found = self.drones.get(name or self.default_name)
+        if found is None:
+            known = ", ".join(self.drones)
+            raise RpcError(
+                f"Vehicle API for '{name}' is not available: this vehicle does not exist. The vehicles are: {known}. "
+                "Use one of these names, or add the vehicle to Vehicles of settings.json"
+            )
+        return found
+
+    # Time ------------------------------------------------------------------------------------------------------------
+
+    @property
+    def continuing(self) -> bool:
+        """True while simContinueForTime or simContinueForFrames lets the world run."""
+        return self._until_tick is not None
+
+    @property
+    def busy(self) -> bool:
+        """True while a client waits for simulated time: in a move, or in simContinueForTime."""
+        return self.continuing or any(d.autopilot is not None and d.autopilot.busy for d in self.drones.values())
+
+    @property
+    def runs(self) -> bool:
+        """True unless the world is paused."""
+        return not self.paused or self.continuing
+
+    def continue_for(self, ticks: int) -> Pending:
+        """Let the world run for a number of ticks and pause it then."""
+        self._end_continuing()
+        self._continued = Pending()
+        pending = self._continued
+        self._until_tick = self.world.tick + ticks
+        self.paused = True
+        if ticks <= 0:
+            self._end_continuing()
+        self.wake()
+        return pending
+
+    def pause(self, paused: bool) -> None:
+        """Pause the world, or let it run. Either ends simContinueForTime."""
+        self.paused = paused
+        self._end_continuing()
+        self.wake()
+
+    def _end_continuing(self) -> None:
+        if self._until_tick is not None:
+            self._until_tick = None
+            self._continued.resolve(None)
+
+    def step(self) -> None:
+        """Advance by one tick."""
+        world = self.world
+        world.step()
+        for departure in world.take_departures():
+            self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
+        for drone in self.drones.values():
+            truth = drone.vehicle.truth
+            if truth.in_contact != drone.touching or truth.in_contact:
+                self._touch(drone)
+        if len(self.drones) > 1:
+            self._meet()
+        if self._until_tick is not None and world.tick >= self._until_tick:
+            self._end_continuing()
+
+    # Vehicles --------------------------------------------------------------------------------------------------------
+
+    def add(self, settings: VehicleSettings) -> Drone:
+        """Add a vehicle that a client asked for. Raises RpcError."""
+        if settings.name in self.drones:
+            raise RpcError(f"there is a vehicle '{settings.name}' already; choose another name")
+        return self._add(settings.name, settings)
+
+    def _add(self, name: str, settings: VehicleSettings) -> Drone:
+        start = self._start(settings)
+        vehicle = self.world.add(name, self.model, start, has_physics=self.flies)
+        autopilot: Autopilot | None = None
+        if self.flies:
+            autopilot = Autopilot(len(self.model.rotors), armed=settings.armed)
+            vehicle.pilot = autopilot.controls
+        drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), autopilot)
+        if not self.flies:
+            drone.origin = NedFrame(self.frame.to_W(settings.position_m))
+        self.drones[name] = drone
+        return drone
+
+    def _start(self, settings: VehicleSettings) -> FlightStart:
+        """Return the start of a vehicle: on the ground if that is near the height of its settings."""
+        x, y, z = self.frame.to_W(settings.position_m)
+        yaw_rad = 0.5 * 3.141592653589793 - settings.rotation_deg[2] * RAD_PER_DEG
+        stand_m = self.model.standing_height_m
+        if not self.flies:
+            return FlightStart(p_WB=(x, y, z), yaw_rad=yaw_rad)
+        ground_m = self.ground_below((x, y, z + _GROUND_SEARCH_M))
+        if ground_m is not None and abs(z - stand_m - ground_m) < _GROUND_SEARCH_M:
+            return FlightStart(ground_W=(x, y, ground_m), yaw_rad=yaw_rad)
+        return FlightStart(p_WB=(x, y, z), yaw_rad=yaw_rad)
+
+    def ground_below(self, p_W: Vec3) -> float | None:
+        """Return the height in W of the static scene below a point; None if there is nothing."""
+        distance_m = self._rays.ray_distance(p_W, (0.0, 0.0, -1.0))
+        return None if distance_m < 0.0 else p_W[2] - distance_m
+
+    def reset(self) -> None:
+        """Put all vehicles back to their starts; wind and weather stay, and time goes on."""
+        self._end_continuing()
+        for name, drone in self.drones.items():
+            drone.reset()
+            self.world.forget_contacts(name)
+        self.wake()
+
+    def placed(self, drone: Drone) -> None:
+        """Take notice that a vehicle was put elsewhere."""
+        drone.touching = False
+        if drone.autopilot is not None:
+            drone.autopilot.placed()
+        self.world.forget_contacts(drone.name)
+
+    # Collisions ------------------------------------------------------------------------------------------------------
+
+    def _touch(self, drone: Drone) -> None:
+        """Keep the contact of a vehicle with the scene, from its beginning on and while it lasts."""
+        truth = drone.vehicle.truth
+        began = truth.in_contact and not drone.touching
+        drone.touching = truth.in_contact
+        physics = drone.vehicle.physics
+        if not began or physics is None:
+            return
+        contact = physics.contact()
+        if contact is None:
+            return
+        drone.collision = Collision(
+            truth.t_ns,
+            contact.name,
+            contact.geom,
+            contact.point_W,
+            contact.normal_W,
+            truth.p_WB,
+            contact.depth_m,
+        )
+
+    def _meet(self) -> None:
+        for contact in self.world.take_contacts():
+            for own, other in ((contact.a, contact.b), (contact.b, contact.a)):
+                drone = self.drones[own]
+                p_W = drone.vehicle.truth.p_WB
+                away = [a - b for a, b in zip(p_W, contact.point_W, strict=True)]
+                length = sum(x * x for x in away) ** 0.5 or 1.0
+                normal = (away[0] / length, away[1] / length, away[2] / length)
+                drone.collision = Collision(contact.t_ns, other, -1, contact.point_W, normal, p_W)

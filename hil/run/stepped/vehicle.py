@@ -1,0 +1,67 @@
+"""One vehicle of a stepped world: its physics, its true state, and the pilot that commands its rotors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import isfinite
+
+from signals._kernel import det_cos, det_sin
+from signals.rotation import NO_TURN
+from signals.samples import Quat, TruthState, Vec3
+from sim.physics.flight_start import FlightStart
+from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics
+from sim.physics.vehicle import Vehicle
+
+Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 of the rotors until the next tick
+
+
+class SteppedVehicle:
+    """Vehicle with physics, or one that only stands where it is put (`physics` None). Made by `SteppedWorld.add`."""
+
+    def __init__(self, name: str, vehicle: Vehicle, start: TruthState, physics: QuadrotorPhysics | None) -> None:
+        self.name = name
+        self.vehicle = vehicle
+        self.physics = physics
+        self.start = start
+        self.truth = start
+        self.pilot: Pilot | None = None  # None: the rotors stand still
+        self._still = (0.0,) * len(vehicle.rotors)
+
+    def controls(self) -> Sequence[float]:
+        """Return the pilot's commands for the coming tick. Raises ValueError for one that is not finite."""
+        if self.pilot is None:
+            return self._still
+        controls = self.pilot(self.truth)
+        if not all(map(isfinite, controls)):
+            raise ValueError(f"{self.name}: the pilot commanded {list(controls)}; every command must be finite")
+        return controls
+
+    def place(
+        self,
+        p_WB: Vec3,
+        q_WB: Quat = NO_TURN,
+        v_WB_W: Vec3 = NO_MOTION,
+        w_WB_B: Vec3 = NO_MOTION,
+        rotor_speed_radps: Sequence[float] | None = None,
+    ) -> None:
+        """Put the vehicle elsewhere; see `QuadrotorPhysics.place`. Raises ValueError."""
+        if self.physics is not None:
+            self.truth = self.physics.place(p_WB, q_WB, v_WB_W, w_WB_B, rotor_speed_radps)
+        else:
+            self.truth = self.truth._replace(p_WB=p_WB, q_WB=q_WB, v_WB_W=v_WB_W, w_WB_B=w_WB_B)
+
+    def reset(self) -> None:
+        """Put the vehicle back to its start."""
+        if self.physics is not None:
+            self.truth = self.physics.reset()
+        else:
+            self.truth = self.start._replace(tick=self.truth.tick, t_ns=self.truth.t_ns)
+
+
+def standing_truth(vehicle: Vehicle, start: FlightStart) -> TruthState:
+    """Return the state of a vehicle without physics at its start."""
+    x, y, z = start.ground_W
+    p_WB = start.p_WB if start.p_WB is not None else (x, y, z + vehicle.standing_height_m)
+    q_WB = (det_cos(0.5 * start.yaw_rad), 0.0, 0.0, det_sin(0.5 * start.yaw_rad))
+    still = (0.0, 0.0, 0.0)
+    return TruthState(0, 0, p_WB, q_WB, still, still, still, still, (0.0,) * len(vehicle.rotors), False)

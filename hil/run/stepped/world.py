@@ -1,0 +1,141 @@
+"""A world of vehicles that is advanced tick by tick from outside.
+
+Time moves only in `step`. Between two steps, vehicles may be added, placed and reset at no cost. The same calls in the
+same order give the same bits.
+
+A vehicle that leaves the model's range (200 m/s, 50 km from the site, ...) does not end the world: it is stopped where
+it was one tick before, and `take_departures` reports it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from hil.run.stepped.vehicle import SteppedVehicle, standing_truth
+from signals.errors import ModelRangeError
+from signals.samples import TruthState, Vec3
+from sim.physics.disturbances import Disturbances
+from sim.physics.flight_start import FlightStart
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import Effects, Vehicle
+from sim.physics.vehicle_group import VehicleContact, VehicleGroup
+from sim.scene.scene import Scene
+from sim.scene.wind import Wind
+
+
+class Departure(NamedTuple):
+    """Vehicle that left the range of the model and was stopped."""
+
+    t_ns: int
+    vehicle: str
+    message: str
+
+
+class SteppedWorld:
+    """Vehicles in one scene. `observers` are called with the world after each tick."""
+
+    def __init__(self, scene: Scene, tick_ns: int, *, seed: int = 1, wind: Wind | None = None) -> None:
+        self.scene = scene
+        self.tick_ns = tick_ns
+        self.tick = 0
+        self.vehicles: dict[str, SteppedVehicle] = {}
+        self.observers: list[Callable[[SteppedWorld], None]] = []
+        self._seed = seed
+        self._wind = wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
+        self._group: VehicleGroup | None = None
+        self._flying: list[SteppedVehicle] = []
+        self._departures: list[Departure] = []
+
+    @property
+    def t_ns(self) -> int:
+        """Time since the world began."""
+        return self.tick * self.tick_ns
+
+    @property
+    def wind_W_mps(self) -> Vec3:
+        """Steady wind."""
+        return self._wind.steady_W_mps
+
+    def add(
+        self,
+        name: str,
+        vehicle: Vehicle,
+        start: FlightStart = FlightStart(),  # noqa: B008 (frozen)
+        *,
+        effects: Effects = Effects(),  # noqa: B008 (frozen)
+        has_physics: bool = True,
+    ) -> SteppedVehicle:
+        """Add a vehicle between two ticks. Raises ValueError for a name that is taken, or a battery that is missing."""
+        if name in self.vehicles:
+            raise ValueError(f"there is a vehicle {name!r} already")
+        physics: QuadrotorPhysics | None = None
+        truth = standing_truth(vehicle, start)
+        if has_physics:
+            physics = QuadrotorPhysics(
+                vehicle,
+                self.scene,
+                self.tick_ns,
+                start=start,
+                effects=effects,
+                disturbances=Disturbances(wind=self._wind, seed=self._seed),
+            )
+            truth = physics.join(self.tick)
+        added = SteppedVehicle(name, vehicle, truth._replace(tick=self.tick, t_ns=self.t_ns), physics)
+        self.vehicles[name] = added
+        if physics is not None:
+            self._flying.append(added)
+            bodies = {each.name: each.physics for each in self._flying if each.physics is not None}
+            self._group = VehicleGroup(bodies)
+        return added
+
+    def step(self) -> None:
+        """Advance all vehicles by one tick. Raises ValueError if a pilot's command is not finite."""
+        controls = [vehicle.controls() for vehicle in self._flying]
+        self.tick += 1
+        if self._group is not None:
+            self._advance(self._group, controls)
+        t_ns = self.t_ns
+        for vehicle in self.vehicles.values():
+            if vehicle.physics is None:
+                vehicle.truth = vehicle.truth._replace(tick=self.tick, t_ns=t_ns)
+        for observer in self.observers:
+            observer(self)
+
+    def _advance(self, group: VehicleGroup, controls: Sequence[Sequence[float]]) -> None:
+        before = [vehicle.truth for vehicle in self._flying]
+        try:
+            truths = group.advance(self.tick, controls)
+        except ModelRangeError as error:
+            truths = [self._stopped(*each, error) for each in zip(self._flying, before, strict=True)]
+        for vehicle, truth in zip(self._flying, truths, strict=True):
+            vehicle.truth = truth
+
+    def _stopped(self, vehicle: SteppedVehicle, before: TruthState, error: ModelRangeError) -> TruthState:
+        assert vehicle.physics is not None
+        if vehicle.name != error.vehicle:
+            return vehicle.physics.truth
+        self._departures.append(Departure(self.t_ns, vehicle.name, str(error)))
+        self.forget_contacts(vehicle.name)
+        return vehicle.physics.place(before.p_WB)
+
+    def set_wind(self, wind_W_mps: Vec3) -> None:
+        """Set the steady wind for all vehicles from the next tick on."""
+        self._wind = self._wind.model_copy(update={"steady_W_mps": wind_W_mps})
+        for vehicle in self._flying:
+            assert vehicle.physics is not None
+            vehicle.physics.set_steady_wind(wind_W_mps)
+
+    def forget_contacts(self, name: str) -> None:
+        """Forget the contacts with other vehicles of one that was placed elsewhere."""
+        if self._group is not None and self.vehicles[name].physics is not None:
+            self._group.forget(name)
+
+    def take_contacts(self) -> list[VehicleContact]:
+        """Return the contacts between vehicles since the last call."""
+        return [] if self._group is None else self._group.take_contacts()
+
+    def take_departures(self) -> list[Departure]:
+        """Return the vehicles that were stopped since the last call."""
+        departures, self._departures = self._departures, []
+        return departures
