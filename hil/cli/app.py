@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from hil.cli.console import error_console
-from hil.cli.live import check, companion, dash, devices, keys, replay, run
+from hil.cli.live import airsim, check, companion, dash, devices, keys, replay, run
 from hil.cli.offline import bench, calibrate, dataset, radar, view
 from hil.cli.offline.detect import data, evaluate, train
 from hil.cli.status import CONFIG_STATUS
@@ -25,7 +25,7 @@ app = typer.Typer(
 
 for _command in (
     run.run, check.check, dataset.dataset, replay.replay, bench.bench, devices.devices, view.view, dash.dash,
-    keys.keys, companion.companion, radar.radar,
+    keys.keys, companion.companion, radar.radar, airsim.airsim,
 ):  # fmt: skip
     app.command()(_command)
 

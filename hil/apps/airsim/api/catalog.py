@@ -1,4 +1,4 @@
-"""All groups of methods of the server. A new group is one file with a function `methods(simulation)`, and its line here."""
+"""All groups of methods of the server. A new group is a file with a function `methods(simulation)`, and a line here."""
 
 from __future__ import annotations
 

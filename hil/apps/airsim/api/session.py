@@ -1,4 +1,4 @@
-"""Methods about the session: connection and versions, api control, arming, reset, pause, and the vehicles that exist."""
+"""Methods about the session: versions, api control, arming, reset, pause, and the vehicles that exist."""
 
 from __future__ import annotations
 
@@ -76,7 +76,13 @@ def methods(simulation: Simulation) -> list[Method]:
         roll, pitch, yaw = roll_pitch_yaw(pose.orientation)
         angles = (roll * DEG_PER_RAD, pitch * DEG_PER_RAD, yaw * DEG_PER_RAD)
         settings = sim.settings.added_vehicle(name)
-        sim.add(replace(settings, position_m=tuple(pose.position), rotation_deg=angles))
+        sim.add(
+            replace(
+                settings,
+                position_m=(pose.position.x_val, pose.position.y_val, pose.position.z_val),
+                rotation_deg=angles,
+            )
+        )
         return True
 
     def print_message(message: str, parameter: str, severity: int) -> None:

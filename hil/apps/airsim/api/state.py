@@ -173,9 +173,7 @@ def methods(simulation: Simulation) -> list[Method]:
         method("simGetPhysicsRawKinematics", kinematics, VEHICLE),
         method("simGetGroundTruthEnvironment", lambda name: environment(sim, sim.drone(name)), VEHICLE),
         method("simSetKinematics", set_kinematics, state, ignore, VEHICLE),
-        method(
-            "simSetPhysicsRawKinematics", lambda wanted, name: set_kinematics(wanted, True, name), state, VEHICLE
-        ),
+        method("simSetPhysicsRawKinematics", lambda wanted, name: set_kinematics(wanted, True, name), state, VEHICLE),
         method("simGetVehiclePose", pose, VEHICLE),
         method("simSetVehiclePose", set_pose, pose_parameter, ignore, VEHICLE),
         method("simGetCollisionInfo", collision, VEHICLE),
@@ -185,9 +183,7 @@ def methods(simulation: Simulation) -> list[Method]:
         method("getCollisionInfo", collision, VEHICLE),
         method("getPosition", position, VEHICLE),
         method("getVelocity", lambda name: Vector(*ned_from_enu(sim.drone(name).vehicle.truth.v_WB_W)), VEHICLE),
-        method(
-            "getOrientation", lambda name: Quaternion(*q_NF_from_q_WB(sim.drone(name).vehicle.truth.q_WB)), VEHICLE
-        ),
+        method("getOrientation", lambda name: Quaternion(*q_NF_from_q_WB(sim.drone(name).vehicle.truth.q_WB)), VEHICLE),
         method("getLandedState", landed_state, VEHICLE),
         method("getGpsLocation", lambda name: geo_point(sim, sim.drone(name).vehicle.truth.p_WB), VEHICLE),
         method("getRCData", lambda name: (sim.drone(name), _RC_DATA)[1], VEHICLE),

@@ -1,7 +1,7 @@
-"""Clocks of the server: they call `Simulation.step` inside the asyncio loop, in slices between which clients are served.
+"""Clocks of the server: they call `Simulation.step` in the asyncio loop, in slices between which clients are served.
 
 wall    Simulated time follows the wall clock at ClockSpeed. Tick k is due at a time that is computed from the start, so
-        nothing drifts. A computer that is too slow falls behind by at most `_MOST_BEHIND_S`; the rest is lost, and told.
+        nothing drifts. A computer that is too slow falls behind by at most `_MOST_BEHIND_S`; the rest is lost and told.
 calls   Simulated time moves only while a client waits for it, in a move or in simContinueForTime, as fast as it goes.
 """
 

@@ -43,7 +43,7 @@ class Drone:
     def reset(self) -> None:
         """Return to the start; api control and arming must be asked for again."""
         self.vehicle.reset()
-        self.collision, self.touching = Collision(), False
+        self.collision, self.touching = Collision(), self.vehicle.truth.in_contact
         if self.autopilot is not None:
             self.autopilot.reset()
 

@@ -120,7 +120,7 @@ class Simulation:
             self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
         for drone in self.drones.values():
             truth = drone.vehicle.truth
-            if truth.in_contact != drone.touching or truth.in_contact:
+            if truth.in_contact != drone.touching:
                 self._touch(drone)
         if len(self.drones) > 1:
             self._meet()
@@ -143,6 +143,7 @@ class Simulation:
             autopilot = Autopilot(len(self.model.rotors), armed=settings.armed)
             vehicle.pilot = autopilot.controls
         drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), autopilot)
+        drone.touching = vehicle.truth.in_contact
         if not self.flies:
             drone.origin = NedFrame(self.frame.to_W(settings.position_m))
         self.drones[name] = drone
@@ -183,14 +184,10 @@ class Simulation:
     # Collisions ------------------------------------------------------------------------------------------------------
 
     def _touch(self, drone: Drone) -> None:
-        """Keep the contact of a vehicle with the scene, from its beginning on and while it lasts."""
-        truth = drone.vehicle.truth
-        began = truth.in_contact and not drone.touching
+        """Keep a contact of a vehicle with the scene that begins. To stand on the ground at the start is none."""
+        truth, physics = drone.vehicle.truth, drone.vehicle.physics
         drone.touching = truth.in_contact
-        physics = drone.vehicle.physics
-        if not began or physics is None:
-            return
-        contact = physics.contact()
+        contact = physics.contact() if truth.in_contact and physics is not None else None
         if contact is None:
             return
         drone.collision = Collision(

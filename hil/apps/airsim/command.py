@@ -1,0 +1,151 @@
+"""`hil airsim`: read the bench and settings.json, open the port, and serve until a signal ends it."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hashlib
+import ipaddress
+import json
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from hil.apps.airsim.api.catalog import method_table
+from hil.apps.airsim.rpc.server import RpcServer
+from hil.apps.airsim.settings.files import load_settings
+from hil.apps.airsim.settings.settings import AirSimSettings
+from hil.apps.airsim.world.clock import CallsClock, WallClock
+from hil.apps.airsim.world.simulation import Simulation
+from hil.config import load_bench
+from hil.run.report.run_folder import new_run_dir
+from signals.errors import RecordingError
+from signals.time import NS_PER_S
+
+CLOCKS = ("wall", "calls")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Options of the command."""
+
+    config: Path | None = None
+    settings: str | None = None  # a file, or JSON text
+    clock: str = "wall"
+    host: str | None = None  # None: LocalHostIp of the settings, or loopback
+    port: int | None = None  # None: ApiServerPort of the settings
+    scene: str | None = None
+    out: Path | None = None
+
+
+class TruthDigest:
+    """Digest over the true states of all vehicles at every tick."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._hash = hashlib.sha256()
+        simulation.world.observers.append(self._add)
+
+    def _add(self, world: Any) -> None:
+        for vehicle in world.vehicles.values():
+            self._hash.update(repr(vehicle.truth).encode())
+
+    def hexdigest(self) -> str:
+        """Return the digest so far."""
+        return self._hash.hexdigest()
+
+
+def serve_airsim(choice: Choice, console: Console) -> None:
+    """Serve until SIGINT or SIGTERM, and write OUT/airsim.json. Raises HilError."""
+    settings, source = load_settings(choice.settings)
+    simulation = make_simulation(choice, settings, lambda text: console.print(text, markup=False))
+    for note in settings.notes:
+        console.print(note, markup=False)
+    console.print(f"settings: {source}", markup=False)
+    began_s = time.monotonic()
+    server = asyncio.run(_serve(choice, simulation, console))
+    report = _report(choice, simulation, server, time.monotonic() - began_s)
+    folder = new_run_dir(choice.out, "airsim")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{folder / 'airsim.json'}: cannot be written ({error.strerror or error})") from error
+    digest = f", digest {report['digest'][:16]}" if report["digest"] else ""
+    sim_s, wall_s = report["sim_s"], report["wall_s"]
+    console.print(f"served {sim_s:.3f} s of simulated time in {wall_s:.1f} s{digest}: {folder}", markup=False)
+
+
+def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str], None]) -> Simulation:
+    """Return the simulation of a bench with the settings. Raises ConfigError."""
+    bench = load_bench(choice.config, scene=choice.scene or settings.scene or None, flown=False)
+    start = bench.config.start
+    return Simulation(bench.scene, bench.vehicle, settings, ground_W=start.p_W, log=log)
+
+
+async def _serve(choice: Choice, simulation: Simulation, console: Console) -> RpcServer:
+    settings = simulation.settings
+    host = choice.host if choice.host is not None else settings.host or "127.0.0.1"
+    port = choice.port if choice.port is not None else settings.port
+    repeatable = choice.clock == "calls"
+    server = RpcServer(method_table(simulation), simulation.log, digest=repeatable)
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        with contextlib.suppress(AttributeError, NotImplementedError, ValueError):
+            loop.add_signal_handler(getattr(signal, name), stop.set)
+    clock = CallsClock(simulation) if repeatable else WallClock(simulation, settings.clock_speed)
+    truths = TruthDigest(simulation) if repeatable else None
+    chosen = await server.start(host, port)
+    if not _is_loopback(host):
+        console.print(
+            f"warning: everybody who reaches {host}:{chosen} can fly these vehicles, because AirSim's protocol has no "
+            "keys; leave --host out to serve this computer alone",
+            markup=False,
+        )
+    names = ", ".join(simulation.drones)
+    console.print(
+        f"airsim: {host}:{chosen}, scene {simulation.scene.name}, vehicles {names}, clock {choice.clock}   "
+        "(Ctrl-C ends it)",
+        markup=False,
+    )
+    running = asyncio.create_task(clock.run())
+    stopped = asyncio.create_task(stop.wait())
+    await asyncio.wait({running, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    await server.stop()
+    for task in (running, stopped):
+        if not task.done():
+            task.cancel()
+    if running.done() and not running.cancelled():
+        running.result()  # raises the error that ended the clock
+    if truths is not None and server.digest is not None:
+        server.digest.update(truths.hexdigest().encode())
+    return server
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _report(choice: Choice, simulation: Simulation, server: RpcServer, wall_s: float) -> dict[str, Any]:
+    table = server.methods
+    return {
+        "clock": choice.clock,
+        "scene": simulation.scene.name,
+        "vehicles": list(simulation.drones),
+        "sim_s": simulation.world.t_ns / NS_PER_S,
+        "wall_s": wall_s,
+        "clients": server.clients,
+        "calls": dict(sorted(table.calls.items())),
+        "unknown": dict(sorted(table.unknown.items())),
+        "digest": server.digest.hexdigest() if server.digest is not None else None,
+    }

@@ -1,0 +1,52 @@
+"""`hil airsim`: serves AirSim's API."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from hil.cli.console import console, exit_on_error
+from hil.cli.options import ConfigArgument, OutOption, SceneOption, takes
+
+
+class ClockName(StrEnum):
+    WALL = "wall"
+    CALLS = "calls"
+
+
+@dataclass(frozen=True)
+class AirSimOptions:
+    config: ConfigArgument = None
+    settings: Annotated[
+        str | None,
+        typer.Option(
+            help="AirSim's settings.json, or its text; default where AirSim looks for it.", metavar="FILE|JSON"
+        ),
+    ] = None
+    clock: Annotated[
+        ClockName,
+        typer.Option(
+            help="wall: time follows the wall clock; calls: it moves only while a client waits, as fast as it goes."
+        ),
+    ] = ClockName.WALL
+    port: Annotated[
+        int | None, typer.Option(help="Port; 0: any free one; default 41451 or ApiServerPort.", min=0, max=65535)
+    ] = None
+    host: Annotated[
+        str | None, typer.Option(help="Address to serve on; default LocalHostIp or loopback. There are no keys.")
+    ] = None
+    scene: SceneOption = None
+    out: OutOption = None
+
+
+@takes(AirSimOptions)
+def airsim(o: AirSimOptions) -> None:
+    """Serve AirSim's API: scripts written for AirSim fly here unchanged."""
+    from hil.apps.airsim.command import Choice, serve_airsim
+
+    choice = Choice(o.config, o.settings, o.clock.value, o.host, o.port, o.scene, o.out)
+    with exit_on_error():
+        serve_airsim(choice, console)
