@@ -124,7 +124,7 @@ def make_data_sets(
             for future in futures:
                 try:
                     future.result()
-                except RecordingError:
+                except BaseException:  # also Ctrl-C: without it the pool makes all the rest first
                     pool.shutdown(cancel_futures=True)
                     raise
                 progress.advance(task)

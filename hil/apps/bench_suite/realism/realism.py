@@ -26,13 +26,14 @@ from hil.apps.bench_suite.realism.kinds import BY_NAME, MAIN, Kind, group_labels
 from hil.apps.bench_suite.realism.matching import BUCKETS_PX, Tally, match_group
 from hil.apps.bench_suite.realism.networks import NETWORKS, Detector, Found
 from hil.apps.bench_suite.realism.packages import (
+    MORE_PHOTOGRAPHS,
     PHOTOGRAPHS,
     WEIGHTS,
     PackageMissing,
     cache_folder,
     read_files,
 )
-from hil.apps.bench_suite.realism.photographs import EXPECTED, OBJECTS, found_in
+from hil.apps.bench_suite.realism.photographs import EXPECTED, OBJECTS, found_in, own_detector_table
 from hil.apps.bench_suite.realism.sheet import Tile, recall_plot, write_sheet
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, TextTable
 from signals.errors import ConfigError, Problem
@@ -177,6 +178,11 @@ def _detectors(result: RealismResult, selection: Selection, status: ShowStatus) 
         name = f"{kind.name}: found in real photographs, of {marked}"
         result.checks.append(Check(name, count, ">=", EXPECTED[kind.name], "objects"))
         detectors.append(detector)
+    try:
+        more = photographs | read_files(MORE_PHOTOGRAPHS, folder, status) if photographs else {}
+        result.tables += [own_detector_table(more)] if more else []
+    except PackageMissing as error:
+        result.left_out.append(f"the shipped detector on real photographs: {error}")
     return detectors
 
 

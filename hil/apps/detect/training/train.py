@@ -10,15 +10,14 @@ from __future__ import annotations
 import copy
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import torch
 from hil_companion.detect.decode import decode
-from torch import Tensor, nn
+from torch import nn
 
 from hil.apps.detect.evaluate import Evaluation, evaluation_of
 from hil.apps.detect.picture_store import PictureStore
@@ -30,12 +29,20 @@ from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe
 from hil.apps.detect.training.loss import detection_loss
 from hil.apps.detect.training.model import SsdLite, by_anchor
 from hil.apps.detect.training.settings import Settings
+from hil.apps.detect.training.start_weights import (
+    normalisation_renamed,
+    read_start_weights,
+    read_tensors,
+    set_statistics,
+    with_heads_of,
+)
 from signals.errors import ConfigError, Problem, RecordingError
 
 CHECKPOINT = "last.pt"
 _MAX_VALIDATION_PICTURES = 400  # during training; the whole set is evaluated at the end
 _VALIDATION_SCORE = 0.05
 _WARM_UP_STEPS = 200
+_STATISTICS_PICTURES = 64  # that show a folded network's activations
 _GRADIENT_NORM = 10.0
 
 
@@ -131,24 +138,26 @@ class Training:
         return self._epochs_done
 
     def load_weights(self, path: Path) -> tuple[int, int]:
-        """Start from the weights in a file, as far as names and shapes agree.
+        """Start from the weights in a file, as far as names and shapes agree; heads are matched by class.
 
-        Returns the number of tensors loaded and the number in the network. Raises ConfigError if none fits.
+        Returns the number of tensors loaded and the number in the file. Raises ConfigError if none fits.
         """
-        data = _load_file(path)
-        state = data.get("average", data)
+        start = read_start_weights(path)
         current = self.model.state_dict()
-        fitting = {
-            k: v
-            for k, v in state.items()
-            if k in current and isinstance(v, Tensor) and tuple(v.shape) == tuple(current[k].shape)
-        }
+        state = with_heads_of(start, self.classes, current)
+        if start.folded:
+            state = normalisation_renamed(self.model, state)
+        fitting = {k: v for k, v in state.items() if k in current and v.shape == current[k].shape}
         if not fitting:
-            hint = f"give a {CHECKPOINT} of `hil detect train`, or a state_dict of its model"
+            hint = f"give a {CHECKPOINT} or a .pt of `hil detect train`, or a state_dict of its model"
             raise ConfigError([Problem(str(path), "has no weights that fit this network", hint)])
         self.model.load_state_dict({**current, **fitting})
+        if start.folded:
+            count = min(_STATISTICS_PICTURES, len(self._store))
+            numbers = [i * len(self._store) // count for i in range(count)]
+            set_statistics(self.model, blob_of([self._store.rgb(i) for i in numbers]))
         self._averaged = WeightAverage(self.model, self.settings.average_decay)
-        return len(fitting), len(current)
+        return len(fitting), len(state)
 
     def resume(self) -> bool:
         """Load the folder's checkpoint and return True; False if there is none.
@@ -158,7 +167,7 @@ class Training:
         path = self.out / CHECKPOINT
         if not path.is_file():
             return False
-        data = _load_file(path)
+        data = read_tensors(path)
         expected = {"settings": asdict(self.settings), "classes": list(self.classes)}
         for key, value in expected.items():
             if data.get(key) != value:
@@ -255,16 +264,3 @@ class Training:
             path.with_suffix(".new").replace(path)  # atomic
         except OSError as error:
             raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-def _load_file(path: Path) -> Mapping[str, Any]:
-    try:
-        data = torch.load(path, map_location="cpu", weights_only=True)
-    except OSError as error:
-        raise ConfigError([Problem(str(path), f"cannot be read ({error.strerror or error})")]) from None
-    except Exception as error:  # noqa: BLE001  torch passes on any exception of its readers and of pickle
-        text = " ".join(str(error).split())[:120]
-        raise ConfigError([Problem(str(path), f"is no file of PyTorch weights ({text})")]) from None
-    if not isinstance(data, Mapping):
-        raise ConfigError([Problem(str(path), "is no file of PyTorch weights: it holds no names")])
-    return data

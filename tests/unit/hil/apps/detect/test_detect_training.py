@@ -24,7 +24,7 @@ from hil_companion.detect import decode as numpy_decode  # noqa: E402
 from hil_companion.detect.detector import Detector  # noqa: E402
 from hil_companion.detect.model_file import by_anchor as numpy_by_anchor  # noqa: E402
 
-from hil.apps.detect.training import train  # noqa: E402
+from hil.apps.detect.training import batches, train  # noqa: E402
 from hil.apps.detect.training.batches import COMMON_SHARE, Batches, repeat_factors  # noqa: E402
 from hil.apps.detect.training.export import export, folded, with_threshold  # noqa: E402
 from hil.apps.detect.training.layout import INPUT_PX, LEVELS, describe  # noqa: E402
@@ -125,6 +125,46 @@ def test_folding_changes_rounding_alone(model: Any) -> None:
         for before, after in zip(net(blob), folded(net)(blob), strict=True):
             assert torch.allclose(before, after, atol=2e-3, rtol=2e-3)
     assert not any(isinstance(m, torch.nn.BatchNorm2d) for m in folded(net).modules())
+
+
+def test_a_training_begins_with_an_exported_model(pictures: list[Picture], tmp_path: Path) -> None:
+    first = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path)
+    _run(first)
+    export(first.averaged, tmp_path / "net.onnx", first.classes, threshold=0.3)
+    second = train.Training(pictures, [], train.Settings(**{**QUICK, "seed": 2}), out=tmp_path / "second")
+    loaded, total = second.load_weights(tmp_path / "net.pt")
+    assert loaded == total
+    blob = torch.randn(2, 3, INPUT_PX[1], INPUT_PX[0])
+    with torch.no_grad():
+        for before, after in zip(first.averaged(blob), second.averaged(blob), strict=True):
+            assert torch.allclose(before, after, atol=2e-3, rtol=2e-3)
+        # In training, the statistics are those of the batch: with the pictures of the start they change nothing.
+        same = batches.blob_of([second._store.rgb(i) for i in range(len(pictures))])
+        for before, after in zip(first.averaged(same), second.model.train()(same), strict=True):
+            assert torch.allclose(before, after, atol=2e-2, rtol=2e-2)
+
+
+def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> None:
+    first = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path)
+    second = train.Training(pictures, [], train.Settings(**{**QUICK, "seed": 2}), out=tmp_path / "second")
+    second.classes = tuple(reversed(first.classes))
+    export(first.averaged, tmp_path / "net.onnx", first.classes, threshold=0.3)
+    second.load_weights(tmp_path / "net.pt")
+    blob = torch.randn(1, 3, INPUT_PX[1], INPUT_PX[0])
+    count = len(first.classes)
+    with torch.no_grad():
+        logits, offsets = by_anchor(first.averaged(blob), count)
+        turned, same = by_anchor(second.averaged(blob), count)
+    assert torch.allclose(logits.flip(-1), turned, atol=2e-3, rtol=2e-3)
+    assert torch.allclose(offsets, same, atol=2e-3, rtol=2e-3)
+    whole = (tmp_path / "net.pt").read_bytes()
+    (tmp_path / "net.pt").write_bytes(whole[:5000] + whole[50_000:])
+    with pytest.raises(ConfigError, match="no file of PyTorch weights"):
+        second.load_weights(tmp_path / "net.pt")
+    (tmp_path / "net.pt").write_bytes(whole)
+    (tmp_path / "net.json").unlink()
+    with pytest.raises(ConfigError, match="no description of the model"):
+        second.load_weights(tmp_path / "net.pt")
 
 
 @pytest.mark.parametrize("backend", ["opencv", "onnxruntime", "pytorch"])

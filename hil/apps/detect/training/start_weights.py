@@ -1,0 +1,153 @@
+"""Weights to start a training from: a checkpoint, a state_dict, or the TorchScript file of an exported model.
+
+An export has batch normalisation folded into its convolutions. Training needs it back: with mean m and variance v of a
+convolution's outputs over some training pictures,
+
+    folded      y = W x + b
+    normalised  y = g (W' x - m') / sqrt(v' + eps) + b'
+                W' = W / sqrt(v), m' = m / sqrt(v), v' = 1, g = sqrt(v (1 + eps)), b' = b + m
+
+are the same function, and the statistics of training batches, which are close to m' and v', hardly change it.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from signals.errors import ConfigError, Problem
+
+_MIN_DEVIATION = 1e-3  # of a channel's outputs; below it the channel is constant
+
+
+@dataclass(frozen=True)
+class StartWeights:
+    """Tensors by name and the classes of the heads, () if unknown. `folded`: without batch normalisation."""
+
+    tensors: Mapping[str, Tensor]
+    classes: tuple[str, ...]
+    folded: bool
+
+
+def read_start_weights(path: Path) -> StartWeights:
+    """Read a checkpoint, a state_dict or a TorchScript file. Raises ConfigError."""
+    if _is_torch_script(path):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # TorchScript is deprecated, but JetPack needs it
+                tensors = torch.jit.load(path, map_location="cpu").state_dict()
+        except RuntimeError as error:
+            raise _no_weights(path, error) from None
+        return StartWeights(tensors, _classes_beside(path), folded=True)
+    data = read_tensors(path)
+    tensors = {k: v for k, v in data.get("average", data).items() if isinstance(v, Tensor)}
+    return StartWeights(tensors, tuple(data.get("classes", ())), folded=False)
+
+
+def read_tensors(path: Path) -> Mapping[str, Any]:
+    """Read a file of `torch.save`. Raises ConfigError."""
+    try:
+        data = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise ConfigError([Problem(str(path), f"cannot be read ({error.strerror or error})")]) from None
+    except Exception as error:  # noqa: BLE001  torch passes on any exception of its readers and of pickle
+        raise _no_weights(path, error) from None
+    if not isinstance(data, Mapping):
+        raise ConfigError([Problem(str(path), "is no file of PyTorch weights: it holds no names")])
+    return data
+
+
+def _no_weights(path: Path, error: Exception) -> ConfigError:
+    text = " ".join(str(error).split())[:120]
+    return ConfigError([Problem(str(path), f"is no file of PyTorch weights ({text})")])
+
+
+def with_heads_of(start: StartWeights, classes: Sequence[str], current: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return the tensors with the heads' rows ordered for `classes`; new classes keep their rows of `current`."""
+    out = dict(start.tensors)
+    if not start.classes or start.classes == tuple(classes):
+        return out
+    old, new = len(start.classes) + 4, len(classes) + 4
+    source = [start.classes.index(name) if name in start.classes else -1 for name in classes]
+    source += list(range(len(start.classes), old))  # the box
+    for name, value in start.tensors.items():
+        if name.startswith("heads.") and name in current and value.shape[0] % old == 0 and name.split(".")[2] == "1":
+            rows = value.reshape(-1, old, *value.shape[1:])
+            ordered = current[name].clone().reshape(-1, new, *value.shape[1:])
+            known = [i for i, k in enumerate(source) if k >= 0]
+            ordered[:, known] = rows[:, [source[i] for i in known]]
+            out[name] = ordered.reshape(-1, *value.shape[1:])
+    return out
+
+
+def normalisation_renamed(model: nn.Module, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return folded tensors with the bias of each normalised convolution under the name of the normalisation's."""
+    names = {f"{c}.bias": f"{n}.bias" for c, n in _normalised_convolutions(model)}
+    return {names.get(name, name): value for name, value in tensors.items()}
+
+
+@torch.no_grad()
+def set_statistics(model: nn.Module, blob: Tensor) -> None:
+    """Set the batch normalisation to the statistics of pictures (B, 3, H, W), without changing what `model` computes.
+
+    The normalisation must be new but for its biases: mean 0, variance 1, weight 1.
+    """
+    modules = dict(model.named_modules())
+    outputs: dict[str, Tensor] = {}
+
+    def observed(name: str) -> Callable[[nn.Module, Any, Tensor], None]:
+        def observe(_: nn.Module, __: Any, output: Tensor) -> None:
+            outputs[name] = torch.stack([output.mean((0, 2, 3)), output.std((0, 2, 3), unbiased=False)])
+
+        return observe
+
+    pairs = _normalised_convolutions(model)
+    hooks = [modules[c].register_forward_hook(observed(c)) for c, _ in pairs]
+    model.eval()(blob)
+    for hook in hooks:
+        hook.remove()
+    for convolution, name in pairs:
+        normalisation = modules[name]
+        mean, deviation = outputs[convolution]
+        deviation = deviation.clamp(min=_MIN_DEVIATION)
+        modules[convolution].weight.div_(deviation[:, None, None, None])
+        normalisation.running_mean.copy_(mean / deviation)
+        normalisation.weight.copy_(deviation * (1.0 + normalisation.eps) ** 0.5)
+        normalisation.bias.add_(mean)
+
+
+def _normalised_convolutions(model: nn.Module) -> list[tuple[str, str]]:
+    """Return the names of each convolution and of the batch normalisation after it."""
+    pairs = []
+    for name, module in model.named_modules():
+        if isinstance(module, nn.Sequential):
+            for i in range(len(module) - 1):
+                if isinstance(module[i], nn.Conv2d) and isinstance(module[i + 1], nn.BatchNorm2d):
+                    pairs.append((f"{name}.{i}", f"{name}.{i + 1}"))
+    return pairs
+
+
+def _is_torch_script(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as file:
+            return any("/code/" in name for name in file.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return False
+
+
+def _classes_beside(path: Path) -> tuple[str, ...]:
+    """Return the classes in the description beside a TorchScript file. Raises ConfigError."""
+    file = path.with_suffix(".json")
+    try:
+        return tuple(str(name) for name in json.loads(file.read_text())["classes"])
+    except (OSError, ValueError, KeyError, TypeError):
+        hint = "keep the files that the training has written together"
+        raise ConfigError([Problem(str(file), f"is no description of the model {path}", hint)]) from None
