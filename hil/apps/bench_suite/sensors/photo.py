@@ -7,6 +7,8 @@ errors compare the path tracer's own rays through the pixels' centres with the r
              optical axis shifted by 0.1 px in eight directions
     depth    99th percentile of the difference along the axis, within 60 m, where the geoms agree
 
+The third part compares colours: hil.apps.bench_suite.sensors.photo_colour.
+
 Times are those of one picture with all cores, in wall time: poses, paths, denoising, and the way to the child process
 and back. `cpu_s` is the time of all cores in the child.
 """
@@ -15,11 +17,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, TextTable
+from hil.apps.bench_suite.sensors.photo_colour import LEVELS, measure_colour
 from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, scene_case
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
@@ -58,11 +62,21 @@ def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResul
                 result.rows.append(Row(name, method, 100.0 * share, "% of ids off by over 0.1 px", took_s, details))
         finally:
             tracer.close()
+    geometry_table = TextTable(("scene", "picture", "ids off by over 0.1 px [%]", "time [s]"), [])
+    for row in result.rows:
+        geometry_table.rows.append((row.case, row.method, f"{row.error:.3g}", f"{row.time_s:.3g}"))
+    colour_rows, table = measure_colour(quick=quick, status=status, seed=seed)
+    result.rows += colour_rows
+    result.tables += [geometry_table, table]
     for width, height in _SIZES:
         what = f"time of a picture of {width} x {height}, worst scene"
         result.checks.append(Check(what, max(times_s[width]), "<=", _TIME_LIMITS_S[width], "s"))
     result.checks.append(Check("ids within 0.1 px of the raster's, worst scene", 100.0 - 100.0 * off, ">=", 99.99, "%"))
     result.checks.append(Check("depth error, 99th percentile, worst scene", max(depths_m), "<=", 1e-3, "m"))
+    errors = {(row.case, row.method): row.error for row in colour_rows}
+    rises = [errors[case, b] - errors[case, a] for case in {c for c, _ in errors} for a, b in pairwise(LEVELS)]
+    what = "colour error against the path tracer, greatest rise from one level of quality to the next"
+    result.checks.append(Check(what, max(rises), "<=", 0.0, "% of the mean light"))
     if quick:
         result.left_out.append(f"the scenes {', '.join(SCENES[1:])}; half of the viewpoints")
     return result
