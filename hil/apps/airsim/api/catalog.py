@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil.apps.airsim.api import session, state
+from hil.apps.airsim.api import control, session, state
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.world.simulation import Simulation
 
 GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     session.methods,
+    control.methods,
     state.methods,
 )
 

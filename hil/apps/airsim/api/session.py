@@ -28,7 +28,7 @@ def geo_point(simulation: Simulation, p_W: tuple[float, float, float]) -> dict[s
 
 def flown(drone: Drone, name: str) -> Drone:
     """Return the vehicle if it can fly. Raises RpcError in ComputerVision."""
-    if drone.autopilot is None:
+    if drone.flight is None:
         raise RpcError(
             f"{name} needs a vehicle that flies, and settings.json has SimMode ComputerVision, in which vehicles only "
             "stand where simSetVehiclePose puts them; set SimMode to Multirotor"
@@ -41,22 +41,21 @@ def methods(simulation: Simulation) -> list[Method]:
     sim = simulation
 
     def enable_api_control(enabled: bool, vehicle: str) -> None:
-        drone = sim.drone(vehicle)
-        if drone.autopilot is not None:
-            drone.autopilot.enable_api_control(enabled)
+        flight = sim.drone(vehicle).flight
+        if flight is not None:
+            flight.enable_api_control(enabled)
 
     def is_api_control_enabled(vehicle: str) -> bool:
-        autopilot = sim.drone(vehicle).autopilot
-        return autopilot is not None and autopilot.api_control
+        flight = sim.drone(vehicle).flight
+        return flight is not None and flight.api_control
 
     def arm(armed: bool, vehicle: str) -> bool:
         drone = flown(sim.drone(vehicle), "armDisarm")
-        assert drone.autopilot is not None
-        if not drone.autopilot.api_control:
+        assert drone.flight is not None
+        done = drone.flight.arm(armed)
+        if not drone.flight.api_control:
             sim.log(f"armDisarm of {drone.name} was refused: call enableApiControl(True) first")
-            return False
-        drone.autopilot.arm(armed)
-        return True
+        return done
 
     def continue_for_time(seconds: float) -> Pending:
         if not 0.0 <= seconds <= _LONGEST_S:

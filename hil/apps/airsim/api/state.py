@@ -122,13 +122,13 @@ def methods(simulation: Simulation) -> list[Method]:
 
     def multirotor_state(name: str) -> dict[str, Any]:
         drone = flown(sim.drone(name), "getMultirotorState")
-        assert drone.autopilot is not None
+        assert drone.flight is not None
         return {
             "collision": drone.collision_info(sim.epoch_ns),
             "kinematics_estimated": drone.origin.kinematics(drone.vehicle.truth),
             "gps_location": geo_point(sim, drone.vehicle.truth.p_WB),
             "timestamp": sim.now_ns,
-            "landed_state": _LANDED if drone.autopilot.landed else _FLYING,
+            "landed_state": _LANDED if drone.flight.landed else _FLYING,
             "rc_data": _RC_DATA,
         }
 
@@ -160,8 +160,8 @@ def methods(simulation: Simulation) -> list[Method]:
 
     def landed_state(name: str) -> int:
         drone = flown(sim.drone(name), "getLandedState")
-        assert drone.autopilot is not None
-        return _LANDED if drone.autopilot.landed else _FLYING
+        assert drone.flight is not None
+        return _LANDED if drone.flight.landed else _FLYING
 
     ignore = optional("ignore_collision", BOOL, True)
     state, pose_parameter = Parameter("state", KINEMATICS), Parameter("pose", POSE_OR_NAN)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.arguments import Vector
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
-from hil.apps.airsim.world.autopilot import Autopilot
 from hil.apps.airsim.world.ned import NedFrame
 from hil.run.stepped.vehicle import SteppedVehicle
 from signals.frames import ned_from_enu
@@ -35,7 +35,7 @@ class Drone:
     settings: VehicleSettings
     vehicle: SteppedVehicle
     origin: NedFrame
-    autopilot: Autopilot | None  # None in ComputerVision
+    flight: SimpleFlight | None  # None in ComputerVision
     collision: Collision = Collision()
     touching: bool = False
     marks: dict[str, Any] = field(default_factory=dict)  # settings of drawings, such as the trace line
@@ -44,8 +44,9 @@ class Drone:
         """Return to the start; api control and arming must be asked for again."""
         self.vehicle.reset()
         self.collision, self.touching = Collision(), self.vehicle.truth.in_contact
-        if self.autopilot is not None:
-            self.autopilot.reset()
+        if self.flight is not None:
+            self.flight.reset()
+            self.flight.landed = self.touching
 
     def take_collision(self, epoch_ns: int) -> dict[str, Any]:
         """Return AirSim's collision info, and clear it."""

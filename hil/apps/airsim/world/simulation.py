@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
-from hil.apps.airsim.world.autopilot import Autopilot
 from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.ned import Earth, NedFrame
 from hil.run.stepped.world import SteppedWorld
@@ -82,7 +82,7 @@ class Simulation:
     @property
     def busy(self) -> bool:
         """True while a client waits for simulated time: in a move, or in simContinueForTime."""
-        return self.continuing or any(d.autopilot is not None and d.autopilot.busy for d in self.drones.values())
+        return self.continuing or any(d.flight is not None and d.flight.busy for d in self.drones.values())
 
     @property
     def runs(self) -> bool:
@@ -122,6 +122,8 @@ class Simulation:
             truth = drone.vehicle.truth
             if truth.in_contact != drone.touching:
                 self._touch(drone)
+            if drone.flight is not None:
+                drone.flight.observe(truth)
         if len(self.drones) > 1:
             self._meet()
         if self._until_tick is not None and world.tick >= self._until_tick:
@@ -138,14 +140,14 @@ class Simulation:
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
         start = self._start(settings)
         vehicle = self.world.add(name, self.model, start, has_physics=self.flies)
-        autopilot: Autopilot | None = None
+        flight: SimpleFlight | None = None
         if self.flies:
-            autopilot = Autopilot(len(self.model.rotors), armed=settings.armed)
-            vehicle.pilot = autopilot.controls
-        drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), autopilot)
+            flight = SimpleFlight(self.model, TICK_NS, self.scene.gravity_mps2, vehicle.truth.p_WB)
+            vehicle.pilot = flight.controls
+        drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), flight)
         drone.touching = vehicle.truth.in_contact
-        if not self.flies:
-            drone.origin = NedFrame(self.frame.to_W(settings.position_m))
+        if flight is not None:
+            flight.landed = drone.touching
         self.drones[name] = drone
         return drone
 
@@ -177,8 +179,8 @@ class Simulation:
     def placed(self, drone: Drone) -> None:
         """Take notice that a vehicle was put elsewhere."""
         drone.touching = False
-        if drone.autopilot is not None:
-            drone.autopilot.placed()
+        if drone.flight is not None:
+            drone.flight.moved()
         self.world.forget_contacts(drone.name)
 
     # Collisions ------------------------------------------------------------------------------------------------------
