@@ -76,3 +76,9 @@ def cross(a: Vec3, b: Vec3) -> Vec3:
 def norm(a: Vec3) -> float:
     """Return |a|."""
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+def unit(a: Vec3) -> Vec3:
+    """Return a / |a|; +z for a vector without a direction."""
+    length = norm(a)
+    return (a[0] / length, a[1] / length, a[2] / length) if length > 1e-9 else (0.0, 0.0, 1.0)

@@ -32,11 +32,10 @@ _OPAQUE = 128  # least alpha of a texel that is not a hole
 
 def make_scenery(
     model: mujoco.MjModel,
-    extra_rgb: list[tuple[float, float, float]] | None = None,
     *,
     appearances: Sequence[SurfaceAppearance | None] = (),
 ) -> Scenery:
-    """Return colours and textures of every geom of `model`, followed by geoms of the plain colours `extra_rgb`.
+    """Return colours and textures of every geom of `model`.
 
     `appearances`: random change of each geom's surface; None: unchanged.
     """
@@ -79,8 +78,6 @@ def make_scenery(
             if texture < 0:  # texels are changed already
                 r, g, b = appearance.colour((r, g, b))
         scenery.add_geom((r, g, b), emission, texture, repeat[0], repeat[1], uniform, *gloss, relief)
-    for r, g, b in extra_rgb or []:
-        scenery.add_geom((r, g, b), 0.0, -1, 1.0, 1.0, False)
     return scenery
 
 

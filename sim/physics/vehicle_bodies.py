@@ -90,7 +90,7 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
     rotors = vehicle.rotors
     hull = [sphere for sphere in vehicle.hull if not _is_motor(sphere, rotors)]
     centre: Vec3 = hull[0].position_m if hull else (0.0, 0.0, 0.0)
-    body = builder.limb(actor.bodies[0], (0.0, 0.0, 0.0), NO_TURN)
+    body, *blades = builder.actor(actor, at_origin=True)
     for sphere in hull:
         r = sphere.radius_m
         body.geom("ellipsoid", (r, r, 0.6 * r), material=frame, pos=sphere.position_m, solid=False)
@@ -109,15 +109,14 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
         body.geom("sphere", (foot.radius_m,), material=frame, pos=foot.position_m, solid=False)
         if _gap(hip, foot.position_m) > 1e-3:
             body.rod(0.045 * R_m, (*hip, *foot.position_m), material=frame, solid=False)
-    for name, rotor in zip(actor.bodies[1:], rotors, strict=True):
+    for rotor_body, rotor in zip(blades, rotors, strict=True):
         ahead = rotor.position_m[0] > centre[0]
         blade = builder.material(
             "drone:blade_front" if ahead else "drone:blade_rear",
             surfaces.PROPELLER,
             rgb=_FRONT_RGB if ahead else _REAR_RGB,
         )
-        _add_blades(builder.limb(name, (0.0, 0.0, 0.0), NO_TURN), blade, R_m, rotor.spin.sign)
-    builder.actor(actor)
+        _add_blades(rotor_body, blade, R_m, rotor.spin.sign)
 
 
 def _add_blades(body: Body, material: str, R_m: float, spin: float) -> None:

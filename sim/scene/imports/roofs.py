@@ -26,9 +26,6 @@ class Roof:
         """Return the height of the roof at points (n, 2)."""
         return self._all(xy).min(axis=1)
 
-    def plane_of(self, xy: Float64) -> NDArray[np.int64]:
-        return self._all(xy).argmin(axis=1)
-
     def _all(self, xy: Float64) -> Float64:
         return xy @ self.planes[:, :2].T + self.planes[:, 2]
 

@@ -46,7 +46,6 @@ def tube(
     square: float = 0.0,
     creases: Sequence[int] = (),
     caps: tuple[float, float] = (0.0, 0.0),
-    rounds: float = 1.0,
 ) -> SmoothMesh:
     """Loft through rows; v runs once over 0.3 of the body height."""
     sections = [
@@ -54,7 +53,7 @@ def tube(
         for z, front, back, half, *middle in rows
     ]
     v = [s.z / 0.3 for s in sections]
-    return loft(sections, sides, creases=creases, caps=caps, rows=v, rounds=rounds)
+    return loft(sections, sides, creases=creases, caps=caps, rows=v)
 
 
 def row_at(rows: Sequence[Row], z: float) -> Row:

@@ -12,6 +12,7 @@ from math import pi, sqrt
 
 from signals._kernel import det_atan2
 from signals.rotation import product
+from signals.units import QUARTER_TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.facade import Facades, Opening, Pitched, Side, sides_of
 from sim.scene.maps.facade_textures import OFFICE_WINDOW_M, WINDOW_M
@@ -21,7 +22,6 @@ from sim.scene.random_generator import RandomGenerator
 
 BAY_M = 3.0  # width of a window's part of the wall, height of a storey
 _STYLES = ("sand", "red", "white", "office")
-_QUARTER_TURN_RAD = 1.5707963267948966
 _RENDER_RGB = {
     "white": (1.0, 1.0, 1.0), "cream": (0.98, 0.94, 0.84), "sand": (0.95, 0.86, 0.69), "rose": (0.94, 0.82, 0.75),
     "grey": (0.86, 0.87, 0.87), "green": (0.85, 0.89, 0.81), "blue": (0.80, 0.86, 0.91),
@@ -270,7 +270,7 @@ def _block_roof(
     hx, hy = half[1] + 0.5, half[0] + 0.3
     name = f"blockroof_{round(200 * half[0])}_{round(200 * half[1])}"
     mesh = builder.mesh(name, extrude_xz([(-hx, 0.0), (hx, 0.0), (hx, edge), (0.0, rise), (-hx, edge)], hy))
-    turned = yaw_quat(_QUARTER_TURN_RAD)
+    turned = yaw_quat(QUARTER_TURN_RAD)
     body.proxy("mesh", asset=mesh, material="proxy", pos=(0.0, 0.0, top), quat=turned, part="roof")
     facades.pitched_roof(Pitched(hy, half[1], hx, top + rise, top + edge, top, top), ridge_along_x=True)
     for number, side in enumerate(sides_of(half[0], half[1])):

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from signals._kernel import det_atan2, det_cos, det_sin
 from signals.documents.validate import StrictModel
-from signals.units import TURN_RAD
+from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, building_materials
 from sim.scene.maps.ground_details import (
@@ -31,7 +31,7 @@ from sim.scene.maps.ground_details import (
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon, slab
-from sim.scene.maps.objects.animals import add_bird, add_dog
+from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_hedge, add_tree, plant_materials
@@ -55,7 +55,6 @@ _HALF_M = 46.0  # lawn
 _PLACE_M = 6.0  # radius of the paved place at the origin
 _PATH_HALF_M = 1.2
 _STREET_M = 52.5  # middle of the street round the park
-_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 Point3 = tuple[float, float, float]
@@ -185,7 +184,7 @@ class _Park:
                 middle = along + width / 2
                 x, y = out * c - middle * n, out * n + middle * c
                 # The long side, x of the block, faces the park.
-                place = (x, y, _QUARTER_TURN_RAD * (quarter + 1))
+                place = (x, y, QUARTER_TURN_RAD * (quarter + 1))
                 add_block(b, rng, place, (bays, deep, 3 + rng.index(4)), recessed=False)
                 along += width + rng.between(3.0, 9.0)
         cars, looks = self.rng("cars"), self.rng("car_looks")
@@ -196,7 +195,7 @@ class _Park:
             along = -34.0 + 7.0 * slot + cars.between(0.0, 60.0 / (1 + self.parameters.cars // 4))
             cars.unit(), cars.unit()  # drawn for looks once; places of later cars depend on them
             x, y = out * c - along * n, out * n + along * c
-            add_vehicle(b, looks, looks.pick(STREET_MIX), (x, y, _QUARTER_TURN_RAD * quarter))
+            add_vehicle(b, looks, looks.pick(STREET_MIX), (x, y, QUARTER_TURN_RAD * quarter))
 
     def street_details(self, road: Body) -> None:
         """Add kerb stones, manhole covers and puddles in the gutters."""
@@ -235,7 +234,7 @@ class _Park:
             for side in (-1.0, 1.0):
                 along = side * (3.0 + half)
                 x, y = 45.4 * c - along * n, 45.4 * n + along * c
-                add_hedge(b, x, y, _QUARTER_TURN_RAD * (quarter + 1), (half, 0.35, 0.5))
+                add_hedge(b, x, y, QUARTER_TURN_RAD * (quarter + 1), (half, 0.35, 0.5))
 
     def quarters(self) -> None:
         rng = self.rng("quarters")
@@ -277,7 +276,7 @@ class _Park:
     def playground(self, x: float, y: float, angle: float) -> None:
         b = self.builder
         add_swing(b, x - 2.6, y - 2.0, angle)
-        add_slide(b, x + 2.2, y - 2.4, angle + _QUARTER_TURN_RAD * 2.0)
+        add_slide(b, x + 2.2, y - 2.4, angle + QUARTER_TURN_RAD * 2.0)
         add_sandpit(b, x + 0.5, y + 2.8, 1.6)
         self.layout.take_disc(x, y, 6.3)
 
@@ -407,12 +406,7 @@ class _Park:
 
         scatter(3, 0.9, bicycle)
 
-        def birds(x: float, y: float) -> None:
-            for _ in range(3):
-                at = (x + rng.between(-0.7, 0.7), y + rng.between(-0.7, 0.7), 0.0)
-                add_bird(b, rng, at, rng.between(0.0, turn))
-
-        scatter(3, 0.9, birds)
+        scatter(3, 0.9, lambda x, y: add_birds(b, rng, (x, y, 0.0)))
 
     @staticmethod
     def _in_lane(point: Point, lane_m: float) -> Point:

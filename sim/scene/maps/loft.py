@@ -50,11 +50,6 @@ class SmoothMesh(Mesh):
         self.groups += [group + g for g in other.groups]
         self.triangles += [(first + a, first + b, first + c) for a, b, c in other.triangles]
 
-    def moved(self, by: Vec3) -> SmoothMesh:
-        x, y, z = by
-        vertices = [(a + x, b + y, c + z) for a, b, c in self.vertices]
-        return SmoothMesh(vertices, self.uvs, self.triangles, self.groups)
-
     def with_uv(self, uv: Vec2) -> SmoothMesh:
         """Return the mesh with one place of the texture everywhere."""
         return SmoothMesh(self.vertices, [uv] * len(self.vertices), self.triangles, self.groups)
@@ -115,12 +110,10 @@ def skin(
     ends: tuple[Vec3, Vec3],
     creases: Sequence[int] = (),
     rows: Sequence[float] | None = None,
-    rounds: float = 1.0,
 ) -> SmoothMesh:
     """Join outlines of equal numbers of corners, bottom to top, and close both ends by a point.
 
-    At the outlines numbered in `creases` shading has an edge. `rows`: v of each outline, z without; `rounds`: how
-    often the texture goes round.
+    At the outlines numbered in `creases` shading has an edge. `rows`: v of each outline, z without.
     """
     mesh = SmoothMesh.empty()
     n = len(outlines[0])
@@ -133,7 +126,7 @@ def skin(
             copies.append(len(mesh.vertices))
             for i in range(n + 1):
                 mesh.vertices.append(points[i % n])
-                mesh.uvs.append((rounds * i / n, v))
+                mesh.uvs.append((i / n, v))
                 mesh.groups.append(group + i % n)
             group += n
         starts.append((copies[0], copies[-1]))
@@ -144,7 +137,7 @@ def skin(
     for (point, row), is_top in zip(((ends[0], starts[0][0]), (ends[1], starts[-1][1])), (False, True), strict=True):
         middle = len(mesh.vertices)
         mesh.vertices.append(point)
-        mesh.uvs.append((0.5 * rounds, mesh.uvs[row][1]))
+        mesh.uvs.append((0.5, mesh.uvs[row][1]))
         mesh.groups.append(group)
         group += 1
         for i in range(n):
@@ -160,14 +153,13 @@ def loft(
     creases: Sequence[int] = (),
     caps: tuple[float, float] = (0.0, 0.0),
     rows: Sequence[float] | None = None,
-    rounds: float = 1.0,
 ) -> SmoothMesh:
     """Loft through cross-sections, bottom to top; `caps`: how far both ends bulge. Negative numbers count creases from
     the top."""
     low, high = sections[0], sections[-1]
     ends = ((low.x, low.y, low.z - caps[0]), (high.x, high.y, high.z + caps[1]))
     at = [i % len(sections) for i in creases]
-    return skin([outline(s, sides) for s in sections], ends=ends, creases=at, rows=rows, rounds=rounds)
+    return skin([outline(s, sides) for s in sections], ends=ends, creases=at, rows=rows)
 
 
 def ball(centre: Vec3, radii: Vec3, sides: int = 8, rings: int = 3) -> SmoothMesh:

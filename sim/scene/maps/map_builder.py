@@ -321,10 +321,6 @@ class MapBuilder:
         """Add a static body under a name from `next_name`; the caller assigns its class."""
         return self._add_body(name, pos, quat)
 
-    def limb(self, name: str, pos: Vec3, quat: Quat) -> Body:
-        """Add a mocap body of an actor."""
-        return self._add_body(name, pos, quat, mocap=True)
-
     def _add_body(self, name: str, pos: Vec3, quat: Quat, *, mocap: bool = False) -> Body:
         if name in self._bodies:
             raise ValueError(f"two bodies named {name}")
@@ -338,12 +334,15 @@ class MapBuilder:
             attributes["mocap"] = "true"
         return Body(self, ET.SubElement(self._world, "body", attributes), name)
 
-    def actor(self, actor: Actor) -> None:
-        """Register an actor; its bodies must exist."""
-        missing = [name for name in actor.bodies if name not in self._bodies]
-        if missing:
-            raise ValueError(f"actor {actor.name}: no body {missing[0]}")
+    def actor(self, actor: Actor, *, at_origin: bool = False) -> list[Body]:
+        """Register an actor, and add its mocap bodies at their poses of t = 0, or at the origin."""
+        n = len(actor.bodies)
+        p, q, v, w = np.zeros((n, 3)), np.tile(NO_TURN, (n, 1)), np.zeros((n, 3)), np.zeros((n, 3))
+        if not at_origin:
+            actor.pose(0, p, q, v, w)
         self._actors.append(actor)
+        poses = zip(actor.bodies, p.tolist(), q.tolist(), strict=True)
+        return [self._add_body(name, (*pos,), (*quat,), mocap=True) for name, pos, quat in poses]  # type: ignore[arg-type]
 
     def corner(self, corner: CornerReflector) -> None:
         """Register the triple bounce of a corner reflector; its plates are geoms of their own."""

@@ -147,14 +147,12 @@ def blob(bumps: Callable[[int, int], float], *, rings: int = 9, sides: int = 16)
     return revolve(profile, sides, wobble=bumps)
 
 
-def slab(
-    outline: Sequence[Vec2], z_bottom_m: float, z_top_m: float, *, tile_m: float, center: Vec2 = (0.0, 0.0)
-) -> Mesh:
-    """Return a flat plate with a star-shaped outline (counter-clockwise about `center`); texture in metres."""
+def slab(outline: Sequence[Vec2], z_bottom_m: float, z_top_m: float, *, tile_m: float) -> Mesh:
+    """Return a flat plate with a star-shaped outline (counter-clockwise about the origin); texture in metres."""
     mesh = Mesh.empty()
     n = len(outline)
     for z in (z_top_m, z_bottom_m):
-        for x, y in (center, *outline):
+        for x, y in ((0.0, 0.0), *outline):
             mesh.vertices.append((x, y, z))
             mesh.uvs.append((x / tile_m, y / tile_m))
     low = n + 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from signals.rotation import product
-from signals.units import TURN_RAD
+from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz
@@ -11,8 +11,7 @@ from sim.scene.maps.walls import Looks, Openings, Shell, add_shell
 from sim.scene.random_generator import RandomGenerator
 
 STOREY_M = 3.2
-_QUARTER_TURN_RAD = 1.5707963267948966
-_UPRIGHT = roll_quat(_QUARTER_TURN_RAD)
+_UPRIGHT = roll_quat(QUARTER_TURN_RAD)
 _WALL_M = 0.25
 _WALLS = ("blockwork", "concrete_wall", "render_sand", "render_grey")
 _CONTAINER = (3.03, 1.22, 1.295)  # half edges of a 20 foot container
@@ -54,8 +53,8 @@ def _looks(body: Body, x: float, y: float, material: str) -> Looks:
     return Looks(rng, _TILES_M[material], spalls=material.startswith("render"))
 
 
-def _rows(storeys: int, *, sill_m: float = 1.0, head_m: float = 2.2) -> tuple[tuple[float, float], ...]:
-    return tuple((STOREY_M * i + sill_m, STOREY_M * i + head_m) for i in range(storeys))
+def _rows(storeys: int) -> tuple[tuple[float, float], ...]:
+    return tuple((STOREY_M * i + 1.0, STOREY_M * i + 2.2) for i in range(storeys))
 
 
 def _sides(

@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from signals.rotation import NO_TURN, product
 from signals.samples import Quat, Vec3
+from signals.units import QUARTER_TURN_RAD
 from sim._kernels import resting_arm, resting_leg
 from sim.scene.maps import surfaces, wheelchair
 from sim.scene.maps.body_meshes import body_mesh
 from sim.scene.maps.clothes import Colours, draw_colours, draw_look
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
-from sim.scene.maps.scene_map import Float64
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Roller, Walker
 from sim.scene.random_generator import RandomGenerator
 
 Row = list[float]  # one limb: x, y, z, cos and sin of half its pitch, ... (sim/native/gait.hpp)
 
-_QUARTER_TURN_RAD = 1.5707963267948966
-_ALONG_Y = roll_quat(_QUARTER_TURN_RAD)
-_ALONG_X = pitch_quat(_QUARTER_TURN_RAD)
+_ALONG_Y = roll_quat(QUARTER_TURN_RAD)
+_ALONG_X = pitch_quat(QUARTER_TURN_RAD)
 
 _HEIGHT_STEP_M = 0.05  # of the meshes: people of nearly the same height share them
 _CHILD_M = 1.42  # below this height people have the proportions of a child
@@ -120,19 +117,10 @@ def add_walker(
     """Add a walking person as an actor of the map. `ground_m`: height of the ground under `path`."""
     person = _Person(builder, rng, traits, sitting=False)
     walker = Walker(person.name, person.figure, path, ground_m=ground_m, reach_m=person.reach_m())
-    n = len(LIMBS)
-    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-    walker.pose(0, p, q, v, w)
-    for i, limb in enumerate(LIMBS):
-        body = builder.limb(walker.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
+    for limb, body in zip(LIMBS, builder.actor(walker), strict=True):
         person.add_limb(body, limb)
     builder.classify("person", "person_*")
-    builder.actor(walker)
     return walker
-
-
-def _vec(rows: Float64, i: int) -> Vec3:
-    return float(rows[i, 0]), float(rows[i, 1]), float(rows[i, 2])
 
 
 def _trunk_rows(figure: Figure, hip_z: float) -> list[Row]:
@@ -180,16 +168,11 @@ def add_wheelchair_user(
     reach = person.reach_m()
     reach["pelvis"] = max(reach["pelvis"], wheelchair.reach_m(hip_z))
     roller = Roller(person.name, person.figure, path, rows, ground_m=ground_m, reach_m=reach)
-    n = len(LIMBS)
-    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-    roller.pose(0, p, q, v, w)
-    for i, limb in enumerate(LIMBS):
-        body = builder.limb(roller.bodies[i], _vec(p, i), (*(float(x) for x in q[i]),))  # type: ignore[arg-type]
+    for limb, body in zip(LIMBS, builder.actor(roller), strict=True):
         person.add_limb(body, limb)
         if limb == "pelvis":
             person.add_wheelchair(body, (0.0, 0.0, -hip_z))
     builder.classify("person", "person_*")
-    builder.actor(roller)
     return roller
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from signals.rotation import product
+from signals.units import QUARTER_TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.vehicles.lofts import add_box, add_tube
 
 SEAT_M = 0.45  # height of a bench's seat
-_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 def furniture_materials(builder: MapBuilder) -> None:
@@ -26,14 +26,14 @@ def furniture_materials(builder: MapBuilder) -> None:
 
 def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
     """Add a bench of slats, 1.6 m wide; a person on it faces along `heading_rad`. 2 drawn geoms."""
-    body = builder.body("bench", (x, y, 0.0), yaw_quat(heading_rad - _QUARTER_TURN_RAD))
+    body = builder.body("bench", (x, y, 0.0), yaw_quat(heading_rad - QUARTER_TURN_RAD))
     if not builder.has_mesh("bench_slats"):
         builder.mesh("bench_slats", _bench_slats())
         builder.mesh("bench_iron", _bench_iron())
     body.geom("mesh", asset="bench_slats", material="wood", solid=False, part="slats")
     body.geom("mesh", asset="bench_iron", material="iron", solid=False, part="iron")
     body.proxy("box", (0.8, 0.22, 0.025), pos=(0.0, 0.0, SEAT_M - 0.025), material="wood", part="seat")
-    back = roll_quat(_QUARTER_TURN_RAD + 0.17)
+    back = roll_quat(QUARTER_TURN_RAD + 0.17)
     pos = (0.0, -0.26, SEAT_M + 0.28)
     body.proxy("box", (0.8, 0.20, 0.02), pos=pos, quat=back, material="wood", part="back")
     for side in (-1.0, 1.0):

@@ -17,12 +17,12 @@ from typing import Annotated
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
-from signals.units import TURN_RAD
+from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene.maps import military, surfaces, textures
 from sim.scene.maps.ground_details import puddles
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.objects.animals import add_bird, add_dog
+from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack
 from sim.scene.maps.objects.street_signs import add_stop_sign
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
@@ -41,7 +41,6 @@ _LOW_ROUTE: tuple[Point, ...] = ((-20.0, 10.0), (20.0, 10.0), (20.0, 35.0), (-20
 _ROUTE_CLEAR_M = 3.0
 _LOW_M, _HIGH_M = -10.0, 80.0
 _CELLS = 5
-_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 class TrainingVillageParameters(StrictModel):
@@ -247,7 +246,7 @@ class _Village:
         for y0, y1 in ((plot.y0 + 0.3, plot.y0 + split - gap / 2), (plot.y0 + split + gap / 2, plot.y1 - 0.3)):
             if y1 - y0 > 0.6:
                 x = plot.x1 - 0.12
-                military.add_yard_wall(b, x, 0.5 * (y0 + y1), 0.5 * (y1 - y0), _QUARTER_TURN_RAD, 2.1)
+                military.add_yard_wall(b, x, 0.5 * (y0 + y1), 0.5 * (y1 - y0), QUARTER_TURN_RAD, 2.1)
                 self.layout.take_box(x - 0.2, y0, x + 0.2, y1)
 
     def open_ground(self, rng: RandomGenerator, plot: Plot) -> None:
@@ -262,7 +261,7 @@ class _Village:
 
     def clutter_object(self, rng: RandomGenerator, area: tuple[float, float, float, float]) -> None:
         b = self.builder
-        heading = _QUARTER_TURN_RAD * rng.index(4)
+        heading = QUARTER_TURN_RAD * rng.index(4)
 
         def car(x: float, y: float) -> None:
             rng.unit()  # drawn for its kind once; later places depend on it
@@ -340,17 +339,12 @@ class _Village:
 
         scatter(2, 1.2, motorcycle)
 
-        def birds(x: float, y: float) -> None:
-            for _ in range(3):
-                at = (x + rng.between(-0.7, 0.7), y + rng.between(-0.7, 0.7), 0.0)
-                add_bird(b, rng, at, rng.between(0.0, turn))
-
-        scatter(3, 0.9, birds)
+        scatter(3, 0.9, lambda x, y: add_birds(b, rng, (x, y, 0.0)))
         corner = self.parameters.street_m / 2 - 0.25
         for i, j in ((1, 1), (3, 2), (2, 4)):
             x, y = self.lines[0][i] + corner, self.lines[1][j] - corner
             if self.layout.free(x, y, 0.2):
-                add_stop_sign(b, x, y, -_QUARTER_TURN_RAD)
+                add_stop_sign(b, x, y, -QUARTER_TURN_RAD)
                 self.layout.take_disc(x, y, 0.4)
 
 

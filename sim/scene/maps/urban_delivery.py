@@ -16,14 +16,14 @@ from pydantic import Field
 
 from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel
-from signals.units import TURN_RAD
+from signals.units import QUARTER_TURN_RAD, TURN_RAD
 from sim.scene.maps import surfaces, textures
 from sim.scene.maps.buildings import add_block, add_house, building_materials
 from sim.scene.maps.ground_details import Strip, covers, ground_materials, puddles, spots, street
 from sim.scene.maps.layout import Layout, Point
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
-from sim.scene.maps.objects.animals import add_bird, add_dog
+from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
@@ -43,7 +43,6 @@ _INNER_M, _OUTER_M = _STREET_M - _LANE_M, _STREET_M + _LANE_M
 _KERB_M = 0.12  # top of the pavement
 _LAWN_M = 0.14
 _FRONT_M = 2.2  # width of the pavement
-_QUARTER_TURN_RAD = 1.5707963267948966
 
 
 class UrbanDeliveryParameters(StrictModel):
@@ -118,7 +117,7 @@ class _Suburb:
         reach = _EDGE_M + 4.0
         for axis in range(2):
             for side in (-1.0, 1.0):
-                road = b.body("road", _turned(axis, 0.0, side * _STREET_M), yaw_quat(axis * _QUARTER_TURN_RAD))
+                road = b.body("road", _turned(axis, 0.0, side * _STREET_M), yaw_quat(axis * QUARTER_TURN_RAD))
                 strips = _street_strips(reach, crossings=axis == 0)
                 name = "street_x" if axis == 0 else "street_y"
                 mesh = b.mesh(name, street(strips, self.rng(name)))
@@ -238,7 +237,7 @@ class _Suburb:
                 for k, (px, py, sx, sy) in enumerate(
                     ((0, hy, hx, 0.08), (0, -hy, hx, 0.08), (hx, 0, hy, 0.08), (-hx, 0, hy, 0.08))
                 ):
-                    turn = yaw_quat(0.0 if k < 2 else _QUARTER_TURN_RAD)  # the stones lie along x of the box
+                    turn = yaw_quat(0.0 if k < 2 else QUARTER_TURN_RAD)  # the stones lie along x of the box
                     at = (px, py, _KERB_M - 0.095)
                     body.geom("box", (sx, sy, 0.1), pos=at, quat=turn, material="kerb", part=f"kerb_{k}")
                 lawn = b.body("lawn", (cx, cy, 0.0))
@@ -247,7 +246,7 @@ class _Suburb:
                 )  # fmt: skip
                 # Houses face the street next to the middle block; those of corner blocks face the street along x.
                 toward_y = j != 0
-                heading = (-_QUARTER_TURN_RAD if j > 0 else _QUARTER_TURN_RAD) if toward_y else (pi if i > 0 else 0.0)
+                heading = (-QUARTER_TURN_RAD if j > 0 else QUARTER_TURN_RAD) if toward_y else (pi if i > 0 else 0.0)
                 length = (x1 - x0) if toward_y else (y1 - y0)
                 depth = ((y1 - y0) if toward_y else (x1 - x0)) - 2.0 * _FRONT_M
                 width = (length - 2.0 * _FRONT_M) / 3
@@ -283,7 +282,7 @@ class _Suburb:
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = sqrt(dx * dx + dy * dy)
         material = rng.pick(("fence", "fence_brown"))
-        heading = 0.0 if abs(dx) > abs(dy) else _QUARTER_TURN_RAD
+        heading = 0.0 if abs(dx) > abs(dy) else QUARTER_TURN_RAD
         body = b.body("fence", (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), _LAWN_M), yaw_quat(heading))
         for k, z in enumerate((0.3, 0.62, 0.94)):
             body.geom("box", (length / 2, 0.02, 0.1), pos=(0.0, 0.0, z), material=material, part=f"rail_{k}")
@@ -371,7 +370,7 @@ class _Suburb:
                 kind = "bus" if which < 0.4 and abs(along) in (40.0, 47.0) else "lorry"
             kerb_m = {"bus": 1.34, "lorry": 1.32, "van": 1.16}.get(kind, 1.15)
             x, y, _ = _turned(axis, along_m, side * _STREET_M + lane * (_LANE_M - kerb_m))
-            heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
+            heading = axis * QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, looks, kind, (x, y, heading))
 
     def traffic(self) -> None:
@@ -421,8 +420,8 @@ class _Suburb:
         beside, before = _OUTER_M + 0.45, _OUTER_M + 2.0
         for x, y, heading in (
             (_INNER_M - 0.4, -_INNER_M + 2.9, pi),
-            (beside, -before, -_QUARTER_TURN_RAD),
-            (-beside, before, _QUARTER_TURN_RAD),
+            (beside, -before, -QUARTER_TURN_RAD),
+            (-beside, before, QUARTER_TURN_RAD),
         ):
             if self.layout.free(x, y, 0.25):
                 add_stop_sign(b, x, y, heading)
@@ -454,21 +453,15 @@ class _Suburb:
         in_gardens(3, 0.6, (1.2, 4.0), lambda p, _: add_dog(b, rng, (*p, _LAWN_M), rng.between(0.0, TURN_RAD)))
         in_gardens(5, 0.9, (1.2, 3.6), lambda p, lot: self.bicycle(rng, p, lot))
         for _ in range(3):
-            in_gardens(1, 0.9, (1.0, 4.0), lambda p, _: self.birds(rng, p))
+            in_gardens(1, 0.9, (1.0, 4.0), lambda p, _: add_birds(self.builder, rng, (*p, _LAWN_M)))
         for axis, side, along, lane in self.free_spots[:2]:
             x, y, _ = _turned(axis, along, side * _STREET_M + lane * (_LANE_M - 0.6))
-            heading = axis * _QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
+            heading = axis * QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, rng, "motorcycle", (x, y, heading))
 
     def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
-        heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * _QUARTER_TURN_RAD
+        heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * QUARTER_TURN_RAD
         add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=_LAWN_M)
-
-    def birds(self, rng: RandomGenerator, at: Point) -> None:
-        """Add a group of three birds."""
-        for _ in range(3):
-            x, y = at[0] + rng.between(-0.7, 0.7), at[1] + rng.between(-0.7, 0.7)
-            add_bird(self.builder, rng, (x, y, _LAWN_M), rng.between(0.0, TURN_RAD))
 
     def people(self) -> None:
         """Add people on the pavements: round a block, or to and fro along one side."""
@@ -521,7 +514,7 @@ def _turned(axis: int, along: float, across: float) -> tuple[float, float, float
 def _to_street(axis: int, side: float) -> float:
     """Return the heading from the outer kerb of a street to its middle."""
     across = -side
-    return axis * _QUARTER_TURN_RAD + (_QUARTER_TURN_RAD if across > 0 else -_QUARTER_TURN_RAD)
+    return axis * QUARTER_TURN_RAD + (QUARTER_TURN_RAD if across > 0 else -QUARTER_TURN_RAD)
 
 
 def _span(index: int) -> tuple[float, float]:

@@ -114,6 +114,11 @@ class WalkPath(_kernels.WalkPath):
             offset_s=self.offset_s,
         )
 
+    @property
+    def max_speed_mps(self) -> float:
+        """Greatest speed; corners are interpolated, so it differs slightly from the nominal one."""
+        return 1.05 * self.speed_mps
+
     def _time_pieces(self, spans: list[tuple[str, float]], corner_speed: float) -> tuple[list[Piece], float]:
         """Return the pieces of the lap, and its duration [s]."""
         pieces: list[Piece] = []

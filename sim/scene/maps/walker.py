@@ -33,7 +33,7 @@ class Walker(_kernels.Walker):
         """`reach_m`: distance from each limb's origin to its farthest point; None: of the figure's shapes."""
         self.name = name
         self.figure = figure
-        self.path = path
+        self.path, self.max_speed_mps = path, path.max_speed_mps
         self.ground_m = ground_m  # height of the ground under the path
         # A lap has a whole number of cycles, so that the feet do not jump at its end.
         natural_cycle_m = 1.346 * sqrt(path.speed_mps * figure.leg_m)  # two steps
@@ -49,11 +49,6 @@ class Walker(_kernels.Walker):
             bound_z_m=ground_m + 0.5 * figure.height_m,
             bound_radius_m=self._bound_radius(reach_m or figure.reach_m()),
         )
-
-    @property
-    def max_speed_mps(self) -> float:
-        # Corners are interpolated, so the speed differs slightly from the nominal speed.
-        return 1.05 * self.path.speed_mps
 
     def _bound_radius(self, reach_m: Mapping[str, float]) -> float:
         middle = 0.5 * self.figure.height_m
@@ -80,7 +75,7 @@ class Roller(_kernels.Walker):
     ) -> None:
         self.name = name
         self.figure = figure
-        self.path = path
+        self.path, self.max_speed_mps = path, path.max_speed_mps
         self.ground_m = ground_m
         self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
         middle = 0.5 * figure.height_m
@@ -95,7 +90,3 @@ class Roller(_kernels.Walker):
             bound_z_m=ground_m + middle,
             bound_radius_m=max(reaches),
         )
-
-    @property
-    def max_speed_mps(self) -> float:
-        return 1.05 * self.path.speed_mps

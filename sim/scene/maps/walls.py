@@ -14,11 +14,12 @@ from dataclasses import dataclass, field
 from signals._kernel import det_cos, det_sin
 from signals.rotation import product
 from signals.samples import Vec3
+from signals.units import QUARTER_TURN_RAD
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.meshes import Mesh, Vec2
 from sim.scene.random_generator import RandomGenerator
 
-_UPRIGHT = roll_quat(1.5707963267948966)
+_UPRIGHT = roll_quat(QUARTER_TURN_RAD)
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ def add_shell(
 ) -> None:
     """Add four walls (`sides`: -y, +x, +y, -x), the floor slabs inside, and a roof."""
     x, y, t, height_m = shell.half_x_m, shell.half_y_m, shell.thickness_m, shell.height_m
-    quarter = 1.5707963267948966
+    quarter = QUARTER_TURN_RAD
     # The walls along x include the corners.
     along_x, along_y = WallSize(2 * x, height_m, t), WallSize(2 * (y - t), height_m, t)
     add_wall(body, (-x, -y + t / 2), 0.0, along_x, sides[0], looks, outward=1.0, part="south")

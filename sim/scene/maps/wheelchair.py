@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
-from signals.rotation import cross
+from signals.rotation import cross, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.loft import SmoothMesh, ball, block, skin
@@ -93,8 +92,8 @@ def _ring(centre: Vec3, radius: float, tube: float, around: int, sides: int) -> 
 
 def _rod(start: Vec3, end: Vec3, radius: float, sides: int) -> SmoothMesh:
     """Return a round bar between two points."""
-    along = _unit([b - a for a, b in zip(start, end, strict=True)])
-    aside = _unit(cross(along, (1.0, 0.0, 0.0) if abs(along[0]) < 0.8 else (0.0, 1.0, 0.0)))
+    along = unit((end[0] - start[0], end[1] - start[1], end[2] - start[2]))
+    aside = unit(cross(along, (1.0, 0.0, 0.0) if abs(along[0]) < 0.8 else (0.0, 1.0, 0.0)))
     other = cross(along, aside)
     outlines = []
     for middle in (start, end):
@@ -105,8 +104,3 @@ def _rod(start: Vec3, end: Vec3, radius: float, sides: int) -> SmoothMesh:
             points.append((x, y, z))
         outlines.append(points)
     return skin(outlines, ends=(start, end), creases=(0, 1), rows=(0.0, 1.0))
-
-
-def _unit(v: Sequence[float]) -> Vec3:
-    length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return v[0] / length, v[1] / length, v[2] / length

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from signals.samples import Vec3
+from signals.units import TURN_RAD
 from sim.scene.maps import surfaces
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import Mesh
@@ -16,6 +17,13 @@ _FEATHERS = {
     "crow": ((0.06, 0.06, 0.07), (0.04, 0.04, 0.05)),
 }
 _BIRD_SCALE = {"pigeon": 1.0, "gull": 1.35, "crow": 1.3}
+
+
+def add_birds(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> None:
+    """Add a group of three birds around a place."""
+    for _ in range(3):
+        at = (at_m[0] + rng.between(-0.7, 0.7), at_m[1] + rng.between(-0.7, 0.7), at_m[2])
+        add_bird(builder, rng, at, rng.between(0.0, TURN_RAD))
 
 
 def add_bird(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_rad: float) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from signals._kernel import det_cos, det_sin
+from signals.rotation import cross, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.plants.growth import Skeleton, along, cross, unit
+from sim.scene.maps.plants.growth import Skeleton, along
 
 _TILE_M = 0.9  # height of the bark's texture
 
@@ -53,7 +54,7 @@ def tube(mesh: Mesh, points: Sequence[Vec3], radii: Sequence[float], sides: int,
         mesh.triangles += [(end, first + j + 1, first + j), (end + 1, top + j, top + j + 1)]
 
 
-def branches(skeleton: Skeleton, *, least_radius: float, scale: float = 1.0) -> Mesh:
+def branches(skeleton: Skeleton, *, least_radius: float) -> Mesh:
     """Return the branches of at least this radius, as tubes of 3 to 6 sides; each continues its thickest child."""
     children: list[list[int]] = [[] for _ in skeleton.nodes]
     for node, above in enumerate(skeleton.parent):
@@ -76,5 +77,5 @@ def branches(skeleton: Skeleton, *, least_radius: float, scale: float = 1.0) -> 
         if len(chain) > 1:
             sides = 6 if radii[0] > 4.0 * least_radius else 4 if radii[0] > 1.8 * least_radius else 3
             points = [skeleton.nodes[k] for k in chain]
-            tube(mesh, [(scale * x, scale * y, scale * z) for x, y, z in points], [scale * r for r in radii], sides)
+            tube(mesh, points, radii, sides)
     return mesh

@@ -12,10 +12,11 @@ from functools import cache
 from math import sqrt
 
 from signals._kernel import det_cos, det_sin
+from signals.rotation import cross, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, Vec2
-from sim.scene.maps.plants.growth import Skeleton, along, cross, grow, unit
+from sim.scene.maps.plants.growth import Skeleton, along, grow
 from sim.scene.random_generator import RandomGenerator
 
 Normals = Sequence[Vec3]

@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import cache
 
 from signals._kernel import det_cos, det_sin
+from signals.rotation import unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, revolve
 from sim.scene.maps.plants.bark import tube
 from sim.scene.maps.plants.cards import CardMesh, kite, weighted
-from sim.scene.maps.plants.growth import along, unit
+from sim.scene.maps.plants.growth import along
 from sim.scene.random_generator import RandomGenerator
 
 VARIANTS = 3

@@ -14,6 +14,7 @@ from math import sqrt
 
 import numpy as np
 
+from signals.rotation import unit
 from signals.samples import Vec3
 
 _MAX_STEPS = 60
@@ -97,17 +98,6 @@ def _without_dead_ends(nodes: list[Vec3], parent: list[int], tips: list[int], ti
             kept.radius.append(sqrt(area))
     kept.tips = [number[node] for node in tips]
     return kept
-
-
-def unit(v: Vec3) -> Vec3:
-    """Return the vector at length 1; +z for one without a direction."""
-    x, y, z = v
-    length = sqrt(x * x + y * y + z * z)
-    return (x / length, y / length, z / length) if length > 1e-9 else (0.0, 0.0, 1.0)
-
-
-def cross(a: Vec3, b: Vec3) -> Vec3:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def along(p: Vec3, d: Vec3, length: float) -> Vec3:

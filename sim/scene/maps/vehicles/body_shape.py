@@ -357,11 +357,11 @@ def skin_patch(
     ]
 
 
-def arch_points(body: LowerBody, wheel_x_m: float, radius_m: float, steps: int = 10) -> list[Vec2]:
+def arch_points(body: LowerBody, wheel_x_m: float, radius_m: float) -> list[Vec2]:
     """Return points (x, z) of an arch from its front foot to its rear foot."""
     z = body.shape.wheel_m
     points = [(wheel_x_m + radius_m, body.shape.clearance_m)]
-    for k in range(steps + 1):
-        angle = TURN_RAD / 2 * k / steps
+    for k in range(11):
+        angle = TURN_RAD / 2 * k / 10
         points.append((wheel_x_m + radius_m * det_cos(angle), z + radius_m * det_sin(angle)))
     return [*points, (wheel_x_m - radius_m, body.shape.clearance_m)]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
+from signals.units import QUARTER_TURN_RAD
 from sim.scene.maps import surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.vehicles.bicycle import bicycle_parts, bicycle_proxies
@@ -18,7 +19,6 @@ from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, v
 from sim.scene.maps.vehicles.parts import Parts, Proxy
 from sim.scene.random_generator import RandomGenerator
 
-_QUARTER_TURN_RAD = 1.5707963267948966
 _SHIRTS = {"white": (0.85, 0.85, 0.83), "navy": (0.12, 0.17, 0.33), "rust": (0.55, 0.25, 0.14)}
 
 
@@ -75,7 +75,6 @@ def add_vehicle(
     paint: str = "",
     driver: float = 0.15,
     ground_m: float = 0.0,
-    variant: int = -1,
 ) -> str:
     """Add a vehicle as one static body and return the body's name.
 
@@ -86,7 +85,6 @@ def add_vehicle(
     shape, seated = rng.index(2), rng.unit() < driver
     drawn = rng.pick(_FLEET_PAINTS[kind]) if kind in _FLEET_PAINTS else draw_paint(rng)
     plate = rng.index(PLATES)
-    shape = shape if variant < 0 else variant
     model = models[(2 * shape + seated) % len(models)]
     builder.classify(model.class_name, f"{model.body}_*")
     name = builder.next_name(model.body)
@@ -107,7 +105,7 @@ def add_parts(builder: MapBuilder, body: Body, model: Model, paint: str, plate: 
             asset = builder.mesh(f"{model.name.removesuffix('_driver')}_hull_{i}", proxy.hull)
             body.proxy("mesh", asset=asset, material="vehicle_trim", part=part)
             continue
-        quat = roll_quat(_QUARTER_TURN_RAD) if proxy.kind == "cylinder" else (1.0, 0.0, 0.0, 0.0)
+        quat = roll_quat(QUARTER_TURN_RAD) if proxy.kind == "cylinder" else (1.0, 0.0, 0.0, 0.0)
         body.proxy(
             proxy.kind, proxy.size, pos=proxy.pos, quat=quat, material="vehicle_trim", part=part
         )  # fmt: skip

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import sqrt
 
 from signals._kernel import det_cos, det_sin
+from signals.rotation import cross, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh, Vec2
@@ -112,10 +112,10 @@ def add_tube(mesh: Mesh, points: Sequence[Vec3], radius_m: float | Sequence[floa
     rows = []
     for k, p in enumerate(points):
         a, b = points[max(k - 1, 0)], points[min(k + 1, len(points) - 1)]
-        d = _unit((b[0] - a[0], b[1] - a[1], b[2] - a[2]))
+        d = unit((b[0] - a[0], b[1] - a[1], b[2] - a[2]))
         helper = (0.0, 0.0, 1.0) if abs(d[2]) < 0.9 else (1.0, 0.0, 0.0)
-        u = _unit(_cross(helper, d))
-        v = _cross(d, u)
+        u = unit(cross(helper, d))
+        v = cross(d, u)
         row = []
         for i in range(sides):
             c, s = radii[k] * det_cos(TURN_RAD * i / sides), radii[k] * det_sin(TURN_RAD * i / sides)
@@ -144,12 +144,3 @@ def add_ellipsoid(mesh: Mesh, centre: Vec3, half: Vec3, *, rings: int = 6, sides
         rows.append(row)
     rows.append([add_vertex(mesh, (centre[0], centre[1], centre[2] + half[2]))] * sides)
     add_indexed_grid(mesh, rows, closed=True)
-
-
-def _unit(v: Vec3) -> Vec3:
-    length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return v[0] / length, v[1] / length, v[2] / length
-
-
-def _cross(a: Vec3, b: Vec3) -> Vec3:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

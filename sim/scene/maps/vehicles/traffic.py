@@ -28,7 +28,7 @@ class DrivenCar(_kernels.RoadVehicle):
 
     def __init__(self, name: str, shape: CarShape, path: WalkPath) -> None:
         self.name = name
-        self.path = path
+        self.path, self.max_speed_mps = path, path.max_speed_mps
         self.shape = shape
         self.bodies = (f"{name}_chassis", *(f"{name}_wheel_{i}" for i in range(4)))
         round_m = TURN_RAD * shape.wheel_m
@@ -43,11 +43,6 @@ class DrivenCar(_kernels.RoadVehicle):
             bound_radius_m=reach + 0.1,
         )
 
-    @property
-    def max_speed_mps(self) -> float:
-        # Corners are interpolated, so the speed differs slightly from the nominal speed.
-        return 1.05 * self.path.speed_mps
-
 
 def add_driven_car(builder: MapBuilder, rng: RandomGenerator, path: WalkPath) -> DrivenCar:
     """Add a car with its driver as an actor of the map."""
@@ -60,19 +55,13 @@ def add_driven_car(builder: MapBuilder, rng: RandomGenerator, path: WalkPath) ->
     )  # fmt: skip
     builder.classify("vehicle", "car_*")
     car = DrivenCar(builder.next_name("car"), shape, path)
-    n = len(car.bodies)
-    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-    car.pose(0, p, q, v, w)
-    poses = [((*map(float, p[i]),), (*map(float, q[i]),)) for i in range(n)]
-    chassis = builder.limb(car.bodies[0], *poses[0])  # type: ignore[arg-type]
+    chassis, *wheels = builder.actor(car)
     add_parts(builder, chassis, model, paint, plate)
-    for i, (_, y, _) in enumerate(wheel_centres(shape)):
+    for wheel, (_, y, _) in zip(wheels, wheel_centres(shape), strict=True):
         side = 1.0 if y > 0.0 else -1.0
-        wheel = builder.limb(car.bodies[1 + i], *poses[1 + i])  # type: ignore[arg-type]
         for part, mesh in wheel_parts(shape, _SPOKES, side).items():
             asset = builder.mesh(f"{kind}_wheel_{'left' if side > 0 else 'right'}_{part}", mesh)
             wheel.geom(
                 "mesh", asset=asset, material=part_material(builder, part, paint, plate), solid=False, part=part,
             )  # fmt: skip
-    builder.actor(car)
     return car

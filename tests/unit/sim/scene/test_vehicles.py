@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
+from signals.rotation import NO_TURN
 from sim.scene.maps import surfaces, urban_delivery
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.vehicles.car import car_parts
-from sim.scene.maps.vehicles.kinds import MODELS, add_vehicle
+from sim.scene.maps.vehicles.kinds import MODELS, add_parts
 from sim.scene.maps.vehicles.traffic import DrivenCar
-from sim.scene.random_generator import RandomGenerator
 
 # Length, width over the mirrors and height of common vehicles [m], by data sheets: least and greatest.
 SIZES = {
@@ -57,7 +57,9 @@ def test_size_and_skin(kind: str) -> None:
 def stage(kind: str, variant: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
     builder = MapBuilder("stage")
     builder.material("floor", surfaces.ASPHALT)
-    add_vehicle(builder, RandomGenerator(1, "test"), kind, (0.0, 0.0, 0.0), variant=variant, driver=0.0)
+    models = MODELS[kind]
+    body = builder.named_body(kind, (0.0, 0.0, 0.0), NO_TURN)
+    add_parts(builder, body, models[2 * variant % len(models)], "silver", 0)
     scene_map = builder.build()
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     data = mujoco.MjData(model)
