@@ -54,7 +54,9 @@ _YAW_RESERVE = 0.5  # change of the hover thrust that yaw may cause
 _IDLE_COMMAND = 0.05
 _STEERABLE = 0.1  # thrust over weight below which all rotors get the same command
 _LOCK_YAW_RATE_RADPS, _LOCK_YAW_ERROR_RAD = 0.05, 0.3
+_DESCENT_MPS = -0.05  # a commanded vertical speed below it is a descent
 _PRESS_PER_S = 2.0  # of g
+_TOUCH_DOWN_S = 0.3
 
 
 class Setpoint(NamedTuple):
@@ -79,8 +81,9 @@ class Setpoint(NamedTuple):
 
 
 IDLE_COMMANDS = (_IDLE_COMMAND,) * 8
+STOPPED_COMMANDS = (0.0,) * 8
 IDLE = Setpoint(rotors=IDLE_COMMANDS)  # armed on the ground
-STOPPED = Setpoint(rotors=(0.0,) * 8)
+STOPPED = Setpoint(rotors=STOPPED_COMMANDS)
 
 
 class Gains(NamedTuple):
@@ -151,6 +154,7 @@ class IdealController:
         self._spin_up_nm = 0.0  # mean torque about z of the last tick by the acceleration of the rotors
         self._yaw_torque_nm = 0.0  # by the thrust alone
         self._press = 0.0  # share of the weight that is left to the ground
+        self._touched_s = _TOUCH_DOWN_S  # since the last contact
         self._locked_yaw: float | None = None
         self._checked: Setpoint | None = None
         self._forget_disturbance()
@@ -189,6 +193,8 @@ class IdealController:
             self._observe(truth, R, gyroscopic)
 
         force = self._force(truth, setpoint)
+        if truth.in_contact and R[8] < _LEAST_TILT_COS:  # lies on its side: thrust would only press it there
+            return self._direct(STOPPED_COMMANDS)
         if self._press >= 1.0:
             self._locked_yaw = None
             return self._direct(IDLE_COMMANDS)
@@ -295,6 +301,8 @@ class IdealController:
         fz = mass * (az + self._g * (1.0 - self._press) - self._dz)
         fz = min(max(fz, 0.1 * self._weight_n * (1.0 - self._press)), self._most_thrust_n)
         fx, fy = mass * (ax - self._dx), mass * (ay - self._dy)
+        if self._touched_s < _TOUCH_DOWN_S and sz < _DESCENT_MPS:
+            return 0.0, 0.0, fz  # touch-down: upright, so that a skidding vehicle does not tip over
         level = sqrt(fx * fx + fy * fy)
         most = min(_MOST_TILT_TAN * fz, sqrt(max(0.0, self._most_thrust_n * self._most_thrust_n - fz * fz)))
         if level > most:
@@ -304,7 +312,8 @@ class IdealController:
     def _press_down(self, truth: TruthState, climb_mps: float) -> None:
         """On the ground, give the weight to the ground while a descent is commanded, and take it back otherwise."""
         step = _PRESS_PER_S * self._dt_s
-        if truth.in_contact and climb_mps < -0.05 and truth.v_WB_W[2] > 0.5 * climb_mps:
+        self._touched_s = 0.0 if truth.in_contact else self._touched_s + self._dt_s
+        if truth.in_contact and climb_mps < _DESCENT_MPS and truth.v_WB_W[2] > 0.5 * climb_mps:
             self._press = min(1.0, self._press + step)
         elif self._press > 0.0:
             self._press = max(0.0, self._press - 2.0 * step)

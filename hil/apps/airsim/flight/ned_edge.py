@@ -11,6 +11,7 @@ from signals.samples import TruthState, Vec3
 from sim.physics.vehicle import Vehicle
 
 HOVER_THROTTLE = 0.586601  # of AirSim's quadrotor: 1 kg, four rotors of 4.179446 N
+POSITION_SPEED_MPS = 6.0  # simple_flight's greatest speed towards a position or height without another limit
 _HALF_PI = 1.5707963267948966
 
 
@@ -55,7 +56,7 @@ class NedEdge:
             thrust_ratio=None if c.throttle is None else max(c.throttle, 0.0) / HOVER_THROTTLE,
             yaw_rad=None if c.yaw_rad is None else _HALF_PI - c.yaw_rad,
             yaw_rate_radps=None if c.yaw_rate_radps is None else -c.yaw_rate_radps,
-            speed_limit_mps=c.speed_limit_mps,
+            speed_limit_mps=POSITION_SPEED_MPS if c.speed_limit_mps is None else c.speed_limit_mps,
         )
 
     def _rotor_commands(self, pwms: tuple[float, ...]) -> tuple[float, ...]:

@@ -27,13 +27,13 @@ from signals.rotation import cross, norm
 from signals.samples import Vec3
 
 TAKEOFF_HEIGHT_M, TAKEOFF_SPEED_MPS = 2.0, 0.5
-_STANDING_MPS = 0.05
+_STANDING_MPS = 0.2  # AirSim: 0.05, which turbulence exceeds
 
 _LOOKAHEAD_PERIODS, _ADAPTIVE_LOOKAHEAD_PERIODS = 40.0, 30.0
 _LEAST_LOOKAHEAD_M = 1.5 * ACCURACY_M
 _BRAKE_MPS2 = 2.5  # as the controller brakes before a position
-_CORNER_RADPS = 2.7  # greatest turn of the course
-_CORNER_MPS = 1.7  # speed through a right angle
+_CORNER_RADPS = 2.5  # greatest turn of the course
+_CORNER_MPS = 1.5  # speed through a right angle
 _LEAST_CORNER_MPS = 0.5
 _CLOSING_MPS = 0.1
 _ARRIVED_M, _ARRIVED_MPS = 0.1, 0.5
