@@ -45,6 +45,7 @@ _DISTURBANCE_TIME_S = 0.05
 _MOST_LEVEL_ACCEL_MPS2 = 6.0
 _MOST_CLIMB_ACCEL_MPS2 = 5.0
 _BRAKE_ACCEL_MPS2 = 2.5
+_STRAIGHT_ACCEL_MPS2, _LEAD_S = 5.0, 0.3125  # speeding up in all axes at once keeps the way to a position straight
 _YAW_BRAKE_SHARE = 0.5  # of the greatest yaw acceleration
 _MOST_SPEED_MPS = 15.0  # of the position loop
 _MOST_TILT_TAN, _LEAST_TILT_COS = 1.7320508075688772, 0.5  # 60 degrees
@@ -280,8 +281,10 @@ class IdealController:
         if wanted > 1e-9:
             dx, dy, dz = dx / wanted, dy / wanted, dz / wanted
             speed, slope = _approach(distance, wanted / distance, _BRAKE_ACCEL_MPS2, limit)
+            ahead = dx * vx + dy * vy + dz * vz
+            speed = min(speed, max(ahead, 0.0) + _LEAD_S * _STRAIGHT_ACCEL_MPS2)
             sx, sy, sz = speed * dx, speed * dy, speed * dz
-            slope *= dx * vx + dy * vy + dz * vz
+            slope *= ahead
             ax, ay, az = -slope * dx, -slope * dy, -slope * dz
         if setpoint.v_xy_mps is not None:
             sx, sy = setpoint.v_xy_mps

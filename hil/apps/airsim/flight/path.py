@@ -32,8 +32,9 @@ _STANDING_MPS = 0.2  # AirSim: 0.05, which turbulence exceeds
 _LOOKAHEAD_PERIODS, _ADAPTIVE_LOOKAHEAD_PERIODS = 40.0, 30.0
 _LEAST_LOOKAHEAD_M = 1.5 * ACCURACY_M
 _BRAKE_MPS2 = 2.5  # as the controller brakes before a position
-_CORNER_RADPS = 2.5  # greatest turn of the course
-_CORNER_MPS = 1.5  # speed through a right angle
+_SPEED_UP_MPS = 1.5  # above the present speed: all axes speed up together, on a straight line
+_CORNER_RADPS = 2.8  # greatest turn of the course
+_CORNER_MPS = 1.8  # speed through a right angle
 _LEAST_CORNER_MPS = 0.5
 _CLOSING_MPS = 0.1
 _ARRIVED_M, _ARRIVED_MPS = 0.1, 0.5
@@ -95,7 +96,9 @@ class Follow:
         heading = heading_of(options.yaw_mode, options.drivetrain, to_target[:2])._asdict()
         if track.on_last_leg and left_m <= lookahead_m + speed_mps * speed_mps / (2.0 * _BRAKE_MPS2):
             return Command(p_xy_m=end[:2], z_m=end[2], speed_limit_mps=options.velocity_mps, **heading)
-        scale = speed_mps / max(norm(to_target), 1e-9)
+        to_target_m = max(norm(to_target), 1e-9)
+        ahead_mps = _dot(state.v_mps, to_target) / to_target_m
+        scale = min(speed_mps, max(ahead_mps, 0.0) + _SPEED_UP_MPS) / to_target_m
         vx, vy, vz = (scale * component for component in to_target)
         return Command(v_xy_mps=(vx, vy), vz_mps=vz, **heading)
 
