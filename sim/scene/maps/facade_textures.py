@@ -50,9 +50,9 @@ def _worn(image: Image, bays: int, soot: Rgb) -> Image:
     image = over(image, soot, 0.22 * step(0.5, 0.85, wide) + 0.5 * np.maximum(below_sill * low, below_band))
     tone = 0.88 + 0.24 * (0.6 * grain("band", size) + 0.4 * clouds("band.mid", 40, 40, size))
     for line, rgb in enumerate(_BAND_RGB):
-        height = (1.0 - v) * WALL_M - STOREY_M * line
+        height = (1.0 - v[:, 0]) * WALL_M - STOREY_M * line
         near = np.minimum(np.abs(height), np.abs(height - WALL_M)) < 0.125
-        image = np.where(near, mix(rgb, rgb, tone) * tone, image)
+        image[:, near] = mix(rgb, rgb, tone[near]) * tone[near]
     return image
 
 
@@ -151,8 +151,8 @@ def _concrete() -> Image:
     image = mix((0.44, 0.435, 0.42), (0.625, 0.615, 0.59), t)
     image = over(image, (0.33, 0.32, 0.30), 0.16 * step(0.5, 0.9, clouds("concrete.blotch", 7, 5, size)))
     image = over(image, (0.30, 0.285, 0.265), 0.20 * step(0.6, 0.95, clouds("concrete.streak", 70, 3, size)))
-    image[:, (v * 4) % 1.0 < 0.010] *= 0.72
-    image[:, (u * 2) % 1.0 < 0.006] *= 0.80
+    image[:, (v[:, 0] * 4) % 1.0 < 0.010] *= 0.72
+    image[:, :, (u[0] * 2) % 1.0 < 0.006] *= 0.80
     holes = (((u * 4) % 1.0 - 0.5) ** 2 * 1.0 + ((v * 4) % 1.0 - 0.5) ** 2) < 0.0007
     image[:, holes] *= 0.45
     return image
@@ -216,8 +216,8 @@ def _roof_felt() -> Image:
     u, v = grid()
     t = 0.5 * grain("felt") + 0.5 * clouds("felt", 12)
     image = mix((0.27, 0.27, 0.272), (0.40, 0.395, 0.385), t)
-    image[:, (u * 6) % 1.0 < 0.03] *= 0.75
-    image[:, ((v * 2) % 1.0 < 0.012)] *= 0.78
+    image[:, :, (u[0] * 6) % 1.0 < 0.03] *= 0.75
+    image[:, (v[:, 0] * 2) % 1.0 < 0.012] *= 0.78
     pond = clouds("felt.pond", 4)
     image = over(image, (0.46, 0.445, 0.41), 0.45 * step(0.55, 0.65, pond) * step(0.85, 0.7, pond))
     return over(image, (0.20, 0.20, 0.20), 0.5 * step(0.75, 0.8, clouds("felt.patch", 6)))
@@ -228,37 +228,39 @@ def _panes() -> Image:
     """Return 16 windows from outside: dark rooms with curtains, blinds, plants, lamps."""
     size = _MEDIUM
     u, v = grid(size)
-    x, y = (u * PANES) % 1.0, (v * PANES) % 1.0
     image = mix(
         (0.105, 0.115, 0.125),
         (0.215, 0.235, 0.25),
-        0.55 * step(1.0, 0.0, y) + 0.45 * (clouds("pane.sky", 9, 7, size) - 0.2),
+        0.55 * step(1.0, 0.0, (v * PANES) % 1.0) + 0.45 * (clouds("pane.sky", 9, 7, size) - 0.2),
     )
     image *= 0.75 + 0.5 * step(0.15, 0.9, clouds("pane.room", 13, 11, size))
-    folds = clouds("pane.folds", 150, 3, size)
+    folds, leaves = clouds("pane.folds", 150, 3, size), clouds("pane.plant", 60, 60, size)
+    side = size[0] // PANES
     for field in range(PANES * PANES):
         row, column = divmod(field, PANES)
-        here = (v * PANES >= row) & (v * PANES < row + 1) & (u * PANES >= column) & (u * PANES < column + 1)
+        here = slice(row * side, (row + 1) * side), slice(column * side, (column + 1) * side)
+        pane = image[:, *here]
+        x, y = (u[:, here[1]] * PANES) % 1.0, (v[here[0]] * PANES) % 1.0
         a, b, c, d = (float(value) for value in uniform(f"pane.{field}", 4))
         cloth = ((0.62, 0.60, 0.555), (0.56, 0.49, 0.40), (0.42, 0.45, 0.47), (0.50, 0.33, 0.27))[int(c * 4.0)]
         kind = field % 6
         if kind in (0, 3):  # curtains at both sides
-            share = here * ((x < 0.10 + 0.16 * a) | (x > 0.90 - 0.16 * b))
-            image = over(image, cloth, share * (0.35 + 0.45 * folds))
+            share = (x < 0.10 + 0.16 * a) | (x > 0.90 - 0.16 * b)
+            over(pane, cloth, share * (0.35 + 0.45 * folds[here]))
         elif kind == 1:  # blind, half down
             lamellae = 0.72 + 0.28 * ((y * 24.0) % 1.0 > 0.35)
-            image = over(image, (0.55, 0.54, 0.52), here * (y < 0.25 + 0.5 * a) * 0.75 * lamellae)
+            over(pane, (0.55, 0.54, 0.52), (y < 0.25 + 0.5 * a) * 0.75 * lamellae)
         elif kind == 2:  # net curtain over the lower or the whole window
-            image = over(image, (0.50, 0.50, 0.49), here * (y > 0.5 * (a > 0.5)) * (0.30 + 0.35 * folds))
+            over(pane, (0.50, 0.50, 0.49), (y > 0.5 * (a > 0.5)) * (0.30 + 0.35 * folds[here]))
         elif kind == 4:  # plants on the sill
-            leaves = clouds("pane.plant", 60, 60, size)
-            image = over(
-                image, (0.13, 0.19, 0.09), here * (leaves > 0.45) * step(0.62, 0.80, y + 0.25 * (leaves - 0.5)) * 0.8
-            )
+            green = leaves[here]
+            share = (green > 0.45) * step(0.62, 0.80, y + 0.25 * (green - 0.5)) * 0.8
+            over(pane, (0.13, 0.19, 0.09), share)
         if d > 0.8:  # a lamp in the room
             spot = step(0.004, 0.0, (x - 0.3 - 0.4 * a) ** 2 + (y - 0.25) ** 2)
-            image = over(image, (0.80, 0.66, 0.42), here * 0.6 * spot)
+            over(pane, (0.80, 0.66, 0.42), 0.6 * spot)
     # Frames: white, dark or wooden, with a mullion; the upper light of some opens.
+    x, y = (u * PANES) % 1.0, (v * PANES) % 1.0
     number_of = (v * PANES).astype(np.int64) * PANES + (u * PANES).astype(np.int64)
     edge = np.minimum(np.minimum(x, 1.0 - x), np.minimum(y, 1.0 - y))
     bar = np.maximum(step(0.085, 0.075, edge), step(0.030, 0.022, np.abs(x - 0.5)))
@@ -308,21 +310,25 @@ def _shops() -> Image:
 def _glazed(wall: Image, size_m: tuple[float, float, float]) -> Image:
     """Return 12 x 12 m of wall with windows, their reveals and sills painted on."""
     side = 1024
-    rows, columns = side // wall.shape[1], 2 if wall.shape[1] != wall.shape[2] else side // wall.shape[2]
-    image = wall.repeat(rows, 1)
-    image = np.tile(image, (1, 1, 2)) if wall.shape[1] != wall.shape[2] else image.repeat(columns, 2)
+    if wall.shape[1] != wall.shape[2]:
+        image = np.tile(wall, (1, side // wall.shape[1], 2))
+    else:
+        enlarged = np.empty((3, wall.shape[1], side // wall.shape[1], wall.shape[2], side // wall.shape[2]), np.float32)
+        enlarged[:] = wall[:, :, None, :, None]
+        image = enlarged.reshape(3, side, side)
     u, v = grid((side, side))
     width, sill, head = size_m
     z = ((1.0 - v) * WALL_M) % STOREY_M
     off = np.abs((u * 4) % 1.0 - 0.5) * STOREY_M
-    inside = (off < 0.5 * width) & (z > sill) & (z < head)
-    panes = _windows(size_m)
+    inside = np.ix_(range(3), ((z > sill) & (z < head))[:, 0], (off < 0.5 * width)[0])
     # Shade of the reveal: below the head, and at both jambs.
     shade = 1.0 - 0.55 * step(0.17, 0.02, head - z) - 0.25 * step(0.07, 0.0, 0.5 * width - off)
-    image = np.where(inside, panes * shade, image)
-    at_sill = (off < 0.5 * width + 0.06) & (z > sill - 0.07) & (z <= sill)
-    image = over(image, (0.66, 0.64, 0.60), 0.9 * at_sill)
-    return over(image, (0.12, 0.12, 0.12), 0.35 * (off < 0.5 * width + 0.06) * (z > sill - 0.13) * (z <= sill - 0.07))
+    image[inside] = _windows(size_m)[inside] * shade[inside[1:]]
+    near = off < 0.5 * width + 0.06
+    for rgb, share, low, high in (((0.66, 0.64, 0.60), 0.9, 0.07, 0.0), ((0.12, 0.12, 0.12), 0.35, 0.13, 0.07)):
+        rows = ((z > sill - low) & (z <= sill - high))[:, 0]
+        image[:, rows] = over(image[:, rows], rgb, share * near)
+    return image
 
 
 def _trim() -> Image:

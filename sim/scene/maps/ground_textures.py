@@ -74,6 +74,12 @@ def _asphalt() -> Image:
     return over(image, (0.15, 0.15, 0.15), 0.5 * oil)
 
 
+def _near(line: Image, middle: float, reach: float) -> slice:
+    """Return the part of an ascending column of numbers that is within `reach` of `middle`."""
+    low, high = np.searchsorted(line[:, 0], (middle - reach, middle + reach))
+    return slice(int(low), int(high))
+
+
 def _street() -> Image:
     """Return 14 m of a street of two lanes, v across its 7 m.
 
@@ -83,21 +89,33 @@ def _street() -> Image:
     image = _asphalt_grain("street", size, 4)
     u, v = grid(size)
     across, along = v * 7.0, u * 14.0  # [m]
+    sway, track_tone = clouds("street.sway", 4, 2, size) - 0.5, 0.5 + clouds("street.track", 6, 24, size)
+    oil, cut = 0.4 + clouds("street.oil", 40, 60, size), 0.03 * (clouds("street.cut", 90, 90, size) - 0.5)
     for lane in (1.75, 5.25):
         for track in (-0.78, 0.78):
-            off = across - (lane + track) - 0.10 * (clouds("street.sway", 4, 2, size) - 0.5)
-            image *= 1.0 - 0.13 * step(0.34, 0.10, np.abs(off)) * (0.5 + clouds("street.track", 6, 24, size))
-        drip = step(0.30, 0.02, np.abs(across - lane - 0.12 * (clouds("street.sway", 4, 2, size) - 0.5)))
-        image *= 1.0 - 0.12 * drip * (0.4 + clouds("street.oil", 40, 60, size))
+            rows = _near(across, lane + track, 0.40)
+            off = across[rows] - (lane + track) - 0.10 * sway[rows]
+            image[:, rows] *= 1.0 - 0.13 * step(0.34, 0.10, np.abs(off)) * track_tone[rows]
+        rows = _near(across, lane, 0.40)
+        drip = step(0.30, 0.02, np.abs(across[rows] - lane - 0.12 * sway[rows]))
+        image[:, rows] *= 1.0 - 0.12 * drip * oil[rows]
     image = over(image, (0.41, 0.40, 0.37), 0.35 * step(0.5, 0.85, clouds("street.dust", 7, 14, size)))
     # Patches of younger asphalt with a sealed edge: begin and end along and across [m].
     for a0, a1, c0, c1 in ((1.6, 4.3, 0.9, 2.6), (9.1, 12.9, 4.4, 5.5)):
-        edge = np.minimum(np.minimum(along - a0, a1 - along), np.minimum(across - c0, c1 - across))
-        edge = edge + 0.03 * (clouds("street.cut", 90, 90, size) - 0.5)
-        image = over(
-            image, (0.25, 0.25, 0.252), 0.45 * step(-0.01, 0.02, edge) * (0.55 + 0.75 * grain("asphalt", size))
+        rows, columns = (
+            _near(across, 0.5 * (c0 + c1), 0.5 * (c1 - c0) + 0.1),
+            _near(along.T, 0.5 * (a0 + a1), 0.5 * (a1 - a0) + 0.1),
         )
-        image = over(image, (0.16, 0.16, 0.162), 0.6 * step(0.05, 0.02, np.abs(edge)))
+        x, y = along[:, columns], across[rows]
+        edge = np.minimum(np.minimum(x - a0, a1 - x), np.minimum(y - c0, c1 - y))
+        edge = edge + cut[rows, columns]
+        patch = image[:, rows, columns]
+        over(
+            patch,
+            (0.25, 0.25, 0.252),
+            0.45 * step(-0.01, 0.02, edge) * (0.55 + 0.75 * grain("asphalt", size)[rows, columns]),
+        )
+        over(patch, (0.16, 0.16, 0.162), 0.6 * step(0.05, 0.02, np.abs(edge)))
     seal = cracks("street.seal", 3, size, 0.006)
     image = over(
         image, (0.13, 0.13, 0.135), 0.75 * step(0.2, 0.6, seal) * step(0.45, 0.6, clouds("street.where", 3, 4, size))
@@ -105,7 +123,9 @@ def _street() -> Image:
     fine = cracks("street.crack", 9, size, 0.010)
     image *= 1.0 - 0.5 * fine * step(0.62, 0.72, clouds("street.craze", 4, 6, size))
     # Joint of the two lanes.
-    image *= 1.0 - 0.4 * step(0.03, 0.01, np.abs(across - 3.5)) * step(0.3, 0.5, clouds("street.joint", 9, 2, size))
+    rows = _near(across, 3.5, 0.1)
+    joint = step(0.03, 0.01, np.abs(across[rows] - 3.5))
+    image[:, rows] *= 1.0 - 0.4 * joint * step(0.3, 0.5, clouds("street.joint", 9, 2, size)[rows])
     side = np.minimum(across, 7.0 - across)
     stones = mix(
         (0.36, 0.355, 0.34),
@@ -145,7 +165,7 @@ def _kerb() -> Image:
     t = 0.4 * stone + 0.35 * grain("kerb", (256, 1024))[:64] + 0.25 * clouds("kerb.mid", 90, 6, size)
     image = mix((0.45, 0.445, 0.43), (0.64, 0.63, 0.605), t)
     image = over(image, (0.22, 0.21, 0.20), 0.7 * step(0.6, 0.9, clouds("kerb.scuff", 40, 3, size)) * step(0.5, 0.8, v))
-    image[:, (u * 8) % 1.0 < 0.014] *= 0.45
+    image[:, :, (u[0] * 8) % 1.0 < 0.014] *= 0.45
     return image
 
 

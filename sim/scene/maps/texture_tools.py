@@ -46,22 +46,31 @@ def clouds(name: str, cells_x: int, cells_y: int | None = None, size: Size = (SI
     if cells_x * 10 > size[1] or cells_y * 10 > size[0]:
         return blended(lattice, size)
     # Splines keep some 60 % of the deviation of the lattice.
-    return np.clip(1.65 * (_spline(_spline(lattice.T, size[1]).T, size[0]) - 0.5) + 0.5, 0.0, 1.0)
+    result = _spline(np.ascontiguousarray(_spline(np.ascontiguousarray(lattice.T), size[1]).T), size[0])
+    result -= 0.5
+    result *= 1.65
+    result += 0.5
+    return np.clip(result, 0.0, 1.0, out=result)
 
 
 def _spline(lattice: Image, pixels: int) -> Image:
     """Return the torus of cells enlarged along its first axis by uniform cubic B-splines."""
-    cells = lattice.shape[0]
+    cells, across = lattice.shape
     position = np.arange(pixels) * (cells / pixels)
     low = position.astype(np.int64)
     u = (position - low).astype(np.float32)[:, None]
     w = 1.0 - u
-    weights = (w * w * w, 4.0 - 3.0 * u * u * (1.0 + w), 4.0 - 3.0 * w * w * (1.0 + u), u * u * u)
-    total = lattice[(low - 1) % cells] * (weights[0] / 6.0)
-    for k, weight in enumerate(weights[1:]):
-        term = lattice[(low + k) % cells]
-        term *= weight / 6.0
-        total += term
+    pieces = (w * w * w, 4.0 - 3.0 * u * u * (1.0 + w), 4.0 - 3.0 * w * w * (1.0 + u), u * u * u)
+    weights = [piece / 6.0 for piece in pieces]
+    first = np.searchsorted(low, np.arange(cells + 1))  # pixel of each cell
+    total = np.empty((pixels, across), np.float32)
+    terms = np.empty((int(np.diff(first).max()), across), np.float32)
+    for cell in range(cells):
+        part = slice(first[cell], first[cell + 1])
+        here, term = total[part], terms[: first[cell + 1] - first[cell]]
+        np.multiply(lattice[cell - 1], weights[0][part], out=here)
+        for k in range(3):
+            here += np.multiply(lattice[(cell + k) % cells], weights[k + 1][part], out=term)
     result: Image = total
     return result
 
@@ -110,18 +119,26 @@ def mix(a: Rgb, b: Rgb, t: Image) -> Image:
 
 
 def over(image: Image, rgb: Rgb, share: Image) -> Image:
-    """Return the picture with `rgb` laid over it, opaque where `share` is 1."""
+    """Lay `rgb` over the picture, opaque where `share` is 1, and return the same picture."""
     share = np.clip(share, 0.0, 1.0).astype(np.float32, copy=False)
-    cover: Image = _rgb(rgb) - image
-    cover *= share
-    cover += image
-    return cover
+    cover = np.empty_like(image[0])
+    for value, channel in zip(rgb, image, strict=True):
+        np.subtract(np.float32(value), channel, out=cover)
+        cover *= share
+        channel += cover
+    return image
 
 
 def step(low: float, high: float, x: Image) -> Image:
     """Return 0 below `low`, 1 above `high`, and the smoothstep between them; also downwards."""
-    u = np.clip((x - low) / (high - low), 0.0, 1.0)
-    return u * u * (3.0 - 2.0 * u)
+    u: Image = x - low
+    u /= high - low
+    np.clip(u, 0.0, 1.0, out=u)
+    slope = -2.0 * u
+    slope += 3.0
+    u *= u
+    u *= slope
+    return u
 
 
 def encoded_png(image: NDArray[np.uint8]) -> bytes:
@@ -131,26 +148,28 @@ def encoded_png(image: NDArray[np.uint8]) -> bytes:
 
 def png_of(image: Image) -> bytes:
     """Return a picture as PNG, not compressed; a fourth channel is its alpha."""
-    scaled = image * np.float32(255.0) + np.float32(0.5)
-    texels = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8).transpose(1, 2, 0)
-    height, width, channels = texels.shape
+    channels, height, width = image.shape
     # Each row begins with the number of its filter, 0: none.
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), texels.reshape(height, -1)], axis=1)
+    rows = np.zeros((height, 1 + width * channels), np.uint8)
+    for i, channel in enumerate(image):
+        scaled = channel * np.float32(255.0)
+        scaled += np.float32(0.5)
+        rows[:, 1 + i :: channels] = np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)
 
     def chunk(kind: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
 
     header = struct.pack(">IIBBBBB", width, height, 8, 6 if channels == 4 else 2, 0, 0, 0)
     # Compression would take longer than everything else.
-    body = zlib.compress(rows.tobytes(), 0)
+    body = zlib.compress(rows, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 
 
 def grid(size: Size = (SIDE_PX, SIDE_PX)) -> tuple[Image, Image]:
-    """Return u, to the right, and v, downwards, on [0, 1)."""
+    """Return u, to the right, and v, downwards, on [0, 1), as one row and one column."""
     across = ((np.arange(size[1]) + 0.5) / size[1]).astype(np.float32)
     down = ((np.arange(size[0]) + 0.5) / size[0]).astype(np.float32)
-    return np.broadcast_to(across, size), np.broadcast_to(down[:, None], size)
+    return across[None, :], down[:, None]
 
 
 def cracks(name: str, cells: int, size: Size, width: float) -> Image:

@@ -51,7 +51,7 @@ def _wood() -> Image:
     _, v = grid()
     t = 0.6 * clouds("wood", 3, 32) + 0.2 * clouds("wood", 8, 64) + 0.2 * grain("wood")
     image = mix((0.42, 0.27, 0.15), (0.68, 0.49, 0.30), t)
-    image[:, (v * 4) % 1.0 < 0.05] *= 0.5
+    image[:, (v[:, 0] * 4) % 1.0 < 0.05] *= 0.5
     return image
 
 

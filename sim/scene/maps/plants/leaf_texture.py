@@ -71,11 +71,11 @@ _OUTLINES: dict[LeafShape, Outline] = {
 
 @dataclass(frozen=True)
 class Stamp:
-    """Leaf of one size and direction: (side, side) about its stalk, side = 2 reach + 1."""
+    """Leaf of one size and direction, with its shadow: (rows, columns), the first `corner` from its stalk."""
 
-    reach: int
-    light: Image  # (side, side, 1), brightness to its colour; 0 beside the leaf
-    dim: Image  # (side, side, 1), what remains of the picture behind it: 0 below the leaf, less than 1 in its shadow
+    corner: tuple[int, int]  # x, y [pixels]
+    light: Image  # brightness to its colour; 0 beside the leaf
+    dim: Image  # what remains of the picture behind it: 0 below the leaf, less than 1 in its shadow
     within: NDArray[np.bool_]
 
 
@@ -106,7 +106,9 @@ def _stamp(shape: LeafShape, eighths: int, leaf_px: float, turn: int) -> Stamp:
         light = np.where(inside, np.where(off < 0.03, np.float32(1.22), tone), light)
         within |= inside
     dim = np.where(within, np.float32(0.0), np.where(near, np.float32(0.74), np.float32(1.0)))
-    return Stamp(reach, light[:, :, None], dim[:, :, None].astype(np.float32), within)
+    rows, columns = np.flatnonzero(near.any(1)), np.flatnonzero(near.any(0))
+    part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return Stamp((int(columns[0]) - reach, int(rows[0]) - reach), light[part], dim[part], within[part])
 
 
 _LOBES = ((-0.17, 0.98, 0.42), (-0.17, -0.98, 0.42), (0.64, 0.77, 0.66), (0.64, -0.77, 0.66), (1.0, 0.0, 0.82))
@@ -116,10 +118,10 @@ class _Tile:
     """Picture of one tile, v upwards; things drawn later are in front."""
 
     def __init__(self, ground: Rgb | None) -> None:
-        self.rgb = np.zeros((TILE_PX, TILE_PX, 3), np.float32)
+        self.rgb = np.zeros((3, TILE_PX, TILE_PX), np.float32)
         self.opaque = np.zeros((TILE_PX, TILE_PX), bool)
         if ground is not None:
-            self.rgb[:] = ground
+            self.rgb[:] = _column(ground)[:, None]
             self.opaque[:] = True
         self._line = (np.arange(TILE_PX) + 0.5).astype(np.float32)
 
@@ -134,16 +136,16 @@ class _Tile:
 
     def put(self, stamp: Stamp, at: Point, rgb: Rgb) -> None:
         """Draw a leaf with its stalk at the pixel of `at`, and a shadow on what lies behind it."""
-        x, y = int(at[0]) - stamp.reach, int(at[1]) - stamp.reach
-        side = 2 * stamp.reach + 1
-        x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + side, TILE_PX), min(y + side, TILE_PX)
+        x, y = int(at[0]) + stamp.corner[0], int(at[1]) + stamp.corner[1]
+        high, wide = stamp.light.shape
+        x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + wide, TILE_PX), min(y + high, TILE_PX)
         if x0 >= x1 or y0 >= y1:
             return
         part = slice(y0 - y, y1 - y), slice(x0 - x, x1 - x)
         rows, columns = slice(y0, y1), slice(x0, x1)
-        self.rgb[rows, columns] = self.rgb[rows, columns] * stamp.dim[part] + stamp.light[part] * np.asarray(
-            rgb, np.float32
-        )
+        behind = self.rgb[:, rows, columns]
+        behind *= stamp.dim[part]
+        behind += stamp.light[part] * _column(rgb)[:, None]
         self.opaque[rows, columns] |= stamp.within[part]
 
     def line(self, a: Point, b: Point, wide: float, rgb: Rgb) -> None:
@@ -185,13 +187,17 @@ class _Tile:
         self._put(rows, columns, tip, np.float32(0.85) + np.float32(0.4) * comb, other)
 
     def _shade(self, rows: slice, columns: slice, where: NDArray[np.bool_]) -> None:
-        part = self.rgb[rows, columns]
-        part[where] *= np.float32(0.72)
+        part = self.rgb[:, rows, columns]
+        part[:, where] *= np.float32(0.72)
 
     def _put(self, rows: slice, columns: slice, where: NDArray[np.bool_], light: Floats, rgb: Rgb) -> None:
         light = np.broadcast_to(light, where.shape)[where]
-        self.rgb[rows, columns][where] = light[:, None] * np.asarray(rgb, np.float32)
+        self.rgb[:, rows, columns][:, where] = light * _column(rgb)
         self.opaque[rows, columns][where] = True
+
+
+def _column(rgb: Rgb) -> Image:
+    return np.array(rgb, np.float32)[:, None]
 
 
 def _mixed(a: Rgb, b: Rgb, t: float, tone: float) -> Rgb:
@@ -329,7 +335,7 @@ def _tufts(tile: _Tile, rng: RandomGenerator, species: Species, leaves: Leaves, 
 
 
 def _foliage(species: Species, season: Season, light: float, copies: int) -> Image:
-    """Return dense foliage of half-size leaves without holes or seams, `copies` along each edge: (256, 256, 3)."""
+    """Return dense foliage of half-size leaves without holes or seams, `copies` along each edge: (3, 256, 256)."""
     rng = RandomGenerator(0, f"foliage.{species.name}.{season}")
     leaves = species.leaves(season) or species.autumn
     tile = _Tile(_mixed(leaves.rgb, leaves.rgb, 0.0, 0.28 * light))
@@ -352,7 +358,7 @@ def _foliage(species: Species, season: Season, light: float, copies: int) -> Ima
                 else:
                     tile.put(_stamp(species.shape, 4, species.leaf_px, turn), (x, y), rgb)
     low, high = middle - side // 2, middle + side // 2
-    return np.tile(tile.rgb[low:high, low:high], (copies, copies, 1))
+    return np.tile(tile.rgb[:, low:high, low:high], (1, copies, copies))
 
 
 @cache
@@ -364,11 +370,12 @@ def _drawn(name: str, season: Season) -> NDArray[np.uint8]:
     else:
         tile, other = _fan(species, season, 0), _fan(species, season, 1)
         turned = other.opaque[::-1, ::-1]
-        tile.rgb[turned] = other.rgb[::-1, ::-1][turned]
+        np.copyto(tile.rgb, other.rgb[:, ::-1, ::-1], where=turned)
         tile.opaque |= turned
     image = np.zeros((TILE_PX, TILE_PX, 4), np.uint8)
     part = image[::-1]
-    part[:, :, :3] = np.clip(tile.rgb * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
+    rgb = np.clip(tile.rgb * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
+    part[:, :, :3] = rgb.transpose(1, 2, 0)
     part[:, :, 3] = np.where(tile.opaque, 255, 0)
     # Renderers that do not know holes show the mean colour of the leaves there.
     leaf = part[tile.opaque]
@@ -390,8 +397,8 @@ def foliage_png(name: str, season: Season, light: float, copies: int) -> bytes:
     `light`: its brightness to that of leaves. `copies`: of the same picture along each edge.
     """
     rgb = _foliage(SPECIES[name], season, light, copies)
-    image = np.clip(rgb[::-1, :, ::-1] * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
-    return encoded_png(image)
+    image = np.clip(rgb[::-1, ::-1] * np.float32(255.0) + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
+    return encoded_png(image.transpose(1, 2, 0))
 
 
 def fill(name: str, season: Season) -> float:
