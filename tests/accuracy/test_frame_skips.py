@@ -18,7 +18,7 @@ CAMERA = CameraModel.from_fov(92, 66, 90.0)  # not whole blocks of 4 x 4
 
 @pytest.fixture(scope="module")
 def park() -> Case:
-    return scene_case("city_park", views=4, seed=3)
+    return scene_case("city_park", views=2, seed=3)
 
 
 def test_pictures_are_the_same_with_and_without_each_rule(park: Case) -> None:

@@ -16,6 +16,7 @@ from tests.worlds.hop_flights import ROOT
 
 BENCH = """
 rig: mock
+tick_hz: 100
 scene: radar_range
 mission: {mission}
 duration_s: 16

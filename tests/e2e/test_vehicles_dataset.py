@@ -26,6 +26,7 @@ from tests.worlds.small_dataset import Crash, Inline, inline, tree_of
 
 BENCH = """
 rig: mock
+tick_hz: 100
 scene: city_park
 mission: hop.waypoints
 seed: 5

@@ -19,6 +19,7 @@ from tests.worlds.hop_flights import HOP
 
 BENCH = """
 rig: mock
+tick_hz: 100
 mission: hop.waypoints
 autopilot: {transport: loopback}
 record: {report: false, tlog: false}
