@@ -52,8 +52,13 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
     assert json.loads((tmp_path / "run.json").read_text())["error"]["type"] == "Interrupted"
 
 
-@pytest.mark.parametrize("arguments", ["check", "view city_park", "dataset", "replay .", "run"])
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        *(("SIGTERM", arguments) for arguments in ("check", "view city_park", "dataset", "replay .", "run")),
+        ("SIGINT", "run"),
+    ],
+)
 def test_a_signal_before_the_work_is_one_line_and_the_status_of_an_error(
     name: str, arguments: str, tmp_path: Path
 ) -> None:

@@ -21,6 +21,7 @@ boxes: [{name: hall, center_m: [5.5, 0.5, 4.0], size_m: [1.0, 4.0, 8.0]}]
 BENCH = """rig: mock
 scene: ./one_hall.yaml
 duration_s: 60
+tick_hz: 100
 autopilot: {transport: loopback}
 goal: {p_W: [10.0, 0.0, 3.0]}
 companion:

@@ -104,8 +104,11 @@ def test_ten_seeds_pass(seed: int, tmp_path: Path) -> None:
         (["vehicle=iris", "mission=rigs/missions/square.waypoints"], 3),
         (["mission=rigs/missions/survey.plan", "tick_hz=100"], 5),
         pytest.param(["tick_hz=1000", "duration_s=200"], 7, marks=pytest.mark.slow),
-        (["vehicle=hexa_x"], 4),
-        *(pytest.param([f"vehicle={name}"], 4, marks=pytest.mark.slow) for name in ("octa_x", "x8", "y6", "racer")),
+        (["vehicle=hexa_x", "mission=rigs/missions/square.waypoints", "tick_hz=100"], 4),
+        *(
+            pytest.param([f"vehicle={name}"], 4, marks=pytest.mark.slow)
+            for name in ("hexa_x", "octa_x", "x8", "y6", "racer")
+        ),
     ],
 )
 def test_other_vehicles_and_missions(settings: list[str], seed: int, tmp_path: Path) -> None:

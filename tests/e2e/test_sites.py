@@ -37,7 +37,7 @@ def test_the_mock_flies_a_mission_there(tmp_path: Path, latitude: float, longitu
     )
     (tmp_path / "m.waypoints").write_text(mission(site))
     (tmp_path / "b.yaml").write_text(
-        f"scene: {tmp_path}/scene.yaml\nmission: {tmp_path}/m.waypoints\nduration_s: 120\n"
+        f"tick_hz: 100\nscene: {tmp_path}/scene.yaml\nmission: {tmp_path}/m.waypoints\nduration_s: 120\n"
         "autopilot: {transport: loopback}\nrecord: {mcap: false, report: false, tlog: false}\n"
     )
     result = run_bench(load_bench(tmp_path / "b.yaml"), tmp_path / "run", quiet=True)

@@ -25,7 +25,9 @@ LIMITS = "limits: {max_cross_track_m: null, final_error_m: null, altitude_error_
 def fly(folder: Path, text: str, *, name: str = "run", settings: tuple[str, ...] = ()) -> RunResult:
     (folder / "hop.waypoints").write_text(HOP)
     path = folder / f"{name}.yaml"
-    head = "rig: mock\ntick_hz: 100\nmission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {report: false}\n"
+    head = (
+        "rig: mock\ntick_hz: 100\nmission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {report: false}\n"
+    )
     path.write_text(head + LIMITS + text)
     bench = load_bench(path, settings=settings)
     return run_bench(bench, folder / name, quiet=True)

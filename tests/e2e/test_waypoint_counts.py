@@ -18,7 +18,8 @@ from hil.run.recorder.track import Track
 from hil.run.report.figures import draw_path
 from tests.worlds.bench_process import Hil
 
-BENCH = """autopilot: {transport: loopback}
+BENCH = """tick_hz: 100
+autopilot: {transport: loopback}
 record: {mcap: false, tlog: false, report: true}
 """
 

@@ -109,15 +109,15 @@ for name in PRESETS:
             Installation(name, rate_hz=1.0, seed=1, scene=scene, step_ns=tick_ns, frames=frames),
             preset=name, overrides=extra,
         )
-        sensors.append((made, 250))
+        sensors.append((made, 250, 250))  # above the ground
         continue
     every = 25 if kind == "gps" else 1 if kind == "imu" else 5
     installation = Installation(name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns)
     made = make_sensor(installation, preset=name, overrides=EXTRA.get(kind, {}))
-    sensors.append((made, every))
+    sensors.append((made, every, 0))
     faults = FAULT_LIST.validate_python([f | {"sensor": name} for f in FAULTS])
     again = make_sensor(installation, preset=name)
-    sensors.append((FaultySensor(again, faults), every))
+    sensors.append((FaultySensor(again, faults), every, 0))
 h, digest = physics.vehicle.hover_control, hashlib.sha256()
 
 def feed(value):
@@ -136,8 +136,8 @@ for tick in range(300):
     level = 0.0 if tick < 20 else 1.06 * h if tick < 250 else 0.95 * h
     controls = (level, level - wobble, level + wobble, level) if level else (0.0,) * 4
     truth = physics.advance(tick, controls)
-    for sensor, every in sensors:
-        if tick % every == 0:
+    for sensor, every, first in sensors:
+        if tick % every == 0 and tick >= first:
             feed(sensor.sample(truth, tick // every))
 assert truth.p_WB[2] > 0.4, truth
 print(digest.hexdigest())

@@ -89,7 +89,10 @@ class Flown:
         return position, attitude, float(np.max(np.abs(self.states[:, 13:] / exact[:, 13:] - 1.0)))
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[] if n in ("x500", "y6") else pytest.mark.slow) for n in vehicle_names()],
+)
 def test_five_hard_seconds_stay_a_thousandth_of_the_limit(name: str) -> None:
     """The limit is 1e-6 m and 1e-6 rad."""
     vehicle = load_vehicle(name)
@@ -130,6 +133,9 @@ def test_a_vanishing_tilt_is_the_upright_flight() -> None:
     assert tilted(vehicle, 1e-13).rotors[0].axis != (0.0, 0.0, 1.0)
 
 
+SWITCHES = ("all stop for 0.1 s", "one stops for 0.1 s", "all switch at 2.5 Hz", "random")
+
+
 def switched_commands(vehicle: Vehicle, case: str) -> Float64:
     """Rotors that stop and start again in a descent: their speed crosses the vortex ring state within a step."""
     t, rotors = np.arange(1250) * 0.004, len(vehicle.rotors)
@@ -146,8 +152,14 @@ def switched_commands(vehicle: Vehicle, case: str) -> Float64:
     return np.clip(commands, 0.0, 1.0)
 
 
-@pytest.mark.parametrize("case", ["all stop for 0.1 s", "one stops for 0.1 s", "all switch at 2.5 Hz", "random"])
-@pytest.mark.parametrize("name", ["x500", "iris", "x8", "tilted hexa"])
+SWITCHED = list(itertools.product(("x500", "iris", "x8", "tilted hexa"), SWITCHES))
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    # `make test` runs each vehicle with one case.
+    [pytest.param(*both, marks=[] if i % 5 == 0 else pytest.mark.slow) for i, both in enumerate(SWITCHED)],
+)
 def test_rotors_that_stop_and_start_in_a_descent(name: str, case: str) -> None:
     vehicle = tilted(load_vehicle("hexa_x"), 20.0) if name == "tilted hexa" else load_vehicle(name)
     position, attitude, _ = Flown(vehicle, switched_commands(vehicle, case)).errors()

@@ -25,6 +25,7 @@ ROOT = Path(__file__).resolve().parents[4]
 # Two simulated seconds on the ground, in a tenth of a second. The verdict is FAIL.
 SHORT = """
 rig: mock
+tick_hz: 100
 autopilot: {transport: loopback}
 record: {mcap: false}
 duration_s: 2
