@@ -27,6 +27,12 @@ CASES = (*SCENES, VEHICLES)
 CAMERA = CameraModel.from_fov(160, 120, 90.0)
 
 
+@pytest.fixture(scope="module", params=CASES)
+def scene(request: pytest.FixtureRequest) -> str:
+    """One scene after the other, so that processes that share this file seldom share a scene."""
+    return str(request.param)
+
+
 @cache
 def case_of(scene: str) -> Case:
     return scene_case(scene, views=4, seed=11)
@@ -47,7 +53,6 @@ def errors_in(scene: str) -> Errors:
     return Errors.merged(parts)
 
 
-@pytest.mark.parametrize("scene", CASES)
 def test_depth_and_range(scene: str) -> None:
     found = errors_in(scene)
     assert len(found.depth_m) > 1500
@@ -56,21 +61,18 @@ def test_depth_and_range(scene: str) -> None:
         assert error.max() <= 1e-3
 
 
-@pytest.mark.parametrize("scene", CASES)
 def test_ids(scene: str) -> None:
     found = errors_in(scene)
     assert found.id_agrees.mean() >= 0.999
     assert found.id_agrees_anywhere.mean() >= 0.995
 
 
-@pytest.mark.parametrize("scene", CASES)
 def test_normals_of_primitives(scene: str) -> None:
     found = errors_in(scene)
     assert len(found.normal_deg) > 500
     assert found.normal_deg.max() <= 0.1
 
 
-@pytest.mark.parametrize("scene", CASES)
 def test_radial_velocity_is_the_twist_formula(scene: str) -> None:
     assert errors_in(scene).velocity_mps.max() <= 1e-4
 

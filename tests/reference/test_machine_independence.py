@@ -88,7 +88,7 @@ EXTRA = {
     "optical_flow": {"mount_m": (0.0, 0.05, -0.05)},
 }
 FRAME_EXTRA = {
-    "camera": {"shadows": True, "channels": list(CHANNELS)},
+    "camera": {"shadows": True, "channels": list(CHANNELS), "resolution": (160, 120)},
     "lidar": {"beam_divergence_rad": 0.003},
     "radar": {"mount_m": (0.0, 0.0, 1.0), "resolution": (96, 64)},
 }

@@ -16,6 +16,7 @@ from hil.apps.dataset.workers import Job, JobHandler, JobResult, Workers
 
 BENCH = """
 rig: mock
+tick_hz: 100
 scene: city_park
 seed: 5
 duration_s: 60

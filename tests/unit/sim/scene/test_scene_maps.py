@@ -22,7 +22,8 @@ from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.scene_map import SceneMap
 
 NAMES = tuple(GENERATORS)
-SEEDS = (1, 2, 3, 4, 5)
+SEEDS = (1, 2, 3)
+EVERY_SEED = [*SEEDS, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (4, 5))]
 GEOM = mujoco.mjtObj.mjOBJ_GEOM
 BODY = mujoco.mjtObj.mjOBJ_BODY
 
@@ -78,7 +79,7 @@ def world_box(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[ND
     return middle - reach, middle + reach
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 @pytest.mark.parametrize("name", NAMES)
 def test_compiles_and_is_finite(name: str, seed: int) -> None:
     model, _ = compiled(name, seed)
@@ -109,7 +110,7 @@ def test_same_bytes_in_another_process() -> None:
     assert run.stdout.split() == [digest(made(name, 1)) for name in NAMES]
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_visible_geom_has_exactly_one_class_and_a_surface(name: str, seed: int) -> None:
     model, _ = compiled(name, seed)
@@ -129,7 +130,7 @@ def test_every_visible_geom_has_exactly_one_class_and_a_surface(name: str, seed:
         assert 0.0 < surface.roughness_m < 0.1
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 @pytest.mark.parametrize("name", NAMES)
 def test_actors_are_mocap_bodies_of_their_own(name: str, seed: int) -> None:
     model, _ = compiled(name, seed)
@@ -166,7 +167,7 @@ def probe_hits(name: str, seed: int, places: list[tuple[float, float]], radius_m
     return {n for n in names if not n.startswith(("probe", "person_"))}
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 @pytest.mark.parametrize("name", NAMES)
 def test_takeoff_area_and_goal_are_free(name: str, seed: int) -> None:
     places = [(0.0, 0.0), (70.0, 60.0)] if name == "training_village" else [(0.0, 0.0)]
@@ -181,7 +182,7 @@ def test_people_keep_off_the_takeoff_area(name: str) -> None:
             assert (x * x + y * y) ** 0.5 > 4.0
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 def test_village_leaves_corridors_between_tall_things_and_bars_the_straight_way(seed: int) -> None:
     model, data = compiled("training_village", seed)
     boxes: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
@@ -237,7 +238,7 @@ def tessellated(model: mujoco.MjModel) -> int:
     return total
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 def test_city_park_is_rich_and_not_padded(seed: int) -> None:
     model, _ = compiled("city_park", seed)
     assert tessellated(model) >= 100_000
@@ -257,7 +258,7 @@ def height_below(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float,
     return z - distance, owner(model, int(hit[0]))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 def test_paths_of_the_park_are_free(seed: int) -> None:
     model, data = compiled("city_park", seed)
     points = [
@@ -278,7 +279,7 @@ def _vertices_end(model: mujoco.MjModel, geom: int) -> int:
     return int(model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 @pytest.mark.parametrize("name", NAMES)
 def test_nobody_walks_through_anything(name: str, seed: int) -> None:
     model, data = compiled(name, seed)
@@ -299,7 +300,7 @@ def test_nobody_walks_through_anything(name: str, seed: int) -> None:
         model.geom_group[people] = 0
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", EVERY_SEED)
 def test_doors_of_the_suburb_can_be_reached_and_zones_are_clear(seed: int) -> None:
     model, data = compiled("urban_delivery", seed)
     doors = zones = 0

@@ -45,8 +45,8 @@ def test_velocities_are_the_derivatives_of_the_poses(walker: Walker) -> None:
     """2 us to either side: truncation about 1e-9, rounding about 1e-8 m/s."""
     h_ns = 2_000
     worst_v = worst_w = fastest = 0.0
-    for k in range(1000):
-        t = 1_000_000_000 + k * 47_654_321
+    for k in range(250):
+        t = 1_000_000_000 + k * 190_617_283
         p0, q0, _, _ = posed(walker, t - h_ns)
         p1, q1, _, _ = posed(walker, t + h_ns)
         _, q, v, w = posed(walker, t)

@@ -81,7 +81,7 @@ TARGETS = {  # name: (somewhere in it, direction from which it is flown into)
 
 
 @pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize("speed", [5.0, 15.0])
+@pytest.mark.parametrize("speed", [pytest.param(5.0, marks=pytest.mark.slow), 15.0])
 def test_what_is_flown_into_stops_it_and_skipping_changes_no_bit(target: str, speed: float, tmp_path: Path) -> None:
     scene = yard(tmp_path)
     target_p, direction = TARGETS[target]

@@ -69,7 +69,7 @@ def test_two_processes_make_the_same_tree(plan: DatasetPlan, whole: Path, tmp_pa
     assert tree_of(tmp_path / "set") == tree_of(whole)
 
 
-@pytest.mark.parametrize("crash_at", [0, 1, 2])
+@pytest.mark.parametrize("crash_at", [1, *(pytest.param(at, marks=pytest.mark.slow) for at in (0, 2))])
 def test_a_crashed_data_set_can_be_resumed(plan: DatasetPlan, whole: Path, tmp_path: Path, crash_at: int) -> None:
     root = tmp_path / "set"
     with pytest.raises(Crash):
@@ -206,7 +206,7 @@ def test_times_rise_and_fit_together(whole: Path) -> None:
     assert times["cam0"] == times["radar0"] == times["range_doppler0"] == times["depth0"]
     assert set(times["lidar0"]) <= set(times["cam0"])
     assert len(times["lidar0"]) == (FRAMES + 1) // 2
-    assert np.diff(truth).tolist() == [4_000_000] * (len(truth) - 1)
+    assert np.diff(truth).tolist() == [10_000_000] * (len(truth) - 1)
 
 
 def test_every_file_in_a_table_is_there_and_no_other(whole: Path) -> None:
