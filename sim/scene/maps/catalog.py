@@ -7,7 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from signals.documents.validate import StrictModel
-from sim.scene.maps import city_park, radar_range, training_village, urban_delivery
+from sim.scene.maps import (
+    airsim_nh,
+    blocks,
+    city_park,
+    landscape_mountains,
+    radar_range,
+    training_village,
+    urban_delivery,
+)
 from sim.scene.maps.scene_map import SceneMap
 
 
@@ -24,4 +32,7 @@ GENERATORS: dict[str, Generator] = {
     "urban_delivery": Generator(urban_delivery.UrbanDeliveryParameters, urban_delivery.generate),
     "training_village": Generator(training_village.TrainingVillageParameters, training_village.generate),
     "radar_range": Generator(radar_range.RadarRangeParameters, radar_range.generate),
+    "blocks": Generator(blocks.BlocksParameters, blocks.generate),
+    "airsim_nh": Generator(airsim_nh.AirSimNHParameters, airsim_nh.generate),
+    "landscape_mountains": Generator(landscape_mountains.LandscapeMountainsParameters, landscape_mountains.generate),
 }

@@ -277,7 +277,7 @@ class MapBuilder:
     def hfield(self, name: str, rows: list[list[float]], size: tuple[float, float, float, float]) -> str:
         """Add a height field: elevations 0..1 by row from -y, size (half x, half y, height, base) [m]."""
         self._hfields.add(name)
-        flat = numbers(value for row in rows for value in row)
+        flat = numbers(value for row in reversed(rows) for value in row)  # the file's first row is that of +y
         ET.SubElement(
             self._asset, "hfield", name=name, nrow=str(len(rows)), ncol=str(len(rows[0])), size=numbers(size),
             elevation=flat,

@@ -8,41 +8,35 @@ Drop zones (class `drop_zone`) are marked squares of `zone_m` in gardens: flat, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import pi, sqrt
+from math import pi
 from typing import Annotated
 
 from pydantic import Field
 
-from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
-from sim.scene.maps import surfaces, textures
-from sim.scene.maps.buildings import add_block, add_house, building_materials
-from sim.scene.maps.ground_details import Strip, covers, ground_materials, puddles, spots, street
-from sim.scene.maps.layout import Layout, Point
-from sim.scene.maps.map_builder import MapBuilder, yaw_quat
+from sim.scene.maps.buildings import add_block
+from sim.scene.maps.ground_details import Strip, covers, puddles, spots, street
+from sim.scene.maps.layout import Point
+from sim.scene.maps.map_builder import yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon
 from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
-from sim.scene.maps.plants import add_bush, add_tree, plant_materials
+from sim.scene.maps.plants import add_bush, add_tree
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
-from sim.scene.maps.street_furniture import add_bin, add_street_lamp, furniture_materials
+from sim.scene.maps.street_furniture import add_bin, add_street_lamp
+from sim.scene.maps.suburb import FRONT_M, KERB_M, LANE_M, LAWN_M, Lot, Suburb
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.maps.vehicles.traffic import add_driven_car
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.random_generator import RandomGenerator
 
 _STREET_M = 21.0  # distance of the middle of a street from the axes
-_LANE_M = 3.5  # width of a lane, half a street
 _EDGE_M = 60.0
-_INNER_M, _OUTER_M = _STREET_M - _LANE_M, _STREET_M + _LANE_M
-_KERB_M = 0.12  # top of the pavement
-_LAWN_M = 0.14
-_FRONT_M = 2.2  # width of the pavement
+_INNER_M, _OUTER_M = _STREET_M - LANE_M, _STREET_M + LANE_M
 
 
 class UrbanDeliveryParameters(StrictModel):
@@ -60,56 +54,11 @@ class UrbanDeliveryParameters(StrictModel):
     season: Season = "summer"
 
 
-@dataclass(frozen=True)
-class Lot:
-    """Ground of a house: (x, y) is the middle of its front at the pavement, `heading` points to the street."""
-
-    x: float
-    y: float
-    heading_rad: float
-    width_m: float
-    depth_m: float
-
-    def at(self, back_m: float, left_m: float) -> Point:
-        """Return the point `back_m` behind the front and `left_m` to the left, seen when facing the street."""
-        c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
-        return self.x - back_m * c - left_m * s, self.y - back_m * s + left_m * c
-
-
-class _Suburb:
+class _Suburb(Suburb):
     def __init__(self, parameters: UrbanDeliveryParameters, seed: int) -> None:
+        super().__init__("urban_delivery", seed, parameters.season)
         self.parameters = parameters
-        self.seed = seed
-        self.builder = MapBuilder("urban_delivery")
-        self.layout = Layout()
         self.layout.take_disc(0.0, 0.0, 6.0)
-        self.bare: list[Point] = []  # where the grass is worn off
-
-    def rng(self, name: str) -> RandomGenerator:
-        return RandomGenerator(self.seed, f"urban_delivery.{name}")
-
-    def materials(self) -> None:
-        b = self.builder
-        plant_materials(b, self.parameters.season)
-        furniture_materials(b)
-        building_materials(b)
-        ground_materials(b)
-        for name in ("grass", "asphalt", "paving", "gravel", "sheet_metal"):
-            b.texture(name, textures.png(name))
-        b.material("grass", surfaces.GRASS, texture="grass", tile_m=16.0, specular=0.0)
-        b.material("lawn", surfaces.GRASS, rgb=(0.98, 1.0, 0.92), texture="grass", tile_m=16.0, specular=0.0)
-        b.material("lot_asphalt", surfaces.ASPHALT, rgb=(1.0, 1.0, 1.0), texture="asphalt", tile_m=6.0, specular=0.0)
-        b.material("paving", surfaces.CONCRETE, texture="paving", tile_m=4.8, specular=0.0)
-        b.material("drive", surfaces.GRAVEL, texture="gravel", tile_m=4.0, specular=0.0)
-        b.material("kerb", surfaces.STONE, texture="kerb", tile_m=(8.0, 0.4), specular=0.0)
-        b.material("zone_white", surfaces.ROAD_PAINT, rgb=(0.88, 0.88, 0.87), specular=0.0)
-        b.material("zone_blue", surfaces.ROAD_PAINT, rgb=(0.08, 0.30, 0.72), specular=0.0)
-        b.material("zone_orange", surfaces.ROAD_PAINT, rgb=(0.95, 0.45, 0.05), specular=0.0)
-        b.material(
-            "gate", surfaces.PAINTED_METAL, rgb=(0.34, 0.44, 0.52), texture="sheet_metal", tile_m=1.3, specular=0.3
-        )
-        b.material("fence", surfaces.WOOD, rgb=(0.82, 0.81, 0.78), specular=0.0)
-        b.material("fence_brown", surfaces.WOOD, rgb=(0.45, 0.31, 0.20), specular=0.0)
 
     def streets(self) -> None:
         b = self.builder
@@ -125,7 +74,7 @@ class _Suburb:
                 x = -reach + 2.0
                 i = 0
                 while x < reach:
-                    if min(abs(abs(x) - _STREET_M), abs(abs(x + 2.0) - _STREET_M)) > _LANE_M + 3.0:
+                    if min(abs(abs(x) - _STREET_M), abs(abs(x + 2.0) - _STREET_M)) > LANE_M + 3.0:
                         road.geom(
                             "box",
                             (0.9, 0.06, 0.01),
@@ -140,7 +89,7 @@ class _Suburb:
             for side_y in (-1.0, 1.0):
                 zebra = b.body("crossing", (side_x * (_INNER_M - 2.0), side_y * _STREET_M, 0.0))
                 for k in range(6):
-                    y = -_LANE_M + 0.55 + 1.16 * k
+                    y = -LANE_M + 0.55 + 1.16 * k
                     zebra.geom(
                         "box",
                         (1.4, 0.27, 0.01),
@@ -176,7 +125,7 @@ class _Suburb:
         for lot in self.lots:
             x, y = lot.at(rng.between(3.0, lot.depth_m - 3.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
             places.append((x, y, rng.between(0.9, 1.7), 0.0))
-        mesh = b.mesh("worn_spots", spots(places, _LAWN_M, rng))
+        mesh = b.mesh("worn_spots", spots(places, LAWN_M, rng))
         b.body("lawn").geom("mesh", asset=mesh, material="worn_spot", solid=False, part="spots")
 
     def depot(self) -> None:
@@ -187,16 +136,16 @@ class _Suburb:
             "box", (_INNER_M - 2.4, _INNER_M - 2.4, 0.02), pos=(0.0, 0.0, -0.012), material="lot_asphalt", solid=False
         )
         walk = b.body("pavement")
-        h = _INNER_M - _FRONT_M / 2
+        h = _INNER_M - FRONT_M / 2
         for i, (x, y, hx, hy) in enumerate(
             (
-                (0.0, h, _INNER_M, _FRONT_M / 2),
-                (0.0, -h, _INNER_M, _FRONT_M / 2),
-                (-h, 0.0, _FRONT_M / 2, h - _FRONT_M / 2),
+                (0.0, h, _INNER_M, FRONT_M / 2),
+                (0.0, -h, _INNER_M, FRONT_M / 2),
+                (-h, 0.0, FRONT_M / 2, h - FRONT_M / 2),
             )
         ):
             walk.geom(
-                "box", (hx, hy, _KERB_M / 2 + 0.02), pos=(x, y, _KERB_M / 2 - 0.02), material="paving", part=f"side_{i}"
+                "box", (hx, hy, KERB_M / 2 + 0.02), pos=(x, y, KERB_M / 2 - 0.02), material="paving", part=f"side_{i}"
             )
         pad = b.body("pad")
         ring = b.mesh("pad_ring", ribbon(ellipse(1.6, 1.6, 32), 0.1, -0.03, 0.014, tile_m=1.0, closed=True))
@@ -222,9 +171,7 @@ class _Suburb:
             mark.geom("box", (2.6, 0.05, 0.01), pos=(0.0, 0.0, 0.005), material="road_paint", solid=False)
 
     def blocks(self) -> None:
-        b, rng = self.builder, self.rng("blocks")
-        self.lots: list[Lot] = []
-        self.doors: list[tuple[Lot, float, float]] = []  # with the place of each door: behind the front, to the left
+        rng = self.rng("blocks")
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
                 if i == j == 0:
@@ -232,70 +179,21 @@ class _Suburb:
                 x0, x1 = _span(i)
                 y0, y1 = _span(j)
                 cx, cy, hx, hy = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0) / 2, (y1 - y0) / 2
-                body = b.body("pavement", (cx, cy, 0.0))
-                body.geom("box", (hx, hy, 0.1), pos=(0.0, 0.0, _KERB_M - 0.1), material="paving", part="slab")
-                for k, (px, py, sx, sy) in enumerate(
-                    ((0, hy, hx, 0.08), (0, -hy, hx, 0.08), (hx, 0, hy, 0.08), (-hx, 0, hy, 0.08))
-                ):
-                    turn = yaw_quat(0.0 if k < 2 else QUARTER_TURN_RAD)  # the stones lie along x of the box
-                    at = (px, py, _KERB_M - 0.095)
-                    body.geom("box", (sx, sy, 0.1), pos=at, quat=turn, material="kerb", part=f"kerb_{k}")
-                lawn = b.body("lawn", (cx, cy, 0.0))
-                lawn.geom(
-                    "box", (hx - _FRONT_M, hy - _FRONT_M, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.1), material="lawn"
-                )  # fmt: skip
+                self.block_ground(cx, cy, hx, hy)
                 # Houses face the street next to the middle block; those of corner blocks face the street along x.
                 toward_y = j != 0
                 heading = (-QUARTER_TURN_RAD if j > 0 else QUARTER_TURN_RAD) if toward_y else (pi if i > 0 else 0.0)
                 length = (x1 - x0) if toward_y else (y1 - y0)
-                depth = ((y1 - y0) if toward_y else (x1 - x0)) - 2.0 * _FRONT_M
-                width = (length - 2.0 * _FRONT_M) / 3
+                depth = ((y1 - y0) if toward_y else (x1 - x0)) - 2.0 * FRONT_M
+                width = (length - 2.0 * FRONT_M) / 3
                 for k in (-1, 0, 1):
                     if toward_y:
-                        x, y = cx + k * width, (y0 + _FRONT_M if j > 0 else y1 - _FRONT_M)
+                        x, y = cx + k * width, (y0 + FRONT_M if j > 0 else y1 - FRONT_M)
                     else:
-                        x, y = (x0 + _FRONT_M if i > 0 else x1 - _FRONT_M), cy + k * width
+                        x, y = (x0 + FRONT_M if i > 0 else x1 - FRONT_M), cy + k * width
                     self.lots.append(Lot(x, y, heading, width, depth))
         for number, lot in enumerate(self.lots):
             self.lot(rng, lot, number)
-
-    def lot(self, rng: RandomGenerator, lot: Lot, number: int) -> None:
-        b = self.builder
-        half_y = min(lot.width_m / 2 - 1.6, rng.between(3.4, 4.2))
-        half_x = rng.between(3.0, 3.8)
-        setback = rng.between(5.0, 6.5)
-        shift = rng.between(-0.5, 0.5)
-        x, y = lot.at(setback + half_x, shift)
-        add_house(b, rng, x, y, lot.heading_rad, half_x_m=half_x, half_y_m=half_y)
-        self.layout.take_disc(x, y, sqrt(half_x * half_x + half_y * half_y) + 0.4)
-        path = b.body("path", (*lot.at(setback / 2, shift), 0.0), yaw_quat(lot.heading_rad))
-        path.geom("box", (setback / 2, 0.6, 0.1), pos=(0.0, 0.0, _LAWN_M - 0.095), material="drive", solid=False)
-        a, c = lot.at(0.0, shift), lot.at(setback, shift)
-        self.layout.take_band((a, c), 0.9)
-        self.doors.append((lot, setback, shift))
-        # A fence towards the left neighbour; some fronts have a hedge.
-        if number % 3 != 2:
-            self.fence(lot.at(0.4, lot.width_m / 2), lot.at(lot.depth_m - 0.4, lot.width_m / 2), rng)
-
-    def fence(self, start: Point, end: Point, rng: RandomGenerator) -> None:
-        b = self.builder
-        dx, dy = end[0] - start[0], end[1] - start[1]
-        length = sqrt(dx * dx + dy * dy)
-        material = rng.pick(("fence", "fence_brown"))
-        heading = 0.0 if abs(dx) > abs(dy) else QUARTER_TURN_RAD
-        body = b.body("fence", (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1]), _LAWN_M), yaw_quat(heading))
-        for k, z in enumerate((0.3, 0.62, 0.94)):
-            body.geom("box", (length / 2, 0.02, 0.1), pos=(0.0, 0.0, z), material=material, part=f"rail_{k}")
-        posts = max(2, round(length / 4.5))
-        for k in range(posts + 1):
-            body.geom(
-                "box",
-                (0.05, 0.05, 0.55),
-                pos=(length * (k / posts - 0.5), 0.0, 0.55),
-                material=material,
-                part=f"post_{k}",
-            )
-        self.layout.take_band((start, end), 0.3)
 
     def drop_zones(self) -> None:
         b, p, rng = self.builder, self.parameters, self.rng("drop_zones")
@@ -312,7 +210,7 @@ class _Suburb:
                 if not self.layout.free(x, y, half + 1.0):
                     continue
                 self.layout.take_disc(x, y, half + 1.6)
-                zone = b.body("drop_zone", (x, y, _LAWN_M), yaw_quat(lot.heading_rad))
+                zone = b.body("drop_zone", (x, y, LAWN_M), yaw_quat(lot.heading_rad))
                 for part, edge, top, material in (
                     ("border", half, 0.010, "zone_blue"), ("field", 0.86 * half, 0.018, "zone_white"),
                 ):  # fmt: skip
@@ -369,7 +267,7 @@ class _Suburb:
             if alone and large < 0.35 and abs(along) > 30.0:
                 kind = "bus" if which < 0.4 and abs(along) in (40.0, 47.0) else "lorry"
             kerb_m = {"bus": 1.34, "lorry": 1.32, "van": 1.16}.get(kind, 1.15)
-            x, y, _ = _turned(axis, along_m, side * _STREET_M + lane * (_LANE_M - kerb_m))
+            x, y, _ = _turned(axis, along_m, side * _STREET_M + lane * (LANE_M - kerb_m))
             heading = axis * QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, looks, kind, (x, y, heading))
 
@@ -408,7 +306,7 @@ class _Suburb:
         for side_x in (-1.0, 1.0):
             for side_y in (-1.0, 1.0):
                 lit = rng.pick(("red", "green", "red", "amber"))
-                kerb = _LANE_M + 0.4
+                kerb = LANE_M + 0.4
                 # Before the zebra, to the right of each driver.
                 for x, y, heading in (
                     (side_x * (_INNER_M - 3.9), -side_x * kerb, pi if side_x > 0 else 0.0),
@@ -433,9 +331,9 @@ class _Suburb:
         for k, (lot, back, left) in enumerate(rng.shuffled(self.doors)):
             if k < 8:
                 for side in (-1.0, 1.0):
-                    add_potted_plant(b, rng, (*lot.at(back - 0.35, left + 0.95 * side), _LAWN_M))
+                    add_potted_plant(b, rng, (*lot.at(back - 0.35, left + 0.95 * side), LAWN_M))
             elif k < 10:
-                add_backpack(b, rng, (*lot.at(back - 0.4, left + 0.8), _LAWN_M), lot.heading_rad)
+                add_backpack(b, rng, (*lot.at(back - 0.4, left + 0.8), LAWN_M), lot.heading_rad)
 
         def in_gardens(
             count: int, radius_m: float, back_m: tuple[float, float], add: Callable[[Point, Lot], None]
@@ -449,37 +347,37 @@ class _Suburb:
                         add((x, y), lot)
                         break
 
-        in_gardens(3, 1.6, (13.0, 20.0), lambda p, _: add_parasol(b, rng, (*p, _LAWN_M)))
-        in_gardens(3, 0.6, (1.2, 4.0), lambda p, _: add_dog(b, rng, (*p, _LAWN_M), rng.between(0.0, TURN_RAD)))
+        in_gardens(3, 1.6, (13.0, 20.0), lambda p, _: add_parasol(b, rng, (*p, LAWN_M)))
+        in_gardens(3, 0.6, (1.2, 4.0), lambda p, _: add_dog(b, rng, (*p, LAWN_M), rng.between(0.0, TURN_RAD)))
         in_gardens(5, 0.9, (1.2, 3.6), lambda p, lot: self.bicycle(rng, p, lot))
         for _ in range(3):
-            in_gardens(1, 0.9, (1.0, 4.0), lambda p, _: add_birds(self.builder, rng, (*p, _LAWN_M)))
+            in_gardens(1, 0.9, (1.0, 4.0), lambda p, _: add_birds(self.builder, rng, (*p, LAWN_M)))
         for axis, side, along, lane in self.free_spots[:2]:
-            x, y, _ = _turned(axis, along, side * _STREET_M + lane * (_LANE_M - 0.6))
+            x, y, _ = _turned(axis, along, side * _STREET_M + lane * (LANE_M - 0.6))
             heading = axis * QUARTER_TURN_RAD + (0.0 if lane < 0 else pi)
             add_vehicle(b, rng, "motorcycle", (x, y, heading))
 
     def bicycle(self, rng: RandomGenerator, at: Point, lot: Lot) -> None:
         heading = lot.heading_rad + rng.pick((-1.0, 1.0)) * QUARTER_TURN_RAD
-        add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=_LAWN_M)
+        add_vehicle(self.builder, rng, "bicycle", (*at, heading), ground_m=LAWN_M)
 
     def people(self) -> None:
         """Add people on the pavements: round a block, or to and fro along one side."""
         b, p, rng = self.builder, self.parameters, self.rng("people")
         for k in range(p.walkers):
-            add_walker(b, rng, _way(rng, k, (0.9, 1.5)), ground_m=_KERB_M)
+            add_walker(b, rng, _way(rng, k, (0.9, 1.5)), ground_m=KERB_M)
         for _ in range(p.standing_people):
             lot = rng.pick(self.lots)
             x, y = lot.at(rng.between(1.0, 4.0), rng.between(-3.0, 3.0))
             if self.layout.free(x, y, 0.4):
                 self.layout.take_disc(x, y, 0.5)
-                add_still_person(b, rng, (x, y, _LAWN_M), rng.between(0.0, TURN_RAD))
+                add_still_person(b, rng, (x, y, LAWN_M), rng.between(0.0, TURN_RAD))
         children, wheels = self.rng("children"), self.rng("wheelchairs")
         for k in range(p.children):
             traits = PersonTraits(height_m=children.between(1.05, 1.40))
-            add_walker(b, children, _way(children, k, (0.6, 1.0)), ground_m=_KERB_M, traits=traits)
+            add_walker(b, children, _way(children, k, (0.6, 1.0)), ground_m=KERB_M, traits=traits)
         for k in range(p.wheelchairs):
-            add_wheelchair_user(b, wheels, _way(wheels, 2 * k, (0.7, 1.3)), ground_m=_KERB_M)
+            add_wheelchair_user(b, wheels, _way(wheels, 2 * k, (0.7, 1.3)), ground_m=KERB_M)
 
 
 def _way(rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:

@@ -24,9 +24,11 @@ _STEP_M = 0.2  # of a bough's size
 _TWIG = 0.007  # least radius of a bare tree's branches, in the size of a bough
 
 
-def add_tree(builder: MapBuilder, rng: RandomGenerator, x: float, y: float, *, size: float = 1.0) -> None:
+def add_tree(
+    builder: MapBuilder, rng: RandomGenerator, x: float, y: float, *, size: float = 1.0, ground_m: float = 0.0
+) -> None:
     """Add a tree of 5 to 11 m: fir, pine, birch, linden, oak or maple."""
-    body = builder.body("tree", (x, y, 0.0), yaw_quat(rng.between(0.0, TURN_RAD)))
+    body = builder.body("tree", (x, y, ground_m), yaw_quat(rng.between(0.0, TURN_RAD)))
     kind = rng.unit()
     if kind < 0.2:
         height = size * rng.between(5.0, 9.0)

@@ -9,9 +9,11 @@ import pytest
 
 from hil.apps.airsim.settings.cameras import Capture, camera_name
 from hil.apps.airsim.settings.files import find_settings, load_settings
+from hil.apps.airsim.settings.scene_names import scene_name
 from hil.apps.airsim.settings.sensors import Gps, Imu, Lidar
 from hil.apps.airsim.settings.settings import AirSimSettings, read_settings
 from signals.errors import ConfigError
+from sim.scene.scene import load_scene
 
 
 def read(text: str) -> AirSimSettings:
@@ -192,3 +194,10 @@ def test_where_the_file_is_looked_for(tmp_path: Path, monkeypatch: pytest.Monkey
     assert load_settings('{"ApiServerPort": 4}')[0].port == 4
     with pytest.raises(ConfigError, match=r"absent\.json: no such file"):
         load_settings("absent.json")
+
+
+def test_scenes_have_the_names_that_users_of_airsim_know() -> None:
+    for name, own in (("Blocks", "blocks"), ("AirSimNH", "airsim_nh"), ("LandscapeMountains", "landscape_mountains")):
+        assert scene_name(name) == own
+        assert load_scene(scene_name(name)).name == own
+    assert scene_name("city_park") == "city_park"

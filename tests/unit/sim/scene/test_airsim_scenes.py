@@ -1,0 +1,142 @@
+"""Scenes for scripts of AirSim: what their fixed coordinates need is free, and what they name exists."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim.scene.maps import surfaces
+from sim.scene.maps.catalog import GENERATORS
+from sim.scene.maps.landscape_mountains import terrain
+from sim.scene.maps.map_builder import MapBuilder
+
+GEOM = mujoco.mjtObj.mjOBJ_GEOM
+BODY = mujoco.mjtObj.mjOBJ_BODY
+Point = tuple[float, float, float]
+# AirSim's example path.py, 5 m above the start: north 125, west 130, and back; here (east, north, up).
+PATH: tuple[Point, ...] = ((0, 0, 5), (0, 125, 5), (-130, 125, 5), (-130, 0, 5), (0, 0, 5))
+SURVEY: tuple[Point, ...] = tuple((s * 57.0, x, 30.0) for x in range(-50, 58, 10) for s in (-1.0, 1.0))
+BOX: tuple[Point, ...] = ((0, 0, 20), (20, 0, 20), (20, 20, 20), (-20, 20, 20), (-20, -20, 20), (20, -20, 20))
+GIMBAL: tuple[Point, ...] = ((50.26, -50.0, 20.58), (-50.26, 50.0, 10.58))
+HELLO: tuple[Point, ...] = ((0, 0, 0.4), (0, 0, 2), (10, -10, 10), (5, 5, 10), (-5, -5, 10), (-6, 6, 7))
+
+
+@cache
+def compiled(name: str, seed: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    generator = GENERATORS[name]
+    scene_map = generator.generate(generator.parameters(), seed)
+    model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+def touched(name: str, seed: int, path: tuple[Point, ...], radius_m: float) -> set[str]:
+    """Return the bodies that a ball of this radius touches on its way along a path."""
+    model, data = compiled(name, seed)
+    names: set[str] = set()
+    for start, end in itertools.pairwise(path):
+        length = float(np.linalg.norm(np.subtract(end, start)))
+        for u in np.linspace(0.0, 1.0, int(length / (0.5 * radius_m)) + 2):
+            centre = np.array(start) + u * np.subtract(end, start)
+            names |= near(model, data, centre, radius_m)
+    return names
+
+
+def near(model: mujoco.MjModel, data: mujoco.MjData, centre: NDArray[np.float64], radius_m: float) -> set[str]:
+    """Return the bodies of solid geoms whose own (oriented) box comes within `radius_m` of a point."""
+    rotation = data.geom_xmat.reshape(-1, 3, 3)
+    local = np.einsum("gji,gj->gi", rotation, centre - data.geom_xpos) - model.geom_aabb[:, :3]
+    gap = np.linalg.norm(np.maximum(np.abs(local) - model.geom_aabb[:, 3:], 0.0), axis=1)
+    of_body = (model.geom_contype == 1) & (model.geom_bodyid > 0)
+    return {
+        str(mujoco.mj_id2name(model, BODY, int(model.geom_bodyid[g])))
+        for g in np.flatnonzero(of_body & (gap < radius_m))
+    }
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("path", "radius_m"), [(PATH, 3.0), (SURVEY, 4.0), (BOX, 3.0), (GIMBAL, 1.5), (HELLO, 1.0)],
+    ids=("path", "survey", "box", "gimbal", "hello"),
+)  # fmt: skip
+def test_standard_moves_meet_nothing_in_blocks(path: tuple[Point, ...], radius_m: float, seed: int) -> None:
+    assert touched("blocks", seed, path, radius_m) == set()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_path_follows_free_streets_of_the_neighbourhood(seed: int) -> None:
+    assert touched("airsim_nh", seed, PATH, 2.0) == set()
+
+
+def test_blocks_hold_what_scripts_name_and_obstacles_where_they_expect_some() -> None:
+    model, data = compiled("blocks", 1)
+    bodies = {str(mujoco.mj_id2name(model, BODY, i)) for i in range(1, model.nbody)}
+    assert {"OrangeBall", "PulsingCone", "Cone_5", "Cylinder_3", "TemplateCube_Rounded_16"} <= bodies
+    assert {f"TemplateCube_Rounded_{i}" for i in range(1, 161)} <= bodies
+    assert mujoco.mj_name2id(model, GEOM, "Ground") >= 0
+    # Straight ahead the free lane ends at a wall.
+    hit = np.zeros(1, dtype=np.int32)
+    distance = mujoco.mj_ray(model, data, np.array([0.0, 0.0, 5.0]), np.array([0.0, 1.0, 0.0]), None, 1, -1, hit)
+    assert 138.0 < distance < 150.0
+
+
+def test_cubes_are_closed_and_their_faces_look_outwards() -> None:
+    model, _ = compiled("blocks", 1)
+    for mesh in range(model.nmesh):
+        first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+        start, vertices = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        corners = model.mesh_vert[start : start + vertices][model.mesh_face[first : first + count]].astype(float)
+        middle = model.mesh_vert[start : start + vertices].mean(axis=0)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        sizes = np.linalg.norm(normals, axis=1)
+        outward = np.einsum("ij,ij->i", normals, corners.mean(axis=1) - middle)
+        assert (outward[sizes > 1e-9] > 0.0).all(), mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MESH, mesh)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_the_valley_is_level_at_the_start_and_keeps_below_the_power_line(seed: int) -> None:
+    height = terrain(seed)
+    assert (height.min(), height.max()) == (-16.0, 240.0)  # or MuJoCo would scale it
+    assert (height[47:50, 63:66] == 0.0).all()
+
+
+def test_the_wires_hang_within_seven_metres_below_the_path_of_the_example() -> None:
+    model, data = compiled("landscape_mountains", 1)
+    points = [(-31.98, -0.55, 19.02), (-63.33, 48.6, 60.07), (-55.08, 193.6, 46.32), (35.32, 369.25, 62.57)]
+    for start, end in itertools.pairwise(points):
+        for u in (0.1, 0.3, 0.5, 0.7, 0.9):
+            at = np.array(start) + u * np.subtract(end, start)
+            hit = np.zeros(1, dtype=np.int32)
+            # A wide look at the wires: the nearest part of one.
+            wires = [g for g in range(model.ngeom) if str(mujoco.mj_id2name(model, GEOM, g)).startswith("wire_")]
+            gap = np.abs(np.linalg.norm(data.geom_xpos[wires] - at, axis=1)).min()
+            assert gap < 14.0
+            below = mujoco.mj_ray(model, data, at, np.array([0.0, 0.0, -1.0]), None, 1, -1, hit)
+            assert below > 2.5
+
+
+def test_a_height_field_lies_as_its_rows_say() -> None:
+    builder = MapBuilder("slope")
+    builder.material("grass", surfaces.GRASS)
+    builder.hfield("slope", [[0.0, 0.0], [1.0, 1.0]], (10.0, 10.0, 5.0, 1.0))
+    builder.ground_hfield("slope", material="grass", pos=(0.0, 0.0, 0.0))
+    model = mujoco.MjModel.from_xml_string(builder.build().mjcf)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    hit = np.zeros(1, dtype=np.int32)
+    for y in (-8.0, 8.0):
+        z = 9.0 - mujoco.mj_ray(model, data, np.array([0.0, y, 9.0]), np.array([0.0, 0.0, -1.0]), None, 1, -1, hit)
+        assert z == pytest.approx(0.25 * (y + 10.0), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["blocks", "airsim_nh", "landscape_mountains"])
+def test_names_of_bodies_match_the_characters_that_scripts_match(name: str) -> None:
+    model, _ = compiled(name, 1)
+    assert all(re.fullmatch(r"\w+", str(mujoco.mj_id2name(model, BODY, i))) for i in range(1, model.nbody))
