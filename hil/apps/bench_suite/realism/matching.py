@@ -17,10 +17,12 @@ import numpy as np
 
 from hil.apps.bench_suite.realism.frames import Truth
 from hil.apps.bench_suite.realism.kinds import Kind, group_labels
-from hil.apps.bench_suite.realism.networks import Found, area, best_boxes, overlaps, shared_area
+from hil.apps.bench_suite.realism.networks import Found, area, shared_area
 from hil.config.companion.clients import make_client_importable
 
 make_client_importable()
+
+from hil_companion.detect.decode import overlaps, suppressed  # noqa: E402
 
 from hil.apps.detect.average_precision import ClassResult  # noqa: E402
 
@@ -64,7 +66,7 @@ def match_group(truths: Sequence[Truth], boxes: Sequence[Found], group: str) -> 
 def _without_overlaps(boxes: Sequence[Found]) -> list[Found]:
     """Return the boxes by falling score, without those that overlap a better one."""
     places = np.array([box.box_px for box in boxes]).reshape(-1, 4)
-    return [boxes[row] for row in best_boxes(places, np.array([box.score for box in boxes]), MIN_IOU)]
+    return [boxes[row] for row in suppressed(places, np.array([box.score for box in boxes]), MIN_IOU, None)]
 
 
 @dataclass

@@ -27,6 +27,11 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.realism.darknet import YoloHead, read_darknet
 from hil.apps.bench_suite.realism.graph_model import read_graph_model
+from hil.config.companion.clients import make_client_importable
+
+make_client_importable()
+
+from hil_companion.detect.decode import suppressed  # noqa: E402
 
 Float = NDArray[np.float64]
 LOWEST_SCORE = 0.05  # boxes below are not kept; average precision needs those below the threshold
@@ -75,28 +80,11 @@ class Detector(ABC):
         for number in np.flatnonzero(scores.max(axis=0, initial=0.0) >= LOWEST_SCORE):
             score = scores[:, number]
             rows = np.flatnonzero(score >= LOWEST_SCORE)
-            for row in best_boxes(boxes[rows], score[rows], self._max_overlap):
+            for row in suppressed(boxes[rows], score[rows], self._max_overlap, None):
                 box = boxes[rows[row]].tolist()
                 found.append(Found(self.labels[number], float(score[rows[row]]), tuple(box)))
         found.sort(key=lambda one: -one.score)
         return found[:_MAX_BOXES], time.process_time() - began
-
-
-def best_boxes(boxes: Float, scores: Float, max_overlap: float) -> list[int]:
-    """Return the rows that no row of a higher score overlaps by an IoU above `max_overlap`, by falling score."""
-    order = np.argsort(-scores, kind="stable")
-    kept: list[int] = []
-    for row in order.tolist():
-        if not kept or overlaps(boxes[row], boxes[kept]).max() <= max_overlap:
-            kept.append(row)
-    return kept
-
-
-def overlaps(box: Float, boxes: Float) -> Float:
-    """Return the IoU of a box (4,) with each of `boxes` (n, 4)."""
-    shared = shared_area(box, boxes)
-    union = area(box) + area(boxes) - shared
-    return np.where(union > 0.0, shared / np.where(union > 0.0, union, 1.0), 0.0)
 
 
 def shared_area(box: Float, boxes: Float) -> Float:

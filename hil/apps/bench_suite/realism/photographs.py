@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.bench_suite.realism.kinds import group_labels
-from hil.apps.bench_suite.realism.networks import Detector, Found, overlaps
+from hil.apps.bench_suite.realism.networks import Detector, Found
 from hil.apps.bench_suite.result import TextTable
 from hil.config.companion.clients import make_client_importable
 from signals.errors import RecordingError
 
 make_client_importable()
 
+from hil_companion.detect.decode import overlaps  # noqa: E402
 from hil_companion.detect.detector import Detector as OwnDetector  # noqa: E402
 from hil_companion.detect.model_file import ModelFile  # noqa: E402
 

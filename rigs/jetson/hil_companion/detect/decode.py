@@ -90,9 +90,12 @@ def overlaps(box: np.ndarray, others: np.ndarray) -> np.ndarray:
     return np.where(union > 0.0, common / np.where(union > 0.0, union, 1.0), 0.0)
 
 
-def suppressed(boxes: np.ndarray, scores: np.ndarray, iou: float) -> list[int]:
-    """Return the indices of the remaining boxes, best first. Each removes worse boxes that overlap it by over `iou`."""
-    left = np.argsort(-scores, kind="stable")[:_MAX_CANDIDATES]
+def suppressed(boxes: np.ndarray, scores: np.ndarray, iou: float, most: int | None = _MAX_CANDIDATES) -> list[int]:
+    """Return the indices of the remaining boxes, best first. Each removes worse boxes that overlap it by over `iou`.
+
+    `most`: the number of boxes that are looked at, the best ones; None: all.
+    """
+    left = np.argsort(-scores, kind="stable")[:most]
     kept: list[int] = []
     while left.size:
         best = int(left[0])

@@ -161,5 +161,5 @@ def test_anchors_of_the_ssd() -> None:
 
 def test_overlapping_boxes_are_reduced_to_the_best() -> None:
     boxes = np.array([[0.0, 0.0, 10.0, 10.0], [1.0, 0.0, 11.0, 10.0], [30.0, 0.0, 40.0, 10.0]])
-    assert networks.best_boxes(boxes, np.array([0.5, 0.9, 0.1]), 0.45) == [1, 2]
-    assert networks.best_boxes(boxes, np.array([0.5, 0.9, 0.1]), 0.85) == [1, 0, 2]
+    assert networks.suppressed(boxes, np.array([0.5, 0.9, 0.1]), 0.45, None) == [1, 2]
+    assert networks.suppressed(boxes, np.array([0.5, 0.9, 0.1]), 0.85, None) == [1, 0, 2]
