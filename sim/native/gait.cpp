@@ -250,13 +250,7 @@ void Walker::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W,
     }
     const double c = place.cos, s = place.sin;
     const double rate = progress.speed_mps * cycles_per_m_, yaw_rate = progress.speed_mps * place.yaw_per_m;
-    // Cosine and sine of half the heading, without trigonometry. At cos = -1 the sign is arbitrary, because both
-    // quaternions are the same attitude.
-    const double hc = c > -0.5 ? std::sqrt(0.5 * (1.0 + c)) : 0.5 * std::fabs(s) / std::sqrt(0.5 * (1.0 - c));
-    double hs = c < 0.5 ? std::sqrt(0.5 * (1.0 - c)) : 0.5 * std::fabs(s) / hc;
-    if (s < 0.0) {
-        hs = -hs;
-    }
+    const auto [hc, hs] = place.half_heading();
     for (int i = 0; i < kLimbs; ++i) {
         const auto &[x, y, z, tc, ts, yc, ys, dx_phase, dy_phase, dz, d_theta_phase, d_yaw] = rows[i];
         double *p = p_WB + 3 * i, *q = q_WB + 4 * i, *v = v_WB_W + 3 * i, *w = w_WB_W + 3 * i;

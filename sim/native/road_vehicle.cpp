@@ -26,12 +26,7 @@ void RoadVehicle::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_
     const WalkProgress progress = path_.progress(t_ns);
     const WalkPlace place = path_.place(progress.s_m);
     const double c = place.cos, s = place.sin, speed = progress.speed_mps, yaw_rate = speed * place.yaw_per_m;
-    // Half the heading without trigonometry, as in Walker::pose.
-    const double hc = c > -0.5 ? std::sqrt(0.5 * (1.0 + c)) : 0.5 * std::fabs(s) / std::sqrt(0.5 * (1.0 - c));
-    double hs = c < 0.5 ? std::sqrt(0.5 * (1.0 - c)) : 0.5 * std::fabs(s) / hc;
-    if (s < 0.0) {
-        hs = -hs;
-    }
+    const auto [hc, hs] = place.half_heading();
     const double turns = progress.s_m * turns_per_m_, half_spin = kHalfTurn * (turns - std::floor(turns));
     const double tc = det::cos(half_spin), ts = det::sin(half_spin), spin = 2.0 * kHalfTurn * turns_per_m_ * speed;
     for (std::size_t i = 0; i <= wheels_.size(); ++i) {

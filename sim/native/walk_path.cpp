@@ -51,6 +51,12 @@ const Part &started(const std::vector<Part> &parts, double Part::*start, double 
 
 }  // namespace
 
+std::pair<double, double> WalkPlace::half_heading() const {
+    const double half_cos = cos > -0.5 ? std::sqrt(0.5 * (1.0 + cos)) : 0.5 * std::fabs(sin) / std::sqrt(0.5 * (1.0 - cos));
+    const double half_sin = cos < 0.5 ? std::sqrt(0.5 * (1.0 - cos)) : 0.5 * std::fabs(sin) / half_cos;
+    return {half_cos, sin < 0.0 ? -half_sin : half_sin};
+}
+
 WalkPath::WalkPath(std::vector<WalkPiece> pieces, std::vector<WalkStraight> straights, std::vector<WalkCorner> corners,
                    double lap_s, double offset_s)
     : pieces_(std::move(pieces)), straights_(std::move(straights)), corners_(std::move(corners)), lap_s_(lap_s),

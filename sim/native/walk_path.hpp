@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace hil::sim {
@@ -37,6 +38,10 @@ struct WalkProgress {
 
 struct WalkPlace {
     double x_m, y_m, cos, sin, dx_ds, dy_ds, yaw_per_m;
+
+    // Cosine and sine of half the heading, without trigonometry. At cos = -1 the sign is arbitrary, because both
+    // quaternions are the same attitude.
+    std::pair<double, double> half_heading() const;
 };
 
 class WalkPath {
