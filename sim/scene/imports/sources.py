@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -45,7 +46,11 @@ class GltfSource:
     section: GltfMap
 
     def key(self) -> str:
-        return hashlib.sha256(self.file.packed()).hexdigest()
+        state = hashlib.sha256(json.dumps(self.file.raw).encode())
+        for data in (*self.file.buffers, *self.file.images.values()):
+            state.update(len(data).to_bytes(8, "little"))
+            state.update(data)
+        return state.hexdigest()
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
         from sim.scene.imports.gltf_map import GltfOptions, map_of_gltf
