@@ -45,19 +45,13 @@ def add_traffic_light(builder: MapBuilder, x: float, y: float, heading_rad: floa
     builder.material("signal_post", surfaces.METAL, rgb=(0.42, 0.44, 0.45), specular=0.4, shininess=0.4)
     builder.material("signal_black", surfaces.BLACK_PLASTIC, rgb=(0.05, 0.05, 0.05), specular=0.1)
     builder.material("signal_white", surfaces.ROAD_PAINT, rgb=(0.92, 0.92, 0.90), specular=0.1)
-    head, white = Mesh.empty(), Mesh.empty()
-    z = _HEAD_M
-    add_box(white, (0.02, -0.27, z - 0.09), (0.04, 0.27, z + 1.02))
-    add_box(head, (0.0, -0.24, z - 0.06), (0.05, 0.24, z + 0.99))
-    add_box(head, (0.04, -0.16, z), (0.20, 0.16, z + 0.93))
-    for k in range(3):
-        _add_visor(head, 0.20, z + 0.155 + 0.31 * k)
+    (head, board), z = _signal(), _HEAD_M
     # The post is an object of its own: people and networks mean the head by a traffic light.
     post = builder.body("pole", (x, y, 0.0), yaw_quat(heading_rad))
     post.geom("cylinder", (0.055, 1.75), pos=(-0.06, 0.0, 1.75), material="signal_post", part="post")
     body = builder.body("traffic_light", (x, y, 0.0), yaw_quat(heading_rad))
     body.geom("mesh", asset=builder.mesh("signal_head", head), material="signal_black", solid=False, part="head")
-    body.geom("mesh", asset=builder.mesh("signal_board", white), material="signal_white", solid=False, part="board")
+    body.geom("mesh", asset=builder.mesh("signal_board", board), material="signal_white", solid=False, part="board")
     body.proxy("box", (0.10, 0.24, 0.53), pos=(0.10, 0.0, z + 0.465), material="signal_black", part="proxy")
     for k, colour in enumerate(("green", "amber", "red")):
         material = f"lens_{colour}_{'lit' if colour == lit else 'dark'}"
@@ -66,6 +60,19 @@ def add_traffic_light(builder: MapBuilder, x: float, y: float, heading_rad: floa
             "ellipsoid", (0.03, _LAMP_M, _LAMP_M), pos=(0.205, 0.0, z + 0.155 + 0.31 * k), material=material,
             solid=False, part=colour,
         )  # fmt: skip
+
+
+@cache
+def _signal() -> tuple[Mesh, Mesh]:
+    """Return the head of a traffic light and the board behind it."""
+    head, board = Mesh.empty(), Mesh.empty()
+    z = _HEAD_M
+    add_box(board, (0.02, -0.27, z - 0.09), (0.04, 0.27, z + 1.02))
+    add_box(head, (0.0, -0.24, z - 0.06), (0.05, 0.24, z + 0.99))
+    add_box(head, (0.04, -0.16, z), (0.20, 0.16, z + 0.93))
+    for k in range(3):
+        _add_visor(head, 0.20, z + 0.155 + 0.31 * k)
+    return head, board
 
 
 def _add_visor(mesh: Mesh, x: float, z: float) -> None:
@@ -90,6 +97,15 @@ def add_stop_sign(builder: MapBuilder, x: float, y: float, heading_rad: float) -
     post = builder.body("pole", (x, y, 0.0), yaw_quat(heading_rad))
     post.geom("cylinder", (0.035, 1.3), pos=(-0.05, 0.0, 1.3), material="signal_post", part="post")
     body = builder.body("stop_sign", (x, y, 0.0), yaw_quat(heading_rad))
+    face, back = _plate()
+    body.geom("mesh", asset=builder.mesh("stop_face", face), material="stop_sign", solid=False, part="face")
+    body.geom("mesh", asset=builder.mesh("stop_back", back), material="signal_post", solid=False, part="back")
+    body.proxy("box", (0.01, 0.36, 0.36), pos=(-0.01, 0.0, 2.25), material="signal_post", part="proxy")
+
+
+@cache
+def _plate() -> tuple[Mesh, Mesh]:
+    """Return face and back of a stop sign."""
     face, back = Mesh.empty(), Mesh.empty()
     corners = []
     for k in range(8):
@@ -101,6 +117,4 @@ def add_stop_sign(builder: MapBuilder, x: float, y: float, heading_rad: float) -
     rows = [[add_vertex(back, (x_m, a, 2.25 + b)) for a, b in reversed(corners)] for x_m in (0.0, -0.012)]
     back.add_polygon([(-0.012, a, 2.25 + b) for a, b in reversed(corners)], [(0.0, 0.0)] * 8)
     add_indexed_grid(back, rows, closed=True)
-    body.geom("mesh", asset=builder.mesh("stop_face", face), material="stop_sign", solid=False, part="face")
-    body.geom("mesh", asset=builder.mesh("stop_back", back), material="signal_post", solid=False, part="back")
-    body.proxy("box", (0.01, 0.36, 0.36), pos=(-0.01, 0.0, 2.25), material="signal_post", part="proxy")
+    return face, back

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from signals.samples import Vec3
 from sim.scene.maps.meshes import Mesh
 from sim.scene.maps.vehicles.body_shape import Greenhouse, LowerBody, arch_points, skin_patch
@@ -47,6 +49,7 @@ def wheel_centres(shape: CarShape) -> list[Vec3]:
     return [(x, side * y, shape.wheel_m) for x in shape.wheels_x_m for side in (1.0, -1.0)]
 
 
+@cache
 def wheel_parts(shape: CarShape, spokes: int, side: float) -> Parts:
     """Return tyre and rim of one wheel of the left (`side` 1) or right side, about the middle of its outer face."""
     parts = {"tyre": Mesh.empty(), "rim": Mesh.empty()}

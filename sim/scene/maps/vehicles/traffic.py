@@ -5,6 +5,7 @@ They keep their path and speed; they do not stop for anything.
 
 from __future__ import annotations
 
+from functools import cache
 from math import sqrt
 
 import numpy as np
@@ -44,15 +45,21 @@ class DrivenCar(_kernels.RoadVehicle):
         )
 
 
+@cache
+def _model(kind: str) -> Model:
+    """Return the model of a chassis with its driver."""
+    shape = SHAPES[kind]
+    return Model(
+        f"{kind}_driven", "car", "vehicle",
+        lambda: car_parts(shape, driver=True, wheels=False), lambda: car_proxies(shape)[:2],
+    )  # fmt: skip
+
+
 def add_driven_car(builder: MapBuilder, rng: RandomGenerator, path: WalkPath) -> DrivenCar:
     """Add a car with its driver as an actor of the map."""
     kind = rng.pick(_KINDS)
     paint, plate = draw_paint(rng), rng.index(PLATES)
-    shape = SHAPES[kind]
-    model = Model(
-        f"{kind}_driven", "car", "vehicle",
-        lambda: car_parts(shape, driver=True, wheels=False), lambda: car_proxies(shape)[:2],
-    )  # fmt: skip
+    shape, model = SHAPES[kind], _model(kind)
     builder.classify("vehicle", "car_*")
     car = DrivenCar(builder.next_name("car"), shape, path)
     chassis, *wheels = builder.actor(car)
