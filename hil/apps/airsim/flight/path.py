@@ -37,6 +37,7 @@ _CORNER_RADPS = 2.8  # greatest turn of the course
 _CORNER_MPS = 1.8  # speed through a right angle
 _LEAST_CORNER_MPS = 0.5
 _CLOSING_MPS = 0.1
+_STARTING_STEPS = 25  # until a vehicle that begins near the end is under way
 _ARRIVED_M, _ARRIVED_MPS = 0.1, 0.5
 
 
@@ -65,6 +66,7 @@ class Follow:
         self._options = options
         self._clock = Clock(limit_of(timeout_sec=options.timeout_s))
         self._track: _Track | None = None
+        self._near_steps = 0  # within 0.5 m of the end
 
     def start(self, state: NedState) -> list[Vec3]:
         """Return the points to fly to, from the state at the start of the move."""
@@ -86,7 +88,9 @@ class Follow:
         left_m = norm(to_end)
         if left_m <= ACCURACY_M and track.on_last_leg:
             closing_mps = _dot(state.v_mps, to_end) / left_m if left_m > 0.0 else 0.0
-            if closing_mps <= _CLOSING_MPS or (left_m <= _ARRIVED_M and norm(state.v_mps) <= _ARRIVED_MPS):
+            self._near_steps += 1
+            stopped = closing_mps <= _CLOSING_MPS and self._near_steps > _STARTING_STEPS
+            if stopped or (left_m <= _ARRIVED_M and norm(state.v_mps) <= _ARRIVED_MPS):
                 self.succeeded = True
                 return None
         speed_mps = track.speed_mps()
