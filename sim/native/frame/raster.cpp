@@ -49,8 +49,10 @@ struct BlockRect {
     bool empty() const { return x0 >= x1 || y0 >= y1; }
 };
 
-int clamp_to_int(double x, int lo, int hi) {
-    return x > lo ? (x < hi ? static_cast<int>(x) : hi) : lo;  // NaN: lo
+double clamped(double x, int lo, int hi) { return x > lo ? (x < hi ? x : hi) : lo; }  // NaN: lo
+int floor_to_int(double x) {
+    const int i = static_cast<int>(x);
+    return i - (i > x ? 1 : 0);
 }
 
 // Drawing of one picture, or of one thread's rows of it.
@@ -125,10 +127,10 @@ private:
     }
 
     BlockRect blocks_of(const PixelRect &r) const {
-        const int left = clamp_to_int(std::ceil(r.lo_x - 0.5 - kPixelMargin), 0, buffer_.width);
-        const int right = clamp_to_int(std::floor(r.hi_x - 0.5 + kPixelMargin), -1, buffer_.width - 1);
-        const int top = clamp_to_int(std::ceil(r.lo_y - 0.5 - kPixelMargin), 0, buffer_.height);
-        const int bottom = clamp_to_int(std::floor(r.hi_y - 0.5 + kPixelMargin), -1, buffer_.height - 1);
+        const int left = -floor_to_int(-clamped(r.lo_x - 0.5 - kPixelMargin, 0, buffer_.width));
+        const int right = floor_to_int(clamped(r.hi_x - 0.5 + kPixelMargin, -1, buffer_.width - 1));
+        const int top = -floor_to_int(-clamped(r.lo_y - 0.5 - kPixelMargin, 0, buffer_.height));
+        const int bottom = floor_to_int(clamped(r.hi_y - 0.5 + kPixelMargin, -1, buffer_.height - 1));
         if (left > right || top > bottom) return {0, 0, 0, 0};
         return {left / kBlock, right / kBlock + 1, std::max(row0_, top / kBlock), std::min(row1_, bottom / kBlock + 1)};
     }
@@ -192,6 +194,7 @@ private:
 
     void draw_geom(std::int32_t index) {
         const Geom &g = geometry_.geoms()[static_cast<std::size_t>(index)];
+        const View local = view_.in(g.p_WG, g.R_WG);
         DrawnGeom d{};
         d.geom = index;
         d.shape = g.shape;
@@ -200,7 +203,7 @@ private:
         double nearest = -1e30;
         if (std::isfinite(g.half[0]) && std::isfinite(g.half[1])) {
             PixelRect pixels;
-            const bool bounded = pixels_of_geom(view_, g, pixels, nearest);
+            const bool bounded = pixels_of_geom(view_, local, g, pixels, nearest);
             if (bounded && options_.frustum_culling) rect = blocks_of(pixels);
             if (rect.empty() || nearest > options_.far_t) return;
             if (bounded && options_.occlusion_culling && hidden(rect, static_cast<float>(nearest))) return;
@@ -214,12 +217,11 @@ private:
         ++counts_.geoms;
         d.x0 = rect.x0, d.x1 = rect.x1, d.y0 = rect.y0, d.y1 = rect.y1;
         d.t_min_bound = options_.occlusion_culling ? static_cast<float>(nearest) : -1e30f;
-        set_up(g, d);
+        set_up(g, local, d);
         packets_.clear();
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
             if (g.mask >= 0) d.mask = &geometry_.masks()[static_cast<std::size_t>(g.mask)];
-            const View local = view_.in(g.p_WG, g.R_WG);
             // If the mesh is beyond the reach of the near limit, the camera is outside it and no front is clipped.
             d.backs_hidden = options_.hide_backs && d.mesh->closed &&
                              (view_.projection == Projection::kParallel ||
@@ -232,21 +234,11 @@ private:
         kernels_.draw(d, rays_, buffer_, options_, row0_, row1_, packets_.data(), static_cast<int>(packets_.size()));
     }
 
-    void set_up(const Geom &g, DrawnGeom &d) const {
-        // m = R_GW R_WC, o = R_GW (p_C - p_G): in double, then rounded.
-        double o[3], m[9];
-        for (int r = 0; r < 3; ++r) {
-            o[r] = 0.0;
-            for (int k = 0; k < 3; ++k) o[r] += g.R_WG[3 * k + r] * (camera_.p_WC[k] - g.p_WG[k]);
-            for (int c = 0; c < 3; ++c) {
-                m[3 * r + c] = 0.0;
-                for (int k = 0; k < 3; ++k) m[3 * r + c] += g.R_WG[3 * k + r] * camera_.R_WC[3 * k + c];
-            }
-        }
+    void set_up(const Geom &g, const View &local, DrawnGeom &d) const {
         for (int r = 0; r < 3; ++r) {
             const double scale = g.shape == Shape::kEllipsoid ? 1.0 / g.size[r] : 1.0;
-            d.o[r] = static_cast<float>(o[r] * scale);
-            for (int c = 0; c < 3; ++c) d.m[3 * r + c] = static_cast<float>(m[3 * r + c] * scale);
+            d.o[r] = static_cast<float>(local.p[r] * scale);
+            for (int c = 0; c < 3; ++c) d.m[3 * r + c] = static_cast<float>(local.axis[c][r] * scale);
         }
         d.radius = static_cast<float>(g.size[0]);
         for (int i = 0; i < 3; ++i) d.half[i] = static_cast<float>(g.size[i]);
@@ -297,15 +289,16 @@ private:
         }
     }
 
+    // The packets below a node are consecutive: from its leftmost leaf to its rightmost.
     void add_packets(const Mesh &mesh, const BvhNode &node) {
-        if (node.count > 0) {
-            for (std::int32_t i = 0; i < node.count; ++i) {
-                packets_.push_back(mesh.packed_tree.order[static_cast<std::size_t>(node.first + i)]);
-            }
-            return;
-        }
-        add_packets(mesh, mesh.packed_tree.nodes[static_cast<std::size_t>(node.first)]);
-        add_packets(mesh, mesh.packed_tree.nodes[static_cast<std::size_t>(node.first + 1)]);
+        const auto leaf = [&](std::int32_t side) {
+            const BvhNode *at = &node;
+            while (at->count == 0) at = &mesh.packed_tree.nodes[static_cast<std::size_t>(at->first + side)];
+            return at;
+        };
+        const BvhNode *last = leaf(1);
+        const auto order = mesh.packed_tree.order.begin();
+        packets_.insert(packets_.end(), order + leaf(0)->first, order + last->first + last->count);
     }
 
     const Geometry &geometry_;

@@ -85,6 +85,7 @@ struct VisibilityBuffer {
 struct RayTable {
     Projection projection = Projection::kPinhole;
     std::vector<float> x, y;      // pinhole, parallel: [blocks_x][16] and [blocks_y][16]
+    std::vector<float> first_y, last_y;  // the same y of the first and the last line of each block row, and 16 more
     std::vector<float> xyz;       // table: [blocks][3][16]
     std::vector<float> tile_cone, block_cone;  // table: axis and cosine of the half angle [.][4]
     float cone[4] = {0, 0, 0, -2};             // table: of the whole picture

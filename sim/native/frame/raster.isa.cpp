@@ -115,7 +115,7 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
 }
 
 struct Packet {  // 16 triangles in the camera frame, ready to be drawn one by one
-    float e0[3][16], e1[3][16], e2[3][16], n[3][16], volume[16];
+    float edge[3][3][16], n[3][16], volume[16];  // edge functions of each triangle
     std::int32_t x0[16], x1[16], y0[16], y1[16];  // blocks whose pixels they may hold, ends included
     float nearest[16];
     float middle[3][16], reach[16];                                    // bounding spheres
@@ -139,19 +139,11 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
         v[corner] = {x * g.m[0] + y * g.m[3] + z * g.m[6], x * g.m[1] + y * g.m[4] + z * g.m[7],
                      x * g.m[2] + y * g.m[5] + z * g.m[8]};
     }
-    Triangle<F> t = triangle(v[0], v[1], v[2]);
-    if constexpr (P == Projection::kParallel) {
-        // The same edge functions for parallel rays: signed areas of (p, vb, vc) etc. in the image plane.
-        const auto edge = [](const Vec<F> &b, const Vec<F> &c) { return Vec<F>{b.y - c.y, c.x - b.x, b.x * c.y - b.y * c.x}; };
-        t.e0 = edge(v[1], v[2]);
-        t.e1 = edge(v[2], v[0]);
-        t.e2 = edge(v[0], v[1]);
-    }
-    store3(packet.e0, t.e0);
-    store3(packet.e1, t.e1);
-    store3(packet.e2, t.e2);
-    store3(packet.n, t.n);
-    store(packet.volume, t.volume);
+    const Vec<F> n = triangle_normal(v[0], v[1], v[2]);
+    const F volume = dot(v[0], n), zero = splat<F>(0);
+    some &= dot(n, n) > zero;
+    if (g.backs_hidden) some &= P == Projection::kParallel ? n.z < zero : volume < zero;
+    if (!any(some)) return 0;
     const F z_low = min(min(v[0].z, v[1].z), v[2].z);
     if constexpr (P == Projection::kTable) {
         const float third = 1.0f / 3.0f;
@@ -197,16 +189,73 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
         const auto limited = [](const F &x, int most) { return min(max(x, splat<F>(-8.0f)), splat<F>((float)most + 8.0f)); };
         const F left = floor(limited(low_x - margin, width) + 0.5f), right = floor(limited(high_x + margin, width) - 0.5f);
         const F top = floor(limited(low_y - margin, height) + 0.5f), bottom = floor(limited(high_y + margin, height) - 0.5f);
-        some = (left <= right) & (top <= bottom);
+        some &= (left <= right) & (top <= bottom);
+        if (!any(some)) return 0;
         store(packet.x0, shift_right(truncate(left), 2));
         store(packet.x1, shift_right(truncate(right), 2));
         store(packet.y0, shift_right(truncate(top), 2));
         store(packet.y1, shift_right(truncate(bottom), 2));
         store(packet.nearest, select(z_low > splat<F>(0), z_low * 0.99999f, splat<F>(-far)));
     }
-    const F zero = splat<F>(0);
-    if (g.backs_hidden) some &= P == Projection::kParallel ? t.n.z < zero : t.volume < zero;
-    return bits(some & (dot(t.n, t.n) > zero));
+    // Edge functions (shapes.hpp). For parallel rays: signed areas of (p, vb, vc) etc. in the image plane.
+    const auto edge = [](const Vec<F> &b, const Vec<F> &c) {
+        return P == Projection::kParallel ? Vec<F>{b.y - c.y, c.x - b.x, b.x * c.y - b.y * c.x} : cross(b, c);
+    };
+    store3(packet.edge[0], edge(v[1], v[2]));
+    store3(packet.edge[1], edge(v[2], v[0]));
+    store3(packet.edge[2], edge(v[0], v[1]));
+    store3(packet.n, n);
+    store(packet.volume, volume);
+    return bits(some);
+}
+
+// Columns of blocks, ends excluded, of each of 16 rows of blocks.
+struct Spans {
+    std::int32_t x0[16], x1[16];
+};
+
+// Finds the columns in which triangle `lane` may cover a pixel, for block rows `row` and the following. Returns false, and
+// finds nothing, unless one sign alone can belong to its inside.
+//
+// A pixel counts as inside if the three edge functions e_i = a_i x + b_i y + c_i have no two opposite signs. Rounding is
+// less than `error`. If their sum exceeds 3 `error` in all of the rectangle, no pixel there has the opposite sign, and each
+// edge bounds x: on the best line of pixels of a row, e_i >= -error.
+HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays, int x0, int x1, int row0, int row, int row1, Spans &spans) {
+    constexpr float kRounding = 1e-6f, kMargin = 1.0f / 64.0f;  // share of the greatest sum of terms; pixels
+    const float left = rays.x.data()[16 * x0], right = rays.x.data()[16 * x1 - 1];
+    const float top = rays.y.data()[16 * row0], bottom = rays.y.data()[16 * row1 - 1];
+    const auto magnitude = [](float a, float b) { return __builtin_fabsf(a) > __builtin_fabsf(b) ? __builtin_fabsf(a) : __builtin_fabsf(b); };
+    const float far_x = magnitude(left, right), far_y = magnitude(top, bottom);
+    float sum[3] = {0, 0, 0}, error = 0.0f;
+    for (const auto &e : packet.edge) {
+        for (int i = 0; i < 3; ++i) sum[i] += e[i][lane];
+        error += __builtin_fabsf(e[0][lane]) * far_x + __builtin_fabsf(e[1][lane]) * far_y + __builtin_fabsf(e[2][lane]);
+    }
+    error *= kRounding;
+    const float middle = 0.5f * (sum[0] * (left + right) + sum[1] * (top + bottom)) + sum[2];
+    const float swing = 0.5f * (__builtin_fabsf(sum[0]) * (right - left) + __builtin_fabsf(sum[1]) * (bottom - top));
+    if (!(__builtin_fabsf(middle) - swing > 4.0f * error)) return false;
+    const float sign = middle > 0.0f ? 1.0f : -1.0f;
+    const F first = load<F>(rays.first_y.data() + row), last = load<F>(rays.last_y.data() + row);
+    F low = splat<F>(left), high = splat<F>(right);
+    for (const auto &e : packet.edge) {
+        const float a = sign * e[0][lane], b = sign * e[1][lane], c = sign * e[2][lane];
+        const F rest = max(first * b, last * b) + (c + error);
+        if (__builtin_fabsf(a) * far_x <= error) {
+            low = select(rest + error < splat<F>(0), splat<F>(1e9f), low);
+        } else {
+            const F bound = rest * (-1.0f / a);
+            if (a > 0.0f) low = max(low, bound);
+            else high = min(high, bound);
+        }
+    }
+    const auto pixel = [&](const F &x, float margin) { return x * rays.fx + (rays.cx - 0.5f + margin); };
+    const auto column = [&](const F &u) { return shift_right(truncate(floor(min(max(u, splat<F>(-8.0f)), splat<F>(65536.0f)))), 2); };
+    const I x_first = column(pixel(low, -kMargin)), x_last = column(pixel(high, kMargin)) + (std::int32_t)1;
+    const I from = splat<I>(x0), to = splat<I>(x1);
+    store(spans.x0, select(x_first > from, x_first, from));
+    store(spans.x1, select(x_last < to, x_last, to));
+    return true;
 }
 
 template <Projection P>
@@ -216,7 +265,12 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
     const int triangles = (int)(g.mesh->triangle.size() / 3);
     DrawnGeom part = g;  // table: with the cone of one triangle
     Packet packet;
+    Spans spans;
     for (int k = 0; k < packet_count; ++k) {
+        if (k + 1 < packet_count) {
+            const float *next = g.mesh->packed.data() + 144 * (long)packets[k + 1];
+            for (int line = 0; line < 9; ++line) __builtin_prefetch(next + 16 * line);
+        }
         unsigned alive = prepare<P>(g, rays, options.near_t, buffer.width, buffer.height, g.mesh->packed.data() + 144 * (long)packets[k], packet);
         for (; alive != 0; alive &= alive - 1) {
             const int lane = __builtin_ctz(alive);
@@ -249,41 +303,49 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                 if constexpr (P == Projection::kTable) return b.x * e[0][lane] + b.y * e[1][lane] + b.z * e[2][lane];
                 else return b.x * e[0][lane] + b.y * e[1][lane] + e[2][lane];
             };
-            each_block<P>(part, rays, buffer, options.occlusion_culling, nearest, x0, x1, row0, row1, [&](const Block &b) {
-                const F e0 = one(packet.e0, b), e1 = one(packet.e1, b), e2 = one(packet.e2, b);
-                const I in = ((e0 >= zero) & (e1 >= zero) & (e2 >= zero)) | ((e0 <= zero) & (e1 <= zero) & (e2 <= zero));
-                if (!any(in)) return;
-                F over, under;
-                if constexpr (P == Projection::kParallel) {
-                    over = packet.volume[lane] - (b.x * packet.n[0][lane] + b.y * packet.n[1][lane]);
-                    under = splat<F>(packet.n[2][lane]);
-                } else {
-                    over = splat<F>(packet.volume[lane]);
-                    under = one(packet.n, b);
-                }
-                const F at = over / under;
-                const F t = select(in & (under != zero) & (at >= near), at, inf);
-                float *const ts = buffer.t.data() + 16 * b.index;
-                std::int32_t *const ids = buffer.geom.data() + 16 * b.index;
-                std::int32_t *const parts = buffer.triangle.data() + 16 * b.index;
-                const F old = load<F>(ts);
-                const I geom = splat<I>(g.geom), index = splat<I>(triangle), old_geom = load<I>(ids);
-                I closer = t < old;
-                const I equal = t == old;
-                if (any(equal)) {
-                    closer |= equal & ((geom < old_geom) | ((geom == old_geom) & (index < load<I>(parts))));
-                }
-                if (!any(closer)) return;
-                if (g.mask != nullptr) {
-                    closer &= opaque(*g.mask, g.mesh->uv.data() + 6 * (long)triangle, e0, e1, e2, closer);
+            constexpr int kWorthwhile = 6;  // blocks: the spans of fewer cost more than they save
+            bool narrow = P != Projection::kTable && options.frustum_culling && x1 - x0 > 1 && (x1 - x0) * (row1 - row0) >= kWorthwhile;
+            for (int row = row0; row < row1; ++row) {
+                int from = x0, to = x1;
+                const int line = (row - row0) % 16;
+                if (narrow && line == 0) narrow = find_spans(packet, lane, rays, x0, x1, row0, row, row1, spans);
+                if (narrow) from = spans.x0[line], to = spans.x1[line];
+                each_block<P>(part, rays, buffer, options.occlusion_culling, nearest, from, to, row, row + 1, [&](const Block &b) {
+                    const F e0 = one(packet.edge[0], b), e1 = one(packet.edge[1], b), e2 = one(packet.edge[2], b);
+                    const I in = ((e0 >= zero) & (e1 >= zero) & (e2 >= zero)) | ((e0 <= zero) & (e1 <= zero) & (e2 <= zero));
+                    if (!any(in)) return;
+                    F over, under;
+                    if constexpr (P == Projection::kParallel) {
+                        over = packet.volume[lane] - (b.x * packet.n[0][lane] + b.y * packet.n[1][lane]);
+                        under = splat<F>(packet.n[2][lane]);
+                    } else {
+                        over = splat<F>(packet.volume[lane]);
+                        under = one(packet.n, b);
+                    }
+                    const F at = over / under;
+                    const F t = select(in & (under != zero) & (at >= near), at, inf);
+                    float *const ts = buffer.t.data() + 16 * b.index;
+                    std::int32_t *const ids = buffer.geom.data() + 16 * b.index;
+                    std::int32_t *const parts = buffer.triangle.data() + 16 * b.index;
+                    const F old = load<F>(ts);
+                    const I geom = splat<I>(g.geom), index = splat<I>(triangle), old_geom = load<I>(ids);
+                    I closer = t < old;
+                    const I equal = t == old;
+                    if (any(equal)) {
+                        closer |= equal & ((geom < old_geom) | ((geom == old_geom) & (index < load<I>(parts))));
+                    }
                     if (!any(closer)) return;
-                }
-                const F now = select(closer, t, old);
-                store(ts, now);
-                store(ids, select(closer, geom, old_geom));
-                store(parts, select(closer, index, load<I>(parts)));
-                note_farthest(buffer, b, now);
-            });
+                    if (g.mask != nullptr) {
+                        closer &= opaque(*g.mask, g.mesh->uv.data() + 6 * (long)triangle, e0, e1, e2, closer);
+                        if (!any(closer)) return;
+                    }
+                    const F now = select(closer, t, old);
+                    store(ts, now);
+                    store(ids, select(closer, geom, old_geom));
+                    store(parts, select(closer, index, load<I>(parts)));
+                    note_farthest(buffer, b, now);
+                });
+            }
         }
     }
 }

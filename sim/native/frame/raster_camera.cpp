@@ -52,6 +52,12 @@ Raster::Raster(const Geometry &geometry, int width, int height, Projection proje
         const double v = static_cast<double>(i / 16 * kBlock + i % 16 / 4) + 0.5;
         rays_.y[i] = static_cast<float>((v - cy) / fy);
     }
+    rays_.first_y.resize(rays_.y.size() / 16 + 16);
+    rays_.last_y.resize(rays_.y.size() / 16 + 16);
+    for (std::size_t row = 0; row < rays_.y.size() / 16; ++row) {
+        rays_.first_y[row] = rays_.y[16 * row];
+        rays_.last_y[row] = rays_.y[16 * row + 15];
+    }
 }
 
 Raster::Raster(const Geometry &geometry, int width, int height, const double *directions_C, Isa isa)

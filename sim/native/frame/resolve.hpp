@@ -28,7 +28,8 @@
 // Tone curve. x = 0.723 gain L, y = x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14): Narkowicz's fit of the ACES film
 // curve (2015), scaled to leave a grey of 0.18 where it is.
 //
-// A block of 4 x 4 pixels that sees one geom is resolved at once, any other block once for each of its geoms.
+// A block of 4 x 4 pixels that sees one geom is resolved at once, any other block once for each of its geoms. Flat faces
+// have a shorter way (flat_faces.hpp). Texels are read last, for a run of blocks at once (Run in surface_colour.hpp).
 #pragma once
 
 #include <cstdint>

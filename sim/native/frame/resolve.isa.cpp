@@ -1,8 +1,8 @@
 // Inner loops that compute the channels of visible surfaces. Contract: resolve.hpp.
 #include "ambient_occlusion.hpp"
+#include "flat_faces.hpp"
 #include "lane_exp.hpp"
 #include "resolve.hpp"
-#include "sunlight.hpp"
 #include "surface_colour.hpp"
 
 namespace hil::sim::frame::HIL_ISA {
@@ -172,18 +172,26 @@ HIL_INLINE Vec<F> relieved(const ResolveJob &job, const Texture &texture, const 
     return unit({normal.x + a * u.x + b * v.x, normal.y + a * u.y + b * v.y, normal.z + a * u.z + b * v.z});
 }
 
+// Puts the colour of a geom into the lanes s.mask of block `at` of a run.
 template <class Into>
-HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, Vec<F> normal,
-                     const MeshTexture *on_mesh, Into &&into_camera) {
+HIL_INLINE void shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, Vec<F> normal,
+                      const MeshTexture *on_mesh, Into &&into_camera, Run &run, int at) {
     const Daylight &light = *job.light;
     const Scenery &scenery = *job.scenery;
     const Appearance &look = scenery.geoms.data()[g.geom];
-    const bool relief = job.shading.relief && look.relief >= 0;
+    const bool relief = job.shading.relief && look.relief >= 0, highlights = job.shading.highlights && look.specular > 0.0f;
+    const Texture *texture = look.texture >= 0 ? scenery.textures.data() + look.texture : nullptr;
+    const bool later = texture != nullptr && !job.shading.filtering && !highlights;  // the texel is the last factor
     Rgb c{splat<F>(decode(look.rgb[0])), splat<F>(decode(look.rgb[1])), splat<F>(decode(look.rgb[2]))};
-    if (look.texture >= 0 || relief) {
-        const Texture *texture = look.texture >= 0 ? scenery.textures.data() + look.texture : nullptr;
+    I texel = splat<I>(0);
+    if (texture != nullptr || relief) {
         const TexturePlace place = place_on(g, look, s, texture != nullptr && texture->cube, on_mesh);
-        if (texture != nullptr) c = albedo(look, sample(*texture, place, s, job.pixel_angle_rad, job.shading.filtering));
+        if (later) {
+            texel = nearest_texel(*texture, place, s, job.pixel_angle_rad);
+        } else if (texture != nullptr) {
+            const Rgb own = sample(*texture, place, s, job.pixel_angle_rad, job.shading.filtering);
+            c = {c.r * own.r, c.g * own.g, c.b * own.b};
+        }
         if (relief) normal = relieved(job, scenery.textures.data()[look.relief], place, s, normal, into_camera);
     }
     const F zero = splat<F>(0);
@@ -202,8 +210,12 @@ HIL_INLINE Rgb shade(const ResolveJob &job, const DrawnGeom &g, const Surface &s
         return a * (ambient + sun * light.sun_rgb[i] + look.emission);
     };
     Rgb seen{lit(c.r, 0), lit(c.g, 1), lit(c.b, 2)};
-    if (job.shading.highlights && look.specular > 0.0f) put_highlights(job, look, s, normal, c, sun, open, seen);
-    return seen;
+    if (highlights) put_highlights(job, look, s, normal, c, sun, open, seen);
+    if (later) {
+        put_later(run, at, s.mask, *texture, texel, seen);
+    } else {
+        put_now(run, at, s.mask, seen);
+    }
 }
 
 HIL_INLINE void put_tone(const Shading &shading, Rgb &c) {
@@ -252,134 +264,164 @@ HIL_INLINE void put_rgb(std::uint8_t *picture, int width, int x, int y, int colu
     for (int r = 0; r < rows; ++r) __builtin_memcpy(to + 3L * r * width, all + 12 * r, (unsigned long)(3 * columns));
 }
 
+struct Place {  // of a block
+    int row, column, block, x, y, columns, rows;
+};
+
+HIL_INLINE Place place_of(const VisibilityBuffer &b, int row, int column) {
+    const int x = 4 * column, y = 4 * row;
+    return {row, column, row * b.blocks_x + column, x, y, b.width - x < 4 ? b.width - x : 4, b.height - y < 4 ? b.height - y : 4};
+}
+
+// Channels that need no surface point.
+HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at) {
+    const VisibilityBuffer &b = *job.buffer;
+    const ChannelOutputs &out = job.out;
+    const std::int32_t *ids = b.geom.data() + 16 * at.block;
+    const I id = load<I>(ids);
+    const F t = load<F>(b.t.data() + 16 * at.block), inf = splat<F>(LaneTraits<F>::kInf);
+    const I seen = id >= splat<I>(0);
+    const Vec<F> d = rays_of(*job.rays, at.row, at.column, at.block);
+    const auto put_lanes = [&](auto *picture, const auto &lanes) {
+        ScalarOf<std::decay_t<decltype(lanes)>> values[16];
+        store(values, lanes);
+        put(picture, b.width, at.x, at.y, at.columns, at.rows, values);
+    };
+    if (out.geom) put(out.geom, b.width, at.x, at.y, at.columns, at.rows, ids);
+    if (out.depth) put_lanes(out.depth, select(seen, job.rays->projection == Projection::kTable ? t * d.z : t, inf));
+    if (out.range) put_lanes(out.range, select(seen, t * length_of(d), inf));
+    if (!out.segmentation && !out.material && !out.instance) return;
+    if (at.columns == 4 && !any(id != splat<I>(ids[0]))) {
+        const bool nothing = ids[0] < 0;
+        const Geom *g = job.geoms + (nothing ? 0 : ids[0]);
+        if (out.segmentation) put_one(out.segmentation, b.width, at.x, at.y, at.rows, nothing ? 0 : g->class_id);
+        if (out.material) put_one(out.material, b.width, at.x, at.y, at.rows, nothing ? 0 : g->surface);
+        if (out.instance) put_one(out.instance, b.width, at.x, at.y, at.rows, nothing ? 0 : g->instance);
+        return;
+    }
+    I labels = splat<I>(0), instance = splat<I>(0);  // labels: class, and surface from bit 8
+    for (unsigned left = bits(seen); left != 0;) {
+        const std::int32_t geom = ids[__builtin_ctz(left)];
+        const I here = id == splat<I>(geom);
+        left &= ~bits(here);
+        const Geom &g = job.geoms[geom];
+        labels = select(here, splat<I>(g.class_id | g.surface << 8), labels);
+        instance = select(here, splat<I>(g.instance), instance);
+    }
+    if (out.segmentation) put_lanes(out.segmentation, labels);
+    if (out.material) put_lanes(out.material, shift_right(labels, 8));
+    if (out.instance) put_lanes(out.instance, instance);
+}
+
+// Channels that need the surface of each geom of a block: radial velocity, normals, and the colour of block `k` of a run.
+HIL_INLINE void put_surfaces(const ResolveJob &job, const Place &at, FlatFaces &faces, Run &run, int k) {
+    const VisibilityBuffer &b = *job.buffer;
+    const ChannelOutputs &out = job.out;
+    const F zero = splat<F>(0);
+    const bool wants_normal = out.normal || out.rgb;
+    const std::int32_t *ids = b.geom.data() + 16 * at.block, *triangles = b.triangle.data() + 16 * at.block;
+    const I id = load<I>(ids);
+    const F t = load<F>(b.t.data() + 16 * at.block);
+    const Vec<F> d = rays_of(*job.rays, at.row, at.column, at.block);
+    const F per_length = out.radial_velocity ? 1.0f / length_of(d) : zero;  // one for all geoms of the block
+    Vec<F> normals{zero, zero, zero};
+    F velocity = zero;
+    run.colour[k] = {zero, zero, zero};
+    for (unsigned left = bits(id >= splat<I>(0)); left != 0;) {
+        const std::int32_t geom = ids[__builtin_ctz(left)];
+        const DrawnGeom &g = job.drawn[job.drawn_of_geom[geom]];
+        Surface s;
+        s.mask = id == splat<I>(geom);
+        left &= ~bits(s.mask);
+        s.t = t;
+        s.d = d;
+        if (out.radial_velocity) {
+            const F along = (d.x * g.velocity_C[0] + d.y * g.velocity_C[1] + d.z * g.velocity_C[2]) * per_length;
+            velocity = select(s.mask, along, velocity);
+        }
+        if (!wants_normal) continue;
+        const bool flat = out.rgb && is_flat(job, g);
+        if (flat) put_flat(job, g, s, triangles, faces, run, k);
+        if (flat && !out.normal) continue;
+        const float *m = g.m;
+        s.local = local_point(g, s);
+        MeshPoint on_mesh;
+        unsigned wanted = 0;
+        if (g.shape == Shape::kMesh) {
+            if (out.rgb && !flat) {
+                const Appearance &look = job.scenery->geoms.data()[geom];
+                const bool relief = job.shading.relief && look.relief >= 0;
+                if (!g.mesh->uv.empty() && (look.texture >= 0 || relief)) wanted = relief ? kTextured | kRelief : kTextured;
+                if (!g.mesh->corner_normal.empty()) wanted |= kSmooth;
+            }
+            on_mesh = mesh_point(g, triangles, s.mask, s.local, wanted);
+            s.gradient = on_mesh.flat;
+        } else {
+            s.gradient = gradient(g, s.local);
+        }
+        const auto into_camera = [&](const Vec<F> &q, bool is_unit_already) {
+            // Normals transform by the transpose of the points' matrix, which includes an ellipsoid's scaling.
+            const Vec<F> n{q.x * m[0] + q.y * m[3] + q.z * m[6], q.x * m[1] + q.y * m[4] + q.z * m[7],
+                           q.x * m[2] + q.y * m[5] + q.z * m[8]};
+            return is_unit_already ? n : unit(n);
+        };
+        const auto facing = [&](const Vec<F> &n, const I &away) {
+            return Vec<F>{select(away, -n.x, n.x), select(away, -n.y, n.y), select(away, -n.z, n.z)};
+        };
+        const bool is_unit = g.shape == Shape::kBox || g.shape == Shape::kPlane || g.shape == Shape::kMesh;
+        const Vec<F> outward = into_camera(s.gradient, is_unit);
+        const I away = dot(outward, d) > zero;  // seen from inside, or the back of a triangle
+        s.normal = facing(outward, away);
+        if (out.normal) {
+            normals = {select(s.mask, s.normal.x, normals.x), select(s.mask, s.normal.y, normals.y),
+                       select(s.mask, s.normal.z, normals.z)};
+        }
+        if (!out.rgb || flat) continue;
+        Vec<F> shading = s.normal;
+        // The normals of leaf cards are those of the crown, seen from either side.
+        if (wanted & kSmooth) shading = into_camera(on_mesh.smooth, false);
+        if (wanted & kSmooth && g.mask == nullptr) shading = facing(shading, away);
+        shade(job, g, s, triangles, shading, wanted & kTextured ? &on_mesh.texture : nullptr,
+              [&](const Vec<F> &q) { return into_camera(q, true); }, run, k);
+    }
+    if (out.radial_velocity) {
+        float lanes[16];
+        store(lanes, velocity);
+        put(out.radial_velocity, b.width, at.x, at.y, at.columns, at.rows, lanes);
+    }
+    if (out.normal) put3(out.normal, b.width, at.x, at.y, at.columns, at.rows, normals);
+}
+
+// Colour of the sky, haze, tone curve and code.
+HIL_INLINE void put_colour(const ResolveJob &job, const Place &at, Rgb colour) {
+    const VisibilityBuffer &b = *job.buffer;
+    const float *gain = job.shading.gain;
+    const I seen = load<I>(b.geom.data() + 16 * at.block) >= splat<I>(0);
+    const Vec<F> d = rays_of(*job.rays, at.row, at.column, at.block);
+    if (bits(seen) != 0xffffu) {
+        const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * (1.0f / length_of(d));
+        const Rgb above = sky(*job.light, up);
+        colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
+    }
+    if (job.light->extinction_per_m > 0.0f) put_haze(job, d, load<F>(b.t.data() + 16 * at.block), seen, colour);
+    if (job.shading.filmic || gain[0] != 1.0f || gain[1] != 1.0f || gain[2] != 1.0f) put_tone(job.shading, colour);
+    put_rgb(job.out.rgb, b.width, at.x, at.y, at.columns, at.rows, encode(colour));
+}
+
 void resolve(const ResolveJob &job) {
     const VisibilityBuffer &b = *job.buffer;
-    const RayTable &rays = *job.rays;
     const ChannelOutputs &out = job.out;
-    const F zero = splat<F>(0), inf = splat<F>(LaneTraits<F>::kInf);
-    const bool labels = out.segmentation || out.material || out.instance;
-    const bool wants_normal = out.normal || out.rgb;
-    const float *gain = job.shading.gain;
-    const bool tone = job.shading.filmic || gain[0] != 1.0f || gain[1] != 1.0f || gain[2] != 1.0f;
+    FlatFaces faces;
+    Run run;
     for (int row = job.row0; row < job.row1; ++row) {
-        for (int column = 0; column < b.blocks_x; ++column) {
-            const int block = row * b.blocks_x + column, x = 4 * column, y = 4 * row;
-            const int columns = b.width - x < 4 ? b.width - x : 4, rows = b.height - y < 4 ? b.height - y : 4;
-            const std::int32_t *ids = b.geom.data() + 16 * block;
-            const I id = load<I>(ids);
-            const F t = load<F>(b.t.data() + 16 * block);
-            const I seen = id >= splat<I>(0);
-            const Vec<F> d = rays_of(rays, row, column, block);
-            if (out.geom) put(out.geom, b.width, x, y, columns, rows, ids);
-            if (out.depth) {
-                float lanes[16];
-                store(lanes, select(seen, rays.projection == Projection::kTable ? t * d.z : t, inf));
-                put(out.depth, b.width, x, y, columns, rows, lanes);
-            }
-            if (out.range) {
-                float lanes[16];
-                store(lanes, select(seen, t * length_of(d), inf));
-                put(out.range, b.width, x, y, columns, rows, lanes);
-            }
-            if (labels) {
-                std::int32_t cls[16], mat[16], ins[16];
-                const bool uniform = columns == 4 && !any(id != splat<I>(ids[0]));
-                if (uniform) {
-                    const bool nothing = ids[0] < 0;
-                    const Geom *g = job.geoms + (nothing ? 0 : ids[0]);
-                    if (out.segmentation) put_one(out.segmentation, b.width, x, y, rows, nothing ? 0 : g->class_id);
-                    if (out.material) put_one(out.material, b.width, x, y, rows, nothing ? 0 : g->surface);
-                    if (out.instance) put_one(out.instance, b.width, x, y, rows, nothing ? 0 : g->instance);
-                } else {
-                    for (int lane = 0; lane < 16; ++lane) {
-                        const std::int32_t geom = ids[lane];
-                        cls[lane] = geom < 0 ? 0 : job.geoms[geom].class_id;
-                        mat[lane] = geom < 0 ? 0 : job.geoms[geom].surface;
-                        ins[lane] = geom < 0 ? 0 : job.geoms[geom].instance;
-                    }
-                }
-                if (out.segmentation && !uniform) put(out.segmentation, b.width, x, y, columns, rows, cls);
-                if (out.material && !uniform) put(out.material, b.width, x, y, columns, rows, mat);
-                if (out.instance && !uniform) put(out.instance, b.width, x, y, columns, rows, ins);
-            }
-            if (!wants_normal && !out.radial_velocity) continue;
-            const F per_length = out.radial_velocity ? 1.0f / length_of(d) : zero;  // one for all geoms of the block
-            Vec<F> normals{zero, zero, zero};
-            F velocity = zero;
-            Rgb colour{zero, zero, zero};
-            for (unsigned left = bits(seen); left != 0;) {
-                const std::int32_t geom = ids[__builtin_ctz(left)];
-                const DrawnGeom &g = job.drawn[job.drawn_of_geom[geom]];
-                Surface s;
-                s.mask = id == splat<I>(geom);
-                left &= ~bits(s.mask);
-                s.t = t;
-                s.d = d;
-                if (out.radial_velocity) {
-                    const F along = (d.x * g.velocity_C[0] + d.y * g.velocity_C[1] + d.z * g.velocity_C[2]) * per_length;
-                    velocity = select(s.mask, along, velocity);
-                }
-                if (!wants_normal) continue;
-                const float *m = g.m;
-                s.local = {g.o[0] + t * (d.x * m[0] + d.y * m[1] + d.z * m[2]),
-                           g.o[1] + t * (d.x * m[3] + d.y * m[4] + d.z * m[5]),
-                           g.o[2] + t * (d.x * m[6] + d.y * m[7] + d.z * m[8])};
-                MeshPoint on_mesh;
-                unsigned wanted = 0;
-                if (g.shape == Shape::kMesh) {
-                    if (out.rgb) {
-                        const Appearance &look = job.scenery->geoms.data()[geom];
-                        const bool relief = job.shading.relief && look.relief >= 0;
-                        if (!g.mesh->uv.empty() && (look.texture >= 0 || relief)) wanted = relief ? kTextured | kRelief : kTextured;
-                        if (!g.mesh->corner_normal.empty()) wanted |= kSmooth;
-                    }
-                    on_mesh = mesh_point(g, b.triangle.data() + 16 * block, s.mask, s.local, wanted);
-                    s.gradient = on_mesh.flat;
-                } else {
-                    s.gradient = gradient(g, s.local);
-                }
-                const auto into_camera = [&](const Vec<F> &q, bool is_unit_already) {
-                    // Normals transform by the transpose of the points' matrix, which includes an ellipsoid's scaling.
-                    const Vec<F> n{q.x * m[0] + q.y * m[3] + q.z * m[6], q.x * m[1] + q.y * m[4] + q.z * m[7],
-                                   q.x * m[2] + q.y * m[5] + q.z * m[8]};
-                    return is_unit_already ? n : unit(n);
-                };
-                const auto facing = [&](const Vec<F> &n, const I &away) {
-                    return Vec<F>{select(away, -n.x, n.x), select(away, -n.y, n.y), select(away, -n.z, n.z)};
-                };
-                const bool is_unit = g.shape == Shape::kBox || g.shape == Shape::kPlane || g.shape == Shape::kMesh;
-                const Vec<F> outward = into_camera(s.gradient, is_unit);
-                const I away = dot(outward, d) > zero;  // seen from inside, or the back of a triangle
-                s.normal = facing(outward, away);
-                if (out.normal) {
-                    normals = {select(s.mask, s.normal.x, normals.x), select(s.mask, s.normal.y, normals.y),
-                               select(s.mask, s.normal.z, normals.z)};
-                }
-                if (!out.rgb) continue;
-                Vec<F> shading = s.normal;
-                // The normals of leaf cards are those of the crown, seen from either side.
-                if (wanted & kSmooth) shading = into_camera(on_mesh.smooth, false);
-                if (wanted & kSmooth && g.mask == nullptr) shading = facing(shading, away);
-                const Rgb c = shade(job, g, s, b.triangle.data() + 16 * block, shading, wanted & kTextured ? &on_mesh.texture : nullptr,
-                                    [&](const Vec<F> &q) { return into_camera(q, true); });
-                colour = {select(s.mask, c.r, colour.r), select(s.mask, c.g, colour.g), select(s.mask, c.b, colour.b)};
-            }
-            if (out.radial_velocity) {
-                float lanes[16];
-                store(lanes, velocity);
-                put(out.radial_velocity, b.width, x, y, columns, rows, lanes);
-            }
-            if (out.normal) put3(out.normal, b.width, x, y, columns, rows, normals);
-            if (out.rgb) {
-                if (bits(seen) != 0xffffu) {
-                    const F up = (d.x * job.up_C[0] + d.y * job.up_C[1] + d.z * job.up_C[2]) * (1.0f / length_of(d));
-                    const Rgb above = sky(*job.light, up);
-                    colour = {select(seen, colour.r, above.r), select(seen, colour.g, above.g), select(seen, colour.b, above.b)};
-                }
-                if (job.light->extinction_per_m > 0.0f) put_haze(job, d, t, seen, colour);
-                if (tone) put_tone(job.shading, colour);
-                put_rgb(out.rgb, b.width, x, y, columns, rows, encode(colour));
-            }
+        for (int first = 0; first < b.blocks_x; first += kRun) {
+            const int last = first + kRun < b.blocks_x ? first + kRun : b.blocks_x;
+            for (int column = first; column < last; ++column) put_labels_and_depth(job, place_of(b, row, column));
+            if (!out.rgb && !out.normal && !out.radial_velocity) continue;
+            for (int column = first; column < last; ++column) put_surfaces(job, place_of(b, row, column), faces, run, column - first);
+            if (!out.rgb) continue;
+            put_texels(run);
+            for (int column = first; column < last; ++column) put_colour(job, place_of(b, row, column), run.colour[column - first]);
         }
     }
 }

@@ -63,7 +63,7 @@ HIL_INLINE bool is_fine(const DrawnGeom &g, const ShadowMap &map) {
 // intersected with the shapes and triangles that they name: the edge of a shadow is then as sharp as the shape, at any
 // resolution of the map. Soft casters, meshes with holes (leaves) and meshes of small triangles (people), are too fine
 // for that: their share is that of the four pixels, weighted bilinearly (Reeves et al., SIGGRAPH 1987).
-HIL_INLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
+HIL_NOINLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
     constexpr int kMost = 64;   // casters tested for one block
     constexpr float kFoliage = 0.15f;  // [m] least distance of a caster with holes, so that no leaf shades itself
     constexpr float kFine = 0.06f;      // [m] the same of a fine mesh: limbs overlap at their joints

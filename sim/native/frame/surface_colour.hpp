@@ -16,6 +16,12 @@ struct Surface {  // points of one geom under the pixels of a block
     Vec<F> normal;           // unit, in C, towards the camera
 };
 
+HIL_INLINE Vec<F> local_point(const DrawnGeom &g, const Surface &s) {
+    const float *m = g.m;
+    return {g.o[0] + s.t * (s.d.x * m[0] + s.d.y * m[1] + s.d.z * m[2]), g.o[1] + s.t * (s.d.x * m[3] + s.d.y * m[4] + s.d.z * m[5]),
+            g.o[2] + s.t * (s.d.x * m[6] + s.d.y * m[7] + s.d.z * m[8])};
+}
+
 HIL_INLINE F length_of(const Vec<F> &v) { return sqrt(max(dot(v, v), splat<F>(1e-30f))); }
 
 struct Rgb {
@@ -59,6 +65,17 @@ struct MeshTexture {
     Vec<F> along_u, along_v;  // unit
 };
 
+// Edges of a geom's box in its own frame [m], for the placing of textures; of an infinite plane 0 or less, or 1e6 and more.
+HIL_INLINE void edges_of(const DrawnGeom &g, float *edge) {
+    const bool is_round = g.shape == Shape::kSphere || g.shape == Shape::kCapsule || g.shape == Shape::kCylinder;
+    for (int i = 0; i < 3; ++i) {
+        edge[i] = is_round && (i < 2 || g.shape == Shape::kSphere) ? 2.0f * g.radius : 2.0f * g.half[i];
+        if (g.shape == Shape::kMesh) edge[i] = g.mesh->box.hi[i] - g.mesh->box.lo[i];
+    }
+}
+
+HIL_INLINE float per_edge(float edge) { return edge > 0.0f && edge < 1e6f ? 1.0f / edge : 1.0f; }
+
 HIL_INLINE TexturePlace place_on(const DrawnGeom &g, const Appearance &look, const Surface &s, bool cube, const MeshTexture *on_mesh) {
     TexturePlace at;
     at.cube_face = splat<I>(0);
@@ -79,16 +96,9 @@ HIL_INLINE TexturePlace place_on(const DrawnGeom &g, const Appearance &look, con
     at.along_u = {select(along_x, zero, one), select(along_x, one, zero), zero};
     at.along_v = {zero, select(along_z, one, zero), select(along_z, zero, one)};
     Vec<F> p = s.local;
-    float edge[3] = {2.0f * g.half[0], 2.0f * g.half[1], 2.0f * g.half[2]};
-    if (g.shape == Shape::kEllipsoid) {
-        p = {p.x * g.half[0], p.y * g.half[1], p.z * g.half[2]};
-    } else if (g.shape == Shape::kSphere) {
-        edge[0] = edge[1] = edge[2] = 2.0f * g.radius;
-    } else if (g.shape == Shape::kCapsule || g.shape == Shape::kCylinder) {
-        edge[0] = edge[1] = 2.0f * g.radius;
-    } else if (g.shape == Shape::kMesh) {
-        for (int i = 0; i < 3; ++i) edge[i] = g.mesh->box.hi[i] - g.mesh->box.lo[i];
-    }
+    float edge[3];
+    edges_of(g, edge);
+    if (g.shape == Shape::kEllipsoid) p = {p.x * g.half[0], p.y * g.half[1], p.z * g.half[2]};
     if (cube) {
         // Cube map by direction from the middle of the geom's box; faces and their axes as in OpenGL.
         const auto per_half = [&](const F &x, int i) { return x * (edge[i] > 0.0f && edge[i] < 1e6f ? 2.0f / edge[i] : 1.0f); };
@@ -105,23 +115,20 @@ HIL_INLINE TexturePlace place_on(const DrawnGeom &g, const Appearance &look, con
         at.u = min(at.u, splat<F>(0.99999f));
         at.v = min(at.v, splat<F>(0.99999f));
         const float largest = edge[0] > edge[1] ? (edge[0] > edge[2] ? edge[0] : edge[2]) : (edge[1] > edge[2] ? edge[1] : edge[2]);
-        at.du = splat<F>(largest > 0.0f && largest < 1e6f ? 1.0f / largest : 1.0f);
+        at.du = splat<F>(per_edge(largest));
         at.dv = at.du;
         at.cube_face = select(face_x, splat<I>(0), select(face_z, splat<I>(4), splat<I>(2))) + ((major < zero) & splat<I>(1));
         return at;
     }
     at.u = select(along_x, p.y, p.x);
     at.v = select(along_z, p.y, p.z);
-    const F ex = splat<F>(edge[0] > 0.0f && edge[0] < 1e6f ? 1.0f / edge[0] : 1.0f);
-    const F ey = splat<F>(edge[1] > 0.0f && edge[1] < 1e6f ? 1.0f / edge[1] : 1.0f);
-    const F ez = splat<F>(edge[2] > 0.0f && edge[2] < 1e6f ? 1.0f / edge[2] : 1.0f);
     if (look.per_metre) {
         // MuJoCo's unit of length for this is 2 m.
         at.du = splat<F>(0.5f * look.repeat[0]);
         at.dv = splat<F>(0.5f * look.repeat[1]);
     } else {
-        at.du = select(along_x, ey, ex) * look.repeat[0];
-        at.dv = select(along_z, ey, ez) * look.repeat[1];
+        at.du = select(along_x, splat<F>(per_edge(edge[1])), splat<F>(per_edge(edge[0]))) * look.repeat[0];
+        at.dv = select(along_z, splat<F>(per_edge(edge[1])), splat<F>(per_edge(edge[2]))) * look.repeat[1];
     }
     // The first image begins at the corner of least u and greatest v.
     const auto half = [&](int i) { return splat<F>(edge[i] < 1e6f ? 0.5f * edge[i] : 0.0f); };
@@ -176,42 +183,94 @@ HIL_INLINE Rgb bilinear(const Texture &texture, const TexturePlace &at, const F 
     return sum;
 }
 
+// Position within one copy of a texture, 0 to 1. A mesh may have any texture coordinates; converting those out of the range
+// of an int depends on the machine.
+HIL_INLINE F within_copy(const F &u) { return select(abs(u) < splat<F>(1e6f), u - floor(u), splat<F>(0)); }
+
+// Index of the nearest texel of the nearest level for a pixel that covers `covered` / 0.7 texels of level 0.
+HIL_INLINE I nearest_texel(const Texture &texture, const F &u, const F &v, const F &covered, const I &cube_face, const I &mask) {
+    const I zero = splat<I>(0);
+    const int face_height = texture.cube ? texture.width : texture.height;
+    I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
+    level = select(covered < splat<F>(1), zero, level);
+    level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
+    const I w = shift_right(splat<I>(texture.width), level), h = shift_right(splat<I>(face_height), level), one = splat<I>(1);
+    const I column = truncate(u * to_float(w)) & (w - one);
+    I row = h - one - (truncate(v * to_float(h)) & (h - one));
+    if (texture.cube) row = row + h * cube_face;
+    const I power = splat<I>(__builtin_ctz((unsigned)texture.width)) - level;
+    return select(mask, look_up(texture.offset, select(mask, level, zero)) + texel_at(row, column, power), zero);
+}
+
+// Cosine between the normal and the ray, at least 0.15, and the texels of the finest level that one pixel covers, times 0.7.
+struct Footprint {
+    F facing, covered;
+};
+
+HIL_INLINE Footprint footprint(const Texture &texture, const TexturePlace &at, const Surface &s, float pixel_angle_rad) {
+    const int width = texture.width, height = texture.cube ? texture.width : texture.height;
+    const F length = length_of(s.d), range = s.t * length;
+    const F facing = max(abs(dot(s.normal, s.d)) * (1.0f / length), splat<F>(0.15f));
+    return {facing, range * pixel_angle_rad * max(at.du * (float)width, at.dv * (float)height) / facing * 0.7f};
+}
+
+HIL_INLINE I nearest_texel(const Texture &texture, const TexturePlace &at, const Surface &s, float pixel_angle_rad) {
+    const F covered = footprint(texture, at, s, pixel_angle_rad).covered;
+    return nearest_texel(texture, within_copy(at.u), within_copy(at.v), covered, at.cube_face, s.mask);
+}
+
 // Linear colour of a texture, without tint. `filtering`: trilinear (Williams, SIGGRAPH 1983), else the nearest texel of the
 // nearest level.
 HIL_INLINE Rgb sample(const Texture &texture, const TexturePlace &at, const Surface &s, float pixel_angle_rad, bool filtering) {
-    const int width = texture.width, height = texture.cube ? texture.width : texture.height;
-    // Level by the texels that one pixel covers: the finest level with at most about 1.5 along an edge.
-    const F length = length_of(s.d), range = s.t * length;
-    const F facing = max(abs(dot(s.normal, s.d)) * (1.0f / length), splat<F>(0.15f));
-    const F covered = range * pixel_angle_rad * max(at.du * (float)width, at.dv * (float)height) / facing * 0.7f;
-    // A mesh may have any texture coordinates; converting those out of the range of an int depends on the machine.
-    const F u = select(abs(at.u) < splat<F>(1e6f), at.u - floor(at.u), splat<F>(0));
-    const F v = select(abs(at.v) < splat<F>(1e6f), at.v - floor(at.v), splat<F>(0));
+    if (!filtering) return texel_colour(texture, nearest_texel(texture, at, s, pixel_angle_rad));
+    const Footprint pixel = footprint(texture, at, s, pixel_angle_rad);
+    const F u = within_copy(at.u), v = within_copy(at.v);
     const I one = splat<I>(1), zero = splat<I>(0);
-    if (filtering) {
-        // Level as a real number: the logarithm of twice the texels, linear between powers of two.
-        // The geometric mean of a pixel's footprint along and across the slope, between blur and aliasing.
-        const F texels = min(max(covered * (1.0f / 0.7f) * sqrt(facing), splat<F>(1)), splat<F>(65536));
-        const I exponent = shift_right(as<I>(texels), 23) - (std::int32_t)127;
-        const F between = as<F>((as<I>(texels) & (std::int32_t)0x7fffff) | (std::int32_t)0x3f800000) - 1.0f;
-        const I fine = select(s.mask, clipped(exponent, texture.levels), zero), coarse = select(s.mask, clipped(exponent + one, texture.levels), zero);
-        const Rgb a = bilinear(texture, at, u, v, fine, s.mask), b = bilinear(texture, at, u, v, coarse, s.mask);
-        return {a.r + between * (b.r - a.r), a.g + between * (b.g - a.g), a.b + between * (b.b - a.b)};
-    }
-    I level = shift_right(as<I>(max(covered, splat<F>(1))), 23) - (std::int32_t)126;
-    level = select(covered < splat<F>(1), splat<I>(0), level);
-    level = select(level > splat<I>(texture.levels - 1), splat<I>(texture.levels - 1), level);
-    const I w = shift_right(splat<I>(width), level), h = shift_right(splat<I>(height), level);
-    const I column = truncate(u * to_float(w)) & (w - one);
-    I row = h - one - (truncate(v * to_float(h)) & (h - one));
-    if (texture.cube) row = row + h * at.cube_face;
-    const I texel = look_up(texture.offset, select(s.mask, level, zero)) + texel_at(row, column, splat<I>(__builtin_ctz((unsigned)width)) - level);
-    return texel_colour(texture, select(s.mask, texel, zero));
+    // Level as a real number: the logarithm of twice the texels, linear between powers of two.
+    // The geometric mean of a pixel's footprint along and across the slope, between blur and aliasing.
+    const F texels = min(max(pixel.covered * (1.0f / 0.7f) * sqrt(pixel.facing), splat<F>(1)), splat<F>(65536));
+    const I exponent = shift_right(as<I>(texels), 23) - (std::int32_t)127;
+    const F between = as<F>((as<I>(texels) & (std::int32_t)0x7fffff) | (std::int32_t)0x3f800000) - 1.0f;
+    const I fine = select(s.mask, clipped(exponent, texture.levels), zero), coarse = select(s.mask, clipped(exponent + one, texture.levels), zero);
+    const Rgb a = bilinear(texture, at, u, v, fine, s.mask), b = bilinear(texture, at, u, v, coarse, s.mask);
+    return {a.r + between * (b.r - a.r), a.g + between * (b.g - a.g), a.b + between * (b.b - a.b)};
 }
 
-// Colour of the surface, linear.
-HIL_INLINE Rgb albedo(const Appearance &look, const Rgb &texel) {
-    return {texel.r * decode(look.rgb[0]), texel.g * decode(look.rgb[1]), texel.b * decode(look.rgb[2])};
+// Blocks resolved together. Their texels are read last, all at once: from the nearest level they are mostly not in a cache.
+constexpr int kRun = 16, kPatches = 48;
+struct Patch {  // pixels of one block that show one texture
+    const Texture *texture;
+    int at;  // block of the run
+    I mask, texel;
+    Rgb light;
+};
+struct Run {
+    Rgb colour[kRun];
+    Patch patch[kPatches];
+    int patches = 0;
+};
+
+HIL_INLINE void put_now(Run &run, int at, const I &mask, const Rgb &c) {
+    Rgb &to = run.colour[at];
+    to = {select(mask, c.r, to.r), select(mask, c.g, to.g), select(mask, c.b, to.b)};
+}
+
+HIL_INLINE void put_texels(Run &run) {
+    for (int i = 0; i < run.patches; ++i) {
+        const Patch &p = run.patch[i];
+        const Rgb c = texel_colour(*p.texture, p.texel);
+        put_now(run, p.at, p.mask, {c.r * p.light.r, c.g * p.light.g, c.b * p.light.b});
+    }
+    run.patches = 0;
+}
+
+// The colour of texels times `light`.
+HIL_INLINE void put_later(Run &run, int at, const I &mask, const Texture &texture, const I &texel, const Rgb &light) {
+    if (run.patches == kPatches) put_texels(run);
+    Patch &p = run.patch[run.patches++];
+    p = {&texture, at, mask, texel, light};
+    const std::int32_t *const index = (const std::int32_t *)&p.texel;
+    for (int lane = 0; lane < 16; ++lane) __builtin_prefetch(texture.texel.data() + index[lane]);
 }
 
 }  // namespace

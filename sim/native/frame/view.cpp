@@ -172,11 +172,10 @@ void View::cone_of(const double *centre, const double *half, float *to) const {
     to[3] = static_cast<float>(std::sqrt(1.0 - sine * sine));
 }
 
-bool pixels_of_geom(const View &view, const Geom &g, PixelRect &rect, double &nearest) {
+bool pixels_of_geom(const View &view, const View &local, const Geom &g, PixelRect &rect, double &nearest) {
     const bool round = g.shape == Shape::kSphere || g.shape == Shape::kEllipsoid || g.shape == Shape::kCapsule ||
                        g.shape == Shape::kCylinder;
     if (!round || view.projection != Projection::kPinhole) {
-        const View local = view.in(g.p_WG, g.R_WG);
         nearest = local.nearest(g.centre, g.half);
         return local.pixels(g.centre, g.half, rect);
     }

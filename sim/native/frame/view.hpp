@@ -39,7 +39,8 @@ struct View {
 View make_view(const RasterCamera &camera, Projection projection, double fx, double fy, double cx, double cy,
                double width, double row0, double row1, const float *cone_C, const RasterOptions &options);
 
-// Bounds of one geom: pixels (as above) and the smallest t, tighter than those of its box for round shapes.
-bool pixels_of_geom(const View &view_W, const Geom &geom, PixelRect &rect, double &nearest);
+// Bounds of one geom: pixels (as above) and the smallest t, tighter than those of its box for round shapes. `local`: the view
+// in the geom's frame.
+bool pixels_of_geom(const View &view_W, const View &local, const Geom &geom, PixelRect &rect, double &nearest);
 
 }  // namespace hil::sim::frame
