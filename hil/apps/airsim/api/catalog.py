@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil.apps.airsim.api import control, session, state
+from hil.apps.airsim.api import control, environment, sensors, session, state
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.world.simulation import Simulation
 
@@ -12,6 +12,8 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     session.methods,
     control.methods,
     state.methods,
+    sensors.methods,
+    environment.methods,
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,9 +10,12 @@ from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.arguments import Vector
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.ned import NedFrame
+from hil.apps.airsim.world.sensors import SensorSuite
 from hil.run.stepped.vehicle import SteppedVehicle
 from signals.frames import ned_from_enu
-from signals.samples import Vec3
+from signals.samples import TruthState, Vec3
+
+HISTORY_TICKS = 2501  # 10 s, the longest latency of a GPS
 
 
 @dataclass(frozen=True)
@@ -36,9 +40,11 @@ class Drone:
     vehicle: SteppedVehicle
     origin: NedFrame
     flight: SimpleFlight | None  # None in ComputerVision
+    sensors: SensorSuite
     collision: Collision = Collision()
     touching: bool = False
-    marks: dict[str, Any] = field(default_factory=dict)  # settings of drawings, such as the trace line
+    trace_line: tuple[tuple[float, ...], float] | None = None  # colour and thickness
+    history: deque[TruthState] = field(default_factory=lambda: deque(maxlen=HISTORY_TICKS))
 
     def reset(self) -> None:
         """Return to the start; api control and arming must be asked for again."""

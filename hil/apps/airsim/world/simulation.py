@@ -9,7 +9,10 @@ from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.drone import Collision, Drone
+from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
+from hil.apps.airsim.world.sensors import SensorSuite
+from hil.apps.airsim.world.surroundings import Surroundings
 from hil.run.stepped.world import SteppedWorld
 from signals.frames import ned_from_enu
 from signals.samples import Vec3
@@ -37,9 +40,15 @@ class Simulation:
         self.log = log
         self.frame = NedFrame((ground_W[0], ground_W[1], ground_W[2] + vehicle.standing_height_m))
         self.earth = Earth(settings.origin, self.frame)
-        self.world = SteppedWorld(scene, TICK_NS)
-        self._rays = rays_into(scene)
         self.epoch_ns = CALLS_EPOCH_NS
+        self.world = SteppedWorld(scene, TICK_NS)
+        self.frames = Frames(self)
+        self.surroundings = Surroundings()
+        self.surroundings.take_settings(settings, self.epoch_ns)
+        self._rays = rays_into(scene)
+        o = settings.origin
+        place = {"latitude_deg": o.latitude_deg, "longitude_deg": o.longitude_deg, "altitude_m": o.altitude_m}
+        self._site = scene.site.model_copy(update=place)
         self.paused = False
         self.drones: dict[str, Drone] = {}
         self._until_tick: int | None = None  # end of simContinueForTime
@@ -120,6 +129,7 @@ class Simulation:
             self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
         for drone in self.drones.values():
             truth = drone.vehicle.truth
+            drone.history.append(truth)
             if truth.in_contact != drone.touching:
                 self._touch(drone)
             if drone.flight is not None:
@@ -144,7 +154,9 @@ class Simulation:
         if self.flies:
             flight = SimpleFlight(self.model, TICK_NS, self.scene.gravity_mps2, vehicle.truth.p_WB)
             vehicle.pilot = flight.controls
-        drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), flight)
+        sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self._rays, tick_ns=TICK_NS)
+        drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), flight, sensors)
+        drone.history.append(vehicle.truth)
         drone.touching = vehicle.truth.in_contact
         if flight is not None:
             flight.landed = drone.touching

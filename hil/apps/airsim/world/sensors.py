@@ -1,0 +1,311 @@
+"""Sensors of one vehicle with AirSim's error models; a sample is taken when a client asks for it.
+
+Sample k of a sensor of rate F is valid from k / F on: two questions within 1 / F have the same answer. The noise of
+sample k depends on the vehicle, the sensor's name and k alone, so it does not matter which samples were asked for.
+
+    IMU          white noise and a bias that walks, AirSim's random walk and bias stability; sim.sensors.imu
+    barometer    p = p_ISA(h) (1 + d) + n,   d first-order with sigma and tau, 0 at the start
+    GPS          position and velocity of `latency` ago, without noise; eph and epv fall exponentially
+    magnetometer s R^T B + b + n,   B of WMM2025
+    distance     along the sensor's x axis to the static scene, + n; the greatest distance where nothing is
+    LiDAR        one turn at the instant of the sample; sim.sensors.lidar
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.airsim.settings import sensors as kinds
+from hil.apps.airsim.world.ned import body_from_W
+from signals._kernel import det_cos, det_exp, det_pow, det_sin, rotate_into_world
+from signals.frames import frd_from_flu
+from signals.noise import NoiseStream
+from signals.rotation import matrix_of, product
+from signals.samples import Quat, TruthState, Vec3
+from signals.time import NS_PER_S
+from signals.units import RAD_PER_DEG, STANDARD_GRAVITY_MPS2
+from sim.frame.source import SharedFrames
+from sim.scene.atmosphere import LOWEST_M, SEA_LEVEL_PA, TOP_M, geopotential_m, pressure_pa
+from sim.scene.scene import Scene, Site
+from sim.sensors.catalog import make_sensor
+from sim.sensors.drift import Drift
+from sim.sensors.ground_range import Rays
+from sim.sensors.magnetometer import magnetic_field_W_tesla
+from sim.sensors.sensor import Installation
+
+_GAUSS_PER_TESLA = 1e4
+_QNH_HPA = 1013.25
+_IMU_HZ = 250.0
+_FIX_3D, _FIX_2D, _NO_FIX = 3, 2, 0
+
+
+def quaternion_of_rpy(rotation_deg: Vec3) -> Quat:
+    """Return the rotation of roll, pitch, yaw [deg]: yaw first, then pitch, then roll; right, down: positive FRD."""
+    halves = [0.5 * angle * RAD_PER_DEG for angle in rotation_deg]
+    (cr, sr), (cp, sp), (cy, sy) = ((det_cos(half), det_sin(half)) for half in halves)
+    return product(product((cy, 0.0, 0.0, sy), (cp, 0.0, sp, 0.0)), (cr, sr, 0.0, 0.0))
+
+
+class Mounting:
+    """Place of a sensor on its vehicle, given as AirSim does: forward, right, down [m], and roll, pitch, yaw [deg]."""
+
+    def __init__(self, position_m: Vec3, rotation_deg: Vec3) -> None:
+        self.position_F = position_m
+        self.q_FS = quaternion_of_rpy(rotation_deg)  # sensor FRD -> body FRD
+        self._p_B = frd_from_flu(position_m)
+        w, x, y, z = self.q_FS
+        self._q_BS: Quat = (w, x, -y, -z)  # sensor FLU -> body FLU
+
+    def pose_W(self, truth: TruthState) -> tuple[Vec3, Quat]:
+        """Return position and attitude (FLU -> ENU) of the sensor."""
+        dx, dy, dz = rotate_into_world(truth.q_WB, self._p_B)
+        x, y, z = truth.p_WB
+        return (x + dx, y + dy, z + dz), product(truth.q_WB, self._q_BS)
+
+
+class GpsFix(NamedTuple):
+    """Measurement of a GPS."""
+
+    truth: TruthState  # of `latency` ago
+    eph_m: float
+    epv_m: float
+    fix_type: int
+
+
+class Cloud(NamedTuple):
+    """Turn of a LiDAR."""
+
+    p_WL: Vec3
+    q_WL: Quat  # FLU -> ENU
+    points_L: NDArray[np.float32]  # (n, 3) forward, left, up
+    segmentation: NDArray[np.uint8]  # (n,) classes of the scene
+
+
+class SensorSuite:
+    """Sensors of one vehicle by name."""
+
+    def __init__(
+        self, vehicle: str, settings: dict[str, kinds.Sensor], scene: Scene, site: Site, *, rays: Rays, tick_ns: int
+    ) -> None:
+        """`site`: the place of the origin of the vehicle's positions, see `local`."""
+        self.settings = settings
+        self._vehicle, self._scene, self._rays, self._tick_ns = vehicle, scene, rays, tick_ns
+        self._site = site
+        self._made: dict[str, Any] = {}
+        self._last: dict[str, tuple[int, Any]] = {}
+        self._mounting: dict[str, Mounting] = {}
+
+    def find(self, kind: type, name: str) -> str | None:
+        """Return the name of an enabled sensor of a kind; "" is the first one. None: there is none."""
+        names = [key for key, sensor in self.settings.items() if isinstance(sensor, kind) and sensor.enabled]
+        if name == "":
+            return names[0] if names else None
+        return name if name in names else None
+
+    def mounting(self, name: str) -> Mounting:
+        """Return the place of a distance sensor or LiDAR."""
+        if name not in self._mounting:
+            settings: Any = self.settings[name]
+            self._mounting[name] = Mounting(settings.position_m, settings.rotation_deg)
+        return self._mounting[name]
+
+    def _due(self, name: str, rate_hz: float, t_ns: int) -> int | None:
+        """Return the number of the sample that is valid now, None if it was taken already."""
+        seq = int(t_ns * rate_hz // NS_PER_S)
+        known = self._last.get(name)
+        return None if known is not None and known[0] == seq else seq
+
+    def _noise(self, name: str, lanes: int) -> NoiseStream:
+        if name not in self._made:
+            self._made[name] = NoiseStream(1, f"{self._vehicle}.{name}", lanes=lanes)
+        stream: NoiseStream = self._made[name]
+        return stream
+
+    def imu(self, name: str, truth: TruthState) -> tuple[Vec3, Vec3]:
+        """Return specific force [m/s2] and rate [rad/s] along the body's axes (FRD)."""
+        seq = self._due(name, _IMU_HZ, truth.t_ns)
+        if seq is not None:
+            if name not in self._made:
+                settings = self.settings[name]
+                assert isinstance(settings, kinds.Imu)
+                installation = Installation(
+                    f"{self._vehicle}.{name}", rate_hz=_IMU_HZ, seed=1, scene=self._scene, step_ns=self._tick_ns
+                )
+                self._made[name] = make_sensor(installation, kind="imu", overrides=_imu(settings))
+            sample = self._made[name].sample(truth, seq)
+            self._last[name] = (seq, (frd_from_flu(sample.accel_mps2), frd_from_flu(sample.gyro_radps)))
+        found: tuple[Vec3, Vec3] = self._last[name][1]
+        return found
+
+    def barometer(self, name: str, truth: TruthState, altitude_m: float) -> tuple[float, float, float]:
+        """Return altitude [m], pressure [Pa] and QNH [hPa]; `altitude_m`: the true one."""
+        settings = self.settings[name]
+        assert isinstance(settings, kinds.Barometer)
+        seq = self._due(name, settings.rate_hz, truth.t_ns)
+        if seq is not None:
+            drift = self._made.get(f"{name}.drift")
+            if drift is None:
+                phi = det_exp(-1.0 / (settings.rate_hz * settings.pressure_factor_tau_s))
+                step = settings.pressure_factor_sigma * (1.0 - phi * phi) ** 0.5
+                drift = Drift(1, f"{self._vehicle}.{name}.drift", lanes=1, start=0.0, phi=phi, step=step)
+                self._made[f"{name}.drift"] = drift
+            true_pa = pressure_pa(min(max(geopotential_m(altitude_m), LOWEST_M), TOP_M))
+            noise = self._noise(name, 1).normal(seq)[0]
+            pressure = true_pa * (1.0 + drift.at(seq)[0]) + settings.noise_pa * noise
+            # AirSim's altitude of a pressure, that of the US standard atmosphere in feet.
+            altitude = (1.0 - det_pow(pressure / SEA_LEVEL_PA, 0.190284)) * 145366.45 * 0.3048
+            self._last[name] = (seq, (altitude, pressure, _QNH_HPA))
+        found: tuple[float, float, float] = self._last[name][1]
+        return found
+
+    def magnetometer(self, name: str, truth: TruthState) -> Vec3:
+        """Return the field along the body's axes (FRD) [Gauss]."""
+        settings = self.settings[name]
+        assert isinstance(settings, kinds.Magnetometer)
+        seq = self._due(name, settings.rate_hz, truth.t_ns)
+        if seq is not None:
+            if f"{name}.field" not in self._made:
+                self._made[f"{name}.field"] = magnetic_field_W_tesla(self._site)
+            field = body_from_W(truth.q_WB, self._made[f"{name}.field"])
+            noise = self._noise(name, 3).normal(seq)
+            x, y, z = (
+                settings.scale_factor * _GAUSS_PER_TESLA * b + settings.bias_gauss + settings.noise_gauss * n
+                for b, n in zip(field, noise, strict=True)
+            )
+            self._last[name] = (seq, (x, y, z))
+        found: Vec3 = self._last[name][1]
+        return found
+
+    def gps(self, name: str, history: Sequence[TruthState]) -> GpsFix:
+        """Return the fix; `history`: the true states up to now, the present one last."""
+        settings = self.settings[name]
+        assert isinstance(settings, kinds.Gps)
+        t_ns = history[-1].t_ns
+        seq = self._due(name, settings.rate_hz, t_ns)
+        if seq is not None:
+            then_ns = t_ns - round(settings.latency_s * NS_PER_S)
+            truth = next((state for state in reversed(history) if state.t_ns <= then_ns), history[0])
+            eph, epv = (
+                final + (first - final) * det_exp(-max(0.0, truth.t_ns / NS_PER_S) / max(tau, 1e-6))
+                for first, final, tau in (
+                    (settings.eph_initial_m, settings.eph_final_m, settings.eph_time_constant_s),
+                    (settings.epv_initial_m, settings.epv_final_m, settings.epv_time_constant_s),
+                )
+            )
+            fix = _FIX_3D if eph <= settings.eph_min_3d_m else _FIX_2D if eph <= settings.eph_min_2d_m else _NO_FIX
+            self._last[name] = (seq, GpsFix(truth, eph, epv, fix))
+        found: GpsFix = self._last[name][1]
+        return found
+
+    def distance(self, name: str, truth: TruthState) -> float:
+        """Return the distance [m] along the sensor's x axis."""
+        settings = self.settings[name]
+        assert isinstance(settings, kinds.Distance)
+        seq = self._due(name, settings.rate_hz, truth.t_ns)
+        if seq is not None:
+            origin_W, q_WS = self.mounting(name).pose_W(truth)
+            hit_m = self._rays.ray_distance(origin_W, rotate_into_world(q_WS, (1.0, 0.0, 0.0)))
+            distance = settings.max_m if hit_m < 0.0 else hit_m
+            distance += settings.noise_m * self._noise(name, 1).normal(seq)[0]
+            self._last[name] = (seq, min(max(distance, settings.min_m), settings.max_m))
+        found: float = self._last[name][1]
+        return found
+
+    def lidar(self, name: str, truth: TruthState, frames: SharedFrames) -> Cloud:
+        """Return the cloud; `frames`: the geometry at the present tick."""
+        settings = self.settings[name]
+        assert isinstance(settings, kinds.Lidar)
+        seq = self._due(name, settings.rate_hz, truth.t_ns)
+        made = self._made.get(name)
+        if made is None or made[0] is not frames:
+            installation = Installation(
+                f"{self._vehicle}.{name}",
+                rate_hz=settings.rate_hz,
+                seed=1,
+                scene=self._scene,
+                step_ns=self._tick_ns,
+                frames=frames,
+            )
+            made = self._made[name] = (frames, make_sensor(installation, kind="lidar", overrides=_lidar(settings)))
+        if seq is not None:
+            sample: Any = made[1].sample(truth, seq)
+            p_WL, q_WS = self.mounting(name).pose_W(truth)
+            points, classes = _in_view(sample.points_L, sample.segmentation, settings.horizontal_fov_deg)
+            self._last[name] = (seq, Cloud(p_WL, q_WS, points, classes))
+        found: Cloud = self._last[name][1]
+        return found
+
+
+def _imu(settings: kinds.Imu) -> dict[str, Any]:
+    """Return parameters of sim.sensors.imu for AirSim's figures."""
+    noisy = 1.0 if settings.noisy else 0.0
+    degps = RAD_PER_DEG
+    return {
+        "accel_noise_mps2_per_rthz": noisy * settings.velocity_random_walk_mg * 1e-3 * STANDARD_GRAVITY_MPS2,
+        "gyro_noise_radps_per_rthz": noisy * settings.angular_random_walk_deg_per_sqrt_h * degps / 60.0,
+        "accel_walk_mps3_per_rthz": noisy
+        * settings.accel_bias_ug
+        * 1e-6
+        * STANDARD_GRAVITY_MPS2
+        / settings.accel_bias_tau_s**0.5,
+        "gyro_walk_radps2_per_rthz": noisy
+        * settings.gyro_bias_deg_per_h
+        * degps
+        / 3600.0
+        / settings.gyro_bias_tau_s**0.5,
+        "accel_turn_on_bias_mps2": 0.0,
+        "gyro_turn_on_bias_radps": 0.0,
+        "accel_range_mps2": 10_000.0,
+        "gyro_range_radps": 1_000.0,
+        "accel_bits": 32,
+        "gyro_bits": 32,
+        "temperature_degc": 25.0,
+        "temperature_noise_degc": 0.0,
+    }
+
+
+def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
+    """Return parameters of sim.sensors.lidar: one turn per sample, all rays at once."""
+    n, (low, high) = settings.channels, settings.vertical_fov_deg
+    step = (high - low) / (n - 1) if n > 1 else 0.0
+    columns = max(1, round(settings.points_per_second / settings.rate_hz / n))
+    roll, pitch, yaw = settings.rotation_deg
+    return {
+        "pattern": {
+            "kind": "spinning",
+            "elevation_deg": [high - step * i for i in range(n)],
+            "firing_ns": 0,
+            "columns": columns,
+        },
+        "min_range_m": 0.0,
+        "max_range_m": settings.range_m,
+        "range_noise_m": settings.noise_m,
+        "range_resolution_m": 1e-6,
+        "rolling": False,
+        "subsweeps": 1,
+        "mount_m": frd_from_flu(settings.position_m),
+        "mount_rpy_deg": (roll, -pitch, -yaw),
+    }
+
+
+def _in_view(
+    points_L: NDArray[np.float32], classes: NDArray[np.uint8], fov_deg: tuple[float, float]
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Return the points between two azimuths, clockwise from ahead."""
+    begin, end = fov_deg
+    if end - begin >= 359.0:
+        return points_L, classes
+    azimuth = np.degrees(np.arctan2(-points_L[:, 1], points_L[:, 0]))
+    inside = (azimuth - begin) % 360.0 <= (end - begin) % 360.0
+    return points_L[inside], classes[inside]
+
+
+def ned_points(points_L: NDArray[np.float32], p_N: Vec3, q_WL: Quat) -> NDArray[np.float32]:
+    """Return points of a LiDAR in NED from an origin, as (n, 3); `p_N`: the LiDAR in that frame."""
+    R = np.array(matrix_of(q_WL)).reshape(3, 3)
+    east, north, up = (R @ points_L.astype(np.float64).T) if len(points_L) else np.empty((3, 0))
+    return np.stack([north + p_N[0], east + p_N[1], p_N[2] - up], axis=1).astype(np.float32)
