@@ -130,6 +130,10 @@ def methods(simulation: Simulation) -> list[Method]:
             "timestamp": sim.now_ns,
             "landed_state": _LANDED if drone.flight.landed else _FLYING,
             "rc_data": _RC_DATA,
+            # Its clients know these too, but AirSim itself does not send them:
+            "ready": True,
+            "ready_message": "",
+            "can_arm": True,
         }
 
     def computer_vision_state(name: str) -> dict[str, Any]:

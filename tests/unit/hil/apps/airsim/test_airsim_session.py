@@ -1,0 +1,622 @@
+"""Methods of the API over a socket: session, state, moves, sensors, surroundings; and the clock `calls`."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.physics.vehicle import load_vehicle
+from tests.worlds.airsim_server import Client, RpcFailed, Served, served
+
+STAND_M = load_vehicle("x500").standing_height_m
+NO_LIMIT = 3e38
+STRAIGHT = {"is_rate": True, "yaw_or_rate": 0.0}
+TWO = {
+    "SettingsVersion": 1.2,
+    "SimMode": "Multirotor",
+    "Vehicles": {
+        "A": {
+            "VehicleType": "SimpleFlight",
+            "Sensors": {
+                "Scan": {
+                    "SensorType": 6,
+                    "Enabled": True,
+                    "NumberOfChannels": 16,
+                    "PointsPerSecond": 20000,
+                    "VerticalFOVLower": -60,
+                    "VerticalFOVUpper": -30,
+                },
+                "Body": {
+                    "SensorType": 6, "Enabled": True, "NumberOfChannels": 2, "PointsPerSecond": 2000,
+                    "DataFrame": "SensorLocalFrame", "HorizontalFOVStart": -45, "HorizontalFOVEnd": 45,
+                },
+                "Down": {"SensorType": 5, "Enabled": True, "Pitch": -90, "UncorrelatedNoiseSigma": 0.0},
+                "Ahead": {"SensorType": 5, "Enabled": True, "UncorrelatedNoiseSigma": 0.0},
+            },
+        },
+        "B": {"VehicleType": "SimpleFlight", "X": 4, "Y": -2, "Yaw": 90},
+    },
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[Served]:
+    with served(json.dumps(TWO)) as running:
+        yield running
+
+
+@pytest.fixture
+def client(world: Served) -> Iterator[Client]:
+    """A client of two vehicles at their starts; only A is ready to fly."""
+    client = world.client()
+    client.call("reset")
+    client.call("simPause", False)
+    client.call("simSetWind", vector(0.0, 0.0, 0.0))
+    client.call("enableApiControl", True, "A")
+    client.call("armDisarm", True, "A")
+    yield client
+    client.close()
+
+
+def vector(x: float, y: float, z: float) -> dict[str, float]:
+    return {"x_val": x, "y_val": y, "z_val": z}
+
+
+def xyz(value: dict[str, float]) -> tuple[float, float, float]:
+    return (value["x_val"], value["y_val"], value["z_val"])
+
+
+def pose(x: float, y: float, z: float, q: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)) -> dict[str, Any]:
+    return {
+        "position": vector(x, y, z),
+        "orientation": dict(zip(("w_val", "x_val", "y_val", "z_val"), q, strict=True)),
+    }
+
+
+def state(client: Client, vehicle: str = "A") -> dict[str, Any]:
+    found: dict[str, Any] = client.call("getMultirotorState", vehicle)
+    return found
+
+
+def position(client: Client, vehicle: str = "A") -> tuple[float, float, float]:
+    return xyz(state(client, vehicle)["kinematics_estimated"]["position"])
+
+
+def take_off(client: Client, vehicle: str = "A") -> None:
+    assert client.call("takeoff", 20.0, vehicle) is True
+
+
+def to(client: Client, x: float, y: float, z: float, vehicle: str = "A") -> int:
+    """Send a moveToPosition and return its request."""
+    return client.send("moveToPosition", x, y, z, 5.0, NO_LIMIT, 0, STRAIGHT, -1.0, 1.0, vehicle)
+
+
+# Session
+
+
+def test_vehicles_and_their_frames(client: Client) -> None:
+    assert client.call("listVehicles") == ["A", "B"]
+    assert json.loads(client.call("getSettingsString")) == TWO
+    for name in ("A", "B", ""):
+        assert position(client, name) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    a, b = (client.call("getHomeGeoPoint", name) for name in "AB")
+    assert (a["latitude"], a["longitude"], a["altitude"]) == pytest.approx((47.641468, -122.140165, 122.0), abs=1e-5)
+    assert (b["latitude"] - a["latitude"]) * 111_200 == pytest.approx(4.0, abs=0.05)
+    q = client.call("simGetVehiclePose", "B")["orientation"]
+    assert (abs(q["w_val"]), abs(q["z_val"])) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)), abs=1e-6)
+
+
+def test_api_control_and_arming(client: Client) -> None:
+    assert client.call("isApiControlEnabled", "A") is True
+    assert client.call("isApiControlEnabled", "B") is False
+    assert client.call("armDisarm", True, "B") is False  # without api control
+    with pytest.raises(RpcFailed, match="enableApiControl"):
+        client.call("takeoff", 20.0, "B")
+    client.call("reset")
+    assert client.call("isApiControlEnabled", "A") is False
+
+
+def test_reset_returns_everything(client: Client) -> None:
+    take_off(client)
+    client.call("reset")
+    assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert state(client)["landed_state"] == 0
+    assert client.call("simGetCollisionInfo", "A")["has_collided"] is False
+
+
+def test_a_hundred_episodes_leave_no_trace(client: Client) -> None:
+    ends = set()
+    for _ in range(100):
+        client.call("reset")
+        client.call("enableApiControl", True, "A")
+        client.call("moveByVelocity", 1.0, 0.5, -2.0, 0.2, 0, STRAIGHT, "A")
+        ends.add(position(client))
+    assert len(ends) == 1
+
+
+def test_pause_and_continue(client: Client, world: Served) -> None:
+    client.call("simPause", True)
+    assert client.call("simIsPaused") is True
+    before = world.simulation.world.t_ns
+    move = client.send("moveByVelocity", 0.0, 0.0, -1.0, 1.0, 0, STRAIGHT, "A")
+    client.call("simContinueForTime", 0.5)
+    assert world.simulation.world.t_ns - before == 500_000_000
+    assert client.call("simIsPaused") is True
+    client.call("simContinueForFrames", 10)
+    assert world.simulation.world.t_ns - before == 660_000_000
+    client.call("simPause", False)
+    assert client.join(move) is True
+    assert world.simulation.world.t_ns - before == pytest.approx(1e9, abs=5e6)
+
+
+def test_a_client_may_add_a_vehicle() -> None:
+    with served() as world:
+        client = world.client()
+        assert client.call("simAddVehicle", "New", "simpleflight", pose(3.0, 1.0, 0.0), "") is True
+        assert client.call("listVehicles") == ["SimpleFlight", "New"]
+        client.call("enableApiControl", True, "New")
+        take_off(client, "New")
+        assert position(client, "New") == pytest.approx((0.0, 0.0, -2.0), abs=0.2)
+        assert position(client, "") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+        with pytest.raises(RpcFailed, match="there is a vehicle 'New' already"):
+            client.call("simAddVehicle", "New", "simpleflight", pose(5.0, 1.0, 0.0), "")
+
+
+# Moves
+
+
+def test_a_flight(client: Client) -> None:
+    take_off(client)
+    assert state(client)["landed_state"] == 1
+    assert position(client)[2] == pytest.approx(-2.0, abs=0.2)
+    assert client.join(to(client, 8.0, -3.0, -4.0)) is True
+    assert position(client) == pytest.approx((8.0, -3.0, -4.0), abs=0.5)
+    assert client.call("land", 60.0, "A") is True
+    assert position(client)[2] == pytest.approx(0.0, abs=0.05)
+    assert state(client)["landed_state"] == 0
+    collision = client.call("simGetCollisionInfo", "A")
+    assert collision["has_collided"] is True
+    assert collision["object_name"] == "ground"
+    assert xyz(collision["normal"]) == (0.0, 0.0, -1.0)
+    assert collision["time_stamp"] > 1_700_000_000 * 10**9
+    assert client.call("simGetCollisionInfo", "A")["has_collided"] is False  # reading clears it
+
+
+def test_a_new_move_cancels_the_running_one(client: Client) -> None:
+    take_off(client)
+    client.call("simPause", True)
+    first = to(client, 100.0, 0.0, -4.0)
+    second = client.send("moveByVelocity", 0.0, 0.0, 0.0, 0.1, 0, STRAIGHT, "A")
+    assert client.join(first) is False
+    client.call("simPause", False)
+    assert client.join(second) is True
+
+
+def test_cancel_last_task(client: Client) -> None:
+    client.call("simPause", True)
+    move = client.send("takeoff", 20.0, "A")
+    client.call("cancelLastTask", "A")
+    assert client.join(move) is False
+
+
+def test_others_are_served_during_a_move(client: Client, world: Served) -> None:
+    client.call("simPause", True)
+    move = to(client, 5.0, 0.0, -5.0)
+    other = world.client()
+    assert other.call("ping") is True
+    other.call("simPause", False)
+    assert client.join(move) is True
+
+
+def test_a_client_that_dies_in_a_move_disturbs_nobody(client: Client, world: Served) -> None:
+    dying = world.client()
+    dying.call("ping")
+    client.call("simPause", True)
+    dying.send("takeoff", 20.0, "A")
+    dying.send("simContinueForTime", 0.1)
+    dying.close()
+    client.call("simPause", False)
+    assert client.call("moveByVelocity", 0.0, 0.0, -1.0, 2.0, 0, STRAIGHT, "A") in (True, False)
+    assert client.call("ping") is True
+
+
+def test_two_vehicles_fly_at_once(client: Client) -> None:
+    client.call("enableApiControl", True, "B")
+    client.call("armDisarm", True, "B")
+    client.call("simPause", True)
+    a, b = client.send("takeoff", 20.0, "A"), client.send("takeoff", 20.0, "B")
+    client.call("simPause", False)
+    assert client.join(a) is True
+    assert client.join(b) is True
+    assert position(client, "A")[2] == pytest.approx(-2.0, abs=0.2)
+    assert position(client, "B")[2] == pytest.approx(-2.0, abs=0.2)
+
+
+MOVES = [
+    ("moveByVelocityZ", 1.0, 0.0, -3.0, 0.5, 0, STRAIGHT),
+    ("moveByVelocityBodyFrame", 1.0, 0.0, 0.0, 0.5, 0, STRAIGHT),
+    ("moveByVelocityZBodyFrame", 1.0, 0.0, -3.0, 0.5, 0, STRAIGHT),
+    ("moveOnPath", [vector(1.0, 0.0, -3.0), vector(2.0, 1.0, -3.0)], 2.0, 30.0, 1, {"is_rate": False}, -1.0, 1.0),
+    ("moveToGPS", 47.641478, -122.140165, 125.0, 2.0, 30.0, 0, STRAIGHT, -1.0, 1.0),
+    ("moveToZ", -4.0, 1.0, 30.0, STRAIGHT, -1.0, 1.0),
+    ("moveByManual", 1.0, 1.0, -3.0, 0.3, 0, STRAIGHT),
+    ("rotateToYaw", 90.0, 10.0, 5.0),
+    ("rotateByYawRate", 30.0, 0.5),
+    ("hover",),
+    ("moveByMotorPWMs", 0.6, 0.6, 0.6, 0.6, 0.1),
+    ("moveByRollPitchYawZ", 0.05, 0.05, 0.1, -3.0, 0.3),
+    ("moveByRollPitchYawThrottle", 0.0, 0.0, 0.0, 0.6, 0.2),
+    ("moveByRollPitchYawrateThrottle", 0.0, 0.0, 0.1, 0.6, 0.2),
+    ("moveByRollPitchYawrateZ", 0.0, 0.1, 0.1, -3.0, 0.2),
+    ("moveByAngleRatesZ", 0.0, 0.0, 0.1, -3.0, 0.2),
+    ("moveByAngleRatesThrottle", 0.0, 0.0, 0.1, 0.6, 0.2),
+    ("moveByAngleZ", 0.05, 0.05, -3.0, 0.1, 0.3),
+    ("moveByAngle", 0.05, 0.05, -3.0, 0.1, 0.3),
+    ("moveByAngleThrottle", 0.0, 0.0, 0.6, 0.1, 0.2),
+    ("goHome", 60.0),
+]
+
+
+@pytest.mark.parametrize("move", MOVES, ids=lambda move: move[0])
+@pytest.mark.parametrize("named", [True, False])
+def test_every_move_with_and_without_the_name_of_its_vehicle(
+    client: Client, move: tuple[Any, ...], named: bool
+) -> None:
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -3.0), True, "A")
+    client.call("moveToZ", -3.0, 1.0)
+    name, *arguments = move
+    assert client.call(name, *arguments, *(["A"] if named else [])) is True
+    assert all(map(math.isfinite, position(client)))
+
+
+def test_a_move_to_a_gps_place(client: Client) -> None:
+    client.call("moveToZ", -3.0, 2.0)
+    client.call("moveToGPS", 47.641468 + 10.0 / 111_194, -122.140165, 127.0, 5.0)
+    x, y, z = position(client)
+    assert (x, y, z) == pytest.approx((10.0, 0.0, -5.0), abs=0.6)
+
+
+@pytest.mark.parametrize("name", ["moveByVelocity", "moveToPosition", "moveByMotorPWMs", "moveByRollPitchYawZ"])
+def test_a_set_point_that_is_not_finite_is_refused(client: Client, name: str) -> None:
+    with pytest.raises(RpcFailed, match=r"argument 1 \(\w+\): expected a finite number, got nan"):
+        client.call(name, math.nan, 1.0, 1.0, 1.0, 1.0)
+
+
+def test_controller_gains(client: Client, world: Served) -> None:
+    client.call("setVelocityControllerGains", [0.4, 0.4, 4.0], [0.0, 0.0, 2.0], [0.0] * 3, "A")
+    client.call("setAngleRateControllerGains", [0.25] * 3, [0.0] * 3, [1.0] * 3, "A")
+    assert any("ki and kd have no effect" in line for line in world.log)
+    with pytest.raises(RpcFailed, match="an array of 3 number"):
+        client.call("setPositionControllerGains", [0.25], [0.0] * 3, [0.0] * 3, "A")
+    client.call("setVelocityControllerGains", [0.2, 0.2, 2.0], [0.0, 0.0, 2.0], [0.0] * 3, "A")
+
+
+# State
+
+
+def test_setting_a_pose_and_reading_it(client: Client) -> None:
+    half = 0.5 * math.radians(30.0)
+    q = (math.cos(half), 0.0, 0.0, math.sin(half))
+    client.call("simSetVehiclePose", pose(2.0, -3.0, -10.0, q), True, "A")
+    read = client.call("simGetVehiclePose", "A")
+    assert xyz(read["position"]) == pytest.approx((2.0, -3.0, -10.0), abs=1e-5)
+    assert [read["orientation"][key] for key in ("w_val", "z_val")] == pytest.approx([q[0], q[3]], abs=1e-6)
+    nan = math.nan
+    client.call("simSetVehiclePose", pose(nan, 7.0, nan, (nan, nan, nan, nan)), True, "A")
+    read = client.call("simGetVehiclePose", "A")
+    assert xyz(read["position"]) == pytest.approx((2.0, 7.0, -10.0), abs=1e-5)
+    assert [read["orientation"][key] for key in ("w_val", "z_val")] == pytest.approx([q[0], q[3]], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"),
+    [
+        (pose(1e6, 0.0, 0.0), "A cannot be put there: p_WB"),
+        (pose(0.0, 0.0, -5.0, (0.0, 0.0, 0.0, 0.0)), "is no rotation"),
+        (pose(math.inf, 0.0, 0.0), "A cannot be put there: p_WB"),
+    ],
+)
+def test_a_pose_that_is_impossible(client: Client, wanted: dict[str, Any], told: str) -> None:
+    with pytest.raises(RpcFailed, match=told):
+        client.call("simSetVehiclePose", wanted, True, "A")
+    assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+def test_setting_kinematics(client: Client) -> None:
+    wanted = {
+        **pose(1.0, 2.0, -20.0),
+        "linear_velocity": vector(3.0, -1.0, 0.5),
+        "angular_velocity": vector(0.1, 0.2, -0.3),
+    }
+    client.call("simSetKinematics", wanted, True, "A")
+    read = client.call("simGetGroundTruthKinematics", "A")
+    assert xyz(read["linear_velocity"]) == pytest.approx((3.0, -1.0, 0.5), abs=1e-6)
+    assert xyz(read["angular_velocity"]) == pytest.approx((0.1, 0.2, -0.3), abs=1e-6)
+    client.call("simContinueForTime", 0.1)
+    assert xyz(client.call("getPosition", "A"))[0] == pytest.approx(1.3, abs=0.02)
+
+
+def test_a_falling_vehicle(client: Client) -> None:
+    client.call("reset")
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -50.0), True, "B")
+    client.call("simContinueForTime", 0.5)
+    kinematics = client.call("simGetGroundTruthKinematics", "B")
+    assert xyz(kinematics["linear_acceleration"])[2] == pytest.approx(9.6, abs=0.4)
+    assert xyz(kinematics["linear_velocity"])[2] == pytest.approx(4.9, abs=0.2)
+    x, y, z = xyz(client.call("getImuData", "", "B")["linear_acceleration"])
+    assert math.sqrt(x * x + y * y + z * z) < 0.6
+
+
+def test_rotor_states(client: Client) -> None:
+    take_off(client)
+    states = client.call("getRotorStates", "A")
+    assert len(states["rotors"]) == 4
+    weight = load_vehicle("x500").mass_kg * 9.80665
+    assert sum(rotor["thrust"] for rotor in states["rotors"]) == pytest.approx(weight, rel=0.15)
+    assert sum(rotor["torque_scaler"] > 0.0 for rotor in states["rotors"]) == 2
+
+
+def test_environment(client: Client) -> None:
+    found = client.call("simGetGroundTruthEnvironment", "A")
+    assert found["geo_point"]["altitude"] == pytest.approx(122.0, abs=1e-3)
+    assert found["air_pressure"] == pytest.approx(101_325.0 * (1.0 - 0.0065 * 122.0 / 288.15) ** 5.25588, rel=1e-4)
+    assert found["air_density"] == pytest.approx(1.2107, rel=1e-3)
+    assert xyz(found["gravity"]) == pytest.approx((0.0, 0.0, 9.80665), abs=1e-5)
+
+
+def test_old_names_of_2018(client: Client) -> None:
+    client.call("simSetPose", pose(0.0, 1.0, -4.0), True)
+    assert xyz(client.call("simGetPose")["position"]) == pytest.approx((0.0, 1.0, -4.0), abs=1e-6)
+    assert xyz(client.call("getPosition")) == pytest.approx((0.0, 1.0, -4.0), abs=1e-6)
+    assert xyz(client.call("getVelocity")) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert client.call("getOrientation")["w_val"] == pytest.approx(1.0)
+    assert client.call("getCollisionInfo")["has_collided"] is False
+    assert client.call("getGpsLocation")["altitude"] == pytest.approx(126.0, abs=1e-3)
+    assert client.call("getLandedState") in (0, 1)
+    assert client.call("isSimulationMode") is True
+    assert client.call("enableApiControl", True) is None
+    assert client.call("armDisarm", True) is True
+    assert client.call("takeoff", 15.0) in (True, False)
+    assert client.call("moveToPosition", 0.0, 1.0, -5.0, 5.0, 60.0, 0, STRAIGHT, -1.0, 1.0) is True  # nine arguments
+    assert client.call("getMultirotorState")["landed_state"] == 1
+
+
+def test_vehicles_that_collide(client: Client) -> None:
+    client.call("reset")
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -20.0), True, "A")
+    client.call("simSetVehiclePose", pose(-4.0, 2.0, -22.0), True, "B")  # two metres above A
+    wanted = {**pose(-4.0, 2.0, -22.0), "linear_velocity": vector(0.0, 0.0, 8.0)}
+    client.call("simSetKinematics", wanted, True, "B")
+    client.call("simContinueForTime", 0.6)
+    collision = client.call("simGetCollisionInfo", "B")
+    assert collision["has_collided"] is True
+    assert collision["object_name"] == "A"
+
+
+# Sensors
+
+
+def test_imu_at_rest(client: Client) -> None:
+    values = []
+    for _ in range(50):
+        client.call("simContinueForTime", 0.004)
+        values.append(xyz(client.call("getImuData", "", "B")["linear_acceleration"]))
+    mean, sigma = np.mean(values, axis=0), np.std(values, axis=0)
+    assert mean == pytest.approx((0.0, 0.0, -9.80665), abs=0.03)
+    assert sigma == pytest.approx(0.24e-3 * 9.80665 * math.sqrt(250.0), rel=0.4)
+
+
+def test_gps_is_late_and_becomes_accurate() -> None:
+    with served() as world:
+        client = world.client()
+        assert client.call("getGpsData")["gnss"]["fix_type"] == 0
+        client.call("simSetVehiclePose", pose(0.0, 0.0, -100.0), True)
+        client.call("simContinueForTime", 0.1)
+        assert client.call("getGpsData")["gnss"]["geo_point"]["altitude"] == pytest.approx(122.0, abs=0.01)
+        client.call("simContinueForTime", 3.9)
+        gnss = client.call("getGpsData")["gnss"]
+        assert gnss["fix_type"] == 3
+        assert gnss["eph"] == pytest.approx(0.1 + 99.9 * math.exp(-3.8 / 0.9), rel=0.05)
+        falling = xyz(client.call("simGetGroundTruthKinematics")["linear_velocity"])[2]
+        assert 0.0 < xyz(gnss["velocity"])[2] < falling
+
+
+def test_barometer() -> None:
+    with served() as world:
+        client = world.client()
+        before = client.call("getBarometerData")
+        assert before["altitude"] == pytest.approx(122.0, abs=1.0)  # AirSim's drift begins at 0
+        assert before["qnh"] == pytest.approx(1013.25)
+        client.call("simSetVehiclePose", pose(0.0, 0.0, -100.0), True)
+        client.call("simContinueForTime", 0.02)
+        after = client.call("getBarometerData")
+        assert after["altitude"] - before["altitude"] == pytest.approx(100.0, abs=2.0)
+
+
+def test_magnetometer(client: Client) -> None:
+    field = xyz(client.call("getMagnetometerData", "", "A")["magnetic_field_body"])
+    assert math.sqrt(sum(x * x for x in field)) == pytest.approx(0.53, abs=0.03)  # Gauss, at Seattle
+    assert field[2] > 0.4  # down
+
+
+def test_distance_sensors(client: Client) -> None:
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -9.0), True, "A")
+    client.call("simContinueForTime", 0.004)
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -9.0), True, "A")
+    client.call("simContinueForTime", 0.02)
+    z = position(client)[2]
+    down = client.call("getDistanceSensorData", "Down", "A")
+    assert down["distance"] == pytest.approx(STAND_M - z, abs=0.02)
+    assert (down["min_distance"], down["max_distance"]) == pytest.approx((0.2, 40.0))
+    assert client.call("getDistanceSensorData", "Ahead", "A")["distance"] == pytest.approx(40.0)
+
+
+def test_lidar_sees_the_ground(client: Client) -> None:
+    client.call("simSetVehiclePose", pose(-20.0, 20.0, -6.0), True, "A")
+    client.call("simContinueForTime", 0.104)
+    data = client.call("getLidarData", "Scan", "A")
+    points = np.array(data["point_cloud"]).reshape(-1, 3)
+    x, y, z = xyz(data["pose"]["position"])
+    assert (x, y, z) == pytest.approx(position(client), abs=1e-6)
+    assert len(points) == len(data["segmentation"]) == 2000
+    assert np.abs(points[:, 2] - STAND_M).max() < 0.01  # NED from the start: the ground below it
+    ranges = np.linalg.norm(points - (x, y, z), axis=1)
+    steepest = math.degrees(math.asin((STAND_M - z) / ranges.min()))
+    assert steepest == pytest.approx(60.0, abs=1.0)
+
+
+def test_lidar_in_its_own_frame_and_field_of_view(client: Client) -> None:
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -5.0, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))), True, "A")
+    client.call("simContinueForTime", 0.104)
+    points = np.array(client.call("getLidarData", "Body", "A")["point_cloud"]).reshape(-1, 3)
+    assert 40 <= len(points) <= 60  # a quarter of 200
+    azimuth = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
+    assert azimuth.min() >= -45.01
+    assert azimuth.max() <= 45.01
+    assert (points[:, 2] > 0.0).all()  # down
+
+
+def test_a_lidar_sees_the_other_vehicle_and_not_its_own(client: Client) -> None:
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -5.0), True, "A")
+    client.call("simSetVehiclePose", pose(-3.0, 2.0, -4.0), True, "B")  # one metre ahead of A and one below
+    client.call("simContinueForTime", 0.104)
+    data = client.call("getLidarData", "Scan", "A")
+    points = np.array(data["point_cloud"]).reshape(-1, 3)
+    above_ground = points[points[:, 2] < STAND_M - 1.0]
+    assert len(above_ground) > 0
+    assert np.abs(above_ground - (1.0, 0.0, -4.0)).max() < 1.0
+
+
+def test_a_sensor_that_is_not_there(client: Client) -> None:
+    with pytest.raises(RpcFailed, match="No lidar with name Nose exist on vehicle A; it has Body, Scan"):
+        client.call("getLidarData", "Nose", "A")
+    with pytest.raises(RpcFailed, match="No lidar with name  exist on vehicle B; add one to Sensors of B"):
+        client.call("getLidarData", "", "B")
+
+
+# Surroundings
+
+
+def test_wind_carries_a_vehicle_away(client: Client) -> None:
+    client.call("reset")
+    client.call("simSetWind", vector(0.0, 10.0, 0.0))
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -50.0), True, "B")
+    client.call("simContinueForTime", 1.0)
+    assert position(client, "B")[1] > 0.1
+    with pytest.raises(RpcFailed, match="beyond 50 m/s"):
+        client.call("simSetWind", vector(0.0, 100.0, 0.0))
+
+
+def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None:
+    around = world.simulation.surroundings
+    client.call("simEnableWeather", True)
+    client.call("simSetWeatherParameter", 7, 0.3)
+    assert around.weather_enabled is True
+    assert around.weather[7] == pytest.approx(0.3)
+    client.call("simSetTimeOfDay", True, "2018-02-12 15:20:00", False, 10.0, 60.0, True)
+    assert around.clock is not None
+    assert around.clock.hour == 15
+    with pytest.raises(RpcFailed, match="is no date and time; write it as 2018-02-12 15:20:00"):
+        client.call("simSetTimeOfDay", True, "noon")
+    with pytest.raises(RpcFailed, match="from 0 to 1, not 7"):
+        client.call("simSetWeatherParameter", 1, 7.0)
+    with pytest.raises(RpcFailed, match="expected WeatherParameter"):
+        client.call("simSetWeatherParameter", 12, 0.5)
+    client.call("simSetTimeOfDay", False)
+    assert around.clock is None
+
+
+def test_drawings_are_kept_until_they_are_over(client: Client, world: Served) -> None:
+    around, points = world.simulation.surroundings, [vector(0.0, 0.0, -1.0), vector(1.0, 0.0, -1.0)]
+    client.call("simFlushPersistentMarkers")
+    around.drawings.clear()
+    client.call("simPlotPoints", points, [1.0, 0.0, 0.0, 1.0], 10.0, 0.05, False)
+    client.call("simPlotLineStrip", points, [1.0, 0.0, 0.0, 1.0], 5.0, -1.0, True)
+    client.call("simPlotArrows", points, points, [1.0, 0.0, 0.0, 1.0], 5.0, 2.0, -1.0, False)
+    client.call("simPlotStrings", ["a", "b"], points, 5.0, [1.0, 0.0, 0.0, 1.0], -1.0)
+    client.call("simContinueForTime", 0.1)
+    client.call("simPlotTransforms", [pose(0.0, 0.0, 0.0)], 5.0, 5.0, -1.0, False)
+    client.call("simPlotTransformsWithNames", [pose(0.0, 0.0, 0.0)], ["here"])
+    kinds = [drawing.kind for drawing in around.drawings]
+    assert kinds == ["line_strip", "arrows", "strings", "transforms", "transforms"]
+    client.call("simFlushPersistentMarkers")
+    assert [drawing.kind for drawing in around.drawings] == kinds[1:]
+    with pytest.raises(RpcFailed, match="as many of both"):
+        client.call("simPlotStrings", ["a"], points)
+
+
+# Computer vision
+
+
+def test_computer_vision_vehicles_stand_where_they_are_put() -> None:
+    with served('{"SettingsVersion": 1.2, "SimMode": "ComputerVision"}') as world:
+        client = world.client()
+        client.call("simSetVehiclePose", pose(5.0, 1.0, -7.0), True, "")
+        client.call("simContinueForTime", 0.2)
+        assert xyz(client.call("simGetVehiclePose", "")["position"]) == pytest.approx((5.0, 1.0, -7.0), abs=1e-6)
+        assert client.call("isApiControlEnabled", "") is False
+        client.call("enableApiControl", True, "")  # examples do so in any mode
+        with pytest.raises(RpcFailed, match=r"takeoff needs a vehicle that flies.*set SimMode to Multirotor"):
+            client.call("takeoff", 20.0, "")
+        client.call("reset")
+        assert xyz(client.call("simGetVehiclePose", "")["position"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+# Clocks
+
+
+def script(client: Client) -> None:
+    """Fly as a user's script does, every move joined."""
+    client.call("enableApiControl", True, "")
+    client.call("armDisarm", True, "")
+    client.call("takeoff", 20.0, "")
+    client.call("moveByVelocity", 2.0, 1.0, -0.5, 1.5, 0, STRAIGHT, "")
+    client.call("getImuData", "", "")
+    client.call("rotateToYaw", 60.0, 10.0, 5.0, "")
+    client.call("simPause", True)
+    client.call("simContinueForTime", 0.25)
+    client.call("simPause", False)
+    client.call("getBarometerData", "", "")
+    client.call("simGetCollisionInfo", "")
+    client.call("getMultirotorState", "")
+
+
+def test_calls_give_one_digest() -> None:
+    digests = set()
+    for _ in range(3):
+        with served() as world:
+            client = world.client()
+            script(client)
+            assert world.server.digest is not None
+            digests.add((world.server.digest.hexdigest(), world.truths.hexdigest(), world.simulation.world.tick))
+    assert len(digests) == 1
+
+
+def test_with_calls_time_stands_still_while_nobody_waits(client: Client, world: Served) -> None:
+    take_off(client)
+    before = world.simulation.world.tick
+    for _ in range(50):
+        client.call("ping")
+    assert world.simulation.world.tick == before
+
+
+def test_the_wall_clock_runs_at_clock_speed() -> None:
+    with served('{"SettingsVersion": 1.2, "SimMode": "Multirotor", "ClockSpeed": 10}', clock="wall") as world:
+        client = world.client()
+        first_ns, began = client.call("getMultirotorState")["timestamp"], time.perf_counter()
+        while True:
+            now_ns, elapsed_s = client.call("getMultirotorState")["timestamp"], time.perf_counter() - began
+            if now_ns - first_ns > 2_000_000_000:
+                break
+        assert (now_ns - first_ns) / 1e9 <= 10.0 * elapsed_s + 0.1  # never ahead; a loaded machine may be behind
+        client.call("simPause", True)
+        paused_ns = client.call("getMultirotorState")["timestamp"]
+        assert client.call("getMultirotorState")["timestamp"] == paused_ns
+        client.call("simContinueForTime", 0.1)
+        assert client.call("getMultirotorState")["timestamp"] - paused_ns == 100_000_000
