@@ -77,6 +77,7 @@ class Tracer:
         self._parameters = mi.traverse(self._scene)
         self._moving_key = "moving.vertex_positions"
         self._last_poses: bytes | None = None
+        self._lens_tables: dict[int, tuple[Lens, Any]] = {}
 
     def set_sky(self, sky: Sky) -> None:
         """Change the light."""
@@ -157,7 +158,7 @@ class Tracer:
             length = dr.norm(d_C)
             d_C /= length
         else:
-            table = F(lens.table.astype(np.float32).ravel())
+            table = self._table_of(lens)
             nodes, across = dr.opaque(F, lens.nodes), dr.opaque(U, lens.table.shape[1])
             x, y = (F(column) + jx) * nodes, (F(row) + jy) * nodes
             x0 = dr.minimum(U(x), across - 2)
@@ -174,6 +175,13 @@ class Tracer:
         d = V(*(dr.dot(dr.gather(V, R, 3 * at + i), d_C) for i in range(3)))
         near, far = (dr.opaque(F, plane) * length for plane in lens.planes_m)
         return origin, d, near, far - near
+
+    def _table_of(self, lens: Lens) -> Any:
+        """Return the table of a lens in the kernel's memory, kept for all tiles and pictures."""
+        if id(lens) not in self._lens_tables:  # the entry holds the lens, so that its id stays its own
+            assert lens.table is not None
+            self._lens_tables[id(lens)] = (lens, F(lens.table.astype(np.float32).ravel()))
+        return self._lens_tables[id(lens)][1]
 
     @dr.syntax
     def _meet(self, ray: Any, active: Any) -> Any:
