@@ -19,6 +19,7 @@ from rich.console import Console
 from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.rpc.server import RpcServer
 from hil.apps.airsim.settings.files import load_settings
+from hil.apps.airsim.settings.scene_names import scene_name
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.world.clock import CallsClock, WallClock
 from hil.apps.airsim.world.simulation import Simulation
@@ -82,7 +83,8 @@ def serve_airsim(choice: Choice, console: Console) -> None:
 
 def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str], None]) -> Simulation:
     """Return the simulation of a bench with the settings. Raises ConfigError."""
-    bench = load_bench(choice.config, scene=choice.scene or settings.scene or None, flown=False)
+    scene = scene_name(choice.scene or settings.scene)
+    bench = load_bench(choice.config, scene=scene or None, flown=False)
     start = bench.config.start
     return Simulation(bench.scene, bench.vehicle, settings, ground_W=start.p_W, log=log)
 

@@ -28,6 +28,7 @@ from signals.samples import Vec3
 DEFAULT_PORT = 41451
 _VERSION = 1.2  # the first that has the keys read here
 _COSYS_VERSION = 2.0
+_MOST_WIND_MPS, _MOST_FORCE_N = 50.0, 200.0
 _NOT_SIMULATED = ("Car", "SkidVehicle")
 _RENAMED = ("AdditionalCameras", "CaptureSettings", "NoiseSettings", "UsageScenario", "SimpleFlight", "PX4")
 _WITHOUT_MEANING = (
@@ -107,8 +108,8 @@ def read_settings(text: str, source: str) -> AirSimSettings:
         root.text("Default Environment"),
         root.choice("PhysicsEngineName", "FastPhysicsEngine", ("FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX")),
         read_origin(root),
-        read_vector(root, "Wind"),
-        read_vector(root, "ExternalForce"),
+        read_vector(root, "Wind", _MOST_WIND_MPS),
+        read_vector(root, "ExternalForce", _MOST_FORCE_N),
         read_time_of_day(root),
         read_segmentation(root),
         read_recording(root),

@@ -101,12 +101,12 @@ def read_time_of_day(root: Reader) -> TimeOfDay:
     return time
 
 
-def read_vector(root: Reader, key: str) -> Vec3:
-    """Return an object of X, Y and Z (north, east, down)."""
+def read_vector(root: Reader, key: str, limit: float) -> Vec3:
+    """Return an object of X, Y and Z (north, east, down), each within `limit`."""
     reader = root.child(key)
     if reader is None:
         return (0.0, 0.0, 0.0)
-    x, y, z = (reader.number(axis, 0.0, -200.0, 200.0) for axis in "XYZ")
+    x, y, z = (reader.number(axis, 0.0, -limit, limit) for axis in "XYZ")
     reader.close(key)
     return (x, y, z)
 
