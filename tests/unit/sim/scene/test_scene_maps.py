@@ -176,7 +176,9 @@ def test_takeoff_area_and_goal_are_free(name: str, seed: int) -> None:
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "radar_range"])
 def test_people_keep_off_the_takeoff_area(name: str) -> None:
-    for actor in made(name, 1).actors:
+    actors = made(name, 1).actors
+    assert actors
+    for actor in actors:
         for k in range(200):
             (x, y, _), _ = actor.bound(k * 400_000_000)
             assert (x * x + y * y) ** 0.5 > 4.0
@@ -285,10 +287,12 @@ def test_nobody_walks_through_anything(name: str, seed: int) -> None:
     model, data = compiled(name, seed)
     # People out of the way: rays look at what stands.
     group = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
+    actors = made(name, seed).actors
+    assert actors
     people = [g for g in range(model.ngeom) if owner(model, g).startswith("person_")]
     model.geom_group[people] = 1
     try:
-        for actor in made(name, seed).actors:
+        for actor in actors:
             for k in range(60):
                 (x, y, z), _ = actor.bound(k * 1_370_000_000)
                 for dx, dy in ((0.0, 0.0), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.25), (0.0, -0.25)):
