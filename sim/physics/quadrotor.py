@@ -307,6 +307,16 @@ class QuadrotorPhysics:
         """Return the deepest contact with the scene in the last contact step; None if there was none."""
         return deepest_contact(self._model, self._data, self.scene)
 
+    def touch(self, t_ns: int) -> SceneContact | None:
+        """Return the deepest contact with the scene at `t_ns` where the vehicle is now; None if it touches nothing."""
+        if self._actors is not None:
+            self._actors.pose_all(t_ns)
+            self._actors_remaining_m = 0.0
+        self.body.contact_load(0, self._hard)
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_collision(self._model, self._data)
+        return self.contact()
+
     def _fit_battery(self, auxiliary_w: float) -> None:
         battery = self.vehicle.battery
         assert battery is not None

@@ -10,6 +10,7 @@ from signals.rotation import NO_TURN
 from signals.samples import Quat, TruthState, Vec3
 from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics
+from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
 
 Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 of the rotors until the next tick
@@ -18,10 +19,20 @@ Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 o
 class SteppedVehicle:
     """Vehicle with physics, or one that only stands where it is put (`physics` None). Made by `SteppedWorld.add`."""
 
-    def __init__(self, name: str, vehicle: Vehicle, start: TruthState, physics: QuadrotorPhysics | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        vehicle: Vehicle,
+        start: TruthState,
+        physics: QuadrotorPhysics | None,
+        make_physics: Callable[[], QuadrotorPhysics],
+    ) -> None:
+        """`make_physics`: makes the model that finds contacts of a vehicle without physics."""
         self.name = name
         self.vehicle = vehicle
         self.physics = physics
+        self._make_physics = make_physics
+        self._contact_model: QuadrotorPhysics | None = None
         self.start = start
         self.truth = start
         self.pilot: Pilot | None = None  # None: the rotors stand still
@@ -49,6 +60,14 @@ class SteppedVehicle:
             self.truth = self.physics.place(p_WB, q_WB, v_WB_W, w_WB_B, rotor_speed_radps)
         else:
             self.truth = self.truth._replace(p_WB=p_WB, q_WB=q_WB, v_WB_W=v_WB_W, w_WB_B=w_WB_B)
+
+    def touch(self) -> SceneContact | None:
+        """Return the contact of the vehicle with the scene where it is now; None if it touches nothing."""
+        truth, model = self.truth, self.physics
+        if model is None:
+            model = self._contact_model = self._contact_model or self._make_physics()
+            model.place(truth.p_WB, truth.q_WB)
+        return model.touch(truth.t_ns)
 
     def reset(self) -> None:
         """Put the vehicle back to its start."""

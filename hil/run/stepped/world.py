@@ -69,10 +69,9 @@ class SteppedWorld:
         """Add a vehicle between two ticks. Raises ValueError for a name that is taken, or a battery that is missing."""
         if name in self.vehicles:
             raise ValueError(f"there is a vehicle {name!r} already")
-        physics: QuadrotorPhysics | None = None
-        truth = standing_truth(vehicle, start)
-        if has_physics:
-            physics = QuadrotorPhysics(
+
+        def make_physics() -> QuadrotorPhysics:
+            return QuadrotorPhysics(
                 vehicle,
                 self.scene,
                 self.tick_ns,
@@ -80,8 +79,11 @@ class SteppedWorld:
                 effects=effects,
                 disturbances=Disturbances(wind=self._wind, seed=self._seed),
             )
-            truth = physics.join(self.tick)
-        added = SteppedVehicle(name, vehicle, truth._replace(tick=self.tick, t_ns=self.t_ns), physics)
+
+        physics = make_physics() if has_physics else None
+        truth = standing_truth(vehicle, start) if physics is None else physics.join(self.tick)
+        truth = truth._replace(tick=self.tick, t_ns=self.t_ns)
+        added = SteppedVehicle(name, vehicle, truth, physics, make_physics)
         self.vehicles[name] = added
         if physics is not None:
             self._flying.append(added)

@@ -27,11 +27,11 @@ def geo_point(simulation: Simulation, p_W: tuple[float, float, float]) -> dict[s
 
 
 def flown(drone: Drone, name: str) -> Drone:
-    """Return the vehicle if it can fly. Raises RpcError in ComputerVision."""
+    """Return the vehicle if it can fly. Raises RpcError in ComputerVision and with ExternalPhysicsEngine."""
     if drone.flight is None:
         raise RpcError(
-            f"{name} needs a vehicle that flies, and settings.json has SimMode ComputerVision, in which vehicles only "
-            "stand where simSetVehiclePose puts them; set SimMode to Multirotor"
+            f"{name} needs a vehicle that flies, and {drone.name} only stands where simSetVehiclePose puts it; set "
+            "SimMode to Multirotor and PhysicsEngineName to FastPhysicsEngine in settings.json"
         )
     return drone
 
@@ -88,6 +88,10 @@ def methods(simulation: Simulation) -> list[Method]:
         level = {1: "warning: ", 2: "error: "}.get(severity, "")
         sim.log(f"{level}{message}{parameter}")
 
+    def run_console_command(command: str) -> bool:
+        sim.log(f"simRunConsoleCommand: there is no Unreal console here; '{command[:80]}' did nothing")
+        return False
+
     return [
         method("ping", lambda: True),
         method("getServerVersion", lambda: SERVER_VERSION),
@@ -118,6 +122,7 @@ def methods(simulation: Simulation) -> list[Method]:
             optional("message_param", TEXT, ""),
             optional("severity", INT, 0),
         ),
+        method("simRunConsoleCommand", run_console_command, Parameter("command", TEXT)),
         # Clients before June 2018:
         method("isSimulationMode", lambda: True),
         method("timestampNow", lambda: sim.now_ns),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from hil.apps.airsim.api.session import VEHICLE, flown, geo_point
+from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.rpc.arguments import (
     BOOL,
     POSE_OR_NAN,
@@ -70,8 +70,19 @@ def _kept(wanted: Vector, present: Vec3) -> Vec3:
     return (x, y, z)
 
 
-def place(simulation: Simulation, drone: Drone, pose: Pose, v_N: Vec3 | None = None, w_F: Vec3 | None = None) -> None:
-    """Put a vehicle elsewhere, NaN keeps a component. Rotors and, if not given, velocities stay. Raises RpcError."""
+def place(
+    simulation: Simulation,
+    drone: Drone,
+    pose: Pose,
+    v_N: Vec3 | None = None,
+    w_F: Vec3 | None = None,
+    *,
+    collides: bool = False,
+) -> None:
+    """Put a vehicle elsewhere, NaN keeps a component. Rotors and, if not given, velocities stay. Raises RpcError.
+
+    `collides`: what a vehicle without physics touches there is a collision; one that flies touches it in the next tick.
+    """
     truth = drone.vehicle.truth
     p_N = _kept(pose.position, drone.origin.from_W(truth.p_WB))
     q: Quat = tuple(pose.orientation)  # type: ignore[assignment]
@@ -86,7 +97,7 @@ def place(simulation: Simulation, drone: Drone, pose: Pose, v_N: Vec3 | None = N
         drone.vehicle.place(drone.origin.to_W(p_N), q_WB, v_W, w_B, truth.rotor_speed_radps)
     except ValueError as error:
         raise RpcError(f"{drone.name} cannot be put there: {error}") from None
-    simulation.placed(drone)
+    simulation.placed(drone, collides=collides)
 
 
 def environment(simulation: Simulation, drone: Drone) -> dict[str, Any]:
@@ -121,14 +132,13 @@ def methods(simulation: Simulation) -> list[Method]:
     sim = simulation
 
     def multirotor_state(name: str) -> dict[str, Any]:
-        drone = flown(sim.drone(name), "getMultirotorState")
-        assert drone.flight is not None
+        drone = sim.drone(name)
         return {
             "collision": drone.collision_info(sim.epoch_ns),
             "kinematics_estimated": drone.origin.kinematics(drone.vehicle.truth),
             "gps_location": geo_point(sim, drone.vehicle.truth.p_WB),
             "timestamp": sim.now_ns,
-            "landed_state": _LANDED if drone.flight.landed else _FLYING,
+            "landed_state": _LANDED if drone.flight is not None and drone.flight.landed else _FLYING,
             "rc_data": _RC_DATA,
             # Its clients know these too, but AirSim itself does not send them:
             "ready": True,
@@ -148,8 +158,8 @@ def methods(simulation: Simulation) -> list[Method]:
         drone = sim.drone(name)
         return drone.origin.pose(drone.vehicle.truth.p_WB, drone.vehicle.truth.q_WB)
 
-    def set_pose(wanted: Pose, ignore_collision: bool, name: str) -> None:  # noqa: ARG001
-        place(sim, sim.drone(name), wanted)
+    def set_pose(wanted: Pose, ignore_collision: bool, name: str) -> None:
+        place(sim, sim.drone(name), wanted, collides=not ignore_collision)
 
     def set_kinematics(state: KinematicsState, ignore_collision: bool, name: str) -> None:  # noqa: ARG001
         pose = Pose(state.position, state.orientation)
@@ -163,16 +173,15 @@ def methods(simulation: Simulation) -> list[Method]:
         return Vector(*drone.origin.from_W(drone.vehicle.truth.p_WB))
 
     def landed_state(name: str) -> int:
-        drone = flown(sim.drone(name), "getLandedState")
-        assert drone.flight is not None
-        return _LANDED if drone.flight.landed else _FLYING
+        flight = sim.drone(name).flight
+        return _LANDED if flight is not None and flight.landed else _FLYING
 
     ignore = optional("ignore_collision", BOOL, True)
     state, pose_parameter = Parameter("state", KINEMATICS), Parameter("pose", POSE_OR_NAN)
     return [
         method("getMultirotorState", multirotor_state, VEHICLE),
         method("getComputerVisionState", computer_vision_state, VEHICLE),
-        method("getRotorStates", lambda name: rotor_states(sim, flown(sim.drone(name), "getRotorStates")), VEHICLE),
+        method("getRotorStates", lambda name: rotor_states(sim, sim.drone(name)), VEHICLE),
         method("simGetGroundTruthKinematics", kinematics, VEHICLE),
         method("simGetPhysicsRawKinematics", kinematics, VEHICLE),
         method("simGetGroundTruthEnvironment", lambda name: environment(sim, sim.drone(name)), VEHICLE),

@@ -14,7 +14,7 @@ from typing import Protocol
 from hil.apps.airsim.world.simulation import Simulation
 from signals.time import NS_PER_S
 
-_SLICE_NS = 1_000_000  # of wall time; a request waits no longer than this
+_SLICE_NS = 500_000  # of wall time; a request waits for this and one tick at most
 _MOST_BEHIND_S = 0.25
 _NS_PER_MINUTE = 60 * NS_PER_S
 

@@ -14,6 +14,7 @@ from hil.apps.airsim.world.sensors import SensorSuite
 from hil.run.stepped.vehicle import SteppedVehicle
 from signals.frames import ned_from_enu
 from signals.samples import TruthState, Vec3
+from sim.physics.scene_contact import SceneContact
 
 HISTORY_TICKS = 2501  # 10 s, the longest latency of a GPS
 
@@ -53,6 +54,19 @@ class Drone:
         if self.flight is not None:
             self.flight.reset()
             self.flight.landed = self.touching
+
+    def collide(self, contact: SceneContact) -> None:
+        """Keep a contact with the scene."""
+        truth = self.vehicle.truth
+        self.collision = Collision(
+            truth.t_ns,
+            contact.name,
+            contact.geom,
+            contact.point_W,
+            contact.normal_W,
+            truth.p_WB,
+            contact.depth_m,
+        )
 
     def take_collision(self, epoch_ns: int) -> dict[str, Any]:
         """Return AirSim's collision info, and clear it."""

@@ -14,6 +14,7 @@ from hil.apps.airsim.world.ned import Earth, NedFrame
 from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.run.stepped.world import SteppedWorld
+from signals.errors import ConfigError, Problem
 from signals.frames import ned_from_enu
 from signals.samples import Vec3
 from signals.time import NS_PER_S
@@ -62,8 +63,8 @@ class Simulation:
 
     @property
     def flies(self) -> bool:
-        """False in ComputerVision, where vehicles only stand where clients put them."""
-        return self.settings.sim_mode == "Multirotor"
+        """False in ComputerVision and with ExternalPhysicsEngine: vehicles only stand where clients put them."""
+        return self.settings.sim_mode == "Multirotor" and self.settings.physics_engine != "ExternalPhysicsEngine"
 
     @property
     def now_ns(self) -> int:
@@ -148,6 +149,18 @@ class Simulation:
         return self._add(settings.name, settings)
 
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
+        if settings.kind not in ("SimpleFlight", "ComputerVision"):
+            raise ConfigError(
+                [
+                    Problem(
+                        f"Vehicles.{name}.VehicleType",
+                        f"{settings.kind} has its own autopilot, which `hil airsim` does not connect",
+                        "take SimpleFlight here, or fly this autopilot with `hil run --rig`",
+                    )
+                ]
+            )
+        if not settings.collisions or settings.pass_through:
+            self.log(f"{name}: collisions cannot be switched off (EnableCollisions, EnableCollisionPassthrogh)")
         start = self._start(settings)
         vehicle = self.world.add(name, self.model, start, has_physics=self.flies)
         flight: SimpleFlight | None = None
@@ -188,11 +201,13 @@ class Simulation:
             self.world.forget_contacts(name)
         self.wake()
 
-    def placed(self, drone: Drone) -> None:
-        """Take notice that a vehicle was put elsewhere."""
+    def placed(self, drone: Drone, *, collides: bool = False) -> None:
+        """Take notice that a vehicle was put elsewhere; without physics, find what it touches there."""
         drone.touching = False
         if drone.flight is not None:
             drone.flight.moved()
+        elif collides and self.settings.sim_mode == "Multirotor" and (contact := drone.vehicle.touch()) is not None:
+            drone.collide(contact)
         self.world.forget_contacts(drone.name)
 
     # Collisions ------------------------------------------------------------------------------------------------------
@@ -202,17 +217,8 @@ class Simulation:
         truth, physics = drone.vehicle.truth, drone.vehicle.physics
         drone.touching = truth.in_contact
         contact = physics.contact() if truth.in_contact and physics is not None else None
-        if contact is None:
-            return
-        drone.collision = Collision(
-            truth.t_ns,
-            contact.name,
-            contact.geom,
-            contact.point_W,
-            contact.normal_W,
-            truth.p_WB,
-            contact.depth_m,
-        )
+        if contact is not None:
+            drone.collide(contact)
 
     def _meet(self) -> None:
         for contact in self.world.take_contacts():

@@ -568,6 +568,20 @@ def test_computer_vision_vehicles_stand_where_they_are_put() -> None:
         assert xyz(client.call("simGetVehiclePose", "")["position"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
+def test_external_physics_reports_collisions() -> None:
+    settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "PhysicsEngineName": "ExternalPhysicsEngine"}
+    with served(json.dumps(settings)) as world:
+        client = world.client()
+        client.call("simSetVehiclePose", pose(0.0, 0.0, -3.0), False, "")
+        assert client.call("simGetCollisionInfo", "")["has_collided"] is False
+        client.call("simSetVehiclePose", pose(0.0, 0.0, 0.05), False, "")
+        collision = client.call("simGetCollisionInfo", "")
+        assert collision["object_name"] == "ground"
+        assert collision["penetration_depth"] == pytest.approx(0.05, abs=1e-4)
+        client.call("simContinueForTime", 0.1)
+        assert xyz(client.call("simGetVehiclePose", "")["position"]) == pytest.approx((0.0, 0.0, 0.05), abs=1e-6)
+
+
 # Clocks
 
 
