@@ -31,6 +31,7 @@ class Allocation:
         self.rows = [[float(value) for value in effect[row]] for row in (3, 4, 5, 2)]  # per newton of T, by axis
         self.columns = list(zip(*self.rows, strict=True))  # by rotor
         self.least_n, self.most_n = least_n, k * top * top
+        self.lift = _dot(self.rows[THRUST], (1.0,) * len(self.columns))  # thrust along z per newton of T of all rotors
         gram = [[_dot(a, b) for b in self.rows] for a in self.rows]
         inverse = _inverse(gram)
         if inverse is None:

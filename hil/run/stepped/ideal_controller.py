@@ -24,7 +24,7 @@ machine.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, sqrt
+from math import fmod, isfinite, sqrt
 from typing import NamedTuple
 
 from hil.run.stepped.allocation import Allocation
@@ -44,6 +44,7 @@ _LAG_LEFT = 1.0 / 3.0  # of a motor's time constant
 _DISTURBANCE_TIME_S = 0.05
 _MOST_LEVEL_ACCEL_MPS2 = 6.0
 _MOST_CLIMB_ACCEL_MPS2 = 5.0
+_MOST_ACCEL_TAN = 0.7  # 35 degrees of tilt for acceleration; more against wind and drag
 _BRAKE_ACCEL_MPS2 = 2.5
 _STRAIGHT_ACCEL_MPS2, _LEAD_S = 5.0, 0.3125  # speeding up in all axes at once keeps the way to a position straight
 _YAW_BRAKE_SHARE = 0.5  # of the greatest yaw acceleration
@@ -109,9 +110,10 @@ class IdealController:
         self._curve = c.thrust_model_factor
         self._least_radps = vehicle.speed_radps(_IDLE_COMMAND)
         self._allocation = Allocation(vehicle, least_n=self._k * self._least_radps * self._least_radps)
-        self._hover_n = self._weight_n / sum(self._allocation.rows[3])  # of one rotor
-        self._most_thrust_n = 0.95 * self._allocation.most_n * sum(self._allocation.rows[3])
-        yaw_torque_nm = self._allocation.yaw_torque_nm(_YAW_RESERVE * self._hover_n)
+        self._hover_n = self._weight_n / self._allocation.lift  # of one rotor
+        self._most_thrust_n = 0.95 * self._allocation.most_n * self._allocation.lift
+        usual_n = max(self._hover_n, 0.05 * self._allocation.most_n)  # without gravity a rotor hardly turns
+        yaw_torque_nm = self._allocation.yaw_torque_nm(_YAW_RESERVE * usual_n)
         self._most_yaw_accel = yaw_torque_nm / self._inertia[2]
 
         lag_s = max(_LAG_LEFT * c.time_constant_up_s, dt)
@@ -120,8 +122,7 @@ class IdealController:
         self._lead_up, self._lead_down = target / (1.0 - self._decay_up), target / (1.0 - self._decay_down)
         self._fade = 1.0 - det_exp(-dt / _DISTURBANCE_TIME_S)
         self._reaction = [-c.inertia_kgm2 * rotor.spin.sign * rotor.axis[2] / dt for rotor in vehicle.rotors]
-        hover_radps = sqrt(self._hover_n / self._k)
-        reaction_s = c.inertia_kgm2 / (2.0 * self._k * hover_radps * max(c.moment_ratio_m, 1e-6))
+        reaction_s = c.inertia_kgm2 / (2.0 * sqrt(self._k * usual_n) * max(c.moment_ratio_m, 1e-6))
         self._yaw_share = dt / (dt + reaction_s)
         rate = min(_MOST_RATE_GAIN_PER_S, _RATE_GAIN_TIMES_DELAY / (lag_s + 1.5 * dt))
         self._base = (rate, rate / _RATIO, rate / _RATIO**2, rate / _RATIO**2 / _POSITION_RATIO)
@@ -293,11 +294,10 @@ class IdealController:
             sz = setpoint.vz_mps
             az = 0.0
         ax, ay, az = ax + kx * (sx - vx), ay + ky * (sy - vy), az + kz * (sz - vz)
-        level = sqrt(ax * ax + ay * ay)
-        if level > _MOST_LEVEL_ACCEL_MPS2:
-            ax, ay = ax * (_MOST_LEVEL_ACCEL_MPS2 / level), ay * (_MOST_LEVEL_ACCEL_MPS2 / level)
-
         az = min(max(az, -_MOST_CLIMB_ACCEL_MPS2), _MOST_CLIMB_ACCEL_MPS2)
+        level, most = sqrt(ax * ax + ay * ay), min(_MOST_LEVEL_ACCEL_MPS2, _MOST_ACCEL_TAN * (self._g + az))
+        if level > most:
+            ax, ay = ax * (most / level), ay * (most / level)
         self._press_down(truth, sz)
 
         mass = self._mass
@@ -368,8 +368,7 @@ class IdealController:
             target = self._locked_yaw
         else:
             self._locked_yaw = None
-        error = target - yaw
-        error -= _TWO_PI * int(error / _TWO_PI)
+        error = fmod(target - yaw, _TWO_PI)  # exact, and so the same everywhere
         error += _TWO_PI if error < -_PI else -_TWO_PI if error > _PI else 0.0
         if self._locked_yaw is not None and abs(error) > _LOCK_YAW_ERROR_RAD:
             self._locked_yaw = None  # pushed away from outside: do not turn back

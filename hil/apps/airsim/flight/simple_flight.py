@@ -16,6 +16,7 @@ Differences from AirSim:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import sqrt
 
 from hil.apps.airsim.flight.gains import with_gains
 from hil.apps.airsim.flight.move import ACCURACY_M, NOTHING, PERIOD_NS, Command, Move, MoveError
@@ -40,8 +41,8 @@ class SimpleFlight:
     def __init__(self, vehicle: Vehicle, tick_ns: int, gravity_mps2: float, start_W: Vec3) -> None:
         self._edge = NedEdge(vehicle, gravity_mps2, start_W)
         self._controller = IdealController(vehicle, tick_ns, gravity_mps2)
-        c = vehicle.rotor_constants
-        self._idle_square = _IDLING * vehicle.mass_kg * gravity_mps2 / c.thrust_coefficient_n_per_radps2
+        k_n = vehicle.rotor_constants.thrust_coefficient_n_per_radps2 * len(vehicle.rotors)
+        self._idle_radps = sqrt(_IDLING * vehicle.mass_kg * gravity_mps2 / k_n)
         self.receiver = Receiver()
         self._move: Move | None = None
         self._done: Done | None = None
@@ -177,7 +178,7 @@ class SimpleFlight:
         elif self._controller.landed:
             self.landed = True
         elif norm(truth.v_WB_W) < _STANDING_MPS and norm(truth.w_WB_B) < _STANDING_RADPS:
-            self.landed = self.landed or sum(s * s for s in truth.rotor_speed_radps) < self._idle_square
+            self.landed = self.landed or max(truth.rotor_speed_radps) < self._idle_radps
 
     def _finish(self, result: bool | MoveError) -> None:
         done, self._move, self._done = self._done, None, None

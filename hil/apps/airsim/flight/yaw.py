@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from math import sqrt
+from math import fmod, sqrt
 from typing import NamedTuple
 
 from hil.apps.airsim.flight.move import ACCURACY_M, MoveError, Xy, finite
@@ -57,6 +57,5 @@ def check_heading(mode: YawMode, drivetrain: int) -> None:
 
 def normalized_deg(angle_deg: float) -> float:
     """Return an angle within -180..180."""
-    turns = angle_deg / 360.0
-    angle_deg -= 360.0 * int(turns)
+    angle_deg = fmod(angle_deg, 360.0)
     return angle_deg - 360.0 if angle_deg > 180.0 else angle_deg + 360.0 if angle_deg < -180.0 else angle_deg

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import random
 from math import degrees, dist, hypot, inf, nan, pi
+from typing import Any
 
 import pytest
 
 from hil.apps.airsim.flight.gains import DEFAULT_KP, with_gains
 from hil.apps.airsim.flight.move import MoveError
 from hil.apps.airsim.flight.path import PathOptions, TakeOff, go_home, move_on_path, move_to_position, move_to_z
-from hil.apps.airsim.flight.remote import Manual, RcData
+from hil.apps.airsim.flight.remote import Manual, RcData, Receiver
 from hil.apps.airsim.flight.spot import Hover, Land, RotateToYaw
 from hil.apps.airsim.flight.timed import (
     move_by_motor_pwms,
@@ -223,6 +225,35 @@ def test_a_higher_position_gain_reaches_the_place_sooner() -> None:
         assert not flown.flight.set_gains("position", (kp,) * 3, (0.0,) * 3, (0.0,) * 3)
         times.append(flown.do(move_to_position((0.4, 0.0, 0.0), PathOptions(2.0)))[1])
     assert times[0] > 1.3 * times[1] > 1.2 * 1.3 * times[2]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_numbers_of_any_size_are_flown_without_a_failure(seed: int) -> None:
+    draw = random.Random(seed)
+
+    def some(count: int) -> Any:
+        return tuple(draw.choice((3e38, -3e38, 1e20, 1e-300, 0.0, 1e6, -1e9, 1e3)) for _ in range(count))
+
+    def mode() -> YawMode:
+        return YawMode(draw.random() < 0.5, *some(1))
+
+    flown = pilot()
+    receiver = Receiver()
+    for _ in range(15):
+        for make in (
+            lambda: move_by_velocity(some(3), 0.2, draw.choice((0, 1)), mode()),
+            lambda: move_by_roll_pitch_yaw_z(some(2), *some(2), 0.2),
+            lambda: rotate_by_yaw_rate(*some(1), 0.2),
+            lambda: RotateToYaw(*some(1), 0.2, *some(1)),
+            lambda: move_by_motor_pwms(some(4), 0.1),
+            lambda: move_on_path([some(3), some(3)], PathOptions(3e38, 0.2, 0, mode(), 3e38, *some(1))),
+            lambda: Manual(receiver, some(2), *some(1), 0.2, 0, mode()),
+        ):
+            receiver.data = RcData(0, *some(4), is_valid=True)
+            flown.do(make())
+            assert all(0.0 <= u <= 1.0 for u in flown.flight.controls(flown.truth))
+            if flown.ned.p_m[2] > -5.0:
+                flown = pilot()
 
 
 def digest() -> str:
