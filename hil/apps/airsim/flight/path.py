@@ -36,6 +36,7 @@ _SPEED_UP_MPS = 1.5  # above the present speed: all axes speed up together, on a
 _CORNER_RADPS = 2.8  # greatest turn of the course
 _CORNER_MPS = 1.8  # speed through a right angle
 _LEAST_CORNER_MPS = 0.5
+_WIDE_CORNER_MPS2 = 4.3  # v^2 angle / lookahead; the turn is about 1.25 lookaheads long
 _CLOSING_MPS = 0.1
 _STARTING_STEPS = 25  # until a vehicle that begins near the end is under way
 _ARRIVED_M, _ARRIVED_MPS = 0.1, 0.5
@@ -78,7 +79,7 @@ class Follow:
         if self._empty:
             return None
         if self._track is None:
-            self._track = _Track([state.p_m, *self.start(state)], self._options.velocity_mps)
+            self._track = _Track([state.p_m, *self.start(state)], self._options)
         if self._clock.over(state.t_ns):
             return None
         track, options, p = self._track, self._options, state.p_m
@@ -140,7 +141,7 @@ def _check(options: PathOptions) -> None:
 class _Track:
     """Polyline with a place on it that only moves forward, and the speed that its corners allow."""
 
-    def __init__(self, points: Sequence[Vec3], velocity_mps: float) -> None:
+    def __init__(self, points: Sequence[Vec3], options: PathOptions) -> None:
         self.points = [points[0]]
         for point in points[1:]:
             if norm(_between(self.points[-1], point)) > 1e-6:
@@ -150,7 +151,7 @@ class _Track:
         self._begin = [0.0]  # path length at each point
         for length in self._length:
             self._begin.append(self._begin[-1] + length)
-        self._velocity_mps = velocity_mps
+        self._velocity_mps, self._lookahead_m = options.velocity_mps, options.lookahead_m
         self._leg = 0
         self._s = 0.0
         self._limit = self._corner_speeds()
@@ -194,7 +195,8 @@ class _Track:
         if not self._length:
             return self._velocity_mps
         limit, left_m = self._limit[leg + 1], self._begin[leg + 1] - self._s
-        return min(self._velocity_mps, sqrt(limit * limit + 2.0 * _BRAKE_MPS2 * max(0.0, left_m - 0.5 * limit)))
+        begins_m = 0.5 * (self._lookahead_m if self._lookahead_m > 0.0 else limit)  # a turn begins before its corner
+        return min(self._velocity_mps, sqrt(limit * limit + 2.0 * _BRAKE_MPS2 * max(0.0, left_m - begins_m)))
 
     def _on_leg(self, leg: int, s: float) -> Vec3:
         if not self._length:
@@ -212,7 +214,7 @@ class _Track:
             before, after = self._seen(i, -1, window_m), self._seen(i, 1, window_m)
             came, goes = _between(before, self.points[i]), _between(self.points[i], after)
             angle = det_atan2(norm(cross(came, goes)), _dot(came, goes))
-            limits[i] = min(self._velocity_mps, _corner_speed(angle))
+            limits[i] = min(self._velocity_mps, _corner_speed(angle, self._lookahead_m))
         for i in range(count - 2, 0, -1):
             reachable = sqrt(limits[i + 1] * limits[i + 1] + 2.0 * _BRAKE_MPS2 * self._length[i])
             limits[i] = min(limits[i], reachable)
@@ -229,10 +231,12 @@ class _Track:
         return self._on_leg(leg, s)
 
 
-def _corner_speed(angle_rad: float) -> float:
-    """Return the speed at which a turn by an angle stays near the corner."""
+def _corner_speed(angle_rad: float, lookahead_m: float) -> float:
+    """Return the speed of a turn by an angle: near the corner, or the wider one that a lookahead above 0 asks for."""
     if angle_rad < 1e-6:
         return 1e9
+    if lookahead_m > 0.0:
+        return max(_LEAST_CORNER_MPS, sqrt(_WIDE_CORNER_MPS2 * lookahead_m / angle_rad))
     half = 0.5 * angle_rad
     return max(_LEAST_CORNER_MPS, min(_CORNER_RADPS / angle_rad, _CORNER_MPS * det_cos(half) / det_sin(half)))
 
