@@ -16,6 +16,7 @@ pictures the same mean. The first row is the difference between path-traced pict
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -118,10 +119,15 @@ def measure_colour(*, quick: bool, status: ShowStatus, seed: int) -> tuple[list[
             for text, setting in SETTINGS.items()
         }
         for text, errors in found.items():
-            time_s = times_s.get(text, float("nan"))
+            time_s = times_s.get(text, math.nan)
             details = {"codes": errors.codes, "ssim": errors.ssim}
             rows.append(Row(f"{name}, colour", text, errors.light, "% of the mean light", time_s, details))
-            cells = (f"{errors.light:.1f}", f"{errors.codes:.1f}", f"{errors.ssim:.3f}", f"{1e3 * time_s:.2f}")
+            cells = (
+                f"{errors.light:.1f}",
+                f"{errors.codes:.1f}",
+                f"{errors.ssim:.3f}",
+                "-" if math.isnan(time_s) else f"{1e3 * time_s:.2f}",
+            )
             table.rows.append((f"{name}, {text}", *cells))
     return rows, table
 
