@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps import surfaces
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import Mesh, revolve
+from sim.scene.maps.plants.trees import add_bough
 from sim.scene.maps.vehicles.blocks import add_block
 from sim.scene.maps.vehicles.lofts import add_sheet, add_tube
 from sim.scene.random_generator import RandomGenerator
 
 _FABRICS = {
-    "red": (0.75, 0.09, 0.08),
-    "blue": (0.12, 0.32, 0.68),
-    "green": (0.20, 0.45, 0.25),
+    "red": (0.50, 0.09, 0.09),
+    "blue": (0.12, 0.19, 0.36),
+    "black": (0.13, 0.13, 0.14),
     "grey": (0.32, 0.33, 0.36),
 }
 _CANOPIES = {
@@ -27,6 +26,7 @@ _CANOPIES = {
     "green": (0.08, 0.36, 0.20),
 }
 _PANELS = 8
+_PLANT_M = 0.35  # radius of a potted shrub
 _CANOPY_M, _EDGE_M, _TOP_M = 1.35, 2.05, 2.55  # radius, height of the rim and of the tip
 
 
@@ -37,47 +37,53 @@ def add_backpack(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3, heading_
     builder.material("fabric_dark", surfaces.CLOTH, rgb=(0.07, 0.07, 0.08), specular=0.03)
     builder.material("zip", surfaces.METAL, rgb=(0.6, 0.6, 0.6), specular=0.4)
     if not builder.has_mesh("backpack_bag"):
-        bag, straps, zips = Mesh.empty(), Mesh.empty(), Mesh.empty()
-        add_block(
-            bag,
-            (
-                (0.0, -0.09, 0.09, 0.14),
-                (0.05, -0.10, 0.11, 0.16),
-                (0.30, -0.10, 0.10, 0.16),
-                (0.42, -0.095, 0.07, 0.145),
-                (0.48, -0.09, 0.02, 0.11),
-                (0.50, -0.08, -0.02, 0.07),
-            ),
-            0.055,
-        )
-        add_block(
-            bag,
-            ((0.04, 0.06, 0.15, 0.11), (0.07, 0.06, 0.165, 0.125), (0.20, 0.06, 0.16, 0.125), (0.25, 0.06, 0.13, 0.10)),
-            0.04,
-        )
-        for side in (1.0, -1.0):
-            add_tube(
-                straps,
-                [
-                    (-0.09, side * 0.07, 0.44),
-                    (-0.17, side * 0.09, 0.40),
-                    (-0.19, side * 0.10, 0.25),
-                    (-0.10, side * 0.12, 0.06),
-                ],
-                0.022,
-                5,
-            )
-            add_block(straps, ((0.04, -0.06, 0.06, 0.185), (0.16, -0.06, 0.06, 0.185)), 0.05)
-        add_tube(
-            straps, [(-0.07, 0.05, 0.48), (-0.07, 0.03, 0.54), (-0.07, -0.03, 0.54), (-0.07, -0.05, 0.48)], 0.012, 5
-        )
-        add_tube(zips, [(0.166, -0.10, 0.195), (0.166, 0.10, 0.195)], 0.006, 4)
-        for part, mesh in (("bag", bag), ("straps", straps), ("zips", zips)):
+        for part, mesh in _backpack().items():
             builder.mesh(f"backpack_{part}", mesh)
     body = builder.body("backpack", at_m, yaw_quat(heading_rad))
     for part, material in (("bag", f"fabric_{colour}"), ("straps", "fabric_dark"), ("zips", "zip")):
         body.geom("mesh", asset=f"backpack_{part}", material=material, solid=False, part=part)
     body.proxy("box", (0.09, 0.14, 0.22), pos=(0.0, 0.0, 0.23), material="fabric_dark", part="proxy")
+
+
+def _backpack() -> dict[str, Mesh]:
+    """Return a bag with a pocket in front, dark straps, base, side pockets and seams, and bright zips and a label."""
+    bag, straps, zips = Mesh.empty(), Mesh.empty(), Mesh.empty()
+    add_block(
+        bag,
+        (
+            (0.05, -0.10, 0.10, 0.15), (0.12, -0.105, 0.105, 0.16), (0.32, -0.10, 0.095, 0.155),
+            (0.42, -0.095, 0.07, 0.14), (0.475, -0.085, 0.03, 0.105), (0.50, -0.07, -0.02, 0.06),
+        ),
+        0.055,
+    )  # fmt: skip
+    add_block(
+        bag,
+        ((0.06, 0.05, 0.155, 0.105), (0.09, 0.05, 0.17, 0.12), (0.22, 0.05, 0.165, 0.12), (0.27, 0.05, 0.13, 0.095)),
+        0.04,
+    )
+    add_block(straps, ((0.0, -0.095, 0.105, 0.14), (0.06, -0.105, 0.115, 0.158)), 0.055)
+    add_block(straps, ((0.05, -0.06, 0.05, 0.17), (0.18, -0.065, 0.055, 0.18)), 0.03)
+    for side in (1.0, -1.0):
+        pad: list[Vec3] = [
+            (-0.08, side * 0.05, 0.46), (-0.15, side * 0.08, 0.43), (-0.19, side * 0.11, 0.30),
+            (-0.17, side * 0.14, 0.16), (-0.09, side * 0.15, 0.07),
+        ]  # fmt: skip
+        add_tube(straps, pad, (0.026, 0.034, 0.034, 0.022, 0.014), 6)
+    seam: list[Vec3] = [
+        (0.09, -0.155, 0.14), (0.085, -0.15, 0.32), (0.062, -0.135, 0.42), (0.022, -0.10, 0.475), (0.0, 0.0, 0.497),
+        (0.022, 0.10, 0.475), (0.062, 0.135, 0.42), (0.085, 0.15, 0.32), (0.09, 0.155, 0.14),
+    ]  # fmt: skip
+    add_tube(straps, seam, 0.011, 4)
+    pocket: list[Vec3] = [
+        (0.155, -0.118, 0.10), (0.155, -0.116, 0.22), (0.13, -0.09, 0.268), (0.13, 0.09, 0.268), (0.155, 0.116, 0.22),
+        (0.155, 0.118, 0.10),
+    ]  # fmt: skip
+    add_tube(straps, pocket, 0.009, 4)
+    loop: list[Vec3] = [(-0.06, 0.05, 0.48), (-0.06, 0.04, 0.55), (-0.06, -0.04, 0.55), (-0.06, -0.05, 0.48)]
+    add_tube(straps, loop, 0.015, 5)
+    add_tube(zips, [(0.170, -0.09, 0.205), (0.170, 0.09, 0.205)], 0.005, 4)
+    add_sheet(zips, [[(0.174, y, z) for y in (-0.035, 0.035)] for z in (0.13, 0.17)])
+    return {"bag": bag, "straps": straps, "zips": zips}
 
 
 def add_parasol(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> None:
@@ -132,47 +138,13 @@ def _add_panel(mesh: Mesh, k: int) -> None:
 
 
 def add_potted_plant(builder: MapBuilder, rng: RandomGenerator, at_m: Vec3) -> None:
-    """Add a plant of 0.9 m with broad leaves, in a pot of fired clay."""
+    """Add a shrub in a pot of fired clay, 0.9 m high."""
     builder.material("terracotta", surfaces.ROOF_TILE, rgb=(0.62, 0.30, 0.18), specular=0.05)
-    builder.material("pot_soil", surfaces.SOIL, rgb=(0.12, 0.08, 0.05), specular=0.0)
-    shade = rng.index(2)
-    builder.material(
-        f"pot_leaf_{shade}", surfaces.LEAVES, rgb=((0.26, 0.50, 0.18), (0.38, 0.60, 0.22))[shade], specular=0.15
-    )
+    variant = rng.index(2)
     if not builder.has_mesh("pot"):
         pot = revolve([(0.12, 0.0), (0.165, 0.27), (0.185, 0.27), (0.19, 0.33), (0.165, 0.335), (0.155, 0.30)], 18)
         builder.mesh("pot", pot)
-        builder.mesh("pot_leaves", _leaves())
     body = builder.body("potted_plant", at_m, yaw_quat(rng.between(0.0, TURN_RAD)))
     body.geom("mesh", asset="pot", material="terracotta", solid=False, part="pot")
-    body.geom("cylinder", (0.16, 0.01), pos=(0.0, 0.0, 0.305), material="pot_soil", solid=False, part="soil")
-    body.geom("mesh", asset="pot_leaves", material=f"pot_leaf_{shade}", solid=False, part="leaves")
+    add_bough(builder, body, "shrub", "bush", (variant, _PLANT_M, 0.0), (0.0, 0.0, 0.60), 0, step_m=0.1)
     body.proxy("cylinder", (0.15, 0.165), pos=(0.0, 0.0, 0.165), material="terracotta", part="proxy")
-
-
-def _leaves() -> Mesh:
-    """Return stems that bend outwards, each with one broad leaf."""
-    mesh = Mesh.empty()
-    count = 34
-    for k in range(count):
-        # The golden angle spreads the stems; inner ones stand more upright.
-        angle = 2.399963229728653 * k
-        lean = sqrt((k + 0.5) / count)
-        c, s = det_cos(angle), det_sin(angle)
-        length = 0.42 - 0.10 * lean
-        base_z, reach, rise = 0.34, 0.10 + 0.30 * lean, length * (1.15 - 0.75 * lean)
-        rows = []
-        for j in range(6):
-            t = j / 5
-            r = reach * t * (0.6 + 0.4 * t)
-            z = base_z + 0.12 * (1.0 - lean) + rise * (1.6 * t - 0.75 * t * t)
-            half = 0.078 * (4.0 * t * (1.0 - t) * (0.55 + 0.45 * t) + 0.03)
-            rows.append(
-                [
-                    (r * c - side * half * s, r * s + side * half * c, z - abs(side) * 0.3 * half)
-                    for side in (-1.0, 0.0, 1.0)
-                ]
-            )
-        add_sheet(mesh, rows)
-        add_sheet(mesh, rows, flipped=True)
-    return mesh

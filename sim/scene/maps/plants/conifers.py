@@ -53,9 +53,12 @@ def fir(variant: int) -> Conifer:
             _round_axis(base, (0.0, 0.0, 1.0), 0.16, rise=0.5),
             fold=0.0,
         )
-    profile = [(0.03, 0.03), (0.46 * _RADIUS, 0.06), (0.28 * _RADIUS, 0.45), (0.03 * _RADIUS, 0.93)]
+    profile = [(0.03, 0.03), (0.40 * _RADIUS, 0.06), (0.24 * _RADIUS, 0.45), (0.03 * _RADIUS, 0.93)]
     lumps = [[rng.between(0.85, 1.15) for _ in range(8)] for _ in profile]
-    return mesh, revolve(profile, 8, wobble=lambda ring, side: lumps[ring][side]), None
+    inside = revolve(profile, 8, wobble=lambda ring, side: lumps[ring][side])
+    # Twigs of the same size along and round the crown: stretched ones look like bark.
+    inside.uvs = [(1.5 * u, 6.0 * v) for u, v in inside.uvs]
+    return mesh, inside, None
 
 
 @cache

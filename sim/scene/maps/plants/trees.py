@@ -48,7 +48,7 @@ def add_tree(
         pos = (0.0, 0.0, trunk + 0.75 * crown)
         _solid(body, "mesh", asset=crown_hull(builder, shape, crown), pos=pos, part="crown_solid")
         wide = 0.5 * max(2, round(crown / 0.5))
-        _add_bough(builder, body, leaf, "whole", (shape % _VARIANTS, wide, 0.0), pos, 0)
+        add_bough(builder, body, leaf, "whole", (shape % _VARIANTS, wide, 0.0), pos, 0)
         top = trunk + 0.6 * crown
     else:
         lobes = 3 if kind < 0.85 else 2
@@ -65,7 +65,7 @@ def add_tree(
             _solid(body, "ellipsoid", half, pos=pos, quat=turn, part=f"crown_solid_{i}")
             limbs.append(((0.0, 0.0, rise - 0.85 * wide), pos))
             variant = (i + int(64.0 * kind)) % _VARIANTS
-            _add_bough(builder, body, leaf, f"{'lobe' if lobes == 3 else 'tall'}_{i}", (variant, wide, angle), pos, i)
+            add_bough(builder, body, leaf, f"{'lobe' if lobes == 3 else 'tall'}_{i}", (variant, wide, angle), pos, i)
         top = trunk + crown * (0.75 if lobes == 3 else 0.5)
     wood = _trunk(radius, (tip[0], tip[1], top), thin=0.3)
     if SPECIES[leaf].leaves(builder.season) is not None:
@@ -82,7 +82,7 @@ def add_bush(builder: MapBuilder, rng: RandomGenerator, x: float, y: float) -> N
     kind = rng.pick((0, 1, 2))
     pos = (0.0, 0.0, 0.55 * r)
     _solid(body, "ellipsoid", (r, 0.85 * r, 0.8 * r), pos=pos, part="leaves_solid")
-    _add_bough(builder, body, "shrub", "bush", (kind, r, 0.0), pos, 0, step_m=0.1)
+    add_bough(builder, body, "shrub", "bush", (kind, r, 0.0), pos, 0, step_m=0.1)
 
 
 def add_hedge(builder: MapBuilder, x: float, y: float, heading_rad: float, half_m: Vec3) -> None:
@@ -120,7 +120,7 @@ def _solid(body: Body, kind: str, size: tuple[float, ...] = (), **more: object) 
     body.proxy(kind, size, material="plant_solid", **more)  # type: ignore[arg-type]
 
 
-def _add_bough(
+def add_bough(
     builder: MapBuilder,
     body: Body,
     name: str,
