@@ -60,6 +60,37 @@ assert len(contacts) > 3, contacts
 print(digest.hexdigest())
 """
 
+# Ideal controller and AirSim's moves.
+MOVES = """
+import hashlib
+from hil.apps.airsim.flight.path import PathOptions, TakeOff, move_on_path
+from hil.apps.airsim.flight.spot import Land, RotateToYaw
+from hil.apps.airsim.flight.timed import move_by_roll_pitch_yaw_z, move_by_velocity_body_frame
+from hil.apps.airsim.flight.yaw import YawMode
+from sim.physics.disturbances import Disturbances
+from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle import load_vehicle
+from sim.scene.wind import Turbulence, Wind
+from tests.worlds.airsim_flight import AIRFIELD, TICK_NS, Pilot
+
+wind = Wind(steady_W_mps=(3.0, 1.0, 0.0), turbulence=Turbulence(level="moderate"))
+digest = hashlib.sha256()
+for name in ("iris", "y6"):
+    physics = QuadrotorPhysics(load_vehicle(name), AIRFIELD, TICK_NS, disturbances=Disturbances(wind=wind, seed=3))
+    pilot = Pilot(physics)
+    for move in (
+        TakeOff(20.0),
+        move_on_path([(3.0, 0.0, -4.0), (3.0, 4.0, -4.0)], PathOptions(3.0, 3e38, 1, YawMode(False, 10.0))),
+        RotateToYaw(20.0, 10.0, 5.0),
+        move_by_velocity_body_frame((2.0, 1.0, 1.0), 1.0, 1, YawMode(False, 45.0)),
+        move_by_roll_pitch_yaw_z((0.1, 0.05), 0.3, -1.0, 1.5),
+        Land(20.0),
+    ):
+        digest.update(repr(pilot.do(move)).encode())
+    digest.update(repr(pilot.log).encode())
+print(digest.hexdigest())
+"""
+
 # Every preset with everything on, and every kind of fault.
 SENSORS = """
 import hashlib, struct
@@ -203,8 +234,8 @@ EVERY_ECHO = ECHOES.replace("((CHIRPS[0], 3), (CHIRPS[1], 5))", "itertools.produ
 
 @pytest.mark.parametrize(
     "script",
-    [FLIGHT, GROUP, SENSORS, ECHOES, pytest.param(EVERY_ECHO, marks=pytest.mark.slow)],
-    ids=["flight", "group", "sensors", "echoes", "every echo"],
+    [FLIGHT, GROUP, MOVES, SENSORS, ECHOES, pytest.param(EVERY_ECHO, marks=pytest.mark.slow)],
+    ids=["flight", "group", "moves", "sensors", "echoes", "every echo"],
 )
 def test_masked_cpu_features_change_no_bit(script: str) -> None:
     plain = output_of(script)

@@ -8,7 +8,7 @@ Differences from AirSim, whose controller cannot do better:
 
 - The speed falls before corners and before the end, so that the vehicle stays near the path and stops at its end.
   AirSim 1.8.1 flies past the end and comes back. The automatic lookahead follows that speed.
-- The move is over once the vehicle is within 0.5 m of the end and comes no nearer, or within 0.1 m at 0.5 m/s. It
+- The move is over once the vehicle is within 0.5 m of the end and comes no nearer, or within 0.05 m at 0.5 m/s. It
   returns True then; AirSim returns False if the vehicle stops short of the end.
 - A target nearer than the lookahead is flown to. AirSim returns at once, without a movement.
 - The height follows the path. AirSim does not correct one that is less than 0.5 m off.
@@ -39,7 +39,7 @@ _LEAST_CORNER_MPS = 0.5
 _WIDE_CORNER_MPS2 = 4.3  # v^2 angle / lookahead; the turn is about 1.25 lookaheads long
 _CLOSING_MPS = 0.1
 _STARTING_STEPS = 25  # until a vehicle that begins near the end is under way
-_ARRIVED_M, _ARRIVED_MPS = 0.1, 0.5
+_ARRIVED_M, _ARRIVED_MPS = 0.05, 0.5
 
 
 class PathOptions(NamedTuple):
