@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_the_flight_of_the_contact_rule_lands_again_and_all_of_its_state_is_comp
 
 
 def test_rays_are_the_same_with_and_without_each_rule(park: Case) -> None:
-    rules = lidar_rules(park)
+    rules = lidar_rules(replace(park, views=park.views[:1]))
     assert len(rules) == 2
     for rule in rules:
         assert compare(rule, rounds=1)[1] == 0.0

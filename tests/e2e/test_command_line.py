@@ -33,7 +33,7 @@ def wait_for(what: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+@pytest.mark.parametrize("name", ["SIGTERM", *(pytest.param(n, marks=pytest.mark.slow) for n in ("SIGHUP", "SIGINT"))])
 def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"schema": 1, "status": "PASS"}')
     command = [sys.executable, "-m", "hil.cli.entry", "run", "-q", "--out", str(tmp_path)]

@@ -124,7 +124,7 @@ def test_channels_that_no_client_wants_are_not_drawn(tmp_path: Path, monkeypatch
         "    topics = ('front/rgb', 'imu')\n"
         "    def __call__(self, frame):\n"
         "        assert frame['front/rgb']['rgb'].shape == (24, 32, 3) or frame.frame == 0\n"
-        "        assert len(frame['imu']['gyro_radps']) == (10 if frame.frame else 1)\n"
+        "        assert len(frame['imu']['gyro_radps']) == (25 if frame.frame else 1)\n"
     )
     companion = "start: ['watcher:Watcher'], rate_hz: 10"
     outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=2",))

@@ -177,8 +177,11 @@ def test_frames_do_not_depend_on_other_outputs(flown: tuple[Path, dict[str, Any]
     assert again.digests == (run["digest"], run["digest"])
 
 
-def test_recorded_pictures_give_the_frames_of_a_live_radar(flown: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+def test_recorded_pictures_give_the_frames_of_a_live_radar(
+    flown: tuple[Path, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     out, _ = flown
+    monkeypatch.setattr(hil.apps.radar.results.Results, "_write_pictures", lambda *_: [])
     pictures = BENCH.replace("REPORT", "false").replace("rate_hz: 20}\n", "rate_hz: 20, outputs: [points]}\n")
     fly(tmp_path / "seen", pictures)
     assert run_command_line(["radar", str(tmp_path / "seen" / "run"), "--out", str(tmp_path / "made")]) == 0

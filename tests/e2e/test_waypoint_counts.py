@@ -43,7 +43,7 @@ def states_of(host: str) -> list[dict[str, Any]]:
     ("settings", "end"),
     [
         ("mission: hop.waypoints\n", (1, 1)),
-        ("mission: rigs/missions/rectangle.plan\nduration_s: 30\n", (1, 6)),
+        pytest.param("mission: rigs/missions/rectangle.plan\nduration_s: 30\n", (1, 6), marks=pytest.mark.slow),
     ],
     ids=["pass", "fail"],
 )

@@ -309,7 +309,7 @@ def until(what: Callable[[], bool], limit_s: float = 30.0) -> None:
         time.sleep(0.05)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
 def test_stopped_while_it_waits_for_clients(number: signal.Signals, tmp_path: Path, port: int) -> None:
     path = Path(tempfile.gettempdir()) / f"hil-companion-{port}"
     with bench_process(tmp_path, "start: [echo], clients: 2", f"companion.port={port}") as bench:

@@ -137,7 +137,7 @@ class Flight:
         return list(self.physics.state.tolist())
 
 
-RATES = pytest.mark.parametrize("rate", [0.001, 0.01, 0.1])
+RATES = pytest.mark.parametrize("rate", [pytest.param(0.001, marks=pytest.mark.slow), 0.01, 0.1])
 DIRECTIONS = pytest.mark.parametrize("direction", ["to_autopilot", "from_autopilot"])
 WHOLE_MISSION_S = 200.0
 UPLOAD = ("MISSION_ITEM_INT", "MISSION_REQUEST_INT", "MISSION_COUNT")
@@ -276,7 +276,7 @@ def test_the_same_seed_hits_the_same_messages() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
-@pytest.mark.parametrize("kind", ["drop", "duplicate", "corrupt"])
+@pytest.mark.parametrize("kind", ["corrupt", *(pytest.param(k, marks=pytest.mark.slow) for k in ("drop", "duplicate"))])
 def test_over_a_serial_line_the_same_hits_and_errors_as_in_memory(kind: str) -> None:
     fault = LinkFault(kind=kind, at_s=START_S, rate=0.001)  # type: ignore[arg-type]
     ends = []

@@ -34,14 +34,20 @@ def recorded_until_s(out: Path) -> float:
     return max(m.log_time_ns for m in read_messages(out / "run.mcap") if m.topic == "/truth/pose") * 1e-9
 
 
-@pytest.mark.parametrize("transport", ["pty", "loopback"])
+FAULTS = [
+    ("die", "LinkClosed", "died|status 70"),
+    ("stall", "LockstepLost", "time_usec"),
+    ("wrong_time", "LockstepLost", "its answer"),
+    ("garbage", "LockstepLost", "damaged"),
+]
+
+
 @pytest.mark.parametrize(
-    ("fault", "error", "words"),
+    ("fault", "error", "words", "transport"),
     [
-        ("die", "LinkClosed", "died|status 70"),
-        ("stall", "LockstepLost", "time_usec"),
-        ("wrong_time", "LockstepLost", "its answer"),
-        ("garbage", "LockstepLost", "damaged"),
+        *((*fault, "loopback") for fault in FAULTS),
+        (*FAULTS[0], "pty"),
+        *(pytest.param(*fault, "pty", marks=pytest.mark.slow) for fault in FAULTS[1:]),
     ],
 )
 def test_a_mock_that_fails_in_flight_is_named(

@@ -29,14 +29,14 @@ CAMERAS = """sensors:
 
 
 def write_bench(folder: Path, companion: str, more: str = "", *, mission: Path | None = None) -> Path:
-    """Write a bench file with this companion, of 100 ticks/s; it flies the hop unless another mission is named."""
+    """Write a bench file with this companion; it flies the hop unless another mission is named."""
     folder.mkdir(parents=True, exist_ok=True)
     hop = folder / "hop.waypoints"
     hop.write_text(HOP)
     file = folder / "b.yaml"
     record = "" if "record:" in more else "record: {mcap: false, report: false, tlog: false}\n"
     file.write_text(
-        f"tick_hz: 100\nmission: {mission or hop}\nautopilot: {{transport: loopback}}\n{record}"
+        f"mission: {mission or hop}\nautopilot: {{transport: loopback}}\n{record}"
         f"companion: {{port: 0, {companion}}}\n{more}"
     )
     return file

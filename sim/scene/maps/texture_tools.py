@@ -161,7 +161,7 @@ def png_of(image: Image) -> bytes:
 
     header = struct.pack(">IIBBBBB", width, height, 8, 6 if channels == 4 else 2, 0, 0, 0)
     # Compression would take longer than everything else.
-    body = zlib.compress(rows, 0)
+    body = zlib.compress(rows.data, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 
 

@@ -145,7 +145,14 @@ CAMERAS: dict[str, dict[str, Any]] = {
 SHARED = ("plain", "noise", "colour alone", "blur", "fine", "shadows", "classes")
 
 
-@pytest.mark.parametrize("options", CAMERAS.values(), ids=list(CAMERAS))
+@pytest.mark.parametrize(
+    "options",
+    # `make test` leaves out what another one holds too.
+    [
+        pytest.param(options, id=name, marks=pytest.mark.slow if name in ("colour alone", "blur", "noise") else [])
+        for name, options in CAMERAS.items()
+    ],
+)
 def test_the_cameras_frames_and_a_view_of_its_own_give_the_same_bytes(
     options: dict[str, Any], request: pytest.FixtureRequest
 ) -> None:

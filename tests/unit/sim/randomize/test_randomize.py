@@ -336,7 +336,7 @@ from sim.world_loader import load_world
 from tests.unit.sim.frame.test_frame_raster import digest, looking, picture
 
 settings = Randomize.everything(6)
-scene = randomized(load_scene("training_village"), settings, 0)
+scene = randomized(load_scene("radar_range"), settings, 0)
 renderer = FrameRenderer(FrameGeometry(load_world(scene)), CameraModel.from_fov(80, 60, 90.0), shadows=True)
 shown = digest(picture(renderer, looking((-6.0, -9.0, 4.0), (9.0, 0.0, 1.0)), "rgb"))
 print(hashlib.sha256(json.dumps(drawn(scene, settings, load_world)).encode()).hexdigest(), shown)

@@ -149,6 +149,7 @@ def test_the_example_quarter(tmp_path: Path) -> None:
     np.testing.assert_array_equal(world.model.geom_pos, again.model.geom_pos)
 
 
+@pytest.mark.slow
 def test_a_district_of_500_buildings_by_its_file_name(tmp_path: Path) -> None:
     (tmp_path / "district.osm").write_text(quarter_osm(10, 9))
     scene = load_scene(tmp_path / "district.osm")
