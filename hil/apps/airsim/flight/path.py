@@ -16,6 +16,7 @@ Differences from AirSim, whose controller cannot do better:
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from math import isfinite, sqrt
 from typing import NamedTuple
@@ -38,6 +39,7 @@ _CORNER_MPS = 1.8  # speed through a right angle
 _LEAST_CORNER_MPS = 0.5
 _WIDE_CORNER_MPS2 = 4.3  # v^2 angle / lookahead; the turn is about 1.25 lookaheads long
 _CLOSING_MPS = 0.1
+_STRAIGHT = 0.999  # chord over length
 _STARTING_STEPS = 25  # until a vehicle that begins near the end is under way
 _ARRIVED_M, _ARRIVED_MPS = 0.05, 0.5
 
@@ -87,7 +89,7 @@ class Follow:
         end = track.points[-1]
         to_end = _between(p, end)
         left_m = norm(to_end)
-        if left_m <= ACCURACY_M and track.on_last_leg:
+        if left_m <= ACCURACY_M and track.left_m <= 2.0 * ACCURACY_M:
             closing_mps = _dot(state.v_mps, to_end) / left_m if left_m > 0.0 else 0.0
             self._near_steps += 1
             stopped = closing_mps <= _CLOSING_MPS and self._near_steps > _STARTING_STEPS
@@ -99,7 +101,7 @@ class Follow:
         target = track.ahead(lookahead_m)
         to_target = _between(p, target)
         heading = heading_of(options.yaw_mode, options.drivetrain, to_target[:2])._asdict()
-        if track.on_last_leg and left_m <= lookahead_m + speed_mps * speed_mps / (2.0 * _BRAKE_MPS2):
+        if track.left_m <= lookahead_m + speed_mps * speed_mps / (2.0 * _BRAKE_MPS2) and track.straight:
             return Command(p_xy_m=end[:2], z_m=end[2], speed_limit_mps=options.velocity_mps, **heading)
         to_target_m = max(norm(to_target), 1e-9)
         ahead_mps = _dot(state.v_mps, to_target) / to_target_m
@@ -157,15 +159,18 @@ class _Track:
         self._limit = self._corner_speeds()
 
     @property
-    def on_last_leg(self) -> bool:
+    def left_m(self) -> float:
+        """Length of the path from the place to the end."""
+        return self._begin[-1] - self._s
+
+    @property
+    def straight(self) -> bool:
         """True if only a straight leads to the end."""
-        return self._leg >= len(self._length) - 1
+        return norm(_between(self._on_leg(self._leg, self._s), self.points[-1])) >= _STRAIGHT * self.left_m
 
     def at(self, s: float) -> Vec3:
         """Return the point at a path length, between those of the place and the end."""
-        leg = self._leg
-        while leg < len(self._length) - 1 and s > self._begin[leg + 1]:
-            leg += 1
+        leg = min(bisect_right(self._begin, s, self._leg) - 1, len(self._length) - 1)
         return self._on_leg(leg, s)
 
     def ahead(self, lookahead_m: float) -> Vec3:
@@ -209,7 +214,7 @@ class _Track:
         """Return the greatest speed at every point, from which the vehicle can brake for all later ones."""
         count = len(self.points)
         window_m = max(0.5 * _ADAPTIVE_LOOKAHEAD_PERIODS * PERIOD_S * self._velocity_mps, _LEAST_LOOKAHEAD_M)
-        limits = [self._velocity_mps] * count
+        limits = [self._velocity_mps] * (count - 1) + [min(self._velocity_mps, _ARRIVED_MPS)]
         for i in range(1, count - 1):
             before, after = self._seen(i, -1, window_m), self._seen(i, 1, window_m)
             came, goes = _between(before, self.points[i]), _between(self.points[i], after)
@@ -223,11 +228,7 @@ class _Track:
     def _seen(self, i: int, direction: int, window_m: float) -> Vec3:
         """Return the point of the path a window before or after point i."""
         s = min(max(self._begin[i] + direction * window_m, 0.0), self._begin[-1])
-        leg = i if direction > 0 else i - 1
-        while direction > 0 and leg < len(self._length) - 1 and s > self._begin[leg + 1]:
-            leg += 1
-        while direction < 0 and leg > 0 and s < self._begin[leg]:
-            leg -= 1
+        leg = min(max(bisect_right(self._begin, s) - 1, 0), len(self._length) - 1)
         return self._on_leg(leg, s)
 
 

@@ -111,6 +111,15 @@ def test_a_circle_of_short_legs_is_followed() -> None:
     assert flown.ned.p_m == pytest.approx((0.0, 0.0, 0.0), abs=0.15)
 
 
+def test_a_path_of_ten_thousand_points_ends_like_a_straight_line() -> None:
+    flown = pilot()
+    assert flown.do(move_on_path([(0.002 * i, 0.0, 0.0) for i in range(10_001)], PathOptions(5.0)))[0] is True
+    assert flown.ned.p_m == pytest.approx((20.0, 0.0, 0.0), abs=0.06)
+    flown.wait(2.0)
+    assert max(state.p_m[0] for state in flown.log) < 20.02
+    assert max(abs(state.p_m[1]) for state in flown.log) < 0.01
+
+
 def test_a_lookahead_of_ones_own_cuts_the_corner() -> None:
     cuts = []
     for lookahead_m in (1.0, 4.0, 10.0):

@@ -145,7 +145,7 @@ def test_a_vehicle_that_is_put_elsewhere_hovers_there() -> None:
     flown.truth = flown.physics.place((30.0, 10.0, 40.0), (0.8, 0.0, 0.0, 0.6))
     flown.flight.moved()
     flown.wait(5.0)
-    assert flown.truth.p_WB == pytest.approx((30.0, 10.0, 40.0), abs=0.6)  # the rotors stood still at first
+    assert flown.truth.p_WB == pytest.approx((30.0, 10.0, 40.0), abs=0.02)
     assert hypot(*flown.ned.v_mps) < 0.01
 
 
