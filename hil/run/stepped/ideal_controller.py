@@ -108,8 +108,8 @@ class IdealController:
         self._count = len(vehicle.rotors)
         self._k, self._most_radps = c.thrust_coefficient_n_per_radps2, c.max_speed_radps
         self._curve = c.thrust_model_factor
-        self._least_radps = vehicle.speed_radps(_IDLE_COMMAND)
-        self._allocation = Allocation(vehicle, least_n=self._k * self._least_radps * self._least_radps)
+        idle_radps = vehicle.speed_radps(_IDLE_COMMAND)
+        self._allocation = Allocation(vehicle, least_n=self._k * idle_radps * idle_radps)
         self._hover_n = self._weight_n / self._allocation.lift  # of one rotor
         self._most_thrust_n = 0.95 * self._allocation.most_n * self._allocation.lift
         usual_n = max(self._hover_n, 0.05 * self._allocation.most_n)  # without gravity a rotor hardly turns
