@@ -115,10 +115,15 @@ def test_take_off_and_hover():
 @pytest.mark.parametrize(
     ("how", "cross_track_m", "altitude_m"),
     [
-        ({}, 0.2, 0.1),
+        pytest.param({}, 0.2, 0.1, marks=pytest.mark.slow),
         ({"wind_N": (4.0, 3.0, 0.0)}, 0.2, 0.1),
-        ({"noise": STANDALONE_GPS}, 0.5, 0.3),
-        ({"airframe": IRIS, "params": parameters(MPC_THR_HOVER=0.358, **IRIS_PARAMETERS)}, 0.2, 0.1),
+        pytest.param({"noise": STANDALONE_GPS}, 0.5, 0.3, marks=pytest.mark.slow),
+        pytest.param(
+            {"airframe": IRIS, "params": parameters(MPC_THR_HOVER=0.358, **IRIS_PARAMETERS)},
+            0.2,
+            0.1,
+            marks=pytest.mark.slow,
+        ),
         # PX4's own settings of that airframe: a linear thrust model and a hover thrust that is well off.
         ({"airframe": IRIS, "params": parameters(MPC_THR_HOVER=0.5, THR_MDL_FAC=0.0, **IRIS_PARAMETERS)}, 0.25, 0.1),
     ],

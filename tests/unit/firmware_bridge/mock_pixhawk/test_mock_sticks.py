@@ -29,8 +29,17 @@ def by_eye(world, climb_mps):
     return min(max(round(500.0 + 250.0 * (climb_mps - world.truth.v_WB_W[2])), 0), 1000)
 
 
-@pytest.mark.parametrize("make", [World, hitl_world], ids=["lockstep", "hitl"])
-@pytest.mark.parametrize("mode", [Mode.ALTCTL, Mode.POSCTL, Mode.STABILIZED, Mode.MANUAL])
+@pytest.mark.parametrize(
+    ("make", "mode"),
+    [
+        *((World, mode) for mode in (Mode.ALTCTL, Mode.POSCTL, Mode.STABILIZED, Mode.MANUAL)),
+        (hitl_world, Mode.POSCTL),
+        *(
+            pytest.param(hitl_world, mode, marks=pytest.mark.slow)
+            for mode in (Mode.ALTCTL, Mode.STABILIZED, Mode.MANUAL)
+        ),
+    ],
+)
 def test_take_off_hover_and_landing_by_hand(make, mode):
     world = by_hand(make(), mode)
     helped = mode in (Mode.ALTCTL, Mode.POSCTL)  # the throttle is a climb rate

@@ -159,7 +159,14 @@ def base_and_peopled(name: str, seed: int) -> tuple[World, World]:
     return load_world(scene), load_world(of(seed, scene, people={"count": (8, 8)})[0])
 
 
-@pytest.mark.parametrize("name", [name for name in scene_names() if "walk" not in name])  # those are radar_range
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "urban_delivery" else [])
+        for name in scene_names()
+        if "walk" not in name  # those are radar_range
+    ],
+)
 def test_people_stand_on_free_ground_and_everything_keeps_its_number(name: str) -> None:
     before, after = base_and_peopled(name, 11)
     n = int(before.model.ngeom)

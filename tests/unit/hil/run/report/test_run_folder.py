@@ -30,7 +30,7 @@ def test_a_second_run_into_one_folder_is_an_error_and_changes_nothing(
     assert run_bench(load_bench(None, settings=SHORT), tmp_path, quiet=True).run["error"] is None
 
 
-@pytest.mark.parametrize("link", [os.symlink, os.link])
+@pytest.mark.parametrize("link", [os.symlink, pytest.param(os.link, marks=pytest.mark.slow)])
 def test_links_in_the_folder_are_replaced(link: object, tmp_path: Path) -> None:
     out, victim = tmp_path / "out", tmp_path / "victim"
     out.mkdir()
