@@ -245,8 +245,8 @@ def _panes() -> Image:
         cloth = ((0.62, 0.60, 0.555), (0.56, 0.49, 0.40), (0.42, 0.45, 0.47), (0.50, 0.33, 0.27))[int(c * 4.0)]
         kind = field % 6
         if kind in (0, 3):  # curtains at both sides
-            share = (x < 0.10 + 0.16 * a) | (x > 0.90 - 0.16 * b)
-            over(pane, cloth, share * (0.35 + 0.45 * folds[here]))
+            sides = (x < 0.10 + 0.16 * a) | (x > 0.90 - 0.16 * b)
+            over(pane, cloth, sides * (0.35 + 0.45 * folds[here]))
         elif kind == 1:  # blind, half down
             lamellae = 0.72 + 0.28 * ((y * 24.0) % 1.0 > 0.35)
             over(pane, (0.55, 0.54, 0.52), (y < 0.25 + 0.5 * a) * 0.75 * lamellae)
@@ -320,7 +320,7 @@ def _glazed(wall: Image, size_m: tuple[float, float, float]) -> Image:
     width, sill, head = size_m
     z = ((1.0 - v) * WALL_M) % STOREY_M
     off = np.abs((u * 4) % 1.0 - 0.5) * STOREY_M
-    inside = np.ix_(range(3), ((z > sill) & (z < head))[:, 0], (off < 0.5 * width)[0])
+    inside = np.ix_(np.arange(3), ((z > sill) & (z < head))[:, 0], (off < 0.5 * width)[0])
     # Shade of the reveal: below the head, and at both jambs.
     shade = 1.0 - 0.55 * step(0.17, 0.02, head - z) - 0.25 * step(0.07, 0.0, 0.5 * width - off)
     image[inside] = _windows(size_m)[inside] * shade[inside[1:]]
