@@ -48,7 +48,16 @@ class Layout:
             dy = max(y0 - y, 0.0, y - y1)
             if dx * dx + dy * dy < radius_m * radius_m:
                 return False
-        return all(segment_distance((x, y), a, b) >= half + radius_m for a, b, half in self._bands)
+        for a, b, half in self._bands:
+            reach = half + radius_m
+            beyond = reach + 1e-6  # far bands are left out without a square root
+            if x - a[0] > beyond < x - b[0] or a[0] - x > beyond < b[0] - x:
+                continue
+            if y - a[1] > beyond < y - b[1] or a[1] - y > beyond < b[1] - y:
+                continue
+            if segment_distance((x, y), a, b) < reach:
+                return False
+        return True
 
     def scatter(
         self,

@@ -199,5 +199,7 @@ def test_where_the_file_is_looked_for(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_scenes_have_the_names_that_users_of_airsim_know() -> None:
     for name, own in (("Blocks", "blocks"), ("AirSimNH", "airsim_nh"), ("LandscapeMountains", "landscape_mountains")):
         assert scene_name(name) == own
-        assert load_scene(scene_name(name)).name == own
+        scene = load_scene(scene_name(name))
+        assert scene.name == own
+        assert scene.site == load_scene("airfield").site  # missions of the bench fly in every scene
     assert scene_name("city_park") == "city_park"
