@@ -16,9 +16,7 @@ from sim.scene.maps.vehicles.wheels import add_wheel
 _TYRE_M = 0.21  # width
 
 
-def car_parts(
-    shape: CarShape, *, spokes: int = 5, driver: bool = False, roof_pane: bool = False, wheels: bool = True
-) -> Parts:
+def car_parts(shape: CarShape, *, spokes: int = 5, driver: bool = False, wheels: bool = True) -> Parts:
     """Return the meshes by material. With a driver the front side windows are open."""
     parts = {name: Mesh.empty() for name in MATERIALS}
     body = LowerBody(shape)
@@ -34,7 +32,7 @@ def car_parts(
     _add_rear(parts, body)
     _add_seams(parts, body)
     _add_lids(parts["trim"], body)
-    _add_roof(parts, cabin, roof_pane=roof_pane)
+    _add_roof(parts["trim"], cabin)
     _add_mirrors(parts, body, shape)
     if shape.rails:
         _add_rails(parts["trim"], shape)
@@ -200,8 +198,8 @@ def _add_lids(trim: Mesh, body: LowerBody) -> None:
         add_sheet(trim, [[body.lid_point(x, share, 0.004) for share in shares] for x in (front, rear)], flipped=True)
 
 
-def _add_roof(parts: Parts, cabin: Greenhouse, *, roof_pane: bool) -> None:
-    """Add wipers, an aerial and, if asked for, a large pane in the roof."""
+def _add_roof(trim: Mesh, cabin: Greenhouse) -> None:
+    """Add wipers and an aerial."""
     s = cabin.shape
     for begin, end in ((-0.1, -1.25), (0.85, -0.15)):
         line = []
@@ -209,17 +207,9 @@ def _add_roof(parts: Parts, cabin: Greenhouse, *, roof_pane: bool) -> None:
             column = mix(begin, end, k / 2)
             x, y, z = cabin.point(min(abs(column), 1.8), 0.075 + 0.03 * k, 0.02)
             line.append((x, y if column < 0.0 else -y, z))
-        add_tube(parts["trim"], line, 0.009, 4)
-    front, rear = s.roof[-1][0], s.roof[0][0]
-    x = rear + 0.18
-    add_tube(parts["trim"], [cabin.roof_point(x, 0.0, -0.01), (x - 0.07, 0.0, s.height_m + 0.03)], (0.02, 0.008), 4)
-    if roof_pane:
-        xs = [mix(front - 0.12, 0.5 * (front + rear) - 0.15, k / 3) for k in range(4)]
-        shares = (-0.74, -0.3, 0.3, 0.74)
-        rows = [[cabin.roof_point(x, share, 0.012) for share in shares] for x in xs]
-        add_sheet(parts["glass"], rows, flipped=True)
-        glass = parts["glass"]
-        glass.uvs[-16:] = [(0.02, 0.47)] * 16
+        add_tube(trim, line, 0.009, 4)
+    x = s.roof[0][0] + 0.18
+    add_tube(trim, [cabin.roof_point(x, 0.0, -0.01), (x - 0.07, 0.0, s.height_m + 0.03)], (0.02, 0.008), 4)
 
 
 def _add_mirrors(parts: Parts, body: LowerBody, shape: CarShape) -> None:

@@ -15,7 +15,7 @@ from sim.scene.maps.vehicles.car import car_parts, car_proxies
 from sim.scene.maps.vehicles.car_shape import SHAPES, varied
 from sim.scene.maps.vehicles.lorry import lorry_parts, lorry_proxies
 from sim.scene.maps.vehicles.motorcycle import motorcycle_parts, motorcycle_proxies
-from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, vehicle_materials
+from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, reflecting, vehicle_materials
 from sim.scene.maps.vehicles.parts import Parts, Proxy
 from sim.scene.random_generator import RandomGenerator
 
@@ -41,9 +41,9 @@ def _car_models(kind: str) -> list[Model]:
             models.append(
                 Model(
                     f"{kind}_{suffix}{'_driver' if driver else ''}", "van" if kind == "van" else "car", "vehicle",
-                    lambda shape=shape, spokes=spokes, driver=driver, pane=suffix == 'b' and kind != 'van': car_parts(
-                        shape, spokes=spokes, driver=driver, roof_pane=pane
-                    ),  # type: ignore[misc]
+                    lambda shape=shape, spokes=spokes, driver=driver: car_parts(  # type: ignore[misc]
+                        shape, spokes=spokes, driver=driver
+                    ),
                     lambda shape=shape: car_proxies(shape),  # type: ignore[misc]
                 )
             )  # fmt: skip
@@ -120,7 +120,8 @@ def _mesh_names(builder: MapBuilder, model: Model) -> dict[str, str]:
 @cache
 def _parts_of(model: Model) -> Parts:
     """Return the meshes of a model, made once in a process."""
-    return model.parts()
+    parts = model.parts()
+    return parts | {"paint": reflecting(parts["paint"])}
 
 
 @cache
