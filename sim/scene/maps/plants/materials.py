@@ -8,7 +8,7 @@ from sim.scene.maps.plants.leaf_texture import foliage_png, png
 from sim.scene.maps.plants.species import SPECIES
 from sim.scene.maps.season import Season
 
-_INSIDE = 0.82  # brightness of the inside of a crown to that of its leaves
+_INSIDE = 0.95  # brightness of the inside of a crown to that of its leaves
 
 
 def plant_materials(builder: MapBuilder, season: Season = "summer") -> None:
