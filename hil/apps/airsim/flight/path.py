@@ -32,13 +32,14 @@ _STANDING_MPS = 0.2  # AirSim: 0.05, which turbulence exceeds
 
 _LOOKAHEAD_PERIODS, _ADAPTIVE_LOOKAHEAD_PERIODS = 40.0, 30.0
 _LEAST_LOOKAHEAD_M = 1.5 * ACCURACY_M
-_BRAKE_MPS2 = 2.5  # as the controller brakes before a position
+_BRAKE_MPS2 = 2.5  # before corners; the controller brakes harder before the end of a straight
 _SPEED_UP_MPS = 1.5  # above the present speed: all axes speed up together, on a straight line
 _CORNER_RADPS = 2.8  # greatest turn of the course
 _CORNER_MPS = 1.8  # speed through a right angle
 _LEAST_CORNER_MPS = 0.5
 _WIDE_CORNER_MPS2 = 4.3  # v^2 angle / lookahead; the turn is about 1.25 lookaheads long
 _CLOSING_MPS = 0.1
+_NEARER_M = 1e-3
 _STRAIGHT = 0.999  # chord over length
 _STARTING_STEPS = 25  # until a vehicle that begins near the end is under way
 _ARRIVED_M, _ARRIVED_MPS = 0.05, 0.5
@@ -189,7 +190,8 @@ class _Track:
             along = self._begin[leg] + _dot(_between(self.points[leg], p), self._way[leg]) / self._length[leg]
             s = min(max(along, first), last)
             distance_m = norm(_between(p, self._on_leg(leg, s)))
-            if distance_m < best_m:
+            # A later leg has to be nearer by more than rounding: a way back lies on the way there.
+            if distance_m < best_m - (0.0 if leg == self._leg else _NEARER_M):
                 best_s, best_leg, best_m = s, leg, distance_m
         self._s, self._leg = best_s, best_leg
         return best_m

@@ -98,6 +98,15 @@ def test_corners_of_many_kinds() -> None:
         assert min(dist(state.p_m, corner) for state in flown.log) < 0.6
 
 
+@pytest.mark.parametrize("speed_mps", [2.0, 8.0])
+def test_there_and_back_on_one_line(speed_mps: float) -> None:
+    flown = pilot(wind_W=(2.0, 3.0, 0.0))
+    result, took_s = flown.do(move_on_path([(15.0, 12.0, -3.0), (0.0, 0.0, 0.0)], PathOptions(speed_mps)))
+    assert result is True
+    assert min(dist(state.p_m, (15.0, 12.0, -3.0)) for state in flown.log) < 0.5
+    assert took_s > 38.5 / speed_mps
+
+
 def test_a_circle_of_short_legs_is_followed() -> None:
     radius_m = 10.0
     circle = [
