@@ -85,8 +85,7 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
     """Return the simulation of a bench with the settings. Raises ConfigError."""
     scene = scene_name(choice.scene or settings.scene)
     bench = load_bench(choice.config, scene=scene or None, flown=False)
-    start = bench.config.start
-    return Simulation(bench.scene, bench.vehicle, settings, ground_W=start.p_W, log=log)
+    return Simulation(bench, settings, log)
 
 
 async def _serve(choice: Choice, simulation: Simulation, console: Console) -> RpcServer:

@@ -101,6 +101,23 @@ def methods(simulation: Simulation) -> list[Method]:
             "segmentation": cloud.segmentation.astype(np.int32),
         }
 
+    def radar(name: str, vehicle: str) -> dict[str, Any]:
+        drone = sim.drone(vehicle)
+        names = sim.radars.names
+        if not names or (name and name not in names):
+            hint = f"it has {', '.join(names)}" if names else "add a radar to the sensors of the bench file"
+            raise RpcError(f"No radar with name {name} exist on vehicle {drone.name}; {hint}")
+        frame = sim.radars.frame(drone.name, name or names[0], drone.vehicle.truth)
+        raw, points = frame.channels["raw"], frame.channels["points"]
+        table = np.stack([points["x_R"], -points["y_R"], -points["z_R"], points["speed_mps"], points["snr_db"]], axis=1)
+        return {
+            "time_stamp": sim.epoch_ns + frame.t_capture_ns,
+            "pose": drone.origin.pose(frame.p_WR, frame.q_WR),
+            "raw": raw.astype("<u2").tobytes(),
+            "shape": list(raw.shape),
+            "points": table.astype(np.float32).ravel(),
+        }
+
     def named(sensor: str) -> tuple[Any, Any]:
         return optional(f"{sensor}_name", TEXT, ""), VEHICLE
 
@@ -111,6 +128,7 @@ def methods(simulation: Simulation) -> list[Method]:
         method("getGpsData", gps, *named("gps")),
         method("getDistanceSensorData", distance, *named("distance_sensor")),
         method("getLidarData", lidar, *named("lidar")),
+        method("getRadarData", radar, *named("radar")),  # a method of this server; AirSim has no radar
         # Clients before 2021:
         method("simGetLidarSegmentation", lambda name, vehicle: lidar(name, vehicle)["segmentation"], *named("lidar")),
     ]

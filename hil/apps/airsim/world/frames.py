@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
+from hil.run.stepped.world import SteppedWorld
 from sim.frame.source import SharedFrames
 from sim.physics.vehicle_bodies import with_vehicles
+from sim.scene.world import World
 from sim.world_loader import load_world
-
-if TYPE_CHECKING:
-    from hil.apps.airsim.world.simulation import Simulation
 
 
 class Frames:
     """Source of geometry of one server. It is built at the first use, and again after a vehicle was added."""
 
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
+    def __init__(self, world: SteppedWorld, make: Callable[[], World] | None = None) -> None:
+        """`make` returns the scene without vehicles; default: that of the world."""
+        self._world = world
+        self._make = make or (lambda: load_world(world.scene))
         self._source: SharedFrames | None = None
         self._seen_by: dict[str, SharedFrames] = {}
         self._names: tuple[str, ...] = ()
@@ -35,17 +36,17 @@ class Frames:
         self._source = None
 
     def _present(self, vehicle: str) -> SharedFrames:
-        sim = self._simulation
-        names = tuple(sim.drones)
+        vehicles = self._world.vehicles
+        names = tuple(vehicles)
         if self._source is None or names != self._names:
-            world = with_vehicles(load_world(sim.scene), dict.fromkeys(names, sim.model))
+            world = with_vehicles(self._make(), {name: each.vehicle for name, each in vehicles.items()})
             self._source, self._names, self._seen_by = SharedFrames(world), names, {}
             self.generation += 1
         source = self._source
         if vehicle and vehicle not in self._seen_by:
             self._seen_by[vehicle] = source.seen_by(vehicle)
-        for name, drone in sim.drones.items():
-            source.place(name, drone.vehicle.truth)
+        for name, each in vehicles.items():
+            source.place(name, each.truth)
         found = self._seen_by[vehicle] if vehicle else source
-        found.expect(sim.world.t_ns)
+        found.expect(self._world.t_ns)
         return found

@@ -11,8 +11,10 @@ from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
+from hil.apps.airsim.world.radars import Radars
 from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
+from hil.config import Bench
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import ConfigError, Problem
 from signals.frames import ned_from_enu
@@ -20,8 +22,7 @@ from signals.samples import Vec3
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import Vehicle
-from sim.scene.scene import Scene
+from sim.physics.start_overlap import overlapping_starts
 from sim.sensors.ground_range import rays_into
 
 TICK_NS = 4_000_000  # 250 Hz
@@ -35,23 +36,31 @@ Log = Callable[[str], None]
 class Simulation:
     """Vehicles of one server in one scene. Time moves in `step` alone; `hil.apps.airsim.world.clock` calls it."""
 
-    def __init__(self, scene: Scene, vehicle: Vehicle, settings: AirSimSettings, *, ground_W: Vec3, log: Log) -> None:
-        """`vehicle`: the model of every multirotor. `ground_W`: place on the ground where AirSim's origin stands."""
-        self.scene, self.model, self.settings = scene, vehicle, settings
+    def __init__(self, bench: Bench, settings: AirSimSettings, log: Log) -> None:
+        """`bench`: its scene, the model of every multirotor, the start as AirSim's origin, wind, effects and radars.
+
+        Raises ConfigError for vehicles that cannot start.
+        """
+        config = bench.config
+        self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
-        self.frame = NedFrame((ground_W[0], ground_W[1], ground_W[2] + vehicle.standing_height_m))
+        self._effects, self._seed = config.physics.effects, config.noise_seed
+        x, y, z = config.start.p_W
+        self.frame = NedFrame((x, y, z + self.model.standing_height_m))
         self.earth = Earth(settings.origin, self.frame)
         self.epoch_ns = CALLS_EPOCH_NS
-        self.world = SteppedWorld(scene, TICK_NS)
-        self.frames = Frames(self)
+        self.world = SteppedWorld(self.scene, TICK_NS, seed=self._seed, wind=config.wind)
+        self.frames = Frames(self.world)
+        self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
         self.surroundings.take_settings(settings, self.epoch_ns)
-        self._rays = rays_into(scene)
+        self._rays = rays_into(self.scene)
         o = settings.origin
         place = {"latitude_deg": o.latitude_deg, "longitude_deg": o.longitude_deg, "altitude_m": o.altitude_m}
-        self._site = scene.site.model_copy(update=place)
+        self._site = self.scene.site.model_copy(update=place)
         self.paused = False
         self.drones: dict[str, Drone] = {}
+        self._starts: dict[str, FlightStart] = {}
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
         self.wake: Callable[[], None] = lambda: None  # set by the clock: something lets time go on
@@ -162,7 +171,9 @@ class Simulation:
         if not settings.collisions or settings.pass_through:
             self.log(f"{name}: collisions cannot be switched off (EnableCollisions, EnableCollisionPassthrogh)")
         start = self._start(settings)
-        vehicle = self.world.add(name, self.model, start, has_physics=self.flies)
+        self._check_start(name, start)
+        self._starts[name] = start
+        vehicle = self.world.add(name, self.model, start, effects=self._effects, has_physics=self.flies)
         flight: SimpleFlight | None = None
         if self.flies:
             flight = SimpleFlight(self.model, TICK_NS, self.scene.gravity_mps2, vehicle.truth.p_WB)
@@ -175,6 +186,13 @@ class Simulation:
             flight.landed = drone.touching
         self.drones[name] = drone
         return drone
+
+    def _check_start(self, name: str, start: FlightStart) -> None:
+        """Raise ConfigError if a vehicle would begin inside another one's start."""
+        for other, taken in self._starts.items():
+            if overlapping_starts(self.scene, {other: (self.model, taken), name: (self.model, start)}):
+                hint = "give Vehicles different X and Y in settings.json"
+                raise ConfigError([Problem(f"vehicle {name!r}", f"starts inside vehicle {other!r}", hint)])
 
     def _start(self, settings: VehicleSettings) -> FlightStart:
         """Return the start of a vehicle: on the ground if that is near the height of its settings."""

@@ -1,0 +1,35 @@
+"""FMCW radars on the vehicles. AirSim has none: they come from the bench file, not from settings.json."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hil.apps.airsim.world.frames import Frames
+from hil.config import Bench
+from hil.run.sensors.simulated_sensors import SimulatedSensors
+from signals.samples import RadarSample, TruthState
+from signals.time import NS_PER_S
+
+_OUTPUTS = ("raw", "points")
+
+
+class Radars:
+    """Radars of all vehicles: each vehicle has all radars of the bench."""
+
+    def __init__(self, bench: Bench, frames: Frames) -> None:
+        self._bench, self._frames = bench, frames
+        self.names = [name for name, sensor in bench.config.sensors.items() if sensor.kind == "radar"]
+        self._made: dict[tuple[str, str], tuple[Any, Any]] = {}  # with the source that it was made for
+        self._last: dict[tuple[str, str], RadarSample] = {}
+
+    def frame(self, vehicle: str, name: str, truth: TruthState) -> RadarSample:
+        """Return the frame that is valid now; two questions within the radar's period have the same answer."""
+        key, rate_hz = (vehicle, name), self._bench.config.sensors[name].rate_hz
+        seq = int(truth.t_ns * rate_hz // NS_PER_S)
+        if key not in self._last or self._last[key].seq != seq:
+            source = self._frames.seen_by(vehicle)
+            if key not in self._made or self._made[key][0] is not source:
+                sensor = SimulatedSensors(self._bench, [name], source).make(name, {"outputs": _OUTPUTS})
+                self._made[key] = (source, sensor)
+            self._last[key] = self._made[key][1].sample(truth, seq)
+        return self._last[key]

@@ -1,0 +1,125 @@
+"""`hil airsim` as a process: what it prints, serves and writes, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from tests.worlds.airsim_server import Client
+
+ROOT = Path(__file__).resolve().parents[5]
+
+
+@contextmanager
+def command(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], int, list[str]]]:
+    """Start the command; yield the process, its port and the lines that it has printed."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hil.cli", "airsim", "--scene", "airfield", "--port", "0", *arguments],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
+    lines: list[str] = []
+    try:
+        assert process.stdout is not None
+        for line in process.stdout:
+            lines.append(line.rstrip("\n"))
+            found = re.match(r"airsim: \S+:(\d+), ", line)
+            if found:
+                yield process, int(found.group(1)), lines
+                return
+        pytest.fail("\n".join(lines))
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_and_the_report_is_written(tmp_path: Path, number: int) -> None:
+    with command("--clock", "calls", "--out", str(tmp_path)) as (process, port, lines):
+        client = Client(port)
+        client.call("enableApiControl", True, "")
+        client.call("takeoff", 20.0, "")
+        running = client.send("moveToPosition", 1000.0, 0.0, -5.0, 1.0)
+        process.send_signal(number)
+        rest, _ = process.communicate(timeout=30)
+        assert process.returncode == 0, rest
+        assert running
+    assert any("scene airfield, vehicles SimpleFlight, clock calls" in line for line in lines)
+    report = json.loads((tmp_path / "airsim.json").read_text())
+    assert report["calls"]["takeoff"] == 1
+    assert report["sim_s"] > 4.0
+    assert report["clock"] == "calls"
+    assert len(report["digest"]) == 64
+    assert str(tmp_path) in rest.replace("\n", "")
+
+
+def test_one_processor_gives_the_same_digest(tmp_path: Path) -> None:
+    digests = set()
+    for number, prefix in enumerate(["", "taskset -c 0 "]):
+        out = tmp_path / str(number)
+        with command("--clock", "calls", "--out", str(out)) as (process, port, _):
+            if prefix:
+                subprocess.run(["taskset", "-acp", "0", str(process.pid)], check=False, capture_output=True)
+            client = Client(port)
+            client.call("enableApiControl", True, "")
+            client.call("takeoff", 20.0, "")
+            client.call("moveByVelocity", 1.0, 2.0, -0.5, 1.0)
+            client.call("getMultirotorState", "")
+            client.close()
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+        digests.add(json.loads((out / "airsim.json").read_text())["digest"])
+    assert len(digests) == 1
+
+
+def test_a_host_beyond_loopback_is_warned_about(tmp_path: Path) -> None:
+    with command("--host", "0.0.0.0", "--out", str(tmp_path)) as (process, _, lines):
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert any("everybody who reaches 0.0.0.0" in line for line in lines)
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "hil.cli", "airsim", *arguments],
+        cwd=ROOT, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def vehicles(**each: object) -> str:
+    return json.dumps({"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": each})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "told"),
+    [
+        (("--scene", "atlantis"), 2, "atlantis"),
+        (("--settings", "{"), 2, "--settings"),
+        (("--settings", "/no/such/settings.json"), 2, "/no/such/settings.json"),
+        (
+            ("--settings", vehicles(A={"VehicleType": "SimpleFlight"}, B={"VehicleType": "SimpleFlight"})),
+            2,
+            "vehicle 'B': starts inside vehicle 'A'",
+        ),
+        (("--settings", vehicles(A={"VehicleType": "PX4Multirotor"})), 2, "Vehicles.A.VehicleType"),
+    ],
+)
+def test_a_mistake_is_named(arguments: tuple[str, ...], status: int, told: str) -> None:
+    done = run("--port", "0", *(() if "--scene" in arguments else ("--scene", "airfield")), *arguments)
+    assert done.returncode == status, done.stdout + done.stderr
+    assert told in (done.stdout + done.stderr).replace("\n", "")
+
+
+def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
+    with command("--out", str(tmp_path)) as (_, port, _lines):
+        done = run("--scene", "airfield", "--port", str(port))
+    assert done.returncode == 3
+    assert f"127.0.0.1:{port}: cannot listen" in done.stderr
+    assert "choose another with --port" in done.stderr.replace("\n", " ")
