@@ -224,6 +224,19 @@ def test_a_gain_scales_its_loop() -> None:
         flight.controller.set_gains(Gains(rate=(21.0, 1.0, 1.0)))
 
 
+@pytest.mark.parametrize("name", ["iris", "octa_x"])
+@pytest.mark.parametrize("loop", Gains._fields)
+@pytest.mark.parametrize("factor", [0.5, 3.0])
+def test_every_loop_has_margin(name: str, loop: str, factor: float) -> None:
+    flight = flown(name)
+    flight.controller.set_gains(Gains(**{loop: (factor,) * 3}))
+    flight.fly(Setpoint(v_xy_mps=(5.0, 0.0), z_m=50.0, yaw_rad=1.0), 4.0)
+    assert max(truth.v_WB_W[0] for truth in flight.log) < 5.5
+    flight.fly(Setpoint(p_xy_m=(20.0, 0.0), z_m=50.0, yaw_rad=1.0), 8.0)
+    assert dist(flight.truth.p_WB, (20.0, 0.0, 50.0)) < 0.01
+    assert max(map(abs, flight.truth.w_WB_B)) < 0.01
+
+
 @pytest.mark.parametrize(
     ("setpoint", "message"),
     [
