@@ -17,7 +17,19 @@ from hil.apps.airsim.flight.path import PathOptions, TakeOff, go_home, move_on_p
 from hil.apps.airsim.flight.remote import Manual, RcData
 from hil.apps.airsim.flight.spot import Hover, Land, RotateToYaw
 from hil.apps.airsim.flight.yaw import YawMode
-from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, FLOAT_OR_NAN, INT, TEXT, VECTOR, Vector, list_of, one_of, struct
+from hil.apps.airsim.rpc.arguments import (
+    BOOL,
+    FLOAT,
+    FLOAT_OR_NAN,
+    INT,
+    TEXT,
+    TIME,
+    VECTOR,
+    Vector,
+    list_of,
+    one_of,
+    struct,
+)
 from hil.apps.airsim.rpc.methods import Method, Parameter, Pending, RpcError, method, optional
 from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.simulation import Simulation
@@ -49,7 +61,7 @@ class RcSticks(NamedTuple):
 _STICK = dict.fromkeys(("pitch", "roll", "throttle", "yaw", "left_z", "right_z"), FLOAT)
 # Clients before 2019 have switch1 to switch8, which are ignored.
 RC_DATA = struct(
-    "RCData", RcSticks, timestamp=INT, **_STICK, switches=INT, vendor_id=TEXT, is_initialized=BOOL, is_valid=BOOL
+    "RCData", RcSticks, timestamp=TIME, **_STICK, switches=INT, vendor_id=TEXT, is_initialized=BOOL, is_valid=BOOL
 )
 
 

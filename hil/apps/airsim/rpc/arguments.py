@@ -145,6 +145,7 @@ def either(name: str, *kinds: Type) -> Type:
 BOOL = Type("boolean", _boolean)
 INT = Type("integer", _whole(-(1 << 31), (1 << 31) - 1))
 COUNT = Type("count", _whole(0, (1 << 32) - 1))
+TIME = Type("time", _whole(0, (1 << 64) - 1))  # nanoseconds
 FLOAT = Type("number", _finite)
 FLOAT_OR_NAN = Type("number", _number)  # NaN and infinity too: the method gives them a meaning
 TEXT = Type("text", _text)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -23,6 +24,7 @@ from signals.errors import HilError
 MOST_BYTES = 8 << 20  # of one message: a path of 90 000 points
 _MOST_ITEMS = 1 << 20  # of one array or map
 _MOST_UNANSWERED = 1000
+_TURN_NS = 1_000_000  # of one client, before others are served
 _REQUEST, _REPLY, _NOTIFICATION = 0, 1, 2
 
 Log = Callable[[str], None]
@@ -50,6 +52,8 @@ class Connection(asyncio.Protocol):
         )
         self._transport: asyncio.Transport | None = None
         self._unanswered = 0
+        self._waits = False  # the client does not read its replies
+        self._drains = False  # messages are left for the next turn of the loop
         self._told: set[str] = set()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -69,26 +73,51 @@ class Connection(asyncio.Protocol):
 
     def pause_writing(self) -> None:
         """Read nothing more from a client that does not read its replies."""
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.pause_reading()
+        self._waits = True
+        self._set_reading()
 
     def resume_writing(self) -> None:
         """Read again."""
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.resume_reading()
+        self._waits = False
+        self._drain()
 
     def data_received(self, data: bytes) -> None:
-        """Answer all complete messages."""
+        """Answer all complete messages, others' in between if it takes long."""
         try:
             self._unpacker.feed(data)
-            for message in self._unpacker:
-                self._answer(message)
-                if self._transport is None or self._transport.is_closing():
-                    return
-        except msgpack.BufferFull:
+        except (msgpack.BufferFull, MemoryError):
             self._close(f"a message of more than {MOST_BYTES} bytes")
+        else:
+            if not self._drains:
+                self._drain()
+
+    def _drain(self) -> None:
+        self._drains = False
+        end_ns = time.perf_counter_ns() + _TURN_NS
+        try:
+            while not self._waits and self._transport is not None and not self._transport.is_closing():
+                try:
+                    message = self._unpacker.unpack()
+                except msgpack.OutOfData:
+                    break
+                self._answer(message)
+                if time.perf_counter_ns() > end_ns:
+                    self._drains = True
+                    asyncio.get_running_loop().call_soon(self._drain)
+                    break
         except (msgpack.UnpackException, ValueError, TypeError, OverflowError, MemoryError, RecursionError) as error:
             self._close(f"bytes that are no MessagePack-RPC ({str(error)[:100] or type(error).__name__})")
+        self._set_reading()
+
+    def _set_reading(self) -> None:
+        """Read only from a client whose messages are all answered and whose replies are read."""
+        transport = self._transport
+        if transport is None or transport.is_closing():
+            return
+        if self._waits or self._drains:
+            transport.pause_reading()
+        else:
+            transport.resume_reading()
 
     def close(self) -> None:
         """Close the connection after the replies written so far."""

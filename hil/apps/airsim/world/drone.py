@@ -50,6 +50,8 @@ class Drone:
     def reset(self) -> None:
         """Return to the start; api control and arming must be asked for again."""
         self.vehicle.reset()
+        self.history.clear()
+        self.history.append(self.vehicle.truth)
         self.collision, self.touching = Collision(), self.vehicle.truth.in_contact
         if self.flight is not None:
             self.flight.reset()

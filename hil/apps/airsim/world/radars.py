@@ -22,6 +22,11 @@ class Radars:
         self._made: dict[tuple[str, str], tuple[Any, Any]] = {}  # with the source that it was made for
         self._last: dict[tuple[str, str], RadarSample] = {}
 
+    def forget(self, vehicle: str) -> None:
+        """Forget the frames of a vehicle that was put elsewhere."""
+        for name in self.names:
+            self._last.pop((vehicle, name), None)
+
     def frame(self, vehicle: str, name: str, truth: TruthState) -> RadarSample:
         """Return the frame that is valid now; two questions within the radar's period have the same answer."""
         key, rate_hz = (vehicle, name), self._bench.config.sensors[name].rate_hz

@@ -99,6 +99,13 @@ class SensorSuite:
         self._last: dict[str, tuple[int, Any]] = {}
         self._mounting: dict[str, Mounting] = {}
 
+    def forget(self) -> None:
+        """Forget the samples so far: the vehicle was put elsewhere, so the next questions get new ones."""
+        self._last.clear()
+        for name, sensor in self.settings.items():
+            if isinstance(sensor, kinds.Imu):
+                self._made.pop(name, None)  # it integrates from one attitude to the next
+
     def find(self, kind: type, name: str) -> str | None:
         """Return the name of an enabled sensor of a kind; "" is the first one. None: there is none."""
         names = [key for key, sensor in self.settings.items() if isinstance(sensor, kind) and sensor.enabled]

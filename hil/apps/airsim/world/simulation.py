@@ -214,9 +214,10 @@ class Simulation:
     def reset(self) -> None:
         """Put all vehicles back to their starts; wind and weather stay, and time goes on."""
         self._end_continuing()
-        for name, drone in self.drones.items():
+        for drone in self.drones.values():
             drone.reset()
-            self.world.forget_contacts(name)
+        for drone in self.drones.values():  # all are where they will be seen
+            self._forget(drone)
         self.wake()
 
     def placed(self, drone: Drone, *, collides: bool = False) -> None:
@@ -226,7 +227,13 @@ class Simulation:
             drone.flight.moved()
         elif collides and self.settings.sim_mode == "Multirotor" and (contact := drone.vehicle.touch()) is not None:
             drone.collide(contact)
+        self._forget(drone)
+
+    def _forget(self, drone: Drone) -> None:
+        """Forget what was measured and touched on the way of a vehicle that was put elsewhere."""
         self.world.forget_contacts(drone.name)
+        drone.sensors.forget()
+        self.radars.forget(drone.name)
 
     # Collisions ------------------------------------------------------------------------------------------------------
 

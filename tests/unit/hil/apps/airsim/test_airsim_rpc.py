@@ -168,6 +168,13 @@ def test_a_client_that_does_not_read_its_replies_holds_up_nobody(world: Served) 
     assert good.call("ping") is True
 
 
+def test_a_flood_of_calls_is_answered_in_turns(world: Served) -> None:
+    flood, good = world.client(), world.client()
+    flood.socket.sendall(b"".join(msgpack.packb([0, i, "ping", []]) for i in range(20_000)))
+    assert good.call("ping") is True
+    assert all(flood.join(i) for i in range(20_000))
+
+
 def _fuzz(world: Served, count: int, seed: int) -> None:
     """Send mutated requests, and count on the server to serve others."""
     draw = random.Random(seed)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import math
+import resource
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -138,6 +140,20 @@ def test_a_hundred_episodes_leave_no_trace(client: Client) -> None:
         client.call("moveByVelocity", 1.0, 0.5, -2.0, 0.2, 0, STRAIGHT, "A")
         ends.add(position(client))
     assert len(ends) == 1
+
+
+def test_a_thousand_resets_do_not_grow(client: Client) -> None:
+    def episodes(count: int) -> int:
+        for _ in range(count):
+            client.call("reset")
+            client.call("enableApiControl", True, "A")
+            client.call("moveByVelocity", 1.0, 0.0, -1.0, 0.02, 0, STRAIGHT, "A")
+            client.call("getImuData", "", "A")
+        gc.collect()
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+    before_kb = episodes(300)
+    assert episodes(700) - before_kb < 4096
 
 
 def test_pause_and_continue(client: Client, world: Served) -> None:
@@ -498,6 +514,15 @@ def test_a_sensor_that_is_not_there(client: Client) -> None:
         client.call("getLidarData", "Nose", "A")
     with pytest.raises(RpcFailed, match="No lidar with name  exist on vehicle B; add one to Sensors of B"):
         client.call("getLidarData", "", "B")
+
+
+def test_sensors_follow_a_vehicle_that_is_placed_while_time_stands_still(client: Client) -> None:
+    client.call("simPause", True)
+    for z in (-5.0, -12.0):
+        client.call("simSetVehiclePose", pose(-20.0, 20.0, z), True, "A")
+        assert client.call("getDistanceSensorData", "Down", "A")["distance"] == pytest.approx(STAND_M - z, abs=1e-3)
+        assert xyz(client.call("getLidarData", "Scan", "A")["pose"]["position"])[2] == pytest.approx(z)
+        assert abs(client.call("getImuData", "", "A")["angular_velocity"]["x_val"]) < 0.1
 
 
 # Surroundings
