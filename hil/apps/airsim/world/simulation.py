@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.methods import Pending, RpcError
@@ -15,10 +15,11 @@ from hil.apps.airsim.world.radars import Radars
 from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
+from hil.run.stepped.vehicle import Pilot
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import ConfigError, Problem
 from signals.frames import ned_from_enu
-from signals.samples import Vec3
+from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.physics.flight_start import FlightStart
@@ -137,13 +138,17 @@ class Simulation:
         world.step()
         for departure in world.take_departures():
             self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
+            self.placed(self.drones[departure.vehicle])
         for drone in self.drones.values():
             truth = drone.vehicle.truth
             drone.history.append(truth)
             if truth.in_contact != drone.touching:
                 self._touch(drone)
             if drone.flight is not None:
-                drone.flight.observe(truth)
+                try:
+                    drone.flight.observe(truth)
+                except Exception as defect:  # noqa: BLE001 (as in `_pilot`)
+                    self._stop(drone.name, drone.flight, defect)
         if len(self.drones) > 1:
             self._meet()
         if self._until_tick is not None and world.tick >= self._until_tick:
@@ -177,7 +182,7 @@ class Simulation:
         flight: SimpleFlight | None = None
         if self.flies:
             flight = SimpleFlight(self.model, TICK_NS, self.scene.gravity_mps2, vehicle.truth.p_WB)
-            vehicle.pilot = flight.controls
+            vehicle.pilot = self._pilot(name, flight)
         sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self._rays, tick_ns=TICK_NS)
         drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), flight, sensors)
         drone.history.append(vehicle.truth)
@@ -186,6 +191,22 @@ class Simulation:
             flight.landed = drone.touching
         self.drones[name] = drone
         return drone
+
+    def _pilot(self, name: str, flight: SimpleFlight) -> Pilot:
+        """Return the pilot of a vehicle: a defect of its controller stops its rotors, and nobody else."""
+
+        def controls(truth: TruthState) -> Sequence[float]:
+            try:
+                return flight.controls(truth)
+            except Exception as defect:  # noqa: BLE001 (one vehicle ends no other's flight)
+                self._stop(name, flight, defect)
+                return (0.0,) * len(self.model.rotors)
+
+        return controls
+
+    def _stop(self, name: str, flight: SimpleFlight, defect: Exception) -> None:
+        self.log(f"{name}: {type(defect).__name__}: {defect} (a defect of the flight controller; its rotors stop)")
+        flight.reset()
 
     def _check_start(self, name: str, start: FlightStart) -> None:
         """Raise ConfigError if a vehicle would begin inside another one's start."""

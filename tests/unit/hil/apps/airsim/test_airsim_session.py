@@ -254,6 +254,35 @@ def test_two_vehicles_fly_at_once(client: Client) -> None:
     assert position(client, "B")[2] == pytest.approx(-2.0, abs=0.2)
 
 
+def test_a_defect_of_one_controller_stops_one_vehicle(client: Client, world: Served) -> None:
+    class Broken:
+        succeeded = False
+
+        def step(self, state: object) -> None:
+            raise ZeroDivisionError
+
+    client.call("enableApiControl", True, "B")
+    flight = world.simulation.drones["B"].flight
+    assert flight is not None
+    results: list[object] = []
+    flight.start(Broken(), results.append)
+    take_off(client, "A")
+    assert results == [False]
+    assert any("B: ZeroDivisionError" in line for line in world.log)
+    assert client.call("isApiControlEnabled", "B") is False
+
+
+def test_a_vehicle_that_leaves_the_models_range_is_stopped(client: Client, world: Served) -> None:
+    client.call(
+        "simSetKinematics", {**pose(49_990.0, 0.0, -40.0), "linear_velocity": vector(150.0, 0.0, 0.0)}, True, "B"
+    )
+    client.call("simContinueForTime", 0.5)
+    assert any("B was stopped where it was" in line for line in world.log)
+    assert client.call("ping") is True
+    client.call("reset")
+    assert position(client, "B") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
 MOVES = [
     ("moveByVelocityZ", 1.0, 0.0, -3.0, 0.5, 0, STRAIGHT),
     ("moveByVelocityBodyFrame", 1.0, 0.0, 0.0, 0.5, 0, STRAIGHT),
