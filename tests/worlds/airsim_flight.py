@@ -7,7 +7,8 @@ from math import acos, sqrt
 from hil.apps.airsim.flight.move import Move, MoveError, NedState
 from hil.apps.airsim.flight.ned_edge import NedEdge
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
-from hil.run.stepped.ideal_controller import IdealController, Setpoint
+from hil.run.stepped.ideal_controller import IdealController
+from hil.run.stepped.setpoint import Setpoint
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S

@@ -24,10 +24,11 @@ machine.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import fmod, isfinite, sqrt
+from math import fmod, sqrt
 from typing import NamedTuple
 
 from hil.run.stepped.allocation import Allocation
+from hil.run.stepped.setpoint import IDLE_COMMAND, IDLE_COMMANDS, STOPPED_COMMANDS, Setpoint, check
 from signals._kernel import det_atan2, det_cos, det_exp, det_sin
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
@@ -53,39 +54,11 @@ _MOST_TILT_TAN, _LEAST_TILT_COS = 1.7320508075688772, 0.5  # 60 degrees
 _MOST_TILT_RATE_RADPS = 5.0
 _MOST_YAW_RATE_RADPS = 2.5
 _YAW_RESERVE = 0.5  # change of the hover thrust that yaw may cause
-_IDLE_COMMAND = 0.05
 _STEERABLE = 0.1  # thrust over weight below which all rotors get the same command
 _LOCK_YAW_RATE_RADPS, _LOCK_YAW_ERROR_RAD = 0.05, 0.3
 _DESCENT_MPS = -0.05  # a commanded vertical speed below it is a descent
 _PRESS_PER_S = 2.0  # of g
 _TOUCH_DOWN_S = 0.3
-
-
-class Setpoint(NamedTuple):
-    """Command of one instant, in W and B: one horizontal, one vertical and one heading value, or `rotors` alone.
-
-    Horizontal: `p_xy_m`, `v_xy_mps`, `roll_pitch_rad` or `roll_pitch_rate_radps`. Vertical: `z_m`, `vz_mps` or
-    `thrust_ratio`. Heading: `yaw_rad` or `yaw_rate_radps`. Roll and pitch are relative to the current heading: positive
-    roll to the right, positive pitch nose down (FLU).
-    """
-
-    p_xy_m: tuple[float, float] | None = None
-    v_xy_mps: tuple[float, float] | None = None
-    roll_pitch_rad: tuple[float, float] | None = None
-    roll_pitch_rate_radps: tuple[float, float] | None = None  # about x and y of B
-    z_m: float | None = None
-    vz_mps: float | None = None
-    thrust_ratio: float | None = None  # collective thrust over the weight
-    yaw_rad: float | None = None  # of x of B, from east, counter-clockwise
-    yaw_rate_radps: float | None = None  # about z of B
-    speed_limit_mps: float | None = None  # of the way to a position or height
-    rotors: tuple[float, ...] | None = None  # commands 0..1 in the vehicle's rotor order; others are ignored
-
-
-IDLE_COMMANDS = (_IDLE_COMMAND,) * 8
-STOPPED_COMMANDS = (0.0,) * 8
-IDLE = Setpoint(rotors=IDLE_COMMANDS)  # armed on the ground
-STOPPED = Setpoint(rotors=STOPPED_COMMANDS)
 
 
 class Gains(NamedTuple):
@@ -108,7 +81,7 @@ class IdealController:
         self._count = len(vehicle.rotors)
         self._k, self._most_radps = c.thrust_coefficient_n_per_radps2, c.max_speed_radps
         self._curve = c.thrust_model_factor
-        idle_radps = vehicle.speed_radps(_IDLE_COMMAND)
+        idle_radps = vehicle.speed_radps(IDLE_COMMAND)
         self._allocation = Allocation(vehicle, least_n=self._k * idle_radps * idle_radps)
         self._hover_n = self._weight_n / self._allocation.lift  # of one rotor
         self._most_thrust_n = 0.95 * self._allocation.most_n * self._allocation.lift
@@ -420,27 +393,3 @@ def _approach(distance: float, gain: float, brake: float, limit: float) -> tuple
         speed = sqrt(2.0 * brake * (distance - 0.5 * brake / (gain * gain)))
         slope = brake / speed
     return (limit, 0.0) if speed > limit else (speed, slope)
-
-
-def check(setpoint: Setpoint) -> None:
-    """Raise ValueError if a set-point has a wrong combination of values or one that is not finite."""
-    if setpoint.rotors is not None:
-        groups: tuple[tuple[str, ...], ...] = ()
-        if any(value is not None for name, value in zip(setpoint._fields, setpoint, strict=True) if name != "rotors"):
-            raise ValueError("a set-point with rotor commands has no other values")
-    else:
-        groups = (
-            ("p_xy_m", "v_xy_mps", "roll_pitch_rad", "roll_pitch_rate_radps"),
-            ("z_m", "vz_mps", "thrust_ratio"),
-            ("yaw_rad", "yaw_rate_radps"),
-        )
-    for group in groups:
-        given = [name for name in group if getattr(setpoint, name) is not None]
-        if len(given) != 1:
-            raise ValueError(f"a set-point has exactly one of {', '.join(group)}; this one has {given or 'none'}")
-    for name, value in zip(setpoint._fields, setpoint, strict=True):
-        numbers = () if value is None else value if isinstance(value, tuple) else (value,)
-        if not all(isfinite(number) for number in numbers):
-            raise ValueError(f"{name} of a set-point is {value}; every number has to be finite")
-    if setpoint.speed_limit_mps is not None and not setpoint.speed_limit_mps > 0.0:
-        raise ValueError(f"speed_limit_mps of a set-point is {setpoint.speed_limit_mps:g}; it has to be above 0")

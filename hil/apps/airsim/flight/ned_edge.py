@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 
 from hil.apps.airsim.flight.move import Command, MoveError, NedState
-from hil.run.stepped.ideal_controller import Setpoint
+from hil.run.stepped.setpoint import Setpoint
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from signals.samples import TruthState, Vec3
 from sim.physics.vehicle import Vehicle

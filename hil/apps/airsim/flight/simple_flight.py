@@ -23,7 +23,8 @@ from hil.apps.airsim.flight.move import ACCURACY_M, NOTHING, PERIOD_NS, Command,
 from hil.apps.airsim.flight.ned_edge import NedEdge
 from hil.apps.airsim.flight.remote import RcData, Receiver
 from hil.apps.airsim.flight.spot import stay
-from hil.run.stepped.ideal_controller import IDLE, STOPPED, IdealController, Setpoint
+from hil.run.stepped.ideal_controller import IdealController
+from hil.run.stepped.setpoint import IDLE, STOPPED, Setpoint
 from signals.rotation import norm
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_MS

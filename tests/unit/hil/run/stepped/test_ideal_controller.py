@@ -8,7 +8,8 @@ from math import cos, dist, inf, nan, sin, sqrt
 import numpy as np
 import pytest
 
-from hil.run.stepped.ideal_controller import IDLE, Gains, IdealController, Setpoint
+from hil.run.stepped.ideal_controller import Gains, IdealController
+from hil.run.stepped.setpoint import IDLE, Setpoint
 from signals._kernel import roll_pitch_yaw
 from signals.rotation import yaw_of
 from sim.physics.disturbances import Disturbances
