@@ -1,12 +1,13 @@
 """Mountain valley of 1.2 x 1.2 km in the manner of AirSim's LandscapeMountains: hills, a lake, trees, a power line.
 
-The vehicle starts on level ground at z = 0; north is +y. The ground is a height field of 9.4 m cells, grass below and
-rock and snow above. The wires of the power line hang some 6 m below the path of AirSim's example of reinforcement
-learning (drone_env.py), whose reward is to follow them.
+The vehicle starts on level ground at z = 0; north is +y. The ground has cells of 9.4 m, in the distance of 19 m, with
+grass below and rock and snow above. The wires of the power line hang some 6 m below the path of drone_env.py, AirSim's
+example of reinforcement learning, whose reward is to follow them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from math import sqrt
 from typing import Annotated
@@ -34,13 +35,15 @@ Grid = NDArray[np.float64]
 
 _CELLS = 128
 _HALF_M = 600.0
-_MIDDLE_Y_M = 150.0
+# Middle of the ground. No edge between its triangles lies on a round coordinate, where rays straight down may miss it.
+_MIDDLE_X_M, _MIDDLE_Y_M = 1.3717, 150.6131
 _STEP_M = 2.0 * _HALF_M / _CELLS
-_LOWEST_M, _RANGE_M = -16.0, 256.0  # of the height field; powers of two, so that z = 0 is exact
+_LOWEST_M, _HIGHEST_M, _RANGE_M = -16.0, 240.0, 256.0  # of the height field; z = 0 is exact in 32-bit floats
 _LAKE = (-150.0, 130.0, 100.0)  # x, y, radius
 _WATER_M = -3.0
 _SUMMIT = (430.0, 600.0, 260.0)  # x, y, radius
 _ROCK_M, _SNOW_M = 42.0, 105.0
+_TILES_M = {"grass": 16.0, "rock": 22.0, "snow": 30.0}  # periods of the textures
 _HANG_M = 6.0  # of the wires' posts below the path
 # East, north, up: the way points of drone_env.py, and masts between them.
 _LINE: tuple[Vec3, ...] = (
@@ -52,7 +55,7 @@ _LINE: tuple[Vec3, ...] = (
 class LandscapeMountainsParameters(StrictModel):
     """Numbers of plants and rocks."""
 
-    conifers: Annotated[int, Field(ge=0, le=2000)] = 320
+    conifers: Annotated[int, Field(ge=0, le=2000)] = 240
     trees: Annotated[int, Field(ge=0, le=300)] = 40
     rocks: Annotated[int, Field(ge=0, le=300)] = 40
     season: Season = "summer"
@@ -68,7 +71,8 @@ def terrain(seed: int) -> Grid:
     """Return the heights [m] of the corners of the cells: rows from south to north, from west to east in a row."""
     count = _CELLS + 1
     axis = np.arange(count) * _STEP_M - _HALF_M
-    x, y = np.broadcast_to(axis, (count, count)), np.broadcast_to((axis + _MIDDLE_Y_M)[:, None], (count, count))
+    x = np.broadcast_to(axis + _MIDDLE_X_M, (count, count))
+    y = np.broadcast_to((axis + _MIDDLE_Y_M)[:, None], (count, count))
 
     def noise(name: str, cells: int) -> Grid:
         sheet = clouds(f"landscape.{seed}.{name}", cells, cells, (count, count))
@@ -77,7 +81,7 @@ def terrain(seed: int) -> Grid:
     hills = 0.7 * noise("hills", 9) + 0.3 * noise("bumps", 24)
     ridges = 1.0 - np.abs(2.0 * noise("ridges", 7) - 1.0)
     from_start = np.sqrt(x * x + y * y)
-    to_rim = np.maximum(np.abs(x), np.abs(y - _MIDDLE_Y_M)) / _HALF_M
+    to_rim = np.maximum(np.abs(x - _MIDDLE_X_M), np.abs(y - _MIDDLE_Y_M)) / _HALF_M
     height = 2.0 + 30.0 * hills * _smooth(50.0, 230.0, from_start)
     height += _smooth(0.5, 0.92, to_rim) * (55.0 + 95.0 * ridges * ridges + 25.0 * hills)
     sx, sy, radius = _SUMMIT
@@ -94,15 +98,50 @@ def terrain(seed: int) -> Grid:
     lx, ly, shore = _LAKE
     dry = _smooth(0.35 * shore, shore, np.sqrt((x - lx) * (x - lx) + (y - ly) * (y - ly)))
     height = height * dry + (_LOWEST_M + 6.0) * (1.0 - dry)
-    level = _smooth(14.0, 40.0, from_start)
+    level = _smooth(18.0, 44.0, from_start)
     height = height * level
-    height = np.clip(height, _LOWEST_M + 0.5, _LOWEST_M + _RANGE_M - 0.5)
+    height = np.clip(height, _LOWEST_M + 0.5, _HIGHEST_M - 0.5)
     # MuJoCo scales a height field to its lowest and highest corner, so both are fixed.
-    row, column = np.unravel_index(int(np.argmin(height)), height.shape)
-    height[row, column] = _LOWEST_M
-    row, column = np.unravel_index(int(np.argmax(height)), height.shape)
-    height[row, column] = _LOWEST_M + _RANGE_M
+    for extreme, value in (
+        (int(np.argmin(height[::2, ::2])), _LOWEST_M),
+        (int(np.argmax(height[::2, ::2])), _HIGHEST_M),
+    ):
+        row, column = np.unravel_index(extreme, height[::2, ::2].shape)
+        height[2 * row, 2 * column] = value
+    return _flattened(height, coarse_blocks())
+
+
+def coarse_blocks() -> NDArray[np.bool_]:
+    """Return which blocks of 2 x 2 cells are drawn as two triangles: those far from the start and from the lake."""
+    axis = (np.arange(_CELLS // 2) + 0.5) * 2.0 * _STEP_M - _HALF_M
+    x, y = axis[None, :] + _MIDDLE_X_M, axis[:, None] + _MIDDLE_Y_M
+    lx, ly, shore = _LAKE
+    from_lake = np.sqrt((x - lx) * (x - lx) + (y - ly) * (y - ly))
+    far: NDArray[np.bool_] = (np.sqrt(x * x + y * y) > 210.0) & (from_lake > 1.3 * shore)
+    return far
+
+
+def _flattened(height: Grid, coarse: NDArray[np.bool_]) -> Grid:
+    """Return the heights with the middles of coarse blocks on their two triangles, cut from low x, y to high x, y."""
+    for row, column in zip(*np.nonzero(coarse), strict=True):
+        j, i = 2 * row, 2 * column
+        a, b, c, d = height[j, i], height[j, i + 2], height[j + 2, i], height[j + 2, i + 2]
+        height[j, i + 1], height[j + 1, i] = 0.5 * (a + b), 0.5 * (a + c)
+        height[j + 2, i + 1], height[j + 1, i + 2] = 0.5 * (c + d), 0.5 * (b + d)
+        height[j + 1, i + 1] = 0.5 * (a + d)
     return height
+
+
+def _triangles(coarse: NDArray[np.bool_]) -> Iterator[tuple[tuple[int, int], tuple[int, int], tuple[int, int]]]:
+    """Yield the triangles of the ground as (row, column) of their corners, counter-clockwise seen from above."""
+    for row in range(_CELLS // 2):
+        for column in range(_CELLS // 2):
+            step = 2 if coarse[row, column] else 1
+            for j in range(2 * row, 2 * row + 2, step):
+                for i in range(2 * column, 2 * column + 2, step):
+                    far = (j + step, i + step)
+                    yield (j, i), (j, i + step), far
+                    yield (j, i), far, (j + step, i)
 
 
 class _Landscape:
@@ -120,7 +159,7 @@ class _Landscape:
 
     def at(self, x: float, y: float) -> float:
         """Return the height of the ground, bilinear between the corners of a cell."""
-        u, v = (x + _HALF_M) / _STEP_M, (y - _MIDDLE_Y_M + _HALF_M) / _STEP_M
+        u, v = (x - _MIDDLE_X_M + _HALF_M) / _STEP_M, (y - _MIDDLE_Y_M + _HALF_M) / _STEP_M
         i, j = min(max(int(u), 0), _CELLS - 1), min(max(int(v), 0), _CELLS - 1)
         u, v = u - i, v - j
         low = (1.0 - u) * self.height[j, i] + u * self.height[j, i + 1]
@@ -139,8 +178,8 @@ class _Landscape:
             b.texture(name, textures.png(name))
         stone = 0.6 * clouds("landscape.stone", 9) + 0.4 * grain("landscape.stone")
         b.texture("rock", png_of(mix((0.24, 0.23, 0.22), (0.52, 0.50, 0.47), stone)))
-        b.material("grass", surfaces.GRASS, texture="grass", tile_m=16.0, specular=0.0)
-        b.material("rock", surfaces.STONE, texture="rock", tile_m=22.0, specular=0.0)
+        b.material("grass", surfaces.GRASS, texture="grass", specular=0.0)
+        b.material("rock", surfaces.STONE, texture="rock", specular=0.0)
         b.material("snow", surfaces.PLASTER, rgb=(0.92, 0.93, 0.95), specular=0.0)
         b.material("boulder", surfaces.STONE, rgb=(0.45, 0.44, 0.42), specular=0.0)
         b.material(
@@ -150,22 +189,31 @@ class _Landscape:
         b.material("wire", surfaces.METAL, rgb=(0.12, 0.12, 0.13), specular=0.2, shininess=0.3)
 
     def ground(self) -> None:
-        """Add the ground, and rock and snow as sheets that come out of it above their heights."""
+        """Add the ground: solid as a height field, drawn as meshes of grass, rock and snow with the same triangles."""
         b = self.builder
-        size = (_HALF_M, _HALF_M, _RANGE_M, 1.0)
-        share = (self.height - _LOWEST_M) / _RANGE_M
-        asset = b.hfield_of("landscape", share, size)
-        b.ground_hfield(asset, material="grass", pos=(0.0, _MIDDLE_Y_M, _LOWEST_M), name="Landscape_0")
+        body = b.named_body("Landscape_0", (_MIDDLE_X_M, _MIDDLE_Y_M, _LOWEST_M), yaw_quat(0.0))
         b.classify("terrain", "Landscape_0")
-        for name, limit_m in (("rock", _ROCK_M), ("snow", _SNOW_M)):
-            # Above its ragged limit a sheet lies over the ground, else 4 m below it.
-            ragged = limit_m + 22.0 * clouds(f"landscape.{self.seed}.{name}", 16, 16, share.shape).astype(np.float64)
-            over_m = (4.8 if name == "snow" else 4.4) * _smooth(-2.0, 4.0, self.height - ragged) - 4.0
-            sheet = np.maximum(share + over_m / _RANGE_M, 0.0)
-            top = float(sheet.max())
-            asset = b.hfield_of(name, sheet / top, (_HALF_M, _HALF_M, _RANGE_M * top, 1.0))
-            body = b.body("hill", (0.0, _MIDDLE_Y_M, _LOWEST_M))
-            body.geom("hfield", asset=asset, material=name, solid=False)
+        asset = b.hfield_of("landscape", (self.height - _LOWEST_M) / _RANGE_M, (_HALF_M, _HALF_M, _RANGE_M, 1.0))
+        body.proxy("hfield", asset=asset, material="rock", part="solid")
+        ragged = 22.0 * clouds(f"landscape.{self.seed}.limits", 16, 16, self.height.shape).astype(np.float64)
+        meshes = {name: Mesh.empty() for name in _TILES_M}
+        index: dict[tuple[str, int, int], int] = {}
+        for triangle in _triangles(coarse_blocks()):
+            over = max(self.height[j, i] - ragged[j, i] for j, i in triangle)
+            name = "snow" if over > _SNOW_M else "rock" if over > _ROCK_M else "grass"
+            mesh, tile_m = meshes[name], _TILES_M[name]
+            corners = []
+            for j, i in triangle:
+                if (name, j, i) not in index:
+                    index[name, j, i] = len(mesh.vertices)
+                    x, y = i * _STEP_M - _HALF_M, j * _STEP_M - _HALF_M
+                    mesh.vertices.append((x, y, float(self.height[j, i]) - _LOWEST_M))
+                    mesh.uvs.append((x / tile_m, y / tile_m))
+                corners.append(index[name, j, i])
+            mesh.triangles.append((corners[0], corners[1], corners[2]))
+        for name, mesh in meshes.items():
+            if mesh.triangles:
+                body.geom("mesh", asset=b.mesh(name, mesh), material=name, solid=False, part=name)
 
     def lake(self) -> None:
         b = self.builder

@@ -15,6 +15,8 @@ from sim.scene.maps import surfaces
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.landscape_mountains import terrain
 from sim.scene.maps.map_builder import MapBuilder
+from sim.scene.scene import load_scene
+from sim.sensors.ground_range import rays_into
 
 GEOM = mujoco.mjtObj.mjOBJ_GEOM
 BODY = mujoco.mjtObj.mjOBJ_BODY
@@ -105,6 +107,34 @@ def test_the_valley_is_level_at_the_start_and_keeps_below_the_power_line(seed: i
     height = terrain(seed)
     assert (height.min(), height.max()) == (-16.0, 240.0)  # or MuJoCo would scale it
     assert (height[47:50, 63:66] == 0.0).all()
+
+
+@pytest.mark.parametrize("scene", ["blocks", "airsim_nh", "landscape_mountains"])
+def test_rays_straight_down_find_the_ground_at_round_places(scene: str) -> None:
+    rays = rays_into(load_scene(scene))
+    for x, y in ((0.0, 0.0), (0.0, 40.0), (-30.0, 0.0), (20.0, 20.0), (-10.0, 10.0), (0.0, 9.375)):
+        assert 0.0 < rays.ray_distance((x, y, 60.0), (0.0, 0.0, -1.0)) <= 61.0, (x, y)
+    assert rays.ray_distance((0.0, 0.0, 2.0), (0.0, 0.0, -1.0)) == pytest.approx(2.0, abs=0.02)
+
+
+def test_the_ground_of_the_valley_is_solid_where_it_is_drawn() -> None:
+    model, data = compiled("landscape_mountains", 1)
+    ground = mujoco.mj_name2id(model, BODY, "Landscape_0")
+    groups = np.where(model.geom_bodyid == ground, model.geom_group, 5)
+    rng = np.random.default_rng(3)
+    hit, down = np.zeros(1, dtype=np.int32), np.array([0.0, 0.0, -1.0])
+    saved = model.geom_group.copy()
+    model.geom_group[:] = groups
+    try:
+        for x, y in rng.uniform((-590.0, -440.0), (590.0, 740.0), (400, 2)):
+            above = np.array([x, y, 300.0])
+            heights = []
+            for group in (0, 3):
+                only = np.array([k == group for k in range(6)], dtype=np.uint8)
+                heights.append(300.0 - mujoco.mj_ray(model, data, above, down, only, 1, -1, hit))
+            assert heights[0] == pytest.approx(heights[1], abs=0.01), (x, y)
+    finally:
+        model.geom_group[:] = saved
 
 
 def test_the_wires_hang_within_seven_metres_below_the_path_of_the_example() -> None:
