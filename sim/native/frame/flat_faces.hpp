@@ -39,21 +39,21 @@ HIL_NOINLINE void set_up_face(const ResolveJob &job, const DrawnGeom &g, std::in
     const Appearance &look = job.scenery->geoms.data()[g.geom];
     face.geom = g.geom;
     face.id = id;
-    float n[3] = {0, 0, 0}, at[3] = {0, 0, 0};  // normal, a point of the face
+    const Facet *facet = g.shape == Shape::kMesh ? g.mesh->facet.data() + id : nullptr;
+    float n[4] = {0, 0, 0, 0};  // as Facet::normal
     if (g.shape == Shape::kPlane) {
         n[2] = 1.0f;
     } else if (g.shape == Shape::kBox) {
         n[id >> 1] = id & 1 ? -1.0f : 1.0f;
-        at[id >> 1] = n[id >> 1] * g.half[id >> 1];
+        n[3] = -g.half[id >> 1];
     } else {
-        const float *corner = g.mesh->vertex.data() + 3 * (long)g.mesh->triangle.data()[3 * (long)id];
-        for (int i = 0; i < 3; ++i) n[i] = g.mesh->normal.data()[3 * (long)id + i], at[i] = corner[i];
+        for (int i = 0; i < 4; ++i) n[i] = facet->normal[i];
     }
     const auto in_camera = [&](const float *q, int i) { return q[0] * g.m[i] + q[1] * g.m[3 + i] + q[2] * g.m[6 + i]; };
-    const float away = n[0] * (at[0] - g.o[0]) + n[1] * (at[1] - g.o[1]) + n[2] * (at[2] - g.o[2]);
+    const bool behind = n[0] * g.o[0] + n[1] * g.o[1] + n[2] * g.o[2] + n[3] < 0.0f;  // the camera sees the back
     float sun = 0.0f, up = 0.0f;
     for (int i = 0; i < 3; ++i) {
-        face.normal[i] = away > 0.0f ? -in_camera(n, i) : in_camera(n, i);
+        face.normal[i] = behind ? -in_camera(n, i) : in_camera(n, i);
         sun += face.normal[i] * job.sun_C[i];
         up += face.normal[i] * job.up_C[i];
     }
@@ -68,12 +68,10 @@ HIL_NOINLINE void set_up_face(const ResolveJob &job, const DrawnGeom &g, std::in
     if (face.texture == nullptr) return;
     float along[2][3] = {}, start[2], per_m[2];  // growth of the coordinates, in the local frame
     if (g.shape == Shape::kMesh && !g.mesh->uv.empty()) {
-        const float *uv = g.mesh->uv.data() + 6 * (long)id, *grad = g.mesh->barycentric.data() + 6 * (long)id;
         for (int k = 0; k < 2; ++k) {
-            for (int i = 0; i < 3; ++i) {
-                along[k][i] = ((uv[2 + k] - uv[k]) * grad[i] + (uv[4 + k] - uv[k]) * grad[3 + i]) * look.repeat[k];
-            }
-            start[k] = uv[k] * look.repeat[k] - (along[k][0] * at[0] + along[k][1] * at[1] + along[k][2] * at[2]);
+            const float *row = k == 0 ? facet->u : facet->v;
+            for (int i = 0; i < 3; ++i) along[k][i] = row[i] * look.repeat[k];
+            start[k] = row[3] * look.repeat[k];
             per_m[k] = look.repeat[k] * g.mesh->uv_per_m;
         }
     } else {

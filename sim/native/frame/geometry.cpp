@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr int kTrianglesPerLeaf = 8;
+constexpr int kPacketsPerLeaf = 4;  // a test of a node costs about as much as the triangles of a packet
 constexpr int kGeomsPerLeaf = 2;
 constexpr double kFarthest = 1e7;  // [m]
 
@@ -68,9 +69,9 @@ void pack(Mesh &mesh) {
             }
         }
     }
-    mesh.packed_tree = build_bvh(boxes, 1);
-    mesh.normal.resize(3 * triangles);
-    mesh.barycentric.resize(6 * triangles);
+    mesh.packed_tree = build_bvh(boxes, kPacketsPerLeaf);
+    mesh.packet_box = std::move(boxes);
+    mesh.facet.resize(triangles);
     double surface = 0.0, image = 0.0;
     for (std::size_t t = 0; t < triangles; ++t) {
         double v[3][3];
@@ -86,18 +87,39 @@ void pack(Mesh &mesh) {
         const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
         surface += length;
         // b and c of p = a + b (B - a) + c (C - a): grad b = (C - a) x n / (n . n), grad c = n x (B - a) / (n . n).
+        double gradient[2][3] = {};
         for (int i = 0; i < 3 && length > 0.0; ++i) {
             const int j = (i + 1) % 3, k = (i + 2) % 3;
-            const double gb = (v[2][j] - v[0][j]) * n[k] - (v[2][k] - v[0][k]) * n[j];
-            const double gc = n[j] * (v[1][k] - v[0][k]) - n[k] * (v[1][j] - v[0][j]);
-            mesh.barycentric[6 * t + static_cast<std::size_t>(i)] = static_cast<float>(gb / (length * length));
-            mesh.barycentric[6 * t + 3 + static_cast<std::size_t>(i)] = static_cast<float>(gc / (length * length));
+            gradient[0][i] = ((v[2][j] - v[0][j]) * n[k] - (v[2][k] - v[0][k]) * n[j]) / (length * length);
+            gradient[1][i] = (n[j] * (v[1][k] - v[0][k]) - n[k] * (v[1][j] - v[0][j])) / (length * length);
         }
+        // The value that is from[0], from[stride] and from[2 stride] at the corners.
+        const auto interpolated = [&](const float *from, std::size_t stride, float *to) {
+            double start = from[0];
+            for (int i = 0; i < 3; ++i) {
+                const double slope = gradient[0][i] * (static_cast<double>(from[stride]) - from[0]) +
+                                     gradient[1][i] * (static_cast<double>(from[2 * stride]) - from[0]);
+                start -= slope * v[0][i];
+                to[i] = static_cast<float>(slope);
+            }
+            to[3] = static_cast<float>(start);
+        };
+        Facet &facet = mesh.facet[t];
+        double offset = 0.0;
+        for (int i = 0; i < 3 && length > 0.0; ++i) {
+            facet.normal[i] = static_cast<float>(n[i] / length);
+            offset -= n[i] / length * v[0][i];
+        }
+        facet.normal[3] = static_cast<float>(offset);
+        if (!mesh.uv.empty()) {
+            interpolated(&mesh.uv[6 * t], 2, facet.u);
+            interpolated(&mesh.uv[6 * t + 1], 2, facet.v);
+        }
+        for (std::size_t i = 0; i < 3 && !mesh.corner_normal.empty(); ++i) interpolated(&mesh.corner_normal[9 * t + i], 3, facet.smooth[i]);
         if (!mesh.uv.empty()) {
             const float *uv = &mesh.uv[6 * t];
             image += std::fabs((uv[2] - uv[0]) * (uv[5] - uv[1]) - (uv[3] - uv[1]) * (uv[4] - uv[0]));
         }
-        for (std::size_t i = 0; i < 3; ++i) mesh.normal[3 * t + i] = length > 0.0 ? static_cast<float>(n[i] / length) : 0.0f;
     }
     if (triangles > 0) mesh.edge_m = static_cast<float>(std::sqrt(surface / static_cast<double>(triangles)));
     if (surface > 0.0 && image > 0.0) mesh.uv_per_m = static_cast<float>(std::sqrt(image / surface));
@@ -111,24 +133,17 @@ void group_faces(Mesh &mesh) {
     std::iota(mesh.face.begin(), mesh.face.end(), 0);
     if (!mesh.corner_normal.empty()) return;
     const auto corner = [&](std::size_t t, std::size_t c) { return &mesh.vertex[3 * static_cast<std::size_t>(mesh.triangle[3 * t + c])]; };
-    // Texture coordinate i of triangle t's map at the point p.
-    const auto mapped = [&](std::size_t t, const float *p, std::size_t i) {
-        const float *a = corner(t, 0), *uv = &mesh.uv[6 * t + i], *gradient = &mesh.barycentric[6 * t];
-        double b = 0.0, c = 0.0;
-        for (std::size_t k = 0; k < 3; ++k) {
-            b += (static_cast<double>(p[k]) - a[k]) * gradient[k];
-            c += (static_cast<double>(p[k]) - a[k]) * gradient[3 + k];
-        }
-        return uv[0] + b * (static_cast<double>(uv[2]) - uv[0]) + c * (static_cast<double>(uv[4]) - uv[0]);
+    const auto mapped = [](const float *row, const float *p) {
+        return static_cast<double>(row[0]) * p[0] + static_cast<double>(row[1]) * p[1] + static_cast<double>(row[2]) * p[2] + row[3];
     };
     const auto same = [&](std::size_t t, std::size_t of) {
         for (std::size_t i = 0; i < 3; ++i) {
-            if (!(std::fabs(mesh.normal[3 * t + i] - mesh.normal[3 * of + i]) <= kSameNormal)) return false;
+            if (!(std::fabs(mesh.facet[t].normal[i] - mesh.facet[of].normal[i]) <= kSameNormal)) return false;
         }
         for (std::size_t c = 0; c < 3 && !mesh.uv.empty(); ++c) {
-            for (std::size_t i = 0; i < 2; ++i) {
-                if (!(std::fabs(mapped(of, corner(t, c), i) - mesh.uv[6 * t + 2 * c + i]) <= kSameTexture)) return false;
-            }
+            const float *uv = &mesh.uv[6 * t + 2 * c], *p = corner(t, c);
+            if (!(std::fabs(mapped(mesh.facet[of].u, p) - uv[0]) <= kSameTexture)) return false;
+            if (!(std::fabs(mapped(mesh.facet[of].v, p) - uv[1]) <= kSameTexture)) return false;
         }
         return true;
     };
@@ -149,7 +164,7 @@ void group_faces(Mesh &mesh) {
     std::map<std::array<std::int32_t, 3>, std::vector<std::int32_t>> faces;  // by direction
     for (const auto &[size, triangle] : largest) {
         const auto t = static_cast<std::size_t>(triangle);
-        const auto rounded = [&](std::size_t i) { return static_cast<std::int32_t>(std::lround(16.0 * mesh.normal[3 * t + i])); };
+        const auto rounded = [&](std::size_t i) { return static_cast<std::int32_t>(std::lround(16.0 * mesh.facet[t].normal[i])); };
         std::vector<std::int32_t> &known = faces[{rounded(0), rounded(1), rounded(2)}];
         constexpr std::size_t kMost = 64;  // compared, so that a mesh of many faces takes no longer
         const std::size_t first = known.size() > kMost ? known.size() - kMost : 0;

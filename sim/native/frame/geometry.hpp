@@ -18,6 +18,13 @@ bool within_world(const double *x, int n);
 
 enum class Shape : std::uint8_t { kPlane = 0, kSphere = 2, kCapsule = 3, kEllipsoid = 4, kCylinder = 5, kBox = 6, kMesh = 7 };
 
+// One triangle as pictures are shaded with it. Each row of four gives a value at the point p of the mesh: c[0..2] . p + c[3].
+struct Facet {
+    float normal[4];     // distance from the plane; the unit normal, zero for a triangle without area
+    float u[4], v[4];    // texture coordinates; zero without
+    float smooth[3][4];  // interpolated corner normals; zero without
+};
+
 // Triangles in the frame of the geoms that use them, with a tree over them.
 struct Mesh {
     std::vector<float> vertex;           // [vertices][3]
@@ -30,9 +37,8 @@ struct Mesh {
     // The same triangles in packets of 16 for the raster: [packets][corner][x y z][16], and a tree over the packets.
     // The last packet is padded with its last triangle.
     std::vector<float> packed;
-    std::vector<float> normal;  // [triangles][3], unit; zero for a triangle without area
-    // [triangles][2][3]: gradients of the barycentric coordinates of the second and third corner; zero at the first.
-    std::vector<float> barycentric;
+    std::vector<Aabb> packet_box;
+    std::vector<Facet> facet;  // [triangles]
     // [triangles]: one triangle of those that share its plane and its map of texture coordinates, the largest; normals and
     // coordinates of a flat mesh are computed once for all of them. With corner normals each triangle is its own.
     std::vector<std::int32_t> face;

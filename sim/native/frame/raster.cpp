@@ -18,7 +18,7 @@ HIL_BY_ISA(RasterKernels, raster_kernels, raster_kernels_of_isa)
 namespace {
 
 constexpr double kPixelMargin = 0.25;
-constexpr std::size_t kFewNodes = 31;  // of a mesh so small that a test of each node costs more than its triangles
+constexpr std::size_t kFewNodes = 7;  // of a mesh so small that a test of each node costs more than its triangles
 
 void halves(const Aabb &box, double *centre, double *half) {
     for (int i = 0; i < 3; ++i) {
@@ -71,8 +71,11 @@ public:
         heap_.clear();
         if (options_.draw_static && !geometry_.tree().nodes.empty()) push_node(0);
         if (options_.draw_moving) {
-            for (const auto geom : geometry_.moving()) {
-                if (geometry_.shown(geom)) push_geom(geom);
+            const auto &moving = geometry_.moving();
+            for (std::size_t i = 0; i < moving.size(); ++i) {
+                constexpr std::size_t kAhead = 8;
+                if (i + kAhead < moving.size()) __builtin_prefetch(geometry_.geoms()[static_cast<std::size_t>(moving[i + kAhead])].half);
+                if (geometry_.shown(moving[i])) push_geom(moving[i]);
             }
         }
         while (!heap_.empty()) {
@@ -218,7 +221,8 @@ private:
         d.x0 = rect.x0, d.x1 = rect.x1, d.y0 = rect.y0, d.y1 = rect.y1;
         d.t_min_bound = options_.occlusion_culling ? static_cast<float>(nearest) : -1e30f;
         set_up(g, local, d);
-        packets_.clear();
+        const std::int32_t *packets = nullptr;
+        std::size_t count = 0;
         if (g.shape == Shape::kMesh) {
             d.mesh = &geometry_.meshes()[static_cast<std::size_t>(g.mesh)];
             if (g.mask >= 0) d.mask = &geometry_.masks()[static_cast<std::size_t>(g.mask)];
@@ -226,12 +230,18 @@ private:
             d.backs_hidden = options_.hide_backs && d.mesh->closed &&
                              (view_.projection == Projection::kParallel ||
                               distance_to_box(local.p, d.mesh->box) > 1.001 * view_.near_reach_m + 1e-4);
-            collect_packets(*d.mesh, local);
-            if (packets_.empty()) return;
+            const Bvh &tree = d.mesh->packed_tree;
+            packets = tree.order.data(), count = tree.order.size();
+            if (tree.nodes.size() > kFewNodes && (rect.x1 - rect.x0) * (rect.y1 - rect.y0) > kFewBlocks) {
+                packets_.clear();
+                collect_packets(*d.mesh, local);
+                packets = packets_.data(), count = packets_.size();
+            }
+            if (count == 0) return;
         }
         drawn_of_geom_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(drawn_.size());
         drawn_.push_back(d);
-        kernels_.draw(d, rays_, buffer_, options_, row0_, row1_, packets_.data(), static_cast<int>(packets_.size()));
+        kernels_.draw(d, rays_, buffer_, options_, row0_, row1_, packets, static_cast<int>(count));
     }
 
     void set_up(const Geom &g, const View &local, DrawnGeom &d) const {
@@ -257,10 +267,6 @@ private:
     }
 
     void collect_packets(const Mesh &mesh, const View &local) {
-        if (mesh.packed_tree.nodes.size() <= kFewNodes) {
-            add_packets(mesh, mesh.packed_tree.nodes[0]);
-            return;
-        }
         // Near child first.
         std::int32_t stack[128];
         int depth = 0;

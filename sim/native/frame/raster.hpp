@@ -27,6 +27,7 @@
 namespace hil::sim::frame {
 
 constexpr int kBlock = 4, kTile = 8;  // edges of a block in pixels, of a tile in blocks
+constexpr int kFewBlocks = 4;         // a mesh that touches no more is tested by the rays of all their pixels
 inline int ceil_div(int a, int b) { return (a + b - 1) / b; }
 
 enum class Projection { kPinhole, kTable, kParallel };

@@ -127,6 +127,30 @@ HIL_INLINE void store3(float (*to)[16], const Vec<F> &v) {
     store(to[2], v.z);
 }
 
+// Mask of the triangles that may cover the centre of pixel (left, top) or of its right, lower or diagonal neighbour. The
+// limit is far above the rounding of the edge functions.
+HIL_INLINE I covers_one_of_four(const Vec<F> *e, const RayTable &rays, int width, int height, const F &left, const F &top) {
+    const auto farther = [](float a, float b) { return a > b ? a : b; };
+    const float step_x = 1.0f / rays.fx, step_y = 1.0f / rays.fy;
+    const float far_x = farther(__builtin_fabsf(rays.cx), __builtin_fabsf((float)width - rays.cx)) * step_x;
+    const float far_y = farther(__builtin_fabsf(rays.cy), __builtin_fabsf((float)height - rays.cy)) * step_y;
+    F limit = splat<F>(0);
+    for (int i = 0; i < 3; ++i) limit = limit + (abs(e[i].x) * far_x + abs(e[i].y) * far_y + abs(e[i].z));
+    limit = limit * 1e-6f;
+    const F x = (left + (0.5f - rays.cx)) * step_x, y = (top + (0.5f - rays.cy)) * step_y;
+    I covers = splat<I>(0);
+    for (int k = 0; k < 4; ++k) {
+        F low = splat<F>(LaneTraits<F>::kInf), high = -low;
+        for (int i = 0; i < 3; ++i) {
+            const F at = (x + (k & 1 ? step_x : 0.0f)) * e[i].x + (y + (k >> 1 ? step_y : 0.0f)) * e[i].y + e[i].z;
+            low = min(low, at);
+            high = max(high, at);
+        }
+        covers |= (low >= -limit) | (high <= limit);
+    }
+    return covers;
+}
+
 // Returns the lanes whose triangle has an area and may cover the centre of a pixel.
 template <Projection P>
 HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near_t, int width, int height,
@@ -144,6 +168,7 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
     some &= dot(n, n) > zero;
     if (g.backs_hidden) some &= P == Projection::kParallel ? n.z < zero : volume < zero;
     if (!any(some)) return 0;
+    F left{}, right{}, top{}, bottom{};  // pixels that it may cover, ends included
     const F z_low = min(min(v[0].z, v[1].z), v[2].z);
     if constexpr (P == Projection::kTable) {
         const float third = 1.0f / 3.0f;
@@ -187,8 +212,8 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
         // Pixels whose centres are inside: ceil(low - 1/2) to floor(high - 1/2), limited to the blocks of the picture.
         const float margin = 1.0f / 64.0f;
         const auto limited = [](const F &x, int most) { return min(max(x, splat<F>(-8.0f)), splat<F>((float)most + 8.0f)); };
-        const F left = floor(limited(low_x - margin, width) + 0.5f), right = floor(limited(high_x + margin, width) - 0.5f);
-        const F top = floor(limited(low_y - margin, height) + 0.5f), bottom = floor(limited(high_y + margin, height) - 0.5f);
+        left = floor(limited(low_x - margin, width) + 0.5f), right = floor(limited(high_x + margin, width) - 0.5f);
+        top = floor(limited(low_y - margin, height) + 0.5f), bottom = floor(limited(high_y + margin, height) - 0.5f);
         some &= (left <= right) & (top <= bottom);
         if (!any(some)) return 0;
         store(packet.x0, shift_right(truncate(left), 2));
@@ -201,9 +226,15 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
     const auto edge = [](const Vec<F> &b, const Vec<F> &c) {
         return P == Projection::kParallel ? Vec<F>{b.y - c.y, c.x - b.x, b.x * c.y - b.y * c.x} : cross(b, c);
     };
-    store3(packet.edge[0], edge(v[1], v[2]));
-    store3(packet.edge[1], edge(v[2], v[0]));
-    store3(packet.edge[2], edge(v[0], v[1]));
+    const Vec<F> e[3] = {edge(v[1], v[2]), edge(v[2], v[0]), edge(v[0], v[1])};
+    if constexpr (P != Projection::kTable) {
+        const I small = some & (right - left < splat<F>(2)) & (bottom - top < splat<F>(2));
+        if (any(small)) {
+            some &= ~small | covers_one_of_four(e, rays, width, height, left, top);
+            if (!any(some)) return 0;
+        }
+    }
+    for (int i = 0; i < 3; ++i) store3(packet.edge[i], e[i]);
     store3(packet.n, n);
     store(packet.volume, volume);
     return bits(some);
@@ -258,6 +289,57 @@ HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays,
     return true;
 }
 
+// Rays of the few blocks that a small mesh may touch, in its frame, and the nearest t drawn there.
+struct FewRays {
+    int blocks = 0;
+    F per_x[kFewBlocks], per_y[kFewBlocks], per_z[kFewBlocks], t[kFewBlocks];  // 1 / direction
+};
+
+HIL_INLINE void take_few(const DrawnGeom &g, const RayTable &rays, const VisibilityBuffer &buffer, int y0, int y1, FewRays &few) {
+    const auto inverse = [](const F &d) {
+        const F tiny = splat<F>(LaneTraits<F>::kTiny);
+        return 1.0f / select(abs(d) < tiny, copysign(tiny, d), d);
+    };
+    few.blocks = 0;
+    for (int row = y0; row < y1; ++row) {
+        for (int column = g.x0; column < g.x1; ++column) {
+            Block block{};
+            block.x = load<F>(rays.x.data() + 16 * column);
+            block.y = load<F>(rays.y.data() + 16 * row);
+            Vec<F> o, d;
+            local_ray<Projection::kPinhole>(g, block, o, d);
+            few.per_x[few.blocks] = inverse(d.x);
+            few.per_y[few.blocks] = inverse(d.y);
+            few.per_z[few.blocks] = inverse(d.z);
+            few.t[few.blocks++] = load<F>(buffer.t.data() + 16 * (row * buffer.blocks_x + column));
+        }
+    }
+}
+
+// Returns false if no ray passes through the box, `pad` wider on every side, before what is drawn.
+HIL_INLINE bool may_show(const DrawnGeom &g, const FewRays &few, const Aabb &box, float pad) {
+    float lo[3], hi[3];
+    for (int i = 0; i < 3; ++i) lo[i] = box.lo[i] - pad - g.o[i], hi[i] = box.hi[i] + pad - g.o[i];
+    for (int i = 0; i < few.blocks; ++i) {
+        const F ax = few.per_x[i] * lo[0], bx = few.per_x[i] * hi[0], ay = few.per_y[i] * lo[1], by = few.per_y[i] * hi[1];
+        const F az = few.per_z[i] * lo[2], bz = few.per_z[i] * hi[2];
+        const F enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), splat<F>(0)));
+        const F leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
+        if (any((enter <= leave) & (enter < few.t[i]))) return true;
+    }
+    return false;
+}
+
+// Bounds of a small mesh are a quarter of a pixel wider than the mesh along each axis of the picture, as in view.hpp.
+HIL_INLINE float quarter_pixel(const DrawnGeom &g, const RayTable &rays) {
+    float far2 = 0.0f;
+    for (int i = 0; i < 3; ++i) {
+        const float a = __builtin_fabsf(g.mesh->box.lo[i] - g.o[i]), b = __builtin_fabsf(g.mesh->box.hi[i] - g.o[i]);
+        far2 += a > b ? a * a : b * b;
+    }
+    return __builtin_sqrtf(far2) * (0.36f / (rays.fx < rays.fy ? rays.fx : rays.fy) + 1e-5f);
+}
+
 template <Projection P>
 void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffer, const RasterOptions &options, int y0,
                int y1, const std::int32_t *packets, int packet_count) {
@@ -266,7 +348,16 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
     DrawnGeom part = g;  // table: with the cone of one triangle
     Packet packet;
     Spans spans;
+    // A ray of each pixel decides for a small mesh: most of what is far away covers no pixel's centre, or is hidden there.
+    FewRays few;
+    float pad = 0.0f;
+    if (P == Projection::kPinhole && options.frustum_culling && options.occlusion_culling && (g.x1 - g.x0) * (y1 - y0) <= kFewBlocks) {
+        take_few(g, rays, buffer, y0, y1, few);
+        pad = quarter_pixel(g, rays);
+        if (!may_show(g, few, g.mesh->box, pad)) return;
+    }
     for (int k = 0; k < packet_count; ++k) {
+        if (few.blocks > 0 && !may_show(g, few, g.mesh->packet_box.data()[packets[k]], pad)) continue;
         if (k + 1 < packet_count) {
             const float *next = g.mesh->packed.data() + 144 * (long)packets[k + 1];
             for (int line = 0; line < 9; ++line) __builtin_prefetch(next + 16 * line);

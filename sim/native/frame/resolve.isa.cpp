@@ -53,14 +53,11 @@ HIL_INLINE void put_at(Vec<F> &to, const I &here, float x, float y, float z) {
     to = {select(here, splat<F>(x), to.x), select(here, splat<F>(y), to.y), select(here, splat<F>(z), to.z)};
 }
 
-// Directions in the plane of triangle t in which its texture coordinate u (i = 0) or v (i = 1) grows.
-HIL_INLINE void put_gradient(const Mesh &mesh, long t, int i, const I &here, Vec<F> &to) {
-    const float *uv = mesh.uv.data() + 6 * t + i, *grad = mesh.barycentric.data() + 6 * t;
-    const float b = uv[2] - uv[0], c = uv[4] - uv[0];
-    const float x = b * grad[0] + c * grad[3], y = b * grad[1] + c * grad[4], z = b * grad[2] + c * grad[5];
-    const float length2 = x * x + y * y + z * z;
+// Unit direction in the plane of a triangle in which its texture coordinate grows.
+HIL_INLINE void put_gradient(const float *row, const I &here, Vec<F> &to) {
+    const float length2 = row[0] * row[0] + row[1] * row[1] + row[2] * row[2];
     const float scale = length2 > 1e-20f ? 1.0f / __builtin_sqrtf(length2) : 0.0f;
-    put_at(to, here, x * scale, y * scale, z * scale);
+    put_at(to, here, row[0] * scale, row[1] * scale, row[2] * scale);
 }
 
 // Normal of each pixel's triangle and the parts named by `look`, face by face.
@@ -68,7 +65,8 @@ HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangle
     const F zero = splat<F>(0);
     const Vec<F> none{zero, zero, zero};
     const Mesh &mesh = *g.mesh;
-    const I index = gather(mesh.face.data(), select(mask, load<I>(triangles), splat<I>(0)));
+    I index = select(mask, load<I>(triangles), splat<I>(0));
+    if (mesh.corner_normal.empty()) index = gather(mesh.face.data(), index);
     std::int32_t faces[16];
     store(faces, index);
     MeshPoint found{none, none, {zero, zero, none, none}};
@@ -76,30 +74,23 @@ HIL_INLINE MeshPoint mesh_point(const DrawnGeom &g, const std::int32_t *triangle
         const std::int32_t triangle = faces[__builtin_ctz(lanes)];
         const I here = mask & (index == splat<I>(triangle));
         lanes &= ~bits(here);
-        const long t = triangle;
-        const float *flat = mesh.normal.data() + 3 * t;
-        put_at(found.flat, here, flat[0], flat[1], flat[2]);
-        if (look == 0) continue;
-        const std::int32_t *corner = mesh.triangle.data() + 3 * t;
-        const float *a = mesh.vertex.data() + 3 * (long)corner[0], *grad = mesh.barycentric.data() + 6 * t;
-        const F x = p.x - a[0], y = p.y - a[1], z = p.z - a[2];
-        const F wb = x * grad[0] + y * grad[1] + z * grad[2], wc = x * grad[3] + y * grad[4] + z * grad[5];
-        const auto between = [&](const float *from, int stride, int i) {
-            return from[i] + wb * (from[stride + i] - from[i]) + wc * (from[2 * stride + i] - from[i]);
+        const Facet &facet = mesh.facet.data()[triangle];
+        const auto put_value = [&](F &to, const float *row) {
+            to = select(here, p.x * row[0] + p.y * row[1] + p.z * row[2] + row[3], to);
         };
+        put_at(found.flat, here, facet.normal[0], facet.normal[1], facet.normal[2]);
         if (look & kTextured) {
-            const float *from = mesh.uv.data() + 6 * t;
-            found.texture.u = select(here, between(from, 2, 0), found.texture.u);
-            found.texture.v = select(here, between(from, 2, 1), found.texture.v);
+            put_value(found.texture.u, facet.u);
+            put_value(found.texture.v, facet.v);
         }
         if (look & kSmooth) {
-            const float *from = mesh.corner_normal.data() + 9 * t;
-            found.smooth = {select(here, between(from, 3, 0), found.smooth.x), select(here, between(from, 3, 1), found.smooth.y),
-                            select(here, between(from, 3, 2), found.smooth.z)};
+            put_value(found.smooth.x, facet.smooth[0]);
+            put_value(found.smooth.y, facet.smooth[1]);
+            put_value(found.smooth.z, facet.smooth[2]);
         }
         if (look & kRelief) {
-            put_gradient(mesh, t, 0, here, found.texture.along_u);
-            put_gradient(mesh, t, 1, here, found.texture.along_v);
+            put_gradient(facet.u, here, found.texture.along_u);
+            put_gradient(facet.v, here, found.texture.along_v);
         }
     }
     return found;
