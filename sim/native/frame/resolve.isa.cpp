@@ -278,6 +278,7 @@ HIL_INLINE void put_labels_and_depth(const ResolveJob &job, const Place &at) {
         store(values, lanes);
         put(picture, b.width, at.x, at.y, at.columns, at.rows, values);
     };
+    if (job.shadows > 0 && any(seen)) prefetch_shadows(job, d, t);
     if (out.geom) put(out.geom, b.width, at.x, at.y, at.columns, at.rows, ids);
     if (out.depth) put_lanes(out.depth, select(seen, job.rays->projection == Projection::kTable ? t * d.z : t, inf));
     if (out.range) put_lanes(out.range, select(seen, t * length_of(d), inf));

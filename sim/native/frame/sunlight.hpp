@@ -58,6 +58,36 @@ HIL_INLINE bool is_fine(const DrawnGeom &g, const ShadowMap &map) {
     return g.shape == Shape::kMesh && g.mesh->edge_m * map.rays->fx < 2.0f && triangles_of(g) > 32;
 }
 
+// Points of rays in the frame of the sun's camera.
+HIL_INLINE Vec<F> in_sun(const ResolveJob &job, const Vec<F> &d, const F &t) {
+    const float *m = job.camera_to_sun;
+    const Vec<F> c{d.x * t, d.y * t, d.z * t};
+    return {job.camera_in_sun[0] + (c.x * m[0] + c.y * m[1] + c.z * m[2]), job.camera_in_sun[1] + (c.x * m[3] + c.y * m[4] + c.z * m[5]),
+            job.camera_in_sun[2] + (c.x * m[6] + c.y * m[7] + c.z * m[8])};
+}
+
+HIL_INLINE I pixel_of_map(const VisibilityBuffer &buffer, const I &x, const I &y) {
+    return shift_left(shift_right(y, 2) * (std::int32_t)buffer.blocks_x + shift_right(x, 2), 4) + shift_left(y & 3, 2) + (x & 3);
+}
+
+// Fetches what `sunlight` will read of the shadow maps for the corners of a block.
+HIL_INLINE void prefetch_shadows(const ResolveJob &job, const Vec<F> &d, const F &t) {
+    const Vec<F> p = in_sun(job, d, t);
+    for (int k = 0; k < job.shadows; ++k) {
+        const ShadowMap &map = job.shadow[k];
+        const F fx = p.x * map.rays->fx + (map.rays->cx - 0.5f), fy = p.y * map.rays->fy + (map.rays->cy - 0.5f);
+        const I inside = (fx >= splat<F>((float)map.x0)) & (fy >= splat<F>((float)map.y0)) & (fx < splat<F>((float)map.x1)) &
+                         (fy < splat<F>((float)map.y1));
+        const unsigned lanes = bits(inside);
+        if (lanes == 0) continue;
+        std::int32_t at[16];
+        store(at, pixel_of_map(*map.buffer, truncate(select(inside, fx, splat<F>(0))), truncate(select(inside, fy, splat<F>(0)))));
+        for (const int corner : {0, 3, 12, 15}) {
+            if (lanes >> corner & 1) __builtin_prefetch(map.buffer->t.data() + at[corner]);
+        }
+    }
+}
+
 // Returns the visible share of the sun: 0 or 1, except below soft casters. If the four pixels of the shadow map around a
 // point name the same geom, and it is not the point's own mesh, they decide. Otherwise a ray from the point is
 // intersected with the shapes and triangles that they name: the edge of a shadow is then as sharp as the shape, at any
@@ -69,11 +99,7 @@ HIL_NOINLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface
     constexpr float kFine = 0.06f;      // [m] the same of a fine mesh: limbs overlap at their joints
     constexpr int kWhole = 32;  // greatest number of triangles of a mesh that is tested as a whole
     F light = splat<F>(1);
-    const float *m = job.camera_to_sun;
-    const Vec<F> c{s.d.x * s.t, s.d.y * s.t, s.d.z * s.t};
-    const Vec<F> p{job.camera_in_sun[0] + (c.x * m[0] + c.y * m[1] + c.z * m[2]),
-                   job.camera_in_sun[1] + (c.x * m[3] + c.y * m[4] + c.z * m[5]),
-                   job.camera_in_sun[2] + (c.x * m[6] + c.y * m[7] + c.z * m[8])};
+    const Vec<F> p = in_sun(job, s.d, s.t);
     const bool is_convex = convex(g.shape);
     for (int k = 0; k < job.shadows; ++k) {
         const ShadowMap &map = job.shadow[k];
@@ -88,8 +114,7 @@ HIL_NOINLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface
         I before = nowhere, taps[4];
         for (int tap = 0; tap < 4; ++tap) {
             const I tx = column + (tap & 1), ty = row + (tap >> 1);
-            taps[tap] = shift_left(shift_right(ty, 2) * (std::int32_t)buffer.blocks_x + shift_right(tx, 2), 4) +
-                        shift_left(ty & 3, 2) + (tx & 3);
+            taps[tap] = pixel_of_map(buffer, tx, ty);
             before |= inside & (gather(buffer.t.data(), taps[tap]) < limit);
         }
         unsigned lanes = bits(before);
@@ -102,6 +127,9 @@ HIL_NOINLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface
         store(z, limit);
         Caster casters[kMost];
         int count = 0;
+        std::int32_t last = -1;  // caster seen last: mostly the next one too
+        bool soft = false;
+        float apart = 0.0f;
         unsigned doubtful = 0;
         for (; lanes != 0; lanes &= lanes - 1) {
             const int lane = __builtin_ctz(lanes);
@@ -114,11 +142,15 @@ HIL_NOINLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface
                 const std::int32_t caster = buffer.geom.data()[at];
                 // A convex shape shades no point of itself that faces the sun.
                 if (caster < 0 || (caster == g.geom && is_convex)) continue;
-                const DrawnGeom &drawn = map.drawn[map.drawn_of_geom[caster]];
-                if (drawn.mask != nullptr || (caster != g.geom && is_fine(drawn, map))) {
+                if (caster != last) {
+                    const DrawnGeom &drawn = map.drawn[map.drawn_of_geom[caster]];
+                    last = caster;
+                    soft = drawn.mask != nullptr || (caster != g.geom && is_fine(drawn, map));
+                    apart = drawn.mask != nullptr ? kFoliage : kFine;
+                }
+                if (soft) {
                     const float across = tap & 1 ? right[lane] : 1.0f - right[lane];
                     const float along = tap >> 1 ? down[lane] : 1.0f - down[lane];
-                    const float apart = drawn.mask != nullptr ? kFoliage : kFine;
                     if (buffer.t.data()[at] < z[lane] - apart) dim[lane] += across * along;
                     continue;
                 }
