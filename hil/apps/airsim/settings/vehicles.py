@@ -94,7 +94,9 @@ def read_vehicles(root: Reader, defaults: VehicleDefaults) -> dict[str, Vehicle]
             vehicles[name] = vehicle
         reader.close("Vehicles")
     if not vehicles and not root.report.problems:
-        root.problem("Vehicles", f"holds no vehicle that SimMode {defaults.sim_mode} creates")
+        types = " or ".join(_TYPES[defaults.sim_mode])
+        hint = f"one needs VehicleType {types}, and AutoCreate must not be false"
+        root.problem("Vehicles", f"holds no vehicle that SimMode {defaults.sim_mode} creates", hint)
     return vehicles
 
 

@@ -169,7 +169,8 @@ def test_all_mistakes_are_named_at_once_with_their_lines() -> None:
         ("[" * 100_000, " is nested too deeply"),
         ('{"SimMode": "Car"}', "1: SimMode is Car, which is not simulated here (use Multirotor or ComputerVision)"),
         ('{"Vehicles": {"A": {"VehicleType": "PhysXCar"}}}',
-         "1: Vehicles holds no vehicle that SimMode Multirotor creates"),
+         "1: Vehicles holds no vehicle that SimMode Multirotor creates (one needs VehicleType SimpleFlight or "
+         "PX4Multirotor or ArduCopter, and AutoCreate must not be false)"),
         ('{"SettingsVersion": 1, "PX4": {}}', "1: PX4 belongs to files before SettingsVersion 1.2 "
          "(write it below CameraDefaults or Vehicles, as files of SettingsVersion 1.2 have it)"),
     ],
