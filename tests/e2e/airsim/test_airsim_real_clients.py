@@ -26,6 +26,8 @@ SETTINGS: dict[str, Any] = {
                     "Enabled": True,
                     "NumberOfChannels": 8,
                     "PointsPerSecond": 8000,
+                    "HorizontalFOVStart": 0,
+                    "HorizontalFOVEnd": 0,  # a whole turn
                     "VerticalFOVUpper": -30,
                     "VerticalFOVLower": -60,
                 },

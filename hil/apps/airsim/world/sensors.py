@@ -302,9 +302,9 @@ def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
 def _in_view(
     points_L: NDArray[np.float32], classes: NDArray[np.uint8], fov_deg: tuple[float, float]
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Return the points between two azimuths, clockwise from ahead."""
+    """Return the points between two azimuths, clockwise from ahead. Two equal azimuths are a whole turn, as in AirSim."""
     begin, end = fov_deg
-    if end - begin >= 359.0:
+    if end - begin >= 359.0 or (end - begin) % 360.0 == 0.0:
         return points_L, classes
     azimuth = np.degrees(np.arctan2(-points_L[:, 1], points_L[:, 0]))
     inside = (azimuth - begin) % 360.0 <= (end - begin) % 360.0
