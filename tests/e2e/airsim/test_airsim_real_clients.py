@@ -37,9 +37,8 @@ SETTINGS: dict[str, Any] = {
         "Wing": {"VehicleType": "SimpleFlight", "X": 4, "Y": -3},
     },
 }
-VISION = {"SettingsVersion": 1.2, "SimMode": "ComputerVision"}
 PACKAGES = tuple(REQUIREMENTS)
-SCRIPTS = ("fly", "path", "lidar", "pause", "reset", "several", "wind", "teleport", "images")
+SCRIPTS = ("fly", "path", "lidar", "pause", "reset", "wind", "teleport")
 
 
 @pytest.fixture(scope="module", params=PACKAGES)
@@ -59,11 +58,6 @@ def server(package: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[A
 def test_a_script_runs_with_a_real_client(package: str, server: AirSimProcess, script: str) -> None:
     run_script(package, script, server)
     assert "defect" not in server.log()
-
-
-def test_pictures_are_taken_in_computer_vision_mode(package: str, tmp_path: Path) -> None:
-    with AirSimProcess(tmp_path, "--scene", "Blocks", "--clock", "calls", settings=VISION) as server:
-        run_script(package, "computer_vision", server)
 
 
 def test_a_flight_follows_the_wall_clock(package: str, tmp_path: Path) -> None:

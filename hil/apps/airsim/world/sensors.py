@@ -302,7 +302,7 @@ def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
 def _in_view(
     points_L: NDArray[np.float32], classes: NDArray[np.uint8], fov_deg: tuple[float, float]
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Return the points between two azimuths, clockwise from ahead. Two equal azimuths are a whole turn, as in AirSim."""
+    """Return the points between two azimuths, clockwise from ahead. Equal azimuths are a whole turn, as in AirSim."""
     begin, end = fov_deg
     if end - begin >= 359.0 or (end - begin) % 360.0 == 0.0:
         return points_L, classes
