@@ -100,6 +100,18 @@ class OffboardPilot(PhasedFlight):
         }
 
     @property
+    def ready(self) -> bool:
+        """True once the autopilot would arm, and from then on."""
+        if self.phase is not Phase.PREFLIGHT:
+            return self.phase is not Phase.CONNECTING
+        if self._not_ready_since_ns is not None or not self._frame.known:
+            return False
+        streaming = self._streaming_since_ns
+        return self._heartbeats.autopilot == ARDUPILOT or (
+            streaming is not None and self._t_ns >= streaming + _STREAM_FIRST_NS
+        )
+
+    @property
     def stale(self) -> bool:
         """True while no new desired states come and the vehicle holds its position."""
         return self._follower.stale

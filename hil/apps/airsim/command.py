@@ -22,8 +22,8 @@ from hil.apps.airsim.settings.files import load_settings
 from hil.apps.airsim.settings.scene_names import scene_name
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.world.clock import CallsClock, WallClock
-from hil.apps.airsim.world.simulation import Simulation
-from hil.config import load_bench
+from hil.apps.airsim.world.simulation import RIGS, TICK_NS, Simulation
+from hil.config import Bench, load_bench
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
@@ -68,7 +68,10 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         console.print(note, markup=False)
     console.print(f"settings: {source}", markup=False)
     began_s = time.monotonic()
-    server = asyncio.run(_serve(choice, simulation, console))
+    try:
+        server = asyncio.run(_serve(choice, simulation, console))
+    finally:
+        simulation.close()
     report = _report(choice, simulation, server, time.monotonic() - began_s)
     folder = new_run_dir(choice.out, "airsim")
     try:
@@ -85,7 +88,18 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
     """Return the simulation of a bench with the settings. Raises ConfigError."""
     scene = scene_name(choice.scene or settings.scene)
     bench = load_bench(choice.config, scene=scene or None, flown=False)
-    return Simulation(bench, settings, log)
+
+    def rig(family: str) -> Bench:
+        own = bench.config.autopilot.kind.startswith(family)
+        return load_bench(
+            choice.config,
+            rig=None if own else f"{family}_sitl",
+            scene=scene or None,
+            settings=(f"tick_hz={NS_PER_S // TICK_NS}",),
+            flown=False,
+        )
+
+    return Simulation(bench, settings, log, rig)
 
 
 async def _serve(choice: Choice, simulation: Simulation, console: Console) -> RpcServer:
@@ -146,6 +160,7 @@ def _report(choice: Choice, simulation: Simulation, server: RpcServer, wall_s: f
         "sim_s": simulation.world.t_ns / NS_PER_S,
         "wall_s": wall_s,
         "clients": server.clients,
+        "repeatable": choice.clock == "calls" and not any(d.settings.kind in RIGS for d in simulation.drones.values()),
         "calls": dict(sorted(table.calls.items())),
         "unknown": dict(sorted(table.unknown.items())),
         "digest": server.digest.hexdigest() if server.digest is not None else None,

@@ -55,5 +55,10 @@ def parts_of(bench: Bench, more: Sequence[Part] = (), *, judged: bool = True) ->
     return [*_make(inner, bench), *named, *more, *_make(_LINKS, bench)]
 
 
+def link_parts(bench: Bench) -> list[Part]:
+    """Return the parts that connect the autopilot, for a flight that something else than a run steps."""
+    return _make(_LINKS, bench)
+
+
 def _make(entries: Sequence[tuple[str, Condition]], bench: Bench) -> list[Part]:
     return [import_module(f"hil.run.parts.{name}").make(bench) for name, condition in entries if condition(bench)]

@@ -119,9 +119,10 @@ def environment(simulation: Simulation, drone: Drone) -> dict[str, Any]:
 
 def rotor_states(simulation: Simulation, drone: Drone) -> dict[str, Any]:
     """Return thrust [N], torque on the body along its axis [N m] and speed [rad/s] of every rotor."""
-    c = simulation.model.rotor_constants
+    model = drone.vehicle.vehicle
+    c = model.rotor_constants
     rotors = []
-    for rotor, speed in zip(simulation.model.rotors, drone.vehicle.truth.rotor_speed_radps, strict=True):
+    for rotor, speed in zip(model.rotors, drone.vehicle.truth.rotor_speed_radps, strict=True):
         thrust = c.thrust_coefficient_n_per_radps2 * speed * speed
         rotors.append({"thrust": thrust, "torque_scaler": -rotor.spin.sign * c.moment_ratio_m * thrust, "speed": speed})
     return {"rotors": rotors, "timestamp": simulation.now_ns}

@@ -58,6 +58,9 @@ class SimpleFlight:
         self.cancel()
         self.moved()
 
+    def close(self) -> None:
+        """End what the controller has started outside; nothing here."""
+
     def moved(self) -> None:
         """Adapt to a vehicle that was put elsewhere: it hovers there, unless a move goes on."""
         self._controller.reset()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.methods import Pending, RpcError
@@ -15,15 +16,16 @@ from hil.apps.airsim.world.radars import Radars
 from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
-from hil.run.stepped.vehicle import Pilot
+from hil.run.stepped.vehicle import Pilot, SteppedVehicle
 from hil.run.stepped.world import SteppedWorld
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError, LinkError, Problem
 from signals.frames import ned_from_enu
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.physics.flight_start import FlightStart
 from sim.physics.start_overlap import overlapping_starts
+from sim.physics.vehicle import Vehicle
 from sim.sensors.ground_range import rays_into
 
 TICK_NS = 4_000_000  # 250 Hz
@@ -31,18 +33,23 @@ FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60
 CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` begin here, so that they repeat
 _GROUND_SEARCH_M = 2.0  # a vehicle that starts within this height of the ground stands on it
 
+RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
+
 Log = Callable[[str], None]
+Rigs = Callable[[str], Bench]
 
 
 class Simulation:
     """Vehicles of one server in one scene. Time moves in `step` alone; `hil.apps.airsim.world.clock` calls it."""
 
-    def __init__(self, bench: Bench, settings: AirSimSettings, log: Log) -> None:
+    def __init__(self, bench: Bench, settings: AirSimSettings, log: Log, rigs: Rigs | None = None) -> None:
         """`bench`: its scene, the model of every multirotor, the start as AirSim's origin, wind, effects and radars.
+        `rigs` returns the bench with an autopilot of a kind, "px4" or "ardupilot", that ticks every TICK_NS.
 
         Raises ConfigError for vehicles that cannot start.
         """
         config = bench.config
+        self._rigs = rigs
         self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
         self._effects, self._seed = config.physics.effects, config.noise_seed
@@ -61,7 +68,7 @@ class Simulation:
         self._site = self.scene.site.model_copy(update=place)
         self.paused = False
         self.drones: dict[str, Drone] = {}
-        self._starts: dict[str, FlightStart] = {}
+        self._starts: dict[str, tuple[Vehicle, FlightStart]] = {}
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
         self.wake: Callable[[], None] = lambda: None  # set by the clock: something lets time go on
@@ -163,25 +170,17 @@ class Simulation:
         return self._add(settings.name, settings)
 
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
-        if settings.kind not in ("SimpleFlight", "ComputerVision"):
-            raise ConfigError(
-                [
-                    Problem(
-                        f"Vehicles.{name}.VehicleType",
-                        f"{settings.kind} has its own autopilot, which `hil airsim` does not connect",
-                        "take SimpleFlight here, or fly this autopilot with `hil run --rig`",
-                    )
-                ]
-            )
+        rig = self._rig_of(name, settings.kind) if self.flies else None
+        model = self.model if rig is None else rig.vehicle
         if not settings.collisions or settings.pass_through:
             self.log(f"{name}: collisions cannot be switched off (EnableCollisions, EnableCollisionPassthrogh)")
-        start = self._start(settings)
-        self._check_start(name, start)
-        self._starts[name] = start
-        vehicle = self.world.add(name, self.model, start, effects=self._effects, has_physics=self.flies)
+        start = self._start(settings, model)
+        self._check_start(name, model, start)
+        self._starts[name] = (model, start)
+        vehicle = self.world.add(name, model, start, effects=self._effects, has_physics=self.flies)
         flight: SimpleFlight | None = None
         if self.flies:
-            flight = SimpleFlight(self.model, TICK_NS, self.scene.gravity_mps2, vehicle.truth.p_WB)
+            flight = self._flight(name, vehicle, rig)
             vehicle.pilot = self._pilot(name, flight)
         sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self._rays, tick_ns=TICK_NS)
         drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), flight, sensors)
@@ -198,9 +197,14 @@ class Simulation:
         def controls(truth: TruthState) -> Sequence[float]:
             try:
                 return flight.controls(truth)
+            except LinkError as error:
+                self.log(f"{name}: its autopilot is lost and its rotors stop: {error}")
+                flight.close()
+                flight.cancel()
+                return (0.0,) * len(truth.rotor_speed_radps)
             except Exception as defect:  # noqa: BLE001 (one vehicle ends no other's flight)
                 self._stop(name, flight, defect)
-                return (0.0,) * len(self.model.rotors)
+                return (0.0,) * len(truth.rotor_speed_radps)
 
         return controls
 
@@ -208,18 +212,47 @@ class Simulation:
         self.log(f"{name}: {type(defect).__name__}: {defect} (a defect of the flight controller; its rotors stop)")
         flight.reset()
 
-    def _check_start(self, name: str, start: FlightStart) -> None:
+    def _rig_of(self, name: str, kind: str) -> Bench | None:
+        """Return the bench whose autopilot flies vehicles of this type; None: simple_flight. Raises ConfigError."""
+        if kind not in RIGS:
+            return None
+        if self._rigs is None:
+            hint = "use SimpleFlight"
+            raise ConfigError([Problem(f"Vehicles.{name}.VehicleType", f"{kind} cannot be flown here", hint)])
+        rig = self._rigs(RIGS[kind])
+        return replace(rig, scene=self.scene.model_copy(update={"site": self._site}))
+
+    def _flight(self, name: str, vehicle: SteppedVehicle, rig: Bench | None) -> SimpleFlight:
+        model, gravity, start_W = vehicle.vehicle, self.scene.gravity_mps2, vehicle.truth.p_WB
+        if rig is None:
+            return SimpleFlight(model, TICK_NS, gravity, start_W)
+        from hil.apps.airsim.world.rig_flight import RigFlight, RigPilot
+
+        physics = vehicle.physics
+        assert physics is not None
+        self.log(f"{name}: starting {rig.config.autopilot.kind}")
+        return RigFlight(
+            model, TICK_NS, gravity, start_W, lambda: RigPilot(rig, physics, lambda text: self.log(f"{name}: {text}"))
+        )
+
+    def close(self) -> None:
+        """End the autopilots of all vehicles."""
+        for drone in self.drones.values():
+            if drone.flight is not None:
+                drone.flight.close()
+
+    def _check_start(self, name: str, model: Vehicle, start: FlightStart) -> None:
         """Raise ConfigError if a vehicle would begin inside another one's start."""
         for other, taken in self._starts.items():
-            if overlapping_starts(self.scene, {other: (self.model, taken), name: (self.model, start)}):
+            if overlapping_starts(self.scene, {other: taken, name: (model, start)}):
                 hint = "give Vehicles different X and Y in settings.json"
                 raise ConfigError([Problem(f"vehicle {name!r}", f"starts inside vehicle {other!r}", hint)])
 
-    def _start(self, settings: VehicleSettings) -> FlightStart:
+    def _start(self, settings: VehicleSettings, model: Vehicle) -> FlightStart:
         """Return the start of a vehicle: on the ground if that is near the height of its settings."""
         x, y, z = self.frame.to_W(settings.position_m)
         yaw_rad = 0.5 * 3.141592653589793 - settings.rotation_deg[2] * RAD_PER_DEG
-        stand_m = self.model.standing_height_m
+        stand_m = model.standing_height_m
         if not self.flies:
             return FlightStart(p_WB=(x, y, z), yaw_rad=yaw_rad)
         ground_m = self.ground_below((x, y, z + _GROUND_SEARCH_M))

@@ -108,7 +108,7 @@ def vehicles(**each: object) -> str:
             2,
             "vehicle 'B': starts inside vehicle 'A'",
         ),
-        (("--settings", vehicles(A={"VehicleType": "PX4Multirotor"})), 2, "Vehicles.A.VehicleType"),
+        (("--settings", vehicles(A={"VehicleType": "PX4Multirotor"})), 2, "autopilot.binary"),
     ],
 )
 def test_a_mistake_is_named(arguments: tuple[str, ...], status: int, told: str) -> None:
