@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil.apps.airsim.api import control, environment, sensors, session, state
+from hil.apps.airsim.api import cameras, control, environment, images, labels, sensors, session, state
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.world.simulation import Simulation
 
@@ -13,6 +13,9 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     control.methods,
     state.methods,
     sensors.methods,
+    images.methods,
+    cameras.methods,
+    labels.methods,
     environment.methods,
 )
 

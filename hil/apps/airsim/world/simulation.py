@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
+from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
@@ -62,6 +63,9 @@ class Simulation:
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
         self.surroundings.take_settings(settings, self.epoch_ns)
+        self.cameras = Cameras(
+            settings, self.world, self.frames, self.surroundings, world_frame=self.frame, find_drone=self.drone
+        )
         self._rays = rays_into(self.scene)
         o = settings.origin
         place = {"latitude_deg": o.latitude_deg, "longitude_deg": o.longitude_deg, "altitude_m": o.altitude_m}

@@ -1,0 +1,1 @@
+"""Pictures of the server's cameras: image types, segmentation ids, detections, recording."""

@@ -1,0 +1,43 @@
+"""Objects by name: regular expressions and wildcards, as AirSim matches them (whole names, any case)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from hil.apps.airsim.rpc.methods import RpcError
+
+_MOST_CHARACTERS = 200
+_NESTED = re.compile(r"[*+}]\??\)+[*+{?]|\\[1-9]|\(\?P=")  # such expressions may take years for one name
+
+
+def matching(pattern: str, names: Iterable[str]) -> list[str]:
+    """Return the names that a regular expression matches. Raises RpcError for one that is none or is too costly."""
+    if len(pattern) > _MOST_CHARACTERS or _NESTED.search(pattern):
+        raise RpcError(
+            f"the regular expression '{pattern[:40]}' is too costly: use at most {_MOST_CHARACTERS} characters, no "
+            "repeated group that holds a repetition, and no back reference"
+        )
+    try:
+        expression = re.compile(pattern, re.IGNORECASE)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise RpcError(f"'{pattern[:60]}' is no regular expression: {error}") from None
+    return [name for name in names if expression.fullmatch(name)]
+
+
+def like(wildcards: str, name: str) -> bool:
+    """Return True if a name matches a text in which * stands for any characters and ? for one."""
+    text, wanted = name.lower(), wildcards.lower()
+    at = star = 0
+    kept, mark = -1, 0
+    while at < len(text):
+        if star < len(wanted) and wanted[star] in ("?", text[at]) and wanted[star] != "*":
+            at, star = at + 1, star + 1
+        elif star < len(wanted) and wanted[star] == "*":
+            kept, mark, star = star, at, star + 1
+        elif kept >= 0:
+            mark += 1
+            at, star = mark, kept + 1
+        else:
+            return False
+    return all(character == "*" for character in wanted[star:])

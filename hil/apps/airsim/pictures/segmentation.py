@@ -1,0 +1,97 @@
+"""Segmentation ids of the objects, and the colours that pictures show for them.
+
+At the start the id of an object is the sum of the letters of its name, modulo 255 (a = 97, upper case as lower case,
+digits and underscores left out), so that Cone_1 and Cone_2 have the same id. An id of -1 hides the object. For
+Cosys-AirSim every object has an id of its own: its place in the list of all objects.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.airsim.pictures.names import matching
+from hil.apps.airsim.pictures.palette import AIRSIM_COLOURS, instance_colours
+from hil.apps.airsim.rpc.methods import RpcError
+from hil.apps.airsim.world.frames import Frames
+from sim.frame.source import VEHICLE_CLASS
+
+HIDDEN, NOT_FOUND = -1, -1
+_MOST_ID, _MOST_INSTANCE = 255, 50_000
+
+
+def initial_id(name: str) -> int:
+    """Return the id that AirSim gives an object of this name at the start."""
+    return sum(code for code in name.lower().encode("utf-8", "replace") if code >= ord("a")) % 255
+
+
+class Segmentation:
+    """Ids of all objects of one server."""
+
+    def __init__(self, frames: Frames, random_ids: bool) -> None:
+        self._frames, self._random = frames, random_ids
+        self._generation = -1
+        self._names: tuple[str, ...] = ()  # index: instance id of the renderer; [0]: no object
+        self._given: dict[str, int] = {}
+        self._ids: NDArray[np.int32] = np.zeros(1, np.int32)  # of each instance, 0 for hidden ones
+        self._colours: dict[bool, NDArray[np.uint8]] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all instances; [0] stands for no object."""
+        frames = self._frames
+        world = frames.of_world().world
+        if frames.generation != self._generation:
+            self._generation = frames.generation
+            prefix = f"{VEHICLE_CLASS}:"
+            self._names = tuple(name.removeprefix(prefix) for name in world.instance_names)
+            self._change()
+        return self._names
+
+    def _change(self) -> None:
+        self._colours.clear()
+        ids = [max(self._id(name), 0) for name in self._names[1:]]
+        self._ids = np.array([0, *ids], np.int32)
+
+    def _id(self, name: str) -> int:
+        given = self._given.get(name)
+        return given if given is not None else initial_id(name) if self._random else 0
+
+    def of(self, name: str, instances: bool) -> int:
+        """Return the id of an object, -1 if there is none of this name. `instances`: as Cosys-AirSim numbers them."""
+        names = self.names
+        if name not in names[1:]:
+            return NOT_FOUND
+        if instances and name not in self._given:
+            return names.index(name, 1) - 1
+        return self._id(name)
+
+    def set(self, mesh: str, number: int, is_regex: bool) -> bool:
+        """Set the id of an object, or of all whose names match. Return False if there is none. Raises RpcError."""
+        if not HIDDEN <= number <= _MOST_INSTANCE:
+            raise RpcError(f"an object's id is 0 to {_MOST_ID}, or -1 to hide it, not {number}")
+        names = self.names[1:]
+        found = matching(mesh, names) if is_regex else [name for name in names if name == mesh]
+        self._given |= dict.fromkeys(found, number)
+        if found:
+            self._change()
+        return bool(found)
+
+    def grey(self) -> NDArray[np.uint8]:
+        """Return the id of each instance as a shade, (n,)."""
+        _ = self.names
+        return (self._ids & 0xFF).astype(np.uint8)
+
+    def colours(self, instances: bool) -> NDArray[np.uint8]:
+        """Return RGB of each instance, (n, 3). `instances`: as Cosys-AirSim colours them."""
+        names = self.names
+        if instances not in self._colours:
+            if instances:
+                numbers = [self._given.get(name, place) for place, name in enumerate(names[1:])]
+                table = instance_colours(max([0, *numbers]) + 1)
+                shown = [table[number] if number >= 0 else (0, 0, 0) for number in numbers]
+                self._colours[True] = np.array([(0, 0, 0), *shown], np.uint8)
+            else:
+                self._colours[False] = AIRSIM_COLOURS[self._ids & 0xFF]
+                self._colours[False][0] = 0
+        return self._colours[instances]

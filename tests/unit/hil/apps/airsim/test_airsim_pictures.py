@@ -1,0 +1,276 @@
+"""Pictures over a socket: image types, formats, cameras, segmentation ids; against each other and a closed form."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.apps.airsim.pictures.names import like
+from hil.apps.airsim.pictures.palette import AIRSIM_COLOURS, instance_colours
+from hil.apps.airsim.pictures.segmentation import initial_id
+from tests.worlds.airsim_server import Client, RpcFailed, Served, served
+
+SCENE, PLANAR, PERSPECTIVE, VIS, DISPARITY, SEGMENTATION, NORMALS, INFRARED = range(8)
+SETTINGS = {
+    "SettingsVersion": 1.2,
+    "SimMode": "Multirotor",
+    "CameraDefaults": {
+        "CaptureSettings": [
+            {"ImageType": kind, "Width": 64, "Height": 48, "FOV_Degrees": 90} for kind in range(1, 8)
+        ]
+    },
+    "Vehicles": {
+        "A": {
+            "VehicleType": "SimpleFlight",
+            "Cameras": {
+                "held": {"X": 0.3, "Pitch": -20, "Gimbal": {"Stabilization": 1, "Roll": 0, "Pitch": -20, "Yaw": 0}},
+            },
+        },
+        "B": {"VehicleType": "SimpleFlight", "X": 4},
+    },
+    "ExternalCameras": {"tower": {"X": 0.7, "Z": -12, "Pitch": -90}},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[Served]:
+    with served(json.dumps(SETTINGS)) as running:
+        yield running
+
+
+@pytest.fixture
+def client(world: Served) -> Iterator[Client]:
+    client = world.client()
+    client.call("reset")
+    yield client
+    client.close()
+
+
+def request(camera: str, kind: int, as_float: bool = False, compress: bool = False, **more: Any) -> dict[str, Any]:
+    return {"camera_name": camera, "image_type": kind, "pixels_as_float": as_float, "compress": compress, **more}
+
+
+def one(client: Client, *args: Any, vehicle: str = "A", external: bool = False, **more: Any) -> dict[str, Any]:
+    return client.call("simGetImages", [request(*args, **more)], vehicle, external)[0]  # type: ignore[no-any-return]
+
+
+def pixels(response: dict[str, Any]) -> NDArray[np.uint8]:
+    shape = (response["height"], response["width"], 3)
+    return np.frombuffer(response["image_data_uint8"], np.uint8).reshape(shape)
+
+
+def numbers(client: Client, camera: str, kind: int, **more: Any) -> NDArray[np.float32]:
+    response = one(client, camera, kind, True, **more)
+    assert response["image_data_uint8"] == b""
+    return np.array(response["image_data_float"], np.float32).reshape(response["height"], response["width"])
+
+
+def place(client: Client, x: float, y: float, z: float, vehicle: str = "A") -> None:
+    q = {"w_val": 1.0, "x_val": 0.0, "y_val": 0.0, "z_val": 0.0}
+    pose = {"position": {"x_val": x, "y_val": y, "z_val": z}, "orientation": q}
+    client.call("simSetVehiclePose", pose, True, vehicle)
+
+
+def test_a_scene_raw_and_compressed_for_both_clients(client: Client) -> None:
+    raw = one(client, "0", SCENE)
+    assert (raw["width"], raw["height"], raw["pixels_as_float"], raw["compress"]) == (256, 144, False, False)
+    assert raw["image_data_float"] == []
+    bgr = pixels(raw)
+    rgb = pixels(one(client, "front_center", SCENE, annotation_name=""))
+    assert np.array_equal(bgr[:, :, ::-1], rgb)
+    coded = one(client, "", SCENE, compress=True)["image_data_uint8"]
+    image = cv2.imdecode(np.frombuffer(coded, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    assert image.shape == (144, 256, 4)
+    assert np.array_equal(image[:, :, :3], bgr)
+    assert np.all(image[:, :, 3] == 255)
+    assert client.call("simGetImage", "0", SCENE, "A", False) == coded
+    assert client.call("simGetImage", 0, SCENE) == coded
+    assert client.call("simGetImage", "0", SCENE, "A", "") == coded
+    assert bgr[:40].astype(int)[:, :, 0].mean() > bgr[:40].astype(int)[:, :, 2].mean()  # a blue sky
+
+
+def test_depth_below_a_vehicle_is_its_height(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    height = 20.0 - client.call("simGetVehiclePose", "A")["position"]["z_val"] - 20.0
+    planar, perspective = numbers(client, "3", PLANAR), numbers(client, "bottom_center", PERSPECTIVE)
+    stand = planar[24, 32] - height
+    assert 0.05 < stand < 0.5  # the vehicle's origin is above its feet
+    assert planar == pytest.approx(np.full((48, 64), planar[0, 0]), rel=1e-4)
+    x, y = np.meshgrid((np.arange(64) - 31.5) / 32.0, (np.arange(48) - 23.5) / 32.0)
+    assert perspective == pytest.approx(planar * np.sqrt(1.0 + x**2 + y**2), rel=1e-4)
+    assert numbers(client, "3", VIS) == pytest.approx(planar / 100.0, rel=1e-5)
+    assert numbers(client, "3", DISPARITY) == pytest.approx(0.125 / planar, rel=1e-5)
+    assert pixels(one(client, "3", VIS))[0, 0].tolist() == [int(planar[0, 0] * 2.55)] * 3
+    assert numbers(client, "0", PLANAR).max() == 65504.0  # the sky
+
+
+def test_normals_of_level_ground_point_up(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    up = pixels(one(client, "3", NORMALS, annotation_name=""))
+    assert up.reshape(-1, 3).mean(axis=0) == pytest.approx((127.5, 127.5, 255.0), abs=1.5)
+
+
+def test_types_of_one_view_agree(client: Client) -> None:
+    wanted = [request("0", kind, annotation_name="") for kind in range(8)]
+    together = client.call("simGetImages", wanted, "A", False)
+    for kind, response in enumerate(together):
+        assert response["image_type"] == kind
+        assert response["image_data_uint8"] == one(client, "0", kind, annotation_name="")["image_data_uint8"]
+
+
+def test_segmentation_ids_and_their_colours(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    ground = client.call("simGetSegmentationObjectID", "ground")
+    assert ground == initial_id("ground") == sum(map(ord, "ground")) % 255
+    found = pixels(one(client, "3", SEGMENTATION))[24, 32]
+    assert found[::-1].tolist() == AIRSIM_COLOURS[ground].tolist()
+    assert client.call("simSetSegmentationObjectID", "GROUND", 20) is False
+    assert client.call("simSetSegmentationObjectID", r"GRO[\w]*", 20, True) is True
+    assert client.call("simGetSegmentationObjectID", "ground") == 20
+    assert pixels(one(client, "3", SEGMENTATION))[24, 32, ::-1].tolist() == AIRSIM_COLOURS[20].tolist()
+    assert pixels(one(client, "3", INFRARED))[24, 32].tolist() == [20, 20, 20]
+    assert client.call("simSetSegmentationObjectID", "ground", -1, False) is True
+    assert pixels(one(client, "3", SEGMENTATION))[24, 32].tolist() == [0, 0, 0]
+    assert client.call("simGetSegmentationObjectID", "nothing") == -1
+    client.call("simSetSegmentationObjectID", "ground", ground, False)
+
+
+def test_segmentation_of_cosys_gives_every_object_its_colour(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    names = client.call("simListInstanceSegmentationObjects")
+    number = names.index("ground")
+    client.call("simSetSegmentationObjectID", "ground", number)
+    colours = instance_colours(len(names))
+    assert len(np.unique(colours, axis=0)) == len(names)
+    shown = pixels(one(client, "3", SEGMENTATION, annotation_name=""))[24, 32]
+    assert shown.tolist() == colours[number].tolist()
+
+
+def test_a_vehicle_sees_the_other_one_but_not_itself(client: Client) -> None:
+    place(client, 0.0, 0.0, -10.0)
+    place(client, -2.5, 0.0, -10.0, "B")  # 1.5 m north of A
+    client.call("simSetSegmentationObjectID", ".*", 1, True)
+    client.call("simSetSegmentationObjectID", "A", 7)
+    client.call("simSetSegmentationObjectID", "B", 9)
+    for camera in ("0", "1", "2", "3", "4"):
+        assert 7 not in pixels(one(client, camera, INFRARED))
+    seen = pixels(one(client, "0", INFRARED))
+    assert 9 in seen
+    rows, columns = np.nonzero(seen[:, :, 0] == 9)
+    assert (rows.mean(), columns.mean()) == pytest.approx((24.0, 32.0), abs=4.0)
+    above = pixels(one(client, "tower", INFRARED, external=True))
+    assert {7, 9} <= set(np.unique(above).tolist())
+
+
+def test_pose_and_field_of_view_of_a_camera(client: Client) -> None:
+    place(client, 3.0, 2.0, -10.0)
+    info = client.call("simGetCameraInfo", "0", "A")
+    assert [info["pose"]["position"][key] for key in ("x_val", "y_val", "z_val")] == pytest.approx([3.46, 2.0, -10.0])
+    assert info["fov"] == 90.0
+    assert info["proj_mat"]["matrix"][0][1] == pytest.approx(1.0)
+    half = math.radians(-45.0)
+    pose = {
+        "position": {"x_val": 0.0, "y_val": 0.0, "z_val": 0.5},
+        "orientation": {"w_val": math.cos(half), "x_val": 0.0, "y_val": math.sin(half), "z_val": 0.0},
+    }
+    client.call("simSetCameraPose", "4", pose, "A")
+    assert client.call("simGetCameraInfo", "4", "A")["pose"]["position"]["z_val"] == pytest.approx(-9.5)
+    down = numbers(client, "3", PLANAR)
+    assert numbers(client, "4", PLANAR) == pytest.approx(down - 0.5, rel=1e-3)
+    response = one(client, "4", PLANAR, True)
+    assert response["camera_position"]["z_val"] == pytest.approx(-9.5)
+    assert response["camera_orientation"]["y_val"] == pytest.approx(math.sin(half), abs=1e-6)
+    client.call("simSetCameraFov", "4", 60.0, "A")
+    assert client.call("simGetCameraInfo", "4", "A")["fov"] == 60.0
+    f = client.call("simGetFocalLength", "4", "A")
+    assert f == pytest.approx(23.76 / 2.0 / math.tan(math.radians(30.0)), rel=1e-6)
+    client.call("simSetFocalLength", 2.0 * f, "4", "A")
+    wanted = 2.0 * math.degrees(math.atan(0.5 * math.tan(math.radians(30.0))))
+    assert client.call("simGetCameraInfo", "4", "A")["fov"] == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_gimbal_holds_its_angles(client: Client) -> None:
+    half = math.radians(20.0)
+    q = {"w_val": math.cos(half), "x_val": 0.0, "y_val": math.sin(half), "z_val": 0.0}
+    pose = {"position": {"x_val": 0.0, "y_val": 0.0, "z_val": -10.0}, "orientation": q}
+    client.call("simSetVehiclePose", pose, True, "A")
+    held = client.call("simGetCameraInfo", "held", "A")["pose"]["orientation"]
+    angle = math.radians(-10.0)
+    expected = [math.cos(angle), 0.0, math.sin(angle), 0.0]
+    assert [held[key] for key in ("w_val", "x_val", "y_val", "z_val")] == pytest.approx(expected, abs=1e-6)
+
+
+def test_distortion(client: Client) -> None:
+    place(client, 0.0, 0.0, -10.0, "B")
+    before = numbers(client, "3", PERSPECTIVE, vehicle="B")
+    client.call("simSetDistortionParam", "3", "K1", -0.05, "B")
+    assert client.call("simGetDistortionParams", "3", "B") == pytest.approx([-0.05, 0.0, 0.0, 0.0, 0.0])
+    after = numbers(client, "3", PERSPECTIVE, vehicle="B")
+    assert after[24, 32] == pytest.approx(before[24, 32], rel=1e-3)
+    assert after[0, 0] > 1.03 * before[0, 0]
+    with pytest.raises(RpcFailed, match="two directions share a pixel"):
+        client.call("simSetDistortionParam", "3", "K1", -3.0, "B")
+    with pytest.raises(RpcFailed, match="K1, K2, K3, P1, P2"):
+        client.call("simSetDistortionParam", "3", "K9", 0.1, "B")
+    client.call("simSetDistortionParam", "3", "K1", 0.0, "B")
+
+
+def test_fog_and_night_change_the_picture(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    clear = pixels(one(client, "0", SCENE)).astype(int)
+    client.call("simEnableWeather", True)
+    client.call("simSetWeatherParameter", 7, 1.0)
+    foggy = pixels(one(client, "0", SCENE)).astype(int)
+    assert foggy.std() < 0.5 * clear.std()
+    client.call("simEnableWeather", False)
+    assert np.array_equal(pixels(one(client, "0", SCENE)), clear)
+    client.call("simSetTimeOfDay", True, "2018-02-12 08:00:00")  # UTC: midnight at the origin
+    assert pixels(one(client, "0", SCENE)).mean() < 0.4 * clear.mean()
+    client.call("simSetTimeOfDay", False)
+    assert np.array_equal(pixels(one(client, "0", SCENE)), clear)
+
+
+def test_older_clients_give_fewer_arguments(client: Client) -> None:
+    wanted = [{"camera_id": 0, "image_type": SCENE, "pixels_as_float": False, "compress": False}]
+    newest = one(client, "0", SCENE, vehicle="")["image_data_uint8"]
+    assert client.call("simGetImages", wanted)[0]["image_data_uint8"] == newest
+    assert client.call("simGetImages", wanted, "")[0]["image_data_uint8"] == newest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (([request("9", SCENE)], "A", False), "A has no camera '9'; its cameras are: front_center"),
+        (([request("0", SCENE)], "Z", False), "The vehicles are: A, B"),
+        (([request("0", 8)], "A", False), r"8 \(OpticalFlow\) is not drawn here"),
+        (([request("0", 99)], "A", False), "ImageType"),
+        (([request("0", SCENE)], "A", True), "the external cameras are: tower"),
+        (([request("0", SCENE)] * 101, "A", False), "at most 100 elements"),
+        ((5, "A", False), "an array of ImageRequest"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(client: Client, arguments: tuple[Any, ...], told: str) -> None:
+    with pytest.raises(RpcFailed, match=told):
+        client.call("simGetImages", *arguments)
+
+
+@pytest.mark.parametrize("pattern", ["(a+)+b", "[", "(" * 300])
+def test_a_regular_expression_that_is_none_or_too_costly(client: Client, pattern: str) -> None:
+    with pytest.raises(RpcFailed, match="regular expression"):
+        client.call("simSetSegmentationObjectID", pattern, 1, True)
+
+
+def test_wildcards() -> None:
+    assert like("Cyl*", "Cylinder_8")
+    assert like("cone?5", "Cone_5")
+    assert like("a*b*c", "aXbYc")
+    assert not like("Cone", "Cone_5")
+    assert not like("a*b*c", "aXbYd")
