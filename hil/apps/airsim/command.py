@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import hashlib
 import ipaddress
 import json
@@ -128,6 +129,8 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console) -> Rp
         "(Ctrl-C ends it)",
         markup=False,
     )
+    gc.collect()
+    gc.freeze()  # the scene stays: a search through it would hold up the clients
     running = asyncio.create_task(clock.run())
     stopped = asyncio.create_task(stop.wait())
     await asyncio.wait({running, stopped}, return_when=asyncio.FIRST_COMPLETED)

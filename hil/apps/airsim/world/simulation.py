@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -32,6 +33,7 @@ from sim.sensors.ground_range import rays_into
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
 CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` begin here, so that they repeat
+_SETTLED_M = 1e-3  # a vehicle that stands this near the place in its settings is at 0, 0, 0
 _GROUND_SEARCH_M = 2.0  # a vehicle that starts within this height of the ground stands on it
 
 RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
@@ -182,12 +184,13 @@ class Simulation:
         self._check_start(name, model, start)
         self._starts[name] = (model, start)
         vehicle = self.world.add(name, model, start, effects=self._effects, has_physics=self.flies)
+        origin = self._origin(settings, vehicle)
         flight: SimpleFlight | None = None
         if self.flies:
-            flight = self._flight(name, vehicle, rig)
+            flight = self._flight(name, vehicle, rig, origin)
             vehicle.pilot = self._pilot(name, flight)
         sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self._rays, tick_ns=TICK_NS)
-        drone = Drone(name, settings, vehicle, NedFrame(vehicle.truth.p_WB), flight, sensors)
+        drone = Drone(name, settings, vehicle, origin, flight, sensors)
         drone.history.append(vehicle.truth)
         drone.touching = vehicle.truth.in_contact
         if flight is not None:
@@ -226,8 +229,15 @@ class Simulation:
         rig = self._rigs(RIGS[kind])
         return replace(rig, scene=self.scene.model_copy(update={"site": self._site}))
 
-    def _flight(self, name: str, vehicle: SteppedVehicle, rig: Bench | None) -> SimpleFlight:
-        model, gravity, start_W = vehicle.vehicle, self.scene.gravity_mps2, vehicle.truth.p_WB
+    def _origin(self, settings: VehicleSettings, vehicle: SteppedVehicle) -> NedFrame:
+        """Return the vehicle's NED frame: at the place in its settings, so that differences of frames are exact."""
+        x, y, z = self.frame.to_W(settings.position_m)
+        p_W = (x, y, z + vehicle.vehicle.standing_height_m - self.model.standing_height_m)
+        start_W = vehicle.truth.p_WB
+        return NedFrame(start_W if math.dist(p_W, start_W) < _SETTLED_M else p_W)
+
+    def _flight(self, name: str, vehicle: SteppedVehicle, rig: Bench | None, origin: NedFrame) -> SimpleFlight:
+        model, gravity, start_W = vehicle.vehicle, self.scene.gravity_mps2, origin.origin_W
         if rig is None:
             return SimpleFlight(model, TICK_NS, gravity, start_W)
         from hil.apps.airsim.world.rig_flight import RigFlight, RigPilot

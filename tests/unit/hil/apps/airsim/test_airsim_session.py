@@ -184,6 +184,24 @@ def test_a_client_may_add_a_vehicle() -> None:
             client.call("simAddVehicle", "New", "simpleflight", pose(5.0, 1.0, 0.0), "")
 
 
+def test_a_vehicle_stands_on_the_ground_below_its_start() -> None:
+    settings = {
+        "SettingsVersion": 1.2,
+        "SimMode": "Multirotor",
+        "Vehicles": {
+            "Low": {"VehicleType": "SimpleFlight", "Z": -1},
+            "High": {"VehicleType": "SimpleFlight", "X": 5, "Z": -30},
+        },
+    }
+    with served(json.dumps(settings)) as world:
+        client = world.client()
+        assert position(client, "Low") == pytest.approx((0.0, 0.0, 1.0), abs=1e-4)
+        assert state(client, "Low")["landed_state"] == 0
+        assert position(client, "High") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+        assert state(client, "High")["landed_state"] == 1
+        assert client.call("getHomeGeoPoint", "High")["altitude"] == pytest.approx(152.0, abs=1e-3)
+
+
 # Moves
 
 
