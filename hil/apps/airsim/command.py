@@ -29,7 +29,7 @@ from hil.run.report.run_folder import new_run_dir
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 
-CLOCKS = ("wall", "calls")
+_LONGEST_LINE = 1000
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,12 @@ class Choice:
     port: int | None = None  # None: ApiServerPort of the settings
     scene: str | None = None
     out: Path | None = None
+
+
+def printable(text: str) -> str:
+    """Return a text of a client without what could move a terminal's cursor, and not too long."""
+    shown = text if len(text) <= _LONGEST_LINE else f"{text[:_LONGEST_LINE]}..."
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogateescape").decode() for c in shown)
 
 
 class TruthDigest:
@@ -64,7 +70,7 @@ class TruthDigest:
 def serve_airsim(choice: Choice, console: Console) -> None:
     """Serve until SIGINT or SIGTERM, and write OUT/airsim.json. Raises HilError."""
     settings, source = load_settings(choice.settings)
-    simulation = make_simulation(choice, settings, lambda text: console.print(text, markup=False))
+    simulation = make_simulation(choice, settings, lambda text: console.print(printable(text), markup=False))
     for note in settings.notes:
         console.print(note, markup=False)
     console.print(f"settings: {source}", markup=False)

@@ -192,7 +192,12 @@ class Connection(asyncio.Protocol):
             self._reply(request, name, None, value)
 
     def _reply(self, request: int | None, name: str, error: str | None, result: Any) -> None:
-        body = pack(error) + pack(result)
+        try:
+            body = pack(error) + pack(result)
+        except Exception as defect:  # noqa: BLE001 (a result of a wrong type ends neither connection nor simulation)
+            text = f"rpclib: function '{name}' returned what no reply can hold: {defect} (a defect of the server)"
+            self._log(text)
+            body = pack(text) + pack(None)
         self._replied(self.caller, name, body)
         if request is not None and self._transport is not None and not self._transport.is_closing():
             self._transport.write(b"\x94\x01" + pack(request) + body)

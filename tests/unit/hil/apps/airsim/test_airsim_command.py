@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.apps.airsim.command import printable
 from tests.worlds.airsim_server import Client
 
 ROOT = Path(__file__).resolve().parents[5]
@@ -77,6 +78,20 @@ def test_one_processor_gives_the_same_digest(tmp_path: Path) -> None:
             process.communicate(timeout=30)
         digests.add(json.loads((out / "airsim.json").read_text())["digest"])
     assert len(digests) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("plain äöü ☃", "plain äöü ☃"),
+        ("\x1b[2J\n\r\t\x00", "\\x1b[2J\\n\\r\\t\\x00"),
+        ("\udcff", "\\udcff"),
+        ("x" * 5000, "x" * 1000 + "..."),
+    ],
+)
+def test_texts_of_clients_cannot_move_the_cursor(text: str, shown: str) -> None:
+    assert printable(text) == shown
+    assert printable(text).encode()
 
 
 def test_a_host_beyond_loopback_is_warned_about(tmp_path: Path) -> None:

@@ -150,6 +150,29 @@ def _send_raw(client: Client, data: bytes, number: int) -> int:
     return number
 
 
+def test_a_result_that_no_reply_can_hold_ends_nothing(
+    world: Served, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = world.server.methods
+    monkeypatch.setitem(table._methods, "ping", table._methods["ping"]._replace(call=object))
+    with pytest.raises(RpcFailed, match="function 'ping' returned what no reply can hold"):
+        client.call("ping")
+    monkeypatch.undo()
+    assert client.call("ping") is True
+
+
+def test_a_defect_of_a_method_ends_nothing(world: Served, client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> None:
+        raise ZeroDivisionError("x")
+
+    table = world.server.methods
+    monkeypatch.setitem(table._methods, "ping", table._methods["ping"]._replace(call=broken))
+    with pytest.raises(RpcFailed, match="ZeroDivisionError: x .a defect of the server"):
+        client.call("ping")
+    monkeypatch.undo()
+    assert client.call("ping") is True
+
+
 def test_fifty_clients(world: Served) -> None:
     clients = [world.client() for _ in range(50)]
     requests = [client.send("ping") for client in clients]
