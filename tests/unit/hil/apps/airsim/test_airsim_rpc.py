@@ -167,7 +167,7 @@ def test_a_defect_of_a_method_ends_nothing(world: Served, client: Client, monkey
 
     table = world.server.methods
     monkeypatch.setitem(table._methods, "ping", table._methods["ping"]._replace(call=broken))
-    with pytest.raises(RpcFailed, match="ZeroDivisionError: x .a defect of the server"):
+    with pytest.raises(RpcFailed, match=r"ZeroDivisionError: x .a defect of the server"):
         client.call("ping")
     monkeypatch.undo()
     assert client.call("ping") is True
