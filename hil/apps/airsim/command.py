@@ -140,6 +140,7 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console) -> Rp
     running = asyncio.create_task(clock.run())
     stopped = asyncio.create_task(stop.wait())
     await asyncio.wait({running, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    gc.unfreeze()
     await server.stop()
     for task in (running, stopped):
         if not task.done():
