@@ -75,7 +75,11 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         console.print(note, markup=False)
     console.print(f"settings: {source}", markup=False)
     began_s = time.monotonic()
+    if not settings.recording.folder and choice.out is not None:
+        simulation.recorder.folder = choice.out
     try:
+        if settings.recording.enabled:
+            simulation.recorder.start()
         server = asyncio.run(_serve(choice, simulation, console))
     finally:
         simulation.close()

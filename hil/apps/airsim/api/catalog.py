@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil.apps.airsim.api import cameras, control, environment, images, labels, sensors, session, state
+from hil.apps.airsim.api import cameras, control, environment, images, labels, recording, sensors, session, state
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.world.simulation import Simulation
 
@@ -16,6 +16,7 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     images.methods,
     cameras.methods,
     labels.methods,
+    recording.methods,
     environment.methods,
 )
 

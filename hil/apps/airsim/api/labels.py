@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
-from hil.apps.airsim.rpc.arguments import BOOL, INT, TEXT
-from hil.apps.airsim.rpc.methods import Caller, Method, Parameter, method, optional
+from typing import Any, NamedTuple
+
+from hil.apps.airsim.api.images import CAMERA, EXTERNAL_OR_ANNOTATION, IMAGE_TYPE
+from hil.apps.airsim.api.session import VEHICLE, geo_point
+from hil.apps.airsim.pictures.detections import Detection, Detections
+from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, INT, TEXT, Pose, Quaternion, Vector
+from hil.apps.airsim.rpc.methods import Caller, Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.world.simulation import Simulation
+from signals.frames import frd_from_flu
+from signals.rotation import conjugate, product
+
+_MOST_RADIUS_M = 1e6
+
+
+class Pixel(NamedTuple):
+    """AirSim's Vector2r."""
+
+    x_val: float
+    y_val: float
 
 
 def methods(simulation: Simulation) -> list[Method]:
@@ -16,7 +32,27 @@ def methods(simulation: Simulation) -> list[Method]:
         of_cosys.add(caller.number)
         return list(ids.names[1:])
 
+    detections = Detections(simulation.cameras)
+    find = simulation.cameras.find
+
+    def add(camera: str, image_type: int, pattern: str, vehicle: str, external: bool | str) -> None:
+        detections.add(find(camera, vehicle, external is True), image_type, pattern)
+
+    def set_radius(camera: str, image_type: int, radius_cm: float, vehicle: str, external: bool | str) -> None:
+        if not 0.0 <= radius_cm <= 100.0 * _MOST_RADIUS_M:
+            raise RpcError(f"the radius must be 0 to {100.0 * _MOST_RADIUS_M:g} cm, not {radius_cm:g}")
+        detections.filter(find(camera, vehicle, external is True), image_type).radius_m = 0.01 * radius_cm
+
+    def clear(camera: str, image_type: int, vehicle: str, external: bool | str) -> None:
+        detections.filter(find(camera, vehicle, external is True), image_type).patterns.clear()
+
+    def found(camera: str, image_type: int, vehicle: str, external: bool | str) -> list[dict[str, Any]]:
+        seen = detections.found(find(camera, vehicle, external is True), image_type)
+        return [_detection_info(simulation, each) for each in seen]
+
     mesh = Parameter("mesh_name", TEXT)
+    where = (CAMERA, Parameter("image_type", IMAGE_TYPE))
+    whose = (VEHICLE, EXTERNAL_OR_ANNOTATION)
     return [
         method(
             "simSetSegmentationObjectID",
@@ -31,5 +67,21 @@ def methods(simulation: Simulation) -> list[Method]:
             mesh,
             with_caller=True,
         ),
+        method("simAddDetectionFilterMeshName", add, *where, mesh, *whose),
+        method("simSetDetectionFilterRadius", set_radius, *where, Parameter("radius_cm", FLOAT), *whose),
+        method("simClearDetectionMeshNames", clear, *where, *whose),
+        method("simGetDetections", found, *where, *whose),
         method("simListInstanceSegmentationObjects", instances, with_caller=True),
     ]
+
+
+def _detection_info(sim: Simulation, detection: Detection) -> dict[str, Any]:
+    """Return AirSim's DetectionInfo; the relative pose is that of the object seen from the camera, FRD."""
+    w, x, y, z = product(conjugate(detection.q_WC), detection.box.q_WO)
+    return {
+        "name": detection.name,
+        "geo_point": geo_point(sim, detection.box.p_WO),
+        "box2D": {"min": Pixel(*detection.low_px), "max": Pixel(*detection.high_px)},
+        "box3D": {"min": Vector(*detection.low_F), "max": Vector(*detection.high_F)},
+        "relative_pose": Pose(Vector(*frd_from_flu(detection.p_CO)), Quaternion(w, x, -y, -z)),
+    }

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.pictures.cameras import Cameras
+from hil.apps.airsim.pictures.recording import Recorder
 from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
@@ -74,6 +75,9 @@ class Simulation:
         self._site = self.scene.site.model_copy(update=place)
         self.paused = False
         self.drones: dict[str, Drone] = {}
+        self.recorder = Recorder(
+            settings.recording, self.cameras, self.drones, default=settings.default_vehicle, log=log
+        )
         self._starts: dict[str, tuple[Vehicle, FlightStart]] = {}
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
@@ -164,6 +168,8 @@ class Simulation:
                     self._stop(drone.name, drone.flight, defect)
         if len(self.drones) > 1:
             self._meet()
+        if self.recorder.runs:
+            self.recorder.observe(world.t_ns, self.now_ns)
         if self._until_tick is not None and world.tick >= self._until_tick:
             self._end_continuing()
 
@@ -250,7 +256,8 @@ class Simulation:
         )
 
     def close(self) -> None:
-        """End the autopilots of all vehicles."""
+        """End the autopilots of all vehicles, and a recording."""
+        self.recorder.stop()
         for drone in self.drones.values():
             if drone.flight is not None:
                 drone.flight.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -58,7 +59,7 @@ def request(camera: str, kind: int, as_float: bool = False, compress: bool = Fal
 
 
 def one(client: Client, *args: Any, vehicle: str = "A", external: bool = False, **more: Any) -> dict[str, Any]:
-    return client.call("simGetImages", [request(*args, **more)], vehicle, external)[0]  # type: ignore[no-any-return]
+    return client.call("simGetImages", [request(*args, **more)], vehicle, external)[0]
 
 
 def pixels(response: dict[str, Any]) -> NDArray[np.uint8]:
@@ -274,3 +275,79 @@ def test_wildcards() -> None:
     assert like("a*b*c", "aXbYc")
     assert not like("Cone", "Cone_5")
     assert not like("a*b*c", "aXbYd")
+
+
+def test_detections(client: Client) -> None:
+    place(client, 0.0, 0.0, -10.0)
+    place(client, -1.0, 1.0, -9.5, "B")  # 3 m north, 1 m east, 0.5 m below A
+    assert client.call("simGetDetections", "0", PLANAR, "A", False) == []
+    client.call("simAddDetectionFilterMeshName", "0", PLANAR, "[AB]", "A", False)
+    assert client.call("simGetDetections", "0", PLANAR, "A", False) == []
+    client.call("simAddDetectionFilterMeshName", "0", PLANAR, "b*", "A", False)
+    (found,) = client.call("simGetDetections", "0", PLANAR, "A", "")
+    assert found["name"] == "B"
+    relative = found["relative_pose"]["position"]
+    assert [relative[key] for key in ("x_val", "y_val", "z_val")] == pytest.approx([2.54, 1.0, 0.5], abs=1e-3)
+    low, high = found["box3D"]["min"], found["box3D"]["max"]
+    assert low["y_val"] < 1.0 < high["y_val"]
+    assert 0.3 < high["y_val"] - low["y_val"] < 1.2
+    box = found["box2D"]
+    assert box["min"]["x_val"] < 32.0 * (1.0 + 1.0 / 2.54) < box["max"]["x_val"]
+    for key, to_low, to_high in (("x_val", "y_val", 32.0), ("y_val", "z_val", 24.0)):
+        edges = [
+            32.0 * side[to_low] / depth + to_high for side in (low, high) for depth in (low["x_val"], high["x_val"])
+        ]
+        assert min(edges) - 1.0 <= box["min"][key] < box["max"][key] <= max(edges) + 1.0
+    home = client.call("getHomeGeoPoint", "A")
+    assert found["geo_point"]["altitude"] - home["altitude"] == pytest.approx(9.5, abs=0.3)
+    client.call("simSetDetectionFilterRadius", "0", PLANAR, 200.0, "A", False)
+    assert client.call("simGetDetections", "0", PLANAR, "A", False) == []
+    client.call("simClearDetectionMeshNames", "0", PLANAR, "A", False)
+    client.call("simSetDetectionFilterRadius", "0", PLANAR, 2000.0, "A", False)
+    assert client.call("simGetDetections", "0", PLANAR, "A", False) == []
+
+
+def test_a_recording(tmp_path: Path) -> None:
+    recorded = [
+        {"CameraName": "0", "ImageType": SCENE, "VehicleName": "A"},
+        {"CameraName": "3", "ImageType": PLANAR, "PixelsAsFloat": True, "Compress": False, "VehicleName": "A"},
+        {"CameraName": "0", "ImageType": SCENE, "Compress": False, "VehicleName": "B"},
+    ]
+    settings = {**SETTINGS, "Recording": {"RecordInterval": 0.1, "Folder": str(tmp_path), "Cameras": recorded}}
+    with served(json.dumps(settings)) as running:
+        client = running.client()
+        assert client.call("isRecording") is False
+        client.call("startRecording")
+        assert client.call("isRecording") is True
+        client.call("simContinueForTime", 0.5)
+        client.call("stopRecording")
+        assert client.call("isRecording") is False
+        client.call("simContinueForTime", 0.5)
+    (folder,) = tmp_path.iterdir()
+    header, *lines = (folder / "airsim_rec.txt").read_text().splitlines()
+    assert header.split("\t") == [
+        "VehicleName", "TimeStamp", "POS_X", "POS_Y", "POS_Z", "Q_W", "Q_X", "Q_Y", "Q_Z", "ImageFile",
+    ]  # fmt: skip
+    rows = [line.split("\t") for line in lines]
+    assert [row[0] for row in rows] == ["A", "B"] * 5
+    assert [int(row[1]) - int(rows[0][1]) for row in rows[::2]] == [0, 100, 200, 300, 400]
+    scene, depth = rows[0][-1].split(";")
+    image = cv2.imread(str(folder / "images" / scene))
+    assert image is not None
+    assert image.shape == (144, 256, 3)
+    head, size, scale, data = (folder / "images" / depth).read_bytes().split(b"\n", 3)
+    assert (head, size, scale) == (b"Pf", b"64 48", b"-1")
+    assert np.frombuffer(data, "<f4").max() < 65504.0
+    raw = cv2.imread(str(folder / "images" / rows[1][-1]))
+    assert raw is not None
+    assert raw.shape == (144, 256, 3)
+
+
+def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    settings = {**SETTINGS, "Recording": {"Folder": str(tmp_path / "file" / "folder")}}
+    with served(json.dumps(settings)) as running:
+        client = running.client()
+        with pytest.raises(RpcFailed, match="set Folder of Recording"):
+            client.call("startRecording")
+        assert client.call("isRecording") is False
