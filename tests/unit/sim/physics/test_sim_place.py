@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -15,8 +16,9 @@ from sim.physics.integration import Integration
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Effects, load_vehicle
 from sim.physics.vehicle_group import VehicleGroup
-from sim.scene.scene import Scene, load_scene
+from sim.scene.scene import Box, Scene, load_scene
 from sim.scene.wind import Wind
+from sim.world_loader import load_world
 
 TICK_NS = 4_000_000
 X500 = load_vehicle("x500")
@@ -147,23 +149,42 @@ def test_the_contact_of_a_vehicle_on_the_ground() -> None:
 
 
 def test_the_contact_names_the_box_that_a_vehicle_hits() -> None:
-    scene = load_scene("training_village")
-    from sim.world_loader import load_world
-
-    world = load_world(scene)
-    physics = QuadrotorPhysics(X500, scene, TICK_NS)
+    tower = Box(name="tower", center_m=(5.0, 0.0, 2.0), size_m=(2.0, 2.0, 4.0))
+    physics = QuadrotorPhysics(X500, AIRFIELD.model_copy(update={"boxes": (tower,)}), TICK_NS)
     physics.advance(0, ())
-    box = next(i for i in range(world.model.ngeom) if world.geom_solid[i] and world.model.geom_type[i] == 6)
-    top = world.model.geom_pos[box] + (0.0, 0.0, world.model.geom_size[box][2])
-    if world.model.geom_bodyid[box]:
-        top = top + world.model.body_pos[world.model.geom_bodyid[box]]
-    physics.place((float(top[0]), float(top[1]), float(top[2]) + 0.3))
-    for tick in range(1, 200):
-        if physics.advance(tick, (0.0,) * 4).in_contact:
-            break
+    physics.place((5.0, 0.0, 4.5))
+    assert physics.touch(0) is None
+    tick = 1
+    while not physics.advance(tick, (0.0,) * 4).in_contact:
+        tick += 1
     contact = physics.contact()
     assert contact is not None
-    assert contact.geom >= 0
+    assert contact.name == "tower"
+    assert contact.normal_W == pytest.approx((0.0, 0.0, 1.0))
+    assert contact.point_W[2] == pytest.approx(4.0, abs=0.02)
+    physics.place((3.8, 0.0, 2.0))
+    beside = physics.touch(0)
+    assert beside is not None
+    assert beside.name == "tower"
+    assert beside.normal_W == pytest.approx((-1.0, 0.0, 0.0))
+
+
+def test_the_contact_names_a_geom_of_a_map() -> None:
+    scene = load_scene("training_village")
+    physics = QuadrotorPhysics(X500, scene, TICK_NS)
+    world = load_world(scene)
+    solid = {mujoco.mj_id2name(world.model, mujoco.mjtObj.mjOBJ_GEOM, i) for i in np.flatnonzero(world.geom_solid)}
+    bodies = {world.model.body(i).name for i in range(world.model.nbody)}
+    found = set()
+    for x in np.linspace(-60.0, 60.0, 25):
+        for y in np.linspace(-60.0, 60.0, 25):
+            physics.place((float(x), float(y), 1.5))
+            contact = physics.touch(0)
+            if contact is not None:
+                assert bool(world.geom_solid[contact.geom])
+                found.add(contact.name)
+    assert len(found) > 3
+    assert found <= solid | bodies
 
 
 def test_place_takes_less_than_half_a_dozen_ticks() -> None:
