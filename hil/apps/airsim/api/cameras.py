@@ -11,8 +11,7 @@ from typing import Any
 
 from hil.apps.airsim.api.images import CAMERA
 from hil.apps.airsim.api.session import VEHICLE
-from hil.apps.airsim.pictures.camera import DISTORTION, ServedCamera
-from hil.apps.airsim.pictures.lens import Lens
+from hil.apps.airsim.pictures.camera import DISTORTION, Lens, ServedCamera
 from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, POSE, QUATERNION, TEXT, Pose, Quaternion, Vector
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.world.simulation import Simulation

@@ -32,6 +32,10 @@ def methods(simulation: Simulation) -> list[Method]:
         of_cosys.add(caller.number)
         return list(ids.names[1:])
 
+    def instance_poses(ned: bool, only_visible: bool) -> list[Pose]:  # noqa: ARG001
+        boxes = (detections.box(number) for number in range(1, len(ids.names)))
+        return [simulation.frame.pose(box.p_WO, box.q_WO) for box in boxes]
+
     detections = Detections(simulation.cameras)
     find = simulation.cameras.find
 
@@ -72,6 +76,12 @@ def methods(simulation: Simulation) -> list[Method]:
         method("simClearDetectionMeshNames", clear, *where, *whose),
         method("simGetDetections", found, *where, *whose),
         method("simListInstanceSegmentationObjects", instances, with_caller=True),
+        method(
+            "simListInstanceSegmentationPoses",
+            instance_poses,
+            optional("ned", BOOL, True),
+            optional("only_visible", BOOL, False),
+        ),
     ]
 
 

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.apps.airsim.pictures.lens import Lens
 from hil.apps.airsim.rpc.arguments import Pose
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.settings.cameras import Camera as CameraSettings
@@ -15,7 +14,7 @@ from hil.apps.airsim.settings.cameras import Gimbal
 from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.ned import NedFrame, q_WB_from_q_NF
 from hil.apps.airsim.world.sensors import quaternion_of_rpy
-from signals._kernel import det_cos, det_sin, roll_pitch_yaw, rotate_into_world
+from signals._kernel import det_atan2, det_cos, det_sin, roll_pitch_yaw, rotate_into_world
 from signals.frames import frd_from_flu, q_NF_from_q_WB
 from signals.rotation import matrix_of, product
 from signals.samples import Quat, Vec3
@@ -26,6 +25,7 @@ from sim.frame.distortion import BrownConrady
 from sim.frame.mount import Mount
 
 LEAST_FOV_DEG, MOST_FOV_DEG = 0.01, 170.0
+_LEAST_MM, _MOST_MM = 0.1, 1000.0
 _IMAGE_TYPES = 12
 DISTORTION = ("K1", "K2", "K3", "P1", "P2")
 _FORWARD = Mount((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).q_BC
@@ -45,6 +45,55 @@ class CameraPlace(NamedTuple):
 
 
 @dataclass
+class Lens:
+    """Lens of AirSim's cinematography calls, with the film of Unreal's default camera.
+
+    Focus and aperture are kept for clients that read them back.
+    """
+
+    film_width_mm: float = 23.76
+    film_height_mm: float = 13.365
+    focus_cm: float = 100_000.0
+    aperture: float = 2.8
+    manual_focus: bool = False
+    focus_plane: bool = False
+
+    def set_film(self, width_mm: float, height_mm: float) -> None:
+        """Set the size of the film. Raises RpcError."""
+        for size in (width_mm, height_mm):
+            if not _LEAST_MM <= size <= _MOST_MM:
+                raise RpcError(f"a side of the film must be {_LEAST_MM:g} to {_MOST_MM:g} mm, not {size:g}")
+        self.film_width_mm, self.film_height_mm = width_mm, height_mm
+
+    def focal_length_mm(self, fov_deg: float) -> float:
+        """Return the focal length of a horizontal field of view."""
+        half = 0.5 * fov_deg * RAD_PER_DEG
+        return 0.5 * self.film_width_mm * det_cos(half) / det_sin(half)
+
+    def fov_deg(self, focal_length_mm: float) -> float:
+        """Return the horizontal field of view of a focal length. Raises RpcError."""
+        if not _LEAST_MM <= focal_length_mm <= 100.0 * _MOST_MM:
+            raise RpcError(
+                f"the focal length must be {_LEAST_MM:g} to {100.0 * _MOST_MM:g} mm, not {focal_length_mm:g}"
+            )
+        return 2.0 * det_atan2(0.5 * self.film_width_mm, focal_length_mm) * DEG_PER_RAD
+
+    def film(self) -> str:
+        """Return the film as AirSim describes it."""
+        return f"Sensor Width: {self.film_width_mm:f} Sensor Height: {self.film_height_mm:f}"
+
+    def settings(self, fov_deg: float) -> str:
+        """Return the lens as AirSim describes it."""
+        return f"Focal Length: {self.focal_length_mm(fov_deg):f} F-stop: {self.aperture:f}"
+
+    def field_of_view(self, fov_deg: float) -> str:
+        """Return the fields of view, which follow from the film."""
+        f = self.focal_length_mm(fov_deg)
+        vertical = 2.0 * det_atan2(0.5 * self.film_height_mm, f) * DEG_PER_RAD
+        return f"Current Field Of View:\n\tHorizontal: {fov_deg:f},\n\tVertical: {vertical:f}"
+
+
+@dataclass
 class ServedCamera:
     """Camera of a vehicle, or of the world (`drone` None). Positions: forward, right, down; or north, east, down."""
 
@@ -61,6 +110,11 @@ class ServedCamera:
     def __post_init__(self) -> None:
         self.position_F = self.settings.position_m
         self.q_FC = quaternion_of_rpy(self.settings.rotation_deg)
+
+    @property
+    def key(self) -> str:
+        """Name that no other camera of the server has."""
+        return self.name if self.drone is None else f"{self.drone.name}/{self.name}"
 
     def size(self, image_type: int) -> tuple[int, int]:
         """Return width and height of an image type in pixels."""

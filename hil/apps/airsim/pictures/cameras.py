@@ -95,6 +95,10 @@ class Cameras:
             found = self._cameras[drone.name, own] = ServedCamera(own, settings, drone, drone.origin)
         return found
 
+    def of_world(self) -> SharedFrames:
+        """Return the whole world at the present tick."""
+        return self._frames.of_world()
+
     def frames(self, camera: ServedCamera) -> SharedFrames:
         """Return what a camera sees at the present tick: all but its own vehicle."""
         frames = self._frames
@@ -121,7 +125,7 @@ class Cameras:
                 place = camera.place()
                 drawn[key] = place, self.render(camera, place, image_type, sorted(views[key]))
             place, arrays = drawn[key]
-            taken.append(Taken(arrays, place, key[1], self.segmentation, instances))
+            taken.append(Taken(arrays, self._world.t_ns, camera, place, key[1], self.segmentation, instances))
         return taken
 
     def render(

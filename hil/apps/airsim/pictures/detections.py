@@ -64,6 +64,13 @@ class Detections:
         if pattern not in patterns:
             patterns.append(pattern)
 
+    def box(self, instance: int) -> Box:
+        """Return the box of an instance (`Segmentation.names`) at the present tick."""
+        frames = self._cameras.of_world()
+        if self._bounds is None or self._bounds[0] is not frames.world:
+            self._bounds = (frames.world, Bounds(frames.world))
+        return self._bounds[1].of(instance, frames.geometry.t_ns)
+
     def found(self, camera: ServedCamera, image_type: int) -> list[Detection]:
         """Return the objects that the camera sees now, in the order of the scene's objects."""
         chosen = self.filter(camera, image_type)
@@ -73,13 +80,10 @@ class Detections:
             return []
         place = camera.place()
         seen = self._cameras.render(camera, place, image_type, ("instance",))["instance"]
-        frames = self._cameras.frames(camera)
-        if self._bounds is None or self._bounds[0] is not frames.world:
-            self._bounds = (frames.world, Bounds(frames.world))
         present = np.isin(wanted, np.unique(seen))
         detections = []
         for number in np.array(wanted)[present].tolist():
-            box = self._bounds[1].of(number, frames.geometry.t_ns)
+            box = self.box(number)
             if _distance(place.p_W, box.p_WO) <= chosen.radius_m:
                 detections.append(_detection(names[number], seen == number, place, box))
         return detections

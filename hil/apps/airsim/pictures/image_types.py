@@ -23,7 +23,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.airsim.pictures.camera import CameraPlace
+from hil.apps.airsim.pictures.camera import CameraPlace, ServedCamera
+from hil.apps.airsim.pictures.noise import with_noise
 from hil.apps.airsim.pictures.segmentation import Segmentation
 from hil.apps.airsim.rpc.methods import RpcError
 from sim.frame.camera_model import CameraModel
@@ -43,6 +44,8 @@ class Taken(NamedTuple):
     """Channels of one view, and how it was taken."""
 
     arrays: dict[str, NDArray[Any]]
+    t_ns: int
+    camera: ServedCamera
     place: CameraPlace
     model: CameraModel
     segmentation: Segmentation
@@ -65,7 +68,13 @@ def numbers(image_type: int, taken: Taken) -> NDArray[np.float32]:
 
 
 def colours(image_type: int, taken: Taken) -> NDArray[np.uint8]:
-    """Return the picture as RGB, (height, width, 3)."""
+    """Return the picture as RGB, (height, width, 3), with the noise of the settings."""
+    noise = taken.camera.settings.noise(image_type)
+    rgb = _colours(image_type, taken)
+    return with_noise(rgb, noise, f"{taken.camera.key}.{image_type}", taken.t_ns) if noise.enabled else rgb
+
+
+def _colours(image_type: int, taken: Taken) -> NDArray[np.uint8]:
     if image_type == SCENE:
         return taken.arrays["rgb"]
     if image_type == SEGMENTATION:

@@ -31,6 +31,7 @@ SETTINGS = {
         "A": {
             "VehicleType": "SimpleFlight",
             "Cameras": {
+                "noisy": {"Z": -0.5, "NoiseSettings": [{"ImageType": 0, "Enabled": True}]},
                 "held": {"X": 0.3, "Pitch": -20, "Gimbal": {"Stabilization": 1, "Roll": 0, "Pitch": -20, "Yaw": 0}},
             },
         },
@@ -224,6 +225,31 @@ def test_distortion(client: Client) -> None:
     client.call("simSetDistortionParam", "3", "K1", 0.0, "B")
 
 
+def test_settings_of_the_lens(client: Client) -> None:
+    where = ("2", "B", False)
+    assert client.call("simSetFilmbackSettings", 36.0, 24.0, *where) == 1.5
+    assert "36" in client.call("simGetFilmbackSettings", *where)
+    for setter, getter, value in (
+        ("simSetFocusDistance", "simGetFocusDistance", 500.0),
+        ("simSetFocusAperture", "simGetFocusAperture", 4.0),
+        ("simSetFocalLength", "simGetFocalLength", 18.0),
+    ):
+        client.call(setter, value, *where)
+        assert client.call(getter, *where) == pytest.approx(value)
+    assert client.call("simGetCameraInfo", *where)["fov"] == pytest.approx(90.0)
+    assert "90.0" in client.call("simGetCurrentFieldOfView", *where)
+    assert "18.0" in client.call("simGetLensSettings", *where)
+    client.call("simEnableManualFocus", True, *where)
+    client.call("simEnableFocusPlane", False, *where)
+    client.call("simSetPresetLensSettings", "50mm", *where)
+    assert client.call("simGetPresetLensSettings", *where) == []
+    for setter, value in (("simSetFocalLength", 0.0), ("simSetFocusAperture", -1.0), ("simSetFocusDistance", -1.0)):
+        with pytest.raises(RpcFailed):
+            client.call(setter, value, *where)
+    with pytest.raises(RpcFailed, match="field of view must be"):
+        client.call("simSetCameraFov", "2", 180.0, "B")
+
+
 def test_fog_and_night_change_the_picture(client: Client) -> None:
     place(client, 0.0, 0.0, -20.0)
     clear = pixels(one(client, "0", SCENE)).astype(int)
@@ -237,6 +263,27 @@ def test_fog_and_night_change_the_picture(client: Client) -> None:
     assert pixels(one(client, "0", SCENE)).mean() < 0.4 * clear.mean()
     client.call("simSetTimeOfDay", False)
     assert np.array_equal(pixels(one(client, "0", SCENE)), clear)
+
+
+def test_noise_is_there_if_asked_for_and_repeats(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    client.call("simPause", True)
+    noisy = pixels(one(client, "noisy", SCENE))
+    assert np.array_equal(noisy, pixels(one(client, "noisy", SCENE)))
+    row = noisy[10].astype(int)
+    assert 5.0 < np.abs(np.diff(row, axis=0)).mean() < 60.0
+    assert np.abs(np.diff(pixels(one(client, "0", SCENE))[10].astype(int), axis=0)).mean() < 2.0
+    client.call("simContinueForTime", 0.02)
+    assert not np.array_equal(noisy, pixels(one(client, "noisy", SCENE)))
+    client.call("simPause", False)
+
+
+def test_poses_of_instances(client: Client) -> None:
+    place(client, 3.0, 1.0, -20.0)
+    names, poses = client.call("simListInstanceSegmentationObjects"), client.call("simListInstanceSegmentationPoses")
+    assert len(names) == len(poses)
+    position = poses[names.index("A")]["position"]
+    assert [position[key] for key in ("x_val", "y_val", "z_val")] == pytest.approx([3.0, 1.0, -20.0], abs=0.3)
 
 
 def test_older_clients_give_fewer_arguments(client: Client) -> None:
