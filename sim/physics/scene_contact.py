@@ -9,9 +9,9 @@ import numpy as np
 
 from signals.samples import Vec3
 from sim.scene.scene import Scene
+from sim.scene.solids import solid_geoms
 from sim.world_loader import load_world
 
-_GEOM, _BODY = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_BODY
 _VEHICLE_BODY = 1  # of the contact model of one vehicle
 
 
@@ -19,7 +19,7 @@ class SceneContact(NamedTuple):
     """Contact of a vehicle with a geom of the scene."""
 
     geom: int  # its id in the scene's model
-    name: str  # of the geom, or of its body; empty if neither has one
+    name: str  # of the object that the geom belongs to
     point_W: Vec3
     normal_W: Vec3  # away from the scene
     depth_m: float
@@ -37,11 +37,11 @@ def deepest_contact(model: mujoco.MjModel, data: mujoco.MjData, scene: Scene) ->
     x, y, z = contact.frame[:3].tolist()
     normal = (x, y, z) if vehicle_is_second else (-x, -y, -z)
     touched = a if vehicle_is_second else b
-    # The contact model holds the solid geoms in the order of sim.scene.solids, with the vehicle's in between.
-    solid = touched - int(np.count_nonzero(of_vehicle[:touched]))
+    # The contact model holds the static solid geoms, then the vehicle's, then those of each actor's body.
+    row = touched - int(np.count_nonzero(of_vehicle[:touched]))
     world = load_world(scene)
-    geom = int(np.flatnonzero(world.geom_solid)[solid])
-    name = mujoco.mj_id2name(world.model, _GEOM, geom)
-    name = name or mujoco.mj_id2name(world.model, _BODY, int(world.model.geom_bodyid[geom])) or ""
+    solids = solid_geoms(world)
+    geom = int(solids.geom[np.argsort(solids.body, kind="stable")[row]])
+    name = world.instance_names[world.geom_instance[geom]]
     px, py, pz = contact.pos.tolist()
     return SceneContact(geom, name, (px, py, pz), normal, max(0.0, -float(contact.dist)))

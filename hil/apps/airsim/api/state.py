@@ -17,7 +17,7 @@ from hil.apps.airsim.rpc.arguments import (
     struct,
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
-from hil.apps.airsim.world.drone import Drone
+from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.ned import Kinematics, q_WB_from_q_NF
 from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
@@ -131,11 +131,12 @@ def rotor_states(simulation: Simulation, drone: Drone) -> dict[str, Any]:
 def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     sim = simulation
+    id_of = sim.cameras.segmentation.of_known
 
     def multirotor_state(name: str) -> dict[str, Any]:
         drone = sim.drone(name)
         return {
-            "collision": drone.collision_info(sim.epoch_ns),
+            "collision": drone.collision_info(sim.epoch_ns, id_of),
             "kinematics_estimated": drone.origin.kinematics(drone.vehicle.truth),
             "gps_location": geo_point(sim, drone.vehicle.truth.p_WB),
             "timestamp": sim.now_ns,
@@ -167,7 +168,10 @@ def methods(simulation: Simulation) -> list[Method]:
         place(sim, sim.drone(name), pose, state.linear_velocity, state.angular_velocity)
 
     def collision(name: str) -> dict[str, Any]:
-        return sim.drone(name).take_collision(sim.epoch_ns)
+        drone = sim.drone(name)
+        info = drone.collision_info(sim.epoch_ns, id_of)
+        drone.collision = Collision()  # reading clears it
+        return info
 
     def position(name: str) -> Vector:
         drone = sim.drone(name)

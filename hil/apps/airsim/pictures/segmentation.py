@@ -66,6 +66,10 @@ class Segmentation:
             return names.index(name, 1) - 1
         return self._id(name)
 
+    def of_known(self, name: str) -> int:
+        """Return the id of an object that exists, without looking it up."""
+        return self._id(name)
+
     def set(self, mesh: str, number: int, is_regex: bool) -> bool:
         """Set the id of an object, or of all whose names match. Return False if there is none. Raises RpcError."""
         if not HIDDEN <= number <= _MOST_INSTANCE:

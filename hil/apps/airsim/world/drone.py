@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,7 +26,6 @@ class Collision:
 
     t_ns: int = 0
     object_name: str = ""
-    object_id: int = -1
     point_W: Vec3 | None = None  # None: no collision
     normal_W: Vec3 = (0.0, 0.0, 0.0)  # away from the object
     position_W: Vec3 = (0.0, 0.0, 0.0)  # of the vehicle
@@ -63,21 +63,14 @@ class Drone:
         self.collision = Collision(
             truth.t_ns,
             contact.name,
-            contact.geom,
             contact.point_W,
             contact.normal_W,
             truth.p_WB,
             contact.depth_m,
         )
 
-    def take_collision(self, epoch_ns: int) -> dict[str, Any]:
-        """Return AirSim's collision info, and clear it."""
-        info = self.collision_info(epoch_ns)
-        self.collision = Collision()
-        return info
-
-    def collision_info(self, epoch_ns: int) -> dict[str, Any]:
-        """Return AirSim's collision info; time stamps count from `epoch_ns`."""
+    def collision_info(self, epoch_ns: int, id_of: Callable[[str], int]) -> dict[str, Any]:
+        """Return AirSim's collision info; time stamps count from `epoch_ns`, and `id_of` knows the objects' ids."""
         c, nothing = self.collision, Vector()
         collided = c.point_W is not None
         return {
@@ -88,5 +81,5 @@ class Drone:
             "impact_point": Vector(*self.origin.from_W(c.point_W)) if c.point_W is not None else nothing,
             "position": Vector(*self.origin.from_W(c.position_W)) if collided else nothing,
             "object_name": c.object_name,
-            "object_id": c.object_id,
+            "object_id": id_of(c.object_name) if collided else -1,
         }

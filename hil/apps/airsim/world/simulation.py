@@ -328,4 +328,4 @@ class Simulation:
                 away = [a - b for a, b in zip(p_W, contact.point_W, strict=True)]
                 length = sum(x * x for x in away) ** 0.5 or 1.0
                 normal = (away[0] / length, away[1] / length, away[2] / length)
-                drone.collision = Collision(contact.t_ns, other, -1, contact.point_W, normal, p_W)
+                drone.collision = Collision(contact.t_ns, other, contact.point_W, normal, p_W)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from sim.physics.vehicle import load_vehicle
+from sim.world_loader import load_world
 from tests.worlds.airsim_server import Client, RpcFailed, Served, served
 
 STAND_M = load_vehicle("x500").standing_height_m
@@ -217,6 +218,7 @@ def test_a_flight(client: Client) -> None:
     collision = client.call("simGetCollisionInfo", "A")
     assert collision["has_collided"] is True
     assert collision["object_name"] == "ground"
+    assert collision["object_id"] == client.call("simGetSegmentationObjectID", "ground")
     assert xyz(collision["normal"]) == (0.0, 0.0, -1.0)
     assert collision["time_stamp"] > 1_700_000_000 * 10**9
     assert client.call("simGetCollisionInfo", "A")["has_collided"] is False  # reading clears it
@@ -652,6 +654,22 @@ def test_external_physics_reports_collisions() -> None:
         assert collision["penetration_depth"] == pytest.approx(0.05, abs=1e-4)
         client.call("simContinueForTime", 0.1)
         assert xyz(client.call("simGetVehiclePose", "")["position"]) == pytest.approx((0.0, 0.0, 0.05), abs=1e-6)
+
+
+def test_a_collision_names_the_object_and_its_id() -> None:
+    settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "PhysicsEngineName": "ExternalPhysicsEngine"}
+    with served(json.dumps(settings), scene="blocks") as world:
+        client = world.client()
+        body = load_world(world.simulation.scene).model.body("TemplateCube_Rounded_7")
+        x, y, z = body.pos.tolist()
+        assert client.call("simSetSegmentationObjectID", "TemplateCube_Rounded_7", 42, False) is True
+        for point_W, name, number in (((x, y, z + 0.5), body.name, 42), ((0.0, 0.0, -0.05), "Ground", None)):
+            client.call("simSetVehiclePose", pose(*world.simulation.drone("").origin.from_W(point_W)), False, "")
+            collision = client.call("simGetCollisionInfo", "")
+            assert collision["object_name"] == name
+            assert collision["object_id"] == client.call("simGetSegmentationObjectID", name)
+            assert number is None or collision["object_id"] == number
+        assert client.call("simGetCollisionInfo", "")["object_id"] == -1
 
 
 # Clocks
