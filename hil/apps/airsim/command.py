@@ -78,6 +78,7 @@ def serve_airsim(choice: Choice, console: Console) -> None:
     if not settings.recording.folder and choice.out is not None:
         simulation.recorder.folder = choice.out
     try:
+        simulation.cameras.prepare()
         if settings.recording.enabled:
             simulation.recorder.start()
         server = asyncio.run(_serve(choice, simulation, console))

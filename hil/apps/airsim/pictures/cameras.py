@@ -95,6 +95,10 @@ class Cameras:
             found = self._cameras[drone.name, own] = ServedCamera(own, settings, drone, drone.origin)
         return found
 
+    def prepare(self) -> None:
+        """Draw a first picture, so that no client waits while the geometry of the world is made."""
+        self.take([Wanted(self.find("", ""), 0)])
+
     def of_world(self) -> SharedFrames:
         """Return the whole world at the present tick."""
         return self._frames.of_world()

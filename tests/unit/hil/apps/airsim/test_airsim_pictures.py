@@ -398,3 +398,30 @@ def test_a_recording_that_cannot_be_written(tmp_path: Path) -> None:
         with pytest.raises(RpcFailed, match="set Folder of Recording"):
             client.call("startRecording")
         assert client.call("isRecording") is False
+
+
+def test_moves_and_pictures_repeat_bit_by_bit() -> None:
+    digests = set()
+    for _ in range(2):
+        with served(json.dumps(SETTINGS)) as running:
+            client = running.client()
+            client.call("enableApiControl", True, "A")
+            client.call("armDisarm", True, "A")
+            for speed in (-2.0, 1.0):
+                client.call("moveByVelocity", 2.0, 1.0, speed, 0.5, 0, {"is_rate": True, "yaw_or_rate": 20.0}, "A")
+                client.call("simGetImages", [request("0", kind, kind in (1, 2)) for kind in range(8)], "A", False)
+            assert running.server.digest is not None
+            digests.add(running.server.digest.hexdigest())
+    assert len(digests) == 1
+
+
+def test_a_camera_without_a_vehicle_that_flies() -> None:
+    with served('{"SettingsVersion": 1.2, "SimMode": "ComputerVision"}') as running:
+        client = running.client()
+        for height in (5.0, 9.0):
+            place(client, 3.0, -2.0, -height, "")
+            down = numbers(client, "3", PLANAR, vehicle="")
+            assert down.shape == (144, 256)
+            assert down == pytest.approx(np.full_like(down, height), abs=0.5)
+            response = one(client, "0", SCENE, vehicle="")
+            assert response["camera_position"]["z_val"] == pytest.approx(-height)
