@@ -21,6 +21,7 @@ from signals.errors import ConfigError, Problem, RecordingError
 # takes `options` too if `hil bench --set` applies to it, and optionally `plot(result, title, path)`, which replaces the
 # plot of error against time and returns the paths of further files.
 BENCHMARKS: dict[str, tuple[str, str]] = {
+    "airsim": ("hil.apps.bench_suite.link.airsim", "Server of AirSim's API: time of its calls"),
     "dash": ("hil.apps.bench_suite.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
     "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: time per frame and errors of the labels"),
     "detect": ("hil.apps.bench_suite.data.detect", "Detector: loss of precision against time per picture"),
