@@ -37,8 +37,9 @@ SETTINGS: dict[str, Any] = {
         "Wing": {"VehicleType": "SimpleFlight", "X": 4, "Y": -3},
     },
 }
+VISION = {"SettingsVersion": 1.2, "SimMode": "ComputerVision"}
 PACKAGES = tuple(REQUIREMENTS)
-SCRIPTS = ("fly", "path", "lidar", "pause", "reset", "wind", "teleport")
+SCRIPTS = ("fly", "path", "lidar", "pause", "reset", "wind", "teleport", "images")
 
 
 @pytest.fixture(scope="module", params=PACKAGES)
@@ -60,6 +61,11 @@ def test_a_script_runs_with_a_real_client(package: str, server: AirSimProcess, s
     assert "defect" not in server.log()
 
 
+def test_pictures_are_taken_in_computer_vision_mode(package: str, tmp_path: Path) -> None:
+    with AirSimProcess(tmp_path, "--scene", "Blocks", "--clock", "calls", settings=VISION) as server:
+        run_script(package, "computer_vision", server)
+
+
 def test_a_flight_follows_the_wall_clock(package: str, tmp_path: Path) -> None:
     with AirSimProcess(tmp_path, "--scene", "Blocks", settings=SETTINGS | {"ClockSpeed": 3}) as server:
         run_script(package, "reset", server)
@@ -71,7 +77,7 @@ def test_a_script_repeats_bit_by_bit_on_any_number_of_cores(package: str, tmp_pa
     for k, core in enumerate((None, None, None, cores[0], cores[-1])):
         out = tmp_path / str(k)
         with AirSimProcess(out, "--scene", "Blocks", "--clock", "calls", settings=SETTINGS, core=core) as server:
-            printed.add(run_script(package, "mission", server))
+            printed.add(run_script(package, "mission", server, "--images"))
             report = server.finish()
         digests.add(report["digest"])
         assert not report["unknown"]
