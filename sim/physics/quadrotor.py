@@ -111,6 +111,7 @@ class QuadrotorPhysics:
         self.scene = scene
         self.tick_ns = tick_ns
         self.contact_skipping = integration.contact_skipping
+        self.collides = True  # False: nothing stops the vehicle once it has left the ground where it started
         self.skips = ContactSkips()
         rotors = len(vehicle.rotors)
         self.contact_substeps = steps.contact
@@ -412,6 +413,9 @@ class QuadrotorPhysics:
 
     def _check_contact(self, travelled_m: float) -> bool:
         """Compute a used-up clearance anew; if it is too small, ask MuJoCo for contacts. Return True if any touched."""
+        if not self.collides and not self._was_touching:
+            self._remaining_m = self._actors_remaining_m = math.inf
+            return False
         left_m, actors_left_m = self._remaining_m, self._actors_remaining_m
         self._remaining_m = 0.0
         if self._actors is not None:

@@ -141,6 +141,8 @@ class VehicleGroup:
                 a, b = pair
                 if pair in clear or (a in clusters and clusters[a] is clusters.get(b)):
                     continue
+                if not (self._vehicles[a].collides and self._vehicles[b].collides):
+                    continue
                 members = self._members(pair)
                 if self._joint_contact(members).touch(members):
                     found.append(pair)

@@ -88,6 +88,7 @@ class Lidar:
     rotation_deg: Vec3 = (0.0, 0.0, 0.0)  # roll, pitch, yaw
     noise_m: float = 0.0
     rate_hz: float = 10.0
+    noise_scale: float = 1.0  # of the noise at the full range, from 1 at no distance
 
 
 Sensor = Barometer | Imu | Gps | Magnetometer | Distance | Lidar
@@ -253,7 +254,7 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool) -> Lidar:
     frame = reader.choice("DataFrame", "VehicleInertialFrame", ("VehicleInertialFrame", "SensorLocalFrame"))
     noise_m = reader.number("MinNoiseStandardDeviation", 0.0, 0.0, 100.0)
     noisy = reader.flag("GenerateNoise", False)
-    reader.without_meaning("NoiseDistanceScale", "LimitPoints", "IgnoreMarked")
+    reader.without_meaning("LimitPoints", "IgnoreMarked")
     return Lidar(
         enabled,
         channels,
@@ -270,4 +271,5 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool) -> Lidar:
         reader.angles_deg((0.0, 0.0, 0.0)),
         noise_m if noisy else 0.0,
         _rate_hz(reader, 10.0),
+        reader.number("NoiseDistanceScale", 1.0, 0.0, 100.0),
     )

@@ -242,6 +242,8 @@ class SensorSuite:
             sample: Any = made[1].sample(truth, seq)
             p_WL, q_WS = self.mounting(name).pose_W(truth)
             points, classes = _in_view(sample.points_L, sample.segmentation, settings.horizontal_fov_deg)
+            if settings.noise_m:
+                points = with_range_noise(points, f"{self._vehicle}.{name}.range", seq, settings)
             self._last[name] = (seq, Cloud(p_WL, q_WS, points, classes))
         found: Cloud = self._last[name][1]
         return found
@@ -290,7 +292,7 @@ def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
         },
         "min_range_m": 0.0,
         "max_range_m": settings.range_m,
-        "range_noise_m": settings.noise_m,
+        "range_noise_m": 0.0,  # `with_range_noise`
         "range_resolution_m": 1e-6,
         "rolling": False,
         "subsweeps": 1,
@@ -309,6 +311,21 @@ def _in_view(
     azimuth = np.degrees(np.arctan2(-points_L[:, 1], points_L[:, 0]))
     inside = (azimuth - begin) % 360.0 <= (end - begin) % 360.0
     return points_L[inside], classes[inside]
+
+
+def with_range_noise(points_L: NDArray[np.float32], name: str, seq: int, settings: kinds.Lidar) -> NDArray[np.float32]:
+    """Return the points with noise along their rays, of the deviation that Cosys-AirSim gives a distance r:
+
+    sigma (1 + (r / range) (scale - 1))
+    """
+    if not len(points_L):
+        return points_L
+    points = points_L.astype(np.float64)
+    normals = NoiseStream(1, name, lanes=-(-len(points) // 256)).normal_block(seq).ravel()[: len(points)]
+    r_m = np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2 + points[:, 2] ** 2)
+    sigma_m = settings.noise_m * (1.0 + r_m / settings.range_m * (settings.noise_scale - 1.0))
+    scale = np.maximum(1.0 + sigma_m * normals / np.maximum(r_m, 1e-6), 0.0)
+    return (points * scale[:, None]).astype(np.float32)
 
 
 def ned_points(points_L: NDArray[np.float32], p_N: Vec3, q_WL: Quat) -> NDArray[np.float32]:

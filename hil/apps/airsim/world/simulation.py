@@ -184,12 +184,14 @@ class Simulation:
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
         rig = self._rig_of(name, settings.kind) if self.flies else None
         model = self.model if rig is None else rig.vehicle
-        if not settings.collisions or settings.pass_through:
-            self.log(f"{name}: collisions cannot be switched off (EnableCollisions, EnableCollisionPassthrogh)")
+        if settings.collisions and settings.pass_through:
+            self.log(f"{name}: a collision stops the vehicle: EnableCollisionPassthrogh has no effect")
         start = self._start(settings, model)
         self._check_start(name, model, start)
         self._starts[name] = (model, start)
         vehicle = self.world.add(name, model, start, effects=self._effects, has_physics=self.flies)
+        if vehicle.physics is not None:
+            vehicle.physics.collides = settings.collisions
         origin = self._origin(settings, vehicle)
         flight: SimpleFlight | None = None
         if self.flies:
@@ -300,7 +302,12 @@ class Simulation:
         drone.touching = False
         if drone.flight is not None:
             drone.flight.moved()
-        elif collides and self.settings.sim_mode == "Multirotor" and (contact := drone.vehicle.touch()) is not None:
+        elif (
+            collides
+            and drone.settings.collisions
+            and self.settings.sim_mode == "Multirotor"
+            and (contact := drone.vehicle.touch()) is not None
+        ):
             drone.collide(contact)
         self._forget(drone)
 

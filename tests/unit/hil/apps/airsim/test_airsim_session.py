@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.apps.airsim.settings.sensors import Lidar
+from hil.apps.airsim.world.sensors import with_range_noise
 from sim.physics.vehicle import load_vehicle
 from sim.world_loader import load_world
 from tests.worlds.airsim_server import Client, RpcFailed, Served, served
@@ -670,6 +672,37 @@ def test_a_collision_names_the_object_and_its_id() -> None:
             assert collision["object_id"] == client.call("simGetSegmentationObjectID", name)
             assert number is None or collision["object_id"] == number
         assert client.call("simGetCollisionInfo", "")["object_id"] == -1
+
+
+def test_without_collisions_a_vehicle_stands_at_its_start_and_passes_through_everything_later() -> None:
+    vehicle = {"VehicleType": "SimpleFlight", "EnableCollisions": False}
+    settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": vehicle}}
+    with served(json.dumps(settings)) as world:
+        client = world.client()
+        client.call("simContinueForTime", 1.0)
+        client.call("simPause", False)
+        assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+        client.call("enableApiControl", True)
+        take_off(client)
+        assert client.join(to(client, 0.0, 0.0, 4.0)) is True
+        assert position(client) == pytest.approx((0.0, 0.0, 4.0), abs=0.1)
+        assert client.call("simGetCollisionInfo", "A")["has_collided"] is False
+        client.call("reset")
+        assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+        client.call("simContinueForTime", 1.0)
+        assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+
+
+def test_noise_of_a_lidar_grows_with_the_distance() -> None:
+    settings = Lidar(range_m=100.0, noise_m=0.02, noise_scale=3.0)
+    for r_m in (0.0, 50.0, 100.0):
+        rays = np.random.default_rng(1).normal(size=(20_000, 3))
+        rays /= np.linalg.norm(rays, axis=1)[:, None]
+        noisy = with_range_noise(((r_m + 1.0) * rays).astype(np.float32), "a", 3, settings)
+        error_m = np.sum(noisy * rays, axis=1) - (r_m + 1.0)
+        assert abs(np.mean(error_m)) < 0.001
+        assert np.std(error_m) == pytest.approx(0.02 * (1.0 + 2.0 * (r_m + 1.0) / 100.0), rel=0.03)
+        assert np.abs(np.cross(noisy, rays)).max() < 1e-4
 
 
 # Clocks
