@@ -6,6 +6,7 @@ asks for, and all channels of one view in one go. Pictures show the present tick
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -27,13 +28,14 @@ from hil.run.stepped.world import SteppedWorld
 from sim._kernels import SunShadows
 from sim.frame.camera_model import CameraModel
 from sim.frame.quality import QUALITIES
-from sim.frame.renderer import FrameRenderer
+from sim.frame.renderer import Execution, FrameRenderer
 from sim.frame.source import SharedFrames
 from sim.scene.light import Light
 
 NEAR_M, FAR_M = 0.05, 20_000.0
 _MOST_RENDERERS = 48
 _MOST_PIXELS = 1 << 26  # of one call
+_LARGE_PIXELS = 1 << 19  # larger pictures are drawn by all cores, which changes no pixel
 _View = tuple[str, CameraModel, float, bool]  # vehicle, projection, exposure, has colour
 
 
@@ -171,9 +173,11 @@ class Cameras:
         _, model, exposure_ev, colour = view
         level = self._quality
         planes_m = (NEAR_M, FAR_M)
+        large = model.width * model.height > _LARGE_PIXELS
+        execution = Execution(threads=min(os.cpu_count() or 1, 16) if large else 1)
         try:
             if not colour:
-                return FrameRenderer(frames.geometry, model, planes_m=planes_m)
+                return FrameRenderer(frames.geometry, model, planes_m=planes_m, execution=execution)
             shading = level.shading
             if exposure_ev != 0.0:
                 shading = replace(shading, exposure_ev=shading.exposure_ev + exposure_ev)
@@ -185,6 +189,7 @@ class Cameras:
                 planes_m=planes_m,
                 light=self._light,
                 shading=shading,
+                execution=execution,
             )
         except ValueError as error:
             raise RpcError(f"this camera cannot be drawn: {error}") from None
