@@ -1,4 +1,4 @@
-"""Shared parts of the scripts beside this file: `python SCRIPT PACKAGE PORT`, with PACKAGE `airsim` or `cosysairsim`."""
+"""Parts that the scripts beside this file share: `python SCRIPT PACKAGE PORT`, PACKAGE `airsim` or `cosysairsim`."""
 
 import importlib
 import math
