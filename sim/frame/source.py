@@ -122,6 +122,10 @@ class SharedFrames:
         actor.restore(states)
         self.geometry.forget(number)
 
+    def moved(self, actor: Any) -> None:
+        """Take notice that an actor of the world was put elsewhere."""
+        self.geometry.forget(next(i for i, each in enumerate(self.world.map.actors) if each is actor))
+
     def seen_by(self, vehicle: str) -> SharedFrames:
         """Return the source for the sensors of a vehicle: the same geometry without the vehicle itself."""
         view = copy.copy(self)

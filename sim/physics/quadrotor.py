@@ -135,20 +135,9 @@ class QuadrotorPhysics:
             self._battery_start_c = (1.0 - b.initial_charge) * self._battery_capacity_c
             self._battery = np.array([self._battery_start_c, 0.0, 0.0])
             self._fit_battery(b.auxiliary_w)
-        self._model = build_model(scene, vehicle, contact_step_s=tick_s / self.contact_substeps[False])
-        self._data = mujoco.MjData(self._model)
-        self.attach(self._data)
-        world = load_world(scene)
-        self._solids = solid_tree(world)
         self._radius_m = vehicle.bounding_radius_m
         self._min_sphere_radius_m = min(sphere.radius_m for sphere in vehicle.contact_spheres)
-        self._remaining_m = 0.0
-        self._actors: Actors | None = None
-        self._actors_remaining_m = math.inf
-        self._approach_m = 0.0
-        if world.map.actors:
-            self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=tick_ns)
-            self._actors_remaining_m, self._approach_m = 0.0, self._actors.approach_m
+        self._enter(scene)
         self.start_ns = start.t_ns
         self._rotor_slice = slice(13, 13 + rotors)
         self._a_slice = slice(13 + rotors, 16 + rotors)
@@ -331,6 +320,33 @@ class QuadrotorPhysics:
             auxiliary_w=auxiliary_w,
             nominal_voltage_v=battery.nominal_voltage_v,
         )
+
+    def surround(self, scene: Scene) -> None:
+        """Fly in another scene from the next tick on; its gravity and friction must be the same. The state stays."""
+        warmstart = self._data.qacc_warmstart.copy()
+        self.scene = scene
+        self._enter(scene)
+        self._data.qacc_warmstart[:] = warmstart
+
+    def actors_changed(self) -> None:
+        """Forget how far the actors were, because one was put elsewhere."""
+        if self._actors is not None:
+            self._actors_remaining_m = 0.0
+
+    def _enter(self, scene: Scene) -> None:
+        """Make the model of contact with a scene."""
+        self._model = build_model(scene, self.vehicle, contact_step_s=self._tick_s / self.contact_substeps[self._hard])
+        self._data = mujoco.MjData(self._model)
+        self.attach(self._data)
+        world = load_world(scene)
+        self._solids = solid_tree(world)
+        self._remaining_m = 0.0
+        self._actors: Actors | None = None
+        self._actors_remaining_m = math.inf
+        self._approach_m = 0.0
+        if world.map.actors:
+            self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=self.tick_ns)
+            self._actors_remaining_m, self._approach_m = 0.0, self._actors.approach_m
 
     def switch_off(self) -> None:
         """Switch off everything but the rotors, so that a vehicle that only lies there does not empty its battery."""

@@ -110,6 +110,10 @@ class VehicleGroup:
             raise errors[0]
         return states
 
+    def forget_scene(self) -> None:
+        """Make the models of contact anew when they are needed, because the vehicles' scene was changed."""
+        self._joint.clear()
+
     def forget(self, name: str) -> None:
         """Forget the contacts of a vehicle that was placed elsewhere between two ticks; they are not reported."""
         index = self._names.index(name)

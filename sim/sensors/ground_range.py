@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Protocol
 
 import mujoco
 import numpy as np
 
 from signals._kernel import rotate_into_world
+from signals.rotation import matrix_of
 from signals.samples import TruthState, Vec3
 from sim._kernels import BoxScene
+from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -54,17 +57,34 @@ def rays_into(scene: Scene) -> Rays:
 
 
 class MapRays:
-    """Surfaces of a map; MuJoCo tests every geom."""
+    """Surfaces of a map; MuJoCo tests every geom. Actors are not there, except those of `posed`, after `pose`."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, posed: Sequence[Actor] = ()) -> None:
         model = self._model = copy.copy(world.model)
-        # Rays ignore group 5: invisible geoms, and actors, because they are not posed here.
-        model.geom_group[:] = np.where(world.geom_visible & (world.geom_actor < 0), 0, 5)
+        numbers = [next(i for i, actor in enumerate(world.map.actors) if actor is each) for each in posed]
+        is_static = world.geom_actor < 0
+        # Rays ignore group 5: invisible geoms, and actors that are not posed here.
+        model.geom_group[:] = np.where(world.geom_visible & (is_static | np.isin(world.geom_actor, numbers)), 0, 5)
         self._data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)
         self._groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)
         self._geom = np.zeros(1, np.int32)
         self._origin, self._direction = np.zeros(3), np.zeros(3)
+
+    def pose(self, actor: Actor, t_ns: int) -> None:
+        """Pose an actor of `posed`."""
+        n = len(actor.bodies)
+        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+        actor.pose(t_ns, p, q, v, w)
+        model, data = self._model, self._data
+        for name, p_WB, q_WB in zip(actor.bodies, p, q.tolist(), strict=True):
+            R_WB = np.array(matrix_of(q_WB)).reshape(3, 3)
+            body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+            first = int(model.body_geomadr[body])
+            for geom in range(first, first + int(model.body_geomnum[body])):
+                R_BG = np.array(matrix_of(model.geom_quat[geom].tolist())).reshape(3, 3)
+                data.geom_xpos[geom] = p_WB + R_WB @ model.geom_pos[geom]
+                data.geom_xmat[geom] = (R_WB @ R_BG).ravel()
 
     def ray_distance(self, origin_W: Vec3, direction_W: Vec3) -> float:
         self._origin[:], self._direction[:] = origin_W, direction_W

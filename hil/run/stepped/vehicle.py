@@ -12,6 +12,7 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics
 from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Scene
 
 Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 of the rotors until the next tick
 
@@ -68,6 +69,12 @@ class SteppedVehicle:
             model = self._contact_model = self._contact_model or self._make_physics()
             model.place(truth.p_WB, truth.q_WB)
         return model.touch(truth.t_ns)
+
+    def surround(self, scene: Scene) -> None:
+        """Put the vehicle, where it is, into another scene of the same gravity and friction."""
+        self._contact_model = None
+        if self.physics is not None:
+            self.physics.surround(scene)
 
     def reset(self) -> None:
         """Put the vehicle back to its start."""

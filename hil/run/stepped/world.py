@@ -128,6 +128,20 @@ class SteppedWorld:
             assert vehicle.physics is not None
             vehicle.physics.set_steady_wind(wind_W_mps)
 
+    def surround(self, scene: Scene) -> None:
+        """Put all vehicles, where they are, into another scene of the same gravity and friction."""
+        self.scene = scene
+        for vehicle in self.vehicles.values():
+            vehicle.surround(scene)
+        if self._group is not None:
+            self._group.forget_scene()
+
+    def actors_changed(self) -> None:
+        """Take notice that an actor of the scene was put elsewhere."""
+        for vehicle in self._flying:
+            assert vehicle.physics is not None
+            vehicle.physics.actors_changed()
+
     def forget_contacts(self, name: str) -> None:
         """Forget the contacts with other vehicles of one that was placed elsewhere."""
         if self._group is not None and self.vehicles[name].physics is not None:

@@ -369,7 +369,7 @@ class MapBuilder:
         """Return the map `base` with the assets, bodies and actors of this builder at its end."""
         return replace(
             base,
-            mjcf=_with_sections(base.mjcf, self._sections()),
+            mjcf=with_sections(base.mjcf, self._sections()),
             assets={**base.assets, **self._assets},
             surfaces={**base.surfaces, **self._materials},
             actors=(*base.actors, *self._actors),
@@ -399,7 +399,7 @@ class MapBuilder:
         )
 
 
-def _with_sections(mjcf: str, sections: str) -> str:
+def with_sections(mjcf: str, sections: str) -> str:
     """Return the text with `sections` at its end: MJCF allows a section twice, and no line number changes."""
     end = mjcf.rfind("</mujoco>")
     if end < 0:  # an empty element: <mujoco/>

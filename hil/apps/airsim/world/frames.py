@@ -7,6 +7,7 @@ from collections.abc import Callable
 from hil.run.stepped.world import SteppedWorld
 from sim.frame.source import SharedFrames
 from sim.physics.vehicle_bodies import with_vehicles
+from sim.scene.maps.scene_map import Actor
 from sim.scene.world import World
 from sim.world_loader import load_world
 
@@ -34,6 +35,11 @@ class Frames:
     def forget(self) -> None:
         """Build everything anew at the next use, after the scene or an object in it was changed."""
         self._source = None
+
+    def moved(self, actor: Actor) -> None:
+        """Take notice that an actor of the scene was put elsewhere."""
+        if self._source is not None:
+            self._source.moved(actor)
 
     def _present(self, vehicle: str) -> SharedFrames:
         vehicles = self._world.vehicles
