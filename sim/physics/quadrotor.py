@@ -116,7 +116,7 @@ class QuadrotorPhysics:
         rotors = len(vehicle.rotors)
         self.contact_substeps = steps.contact
         self._hard = False  # contact since a hard touch-down
-        tick_s = self._tick_s = steps.tick_s
+        self._tick_s = steps.tick_s
         wind = disturbances.wind if disturbances.wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._wind = WindAtVehicle(wind, seed=disturbances.seed, tick_ns=tick_ns)
         self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)

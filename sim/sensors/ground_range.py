@@ -10,10 +10,10 @@ import mujoco
 import numpy as np
 
 from signals._kernel import rotate_into_world
-from signals.rotation import matrix_of
 from signals.samples import TruthState, Vec3
 from sim._kernels import BoxScene
 from sim.scene.maps.scene_map import Actor
+from sim.scene.placed.geoms import pose_geoms
 from sim.scene.scene import Scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -73,18 +73,7 @@ class MapRays:
 
     def pose(self, actor: Actor, t_ns: int) -> None:
         """Pose an actor of `posed`."""
-        n = len(actor.bodies)
-        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
-        actor.pose(t_ns, p, q, v, w)
-        model, data = self._model, self._data
-        for name, p_WB, q_WB in zip(actor.bodies, p, q.tolist(), strict=True):
-            R_WB = np.array(matrix_of(q_WB)).reshape(3, 3)
-            body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-            first = int(model.body_geomadr[body])
-            for geom in range(first, first + int(model.body_geomnum[body])):
-                R_BG = np.array(matrix_of(model.geom_quat[geom].tolist())).reshape(3, 3)
-                data.geom_xpos[geom] = p_WB + R_WB @ model.geom_pos[geom]
-                data.geom_xmat[geom] = (R_WB @ R_BG).ravel()
+        pose_geoms(self._model, self._data, actor, t_ns)
 
     def ray_distance(self, origin_W: Vec3, direction_W: Vec3) -> float:
         self._origin[:], self._direction[:] = origin_W, direction_W

@@ -27,6 +27,7 @@ class ObjectActor(_kernels.PlacedVehicle):
     def __init__(self, name: str, bodies: Sequence[FixedBody], radius_m: float) -> None:
         """`radius_m`: of a sphere about the origin of the object's frame that encloses the object."""
         self.name = name
+        self.fixed = tuple(bodies)
         self.bodies = tuple(body.name for body in bodies)
         self.max_speed_mps = 0.0  # its pose changes in `put` alone
         others = bodies[1:]

@@ -19,10 +19,10 @@ from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_still_person
 from sim.scene.maps.plants.materials import plant_materials
 from sim.scene.maps.plants.trees import add_bush, add_tree
-from sim.scene.random_generator import RandomGenerator
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_street_lamp, furniture_materials
 from sim.scene.maps.vehicles.kinds import MODELS, add_vehicle
 from sim.scene.placed.template import Template, materials_of, template_of
+from sim.scene.random_generator import RandomGenerator
 
 _ORIGIN = (0.0, 0.0, 0.0)
 _GREY = (0.62, 0.62, 0.61)
@@ -109,10 +109,7 @@ _SHAPES: dict[str, Callable[[MapBuilder], None]] = {
     "1M_Cube_Chamfer": partial(_primitive, "box", _HALF),
 }
 _OBJECTS: dict[str, tuple[str, Callable[[MapBuilder], None]]] = {
-    **{
-        kind: (kind if kind in ("bicycle", "motorcycle") else "vehicle", partial(_vehicle, kind))
-        for kind in MODELS
-    },
+    **{kind: (kind if kind in ("bicycle", "motorcycle") else "vehicle", partial(_vehicle, kind)) for kind in MODELS},
     "person": ("person", partial(_person, 1.75, False)),
     "child": ("person", partial(_person, 1.25, False)),
     "soldier": ("person", partial(_person, 1.8, True)),

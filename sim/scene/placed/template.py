@@ -47,7 +47,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Materials:
-    """What a copy needs beside its geoms, if the world does not have it: elements of MJCF, their files and surfaces."""
+    """Materials of a copy, if the world does not have them: elements of MJCF, their files and surfaces."""
 
     prefix: str = ""  # of the names of materials
     elements: tuple[ET.Element, ...] = ()
@@ -167,7 +167,7 @@ def fixed_bodies(model: mujoco.MjModel, top: int) -> list[FixedBody] | None:
 
 def materials_of(scene_map: SceneMap, prefix: str) -> Materials:
     """Return all materials of a generated map, with their textures; `prefix` is put before all names."""
-    asset = ET.fromstring(scene_map.mjcf).find("asset")
+    asset = ET.fromstring(scene_map.mjcf).find("asset")  # noqa: S314 (own text)
     assert asset is not None
     elements, files = [], {}
     for element in asset:

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hil.apps.airsim.api import cameras, control, environment, images, labels, recording, sensors, session, state
+from hil.apps.airsim.api import (
+    cameras,
+    control,
+    environment,
+    images,
+    labels,
+    objects,
+    recording,
+    sensors,
+    session,
+    state,
+)
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.world.simulation import Simulation
 
@@ -18,6 +29,7 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     labels.methods,
     recording.methods,
     environment.methods,
+    objects.methods,
 )
 
 

@@ -11,7 +11,7 @@ _MOST_CHARACTERS = 200
 _NESTED = re.compile(r"[*+}]\??\)+[*+{?]|\\[1-9]|\(\?P=")  # such expressions may take years for one name
 
 
-def matching(pattern: str, names: Iterable[str]) -> list[str]:
+def matching(pattern: str, names: Iterable[str], flags: int = re.IGNORECASE) -> list[str]:
     """Return the names that a regular expression matches. Raises RpcError for one that is none or is too costly."""
     if len(pattern) > _MOST_CHARACTERS or _NESTED.search(pattern):
         raise RpcError(
@@ -19,7 +19,7 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
             "repeated group that holds a repetition, and no back reference"
         )
     try:
-        expression = re.compile(pattern, re.IGNORECASE)
+        expression = re.compile(pattern, flags)
     except (re.error, RecursionError, OverflowError) as error:
         raise RpcError(f"'{pattern[:60]}' is no regular expression: {error}") from None
     return [name for name in names if expression.fullmatch(name)]

@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -28,14 +27,12 @@ from sim.frame.source import VEHICLE_CLASS
 from sim.scene.maps.scene_map import Actor
 from sim.scene.placed.actor import FixedBody, ObjectActor
 from sim.scene.placed.assets import asset, asset_names
+from sim.scene.placed.geoms import way_to
 from sim.scene.placed.template import Materials, Template, fixed_bodies, template_of
 from sim.scene.placed.worlds import Added, with_objects
 from sim.scene.world import World
 from sim.sensors.ground_range import MapRays, Rays, rays_into
 from sim.world_loader import load_world
-
-if TYPE_CHECKING:
-    from hil.apps.airsim.world.frames import Frames
 
 MOST_SPAWNED = 1000
 _MOST_M = 50_000.0  # from the world's origin
@@ -72,7 +69,8 @@ class Objects:
         self._rays: Rays = rays_into(world.scene)
         self._numbers = 0  # of bodies of copies so far
         self.version = 0  # grows with every change
-        self.frames: Frames | None = None
+        self.on_moved: Callable[[Actor], None] = lambda _: None  # an actor of the present world was put elsewhere
+        self.on_new_world: Callable[[], None] = lambda: None
 
     @cached_property
     def _base(self) -> World:
@@ -132,6 +130,22 @@ class Objects:
         found.p_W, found.q_W = p_W, _unit(q_W)
         self._put(found)
         return True
+
+    def sweep(self, name: str, p_W: Vec3, q_W: Quat) -> bool:
+        """Move an object straight to a place, up to its first contact. Return False if it stays where it is."""
+        found = self.find(name)
+        if found is None or not self._can_move(found):
+            return False
+        _check_pose(p_W, q_W)
+        if found.actor is None:
+            self._loosen(found)
+            self._put(found)
+        assert found.actor is not None
+        start = found.p_W
+        found.p_W = way_to(self.present, found.actor, start, p_W, _unit(q_W), self._world.t_ns)
+        found.q_W = _unit(q_W)
+        self._put(found)
+        return found.p_W != start
 
     def rescale(self, name: str, scale: Vec3) -> bool:
         """Give an object another scale. Return False, and log the reason, if it cannot have one. Raises RpcError."""
@@ -274,8 +288,7 @@ class Objects:
         if isinstance(self._rays, MapRays):
             self._rays.pose(actor, self._world.t_ns)
         self._world.actors_changed()
-        if self.frames is not None:
-            self.frames.moved(actor)
+        self.on_moved(actor)
 
     # Use -------------------------------------------------------------------------------------------------------------
 
@@ -296,8 +309,7 @@ class Objects:
         for actor in actors:
             rays.pose(actor, self._world.t_ns)
         self._rays = rays
-        if self.frames is not None:
-            self.frames.forget()
+        self.on_new_world()
 
     @property
     def present(self) -> World:

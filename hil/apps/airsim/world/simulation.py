@@ -15,6 +15,7 @@ from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
+from hil.apps.airsim.world.objects import Objects
 from hil.apps.airsim.world.radars import Radars
 from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
@@ -29,7 +30,6 @@ from signals.units import RAD_PER_DEG
 from sim.physics.flight_start import FlightStart
 from sim.physics.start_overlap import overlapping_starts
 from sim.physics.vehicle import Vehicle
-from sim.sensors.ground_range import rays_into
 
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
@@ -62,14 +62,14 @@ class Simulation:
         self.earth = Earth(settings.origin, self.frame)
         self.epoch_ns = CALLS_EPOCH_NS
         self.world = SteppedWorld(self.scene, TICK_NS, seed=self._seed, wind=config.wind)
-        self.frames = Frames(self.world)
+        self.objects = Objects(self.world, log)
+        self.frames = Frames(self.world, self.objects)
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
         self.surroundings.take_settings(settings, self.epoch_ns)
         self.cameras = Cameras(
             settings, self.world, self.frames, self.surroundings, world_frame=self.frame, find_drone=self.drone
         )
-        self._rays = rays_into(self.scene)
         o = settings.origin
         place = {"latitude_deg": o.latitude_deg, "longitude_deg": o.longitude_deg, "altitude_m": o.altitude_m}
         self._site = self.scene.site.model_copy(update=place)
@@ -152,6 +152,7 @@ class Simulation:
     def step(self) -> None:
         """Advance by one tick."""
         world = self.world
+        self.objects.settle()
         world.step()
         for departure in world.take_departures():
             self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
@@ -197,7 +198,7 @@ class Simulation:
         if self.flies:
             flight = self._flight(name, vehicle, rig, origin)
             vehicle.pilot = self._pilot(name, flight)
-        sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self._rays, tick_ns=TICK_NS)
+        sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self.objects, tick_ns=TICK_NS)
         drone = Drone(name, settings, vehicle, origin, flight, sensors)
         drone.history.append(vehicle.truth)
         drone.touching = vehicle.truth.in_contact
@@ -284,8 +285,8 @@ class Simulation:
         return FlightStart(p_WB=(x, y, z), yaw_rad=yaw_rad)
 
     def ground_below(self, p_W: Vec3) -> float | None:
-        """Return the height in W of the static scene below a point; None if there is nothing."""
-        distance_m = self._rays.ray_distance(p_W, (0.0, 0.0, -1.0))
+        """Return the height in W of the scene below a point; None if there is nothing."""
+        distance_m = self.objects.ray_distance(p_W, (0.0, 0.0, -1.0))
         return None if distance_m < 0.0 else p_W[2] - distance_m
 
     def reset(self) -> None:
