@@ -35,7 +35,8 @@ TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
 CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` begin here, so that they repeat
 _SETTLED_M = 1e-3  # a vehicle that stands this near the place in its settings is at 0, 0, 0
-_GROUND_SEARCH_M = 2.0  # a vehicle that starts within this height of the ground stands on it
+_GROUND_SEARCH_M = 3.0  # a vehicle that starts within this height of the ground stands on it
+_NEAR_BY_M = ((0.0, 0.0), *((a * m, b * m) for m in (1.0, 2.0) for a, b in ((0, 1), (1, 0), (0, -1), (-1, 0))))
 
 RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
 
@@ -180,7 +181,17 @@ class Simulation:
         """Add a vehicle that a client asked for. Raises RpcError."""
         if settings.name in self.drones:
             raise RpcError(f"there is a vehicle '{settings.name}' already; choose another name")
-        return self._add(settings.name, settings)
+        return self._add(settings.name, self._beside_others(settings))
+
+    def _beside_others(self, settings: VehicleSettings) -> VehicleSettings:
+        """Return the settings with a place near by if the vehicle would start inside another one, as AirSim does."""
+        x, y, z = settings.position_m
+        for north_m, east_m in _NEAR_BY_M:
+            moved = replace(settings, position_m=(x + north_m, y + east_m, z))
+            new = {settings.name: (self.model, self._start(moved, self.model))}
+            if not any(overlapping_starts(self.scene, {name: taken, **new}) for name, taken in self._starts.items()):
+                return moved
+        return settings
 
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
         rig = self._rig_of(name, settings.kind) if self.flies else None

@@ -185,6 +185,10 @@ def test_a_client_may_add_a_vehicle() -> None:
         assert position(client, "") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         with pytest.raises(RpcFailed, match="there is a vehicle 'New' already"):
             client.call("simAddVehicle", "New", "simpleflight", pose(5.0, 1.0, 0.0), "")
+        client.call("simAddVehicle", "Near", "simpleflight", pose(0.0, 0.0, 0.0), "")  # where SimpleFlight stands
+        assert position(client, "Near") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+        assert xyz(client.call("simGetVehiclePose", "Near")["position"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+        assert not client.call("simGetCollisionInfo", "Near")["has_collided"]
 
 
 def test_a_vehicle_stands_on_the_ground_below_its_start() -> None:
@@ -193,11 +197,13 @@ def test_a_vehicle_stands_on_the_ground_below_its_start() -> None:
         "SimMode": "Multirotor",
         "Vehicles": {
             "Low": {"VehicleType": "SimpleFlight", "Z": -1},
+            "Usual": {"VehicleType": "SimpleFlight", "X": -5, "Z": -2},
             "High": {"VehicleType": "SimpleFlight", "X": 5, "Z": -30},
         },
     }
     with served(json.dumps(settings)) as world:
         client = world.client()
+        assert position(client, "Usual") == pytest.approx((0.0, 0.0, 2.0), abs=1e-4)
         assert position(client, "Low") == pytest.approx((0.0, 0.0, 1.0), abs=1e-4)
         assert state(client, "Low")["landed_state"] == 0
         assert position(client, "High") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
