@@ -177,6 +177,7 @@ def _report(choice: Choice, simulation: Simulation, server: RpcServer, wall_s: f
         "clients": server.clients,
         "repeatable": choice.clock == "calls" and not any(d.settings.kind in RIGS for d in simulation.drones.values()),
         "calls": dict(sorted(table.calls.items())),
+        "drawings": dict(sorted(simulation.surroundings.drawn.items())),
         "unknown": dict(sorted(table.unknown.items())),
         "digest": server.digest.hexdigest() if server.digest is not None else None,
     }

@@ -34,7 +34,6 @@ def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     sim = simulation
     around = sim.surroundings
-    told: set[str] = set()  # kinds of drawings that were logged
 
     def set_wind(wind: Vector) -> None:
         if not all(abs(component) <= _MOST_WIND_MPS for component in wind):
@@ -73,10 +72,9 @@ def methods(simulation: Simulation) -> list[Method]:
     def draw(kind: str, content: tuple[Any, ...], colour: list[float], size: float, *rest: Any) -> None:
         duration_s, persistent = rest
         end_ns = None if persistent or duration_s < 0.0 else sim.world.t_ns + round(min(duration_s, 1e9) * NS_PER_S)
-        if kind not in told:
-            told.add(kind)
+        if kind not in around.drawn:
             sim.log(f"drawings of the kind {kind} are kept, and shown in no picture")
-        around.draw(Drawing(kind, content, tuple(colour), size, end_ns, persistent), sim.world.t_ns)
+        around.draw(Drawing(kind, content, tuple(colour), size, end_ns), sim.world.t_ns)
 
     def plotted(kind: str, name: str, size: str, default: float) -> Method:
         def call(points: list[Vector], colour: list[float], scale: float, duration: float, stays: bool) -> None:

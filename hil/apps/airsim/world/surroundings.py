@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
@@ -20,8 +21,7 @@ class Drawing(NamedTuple):
     content: tuple[Any, ...]
     colour: tuple[float, ...]
     size: float
-    end_ns: int | None  # simulated time at which it disappears; None: it stays
-    persistent: bool  # stays until simFlushPersistentMarkers
+    end_ns: int | None  # simulated time at which it disappears; None: it stays until simFlushPersistentMarkers
 
 
 @dataclass
@@ -36,6 +36,7 @@ class Surroundings:
     move_sun: bool = True
     update_ns: int = 60 * NS_PER_S
     drawings: list[Drawing] = field(default_factory=list)
+    drawn: Counter[str] = field(default_factory=Counter)  # drawings so far, by kind
     version: int = 0
 
     def take_settings(self, settings: AirSimSettings, epoch_ns: int) -> None:
@@ -51,7 +52,8 @@ class Surroundings:
         """Add a drawing; those that are over, and the oldest of too many, are dropped."""
         kept = [each for each in self.drawings if each.end_ns is None or each.end_ns > t_ns]
         self.drawings = [*kept[-MOST_DRAWINGS + 1 :], drawing]
+        self.drawn[drawing.kind] += 1
 
     def flush_persistent(self) -> None:
         """Remove the drawings that would stay."""
-        self.drawings = [drawing for drawing in self.drawings if not drawing.persistent]
+        self.drawings = [drawing for drawing in self.drawings if drawing.end_ns is not None]

@@ -47,6 +47,7 @@ def test_a_signal_ends_it_and_the_report_is_written(tmp_path: Path, number: int)
         client = Client(port)
         client.call("enableApiControl", True, "")
         client.call("takeoff", 20.0, "")
+        client.call("simPlotPoints", [{"x_val": 1.0, "y_val": 0.0, "z_val": 0.0}])
         running = client.send("moveToPosition", 1000.0, 0.0, -5.0, 1.0)
         process.send_signal(number)
         rest, _ = process.communicate(timeout=30)
@@ -56,6 +57,7 @@ def test_a_signal_ends_it_and_the_report_is_written(tmp_path: Path, number: int)
     report = json.loads((tmp_path / "airsim.json").read_text())
     assert report["calls"]["takeoff"] == 1
     assert report["sim_s"] > 4.0
+    assert report["drawings"] == {"points": 1}
     assert report["clock"] == "calls"
     assert len(report["digest"]) == 64
     assert str(tmp_path) in rest.replace("\n", "")
