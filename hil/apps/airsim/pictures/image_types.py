@@ -37,7 +37,6 @@ NAMES = (
 _CHANNEL = ("rgb", "depth", "range", "depth", "depth", "instance", "normal", "instance")
 _SKY_M = np.float32(65504.0)
 _BASE_M, _WHITE_M = 0.25, 100.0
-_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
 
 class Taken(NamedTuple):
@@ -89,7 +88,7 @@ def _colours(image_type: int, taken: Taken) -> NDArray[np.uint8]:
 
 def png(rgb: NDArray[np.uint8]) -> bytes:
     """Return a PNG with four channels, as AirSim's have."""
-    done, data = cv2.imencode(".png", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGRA), _PNG)
+    done, data = cv2.imencode(".png", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGRA))
     if not done:
         raise RpcError("the picture cannot be written as PNG")
     return bytes(data)
