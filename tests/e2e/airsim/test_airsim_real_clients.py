@@ -39,7 +39,7 @@ SETTINGS: dict[str, Any] = {
 }
 VISION = {"SettingsVersion": 1.2, "SimMode": "ComputerVision"}
 PACKAGES = tuple(REQUIREMENTS)
-SCRIPTS = ("fly", "path", "lidar", "pause", "reset", "wind", "teleport", "images")
+SCRIPTS = ("fly", "path", "lidar", "pause", "reset", "wind", "teleport", "images", "several", "objects")
 
 
 @pytest.fixture(scope="module", params=PACKAGES)
