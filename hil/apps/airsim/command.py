@@ -9,6 +9,7 @@ import hashlib
 import ipaddress
 import json
 import signal
+import struct
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -60,7 +61,9 @@ class TruthDigest:
 
     def _add(self, world: Any) -> None:
         for vehicle in world.vehicles.values():
-            self._hash.update(repr(vehicle.truth).encode())
+            t = vehicle.truth
+            state = (*t.p_WB, *t.q_WB, *t.v_WB_W, *t.w_WB_B, *t.a_WB_W, *t.alpha_WB_B, *t.rotor_speed_radps)
+            self._hash.update(struct.pack(f"<q{len(state)}d?", t.t_ns, *state, t.in_contact))
 
     def hexdigest(self) -> str:
         """Return the digest so far."""
