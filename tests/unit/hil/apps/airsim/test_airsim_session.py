@@ -261,10 +261,13 @@ def test_others_are_served_during_a_move(client: Client, world: Served) -> None:
 def test_a_client_that_dies_in_a_move_disturbs_nobody(client: Client, world: Served) -> None:
     dying = world.client()
     dying.call("ping")
+    before = world.server.methods.calls.get("simContinueForTime", 0)
     client.call("simPause", True)
     dying.send("takeoff", 20.0, "A")
     dying.send("simContinueForTime", 0.1)
     dying.close()
+    while world.server.methods.calls.get("simContinueForTime", 0) == before:  # it pauses the world when it is over
+        client.call("ping")
     client.call("simPause", False)
     assert client.call("moveByVelocity", 0.0, 0.0, -1.0, 2.0, 0, STRAIGHT, "A") in (True, False)
     assert client.call("ping") is True
