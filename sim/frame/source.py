@@ -108,6 +108,7 @@ class SharedFrames:
         self.classes = Classes(world.class_names, world.class_colours)
         self._threads = threads
         self._to_close: list[Callable[[], None]] = []
+        self._number_of = {id(actor): number for number, actor in enumerate(world.map.actors)}
         self._actors = {actor.name: (number, actor) for number, actor in enumerate(world.map.actors)}
 
     def place(self, vehicle: str, truth: TruthState) -> None:
@@ -124,7 +125,7 @@ class SharedFrames:
 
     def moved(self, actor: Any) -> None:
         """Take notice that an actor of the world was put elsewhere."""
-        self.geometry.forget(next(i for i, each in enumerate(self.world.map.actors) if each is actor))
+        self.geometry.forget(self._number_of[id(actor)])
 
     def seen_by(self, vehicle: str) -> SharedFrames:
         """Return the source for the sensors of a vehicle: the same geometry without the vehicle itself."""

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from signals.samples import Vec3
 from signals.time import NS_PER_S
+from sim.scene.maps.scene_map import Actor
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]
@@ -50,6 +51,12 @@ class Actors:
             pose = (np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3)))
             self._poses.append((np.array(solid, np.int64), *pose))
         self._is_near = [True] * len(self._actors)
+        self._is_parked = [False] * len(self._actors)
+        # Actors that rest: their bounds change in `changed` alone.
+        self._still = [index for index, actor in enumerate(self._actors) if actor.max_speed_mps == 0.0]
+        self._moving = [index for index, actor in enumerate(self._actors) if actor.max_speed_mps != 0.0]
+        self._still_row = {id(self._actors[index]): row for row, index in enumerate(self._still)}
+        self._still_bound: Float64 | None = None  # centre and radius of each
         self.posed = 0  # poses that were computed
         tick_s = tick_ns / NS_PER_S
         self._radius_and_margin_m = radius_m + _SPEED_LIMIT_MPS * tick_s + _SLACK_M
@@ -67,7 +74,16 @@ class Actors:
         """Return the smallest gap, and mark the actors that a vehicle travelling `travelled_m` may touch as near."""
         min_gap_m = math.inf
         x, y, z = p_WB
-        for index, actor in enumerate(self._actors):
+        if self._still:
+            bound = self._bounds(t_ns)
+            offset = np.array(p_WB) - bound[:, :3]
+            squares = offset * offset
+            gaps = np.sqrt((squares[:, 0] + squares[:, 1]) + squares[:, 2]) - bound[:, 3] - self._radius_and_margin_m
+            for index, is_near in zip(self._still, (~(travelled_m < gaps)).tolist(), strict=True):
+                self._is_near[index] = is_near
+            min_gap_m = float(gaps.min())
+        for index in self._moving:
+            actor = self._actors[index]
             (cx, cy, cz), radius_m = actor.bound(t_ns)
             dx, dy, dz = x - cx, y - cy, z - cz
             gap_m = math.sqrt(dx * dx + dy * dy + dz * dz) - radius_m - self._radius_and_margin_m
@@ -85,16 +101,32 @@ class Actors:
         for index, is_near in enumerate(self._is_near):
             if is_near:
                 self._pose(index, t_ns)
-            else:
+            elif not self._is_parked[index]:
                 rows = self._rows[index]
                 self._position[rows] = self._parked[rows]
+                self._is_parked[index] = True
 
     def park_all(self) -> None:
         """Park all actors."""
         self._position[:] = self._parked
+        self._is_parked = [True] * len(self._actors)
+
+    def changed(self, actor: Actor, t_ns: int) -> None:
+        """Take notice that an actor that rests was put elsewhere."""
+        row = self._still_row.get(id(actor))
+        if row is not None and self._still_bound is not None:
+            centre_W, radius_m = actor.bound(t_ns)
+            self._still_bound[row] = (*centre_W, radius_m)
+
+    def _bounds(self, t_ns: int) -> Float64:
+        if self._still_bound is None:
+            bounds = [self._actors[index].bound(t_ns) for index in self._still]
+            self._still_bound = np.array([(*centre_W, radius_m) for centre_W, radius_m in bounds])
+        return self._still_bound
 
     def _pose(self, index: int, t_ns: int) -> None:
         self.posed += 1
+        self._is_parked[index] = False
         solid, p_WB, q_WB, v_WB_W, w_WB_W = self._poses[index]
         self._actors[index].pose(t_ns, p_WB, q_WB, v_WB_W, w_WB_W)
         rows = self._rows[index]

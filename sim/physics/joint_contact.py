@@ -21,6 +21,7 @@ from sim.physics.actors import Actors
 from sim.physics.contact_model import ROTOR_HALF_THICKNESS_M, build_model, soften_contact
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle
+from sim.scene.maps.scene_map import Actor
 from sim.world_loader import load_world
 
 _OUT_OF_RANGE_MPS = 400.0  # twice the speed limit of the model
@@ -71,6 +72,11 @@ class JointContact:
         )
         spheres = [sphere.radius_m for vehicle in vehicles for sphere in vehicle.contact_spheres]
         self._query_m = min(2.0 * ROTOR_HALF_THICKNESS_M, *spheres)
+
+    def actor_changed(self, actor: Actor, t_ns: int) -> None:
+        """Take notice that an actor that rests was put elsewhere at `t_ns`."""
+        if self._actors is not None:
+            self._actors.changed(actor, t_ns)
 
     def touch(self, members: Sequence[QuadrotorPhysics]) -> bool:
         """Return True if any two members touch each other on their ways since the last tick."""

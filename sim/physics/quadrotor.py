@@ -47,6 +47,7 @@ from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import BatteryState, Effects, Vehicle, rigid_body
+from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_tree
 from sim.scene.wind import GustEvent, Wind, WindAtVehicle
@@ -328,9 +329,10 @@ class QuadrotorPhysics:
         self._enter(scene)
         self._data.qacc_warmstart[:] = warmstart
 
-    def actors_changed(self) -> None:
-        """Forget how far the actors were, because one was put elsewhere."""
+    def actor_changed(self, actor: Actor, t_ns: int) -> None:
+        """Take notice that an actor that rests was put elsewhere at `t_ns`."""
         if self._actors is not None:
+            self._actors.changed(actor, t_ns)
             self._actors_remaining_m = 0.0
 
     def _enter(self, scene: Scene) -> None:

@@ -30,6 +30,7 @@ from sim._kernels import near_pairs, write_downwash
 from sim.physics.joint_contact import JointContact, Outcome, Touch, reach_m
 from sim.physics.quadrotor import HARD_LANDING_MPS, QuadrotorPhysics
 from sim.physics.vehicle import Vehicle
+from sim.scene.maps.scene_map import Actor
 
 IMPACT_NS = 20 * NS_PER_MS  # a longer contact is a rest: only this much of its impulse is counted
 _CALM_MPS = 0.1  # a hard contact ends when every vehicle is slower
@@ -109,6 +110,13 @@ class VehicleGroup:
         if errors:  # the tick of the other vehicles is complete
             raise errors[0]
         return states
+
+    def actor_changed(self, actor: Actor, t_ns: int) -> None:
+        """Take notice that an actor that rests was put elsewhere at `t_ns`."""
+        for vehicle in self._vehicles:
+            vehicle.actor_changed(actor, t_ns)
+        for _, joint in self._joint:
+            joint.actor_changed(actor, t_ns)
 
     def forget_scene(self) -> None:
         """Make the models of contact anew when they are needed, because the vehicles' scene was changed."""

@@ -61,7 +61,8 @@ class MapRays:
 
     def __init__(self, world: World, posed: Sequence[Actor] = ()) -> None:
         model = self._model = copy.copy(world.model)
-        numbers = [next(i for i, actor in enumerate(world.map.actors) if actor is each) for each in posed]
+        wanted = {id(actor) for actor in posed}
+        numbers = [i for i, actor in enumerate(world.map.actors) if id(actor) in wanted]
         is_static = world.geom_actor < 0
         # Rays ignore group 5: invisible geoms, and actors that are not posed here.
         model.geom_group[:] = np.where(world.geom_visible & (is_static | np.isin(world.geom_actor, numbers)), 0, 5)

@@ -12,6 +12,7 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics
 from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
+from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 
 Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 of the rotors until the next tick
@@ -75,6 +76,11 @@ class SteppedVehicle:
         self._contact_model = None
         if self.physics is not None:
             self.physics.surround(scene)
+
+    def actor_changed(self, actor: Actor, t_ns: int) -> None:
+        """Take notice, in the model of a vehicle without physics, that an actor was put elsewhere."""
+        if self._contact_model is not None:
+            self._contact_model.actor_changed(actor, t_ns)
 
     def reset(self) -> None:
         """Put the vehicle back to its start."""

@@ -20,6 +20,7 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Effects, Vehicle
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
+from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 from sim.scene.wind import Wind
 
@@ -136,11 +137,12 @@ class SteppedWorld:
         if self._group is not None:
             self._group.forget_scene()
 
-    def actors_changed(self) -> None:
-        """Take notice that an actor of the scene was put elsewhere."""
-        for vehicle in self._flying:
-            assert vehicle.physics is not None
-            vehicle.physics.actors_changed()
+    def actor_changed(self, actor: Actor) -> None:
+        """Take notice that an actor of the scene that rests was put elsewhere."""
+        if self._group is not None:
+            self._group.actor_changed(actor, self.t_ns)
+        for vehicle in self.vehicles.values():
+            vehicle.actor_changed(actor, self.t_ns)
 
     def forget_contacts(self, name: str) -> None:
         """Forget the contacts with other vehicles of one that was placed elsewhere."""

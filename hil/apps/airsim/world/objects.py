@@ -17,6 +17,7 @@ from functools import cached_property
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.run.stepped.world import SteppedWorld
@@ -38,6 +39,8 @@ MOST_SPAWNED = 1000
 _MOST_M = 50_000.0  # from the world's origin
 _SCALES = (1e-3, 1e3)
 _MOST_NAME = 200
+_NEAR_M = 3.0  # farther than a vehicle can move in a tick
+_RESERVED = f"{VEHICLE_CLASS}:"
 _ONE: Vec3 = (1.0, 1.0, 1.0)
 
 
@@ -65,8 +68,11 @@ class Objects:
         self._moved: dict[str, ObjectActor] = {}  # of objects of the scene, by name
         self._copies: list[Added] = []
         self._changed = False  # the world must be made anew
+        self._present_actors: set[int] = set()  # by identity, of the world that was made last
         self._now: World | None = None  # None: nothing was changed yet
         self._rays: Rays = rays_into(world.scene)
+        self._unfelt: dict[str, tuple[float, ...]] = {}  # spheres around what the vehicles' world lacks or has too much
+        self._spheres: NDArray[np.float64] | None = None  # these, (n, 4)
         self._numbers = 0  # of bodies of copies so far
         self.version = 0  # grows with every change
         self.on_moved: Callable[[Actor], None] = lambda _: None  # an actor of the present world was put elsewhere
@@ -177,6 +183,8 @@ class Objects:
         _check_scale(scale)
         if len(name) > _MOST_NAME:
             raise RpcError(f"the name of an object has at most {_MOST_NAME} characters, not {len(name)}")
+        if name.startswith(_RESERVED):
+            raise RpcError(f"names that begin with {_RESERVED} are those of vehicles; choose another name")
         if sum(each.spawned for each in self._known.values()) >= MOST_SPAWNED:
             raise RpcError(f"there are {MOST_SPAWNED} spawned objects, as many as there may be; destroy some first")
         template = self._template(asset_name)
@@ -252,6 +260,8 @@ class Objects:
         template = template_of(found.name, "object", model, found.body, Materials())
         radius_m = template.radius_m(_ONE) if template is not None else float(model.stat.extent)
         found.actor = self._moved[found.name] = ObjectActor(found.name, bodies, radius_m)
+        self._unfelt[f"place of {found.name}"] = (*found.p_W, radius_m)
+        self._spheres = None
         self._changed = True
 
     def _copy(self, name: str, template: Template, scale: Vec3) -> Added:
@@ -283,11 +293,14 @@ class Objects:
         """Tell all who know the world that an actor was put elsewhere."""
         self.version += 1
         now = self._now
-        if now is None or not any(each is actor for each in now.map.actors):
-            return  # it is new
+        if now is None or id(actor) not in self._present_actors:
+            centre_W, radius_m = actor.bound(self._world.t_ns)
+            self._unfelt[actor.bodies[0]] = (*centre_W, radius_m)
+            self._spheres = None
+            return
         if isinstance(self._rays, MapRays):
             self._rays.pose(actor, self._world.t_ns)
-        self._world.actors_changed()
+        self._world.actor_changed(actor)
         self.on_moved(actor)
 
     # Use -------------------------------------------------------------------------------------------------------------
@@ -297,6 +310,8 @@ class Objects:
         if not self._changed:
             return
         self._changed = False
+        self._unfelt.clear()
+        self._spheres = None
         moved = list(self._moved.values())
         try:
             now = with_objects(self._base, moved, self._copies)
@@ -305,11 +320,25 @@ class Objects:
         self._now = now
         self._world.surround(now.scene)
         actors = [*moved, *(each.actor for each in self._copies)]
+        self._present_actors = {id(actor) for actor in actors}
         rays = MapRays(now, actors)
         for actor in actors:
             rays.pose(actor, self._world.t_ns)
         self._rays = rays
         self.on_new_world()
+
+    def settle_near(self) -> None:
+        """Make the world anew if a vehicle could touch something of what was changed within a tick."""
+        if not self._changed:
+            return
+        if self._spheres is None:
+            self._spheres = np.array(list(self._unfelt.values())).reshape(-1, 4)
+        centres, radii = self._spheres[:, :3], self._spheres[:, 3]
+        for vehicle in self._world.vehicles.values():
+            gap = np.sqrt(((centres - vehicle.truth.p_WB) ** 2).sum(axis=1)) - radii
+            if np.any(gap < vehicle.vehicle.bounding_radius_m + _NEAR_M):
+                self.settle()
+                return
 
     @property
     def present(self) -> World:
@@ -321,11 +350,6 @@ class Objects:
         """Return the distance [m] along a unit vector to the nearest surface, vehicles left out; -1 for none."""
         self.settle()
         return self._rays.ray_distance(origin_W, direction_W)
-
-
-def shown_name(instance: str) -> str:
-    """Return the name under which clients know an instance of the world that cameras see."""
-    return instance.removeprefix(f"{VEHICLE_CLASS}:")
 
 
 def _check_pose(p_W: Vec3, q_W: Quat) -> None:

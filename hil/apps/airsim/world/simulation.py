@@ -153,7 +153,7 @@ class Simulation:
     def step(self) -> None:
         """Advance by one tick."""
         world = self.world
-        self.objects.settle()
+        self.objects.settle_near()
         world.step()
         for departure in world.take_departures():
             self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
@@ -312,6 +312,7 @@ class Simulation:
     def placed(self, drone: Drone, *, collides: bool = False) -> None:
         """Take notice that a vehicle was put elsewhere; without physics, find what it touches there."""
         drone.touching = False
+        self.objects.settle_near()
         if drone.flight is not None:
             drone.flight.moved()
         elif (

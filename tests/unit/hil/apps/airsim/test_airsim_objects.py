@@ -249,6 +249,7 @@ def test_every_kind_of_asset_is_seen(client: Client, asset: str) -> None:
         (("simSpawnObject", "spawned", "Cube", pose(1e9, 0, 0), vector(1, 1, 1), False), "outside the world"),
         (("simSpawnObject", "x" * 500, "Cube", pose(0, 0, 0), vector(1, 1, 1), False), "at most 200 characters"),
         (("simSpawnObject", "spawned", "Cube", pose(0, 0, 0), vector(1, 1, 1), False, True), "no blueprints"),
+        (("simSpawnObject", "drone:A", "Cube", pose(0, 0, 0), vector(1, 1, 1), False), "are those of vehicles"),
         (("simSetObjectScale", "OrangeBall", vector(-1, 1, 1)), "from 0.001 to 1000"),
         (("simSetObjectScale", "OrangeBall", vector(math.inf, 1, 1)), "not finite"),
         (("simSetObjectPose", "OrangeBall", pose(math.nan, 0, 0), True), "expected a finite number"),
@@ -289,6 +290,19 @@ def test_there_is_a_limit_of_spawned_objects(client: Client, monkeypatch: pytest
         spawn(client, f"spawned_{i}", "Cube", pose(40.0, 2.0 * i, -20.0))
     with pytest.raises(RpcFailed, match="there are 4 spawned objects"):
         spawn(client, "spawned_last", "Cube", pose(0.0, 0.0, -20.0))
+
+
+def test_far_changes_cost_a_vehicle_nothing_until_it_comes_near(client: Client, blocks: Served) -> None:
+    world = blocks.simulation.world
+    client.call("simContinueForTime", 0.1)
+    before = world.scene
+    name = spawn(client, "spawned_far", "Cube", pose(30.0, 0.0, -20.0))
+    client.call("simContinueForTime", 0.1)
+    assert world.scene is before
+    client.call("simSetObjectPose", name, pose(1.5, 0.0, 0.0), True)
+    client.call("simContinueForTime", 0.1)
+    assert world.scene is not before
+    assert name in world.scene.file.cache["world"].instance_names
 
 
 def test_a_voxel_grid_holds_the_ground_and_what_stands_on_it(client: Client, tmp_path: Path) -> None:
