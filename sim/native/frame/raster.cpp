@@ -219,7 +219,9 @@ private:
         }
         ++counts_.geoms;
         d.x0 = rect.x0, d.x1 = rect.x1, d.y0 = rect.y0, d.y1 = rect.y1;
-        d.t_min_bound = options_.occlusion_culling ? static_cast<float>(nearest) : -1e30f;
+        // Above the bounds of all boxes around the geom, by more than their rounding.
+        const double bound = std::max(-1e30, nearest);
+        d.t_min_bound = static_cast<float>(bound + 1e-6 * (1.0 + std::fabs(bound)));
         set_up(g, local, d);
         const std::int32_t *packets = nullptr;
         std::size_t count = 0;

@@ -61,7 +61,7 @@ struct DrawnGeom {
     float o[3];    // camera origin in local
     float half[3];
     float radius;
-    float t_min_bound;         // lower bound of t over the geom
+    float t_min_bound;         // lower bound of t over the geom; a hit that rounding puts before it is moved to it
     std::int32_t x0, x1, y0, y1;  // blocks it may touch, ends excluded
     float cone[4];             // table: cone of its bounding sphere, axis in C and cosine of the half angle; < -1: all
     // Velocity, relative to the camera, that its rigid body would have at the camera's origin if it extended to there.

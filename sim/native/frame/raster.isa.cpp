@@ -110,14 +110,14 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
         if constexpr (S == Shape::kCylinder) t = ray_cylinder(o, d, g.radius, g.half[2], near);
         if constexpr (S == Shape::kEllipsoid) t = ray_ellipsoid(o, d, near);
         if constexpr (S == Shape::kPlane) t = ray_plane(o, d, g.half, near);
-        keep(buffer, block, t, g.geom);
+        keep(buffer, block, max(splat<F>(g.t_min_bound), t), g.geom);  // NaN: no hit
     });
 }
 
 struct Packet {  // 16 triangles in the camera frame, ready to be drawn one by one
     float edge[3][3][16], n[3][16], volume[16];  // edge functions of each triangle
     std::int32_t x0[16], x1[16], y0[16], y1[16];  // blocks whose pixels they may hold, ends included
-    float nearest[16];
+    float nearest[16];  // lower bound of t
     float middle[3][16], reach[16];                                    // bounding spheres
 };
 
@@ -155,11 +155,15 @@ HIL_INLINE I covers_one_of_four(const Vec<F> *e, const RayTable &rays, int width
 template <Projection P>
 HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near_t, int width, int height,
                             const float *packed, Packet &packet) {
-    Vec<F> v[3];
+    Vec<F> v[3], low, high;  // bounds relative to the camera, in the frame of the geom
     I some = splat<I>(-1);
     for (int corner = 0; corner < 3; ++corner) {
         const float *from = packed + 48 * corner;
         const F x = load<F>(from) - g.o[0], y = load<F>(from + 16) - g.o[1], z = load<F>(from + 32) - g.o[2];
+        if constexpr (P == Projection::kTable) {
+            low = corner == 0 ? Vec<F>{x, y, z} : Vec<F>{min(low.x, x), min(low.y, y), min(low.z, z)};
+            high = corner == 0 ? Vec<F>{x, y, z} : Vec<F>{max(high.x, x), max(high.y, y), max(high.z, z)};
+        }
         v[corner] = {x * g.m[0] + y * g.m[3] + z * g.m[6], x * g.m[1] + y * g.m[4] + z * g.m[7],
                      x * g.m[2] + y * g.m[5] + z * g.m[8]};
     }
@@ -181,7 +185,8 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
         }
         store3(packet.middle, middle);
         store(packet.reach, sqrt(reach2));
-        store(packet.nearest, splat<F>(0));
+        const Vec<F> outside{max(max(low.x, -high.x), zero), max(max(low.y, -high.y), zero), max(max(low.z, -high.z), zero)};
+        store(packet.nearest, sqrt(dot(outside, outside)) * 0.99999f);
     } else {
         // A margin of 1/64 pixel covers rays that hit slightly beyond an edge by rounding. A triangle that extends
         // behind the camera is clipped at z = near.
@@ -220,7 +225,7 @@ HIL_INLINE unsigned prepare(const DrawnGeom &g, const RayTable &rays, float near
         store(packet.x1, shift_right(truncate(right), 2));
         store(packet.y0, shift_right(truncate(top), 2));
         store(packet.y1, shift_right(truncate(bottom), 2));
-        store(packet.nearest, select(z_low > splat<F>(0), z_low * 0.99999f, splat<F>(-far)));
+        store(packet.nearest, z_low - 1e-5f * abs(z_low));
     }
     // Edge functions (shapes.hpp). For parallel rays: signed areas of (p, vb, vc) etc. in the image plane.
     const auto edge = [](const Vec<F> &b, const Vec<F> &c) {
@@ -316,7 +321,7 @@ HIL_INLINE void take_few(const DrawnGeom &g, const RayTable &rays, const Visibil
     }
 }
 
-// Returns false if no ray passes through the box, `pad` wider on every side, before what is drawn.
+// Returns false if no ray passes through the box, `pad` wider on every side, in a pixel where the geom may be nearest.
 HIL_INLINE bool may_show(const DrawnGeom &g, const FewRays &few, const Aabb &box, float pad) {
     float lo[3], hi[3];
     for (int i = 0; i < 3; ++i) lo[i] = box.lo[i] - pad - g.o[i], hi[i] = box.hi[i] + pad - g.o[i];
@@ -325,7 +330,7 @@ HIL_INLINE bool may_show(const DrawnGeom &g, const FewRays &few, const Aabb &box
         const F az = few.per_z[i] * lo[2], bz = few.per_z[i] * hi[2];
         const F enter = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), splat<F>(0)));
         const F leave = min(min(max(ax, bx), max(ay, by)), max(az, bz));
-        if (any((enter <= leave) & (enter < few.t[i]))) return true;
+        if (any((enter <= leave) & (splat<F>(g.t_min_bound) <= few.t[i]))) return true;
     }
     return false;
 }
@@ -368,7 +373,7 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
             const int triangle = 16 * packets[k] + lane;
             if (triangle >= triangles) break;
             int x0 = g.x0, x1 = g.x1, row0 = y0, row1 = y1;
-            float nearest = g.t_min_bound;
+            const float nearest = packet.nearest[lane] > g.t_min_bound ? packet.nearest[lane] : g.t_min_bound;
             if constexpr (P == Projection::kTable) {
                 const float *mx = packet.middle[0], *my = packet.middle[1], *mz = packet.middle[2];
                 const float distance2 = mx[lane] * mx[lane] + my[lane] * my[lane] + mz[lane] * mz[lane];
@@ -379,7 +384,6 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                     part.cone[1] = my[lane] / distance;
                     part.cone[2] = mz[lane] / distance;
                     part.cone[3] = __builtin_sqrtf(1.0f - sine * sine);
-                    nearest = nearest > distance - reach ? nearest : distance - reach;
                 } else {
                     part.cone[3] = -2.0f;
                 }
@@ -388,7 +392,6 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                 x1 = x1 < packet.x1[lane] + 1 ? x1 : packet.x1[lane] + 1;
                 row0 = row0 > packet.y0[lane] ? row0 : packet.y0[lane];
                 row1 = row1 < packet.y1[lane] + 1 ? row1 : packet.y1[lane] + 1;
-                nearest = nearest > packet.nearest[lane] ? nearest : packet.nearest[lane];
             }
             const auto one = [&](const float (*e)[16], const Block &b) {
                 if constexpr (P == Projection::kTable) return b.x * e[0][lane] + b.y * e[1][lane] + b.z * e[2][lane];
@@ -414,7 +417,9 @@ void draw_mesh(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &buffe
                         under = one(packet.n, b);
                     }
                     const F at = over / under;
-                    const F t = select(in & (under != zero) & (at >= near), at, inf);
+                    // A triangle that is long for its distance, or seen edge-on, gets hits before all of its points by
+                    // rounding. At its bound they are the same whatever was skipped.
+                    const F t = select(in & (under != zero) & (at >= near), max(at, splat<F>(nearest)), inf);
                     float *const ts = buffer.t.data() + 16 * b.index;
                     std::int32_t *const ids = buffer.geom.data() + 16 * b.index;
                     std::int32_t *const parts = buffer.triangle.data() + 16 * b.index;

@@ -15,6 +15,8 @@ double reach(const double *axis, const double *half) {
 
 double with_margin(double t) { return t - 1e-5 * std::fabs(t) - 1e-5; }
 
+double sum_of_sizes(const double *v) { return std::fabs(v[0]) + std::fabs(v[1]) + std::fabs(v[2]); }
+
 void transposed_times(const double *R, const double *v, double *to) {
     for (int i = 0; i < 3; ++i) to[i] = R[i] * v[0] + R[3 + i] * v[1] + R[6 + i] * v[2];
 }
@@ -107,8 +109,14 @@ bool View::outside(const double *centre, const double *half) const {
 
 double View::nearest(const double *centre, const double *half) const {
     const double c[3] = {centre[0] - p[0], centre[1] - p[1], centre[2] - p[2]};
-    if (projection == Projection::kTable) return with_margin(std::sqrt(dot(c, c)) - std::sqrt(dot(half, half)));
-    return with_margin(dot(axis[2], c) - reach(axis[2], half));
+    // Rounding of the vertices that the float kernels bring into C: 2^-24 of each coordinate for each of some operations.
+    const double rounding = 1e-6 * (sum_of_sizes(c) + sum_of_sizes(half)) + 2e-7 * sum_of_sizes(p);
+    if (projection == Projection::kTable) {
+        double outside[3];  // to the box itself, not to a sphere around it: smaller boxes within it are not nearer
+        for (int i = 0; i < 3; ++i) outside[i] = std::max(std::fabs(c[i]) - half[i], 0.0);
+        return with_margin(std::sqrt(dot(outside, outside))) - rounding;
+    }
+    return with_margin(dot(axis[2], c) - reach(axis[2], half)) - rounding;
 }
 
 bool View::pixels(const double *centre, const double *half, PixelRect &rect) const {

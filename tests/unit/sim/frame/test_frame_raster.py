@@ -216,6 +216,34 @@ def test_leaving_out_the_backs_of_meshes_changes_no_bit(wound: str) -> None:
         assert np.array_equal(depths(made, z_m, backs=True), depths(made, z_m, backs=False)), z_m
 
 
+@pytest.mark.parametrize("lens", ["pinhole", "table"])
+def test_a_triangle_of_kilometres_is_hidden_by_a_wall_before_it(lens: str) -> None:
+    # All of it is more than 10.6 m away, but rounding of its far corner gives hits from 6.0 m on.
+    far = np.array(
+        [[8452.25, -8749.073, 73008.93], [-3.8728821, 1.1025521, 10.643814], [-2.176363, -2.403555, 10.94445]]
+    )
+    geometry, scenery = Geometry(), Scenery()
+    mesh = geometry.add_mesh(far.astype(np.float32), np.array([[0, 1, 2]], np.int32), None, None)
+    identity = (1.0, 0, 0, 0, 1, 0, 0, 0, 1)
+    geometry.add_geom(7, (1.0, 1, 1), (0.0, 0, 0), identity, mesh, False, True, 1, 1, 1)
+    geometry.add_geom(6, (50.0, 50, 0.1), (0.0, 0, 9), identity, -1, False, True, 1, 1, 1)
+    geometry.finish()
+    for _ in range(2):
+        scenery.add_geom((0.5, 0.5, 0.5), 0.0, -1, 1.0, 1.0, False)
+    model = CameraModel(16, 16, 16.0, 16.0, 8.0, 8.0)
+    table = np.ascontiguousarray(model.rays(), np.float64)
+    camera = (
+        Picture(geometry, scenery, table)
+        if lens == "table"
+        else Picture(geometry, scenery, 16, 16, 16.0, 16.0, 8.0, 8.0)
+    )
+    light = FrameRenderer(FrameGeometry(load_world(load_scene("airfield"))), CAMERA)._light
+    for occlusion in (True, False):
+        out = {"geom": np.zeros((16, 16), np.int32)}
+        camera.take((0.0, 0, 0), identity, (0.0, 0, 0), light, None, out, 0.05, 1e6, True, occlusion, True, 0, 16, 1)
+        assert (out["geom"] == 1).all(), f"occlusion {occlusion}"
+
+
 def test_geometry_refuses_what_would_break_it() -> None:
     geometry, scenery = native(CUBE, CUBE_FACES)
     index, one, rotation = np.zeros(1, np.int32), np.zeros((1, 3)), np.eye(3)[None].copy()
