@@ -165,7 +165,7 @@ class Objects:
         if template is None:
             base = self._base
             class_name = base.class_names[int(base.geom_class[int(base.model.body_geomadr[found.body])])]
-            template = template_of(f"scaled:{name}", class_name, base.model, found.body, Materials())
+            template = template_of(f"body_{found.body}", class_name, base.model, found.body, Materials())
             if template is None:
                 self._log(f"{name} holds a height field and keeps its scale")
                 return False
@@ -230,7 +230,7 @@ class Objects:
             return None
         base = self._base
         class_name = base.class_names[int(base.geom_class[int(base.model.body_geomadr[found.body])])]
-        return template_of(f"scaled:{name}", class_name, base.model, found.body, Materials())
+        return template_of(f"body_{found.body}", class_name, base.model, found.body, Materials())
 
     def _free_name(self, name: str) -> str:
         """Return a name that no object has, as AirSim does: with the greatest number of similar names, plus 1."""
@@ -317,8 +317,10 @@ class Objects:
             now = with_objects(self._base, moved, self._copies)
         except HilError as error:
             raise RpcError(f"the world with its objects cannot be made: {error}") from None
-        self._now = now
+        before, self._now = self._now, now
         self._world.surround(now.scene)
+        if before is not None:
+            before.scene.file.cache.clear()  # it holds the world, and the world the scene
         actors = [*moved, *(each.actor for each in self._copies)]
         self._present_actors = {id(actor) for actor in actors}
         rays = MapRays(now, actors)
