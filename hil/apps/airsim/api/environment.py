@@ -20,7 +20,7 @@ from hil.apps.airsim.rpc.arguments import (
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.world.simulation import Simulation
-from hil.apps.airsim.world.surroundings import ENABLED, Drawing
+from hil.apps.airsim.world.surroundings import ENABLED, SUMMER_TIME, Drawing
 from signals.frames import ned_from_enu
 from signals.time import NS_PER_S
 
@@ -53,7 +53,7 @@ def methods(simulation: Simulation) -> list[Method]:
             around.weather[parameter] = value
         around.version += 1
 
-    def set_time(enabled: bool, start: str, dst: bool, speed: float, interval: float, move_sun: bool) -> None:  # noqa: ARG001
+    def set_time(enabled: bool, start: str, dst: bool, speed: float, interval: float, move_sun: bool) -> None:
         if not enabled:
             around.clock = None
         else:
@@ -61,7 +61,8 @@ def methods(simulation: Simulation) -> list[Method]:
                 clock = datetime.strptime(start, _FORMAT).replace(tzinfo=UTC) if start else None
             except ValueError:
                 raise RpcError(f"'{start}' is no date and time; write it as 2018-02-12 15:20:00") from None
-            around.clock = clock or datetime.fromtimestamp(sim.now_ns / NS_PER_S, UTC)
+            clock = clock or datetime.fromtimestamp(sim.now_ns / NS_PER_S, UTC)
+            around.clock = clock - SUMMER_TIME if dst else clock
             around.clock_t_ns, around.clock_speed, around.move_sun = sim.world.t_ns, speed, move_sun
             around.update_ns = max(1, round(max(interval, 0.0) * NS_PER_S))
         around.version += 1

@@ -159,11 +159,6 @@ class Reader:
             self.problem(key, f"must hold at most {MAX_ENTRIES} entries, not {len(value)}")
         return [Reader(self.report, (*self.place, key, i), item) for i, item in enumerate(value[:MAX_ENTRIES])]
 
-    def numbers(self, key: str, low: float, high: float) -> dict[str, float]:
-        """Return an object of numbers by name."""
-        group = self.child(key)
-        return {} if group is None else {name: group.number(name, 0.0, low, high) for name in sorted(group._data)}
-
     def without_meaning(self, *keys: str) -> None:
         """Name keys that AirSim reads and that change nothing here; the report tells those that are given, once."""
         self._known.update(dict.fromkeys(keys))

@@ -116,6 +116,8 @@ def read_settings(text: str, source: str) -> AirSimSettings:
         text,
     )
     _check_recording(root, settings)
+    if settings.clock_type == "ScalableClock":
+        root.note("ClockType", "has no meaning here", "choose with --clock")
     if settings.external_force_n != (0.0, 0.0, 0.0):
         root.note("ExternalForce", "is not simulated and left out")
     root.without_meaning(*_WITHOUT_MEANING)

@@ -36,8 +36,6 @@ class Segmentation:
     """Ids of the objects at the start: of all objects (`random_ids`), or none."""
 
     random_ids: bool = True
-    override_existing: bool = False
-    by_mesh_name: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,10 +116,9 @@ def read_segmentation(root: Reader) -> Segmentation:
     if reader is None:
         return Segmentation(random_ids)
     method = reader.choice("InitMethod", "CommonObjectsRandomIDs", ("CommonObjectsRandomIDs", "None"), any_case=True)
-    naming = reader.choice("MeshNamingMethod", "OwnerName", ("OwnerName", "StaticMeshName"), any_case=True)
-    override = reader.flag("OverrideExisting", True)
+    reader.without_meaning("MeshNamingMethod", "OverrideExisting")
     reader.close("SegmentationSettings")
-    return Segmentation(random_ids and method != "None", override, naming == "StaticMeshName")
+    return Segmentation(random_ids and method != "None")
 
 
 def read_recording(root: Reader) -> Recording:

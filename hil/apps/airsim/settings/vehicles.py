@@ -20,27 +20,13 @@ _TYPES: Mapping[str, tuple[VehicleType, ...]] = {
 }
 # Other types of AirSim and Cosys-AirSim.
 _OTHERS = ("PhysXCar", "ArduRover", "ArduCopterSolo", "BoxCar", "CPHusky", "Pioneer")
-_PORT = (1, 65535)
-
-
-@dataclass(frozen=True)
-class MavLink:
-    """Connection of a vehicle with an own autopilot."""
-
-    use_serial: bool = True
-    serial_port: str = "*"
-    baud: int = 115200
-    udp_ip: str = "127.0.0.1"
-    udp_port: int = 14560
-    use_tcp: bool = False
-    tcp_port: int = 4560
-    lockstep: bool = True
-    control_ip: str = "127.0.0.1"
-    control_port_local: int = 14540
-    control_port_remote: int = 14580
-    local_host_ip: str = "127.0.0.1"
-    model: str = "Generic"
-    parameters: Mapping[str, float] = field(default_factory=dict)
+# The bench connects the autopilots.
+_CONNECTION = (
+    "UseSerial", "SerialPort", "SerialBaudRate", "UdpIp", "UdpPort", "UseTcp", "TcpPort", "LockStep", "Lockstep",
+    "ControlIp", "ControlPort", "ControlPortLocal", "ControlPortRemote", "SitlIp", "SitlPort", "LocalHostIp", "Model",
+    "LogViewerHostIp", "LogViewerPort", "LogViewerSendPort", "QgcHostIp", "QgcPort", "Logs", "OffboardCompID",
+    "OffboardSysID", "SimCompID", "SimSysID", "VehicleCompID", "VehicleSysID",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -57,7 +43,6 @@ class Vehicle:
     first_person: bool = False  # the vehicle that a call without a name means
     cameras: Mapping[str, Camera] = field(default_factory=dict)
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
-    mavlink: MavLink | None = None
 
 
 @dataclass(frozen=True)
@@ -122,6 +107,11 @@ def _read_vehicle(name: str, kind: VehicleType, reader: Reader, defaults: Vehicl
     state = reader.choice("DefaultVehicleState", "Armed", ("Armed", "Disarmed", "Inactive", "Active", "Unknown"))
     pass_through = reader.flag("EnableCollisionPassthrogh", reader.flag("EnableCollisionPassthrough", False))
     reader.without_meaning("PawnPath", "RC", "AllowAPIAlways", "EnableTrace", "Lights", "DebugSymbolScale")
+    reader.without_meaning(*_CONNECTION)
+    if kind not in ("PX4Multirotor", "ArduCopter"):
+        reader.without_meaning("Parameters")
+    elif reader.child("Parameters") is not None:
+        reader.note("Parameters", "is left out", "give these parameters to the bench, as autopilot.params")
     multirotor = defaults.sim_mode == "Multirotor"
     return Vehicle(
         name,
@@ -134,40 +124,4 @@ def _read_vehicle(name: str, kind: VehicleType, reader: Reader, defaults: Vehicl
         reader.flag("IsFpvVehicle", False),
         read_cameras(reader, defaults.camera),
         read_sensors(reader, "Sensors", defaults.sensors, multirotor=multirotor, noisy_imu=defaults.noisy_imu),
-        _read_mavlink(reader, kind),
-    )
-
-
-def _read_mavlink(reader: Reader, kind: VehicleType) -> MavLink | None:
-    reader.without_meaning(
-        "LogViewerHostIp", "LogViewerPort", "LogViewerSendPort", "QgcHostIp", "QgcPort", "Logs", "OffboardCompID",
-        "OffboardSysID", "SimCompID", "SimSysID", "VehicleCompID", "VehicleSysID",
-    )  # fmt: skip
-    if kind not in ("PX4Multirotor", "ArduCopter"):
-        reader.without_meaning(
-            "UseSerial", "SerialPort", "SerialBaudRate", "UdpIp", "UdpPort", "UseTcp", "TcpPort", "LockStep",
-            "Lockstep", "ControlIp", "ControlPort", "ControlPortLocal", "ControlPortRemote", "SitlIp", "SitlPort",
-            "LocalHostIp", "Model", "Parameters",
-        )  # fmt: skip
-        return None
-    default = MavLink()
-    # Older keys first: the newer one wins where both are given.
-    local = reader.whole("ControlPort", default.control_port_local, *_PORT)
-    local = reader.whole("ControlPortLocal", reader.whole("SitlPort", local, *_PORT), *_PORT)
-    return MavLink(
-        use_serial=reader.flag("UseSerial", default.use_serial),
-        serial_port=reader.text("SerialPort", default.serial_port),
-        baud=reader.whole("SerialBaudRate", default.baud, 300, 12_000_000),
-        udp_ip=reader.text("UdpIp", default.udp_ip),
-        udp_port=reader.whole("UdpPort", default.udp_port, *_PORT),
-        use_tcp=reader.flag("UseTcp", default.use_tcp),
-        tcp_port=reader.whole("TcpPort", default.tcp_port, *_PORT),
-        # AirSim's documentation writes Lockstep, its code reads LockStep.
-        lockstep=reader.flag("LockStep", reader.flag("Lockstep", default.lockstep)),
-        control_ip=reader.text("ControlIp", reader.text("SitlIp", default.control_ip)),
-        control_port_local=local,
-        control_port_remote=reader.whole("ControlPortRemote", default.control_port_remote, *_PORT),
-        local_host_ip=reader.text("LocalHostIp", default.local_host_ip),
-        model=reader.text("Model", default.model),
-        parameters=reader.numbers("Parameters", -1e9, 1e9),
     )

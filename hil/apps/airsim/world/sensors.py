@@ -204,6 +204,8 @@ class SensorSuite:
                 )
             )
             fix = _FIX_3D if eph <= settings.eph_min_3d_m else _FIX_2D if eph <= settings.eph_min_2d_m else _NO_FIX
+            if t_ns < round(settings.startup_s * NS_PER_S):
+                fix = _NO_FIX
             self._last[name] = (seq, GpsFix(truth, eph, epv, fix))
         found: GpsFix = self._last[name][1]
         return found

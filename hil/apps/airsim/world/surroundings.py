@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 from hil.apps.airsim.settings.settings import AirSimSettings
@@ -12,6 +12,7 @@ from signals.time import NS_PER_S
 
 RAIN, ROAD_WETNESS, SNOW, ROAD_SNOW, MAPLE_LEAF, ROAD_LEAF, DUST, FOG, ENABLED = range(9)
 MOST_DRAWINGS = 1000
+SUMMER_TIME = timedelta(hours=1)
 
 
 class Drawing(NamedTuple):
@@ -44,7 +45,8 @@ class Surroundings:
         day = settings.time_of_day
         if day.enabled:
             start = day.start if day.start is not None else datetime.fromtimestamp(epoch_ns / NS_PER_S, UTC)
-            self.clock = start if start.tzinfo is not None else start.replace(tzinfo=UTC)
+            start = start if start.tzinfo is not None else start.replace(tzinfo=UTC)
+            self.clock = start - SUMMER_TIME if day.daylight_saving else start
             self.clock_speed, self.move_sun = day.clock_speed, day.move_sun
             self.update_ns = max(1, round(day.update_interval_s * NS_PER_S))
 

@@ -8,6 +8,7 @@ import math
 import resource
 import time
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -613,6 +614,8 @@ def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None
         client.call("simSetWeatherParameter", 1, 7.0)
     with pytest.raises(RpcFailed, match="expected WeatherParameter"):
         client.call("simSetWeatherParameter", 12, 0.5)
+    client.call("simSetTimeOfDay", True, "2018-07-12 15:20:00", True, 1.0, 60.0, True)
+    assert around.clock == datetime(2018, 7, 12, 14, 20, tzinfo=UTC)  # summer time
     client.call("simSetTimeOfDay", False)
     assert around.clock is None
 

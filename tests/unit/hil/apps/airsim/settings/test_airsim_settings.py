@@ -85,8 +85,9 @@ def test_vehicles_cameras_and_sensors() -> None:
     # The vehicle's own GPS, though it is off, replaces the default one.
     assert list(zulu.sensors) == ["Front", "Pos", "barometer", "imu", "magnetometer"]
     assert zulu.sensors["Pos"] == Gps(enabled=False)
-    assert alpha.mavlink is not None
-    assert (alpha.mavlink.use_serial, alpha.mavlink.parameters) == (False, {"A": 1.0, "B": 2.5})
+    assert alpha.kind == "PX4Multirotor"
+    assert any("UseSerial" in note for note in settings.notes)
+    assert any("Parameters is left out" in note and "autopilot.params" in note for note in settings.notes)
     assert settings.added_vehicle("Later").sensors == settings.added.sensors
 
 
