@@ -40,6 +40,14 @@ def test_random_scenes_neither_crash_nor_write_out_of_bounds(fuzz_frame: Path) -
 
 @pytest.mark.slow
 @pytest.mark.timeout(1500)
+def test_hits_that_rounding_puts_before_a_triangle_are_culled_exactly(fuzz_frame: Path) -> None:
+    """Scene 77306 has a triangle from 12 m to 100 km that a table of rays met at 4.9 m."""
+    ran = subprocess.run([str(fuzz_frame), "seed", "77306"], capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, (ran.stdout + ran.stderr)[-6000:]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1500)
 def test_the_picture_of_sixteen_million_pixels(fuzz_frame: Path) -> None:
     """Seed 7 and every 500th after it take one of 4096 x 4096."""
     ran = subprocess.run([str(fuzz_frame), "seed", "507"], capture_output=True, text=True, check=False)

@@ -4,7 +4,8 @@
 // intersected with the shape itself (shapes.hpp), 16 pixels at a time. Geoms are drawn nearest first. A block of 4 x 4
 // pixels stores its farthest depth, so that hidden geoms and whole branches of the tree are skipped block by block.
 //
-// A pixel sees the hit with the smallest t; with equal t, the one with the smaller geom index, then triangle index.
+// A pixel sees the hit with the smallest t; with equal t, the one with the smaller geom index, then triangle index. A hit
+// that rounding puts before the lower bound of its geom or triangle counts at the bound.
 // This depends only on the pixel's ray and the geoms, so the picture does not depend on the order of drawing, on
 // culling, on the number of threads (each draws its own rows) or on the instruction set.
 //

@@ -128,7 +128,8 @@ HIL_INLINE void store3(float (*to)[16], const Vec<F> &v) {
 }
 
 // Mask of the triangles that may cover the centre of pixel (left, top) or of its right, lower or diagonal neighbour. The
-// limit is far above the rounding of the edge functions.
+// limit is far above the rounding of the edge functions. No setting turns this off: a triangle that covers no centre draws
+// nothing.
 HIL_INLINE I covers_one_of_four(const Vec<F> *e, const RayTable &rays, int width, int height, const F &left, const F &top) {
     const auto farther = [](float a, float b) { return a > b ? a : b; };
     const float step_x = 1.0f / rays.fx, step_y = 1.0f / rays.fy;
