@@ -78,7 +78,11 @@ def test_bound_holds_everything(walker: Walker) -> None:
     assert radius < 0.75 * walker.figure.height_m  # and little more
 
 
-@pytest.mark.parametrize("generator", sorted(GENERATORS))
+# Every other scene has people.
+DESERTED = {"airsim_nh", "blocks", "landscape_mountains"}
+
+
+@pytest.mark.parametrize("generator", sorted(GENERATORS.keys() - DESERTED))
 def test_nobody_is_faster_than_it_says(generator: str) -> None:
     # What physics relies on when it asks only now and then where people are.
     chosen = GENERATORS[generator]

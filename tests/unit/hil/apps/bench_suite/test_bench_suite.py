@@ -21,5 +21,5 @@ def test_a_part_that_was_not_run_is_not_blamed_on_quick() -> None:
 
 
 def test_an_unknown_benchmark_names_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match="use one of: dash"):
+    with pytest.raises(ConfigError, match="use one of: airsim, dash"):
         suite.run_benchmark("nonsense", json=None, quick=True, console=Console(quiet=True))
