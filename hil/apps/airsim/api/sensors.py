@@ -14,7 +14,8 @@ from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.sensors import ned_points
 from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import ned_from_enu, q_NF_from_q_WB
-from signals.time import NS_PER_MS
+
+_NS_PER_US = 1000
 
 
 def _found(drone: Drone, kind: type, what: str, name: str) -> str:
@@ -65,7 +66,7 @@ def methods(simulation: Simulation) -> list[Method]:
                 "epv": fix.epv_m,
                 "velocity": Vector(*ned_from_enu(fix.truth.v_WB_W)),
                 "fix_type": fix.fix_type,
-                "time_utc": (sim.epoch_ns + fix.truth.t_ns) // NS_PER_MS,
+                "time_utc": (sim.epoch_ns + fix.truth.t_ns) // _NS_PER_US,
             },
             "is_valid": True,
         }

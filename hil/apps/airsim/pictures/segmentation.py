@@ -1,7 +1,8 @@
 """Segmentation ids of the objects, and the colours that pictures show for them.
 
-At the start the id of an object is the sum of the letters of its name, modulo 255 (a = 97, upper case as lower case,
-digits and underscores left out), so that Cone_1 and Cone_2 have the same id. An id of -1 hides the object. For
+At the start the id of an object is 5 plus the sum of the letters of its name, modulo 256 (a = 97, upper case as lower
+case, digits and underscores left out), so that Cone_1 and Cone_2 have the same id; names that begin with default_ have
+the id 0. Source: InitializeObjectStencilID in AirSim's AirBlueprintLib.h. An id of -1 hides the object. For
 Cosys-AirSim every object has an id of its own: its place in the list of all objects.
 """
 
@@ -22,7 +23,10 @@ _MOST_ID, _MOST_INSTANCE = 255, 50_000
 
 def initial_id(name: str) -> int:
     """Return the id that AirSim gives an object of this name at the start."""
-    return sum(code for code in name.lower().encode("utf-8", "replace") if code >= ord("a")) % 255
+    letters = name.lower()
+    if letters.startswith("default_"):
+        return 0
+    return (5 + sum(code for code in letters.encode("utf-8", "replace") if code >= ord("a"))) % 256
 
 
 class Segmentation:

@@ -128,10 +128,18 @@ def test_types_of_one_view_agree(client: Client) -> None:
         assert response["image_data_uint8"] == one(client, "0", kind, annotation_name="")["image_data_uint8"]
 
 
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [("a", 102), ("Cone_1", 170), ("Cone_2", 170), ("zz", 249), ("kzz", 100), ("Default_Sky", 0), ("7", 5)],
+)
+def test_initial_ids_are_those_of_airsim(name: str, number: int) -> None:
+    assert initial_id(name) == number  # by hand from AirBlueprintLib.h: hash = 5 + letters, then % 256
+
+
 def test_segmentation_ids_and_their_colours(client: Client) -> None:
     place(client, 0.0, 0.0, -20.0)
     ground = client.call("simGetSegmentationObjectID", "ground")
-    assert ground == initial_id("ground") == sum(map(ord, "ground")) % 255
+    assert ground == initial_id("ground") == 148
     found = pixels(one(client, "3", SEGMENTATION))[24, 32]
     assert found[::-1].tolist() == AIRSIM_COLOURS[ground].tolist()
     assert client.call("simSetSegmentationObjectID", "GROUND", 20) is False

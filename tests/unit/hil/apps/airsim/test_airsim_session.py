@@ -497,8 +497,10 @@ def test_gps_is_late_and_becomes_accurate() -> None:
         client.call("simContinueForTime", 0.1)
         assert client.call("getGpsData")["gnss"]["geo_point"]["altitude"] == pytest.approx(122.0, abs=0.01)
         client.call("simContinueForTime", 3.9)
-        gnss = client.call("getGpsData")["gnss"]
+        data = client.call("getGpsData")
+        gnss = data["gnss"]
         assert gnss["fix_type"] == 3
+        assert gnss["time_utc"] == (data["time_stamp"] - 200_000_000) // 1000  # microseconds, as in GpsSimple.hpp
         assert gnss["eph"] == pytest.approx(0.1 + 99.9 * math.exp(-3.8 / 0.9), rel=0.05)
         falling = xyz(client.call("simGetGroundTruthKinematics")["linear_velocity"])[2]
         assert 0.0 < xyz(gnss["velocity"])[2] < falling
