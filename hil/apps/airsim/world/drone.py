@@ -44,6 +44,7 @@ class Drone:
     sensors: SensorSuite
     collision: Collision = Collision()
     touching: bool = False
+    touched: str = ""  # name of the object of the last contact
     trace_line: tuple[tuple[float, ...], float] | None = None  # colour and thickness
     history: deque[TruthState] = field(default_factory=lambda: deque(maxlen=HISTORY_TICKS))
 
@@ -52,7 +53,7 @@ class Drone:
         self.vehicle.reset()
         self.history.clear()
         self.history.append(self.vehicle.truth)
-        self.collision, self.touching = Collision(), self.vehicle.truth.in_contact
+        self.collision, self.touching, self.touched = Collision(), self.vehicle.truth.in_contact, ""
         if self.flight is not None:
             self.flight.reset()
             self.flight.landed = self.touching

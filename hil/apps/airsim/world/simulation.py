@@ -24,10 +24,12 @@ from hil.run.stepped.vehicle import Pilot, SteppedVehicle
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import ConfigError, LinkError, Problem
 from signals.frames import ned_from_enu
+from signals.rotation import norm
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.physics.flight_start import FlightStart
+from sim.physics.scene_contact import SceneContact
 from sim.physics.start_overlap import overlapping_starts
 from sim.physics.vehicle import Vehicle
 
@@ -39,6 +41,9 @@ _GROUND_SEARCH_M = 3.0  # a vehicle that starts within this height of the ground
 _NEAR_BY_M = ((0.0, 0.0), *((a * m, b * m) for m in (1.0, 2.0) for a, b in ((0, 1), (1, 0), (0, -1), (-1, 0))))
 
 RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
+
+_RESTING_MPS = 0.1  # FastPhysicsEngine::kRestingVelocityMax
+_LEAST_UPWARD = 0.7  # z of a normal of a surface that a vehicle can stand on
 
 Log = Callable[[str], None]
 Rigs = Callable[[str], Bench]
@@ -161,7 +166,7 @@ class Simulation:
         for drone in self.drones.values():
             truth = drone.vehicle.truth
             drone.history.append(truth)
-            if truth.in_contact != drone.touching:
+            if truth.in_contact or drone.touching:
                 self._touch(drone)
             if drone.flight is not None:
                 try:
@@ -311,7 +316,7 @@ class Simulation:
 
     def placed(self, drone: Drone, *, collides: bool = False) -> None:
         """Take notice that a vehicle was put elsewhere; without physics, find what it touches there."""
-        drone.touching = False
+        drone.touching, drone.touched = False, ""
         self.objects.settle_near()
         if drone.flight is not None:
             drone.flight.moved()
@@ -333,12 +338,24 @@ class Simulation:
     # Collisions ------------------------------------------------------------------------------------------------------
 
     def _touch(self, drone: Drone) -> None:
-        """Keep a contact of a vehicle with the scene that begins. To stand on the ground at the start is none."""
-        truth, physics = drone.vehicle.truth, drone.vehicle.physics
-        drone.touching = truth.in_contact
-        contact = physics.contact() if truth.in_contact and physics is not None else None
-        if contact is not None:
+        """Keep a contact of a vehicle with the scene that begins, goes on or meets another object.
+
+        Standing on something, and leaving something, is no collision.
+        """
+        truth, physics, flight = drone.vehicle.truth, drone.vehicle.physics, drone.flight
+        begins, drone.touching = not drone.touching, truth.in_contact
+        if not truth.in_contact:
+            drone.touched = ""
+        if not truth.in_contact or physics is None:
+            return
+        if not begins and flight is not None and flight.landed and norm(truth.v_WB_W) <= _RESTING_MPS:
+            return  # without a look at the contacts, because vehicles stand for a long time
+        contact = physics.contact()
+        if contact is None:
+            return
+        if begins or _collides(truth, contact) or drone.touched not in ("", contact.name):
             drone.collide(contact)
+        drone.touched = contact.name
 
     def _meet(self) -> None:
         for contact in self.world.take_contacts():
@@ -349,3 +366,14 @@ class Simulation:
                 length = sum(x * x for x in away) ** 0.5 or 1.0
                 normal = (away[0] / length, away[1] / length, away[2] / length)
                 drone.collision = Collision(contact.t_ns, other, contact.point_W, normal, p_W)
+
+
+def _collides(truth: TruthState, contact: SceneContact) -> bool:
+    """Return True for a contact in which a vehicle neither stands nor leaves."""
+    vx, vy, vz = truth.v_WB_W
+    nx, ny, nz = contact.normal_W
+    away_mps = vx * nx + vy * ny + vz * nz
+    if away_mps > _RESTING_MPS:
+        return False
+    along_mps = norm((vx - away_mps * nx, vy - away_mps * ny, vz - away_mps * nz))
+    return nz < _LEAST_UPWARD or away_mps < -_RESTING_MPS or along_mps > _RESTING_MPS

@@ -689,6 +689,32 @@ def test_a_collision_names_the_object_and_its_id() -> None:
         assert client.call("simGetCollisionInfo", "")["object_id"] == -1
 
 
+def test_a_vehicle_that_pushes_a_wall_collides_again_and_again() -> None:
+    settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor"}
+    with served(json.dumps(settings), scene="blocks") as world:
+        client = world.client()
+        name = "TemplateCube_Rounded_7"
+        x, y, z = load_world(world.simulation.scene).model.body(name).pos.tolist()
+        north, east, down = world.simulation.drone("").origin.from_W((x, y - 8.0, z + 5.0))
+        client.call("enableApiControl", True, "")
+        client.call("simSetVehiclePose", pose(north, east, down), True, "")
+        push = client.send("moveByVelocity", 2.0, 0.0, 0.0, 8.0, 0, STRAIGHT, "")
+        client.call("simContinueForTime", 5.0)
+        for _ in range(3):
+            collision = client.call("simGetCollisionInfo", "")
+            assert (collision["has_collided"], collision["object_name"]) == (True, name)
+            client.call("simContinueForTime", 0.5)
+        client.call("simPause", False)
+        client.join(push)
+
+
+def test_a_vehicle_that_stands_or_takes_off_does_not_collide(client: Client) -> None:
+    client.call("simContinueForTime", 0.5)
+    client.call("simPause", False)
+    take_off(client)
+    assert client.call("simGetCollisionInfo", "A")["has_collided"] is False
+
+
 def test_without_collisions_a_vehicle_stands_at_its_start_and_passes_through_everything_later() -> None:
     vehicle = {"VehicleType": "SimpleFlight", "EnableCollisions": False}
     settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": vehicle}}
