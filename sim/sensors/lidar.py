@@ -108,6 +108,7 @@ class Lidar(InstalledSensor):
             if part.start != part.stop:
                 self._cast(rays, i, motion, self._middle_ns(i, len(rays.parts), t_ns))
         self._frames.expect(t_ns)
+        self._measured = rays, seq
         cloud = self._receiver.measure(
             self._echoes(),
             seq,
@@ -126,6 +127,18 @@ class Lidar(InstalledSensor):
             q_WL,
             *cloud,
         )
+
+    def instances(self) -> NDArray[np.uint16]:
+        """Return the instance of each point of the last sample: an index of the world's `instance_names`."""
+        rays, seq = self._measured
+        of_geom = np.array(self._frames.geometry.world.geom_instance, dtype=np.uint16)
+        low, high = (
+            self._receiver.measure(
+                self._echoes(), seq, sweep=rays.sweep, place=rays.place, offset_ns=rays.fired_ns, geom_class=part
+            ).segmentation.astype(np.uint16)
+            for part in ((of_geom & 0xFF).astype(np.uint8), (of_geom >> 8).astype(np.uint8))
+        )
+        return (low | high << 8).astype(np.uint16)
 
     def _recent(self, t_ns: int) -> TruthState | None:
         """Return the previous truth if it is recent enough to give the motion during this sweep, else None."""

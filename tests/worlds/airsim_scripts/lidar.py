@@ -12,6 +12,7 @@ data = client.getLidarData("Scan", "Lead")
 points = np.array(data.point_cloud, np.float32).reshape(-1, 3)
 assert len(points) > 100
 assert data.time_stamp > 0
+assert len(data.groundtruth) == len(points), "the name of each point's object, for Cosys-AirSim"
 ground = points[abs(points[:, 2]) < 0.8]  # in NED from the start
 assert len(ground) > 100, "the sweep points to the ground"
 _, _, z = position(client, "Lead")

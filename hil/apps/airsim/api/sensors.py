@@ -14,6 +14,7 @@ from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.sensors import ned_points
 from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import ned_from_enu, q_NF_from_q_WB
+from sim.frame.source import VEHICLE_CLASS
 
 _NS_PER_US = 1000
 
@@ -95,11 +96,15 @@ def methods(simulation: Simulation) -> list[Method]:
         points = cloud.points_L * np.array([1.0, -1.0, -1.0], np.float32)
         if not settings.in_sensor_frame:
             points = ned_points(cloud.points_L, pose.position, cloud.q_WL)
+        numbers, of_point = np.unique(cloud.instances, return_inverse=True)
+        names = [cloud.names[number].removeprefix(f"{VEHICLE_CLASS}:") for number in numbers.tolist()]
+        ids = np.array([max(sim.cameras.segmentation.of_known(each), 0) for each in names], np.int32)
         return {
             "time_stamp": sim.now_ns,
             "point_cloud": points.astype(np.float32).ravel(),
             "pose": pose,
-            "segmentation": cloud.segmentation.astype(np.int32),
+            "segmentation": ids[of_point],
+            "groundtruth": [names[i] for i in of_point.tolist()],  # Cosys-AirSim's
         }
 
     def radar(name: str, vehicle: str) -> dict[str, Any]:

@@ -101,18 +101,18 @@ MULTIROTOR_SENSORS: Mapping[str, Sensor] = {
 }
 
 
-def default_sensors(multirotor: bool, noisy_imu: bool) -> dict[str, Sensor]:
+def default_sensors(multirotor: bool, cosys: bool) -> dict[str, Sensor]:
     """Return the sensors of a vehicle whose file names none."""
-    return {**MULTIROTOR_SENSORS, "imu": Imu(noisy=noisy_imu)} if multirotor else {}
+    return {**MULTIROTOR_SENSORS, "imu": Imu(noisy=not cosys)} if multirotor else {}
 
 
 def read_sensors(
-    owner: Reader, key: str, defaults: Mapping[str, Sensor], *, multirotor: bool, noisy_imu: bool
+    owner: Reader, key: str, defaults: Mapping[str, Sensor], *, multirotor: bool, cosys: bool
 ) -> dict[str, Sensor]:
     """Return the sensors by name, sorted: those given, and the defaults of every type that is not given."""
     given: dict[str, Sensor] = {}
     for name, reader in owner.named(key) or []:
-        sensor = _read_sensor(reader, multirotor, noisy_imu)
+        sensor = _read_sensor(reader, multirotor, cosys)
         if sensor is not None:
             given[name] = sensor
     types = {type(sensor) for sensor in given.values()}
@@ -120,7 +120,7 @@ def read_sensors(
     return dict(sorted(given.items()))
 
 
-def _read_sensor(reader: Reader, multirotor: bool, noisy_imu: bool) -> Sensor | None:
+def _read_sensor(reader: Reader, multirotor: bool, cosys: bool) -> Sensor | None:
     if not reader.has("SensorType"):
         reader.problem(None, "has no SensorType", "1 barometer, 2 IMU, 3 GPS, 4 magnetometer, 5 distance, 6 LiDAR")
         return None
@@ -140,7 +140,7 @@ def _read_sensor(reader: Reader, multirotor: bool, noisy_imu: bool) -> Sensor | 
     if kind == 1:
         sensor = _read_barometer(reader, enabled)
     elif kind == 2:
-        sensor = _read_imu(reader, enabled, noisy_imu)
+        sensor = _read_imu(reader, enabled, not cosys)
     elif kind == 3:
         sensor = _read_gps(reader, enabled)
     elif kind == 4:
@@ -148,7 +148,7 @@ def _read_sensor(reader: Reader, multirotor: bool, noisy_imu: bool) -> Sensor | 
     elif kind == 5:
         sensor = _read_distance(reader, enabled, multirotor)
     else:
-        sensor = _read_lidar(reader, enabled, multirotor)
+        sensor = _read_lidar(reader, enabled, multirotor, cosys)
     reader.close(type(sensor).__name__)
     return sensor
 
@@ -237,7 +237,7 @@ def _read_distance(reader: Reader, enabled: bool, multirotor: bool) -> Distance:
     )  # fmt: skip
 
 
-def _read_lidar(reader: Reader, enabled: bool, multirotor: bool) -> Lidar:
+def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) -> Lidar:
     channels = reader.whole("NumberOfChannels", 16, 1, 1024)
     rotations_hz = reader.number("RotationsPerSecond", 10.0, 0.01, 1000.0)
     points = reader.whole("PointsPerSecond", 100_000, 1, 50_000_000)
@@ -251,7 +251,12 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool) -> Lidar:
     )
     if vertical[0] > vertical[1]:
         reader.problem(None, f"has VerticalFOVLower {vertical[0]:g} above VerticalFOVUpper {vertical[1]:g}")
-    frame = reader.choice("DataFrame", "VehicleInertialFrame", ("VehicleInertialFrame", "SensorLocalFrame"))
+    in_sensor_frame = cosys  # Cosys-AirSim has no other frame and does not read DataFrame
+    if cosys:
+        reader.without_meaning("DataFrame")
+    else:
+        frames = ("VehicleInertialFrame", "SensorLocalFrame")
+        in_sensor_frame = reader.choice("DataFrame", frames[0], frames) == frames[1]
     noise_m = reader.number("MinNoiseStandardDeviation", 0.0, 0.0, 100.0)
     noisy = reader.flag("GenerateNoise", False)
     reader.without_meaning("LimitPoints", "IgnoreMarked")
@@ -266,7 +271,7 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool) -> Lidar:
             reader.number("HorizontalFOVEnd", 359.0, -360.0, 360.0),
         ),
         vertical,
-        frame == "SensorLocalFrame",
+        in_sensor_frame,
         _position_m(reader, multirotor),
         reader.angles_deg((0.0, 0.0, 0.0)),
         noise_m if noisy else 0.0,

@@ -83,7 +83,7 @@ def read_settings(text: str, source: str) -> AirSimSettings:
         raise ConfigError(report.problems)
     version = _read_version(root)
     sim_mode = _read_sim_mode(root)
-    multirotor, noisy_imu = sim_mode == "Multirotor", version < _COSYS_VERSION
+    multirotor, cosys = sim_mode == "Multirotor", version >= _COSYS_VERSION
     camera = Camera()
     if (child := root.child("CameraDefaults")) is not None:
         camera = read_camera(child, camera)
@@ -91,10 +91,10 @@ def read_settings(text: str, source: str) -> AirSimSettings:
     defaults = VehicleDefaults(
         sim_mode,
         camera,
-        read_sensors(root, "DefaultSensors", {}, multirotor=multirotor, noisy_imu=noisy_imu)
+        read_sensors(root, "DefaultSensors", {}, multirotor=multirotor, cosys=cosys)
         if given
-        else default_sensors(multirotor, noisy_imu),
-        noisy_imu,
+        else default_sensors(multirotor, cosys),
+        cosys,
     )
     settings = AirSimSettings(
         sim_mode,

@@ -52,7 +52,7 @@ class VehicleDefaults:
     sim_mode: str
     camera: Camera
     sensors: Mapping[str, Sensor]
-    noisy_imu: bool
+    cosys: bool  # a file of Cosys-AirSim
 
 
 def default_vehicle(defaults: VehicleDefaults, name: str = "") -> Vehicle:
@@ -123,5 +123,5 @@ def _read_vehicle(name: str, kind: VehicleType, reader: Reader, defaults: Vehicl
         pass_through,
         reader.flag("IsFpvVehicle", False),
         read_cameras(reader, defaults.camera),
-        read_sensors(reader, "Sensors", defaults.sensors, multirotor=multirotor, noisy_imu=defaults.noisy_imu),
+        read_sensors(reader, "Sensors", defaults.sensors, multirotor=multirotor, cosys=defaults.cosys),
     )

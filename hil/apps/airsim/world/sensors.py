@@ -82,7 +82,8 @@ class Cloud(NamedTuple):
     p_WL: Vec3
     q_WL: Quat  # FLU -> ENU
     points_L: NDArray[np.float32]  # (n, 3) forward, left, up
-    segmentation: NDArray[np.uint8]  # (n,) classes of the scene
+    instances: NDArray[np.uint16]  # (n,) indices of `names`
+    names: tuple[str, ...]  # of the objects and vehicles at the time of the sample
 
 
 class SensorSuite:
@@ -241,12 +242,13 @@ class SensorSuite:
             )
             made = self._made[name] = (frames, make_sensor(installation, kind="lidar", overrides=_lidar(settings)))
         if seq is not None:
-            sample: Any = made[1].sample(truth, seq)
+            sensor: Any = made[1]
+            sample = sensor.sample(truth, seq)
             p_WL, q_WS = self.mounting(name).pose_W(truth)
-            points, classes = _in_view(sample.points_L, sample.segmentation, settings.horizontal_fov_deg)
+            points, instances = _in_view(sample.points_L, sensor.instances(), settings.horizontal_fov_deg)
             if settings.noise_m:
                 points = with_range_noise(points, f"{self._vehicle}.{name}.range", seq, settings)
-            self._last[name] = (seq, Cloud(p_WL, q_WS, points, classes))
+            self._last[name] = (seq, Cloud(p_WL, q_WS, points, instances, frames.geometry.world.instance_names))
         found: Cloud = self._last[name][1]
         return found
 
@@ -304,15 +306,15 @@ def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
 
 
 def _in_view(
-    points_L: NDArray[np.float32], classes: NDArray[np.uint8], fov_deg: tuple[float, float]
-) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    points_L: NDArray[np.float32], instances: NDArray[np.uint16], fov_deg: tuple[float, float]
+) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
     """Return the points between two azimuths, clockwise from ahead. Equal azimuths are a whole turn, as in AirSim."""
     begin, end = fov_deg
     if end - begin >= 359.0 or (end - begin) % 360.0 == 0.0:
-        return points_L, classes
+        return points_L, instances
     azimuth = np.degrees(np.arctan2(-points_L[:, 1], points_L[:, 0]))
     inside = (azimuth - begin) % 360.0 <= (end - begin) % 360.0
-    return points_L[inside], classes[inside]
+    return points_L[inside], instances[inside]
 
 
 def with_range_noise(points_L: NDArray[np.float32], name: str, seq: int, settings: kinds.Lidar) -> NDArray[np.float32]:

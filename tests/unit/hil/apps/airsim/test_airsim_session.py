@@ -550,6 +550,22 @@ def test_lidar_sees_the_ground(client: Client) -> None:
     assert steepest == pytest.approx(60.0, abs=1.0)
 
 
+def test_points_of_a_lidar_have_the_id_and_the_name_of_their_object(client: Client) -> None:
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -5.0), True, "A")
+    client.call("simSetVehiclePose", pose(-3.0, 2.0, -4.0), True, "B")  # one metre ahead of A and one below
+    assert client.call("simSetSegmentationObjectID", "B", 77, False) is True
+    client.call("simContinueForTime", 0.104)
+    data = client.call("getLidarData", "Scan", "A")
+    height = np.array(data["point_cloud"]).reshape(-1, 3)[:, 2]
+    ids, names = np.array(data["segmentation"]), np.array(data["groundtruth"])
+    vehicle = names == "B"
+    assert 0 < vehicle.sum() < len(names)
+    assert (height[vehicle] < STAND_M - 1.0).all()
+    assert set(ids[vehicle].tolist()) == {77}
+    assert set(names.tolist()) == {"B", "ground"}
+    assert set(ids[~vehicle].tolist()) == {client.call("simGetSegmentationObjectID", "ground")}
+
+
 def test_lidar_in_its_own_frame_and_field_of_view(client: Client) -> None:
     client.call("simSetVehiclePose", pose(0.0, 0.0, -5.0, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))), True, "A")
     client.call("simContinueForTime", 0.104)

@@ -81,6 +81,7 @@ def test_vehicles_cameras_and_sensors() -> None:
     assert zulu.cameras["high"].position_m == (0.1, 0.0, -1.5)
     lidar = zulu.sensors["Front"]
     assert isinstance(lidar, Lidar)
+    assert not lidar.in_sensor_frame
     assert (lidar.channels, lidar.vertical_fov_deg, lidar.points_per_second) == (4, (-25.0, -15.0), 100_000)
     # The vehicle's own GPS, though it is off, replaces the default one.
     assert list(zulu.sensors) == ["Front", "Pos", "barometer", "imu", "magnetometer"]
@@ -99,7 +100,7 @@ def test_default_sensors_replace_the_built_in_ones() -> None:
 def test_cosys_airsim_counts_points_by_rotation_and_has_a_quiet_imu() -> None:
     settings = read(
         '{"SettingsVersion": 2.0, "DefaultSensors": {"imu": {"SensorType": 2, "Enabled": true}, "l": {"SensorType": 6,'
-        '"Enabled": true, "NumberOfChannels": 32, "MeasurementsPerCycle": 1024},'
+        '"Enabled": true, "NumberOfChannels": 32, "MeasurementsPerCycle": 1024, "DataFrame": "VehicleInertialFrame"},'
         '"e": {"SensorType": 7, "Enabled": true}}}'
     )
     imu, lidar = settings.added.sensors["imu"], settings.added.sensors["l"]
@@ -107,6 +108,7 @@ def test_cosys_airsim_counts_points_by_rotation_and_has_a_quiet_imu() -> None:
     assert isinstance(lidar, Lidar)
     assert not imu.noisy
     assert lidar.points_per_second == 32 * 1024 * 10
+    assert lidar.in_sensor_frame  # Cosys-AirSim has no other frame
     assert "DefaultSensors.e is a sensor of type Echo, which is not simulated" in settings.notes[0]
 
 
