@@ -86,6 +86,22 @@ class ContactSkips:
     touching: int = 0  # contact sub-steps
 
 
+def check_motion(p_WB: Vec3, q_WB: Quat, v_WB_W: Vec3, w_WB_B: Vec3) -> float:
+    """Return the length of the quaternion. Raises ValueError for a state beyond the limits of the model."""
+    for name, size, limit in (
+        ("p_WB", norm(p_WB), 50.0e3),
+        ("v_WB_W", norm(v_WB_W), 200.0),
+        ("w_WB_B", norm(w_WB_B), 200.0),
+    ):
+        if not size <= limit:
+            raise ValueError(f"{name} has the size {size:g}, and the model holds up to {limit:g}")
+    w, x, y, z = q_WB
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if not 1e-3 <= length <= 1e3:
+        raise ValueError(f"q_WB {q_WB} is no rotation: its length is {length:g}")
+    return length
+
+
 class QuadrotorPhysics:
     """Simulation of one vehicle over one flight.
 
@@ -248,17 +264,10 @@ class QuadrotorPhysics:
         same: these go on. Raises ValueError for a state beyond the limits of the model, and changes nothing then.
         """
         rotors = [0.0] * len(self.vehicle.rotors) if rotor_speed_radps is None else list(rotor_speed_radps)
-        length = math.sqrt(sum(x * x for x in q_WB))
-        for name, size, limit in (
-            ("p_WB", norm(p_WB), 50.0e3),
-            ("v_WB_W", norm(v_WB_W), 200.0),
-            ("w_WB_B", norm(w_WB_B), 200.0),
-            ("rotor_speed_radps", max(rotors, default=0.0), 2.0 * self.vehicle.rotor_constants.max_speed_radps),
-        ):
-            if not size <= limit:
-                raise ValueError(f"{name} has the size {size:g}, and the model holds up to {limit:g}")
-        if not 1e-3 <= length <= 1e3:
-            raise ValueError(f"q_WB {q_WB} is no rotation: its length is {length:g}")
+        length = check_motion(p_WB, q_WB, v_WB_W, w_WB_B)
+        most_radps, limit_radps = max(rotors, default=0.0), 2.0 * self.vehicle.rotor_constants.max_speed_radps
+        if not most_radps <= limit_radps:
+            raise ValueError(f"rotor_speed_radps has the size {most_radps:g}; the model holds up to {limit_radps:g}")
         if len(rotors) != len(self.vehicle.rotors) or not all(speed >= 0.0 for speed in rotors):
             raise ValueError(
                 f"rotor_speed_radps needs a speed of 0 or more for each of {len(self.vehicle.rotors)} rotors"
@@ -273,8 +282,9 @@ class QuadrotorPhysics:
         """Return the vehicle to its start between two ticks, with a full battery, as a new object begins."""
         self._truth[:] = self._start_truth
         self._data.qacc_warmstart[:] = self._start_warmstart
-        if self._battery is not None:
+        if self._battery is not None and self.vehicle.battery is not None:
             self._battery[:] = (self._battery_start_c, 0.0, 0.0)
+            self._fit_battery(self.vehicle.battery.auxiliary_w)
         return self._placed(touching=self._standing)
 
     def join(self, tick: int) -> TruthState:
@@ -354,6 +364,12 @@ class QuadrotorPhysics:
         """Switch off everything but the rotors, so that a vehicle that only lies there does not empty its battery."""
         if self._battery is not None:
             self._fit_battery(0.0)
+
+    def end_battery(self) -> None:
+        """Let an empty battery deliver nothing from now on, until `reset`; its vehicle stays within the model."""
+        if self._battery is not None:
+            self._battery[:] = (self._battery_capacity_c, 0.0, 0.0)
+            self.switch_off()
 
     @property
     def battery(self) -> BatteryState | None:

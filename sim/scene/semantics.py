@@ -22,6 +22,7 @@ from sim.scene.maps.scene_map import Actor, Surface
 from sim.scene.surfaces import NO_SURFACE
 
 MAX_INSTANCES = 2**16 - 1
+MAX_SURFACES = 256  # a surface id is one byte
 _VISIBLE_GROUPS = 3  # geoms of lower groups are drawn
 _DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)  # of a geom without a colour of its own
 
@@ -135,8 +136,8 @@ def surfaces(
         table.setdefault(surface_by_material[name], len(table)) if name in surface_by_material else 1
         for name in names.materials
     ]
-    if len(table) > 256:
-        raise ValueError("holds more than 256 different surfaces")
+    if len(table) > MAX_SURFACES:
+        raise ValueError(f"holds more than {MAX_SURFACES} different surfaces")
     geom_surface = np.array([*number, 1], np.uint8)[model.geom_matid]  # material -1 selects the last entry, the default
     return geom_surface, tuple(table)
 

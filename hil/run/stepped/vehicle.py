@@ -9,7 +9,7 @@ from signals._kernel import det_cos, det_sin
 from signals.rotation import NO_TURN
 from signals.samples import Quat, TruthState, Vec3
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics
+from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics, check_motion
 from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
 from sim.scene.maps.scene_map import Actor
@@ -38,6 +38,7 @@ class SteppedVehicle:
         self.start = start
         self.truth = start
         self.pilot: Pilot | None = None  # None: the rotors stand still
+        self.is_empty = False  # the battery: rotors stand still until `reset`
         self._still = (0.0,) * len(vehicle.rotors)
 
     def controls(self) -> Sequence[float]:
@@ -47,7 +48,7 @@ class SteppedVehicle:
         controls = self.pilot(self.truth)
         if not all(map(isfinite, controls)):
             raise ValueError(f"{self.name}: the pilot commanded {list(controls)}; every command must be finite")
-        return controls
+        return self._still if self.is_empty else controls
 
     def place(
         self,
@@ -61,6 +62,7 @@ class SteppedVehicle:
         if self.physics is not None:
             self.truth = self.physics.place(p_WB, q_WB, v_WB_W, w_WB_B, rotor_speed_radps)
         else:
+            check_motion(p_WB, q_WB, v_WB_W, w_WB_B)
             self.truth = self.truth._replace(p_WB=p_WB, q_WB=q_WB, v_WB_W=v_WB_W, w_WB_B=w_WB_B)
 
     def touch(self) -> SceneContact | None:
@@ -84,6 +86,7 @@ class SteppedVehicle:
 
     def reset(self) -> None:
         """Put the vehicle back to its start."""
+        self.is_empty = False
         if self.physics is not None:
             self.truth = self.physics.reset()
         else:

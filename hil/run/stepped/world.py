@@ -4,7 +4,7 @@ Time moves only in `step`. Between two steps, vehicles may be added, placed and 
 same order give the same bits.
 
 A vehicle that leaves the model's range (200 m/s, 50 km from the site, ...) does not end the world: it is stopped where
-it was one tick before, and `take_departures` reports it.
+it was one tick before, and `take_departures` reports it. One whose battery is empty falls with rotors that stand still.
 """
 
 from __future__ import annotations
@@ -120,6 +120,9 @@ class SteppedWorld:
             return vehicle.physics.truth
         self._departures.append(Departure(self.t_ns, vehicle.name, str(error)))
         self.forget_contacts(vehicle.name)
+        if error.variable == "battery_charge":
+            vehicle.physics.end_battery()
+            vehicle.is_empty = True
         return vehicle.physics.place(before.p_WB)
 
     def set_wind(self, wind_W_mps: Vec3) -> None:

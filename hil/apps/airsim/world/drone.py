@@ -46,6 +46,7 @@ class Drone:
     touching: bool = False
     touched: str = ""  # name of the object of the last contact
     trace_line: tuple[tuple[float, ...], float] | None = None  # colour and thickness
+    departed_ns: int | None = None  # last time that the vehicle left the range of the model
     history: deque[TruthState] = field(default_factory=lambda: deque(maxlen=HISTORY_TICKS))
 
     def reset(self) -> None:

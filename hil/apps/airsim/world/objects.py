@@ -31,6 +31,7 @@ from sim.scene.placed.assets import asset, asset_names
 from sim.scene.placed.geoms import way_to
 from sim.scene.placed.template import Materials, Template, fixed_bodies, template_of
 from sim.scene.placed.worlds import Added, with_objects
+from sim.scene.semantics import MAX_SURFACES
 from sim.scene.world import World
 from sim.sensors.ground_range import MapRays, Rays, rays_into
 from sim.world_loader import load_world
@@ -194,6 +195,7 @@ class Objects:
                 "names that exist"
             )
         name = self._free_name(name or asset_name)
+        self._check_surfaces(template)
         copied = self._copy(name, template, scale)
         found = SceneObject(name, p_W, _unit(q_W), scale, template=template, actor=copied.actor, spawned=True)
         self._known[name] = found
@@ -274,6 +276,14 @@ class Objects:
         actor = ObjectActor(name, [FixedBody(f"placed_object_{self._numbers}")], template.radius_m(scale))
         return Added(actor, template, scale)
 
+    def _check_surfaces(self, template: Template) -> None:
+        """Raise RpcError if the world would have more surfaces than ids."""
+        known = set(self._base.surfaces)
+        for each in (template, *(copied.template for copied in self._copies)):
+            known.update(each.materials.surfaces.values())
+        if len(known) > MAX_SURFACES:
+            raise RpcError(f"there would be more than {MAX_SURFACES} different surfaces; destroy other objects first")
+
     def _put(self, found: SceneObject) -> None:
         assert found.actor is not None
         found.actor.put(self._world.t_ns, found.p_W, found.q_W)
@@ -316,7 +326,8 @@ class Objects:
         try:
             now = with_objects(self._base, moved, self._copies)
         except HilError as error:
-            raise RpcError(f"the world with its objects cannot be made: {error}") from None
+            self._drop_new(str(error))
+            now = with_objects(self._base, moved, self._copies)
         before, self._now = self._now, now
         self._world.surround(now.scene)
         if before is not None:
@@ -328,6 +339,20 @@ class Objects:
             rays.pose(actor, self._world.t_ns)
         self._rays = rays
         self.on_new_world()
+
+    def _drop_new(self, reason: str) -> None:
+        """Take back the copies that the world made last does not hold."""
+        new = {id(each.actor) for each in self._copies} - self._present_actors
+        self._copies = [each for each in self._copies if id(each.actor) not in new]
+        for found in [each for each in self._known.values() if id(each.actor) in new]:
+            if found.spawned:
+                self._log(f"{found.name} is taken away, because the world cannot be made with it: {reason}")
+                del self._known[found.name]
+            else:
+                self._log(f"{found.name} has its first scale again, because the world cannot be made: {reason}")
+                found.template, found.scale, found.actor = None, _ONE, self._moved[found.name]
+                found.actor.put(self._world.t_ns, found.p_W, found.q_W)
+        self.version += 1
 
     def settle_near(self) -> None:
         """Make the world anew if a vehicle could touch something of what was changed within a tick."""

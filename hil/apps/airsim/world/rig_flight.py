@@ -48,19 +48,20 @@ class RigFlight(SimpleFlight):
         super().reset()
         if self._rig is not None and self._flown:
             self._flown = False
-            self._rig.close()
+            self.close()
             self._rig = self._make()
 
     def close(self) -> None:
         """End the autopilot."""
         if self._rig is not None:
-            self._rig.close()
-            self._rig = None
+            rig, self._rig = self._rig, None
+            rig.close()
 
     def start(self, move: Move, done: Done) -> None:
         """Begin a move once the autopilot is ready. Raises MoveError without API control."""
+        if self._rig is None:
+            raise MoveError("the vehicle's autopilot has ended; start the server again")
         super().start(move, done)
-        assert self._rig is not None
         self._rig.prepare()
 
     def set_gains(self, loop: str, kp: Sequence[float], ki: Sequence[float], kd: Sequence[float]) -> bool:  # noqa: ARG002

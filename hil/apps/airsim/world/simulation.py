@@ -21,7 +21,7 @@ from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
 from hil.run.stepped.vehicle import Pilot, SteppedVehicle
-from hil.run.stepped.world import SteppedWorld
+from hil.run.stepped.world import Departure, SteppedWorld
 from signals.errors import ConfigError, LinkError, Problem
 from signals.frames import ned_from_enu
 from signals.rotation import norm
@@ -161,8 +161,7 @@ class Simulation:
         self.objects.settle_near()
         world.step()
         for departure in world.take_departures():
-            self.log(f"{departure.message}; {departure.vehicle} was stopped where it was")
-            self.placed(self.drones[departure.vehicle])
+            self._depart(departure)
         for drone in self.drones.values():
             truth = drone.vehicle.truth
             drone.history.append(truth)
@@ -179,6 +178,17 @@ class Simulation:
             self.recorder.observe(world.t_ns, self.now_ns)
         if self._until_tick is not None and world.tick >= self._until_tick:
             self._end_continuing()
+
+    def _depart(self, departure: Departure) -> None:
+        """End the move of a vehicle that left the range of the model, and stop its rotors."""
+        drone = self.drones[departure.vehicle]
+        if drone.departed_ns is None or departure.t_ns - drone.departed_ns > NS_PER_S:
+            self.log(f"{departure.message}; {departure.vehicle} was stopped where it was and its move ended")
+        drone.departed_ns = departure.t_ns
+        if drone.flight is not None:
+            drone.flight.cancel()
+            drone.flight.armed = False
+        self.placed(drone)
 
     # Vehicles --------------------------------------------------------------------------------------------------------
 
@@ -242,7 +252,10 @@ class Simulation:
 
     def _stop(self, name: str, flight: SimpleFlight, defect: Exception) -> None:
         self.log(f"{name}: {type(defect).__name__}: {defect} (a defect of the flight controller; its rotors stop)")
-        flight.reset()
+        try:
+            flight.reset()
+        except Exception as error:  # noqa: BLE001 (an autopilot that does not start again ends no other's flight)
+            self.log(f"{name}: its autopilot cannot be started again: {error}")
 
     def _rig_of(self, name: str, kind: str) -> Bench | None:
         """Return the bench whose autopilot flies vehicles of this type; None: simple_flight. Raises ConfigError."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hil.apps.airsim.world import objects as world_objects
+from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.airsim_server import Client, RpcFailed, Served, served
 
@@ -368,3 +369,27 @@ def test_the_same_calls_give_the_same_digest() -> None:
             assert world.server.digest is not None
             digests.add(world.server.digest.hexdigest() + world.truths.hexdigest())
     assert len(digests) == 1
+
+
+def test_a_world_that_cannot_be_made_ends_no_clock(
+    client: Client, blocks: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = world_objects.with_objects
+
+    def fail_with_copies(base: Any, moved: Any, added: Any) -> Any:
+        if any(each.actor.name == "spawned_bad" for each in added):
+            raise RecordingError("holds more than 256 different surfaces")
+        return made(base, moved, added)
+
+    monkeypatch.setattr(world_objects, "with_objects", fail_with_copies)
+    name = spawn(client, "spawned_bad", "Cube", pose(0.5, 0.0, -0.5))
+    client.call("simContinueForTime", 0.1)
+    assert client.call("simListSceneObjects", name) == []
+    assert any(f"{name} is taken away" in line for line in blocks.log)
+
+
+def test_an_object_with_too_many_surfaces_is_refused(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(world_objects, "MAX_SURFACES", 1)
+    with pytest.raises(RpcFailed, match="more than 1 different surfaces"):
+        spawn(client, "spawned_bad", "Cube", pose(5.0, 0.0, -0.5))
+    assert client.call("simListSceneObjects", "spawned_bad") == []

@@ -10,6 +10,7 @@ from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.command import Choice, make_simulation
 from hil.apps.airsim.rpc.methods import Caller, MethodTable, Pending, RpcError
 from hil.apps.airsim.settings.settings import read_settings
+from hil.apps.airsim.world.rig_flight import RigFlight
 from hil.apps.airsim.world.simulation import Simulation
 from hil.config import load_bench
 from signals.errors import ConfigError
@@ -70,6 +71,26 @@ def test_a_flight(world: tuple[Simulation, MethodTable]) -> None:
     table.call(CALLER, "enableApiControl", [True, "P"])
     assert joined(simulation, table.call(CALLER, "takeoff", [20.0, "P"])) is True
     assert tuple(table.call(CALLER, "getPosition", ["P"])) == pytest.approx((0.0, 0.0, -2.0), abs=0.6)
+
+
+def test_an_autopilot_that_does_not_start_again_ends_no_tick(
+    world: tuple[Simulation, MethodTable], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulation, table = world
+
+    def fail(*_: object) -> object:
+        raise OSError("no such program")
+
+    flight = simulation.drones["P"].flight
+    assert isinstance(flight, RigFlight)
+    flight._flown = True
+    monkeypatch.setattr(flight, "_make", fail)
+    monkeypatch.setattr(flight, "observe", fail)
+    simulation.step()
+    simulation.step()
+    table.call(CALLER, "enableApiControl", [True, "P"])
+    with pytest.raises(RpcError, match="autopilot has ended"):
+        table.call(CALLER, "takeoff", [20.0, "P"])
 
 
 def test_without_a_rig_it_is_a_named_error() -> None:

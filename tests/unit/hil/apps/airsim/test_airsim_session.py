@@ -274,6 +274,17 @@ def test_a_client_that_dies_in_a_move_disturbs_nobody(client: Client, world: Ser
     assert client.call("ping") is True
 
 
+def test_a_vehicle_that_leaves_the_range_ends_its_move_and_is_logged_once(client: Client, world: Served) -> None:
+    take_off(client)
+    drone = world.simulation.drones["A"]
+    before = len(world.log)
+    drone.vehicle.place((49_999.9, 0.0, 20.0), v_WB_W=(0.0, 0.0, 0.0))
+    assert client.call("moveByVelocity", 0.0, 30.0, 0.0, 20.0, 0, STRAIGHT, "A") is False
+    client.call("simContinueForTime", 1.0)
+    assert len([line for line in world.log[before:] if "was stopped where it was" in line]) == 1
+    assert max(drone.vehicle.truth.rotor_speed_radps) < 100.0
+
+
 def test_two_vehicles_fly_at_once(client: Client) -> None:
     client.call("enableApiControl", True, "B")
     client.call("armDisarm", True, "B")
@@ -659,6 +670,16 @@ def test_drawings_are_kept_until_they_are_over(client: Client, world: Served) ->
 
 
 # Computer vision
+
+
+@pytest.mark.parametrize("mode", ['"ComputerVision"', '"Multirotor", "PhysicsEngineName": "ExternalPhysicsEngine"'])
+def test_a_vehicle_without_physics_takes_no_impossible_pose(mode: str) -> None:
+    with served(f'{{"SettingsVersion": 1.2, "SimMode": {mode}}}') as world:
+        client = world.client()
+        for value in (math.inf, 1e30):
+            with pytest.raises(RpcFailed, match="cannot be put there: p_WB"):
+                client.call("simSetVehiclePose", pose(value, 0.0, 0.0), True, "")
+        assert xyz(client.call("simGetVehiclePose", "")["position"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 def test_computer_vision_vehicles_stand_where_they_are_put() -> None:

@@ -11,7 +11,7 @@ from hil.run.stepped.world import SteppedWorld
 from signals.samples import TruthState
 from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle import Effects, load_vehicle
 from sim.scene.scene import load_scene
 
 TICK_NS = 4_000_000
@@ -140,3 +140,19 @@ def test_observers_see_every_tick() -> None:
     world.observers.append(lambda world: seen.append(world.vehicles["a"].truth))
     run(world, 0.04)
     assert [truth.tick for truth in seen] == list(range(1, 11))
+
+
+def test_a_vehicle_with_an_empty_battery_falls_and_is_reported_once() -> None:
+    battery = X500.battery
+    assert battery is not None
+    small = X500.model_copy(update={"battery": battery.model_copy(update={"initial_charge": 2e-4})})
+    world = SteppedWorld(AIRFIELD, TICK_NS)
+    vehicle = world.add("a", small, FlightStart(p_WB=(0.0, 0.0, 40.0)), effects=Effects(battery=True))
+    vehicle.pilot = lambda _truth: (0.7, 0.7, 0.7, 0.7)
+    run(world, 10.0)
+    assert ["battery_charge" in each.message for each in world.take_departures()] == [True]
+    assert vehicle.truth.p_WB[2] < 1.0
+    assert vehicle.truth.rotor_speed_radps == (0.0,) * 4
+    vehicle.reset()
+    run(world, 0.1)
+    assert min(vehicle.truth.rotor_speed_radps) > 100.0
