@@ -33,12 +33,16 @@ def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     sim = simulation
 
+    def taken_ns(drone: Drone, sensor: str) -> int:
+        return sim.epoch_ns + drone.sensors.taken_ns(sensor)
+
     def imu(name: str, vehicle: str) -> dict[str, Any]:
         drone = sim.drone(vehicle)
         truth = drone.vehicle.truth
-        accel, rate = drone.sensors.imu(_found(drone, kinds.Imu, "IMU", name), truth)
+        found = _found(drone, kinds.Imu, "IMU", name)
+        accel, rate = drone.sensors.imu(found, truth)
         return {
-            "time_stamp": sim.now_ns,
+            "time_stamp": taken_ns(drone, found),
             "orientation": Quaternion(*q_NF_from_q_WB(truth.q_WB)),
             "angular_velocity": Vector(*rate),
             "linear_acceleration": Vector(*accel),
@@ -46,21 +50,33 @@ def methods(simulation: Simulation) -> list[Method]:
 
     def barometer(name: str, vehicle: str) -> dict[str, Any]:
         drone = sim.drone(vehicle)
-        truth = drone.vehicle.truth
         found = _found(drone, kinds.Barometer, "barometer", name)
-        altitude, pressure, qnh = drone.sensors.barometer(found, truth, sim.earth.geodetic(truth.p_WB)[2])
-        return {"time_stamp": sim.now_ns, "altitude": altitude, "pressure": pressure, "qnh": qnh}
+        altitude, pressure, qnh = drone.sensors.barometer(
+            found, drone.vehicle.truth, drone.history, lambda p_W: sim.earth.geodetic(p_W)[2]
+        )
+        return {
+            "time_stamp": taken_ns(drone, found),
+            "altitude": altitude,
+            "pressure": pressure,
+            "qnh": qnh,
+        }
 
     def magnetometer(name: str, vehicle: str) -> dict[str, Any]:
         drone = sim.drone(vehicle)
-        field = drone.sensors.magnetometer(_found(drone, kinds.Magnetometer, "magnetometer", name), drone.vehicle.truth)
-        return {"time_stamp": sim.now_ns, "magnetic_field_body": Vector(*field), "magnetic_field_covariance": []}
+        found = _found(drone, kinds.Magnetometer, "magnetometer", name)
+        field = drone.sensors.magnetometer(found, drone.vehicle.truth, drone.history)
+        return {
+            "time_stamp": taken_ns(drone, found),
+            "magnetic_field_body": Vector(*field),
+            "magnetic_field_covariance": [],
+        }
 
     def gps(name: str, vehicle: str) -> dict[str, Any]:
         drone = sim.drone(vehicle)
-        fix = drone.sensors.gps(_found(drone, kinds.Gps, "gps", name), drone.history)
+        found = _found(drone, kinds.Gps, "gps", name)
+        fix = drone.sensors.gps(found, drone.history)
         return {
-            "time_stamp": sim.now_ns,
+            "time_stamp": taken_ns(drone, found),
             "gnss": {
                 "geo_point": geo_point(sim, fix.truth.p_WB),
                 "eph": fix.eph_m,
@@ -78,9 +94,10 @@ def methods(simulation: Simulation) -> list[Method]:
         settings = drone.sensors.settings[found]
         assert isinstance(settings, kinds.Distance)
         mounting = drone.sensors.mounting(found)
+        metres = drone.sensors.distance(found, drone.vehicle.truth)
         return {
-            "time_stamp": sim.now_ns,
-            "distance": drone.sensors.distance(found, drone.vehicle.truth),
+            "time_stamp": taken_ns(drone, found),
+            "distance": metres,
             "min_distance": settings.min_m,
             "max_distance": settings.max_m,
             "relative_pose": Pose(Vector(*mounting.position_F), Quaternion(*mounting.q_FS)),
@@ -100,7 +117,7 @@ def methods(simulation: Simulation) -> list[Method]:
         names = [cloud.names[number].removeprefix(f"{VEHICLE_CLASS}:") for number in numbers.tolist()]
         ids = np.array([max(sim.cameras.segmentation.of_known(each), 0) for each in names], np.int32)
         return {
-            "time_stamp": sim.now_ns,
+            "time_stamp": taken_ns(drone, found),
             "point_cloud": points.astype(np.float32).ravel(),
             "pose": pose,
             "segmentation": ids[of_point],

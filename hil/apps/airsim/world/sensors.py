@@ -1,6 +1,8 @@
-"""Sensors of one vehicle with AirSim's error models; a sample is taken when a client asks for it.
+"""Sensors of one vehicle with AirSim's error models; a sample is computed when a client asks for it.
 
-Sample k of a sensor of rate F is valid from k / F on: two questions within 1 / F have the same answer. The noise of
+Sample k of a sensor of rate F is valid from k / F on: two questions within 1 / F have the same answer, with the time
+stamp of the sample. Barometer, magnetometer and GPS measure the state at k / F, whenever they are asked; distance
+sensors and LiDARs measure at the first question, because the scene is at hand for the present tick only. The noise of
 sample k depends on the vehicle, the sensor's name and k alone, so it does not matter which samples were asked for.
 
     IMU          white noise and a bias that walks, AirSim's random walk and bias stability; sim.sensors.imu
@@ -13,7 +15,7 @@ sample k depends on the vehicle, the sensor's name and k alone, so it does not m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,12 +99,14 @@ class SensorSuite:
         self._vehicle, self._scene, self._rays, self._tick_ns = vehicle, scene, rays, tick_ns
         self._site = site
         self._made: dict[str, Any] = {}
-        self._last: dict[str, tuple[int, Any]] = {}
+        self._last: dict[str, tuple[int, int, Any]] = {}  # number, time and value of the last sample
+        self._placed_ns = -1
         self._mounting: dict[str, Mounting] = {}
 
-    def forget(self) -> None:
-        """Forget the samples so far: the vehicle was put elsewhere, so the next questions get new ones."""
+    def forget(self, t_ns: int) -> None:
+        """Forget the samples so far: the vehicle was put elsewhere at `t_ns`, so the next questions get new ones."""
         self._last.clear()
+        self._placed_ns = t_ns
         for name, sensor in self.settings.items():
             if isinstance(sensor, kinds.Imu):
                 self._made.pop(name, None)  # it integrates from one attitude to the next
@@ -127,6 +131,19 @@ class SensorSuite:
         known = self._last.get(name)
         return None if known is not None and known[0] == seq else seq
 
+    def taken_ns(self, name: str) -> int:
+        """Return the time of the last sample of a sensor that was asked."""
+        return self._last[name][1]
+
+    def _state(self, seq: int, rate_hz: float, truth: TruthState, history: Sequence[TruthState]) -> TruthState:
+        """Return the state at the first tick of sample `seq`; after the vehicle was put elsewhere, one from then on."""
+        found = truth
+        for state in reversed(history):
+            if state.t_ns <= self._placed_ns or int(state.t_ns * rate_hz // NS_PER_S) < seq:
+                break
+            found = state
+        return found
+
     def _noise(self, name: str, lanes: int) -> NoiseStream:
         if name not in self._made:
             self._made[name] = NoiseStream(1, f"{self._vehicle}.{name}", lanes=lanes)
@@ -145,12 +162,14 @@ class SensorSuite:
                 )
                 self._made[name] = make_sensor(installation, kind="imu", overrides=_imu(settings))
             sample = self._made[name].sample(truth, seq)
-            self._last[name] = (seq, (frd_from_flu(sample.accel_mps2), frd_from_flu(sample.gyro_radps)))
-        found: tuple[Vec3, Vec3] = self._last[name][1]
+            self._last[name] = (seq, truth.t_ns, (frd_from_flu(sample.accel_mps2), frd_from_flu(sample.gyro_radps)))
+        found: tuple[Vec3, Vec3] = self._last[name][2]
         return found
 
-    def barometer(self, name: str, truth: TruthState, altitude_m: float) -> tuple[float, float, float]:
-        """Return altitude [m], pressure [Pa] and QNH [hPa]; `altitude_m`: the true one."""
+    def barometer(
+        self, name: str, truth: TruthState, history: Sequence[TruthState], altitude_of: Callable[[Vec3], float]
+    ) -> tuple[float, float, float]:
+        """Return altitude [m], pressure [Pa] and QNH [hPa]; `altitude_of`: the true altitude of a position."""
         settings = self.settings[name]
         assert isinstance(settings, kinds.Barometer)
         seq = self._due(name, settings.rate_hz, truth.t_ns)
@@ -161,16 +180,18 @@ class SensorSuite:
                 step = settings.pressure_factor_sigma * (1.0 - phi * phi) ** 0.5
                 drift = Drift(1, f"{self._vehicle}.{name}.drift", lanes=1, start=0.0, phi=phi, step=step)
                 self._made[f"{name}.drift"] = drift
+            truth = self._state(seq, settings.rate_hz, truth, history)
+            altitude_m = altitude_of(truth.p_WB)
             true_pa = pressure_pa(min(max(geopotential_m(altitude_m), LOWEST_M), TOP_M))
             noise = self._noise(name, 1).normal(seq)[0]
             pressure = true_pa * (1.0 + drift.at(seq)[0]) + settings.noise_pa * noise
             # AirSim's altitude of a pressure, that of the US standard atmosphere in feet.
             altitude = (1.0 - det_pow(pressure / SEA_LEVEL_PA, 0.190284)) * 145366.45 * 0.3048
-            self._last[name] = (seq, (altitude, pressure, _QNH_HPA))
-        found: tuple[float, float, float] = self._last[name][1]
+            self._last[name] = (seq, truth.t_ns, (altitude, pressure, _QNH_HPA))
+        found: tuple[float, float, float] = self._last[name][2]
         return found
 
-    def magnetometer(self, name: str, truth: TruthState) -> Vec3:
+    def magnetometer(self, name: str, truth: TruthState, history: Sequence[TruthState]) -> Vec3:
         """Return the field along the body's axes (FRD) [Gauss]."""
         settings = self.settings[name]
         assert isinstance(settings, kinds.Magnetometer)
@@ -178,14 +199,15 @@ class SensorSuite:
         if seq is not None:
             if f"{name}.field" not in self._made:
                 self._made[f"{name}.field"] = magnetic_field_W_tesla(self._site)
+            truth = self._state(seq, settings.rate_hz, truth, history)
             field = body_from_W(truth.q_WB, self._made[f"{name}.field"])
             noise = self._noise(name, 3).normal(seq)
             x, y, z = (
                 settings.scale_factor * _GAUSS_PER_TESLA * b + settings.bias_gauss + settings.noise_gauss * n
                 for b, n in zip(field, noise, strict=True)
             )
-            self._last[name] = (seq, (x, y, z))
-        found: Vec3 = self._last[name][1]
+            self._last[name] = (seq, truth.t_ns, (x, y, z))
+        found: Vec3 = self._last[name][2]
         return found
 
     def gps(self, name: str, history: Sequence[TruthState]) -> GpsFix:
@@ -195,6 +217,7 @@ class SensorSuite:
         t_ns = history[-1].t_ns
         seq = self._due(name, settings.rate_hz, t_ns)
         if seq is not None:
+            t_ns = self._state(seq, settings.rate_hz, history[-1], history).t_ns
             then_ns = t_ns - round(settings.latency_s * NS_PER_S)
             truth = next((state for state in reversed(history) if state.t_ns <= then_ns), history[0])
             eph, epv = (
@@ -207,8 +230,8 @@ class SensorSuite:
             fix = _FIX_3D if eph <= settings.eph_min_3d_m else _FIX_2D if eph <= settings.eph_min_2d_m else _NO_FIX
             if t_ns < round(settings.startup_s * NS_PER_S):
                 fix = _NO_FIX
-            self._last[name] = (seq, GpsFix(truth, eph, epv, fix))
-        found: GpsFix = self._last[name][1]
+            self._last[name] = (seq, truth.t_ns, GpsFix(truth, eph, epv, fix))
+        found: GpsFix = self._last[name][2]
         return found
 
     def distance(self, name: str, truth: TruthState) -> float:
@@ -221,8 +244,8 @@ class SensorSuite:
             hit_m = self._rays.ray_distance(origin_W, rotate_into_world(q_WS, (1.0, 0.0, 0.0)))
             distance = settings.max_m if hit_m < 0.0 else hit_m
             distance += settings.noise_m * self._noise(name, 1).normal(seq)[0]
-            self._last[name] = (seq, min(max(distance, settings.min_m), settings.max_m))
-        found: float = self._last[name][1]
+            self._last[name] = (seq, truth.t_ns, min(max(distance, settings.min_m), settings.max_m))
+        found: float = self._last[name][2]
         return found
 
     def lidar(self, name: str, truth: TruthState, frames: SharedFrames) -> Cloud:
@@ -248,8 +271,12 @@ class SensorSuite:
             points, instances = _in_view(sample.points_L, sensor.instances(), settings.horizontal_fov_deg)
             if settings.noise_m:
                 points = with_range_noise(points, f"{self._vehicle}.{name}.range", seq, settings)
-            self._last[name] = (seq, Cloud(p_WL, q_WS, points, instances, frames.geometry.world.instance_names))
-        found: Cloud = self._last[name][1]
+            self._last[name] = (
+                seq,
+                truth.t_ns,
+                Cloud(p_WL, q_WS, points, instances, frames.geometry.world.instance_names),
+            )
+        found: Cloud = self._last[name][2]
         return found
 
 

@@ -345,7 +345,7 @@ class Simulation:
     def _forget(self, drone: Drone) -> None:
         """Forget what was measured and touched on the way of a vehicle that was put elsewhere."""
         self.world.forget_contacts(drone.name)
-        drone.sensors.forget()
+        drone.sensors.forget(self.world.t_ns)
         self.radars.forget(drone.name)
 
     # Collisions ------------------------------------------------------------------------------------------------------

@@ -511,10 +511,37 @@ def test_gps_is_late_and_becomes_accurate() -> None:
         data = client.call("getGpsData")
         gnss = data["gnss"]
         assert gnss["fix_type"] == 3
-        assert gnss["time_utc"] == (data["time_stamp"] - 200_000_000) // 1000  # microseconds, as in GpsSimple.hpp
+        assert gnss["time_utc"] == data["time_stamp"] // 1000  # microseconds, as in GpsSimple.hpp
         assert gnss["eph"] == pytest.approx(0.1 + 99.9 * math.exp(-3.8 / 0.9), rel=0.05)
         falling = xyz(client.call("simGetGroundTruthKinematics")["linear_velocity"])[2]
         assert 0.0 < xyz(gnss["velocity"])[2] < falling
+
+
+def test_a_sample_has_its_own_time_and_does_not_depend_on_when_it_was_asked_for() -> None:
+    answers = []
+    for asked_early in (True, False):
+        with served(json.dumps(TWO)) as world:
+            client = world.client()
+            client.call("simSetVehiclePose", pose(0.0, 0.0, -100.0), True, "A")
+            client.call("simContinueForTime", 1.6)
+            start_ns = client.call("getImuData", "", "A")["time_stamp"] - 1_600_000_000
+            names = (("getBarometerData", ""), ("getMagnetometerData", ""), ("getGpsData", ""))
+            if asked_early:
+                for name, sensor in names:
+                    client.call(name, sensor, "A")
+                cloud = client.call("getLidarData", "Scan", "A")
+                assert cloud["time_stamp"] == start_ns + 1_600_000_000
+            client.call("simContinueForTime", 0.016)
+            answers.append([client.call(name, sensor, "A") for name, sensor in names])
+            assert [each["time_stamp"] - start_ns for each in answers[-1]] == [
+                1_600_000_000,
+                1_600_000_000,
+                1_400_000_000,
+            ]
+            if asked_early:
+                assert client.call("getLidarData", "Scan", "A")["time_stamp"] == cloud["time_stamp"]
+            assert client.call("getImuData", "", "A")["time_stamp"] == start_ns + 1_616_000_000
+    assert answers[0] == answers[1]
 
 
 def test_barometer() -> None:
