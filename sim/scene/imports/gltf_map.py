@@ -289,7 +289,7 @@ class _MapMaker:
             low, high = float(field.heights.min()), float(field.heights.max())
             rise = max(high - low, 1e-3)
             name = f"{stem}_terrain"
-            b.hfield_of(name, (field.heights - low) / rise, (*field.half, rise, 1.0))
+            b.hfield(name, (field.heights - low) / rise, (*field.half, rise, 1.0))
             body.proxy("hfield", asset=name, material=material, pos=(*field.centre, low), part="solid_terrain")
             if not classified:
                 self._classes.setdefault("terrain", []).append(body.name)

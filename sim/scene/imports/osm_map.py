@@ -240,7 +240,7 @@ class _District:
         low, high = float(t.heights.min()), float(t.heights.max())
         rise = max(high - low, 0.01)
         half = 0.5 * t.cell_m * (len(t.heights) - 1)
-        self._builder.hfield("terrain", ((t.heights - low) / rise).tolist(), (half, half, rise, 5.0))
+        self._builder.hfield("terrain", (t.heights - low) / rise, (half, half, rise, 5.0))
         self._builder.ground_hfield("terrain", material=material, pos=(t.low[0] + half, t.low[1] + half, low))
 
     def _surfaces(self) -> None:

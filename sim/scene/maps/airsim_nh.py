@@ -1,8 +1,8 @@
 """Suburb of 200 x 200 m in the manner of AirSimNH: streets round two blocks of family houses, trees, parked cars.
 
 The vehicle starts on a crossing; north is +y. Streets run along the path 125 m north, 130 m west and back that AirSim's
-example flies 5 m above the ground: within 5 m of their middle nothing is higher than 2 m. Trees keep 15 m from the
-crossings at its corners, where a vehicle cuts the corner or overshoots.
+example flies 5 m above the ground: a ball of 2 m radius at that height is free along their middle. Trees keep 15 m from
+the crossings at its corners, where a vehicle cuts the corner or overshoots.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Blocks: flat ground with coloured cubes, cones, cylinders and a ball, in the manner of AirSim's scene of this name.
 
 Objects have the names that AirSim's users know, such as TemplateCube_Rounded_16, Cone_5, Cylinder_3 and OrangeBall.
-North is +y. A radius of 14 m round the start is free, and 6 m beside the path 125 m north, 130 m west and back.
-Objects are at most 8 m high within 60 m of the start, and 18 m within 75 m.
+North is +y. A radius of 14 m round the start is free, and 4 m beside the path 125 m north, 130 m west and back.
+Objects are at most 6 m high within 50 m of the start, and 18 m within 85 m.
 """
 
 from __future__ import annotations

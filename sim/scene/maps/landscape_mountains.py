@@ -1,8 +1,8 @@
 """Mountain valley of 1.2 x 1.2 km in the manner of AirSim's LandscapeMountains: hills, a lake, trees, a power line.
 
 The vehicle starts on level ground at z = 0; north is +y. The ground has cells of 9.4 m, in the distance of 19 m, with
-grass below and rock and snow above. The wires of the power line hang some 6 m below the path of drone_env.py, AirSim's
-example of reinforcement learning, whose reward is to follow them.
+grass below and rock and snow above. The wires of the power line hang 6 m (at the masts) to 9 m (half-way) below the
+path of drone_env.py, AirSim's example of reinforcement learning, whose reward is to follow them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _WATER_M = -3.0
 _SUMMIT = (430.0, 600.0, 260.0)  # x, y, radius
 _ROCK_M, _SNOW_M = 42.0, 105.0
 _TILES_M = {"grass": 16.0, "rock": 22.0, "snow": 30.0}  # periods of the textures
-_HANG_M = 6.0  # of the wires' posts below the path
+_HANG_M = 6.0  # of the wires below the path, at the masts
 # East, north, up: the way points of drone_env.py, and masts between them.
 _LINE: tuple[Vec3, ...] = (
     (-31.98, -0.55, 19.02), (-63.33, 48.6, 60.07), (-59.2, 121.1, 53.2), (-55.08, 193.6, 46.32),
@@ -193,7 +193,7 @@ class _Landscape:
         b = self.builder
         body = b.named_body("Landscape_0", (_MIDDLE_X_M, _MIDDLE_Y_M, _LOWEST_M), yaw_quat(0.0))
         b.classify("terrain", "Landscape_0")
-        asset = b.hfield_of("landscape", (self.height - _LOWEST_M) / _RANGE_M, (_HALF_M, _HALF_M, _RANGE_M, 1.0))
+        asset = b.hfield("landscape", (self.height - _LOWEST_M) / _RANGE_M, (_HALF_M, _HALF_M, _RANGE_M, 1.0))
         body.proxy("hfield", asset=asset, material="rock", part="solid")
         ragged = 22.0 * clouds(f"landscape.{self.seed}.limits", 16, 16, self.height.shape).astype(np.float64)
         meshes = {name: Mesh.empty() for name in _TILES_M}
@@ -241,7 +241,7 @@ class _Landscape:
                 points = []
                 for i in range(9):
                     u = i / 8.0
-                    sag = 12.0 * u * (1.0 - u)  # a parabola, 3 m in the middle
+                    sag = 12.0 * u * (1.0 - u)  # a parabola, 3 m in the middle: 9 m below the path
                     points.append(tuple(p[c] + u * (q[c] - p[c]) - (sag if c == 2 else 0.0) for c in range(3)))
                 for i, (start, end) in enumerate(pairwise(points)):
                     body.rod(0.04, (*start, *end), material="wire", part=f"{w}_{i}")

@@ -51,9 +51,9 @@ class Layout:
         for a, b, half in self._bands:
             reach = half + radius_m
             beyond = reach + 1e-6  # far bands are left out without a square root
-            if x - a[0] > beyond < x - b[0] or a[0] - x > beyond < b[0] - x:
+            if max(a[0], b[0]) + beyond < x or x < min(a[0], b[0]) - beyond:
                 continue
-            if y - a[1] > beyond < y - b[1] or a[1] - y > beyond < b[1] - y:
+            if max(a[1], b[1]) + beyond < y or y < min(a[1], b[1]) - beyond:
                 continue
             if segment_distance((x, y), a, b) < reach:
                 return False

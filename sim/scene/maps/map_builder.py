@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from signals._kernel import det_cos, det_sin
 from signals.rotation import NO_TURN
@@ -274,19 +274,20 @@ class MapBuilder:
     def has_mesh(self, name: str) -> bool:
         return self._own(name) in self._meshes
 
-    def hfield(self, name: str, rows: list[list[float]], size: tuple[float, float, float, float]) -> str:
-        """Add a height field: elevations 0..1 by row from -y, size (half x, half y, height, base) [m]."""
-        self._hfields.add(name)
-        flat = numbers(value for row in reversed(rows) for value in row)  # the file's first row is that of +y
-        ET.SubElement(
-            self._asset, "hfield", name=name, nrow=str(len(rows)), ncol=str(len(rows[0])), size=numbers(size),
-            elevation=flat,
-        )  # fmt: skip
-        return name
+    def hfield(self, name: str, heights: ArrayLike, size: tuple[float, float, float, float]) -> str:
+        """Add a height field, unless the name exists: elevations 0..1 by row from -y.
 
-    def hfield_of(self, name: str, heights: NDArray[np.float64], size: tuple[float, float, float, float]) -> str:
-        """Add a height field as `hfield` does, from an array, unless the name exists."""
-        return name if name in self._hfields else self.hfield(name, heights.tolist(), size)
+        `size`: half x, half y, height, base [m].
+        """
+        if name not in self._hfields:
+            self._hfields.add(name)
+            elevations = np.asarray(heights, np.float64)
+            rows, columns = elevations.shape
+            ET.SubElement(
+                self._asset, "hfield", name=name, nrow=str(rows), ncol=str(columns), size=numbers(size),
+                elevation=numbers(elevations[::-1].ravel().tolist()),  # the file's first row is that of +y
+            )  # fmt: skip
+        return name
 
     def ground(self, kind: str, size: Iterable[float], *, material: str, name: str = "ground", **more: Vec3) -> None:
         """Add a geom to the worldbody: an instance of its own, whose class follows from its own name."""

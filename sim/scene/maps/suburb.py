@@ -54,25 +54,34 @@ class Suburb:
         return RandomGenerator(self.seed, f"{self.name}.{name}")
 
     def materials(self) -> None:
+        self.common_materials("grass", "paving", "gravel")
+        self.lawn_materials()
+        self.pavement_materials()
+        self.fence_materials()
+
+    def common_materials(self, *texture_names: str) -> None:
+        """Add the materials of plants, furniture, buildings and streets, and the textures of the ground."""
         b = self.builder
         plant_materials(b, self.season)
         furniture_materials(b)
         building_materials(b)
         ground_materials(b)
-        for name in ("grass", "asphalt", "paving", "gravel", "sheet_metal"):
+        for name in texture_names:
             b.texture(name, textures.png(name))
+
+    def lawn_materials(self) -> None:
+        b = self.builder
         b.material("grass", surfaces.GRASS, texture="grass", tile_m=16.0, specular=0.0)
         b.material("lawn", surfaces.GRASS, rgb=(0.98, 1.0, 0.92), texture="grass", tile_m=16.0, specular=0.0)
-        b.material("lot_asphalt", surfaces.ASPHALT, rgb=(1.0, 1.0, 1.0), texture="asphalt", tile_m=6.0, specular=0.0)
+
+    def pavement_materials(self) -> None:
+        b = self.builder
         b.material("paving", surfaces.CONCRETE, texture="paving", tile_m=4.8, specular=0.0)
         b.material("drive", surfaces.GRAVEL, texture="gravel", tile_m=4.0, specular=0.0)
         b.material("kerb", surfaces.STONE, texture="kerb", tile_m=(8.0, 0.4), specular=0.0)
-        b.material("zone_white", surfaces.ROAD_PAINT, rgb=(0.88, 0.88, 0.87), specular=0.0)
-        b.material("zone_blue", surfaces.ROAD_PAINT, rgb=(0.08, 0.30, 0.72), specular=0.0)
-        b.material("zone_orange", surfaces.ROAD_PAINT, rgb=(0.95, 0.45, 0.05), specular=0.0)
-        b.material(
-            "gate", surfaces.PAINTED_METAL, rgb=(0.34, 0.44, 0.52), texture="sheet_metal", tile_m=1.3, specular=0.3
-        )
+
+    def fence_materials(self) -> None:
+        b = self.builder
         b.material("fence", surfaces.WOOD, rgb=(0.82, 0.81, 0.78), specular=0.0)
         b.material("fence_brown", surfaces.WOOD, rgb=(0.45, 0.31, 0.20), specular=0.0)
 

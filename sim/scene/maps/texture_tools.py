@@ -121,11 +121,8 @@ def mix(a: Rgb, b: Rgb, t: Image) -> Image:
 def over(image: Image, rgb: Rgb, share: Image) -> Image:
     """Lay `rgb` over the picture, opaque where `share` is 1, and return the same picture."""
     share = np.clip(share, 0.0, 1.0).astype(np.float32, copy=False)
-    cover = np.empty_like(image[0])
     for value, channel in zip(rgb, image, strict=True):
-        np.subtract(np.float32(value), channel, out=cover)
-        cover *= share
-        channel += cover
+        channel += (np.float32(value) - channel) * share
     return image
 
 

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
+from sim.scene.maps import surfaces
 from sim.scene.maps.buildings import add_block
 from sim.scene.maps.ground_details import Strip, covers, puddles, spots, street
 from sim.scene.maps.layout import Point
@@ -59,6 +60,21 @@ class _Suburb(Suburb):
         super().__init__("urban_delivery", seed, parameters.season)
         self.parameters = parameters
         self.layout.take_disc(0.0, 0.0, 6.0)
+
+    def materials(self) -> None:
+        """Add the materials of suburbs, and those of the depot and the drop zones."""
+        b = self.builder
+        self.common_materials("grass", "asphalt", "paving", "gravel", "sheet_metal")
+        self.lawn_materials()
+        b.material("lot_asphalt", surfaces.ASPHALT, rgb=(1.0, 1.0, 1.0), texture="asphalt", tile_m=6.0, specular=0.0)
+        self.pavement_materials()
+        b.material("zone_white", surfaces.ROAD_PAINT, rgb=(0.88, 0.88, 0.87), specular=0.0)
+        b.material("zone_blue", surfaces.ROAD_PAINT, rgb=(0.08, 0.30, 0.72), specular=0.0)
+        b.material("zone_orange", surfaces.ROAD_PAINT, rgb=(0.95, 0.45, 0.05), specular=0.0)
+        b.material(
+            "gate", surfaces.PAINTED_METAL, rgb=(0.34, 0.44, 0.52), texture="sheet_metal", tile_m=1.3, specular=0.3
+        )
+        self.fence_materials()
 
     def streets(self) -> None:
         b = self.builder
