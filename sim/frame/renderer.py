@@ -36,7 +36,7 @@ class RenderSkips:
     """Skipping of work that cannot change the picture. Without it: the same bits, but slower (`hil bench skip`).
 
     Except `mesh_backs`: on outlines, where front and back of a fine mesh are closer than the rounding of their
-    distances, some 2 pixels in a million differ, in depth by at most 2 mm (measured in three maps, up to 40 m away).
+    distances, a few pixels in a million differ, in depth by at most 2 mm (measured in three maps, up to 40 m away).
     """
 
     frustum: bool = True  # geoms and branches of the tree outside the picture, pixels outside a geom's bounds

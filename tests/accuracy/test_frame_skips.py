@@ -1,4 +1,7 @@
-"""A skipping rule leaves out work that cannot affect the outputs: each one alone, on and off, gives the same bits."""
+"""A skipping rule leaves out work that cannot affect the outputs: each one alone, on and off, gives the same bits.
+
+Only the rule for the backs of meshes may change a small share of the values.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from hil.apps.bench_suite.sensors.raster_cases import (
     scene_case,
     world_of,
 )
-from hil.apps.bench_suite.sensors.skip import compare, contact_rule, lidar_rules, radar_rule, raster_rules
+from hil.apps.bench_suite.sensors.skip import Rule, compare, contact_rule, lidar_rules, radar_rule, raster_rules
 from signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
@@ -36,12 +39,16 @@ def park() -> Case:
 def test_pictures_are_the_same_with_and_without_each_rule(park: Case) -> None:
     rules = raster_rules(park, CAMERA)
     assert len(rules) == len(fields(RenderSkips)) + 1  # the rule for unused channels is not a field
-    assert {rule.name: compare(rule, rounds=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
+    shares = {rule.name: compare(rule, rounds=1)[1] for rule in rules}
+    assert {rule.name: shares[rule.name] for rule in rules if shares[rule.name] > rule.may_differ} == {}
+    assert {rule.name for rule in rules if rule.may_differ > 0.0} == {"mesh backs"}
 
 
 def test_pictures_of_many_geoms_are_the_same_with_and_without_each_rule() -> None:
     rules = raster_rules(field_case(800, seed=2, views=3), CAMERA)
-    assert {rule.name: compare(rule, rounds=1)[1] for rule in rules} == {rule.name: 0.0 for rule in rules}
+    shares = {rule.name: compare(rule, rounds=1)[1] for rule in rules}
+    assert {rule.name: shares[rule.name] for rule in rules if shares[rule.name] > rule.may_differ} == {}
+    assert {rule.name for rule in rules if rule.may_differ > 0.0} == {"mesh backs"}
 
 
 def test_the_flight_of_the_contact_rule_lands_again_and_all_of_its_state_is_compared() -> None:
@@ -76,6 +83,12 @@ def test_raw_frames_are_the_same_whether_or_not_the_rest_is_made(park: Case) -> 
     assert len(frames) == len(park.views)
     assert frames[0].shape == (3, 64, 64)
     assert not np.array_equal(frames[0], frames[1])
+
+
+@pytest.mark.parametrize("shape", [(0,), (3, 0), (2, 2)])
+def test_arrays_are_compared_bit_for_bit_also_without_values(shape: tuple[int, ...]) -> None:
+    rule = Rule("none", "empty", lambda on: iter([(1.0, {"zeros": np.full(shape, 0.0 if on else -0.0)})]))
+    assert compare(rule, rounds=1)[1] == (0.0 if 0 in shape else 1.0)
 
 
 def _fine_meshes() -> Case:

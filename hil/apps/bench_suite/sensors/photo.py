@@ -7,7 +7,7 @@ errors compare the path tracer's own rays through the pixels' centres with the r
              optical axis shifted by 0.1 px in eight directions
     depth    99th percentile of the difference along the axis, within 60 m, where the geoms agree
 
-The third part compares colours: hil.apps.bench_suite.sensors.photo_colour.
+A second table compares colours: hil.apps.bench_suite.sensors.photo_colour.
 
 Times are those of one picture with all cores, in wall time: poses, paths, denoising, and the way to the child process
 and back. `cpu_s` is the time of all cores in the child.

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from hil.apps.bench_suite.result import Row, ShowStatus, TextTable
 from hil.apps.bench_suite.sensors.raster_cases import Case, View, scene_case
 from hil.apps.bench_suite.timing import one_core
+from signals.errors import RecordingError
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
 from sim.frame.path_traced import tone
@@ -45,15 +46,27 @@ _CLIPPED, _MIN_LIGHT = 250, 0.01
 LEVELS = ("low", "medium", "high", "epic")
 
 Float = NDArray[np.float64]
+Curve = Callable[[Float], Float]  # from linear light to the linear value of the code
+
+
+def _linear(light: Float) -> Float:
+    return np.minimum(light, 1.0)
+
+
+def _filmic(light: Float) -> Float:
+    """Return the raster's filmic curve (sim/native/frame/resolve.hpp)."""
+    x = 0.723 * light
+    return x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings of the raster whose error is measured."""
+    """Settings of the raster whose error is measured. `curve`: of its codes; without, they are of the path tracer's."""
 
     shading: Shading
     shadows: bool = True
     supersample: int = 1
+    curve: Curve | None = None
 
 
 SETTINGS: dict[str, Setting] = {
@@ -68,8 +81,8 @@ SETTINGS: dict[str, Setting] = {
     "high, ambient occlusion": Setting(OCCLUDED),
     "high, 4 samples": Setting(FULL, supersample=2),
     "epic": Setting(OCCLUDED, supersample=2),
-    "high, tone linear": Setting(replace(FULL, tone="linear")),
-    "high, tone filmic": Setting(FULL),
+    "high, tone linear": Setting(replace(FULL, tone="linear"), curve=_linear),
+    "high, tone filmic": Setting(FULL, curve=_filmic),
 }
 
 
@@ -92,7 +105,10 @@ class Errors:
 
 
 def measure_colour(*, quick: bool, status: ShowStatus, seed: int) -> tuple[list[Row], TextTable]:
-    """Return a row per scene and setting, and their table. Raises PathTracerError without the extra."""
+    """Return a row per scene and setting, and their table.
+
+    Raises PathTracerError without the extra, RecordingError if no pixel counts.
+    """
     rows: list[Row] = []
     table = TextTable(
         ("raster against path tracer", "light [%]", "codes", "ssim", "time [ms]"),
@@ -113,9 +129,9 @@ def measure_colour(*, quick: bool, status: ShowStatus, seed: int) -> tuple[list[
         status(f"{name}: colour of the raster")
         case = replace(case, views=tuple(views))
         times_s = _times(case, geometry, camera)
-        found = {f"path tracer, {_OTHER_PATHS} paths": _errors(reference.other, reference, "")}
+        found = {f"path tracer, {_OTHER_PATHS} paths": _errors(reference.other, reference)}
         found |= {
-            text: _errors(_raster_light(case, geometry, camera, setting), reference, text)
+            text: _errors(_raster_light(case, geometry, camera, setting), reference, setting.curve)
             for text, setting in SETTINGS.items()
         }
         for text, errors in found.items():
@@ -135,7 +151,7 @@ def measure_colour(*, quick: bool, status: ShowStatus, seed: int) -> tuple[list[
 def _reference(
     case: Case, geometry: FrameGeometry, camera: CameraModel, tracer: PathTracer
 ) -> tuple[list[View], Reference]:
-    """Return the views that count and their pictures."""
+    """Return the views that count and their pictures. Raises RecordingError if no pixel counts."""
     native = FrameRenderer(geometry, camera)
     few, many = (PathTracedRenderer(native, tracer, samples=paths) for paths in (_OTHER_PATHS, _PATHS))
     out = native.buffers("rgb", "geom")
@@ -152,6 +168,11 @@ def _reference(
         reference.other.append(other)
         reference.light.append(_light_of(out["rgb"]))
         reference.counted.append((out["geom"] >= 0) & (out["rgb"] < _CLIPPED).all(axis=2))
+    if not any(counted.any() for counted in reference.counted):
+        raise RecordingError(
+            f"{case.name}: no pixel of the path tracer's pictures from {len(case.views)} viewpoints counts: all are "
+            "dark, clipped or of the sky; choose other viewpoints (another seed)"
+        )
     return views, reference
 
 
@@ -172,12 +193,11 @@ def _raster_light(case: Case, geometry: FrameGeometry, camera: CameraModel, sett
     return pictures
 
 
-def _errors(light: list[Float], reference: Reference, text: str) -> Errors:
-    """Return the errors of pictures in linear light."""
+def _errors(light: list[Float], reference: Reference, curve: Curve | None = None) -> Errors:
+    """Return the errors of pictures in linear light, as codes of `curve` or of the path tracer's."""
     own = np.concatenate([one[counted] for one, counted in zip(light, reference.counted, strict=True)])
     right = np.concatenate([one[counted] for one, counted in zip(reference.light, reference.counted, strict=True)])
     factor = right.mean() / own.mean()
-    curve = _CURVES.get(text.rpartition("tone ")[2])
     shown = factor if curve is None else _factor_for(curve, own, tone.curve(right).mean())
     codes, similar = [], []
     for one, other, counted in zip(light, reference.light, reference.counted, strict=True):
@@ -191,22 +211,13 @@ def _errors(light: list[Float], reference: Reference, text: str) -> Errors:
     )
 
 
-def _factor_for(curve: Callable[[Float], Float], light: Float, mean: float) -> float:
+def _factor_for(curve: Curve, light: Float, mean: float) -> float:
     """Return the exposure at which the mean of a rising curve of the light is `mean`, by bisection."""
     low, high = -6.0, 6.0
     for _ in range(40):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if curve(2.0**middle * light).mean() > mean else (middle, high)
     return float(2.0**low)
-
-
-def _filmic(light: Float) -> Float:
-    """Return the raster's filmic curve (sim/native/frame/resolve.hpp)."""
-    x = 0.723 * light
-    return x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
-
-
-_CURVES: dict[str, Callable[[Float], Float]] = {"linear": lambda light: np.minimum(light, 1.0), "filmic": _filmic}
 
 
 def _ssim(a: Float, b: Float) -> Float:

@@ -55,7 +55,7 @@ _POSING_RULE = "unseen_actors"  # the field of RenderSkips that saves posing: it
 _LIDAR_RANGE_M = 50.0
 _RADAR = "bgt60tr13c"
 _TICK_NS = 4_000_000
-_BACKS_MAY_DIFFER = 2e-5  # share of values
+_BACKS_MAY_DIFFER = 5e-6  # share of values; measured: at most 2.2e-6 in one scene
 
 
 @dataclass(frozen=True)
@@ -116,15 +116,16 @@ def compare(rule: Rule, *, rounds: int) -> tuple[dict[bool, float], float]:
 
 
 def _share_that_differs(a: Mapping[str, NDArray[Any]], b: Mapping[str, NDArray[Any]]) -> float:
-    """Return the share of values that are not identical bit for bit; 1 if names, shapes or types differ."""
+    """Return the share of values whose bits differ: 0 without values, 1 if names, shapes or types differ."""
     if a.keys() != b.keys() or any((a[k].shape, a[k].dtype) != (b[k].shape, b[k].dtype) for k in a):
         return 1.0
     differing = sum(int((_bits(a[k]) != _bits(b[k])).any(axis=1).sum()) for k in a)
-    return differing / sum(values.size for values in a.values())
+    return differing / max(sum(values.size for values in a.values()), 1)
 
 
 def _bits(values: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(values).view(np.uint8).reshape(values.size, -1)
+    """Return the bytes of each value, one row a value."""
+    return np.frombuffer(values.tobytes(), np.uint8).reshape(values.size, values.itemsize)
 
 
 def raster_rules(case: Case, camera: CameraModel | None = None) -> list[Rule]:
