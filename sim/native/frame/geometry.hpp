@@ -20,7 +20,7 @@ enum class Shape : std::uint8_t { kPlane = 0, kSphere = 2, kCapsule = 3, kEllips
 
 // One triangle as pictures are shaded with it. Each row of four gives a value at the point p of the mesh: c[0..2] . p + c[3].
 struct Facet {
-    float normal[4];     // distance from the plane; the unit normal, zero for a triangle without area
+    float normal[4];     // the unit normal, and the plane's offset: gives the distance from the plane. Zero without area
     float u[4], v[4];    // texture coordinates; zero without
     float smooth[3][4];  // interpolated corner normals; zero without
 };
@@ -44,7 +44,8 @@ struct Mesh {
     std::vector<std::int32_t> face;
     Bvh packed_tree;
     // True if every edge belongs to two triangles that traverse it in opposite directions, and every connected part
-    // faces outwards. From outside, no ray then meets the back of a triangle first.
+    // faces outwards. From outside, no ray then meets the back of a triangle first, but for rounding where front and back
+    // are close.
     bool closed = false;
     float edge_m = 0.0f;  // edge of a square of twice the mean area of the triangles
 };

@@ -7,7 +7,7 @@
 // A pixel sees the hit with the smallest t; with equal t, the one with the smaller geom index, then triangle index. A hit
 // that rounding puts before the lower bound of its geom or triangle counts at the bound.
 // This depends only on the pixel's ray and the geoms, so the picture does not depend on the order of drawing, on
-// culling, on the number of threads (each draws its own rows) or on the instruction set.
+// culling but for `hide_backs`, on the number of threads (each draws its own rows) or on the instruction set.
 //
 // Rays. Camera frame C: x right, y down, z forward; the ray of a pixel is d_C, and t its parameter. Pinhole:
 // d_C = ((u - cx) / fx, (v - cy) / fy, 1), t is the planar depth. Other cameras: a table of unit d_C, t is the

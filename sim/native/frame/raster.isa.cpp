@@ -110,7 +110,7 @@ void draw_primitive(const DrawnGeom &g, const RayTable &rays, VisibilityBuffer &
         if constexpr (S == Shape::kCylinder) t = ray_cylinder(o, d, g.radius, g.half[2], near);
         if constexpr (S == Shape::kEllipsoid) t = ray_ellipsoid(o, d, near);
         if constexpr (S == Shape::kPlane) t = ray_plane(o, d, g.half, near);
-        keep(buffer, block, max(splat<F>(g.t_min_bound), t), g.geom);  // NaN: no hit
+        keep(buffer, block, max(splat<F>(g.t_min_bound), t), g.geom);  // NaN stays, as the second operand of max: no hit
     });
 }
 
@@ -255,8 +255,8 @@ struct Spans {
 // finds nothing, unless one sign alone can belong to its inside.
 //
 // A pixel counts as inside if the three edge functions e_i = a_i x + b_i y + c_i have no two opposite signs. Rounding is
-// less than `error`. If their sum exceeds 3 `error` in all of the rectangle, no pixel there has the opposite sign, and each
-// edge bounds x: on the best line of pixels of a row, e_i >= -error.
+// less than `error`. If their sum exceeds 4 `error` in all of the rectangle (3, and one for the rounding of the sum itself),
+// no pixel there has the opposite sign, and each edge bounds x: on the best line of pixels of a row, e_i >= -error.
 HIL_INLINE bool find_spans(const Packet &packet, int lane, const RayTable &rays, int x0, int x1, int row0, int row, int row1, Spans &spans) {
     constexpr float kRounding = 1e-6f, kMargin = 1.0f / 64.0f;  // share of the greatest sum of terms; pixels
     const float left = rays.x.data()[16 * x0], right = rays.x.data()[16 * x1 - 1];

@@ -269,7 +269,8 @@ HIL_INLINE void put_later(Run &run, int at, const I &mask, const Texture &textur
     if (run.patches == kPatches) put_texels(run);
     Patch &p = run.patch[run.patches++];
     p = {&texture, at, mask, texel, light};
-    const std::int32_t *const index = (const std::int32_t *)&p.texel;
+    std::int32_t index[16];
+    store(index, texel);
     for (int lane = 0; lane < 16; ++lane) __builtin_prefetch(texture.texel.data() + index[lane]);
 }
 
