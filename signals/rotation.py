@@ -78,6 +78,12 @@ def norm(a: Vec3) -> float:
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
+def quaternion_norm(q: Quat) -> float:
+    """Return |q|."""
+    w, x, y, z = q
+    return sqrt(w * w + x * x + y * y + z * z)
+
+
 def unit(a: Vec3) -> Vec3:
     """Return a / |a|; +z for a vector without a direction."""
     length = norm(a)

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from signals._kernel import det_cos, det_sin
 from signals.errors import ModelRangeError
-from signals.rotation import NO_TURN, norm
+from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
 from sim.physics.actors import Actors
@@ -95,8 +95,7 @@ def check_motion(p_WB: Vec3, q_WB: Quat, v_WB_W: Vec3, w_WB_B: Vec3) -> float:
     ):
         if not size <= limit:
             raise ValueError(f"{name} has the size {size:g}, and the model holds up to {limit:g}")
-    w, x, y, z = q_WB
-    length = math.sqrt(w * w + x * x + y * y + z * z)
+    length = quaternion_norm(q_WB)
     if not 1e-3 <= length <= 1e3:
         raise ValueError(f"q_WB {q_WB} is no rotation: its length is {length:g}")
     return length

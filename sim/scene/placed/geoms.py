@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from signals.rotation import matrix_of
+from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
 from sim.scene.maps.scene_map import Actor
 from sim.scene.placed.actor import ObjectActor
@@ -35,8 +36,15 @@ def pose_geoms(model: mujoco.MjModel, data: mujoco.MjData, actor: Actor, t_ns: i
         R_WB = np.array(matrix_of(q_WB)).reshape(3, 3)
         for geom in actor_geoms(model, name):
             R_BG = np.array(matrix_of(model.geom_quat[geom].tolist())).reshape(3, 3)
-            data.geom_xpos[geom] = p_WB + R_WB @ model.geom_pos[geom]
-            data.geom_xmat[geom] = (R_WB @ R_BG).ravel()
+            data.geom_xpos[geom] = p_WB + _product(R_WB, model.geom_pos[geom])
+            data.geom_xmat[geom] = _product(R_WB, R_BG).ravel()
+
+
+def _product(R: NDArray[np.float64], a: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return R a for a vector or a matrix. The order of additions in NumPy's product depends on the machine."""
+    columns = R.T.reshape(3, 3, *[1] * (a.ndim - 1))
+    found: NDArray[np.float64] = (columns[0] * a[0] + columns[1] * a[1]) + columns[2] * a[2]
+    return found
 
 
 def way_to(world: World, moved: ObjectActor, start_W: Vec3, end_W: Vec3, q_WB: Quat, t_ns: int) -> Vec3:
@@ -52,8 +60,9 @@ def way_to(world: World, moved: ObjectActor, start_W: Vec3, end_W: Vec3, q_WB: Q
             pose_geoms(model, data, actor, t_ns)
     own = [geom for body in moved.bodies for geom in actor_geoms(model, body) if world.geom_solid[geom]]
     probe = ObjectActor(moved.name, moved.fixed, 0.0)
-    length_m = float(np.linalg.norm(np.subtract(end_W, start_W)))
-    direction = np.subtract(end_W, start_W) / max(length_m, 1e-12)
+    dx, dy, dz = (b - a for a, b in zip(start_W, end_W, strict=True))
+    length_m = norm((dx, dy, dz))
+    direction = np.array((dx, dy, dz)) / max(length_m, 1e-12)
     others = _near(world, data, own, start_W, end_W, moved.bound(t_ns)[1])
     buffer = np.zeros(6)
 
@@ -85,14 +94,21 @@ def way_to(world: World, moved: ObjectActor, start_W: Vec3, end_W: Vec3, q_WB: Q
     return at(travelled_m)
 
 
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    found: NDArray[np.float64] = (a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]) + a[..., 2] * b[..., 2]
+    return found
+
+
 def _near(world: World, data: mujoco.MjData, own: list[int], start_W: Vec3, end_W: Vec3, radius_m: float) -> list[int]:
     """Return the solid geoms of others whose bounding spheres an object may meet on its way."""
     model = world.model
     solid = np.setdiff1d(np.flatnonzero(world.geom_solid), own)
     a, b = np.array(start_W), np.array(end_W)
     p = data.geom_xpos[solid]
-    along = np.clip((p - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)
-    gap = np.linalg.norm(p - (a + along[:, None] * (b - a)), axis=1)
+    way = b - a
+    along = np.clip(_dot(p - a, way) / max(float(_dot(way, way)), 1e-12), 0.0, 1.0)
+    away = p - (a + along[:, None] * way)
+    gap = np.sqrt(_dot(away, away))
     reach = model.geom_rbound[solid]
     found: list[int] = solid[(reach <= 0.0) | (gap <= reach + radius_m + 0.1)].tolist()
     return found

@@ -20,7 +20,7 @@ from hil.apps.airsim.rpc.arguments import (
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.world.simulation import Simulation
-from hil.apps.airsim.world.surroundings import ENABLED, SUMMER_TIME, Drawing
+from hil.apps.airsim.world.surroundings import ENABLED, SUMMER_TIME
 from signals.frames import ned_from_enu
 from signals.time import NS_PER_S
 
@@ -70,37 +70,30 @@ def methods(simulation: Simulation) -> list[Method]:
     def set_trace_line(colour: list[float], thickness: float, name: str) -> None:
         sim.drone(name).trace_line = (tuple(colour), thickness)
 
-    def draw(kind: str, content: tuple[Any, ...], colour: list[float], size: float, *rest: Any) -> None:
-        duration_s, persistent = rest
-        end_ns = None if persistent or duration_s < 0.0 else sim.world.t_ns + round(min(duration_s, 1e9) * NS_PER_S)
+    def count(kind: str) -> None:
         if kind not in around.drawn:
-            sim.log(f"drawings of the kind {kind} are kept, and shown in no picture")
-        around.draw(Drawing(kind, content, tuple(colour), size, end_ns), sim.world.t_ns)
+            sim.log(f"drawings of the kind {kind} are counted, and shown in no picture")
+        around.drawn[kind] += 1
 
     def plotted(kind: str, name: str, size: str, default: float) -> Method:
-        def call(points: list[Vector], colour: list[float], scale: float, duration: float, stays: bool) -> None:
-            draw(kind, tuple(points), colour, scale, duration, stays)
+        return method(
+            name, lambda *_: count(kind), points("points"), colour, optional(size, FLOAT, default), duration, persistent
+        )
 
-        return method(name, call, points("points"), colour, optional(size, FLOAT, default), duration, persistent)
-
-    def arrows(begin: list[Vector], end: list[Vector], colour: list[float], thick: float, *rest: Any) -> None:
+    def arrows(begin: list[Vector], end: list[Vector], *_: Any) -> None:
         if len(begin) != len(end):
             raise RpcError(f"{len(begin)} starts and {len(end)} ends of arrows; there must be as many of both")
-        draw("arrows", (*zip(begin, end, strict=True), rest[0]), colour, thick, *rest[1:])
+        count("arrows")
 
-    def strings(first: list[Any], second: list[Any], scale: float, colour: list[float], duration: float) -> None:
+    def strings(first: list[Any], second: list[Any], *_: Any) -> None:
         if len(first) != len(second):
             raise RpcError(f"{len(first)} strings and {len(second)} positions; there must be as many of both")
-        draw("strings", tuple(zip(first, second, strict=True)), colour, scale, duration, False)
+        count("strings")
 
-    def transforms(poses: list[Any], scale: float, thick: float, duration: float, stays: bool) -> None:
-        draw("transforms", (tuple(poses), thick), _RED, scale, duration, stays)
-
-    def named_transforms(poses: list[Any], names: list[str], *rest: Any) -> None:
+    def named_transforms(poses: list[Any], names: list[str], *_: Any) -> None:
         if len(poses) != len(names):
             raise RpcError(f"{len(poses)} poses and {len(names)} names; there must be as many of both")
-        scale, thick, _text_scale, colour, duration = rest
-        draw("transforms", (tuple(poses), thick, tuple(names)), colour, scale, duration, False)
+        count("transforms")
 
     def points(name: str) -> Parameter:
         return Parameter(name, list_of(VECTOR, most=_MOST_POINTS))
@@ -137,7 +130,7 @@ def methods(simulation: Simulation) -> list[Method]:
             optional("thickness", FLOAT, 1.0),
             VEHICLE,
         ),
-        method("simFlushPersistentMarkers", around.flush_persistent),
+        method("simFlushPersistentMarkers", lambda: None),
         plotted("points", "simPlotPoints", "size", 10.0),
         plotted("line_strip", "simPlotLineStrip", "thickness", 5.0),
         plotted("line_list", "simPlotLineList", "thickness", 5.0),
@@ -161,7 +154,15 @@ def methods(simulation: Simulation) -> list[Method]:
             colour,
             duration,
         ),
-        method("simPlotTransforms", transforms, poses, optional("scale", FLOAT, 5.0), thickness, duration, persistent),
+        method(
+            "simPlotTransforms",
+            lambda *_: count("transforms"),
+            poses,
+            optional("scale", FLOAT, 5.0),
+            thickness,
+            duration,
+            persistent,
+        ),
         method(
             "simPlotTransformsWithNames",
             named_transforms,

@@ -21,6 +21,7 @@ from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.ned import Kinematics, q_WB_from_q_NF
 from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
+from signals.rotation import quaternion_norm
 from signals.samples import Quat, Vec3
 from sim.scene.atmosphere import LAPSE_K_PER_M, LOWEST_M, SEA_LEVEL_K, TOP_M, TROPOPAUSE_M, geopotential_m, pressure_pa
 
@@ -87,7 +88,7 @@ def place(
     p_N = _kept(pose.position, drone.origin.from_W(truth.p_WB))
     q: Quat = tuple(pose.orientation)  # type: ignore[assignment]
     q_WB = truth.q_WB if any(map(math.isnan, q)) else q_WB_from_q_NF(q)
-    length = math.sqrt(sum(x * x for x in q_WB))
+    length = quaternion_norm(q_WB)
     if not 1e-3 <= length <= 1e3:
         raise RpcError(f"the orientation {tuple(pose.orientation)} is no rotation; a unit quaternion has the length 1")
     q_WB = (q_WB[0] / length, q_WB[1] / length, q_WB[2] / length, q_WB[3] / length)

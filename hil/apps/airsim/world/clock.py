@@ -78,7 +78,7 @@ class WallClock:
         self.lost_ns = 0  # of wall time, that the computer was too slow for
         self._told_ns = -_NS_PER_MINUTE
         simulation.wake = self._work.set
-        simulation.epoch_ns = time.time_ns()
+        simulation.begin_at(time.time_ns())
 
     async def run(self) -> None:
         """Advance the simulation until the task is cancelled."""

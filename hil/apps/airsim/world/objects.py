@@ -10,7 +10,6 @@ north.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import HilError
-from signals.rotation import NO_TURN
+from signals.rotation import NO_TURN, quaternion_norm
 from signals.samples import Quat, Vec3
 from sim.frame.source import VEHICLE_CLASS
 from sim.scene.maps.scene_map import Actor
@@ -40,6 +39,7 @@ MOST_SPAWNED = 1000
 _MOST_M = 50_000.0  # from the world's origin
 _SCALES = (1e-3, 1e3)
 _MOST_NAME = 200
+_DIGITS = 12
 _NEAR_M = 3.0  # farther than a vehicle can move in a tick
 _RESERVED = f"{VEHICLE_CLASS}:"
 _ONE: Vec3 = (1.0, 1.0, 1.0)
@@ -104,8 +104,8 @@ class Objects:
             while body and model.body_parentid[body]:
                 body = int(model.body_parentid[body])
             p, q = (data.xpos[body], data.xquat[body]) if body else (data.geom_xpos[geom], np.array(NO_TURN))
-            x, y, z = p.tolist()
-            w, i, j, k = q.tolist()
+            x, y, z = np.round(p, _DIGITS).tolist()  # MuJoCo's last digits depend on the machine
+            w, i, j, k = np.round(q, _DIGITS).tolist()
             known[name] = SceneObject(name, (x, y, z), (w, i, j, k), body=body)
         return known
 
@@ -383,7 +383,7 @@ def _check_pose(p_W: Vec3, q_W: Quat) -> None:
     """Raise RpcError for a pose beyond the world, or an orientation that is none."""
     if not all(abs(x) <= _MOST_M for x in p_W):
         raise RpcError(f"a position beyond {_MOST_M:g} m from the world's origin is outside the world")
-    if not 1e-3 <= math.sqrt(sum(x * x for x in q_W)) <= 1e3:
+    if not 1e-3 <= quaternion_norm(q_W) <= 1e3:
         raise RpcError("the orientation is no rotation; a unit quaternion has the length 1")
 
 
@@ -394,6 +394,6 @@ def _check_scale(scale: Vec3) -> None:
 
 
 def _unit(q: Quat) -> Quat:
-    length = math.sqrt(sum(x * x for x in q))
+    length = quaternion_norm(q)
     w, x, y, z = (c / length for c in q)
     return (w, x, y, z)

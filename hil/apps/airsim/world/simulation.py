@@ -66,13 +66,12 @@ class Simulation:
         x, y, z = config.start.p_W
         self.frame = NedFrame((x, y, z + self.model.standing_height_m))
         self.earth = Earth(settings.origin, self.frame)
-        self.epoch_ns = CALLS_EPOCH_NS
         self.world = SteppedWorld(self.scene, TICK_NS, seed=self._seed, wind=config.wind)
         self.objects = Objects(self.world, log)
         self.frames = Frames(self.world, self.objects)
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
-        self.surroundings.take_settings(settings, self.epoch_ns)
+        self.begin_at(CALLS_EPOCH_NS)
         self.cameras = Cameras(
             settings, self.world, self.frames, self.surroundings, world_frame=self.frame, find_drone=self.drone
         )
@@ -93,6 +92,11 @@ class Simulation:
         self.default_name = settings.default_vehicle
         if settings.wind_mps != (0.0, 0.0, 0.0):
             self.world.set_wind(ned_from_enu(settings.wind_mps))
+
+    def begin_at(self, epoch_ns: int) -> None:
+        """Let the simulated time begin at `epoch_ns`, since 1970; a time of day without a start begins there, too."""
+        self.epoch_ns = epoch_ns
+        self.surroundings.take_settings(self.settings, epoch_ns)
 
     @property
     def flies(self) -> bool:

@@ -393,3 +393,11 @@ def test_an_object_with_too_many_surfaces_is_refused(client: Client, monkeypatch
     with pytest.raises(RpcFailed, match="more than 1 different surfaces"):
         spawn(client, "spawned_bad", "Cube", pose(5.0, 0.0, -0.5))
     assert client.call("simListSceneObjects", "spawned_bad") == []
+
+
+def test_poses_of_the_scene_do_not_have_the_last_digits_of_a_machine(blocks: Served) -> None:
+    for name in blocks.simulation.objects.names:
+        found = blocks.simulation.objects.find(name)
+        assert found is not None
+        if found.mover is None and found.actor is None:
+            assert all(round(x, 12) == x for x in (*found.p_W, *found.q_W)), name

@@ -676,10 +676,8 @@ def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None
     assert around.clock is None
 
 
-def test_drawings_are_kept_until_they_are_over(client: Client, world: Served) -> None:
+def test_drawings_are_counted(client: Client, world: Served) -> None:
     around, points = world.simulation.surroundings, [vector(0.0, 0.0, -1.0), vector(1.0, 0.0, -1.0)]
-    client.call("simFlushPersistentMarkers")
-    around.drawings.clear()
     client.call("simPlotPoints", points, [1.0, 0.0, 0.0, 1.0], 10.0, 0.05, False)
     client.call("simPlotLineStrip", points, [1.0, 0.0, 0.0, 1.0], 5.0, -1.0, True)
     client.call("simPlotArrows", points, points, [1.0, 0.0, 0.0, 1.0], 5.0, 2.0, -1.0, False)
@@ -687,13 +685,19 @@ def test_drawings_are_kept_until_they_are_over(client: Client, world: Served) ->
     client.call("simContinueForTime", 0.1)
     client.call("simPlotTransforms", [pose(0.0, 0.0, 0.0)], 5.0, 5.0, -1.0, False)
     client.call("simPlotTransformsWithNames", [pose(0.0, 0.0, 0.0)], ["here"])
-    kinds = [drawing.kind for drawing in around.drawings]
-    assert kinds == ["line_strip", "arrows", "strings", "transforms", "transforms"]
     client.call("simFlushPersistentMarkers")
-    assert around.drawings == []
-    assert around.drawn["transforms"] == 2
+    assert around.drawn == {"points": 1, "line_strip": 1, "arrows": 1, "strings": 1, "transforms": 2}
     with pytest.raises(RpcFailed, match="as many of both"):
         client.call("simPlotStrings", ["a"], points)
+
+
+def test_a_time_of_day_without_a_start_is_that_of_the_wall_clock() -> None:
+    settings = '{"SettingsVersion": 1.2, "SimMode": "ComputerVision", "TimeOfDay": {"Enabled": true}}'
+    with served(settings, clock="wall") as world:
+        assert world.client().call("ping") is True
+        start = world.simulation.surroundings.clock
+        assert start is not None
+        assert abs(start.timestamp() - time.time()) < 3600.0
 
 
 # Computer vision
