@@ -86,8 +86,12 @@ def methods(simulation: Simulation) -> list[Method]:
 
 
 def _detection_info(sim: Simulation, detection: Detection) -> dict[str, Any]:
-    """Return AirSim's DetectionInfo; the relative pose is that of the object seen from the camera, FRD."""
-    w, x, y, z = product(conjugate(detection.q_WC), detection.box.q_WO)
+    """Return AirSim's DetectionInfo.
+
+    The relative pose has the position of the object in the camera's frame, and the orientation of the camera in the
+    object's (UDetectionComponent::getRelativeRotation), FRD.
+    """
+    w, x, y, z = product(conjugate(detection.box.q_WO), detection.q_WC)
     return {
         "name": detection.name,
         "geo_point": geo_point(sim, detection.box.p_WO),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -103,11 +103,13 @@ class ServedCamera:
     frame: NedFrame  # in which clients see its poses
     position_F: Vec3 = field(init=False)
     q_FC: Quat = field(init=False)  # camera FRD -> body FRD, or -> NED
+    gimbal: Gimbal = field(init=False)
     fov_deg: float | None = None  # of all image types, set by a client
     lens: Lens = field(default_factory=Lens)
     distortion: dict[str, float] = field(default_factory=lambda: dict.fromkeys(DISTORTION, 0.0))
 
     def __post_init__(self) -> None:
+        self.gimbal = self.settings.gimbal
         self.position_F = self.settings.position_m
         self.q_FC = quaternion_of_rpy(self.settings.rotation_deg)
 
@@ -122,27 +124,33 @@ class ServedCamera:
         return capture.width_px, capture.height_px
 
     def fov(self, image_type: int) -> float:
-        """Return the horizontal field of view of an image type in degrees."""
+        """Return the field of view of an image type along its longer side in degrees."""
         return self.settings.capture(image_type).fov_deg if self.fov_deg is None else self.fov_deg
 
     def model(self, image_type: int) -> CameraModel:
         """Return the projection of an image type."""
         width, height = self.size(image_type)
-        plain = CameraModel.from_fov(width, height, self.fov(image_type))
+        f = CameraModel.from_fov(max(width, height), min(width, height), self.fov(image_type)).fx
+        plain = CameraModel(width, height, f, f, 0.5 * width, 0.5 * height)
         k1, k2, k3, p1, p2 = (self.distortion[key] for key in DISTORTION)
         if not any((k1, k2, k3, p1, p2)):
             return plain
         return CameraModel(width, height, plain.fx, plain.fy, plain.cx, plain.cy, BrownConrady(k1, k2, p1, p2, k3))
 
     def set_pose(self, pose: Pose) -> None:
-        """Mount the camera elsewhere. Raises RpcError."""
+        """Mount the camera elsewhere; a gimbal then holds the angles of the pose. Raises RpcError."""
         length = sum(x * x for x in pose.orientation) ** 0.5
         if not 1e-3 <= length <= 1e3:
             raise RpcError(f"the orientation {tuple(pose.orientation)} is no rotation; a unit quaternion has length 1")
         w, x, y, z = (component / length for component in pose.orientation)
         if not all(abs(component) <= 1e5 for component in pose.position):
             raise RpcError(f"the position {tuple(pose.position)} is beyond 100 km")
-        self.position_F, self.q_FC = (*pose.position,), (w, x, y, z)
+        self.position_F = (*pose.position,)
+        if self.gimbal.stabilization > 0.0:  # as APIPCamera::setCameraPose
+            roll, pitch, yaw = (angle * DEG_PER_RAD for angle in roll_pitch_yaw((w, x, y, z)))
+            self.gimbal = replace(self.gimbal, roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
+        else:
+            self.q_FC = (w, x, y, z)
 
     def set_fov(self, fov_deg: float) -> None:
         """Set the field of view of all image types. Raises RpcError."""
@@ -177,7 +185,7 @@ class ServedCamera:
             x, y, z = truth.p_WB
             w, i, j, k = self.q_FC
             p_W, q_WC = (x + dx, y + dy, z + dz), product(truth.q_WB, (w, i, -j, -k))
-        return CameraPlace(p_W, _held(q_WC, self.settings.gimbal))
+        return CameraPlace(p_W, _held(q_WC, self.gimbal))
 
     def pose(self) -> Pose:
         """Return the pose at the present tick as AirSim gives it."""
@@ -191,10 +199,10 @@ class ServedCamera:
         """
         width, height = self.size(image_type)
         half = 0.5 * self.fov(image_type) * RAD_PER_DEG
-        a = det_cos(half) / det_sin(half)
+        a = max(width, height) * det_cos(half) / det_sin(half)
         return [
-            [0.0, a, 0.0, 0.0],
-            [0.0, 0.0, -a * width / height, 0.0],
+            [0.0, a / width, 0.0, 0.0],
+            [0.0, 0.0, -a / height, 0.0],
             [0.0, 0.0, 0.0, 10.0],
             [-1.0, 0.0, 0.0, 0.0],
         ]

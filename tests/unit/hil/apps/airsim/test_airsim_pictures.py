@@ -32,6 +32,11 @@ SETTINGS = {
             "VehicleType": "SimpleFlight",
             "Cameras": {
                 "noisy": {"Z": -0.5, "NoiseSettings": [{"ImageType": 0, "Enabled": True}]},
+                "tall": {
+                    "CaptureSettings": [
+                        {"ImageType": kind, "Width": 32, "Height": 64, "FOV_Degrees": 90} for kind in (0, 1, 2)
+                    ]
+                },
                 "held": {"X": 0.3, "Pitch": -20, "Gimbal": {"Stabilization": 1, "Roll": 0, "Pitch": -20, "Yaw": 0}},
             },
         },
@@ -218,6 +223,32 @@ def test_a_gimbal_holds_its_angles(client: Client) -> None:
     assert [held[key] for key in ("w_val", "x_val", "y_val", "z_val")] == pytest.approx(expected, abs=1e-6)
 
 
+def test_a_pose_for_a_camera_on_a_gimbal_sets_the_angles_that_it_holds(client: Client) -> None:
+    before = client.call("simGetCameraInfo", "held", "A")["pose"]["orientation"]
+    half = math.radians(15.0)
+    q = {"w_val": math.cos(half), "x_val": 0.0, "y_val": 0.0, "z_val": math.sin(half)}
+    at = {"x_val": 0.3, "y_val": 0.0, "z_val": 0.0}
+    try:
+        client.call("simSetCameraPose", "held", {"position": at, "orientation": q}, "A")
+        place(client, 0.0, 0.0, -10.0)
+        found = client.call("simGetCameraInfo", "held", "A")["pose"]["orientation"]
+        assert [found[key] for key in q] == pytest.approx(list(q.values()), abs=1e-6)
+    finally:
+        client.call("simSetCameraPose", "held", {"position": at, "orientation": before}, "A")
+
+
+def test_the_field_of_view_is_that_of_the_longer_side(client: Client) -> None:
+    place(client, 0.0, 0.0, -20.0)
+    half = math.radians(-45.0)
+    down = {"w_val": math.cos(half), "x_val": 0.0, "y_val": math.sin(half), "z_val": 0.0}
+    origin = dict.fromkeys(("x_val", "y_val", "z_val"), 0.0)
+    client.call("simSetCameraPose", "tall", {"position": origin, "orientation": down}, "A")
+    ratio = numbers(client, "tall", PERSPECTIVE)[-1, 16] / numbers(client, "tall", PLANAR)[-1, 16]
+    assert ratio == pytest.approx(math.hypot(1.0, 31.5 / 32.0), rel=0.005)
+    matrix = client.call("simGetCameraInfo", "tall", "A")["proj_mat"]["matrix"]
+    assert (matrix[0][1], matrix[1][2]) == pytest.approx((2.0, -1.0))
+
+
 def test_distortion(client: Client) -> None:
     place(client, 0.0, 0.0, -10.0, "B")
     before = numbers(client, "3", PERSPECTIVE, vehicle="B")
@@ -353,6 +384,12 @@ def test_detections(client: Client) -> None:
             32.0 * side[to_low] / depth + to_high for side in (low, high) for depth in (low["x_val"], high["x_val"])
         ]
         assert min(edges) - 1.0 <= box["min"][key] < box["max"][key] <= max(edges) + 1.0
+    half = math.radians(20.0)
+    turned = {"w_val": math.cos(half), "x_val": 0.0, "y_val": 0.0, "z_val": math.sin(half)}
+    at = {"x_val": -1.0, "y_val": 1.0, "z_val": -9.5}
+    client.call("simSetVehiclePose", {"position": at, "orientation": turned}, True, "B")
+    turn = client.call("simGetDetections", "0", PLANAR, "A", "")[0]["relative_pose"]["orientation"]
+    assert (turn["w_val"], turn["z_val"]) == pytest.approx((math.cos(half), -math.sin(half)), abs=1e-6)
     home = client.call("getHomeGeoPoint", "A")
     assert found["geo_point"]["altitude"] - home["altitude"] == pytest.approx(9.5, abs=0.3)
     client.call("simSetDetectionFilterRadius", "0", PLANAR, 200.0, "A", False)
