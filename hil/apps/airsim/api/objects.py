@@ -81,7 +81,7 @@ def methods(simulation: Simulation) -> list[Method]:
         found = objects.find(name)
         if found is not None:
             return Vector(*found.scale)
-        return Vector(1.0, 1.0, 1.0) if name in sim.drones else Vector(_NAN, _NAN, _NAN)
+        return Vector(1.0, 1.0, 1.0) if name in sim.drones else Vector()  # zeros, as AirSim
 
     def set_scale(name: str, scale: Vector) -> bool:
         if name in sim.drones:

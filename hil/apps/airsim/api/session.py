@@ -69,7 +69,8 @@ def methods(simulation: Simulation) -> list[Method]:
         wanted = _TYPES.get(kind.lower())
         own = "SimpleFlight" if sim.flies else "ComputerVision"
         if wanted != own:
-            raise RpcError(f"simAddVehicle cannot add a vehicle of type '{kind}' now; use '{own.lower()}'")
+            sim.log(f"simAddVehicle cannot add a vehicle of type '{kind[:60]}' now; use '{own.lower()}'")
+            return False
         if not name:
             raise RpcError("simAddVehicle needs a name for the vehicle")
         roll, pitch, yaw = roll_pitch_yaw(pose.orientation)

@@ -240,9 +240,10 @@ def _read_distance(reader: Reader, enabled: bool, multirotor: bool) -> Distance:
 def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) -> Lidar:
     channels = reader.whole("NumberOfChannels", 16, 1, 1024)
     rotations_hz = reader.number("RotationsPerSecond", 10.0, 0.01, 1000.0)
+    rate_hz = _rate_hz(reader, 10.0)  # of samples, each a whole rotation
     points = reader.whole("PointsPerSecond", 100_000, 1, 50_000_000)
     if reader.has("MeasurementsPerCycle"):  # Cosys-AirSim: points of one channel in one rotation
-        points = round(channels * rotations_hz * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))
+        points = round(channels * rate_hz * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))
     lower = reader.optional("VerticalFOVLower", -90.0, 90.0)
     upper = reader.optional("VerticalFOVUpper", -90.0, 90.0)
     vertical = (
@@ -275,6 +276,6 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) ->
         _position_m(reader, multirotor),
         reader.angles_deg((0.0, 0.0, 0.0)),
         noise_m if noisy else 0.0,
-        _rate_hz(reader, 10.0),
+        rate_hz,
         reader.number("NoiseDistanceScale", 1.0, 0.0, 100.0),
     )

@@ -8,7 +8,7 @@ sample k depends on the vehicle, the sensor's name and k alone, so it does not m
     IMU          white noise and a bias that walks, AirSim's random walk and bias stability; sim.sensors.imu
     barometer    p = p_ISA(h) (1 + d) + n,   d first-order with sigma and tau, 0 at the start
     GPS          position and velocity of `latency` ago, without noise; eph and epv fall exponentially
-    magnetometer s R^T B + b + n,   B of WMM2025
+    magnetometer s R^T B + b + n,   B of WMM2025, b drawn once from +-NoiseBias for each axis
     distance     along the sensor's x axis to the static scene, + n; the greatest distance where nothing is
     LiDAR        one turn at the instant of the sample; sim.sensors.lidar
 """
@@ -202,9 +202,12 @@ class SensorSuite:
             truth = self._state(seq, settings.rate_hz, truth, history)
             field = body_from_W(truth.q_WB, self._made[f"{name}.field"])
             noise = self._noise(name, 3).normal(seq)
+            bias = NoiseStream(1, f"{self._vehicle}.{name}.bias", lanes=3).uniform_block(0).ravel()[:3].tolist()
             x, y, z = (
-                settings.scale_factor * _GAUSS_PER_TESLA * b + settings.bias_gauss + settings.noise_gauss * n
-                for b, n in zip(field, noise, strict=True)
+                settings.scale_factor * _GAUSS_PER_TESLA * b
+                + settings.bias_gauss * (2.0 * u - 1.0)
+                + settings.noise_gauss * n
+                for b, u, n in zip(field, bias, noise, strict=True)
             )
             self._last[name] = (seq, truth.t_ns, (x, y, z))
         found: Vec3 = self._last[name][2]
@@ -242,9 +245,9 @@ class SensorSuite:
         if seq is not None:
             origin_W, q_WS = self.mounting(name).pose_W(truth)
             hit_m = self._rays.ray_distance(origin_W, rotate_into_world(q_WS, (1.0, 0.0, 0.0)))
-            distance = settings.max_m if hit_m < 0.0 else hit_m
-            distance += settings.noise_m * self._noise(name, 1).normal(seq)[0]
-            self._last[name] = (seq, truth.t_ns, min(max(distance, settings.min_m), settings.max_m))
+            distance = settings.max_m if hit_m < 0.0 else min(hit_m, settings.max_m)
+            distance += settings.noise_m * self._noise(name, 1).normal(seq)[0]  # beyond the limits too, as in AirSim
+            self._last[name] = (seq, truth.t_ns, distance)
         found: float = self._last[name][2]
         return found
 

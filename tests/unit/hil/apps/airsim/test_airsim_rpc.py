@@ -66,7 +66,6 @@ def test_a_wrong_number_of_arguments_has_rpclibs_text(client: Client) -> None:
         ("simSetVehiclePose", (7, True, ""), "expected a Pose"),
         ("simSetVehiclePose", ({"position": {"x_val": "a"}}, True), "position: x_val: expected a number, got 'a'"),
         ("enableApiControl", (True, "Nobody"), "Vehicle API for 'Nobody' is not available.*SimpleFlight"),
-        ("simAddVehicle", ("b", "submarine", {}), "cannot add a vehicle of type 'submarine'"),
     ],
 )
 def test_a_wrong_argument_is_an_error_of_this_client(

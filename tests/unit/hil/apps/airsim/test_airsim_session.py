@@ -441,6 +441,19 @@ def test_a_falling_vehicle(client: Client) -> None:
     assert math.sqrt(x * x + y * y + z * z) < 0.6
 
 
+def test_the_acceleration_of_a_tilted_vehicle_is_along_its_axes(client: Client) -> None:
+    client.call("reset")
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -50.0, (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)), True, "B")
+    client.call("simContinueForTime", 0.1)
+    x, y, z = xyz(client.call("simGetGroundTruthKinematics", "B")["linear_acceleration"])
+    assert (x, y, z) == pytest.approx((0.0, 9.8, 0.0), abs=0.4)  # its right side is down
+
+
+def test_a_vehicle_of_another_type_is_not_added(client: Client, world: Served) -> None:
+    assert client.call("simAddVehicle", "C", "submarine", pose(9.0, 9.0, 0.0), "") is False
+    assert any("cannot add a vehicle of type 'submarine'" in line for line in world.log)
+
+
 def test_rotor_states(client: Client) -> None:
     take_off(client)
     states = client.call("getRotorStates", "A")
@@ -572,6 +585,27 @@ def test_distance_sensors(client: Client) -> None:
     assert down["distance"] == pytest.approx(STAND_M - z, abs=0.02)
     assert (down["min_distance"], down["max_distance"]) == pytest.approx((0.2, 40.0))
     assert client.call("getDistanceSensorData", "Ahead", "A")["distance"] == pytest.approx(40.0)
+
+
+def test_the_noise_of_a_distance_sensor_is_not_cut_off_and_the_bias_of_a_magnetometer_is_drawn() -> None:
+    far = {"SensorType": 5, "Enabled": True, "UncorrelatedNoiseSigma": 0.2}
+    field = {"SensorType": 4, "Enabled": True, "NoiseSigma": 0.0}
+    biased = {**field, "NoiseBias": 0.3}
+    vehicle = {"VehicleType": "SimpleFlight", "Sensors": {"Far": far, "Field": field, "Biased": biased}}
+    settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": vehicle}}
+    with served(json.dumps(settings)) as world:
+        client = world.client()
+        found = []
+        for _ in range(20):
+            found.append(client.call("getDistanceSensorData", "Far", "A")["distance"])
+            client.call("simContinueForTime", 0.02)
+        assert min(found) < 40.0 < max(found)
+        plain, other = (
+            xyz(client.call("getMagnetometerData", name, "A")["magnetic_field_body"]) for name in ("Field", "Biased")
+        )
+        bias = [b - a for a, b in zip(plain, other, strict=True)]
+        assert all(abs(x) <= 0.3 for x in bias)
+        assert len(set(bias)) == 3
 
 
 def test_lidar_sees_the_ground(client: Client) -> None:

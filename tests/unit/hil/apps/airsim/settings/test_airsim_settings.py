@@ -100,7 +100,8 @@ def test_default_sensors_replace_the_built_in_ones() -> None:
 def test_cosys_airsim_counts_points_by_rotation_and_has_a_quiet_imu() -> None:
     settings = read(
         '{"SettingsVersion": 2.0, "DefaultSensors": {"imu": {"SensorType": 2, "Enabled": true}, "l": {"SensorType": 6,'
-        '"Enabled": true, "NumberOfChannels": 32, "MeasurementsPerCycle": 1024, "DataFrame": "VehicleInertialFrame"},'
+        '"Enabled": true, "NumberOfChannels": 32, "RotationsPerSecond": 20, "MeasurementsPerCycle": 1024,'
+        '"DataFrame": "VehicleInertialFrame"},'
         '"e": {"SensorType": 7, "Enabled": true}}}'
     )
     imu, lidar = settings.added.sensors["imu"], settings.added.sensors["l"]
