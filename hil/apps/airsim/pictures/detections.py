@@ -17,7 +17,7 @@ from hil.apps.airsim.pictures.camera import CameraPlace, ServedCamera
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.names import like
 from hil.apps.airsim.rpc.methods import RpcError
-from signals.rotation import matrix_of
+from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
 
 _MOST_PATTERNS = 1000
@@ -94,15 +94,21 @@ def _any_like(patterns: list[str], name: str) -> bool:
 
 
 def _distance(a: Vec3, b: Vec3) -> float:
-    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5
+    return norm((a[0] - b[0], a[1] - b[1], a[2] - b[2]))
+
+
+def _in_camera(place: CameraPlace, points_W: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points in the camera's frame. The order of additions in a matrix product depends on the machine."""
+    x, y, z = (points_W - place.p_W).T
+    R = matrix_of(place.q_WC)
+    return np.stack([R[i] * x + R[i + 3] * y + R[i + 6] * z for i in range(3)], axis=1)
 
 
 def _detection(name: str, mask: NDArray[np.bool_], place: CameraPlace, box: Box) -> Detection:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    R_WC = np.array(matrix_of(place.q_WC)).reshape(3, 3)
-    corners = (box.corners_W - place.p_W) @ R_WC * (1.0, -1.0, -1.0)
+    corners = _in_camera(place, box.corners_W) * (1.0, -1.0, -1.0)
     low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    x, y, z = ((np.array(box.p_WO) - place.p_W) @ R_WC).tolist()
+    x, y, z = _in_camera(place, np.array([box.p_WO]))[0].tolist()
     return Detection(
         name,
         (float(columns[0]), float(rows[0])),

@@ -16,6 +16,7 @@ sample k depends on the vehicle, the sensor's name and k alone, so it does not m
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -177,7 +178,7 @@ class SensorSuite:
             drift = self._made.get(f"{name}.drift")
             if drift is None:
                 phi = det_exp(-1.0 / (settings.rate_hz * settings.pressure_factor_tau_s))
-                step = settings.pressure_factor_sigma * (1.0 - phi * phi) ** 0.5
+                step = settings.pressure_factor_sigma * sqrt(1.0 - phi * phi)
                 drift = Drift(1, f"{self._vehicle}.{name}.drift", lanes=1, start=0.0, phi=phi, step=step)
                 self._made[f"{name}.drift"] = drift
             truth = self._state(seq, settings.rate_hz, truth, history)
@@ -271,7 +272,7 @@ class SensorSuite:
             sensor: Any = made[1]
             sample = sensor.sample(truth, seq)
             p_WL, q_WS = self.mounting(name).pose_W(truth)
-            points, instances = _in_view(sample.points_L, sensor.instances(), settings.horizontal_fov_deg)
+            points, instances = in_view(sample.points_L, sensor.instances(), settings)
             if settings.noise_m:
                 points = with_range_noise(points, f"{self._vehicle}.{name}.range", seq, settings)
             self._last[name] = (
@@ -294,12 +295,12 @@ def _imu(settings: kinds.Imu) -> dict[str, Any]:
         * settings.accel_bias_ug
         * 1e-6
         * STANDARD_GRAVITY_MPS2
-        / settings.accel_bias_tau_s**0.5,
+        / sqrt(settings.accel_bias_tau_s),
         "gyro_walk_radps2_per_rthz": noisy
         * settings.gyro_bias_deg_per_h
         * degps
         / 3600.0
-        / settings.gyro_bias_tau_s**0.5,
+        / sqrt(settings.gyro_bias_tau_s),
         "accel_turn_on_bias_mps2": 0.0,
         "gyro_turn_on_bias_radps": 0.0,
         "accel_range_mps2": 10_000.0,
@@ -315,14 +316,13 @@ def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
     """Return parameters of sim.sensors.lidar: one turn per sample, all rays at once."""
     n, (low, high) = settings.channels, settings.vertical_fov_deg
     step = (high - low) / (n - 1) if n > 1 else 0.0
-    columns = max(1, round(settings.points_per_second / settings.rate_hz / n))
     roll, pitch, yaw = settings.rotation_deg
     return {
         "pattern": {
             "kind": "spinning",
             "elevation_deg": [high - step * i for i in range(n)],
             "firing_ns": 0,
-            "columns": columns,
+            "columns": _columns(settings),
         },
         "min_range_m": 0.0,
         "max_range_m": settings.range_m,
@@ -335,14 +335,23 @@ def _lidar(settings: kinds.Lidar) -> dict[str, Any]:
     }
 
 
-def _in_view(
-    points_L: NDArray[np.float32], instances: NDArray[np.uint16], fov_deg: tuple[float, float]
+def _columns(settings: kinds.Lidar) -> int:
+    """Return the number of firings of a channel per turn."""
+    return max(1, round(settings.points_per_second / settings.rate_hz / settings.channels))
+
+
+def in_view(
+    points_L: NDArray[np.float32], instances: NDArray[np.uint16], settings: kinds.Lidar
 ) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
-    """Return the points between two azimuths, clockwise from ahead. Equal azimuths are a whole turn, as in AirSim."""
-    begin, end = fov_deg
+    """Return the points of beams between two azimuths, clockwise from ahead. Equal azimuths are a whole turn, as in
+    AirSim. The azimuth is that of the beam's column, so it does not depend on the range or the machine.
+    """
+    begin, end = settings.horizontal_fov_deg
     if end - begin >= 359.0 or (end - begin) % 360.0 == 0.0:
         return points_L, instances
-    azimuth = np.degrees(np.arctan2(-points_L[:, 1], points_L[:, 0]))
+    count = _columns(settings)
+    column = np.rint(np.arctan2(-points_L[:, 1], points_L[:, 0]) * (count / (2.0 * np.pi)) + 0.5 * count)
+    azimuth = column.astype(np.float64) * 360.0 / count - 180.0
     inside = (azimuth - begin) % 360.0 <= (end - begin) % 360.0
     return points_L[inside], instances[inside]
 
@@ -364,6 +373,8 @@ def with_range_noise(points_L: NDArray[np.float32], name: str, seq: int, setting
 
 def ned_points(points_L: NDArray[np.float32], p_N: Vec3, q_WL: Quat) -> NDArray[np.float32]:
     """Return points of a LiDAR in NED from an origin, as (n, 3); `p_N`: the LiDAR in that frame."""
-    R = np.array(matrix_of(q_WL)).reshape(3, 3)
-    east, north, up = (R @ points_L.astype(np.float64).T) if len(points_L) else np.empty((3, 0))
+    x, y, z = points_L.reshape(-1, 3).astype(np.float64).T
+    # Sums are written out: the order of additions in a matrix product depends on the machine.
+    R = matrix_of(q_WL)
+    east, north, up = (R[i] * x + R[i + 1] * y + R[i + 2] * z for i in (0, 3, 6))
     return np.stack([north + p_N[0], east + p_N[1], p_N[2] - up], axis=1).astype(np.float32)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from hil.apps.airsim.settings.sensors import Lidar
-from hil.apps.airsim.world.sensors import with_range_noise
+from hil.apps.airsim.world.sensors import in_view, with_range_noise
 from sim.physics.vehicle import load_vehicle
 from sim.world_loader import load_world
 from tests.worlds.airsim_server import Client, RpcFailed, Served, served
@@ -732,6 +732,15 @@ def test_a_time_of_day_without_a_start_is_that_of_the_wall_clock() -> None:
         start = world.simulation.surroundings.clock
         assert start is not None
         assert abs(start.timestamp() - time.time()) < 3600.0
+
+
+def test_a_beam_on_the_edge_of_the_field_of_view_counts_at_any_range() -> None:
+    settings = Lidar(channels=1, points_per_second=80, rate_hz=10.0, horizontal_fov_deg=(-45.0, 45.0))
+    ranges_m = np.geomspace(0.1, 90.0, 500)
+    edge = [[s * r, t * r, 0.0] for r in ranges_m / math.sqrt(2.0) for s, t in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0))]
+    points = np.array(edge, np.float32)
+    points[:, 1] = np.nextafter(points[:, 1], np.sign(points[:, 1]) * np.float32(1e9))  # a rounding outwards
+    assert len(in_view(points, np.zeros(len(points), np.uint16), settings)[0]) == 1000
 
 
 # Computer vision
