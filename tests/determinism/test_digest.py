@@ -56,7 +56,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
     return digest(tmp_path_factory.mktemp("reference"), LOOPBACK)
 
 
-@pytest.mark.parametrize("runs", [2, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [1, pytest.param(20, marks=pytest.mark.slow)])
 def test_repeated_runs_have_the_same_digest(reference: str, tmp_path: Path, runs: int) -> None:
     digests = {digest(tmp_path / str(n), LOOPBACK, "record.mcap=false") for n in range(runs)}
     assert digests == {reference}

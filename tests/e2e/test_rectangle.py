@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,6 +26,14 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+def assert_accurate(mission: dict[str, Any]) -> None:
+    assert mission["max_cross_track_m"] <= 1.0
+    assert mission["final_error_m"] <= 0.7
+    assert mission["altitude_error_m"] <= 0.5
+    assert mission["landed"] is True
+    assert mission["landed_tilt_deg"] < 5.0
+
+
 def test_run_json_follows_the_contract(flown: Path) -> None:
     run = json.loads((flown / "run.json").read_text())
     assert problems_of(run) == []
@@ -32,6 +41,7 @@ def test_run_json_follows_the_contract(flown: Path) -> None:
     assert run["deterministic"] is True
     assert run["mission"]["completed"] is True
     assert run["mission"]["reached"] == run["mission"]["waypoints"] == 6
+    assert_accurate(run["mission"])
     assert run["autopilot"]["steps"] == round(run["sim_s"] * 250)
     assert run["autopilot"]["link"] | {"tx_bytes": 0, "rx_bytes": 0} == {
         "tx_bytes": 0,
@@ -90,13 +100,8 @@ def test_replay_says_identical_and_names_the_first_difference(
 def test_ten_seeds_pass(seed: int, tmp_path: Path) -> None:
     bench = load_bench(seed=seed, settings=["autopilot.transport=loopback", "record.mcap=false", "record.report=false"])
     outcome = run_bench(bench, tmp_path, quiet=True)
-    mission = outcome.run["mission"]
     assert outcome.status == "PASS", outcome.run
-    assert mission["max_cross_track_m"] <= 1.0
-    assert mission["final_error_m"] <= 0.7
-    assert mission["altitude_error_m"] <= 0.5
-    assert mission["landed"] is True
-    assert mission["landed_tilt_deg"] < 5.0
+    assert_accurate(outcome.run["mission"])
 
 
 @pytest.mark.parametrize(

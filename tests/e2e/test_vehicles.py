@@ -58,6 +58,12 @@ def test_two_vehicles_fly_in_formation(pair):
     assert "wing/report.html" in (pair.out / "report.html").read_text()
 
 
+def test_a_formation_at_the_default_rate(tmp_path):
+    settings = ("tick_hz=250", "record.mcap=false", "record.tlog=false")
+    result = fly(tmp_path, "vehicles: {lead: {}, wing: {}}\nformation: {spacing_m: 4}\n", settings=settings)
+    assert result.status == "PASS", result.run["verdict"]["reasons"]
+
+
 def test_a_vehicle_has_the_streams_of_a_flight_alone(pair, tmp_path):
     """The same digest without the other vehicle, and with a third one far away."""
     text = """

@@ -240,9 +240,7 @@ def test_buses_to_plug_into(project: pytest.Pytester) -> None:
 
 def test_the_worked_example_of_the_documentation_flies(pytester: pytest.Pytester) -> None:
     shutil.copytree(ROOT / "docs/examples/firmware_team", pytester.path, dirs_exist_ok=True)
-    result = pytester.runpytest_subprocess(
-        "-p", "no:cacheprovider", "--hil-set", "autopilot.transport=loopback", "--hil-set", "tick_hz=100"
-    )
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", "--hil-set", "autopilot.transport=loopback")
     result.assert_outcomes(passed=3, skipped=1)
     assert not (pytester.path / "hil-artifacts").exists()
 

@@ -149,7 +149,7 @@ SHARED = ("plain", "noise", "colour alone", "blur", "fine", "shadows", "classes"
     "options",
     # `make test` leaves out what another one holds too.
     [
-        pytest.param(options, id=name, marks=pytest.mark.slow if name in ("colour alone", "blur", "noise") else [])
+        pytest.param(options, id=name, marks=pytest.mark.slow if name == "colour alone" else [])
         for name, options in CAMERAS.items()
     ],
 )
