@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from hil.apps.airsim.command import printable
+from hil.cli.app import run_command_line
 from tests.worlds.airsim_server import Client
 
 ROOT = Path(__file__).resolve().parents[5]
@@ -128,10 +129,13 @@ def vehicles(**each: object) -> str:
         (("--settings", vehicles(A={"VehicleType": "PX4Multirotor"})), 2, "autopilot.binary"),
     ],
 )
-def test_a_mistake_is_named(arguments: tuple[str, ...], status: int, told: str) -> None:
-    done = run("--port", "0", *(() if "--scene" in arguments else ("--scene", "airfield")), *arguments)
-    assert done.returncode == status, done.stdout + done.stderr
-    assert told in (done.stdout + done.stderr).replace("\n", "")
+def test_a_mistake_is_named(
+    arguments: tuple[str, ...], status: int, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = () if "--scene" in arguments else ("--scene", "airfield")
+    assert run_command_line(["airsim", "--port", "0", *scene, *arguments]) == status
+    shown = capsys.readouterr()
+    assert told in (shown.out + shown.err).replace("\n", "")
 
 
 def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:

@@ -39,8 +39,17 @@ def flown(name: str = "iris", *, wind_W: tuple[float, float, float] = (0.0, 0.0,
     return Flown(airborne(load_vehicle(name), PLACE, tick_ns=tick_ns, disturbances=calm(wind_W)))
 
 
-@pytest.mark.parametrize("tick_ns", [TICK_NS, 3_003_003, 2_500_000, 1_000_000])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    ("name", "tick_ns"),
+    [
+        *((name, TICK_NS) for name in NAMES),
+        *(
+            pytest.param(name, tick_ns, marks=[] if name == "iris" else pytest.mark.slow)
+            for name in NAMES
+            for tick_ns in (3_003_003, 2_500_000, 1_000_000)
+        ),
+    ],
+)
 def test_hovers_within_a_centimetre(name: str, tick_ns: int) -> None:
     flight = flown(name, tick_ns=tick_ns)
     flight.fly(HOLD, 3.0)
@@ -50,7 +59,7 @@ def test_hovers_within_a_centimetre(name: str, tick_ns: int) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("speed_mps", [1.0, 8.0, 12.0])
+@pytest.mark.parametrize("speed_mps", [1.0, pytest.param(8.0, marks=pytest.mark.slow), 12.0])
 def test_velocity_steps_are_well_damped(name: str, speed_mps: float) -> None:
     flight = flown(name)
     flight.fly(Setpoint(v_xy_mps=(0.6 * speed_mps, -0.8 * speed_mps), z_m=50.0, yaw_rad=1.0), 5.0)
