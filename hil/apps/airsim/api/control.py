@@ -19,12 +19,14 @@ from hil.apps.airsim.flight.spot import Hover, Land, RotateToYaw
 from hil.apps.airsim.flight.yaw import YawMode
 from hil.apps.airsim.rpc.arguments import (
     BOOL,
+    COUNT,
     FLOAT,
     FLOAT_OR_NAN,
     INT,
     TEXT,
     TIME,
     VECTOR,
+    VECTOR_OR_NAN,
     Vector,
     list_of,
     one_of,
@@ -159,6 +161,11 @@ def methods(simulation: Simulation) -> list[Method]:
 
     velocity = Parameter("velocity", FLOAT)
     follow = [velocity, TIMEOUT, DRIVETRAIN, YAW, *LOOKAHEAD]
+
+    def safety(*arguments: Any) -> bool:
+        sim.log(f"setSafety: obstacles and geofences are not watched here; {sim.drone(arguments[-1]).name} flies on")
+        return False
+
     return [
         move("takeoff", TakeOff, optional("timeout_sec", FLOAT_OR_NAN, _TAKEOFF_S)),
         move("land", Land, optional("timeout_sec", FLOAT_OR_NAN, _LAND_S)),
@@ -236,6 +243,12 @@ def methods(simulation: Simulation) -> list[Method]:
             *_numbers("roll_rate", "pitch_rate", "yaw_rate", "throttle"), DURATION,
         ),
         method("cancelLastTask", cancel, VEHICLE),
+        method(
+            "setSafety", safety, Parameter("enable_reasons", COUNT), Parameter("obs_clearance", FLOAT_OR_NAN),
+            Parameter("obs_strategy", INT), Parameter("obs_avoidance_vel", FLOAT_OR_NAN),
+            Parameter("origin", VECTOR_OR_NAN),
+            *(Parameter(name, FLOAT_OR_NAN) for name in ("xy_length", "max_z", "min_z")), VEHICLE,
+        ),
         gains("setAngleRateControllerGains", "rate"),
         gains("setAngleLevelControllerGains", "attitude"),
         gains("setVelocityControllerGains", "velocity"),

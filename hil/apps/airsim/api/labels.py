@@ -8,7 +8,7 @@ from hil.apps.airsim.api.images import CAMERA, EXTERNAL_OR_ANNOTATION, IMAGE_TYP
 from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.pictures.detections import Detection, Detections
 from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, INT, TEXT, Pose, Quaternion, Vector
-from hil.apps.airsim.rpc.methods import Caller, Method, Parameter, RpcError, method, optional
+from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import frd_from_flu
 from signals.rotation import conjugate, product
@@ -26,11 +26,10 @@ class Pixel(NamedTuple):
 def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     ids = simulation.cameras.segmentation
-    of_cosys: set[int] = set()  # clients that list instances, as only those of Cosys-AirSim do
+    cosys = simulation.settings.added.cosys  # a file of Cosys-AirSim: objects are numbered by their place in the list
 
-    def instances(caller: Caller) -> list[str]:
-        of_cosys.add(caller.number)
-        return list(ids.names[1:])
+    def colour_map() -> list[Vector]:
+        return [Vector(*colour) for colour in ids.instance_palette().astype(float).tolist()]
 
     def instance_poses(ned: bool, only_visible: bool) -> list[Pose]:  # noqa: ARG001
         boxes = (detections.box(number) for number in range(1, len(ids.names)))
@@ -67,15 +66,15 @@ def methods(simulation: Simulation) -> list[Method]:
         ),
         method(
             "simGetSegmentationObjectID",
-            lambda caller, name: ids.of(name, caller.number in of_cosys),
+            lambda name: ids.of(name, cosys),
             mesh,
-            with_caller=True,
         ),
         method("simAddDetectionFilterMeshName", add, *where, mesh, *whose),
         method("simSetDetectionFilterRadius", set_radius, *where, Parameter("radius_cm", FLOAT), *whose),
         method("simClearDetectionMeshNames", clear, *where, *whose),
         method("simGetDetections", found, *where, *whose),
-        method("simListInstanceSegmentationObjects", instances, with_caller=True),
+        method("simListInstanceSegmentationObjects", lambda: list(ids.names[1:])),
+        method("simGetInstanceSegmentationColorMap", colour_map),
         method(
             "simListInstanceSegmentationPoses",
             instance_poses,

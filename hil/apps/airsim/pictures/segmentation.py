@@ -90,13 +90,19 @@ class Segmentation:
         _ = self.names
         return (self._ids & 0xFF).astype(np.uint8)
 
+    def _numbers(self) -> list[int]:
+        return [self._given.get(name, place) for place, name in enumerate(self.names[1:])]
+
+    def instance_palette(self) -> NDArray[np.uint8]:
+        """Return RGB of Cosys-AirSim's ids from 0 to the greatest one of an object, (n, 3)."""
+        return instance_colours(max([0, *self._numbers()]) + 1)
+
     def colours(self, instances: bool) -> NDArray[np.uint8]:
         """Return RGB of each instance, (n, 3). `instances`: as Cosys-AirSim colours them."""
-        names = self.names
+        _ = self.names
         if instances not in self._colours:
             if instances:
-                numbers = [self._given.get(name, place) for place, name in enumerate(names[1:])]
-                table = instance_colours(max([0, *numbers]) + 1)
+                numbers, table = self._numbers(), self.instance_palette()
                 shown = [table[number] if number >= 0 else (0, 0, 0) for number in numbers]
                 self._colours[True] = np.array([(0, 0, 0), *shown], np.uint8)
             else:

@@ -159,7 +159,7 @@ class Connection(asyncio.Protocol):
                 raise RpcError(
                     f"this client has {_MOST_UNANSWERED} calls that are not over; join some of them before the next"
                 )
-            result = self._methods.call(self.caller, name, values)
+            result = self._methods.call(name, values)
         except RpcError as error:
             self._tell(name, str(error))
             self._reply(request, name, str(error), None)

@@ -61,12 +61,11 @@ class Caller(NamedTuple):
 
 
 class Method(NamedTuple):
-    """One RPC method. `call` receives the converted arguments, after the caller if `with_caller`."""
+    """One RPC method. `call` receives the converted arguments."""
 
     name: str
     call: Callable[..., Any]
     parameters: tuple[Parameter, ...] = ()
-    with_caller: bool = False
 
     def arguments(self, values: Sequence[Any]) -> list[Any]:
         """Return the arguments of a call, in Python's form and complete. Raises RpcError with rpclib's texts."""
@@ -117,7 +116,7 @@ class MethodTable:
         """Names of all methods, sorted."""
         return sorted(self._methods)
 
-    def call(self, caller: Caller, name: str, values: Sequence[Any]) -> Any:
+    def call(self, name: str, values: Sequence[Any]) -> Any:
         """Call a method and return its result, or a `Pending`. Raises RpcError for every mistake of the client."""
         method = self._methods.get(name)
         count = len(values)
@@ -129,16 +128,16 @@ class MethodTable:
         self.calls[name] = self.calls.get(name, 0) + 1
         arguments = method.arguments(values)
         try:
-            return method.call(caller, *arguments) if method.with_caller else method.call(*arguments)
+            return method.call(*arguments)
         except RpcError as error:
             if str(error).startswith("rpclib: "):
                 raise
             raise refused(name, count, str(error)) from None
 
 
-def method(name: str, call: Callable[..., Any], *parameters: Parameter, with_caller: bool = False) -> Method:
+def method(name: str, call: Callable[..., Any], *parameters: Parameter) -> Method:
     """Return a method; parameters in their order."""
-    return Method(name, call, parameters, with_caller)
+    return Method(name, call, parameters)
 
 
 def optional(name: str, kind: Type, default: Any) -> Parameter:

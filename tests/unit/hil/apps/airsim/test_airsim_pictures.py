@@ -169,6 +169,19 @@ def test_segmentation_of_cosys_gives_every_object_its_colour(client: Client) -> 
     assert shown.tolist() == colours[number].tolist()
 
 
+def test_a_file_of_cosys_numbers_objects_by_their_place() -> None:
+    for version in (1.2, 2.0):
+        with served(json.dumps({"SettingsVersion": version, "SimMode": "Multirotor"})) as world:
+            client = world.client()
+            names = client.call("simListInstanceSegmentationObjects")
+            place_in_list = names.index("ground")
+            wanted = place_in_list if version >= 2.0 else initial_id("ground")
+            for each in (client, world.client()):  # without an effect of the call before
+                assert each.call("simGetSegmentationObjectID", "ground") == wanted
+            colours = [list(colour.values()) for colour in client.call("simGetInstanceSegmentationColorMap")]
+            assert colours == instance_colours(len(names)).tolist()
+
+
 def test_a_vehicle_sees_the_other_one_but_not_itself(client: Client) -> None:
     place(client, 0.0, 0.0, -10.0)
     place(client, -2.5, 0.0, -10.0, "B")  # 1.5 m north of A

@@ -9,34 +9,33 @@ import pytest
 
 from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.command import Choice, make_simulation
-from hil.apps.airsim.rpc.methods import Caller, RpcError
+from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.settings.settings import read_settings
 
 ROOT = Path(__file__).resolve().parents[5]
-CALLER = Caller(0, "test")
 
 
 def test_a_radar_of_the_bench() -> None:
     bench = ROOT / "rigs/benches/radar_towards.yaml"
     simulation = make_simulation(Choice(config=bench), read_settings("{}", "settings.json"), print)
     table = method_table(simulation)
-    answer = table.call(CALLER, "getRadarData", [])
+    answer = table.call("getRadarData", [])
     raw = np.frombuffer(answer["raw"], "<u2").reshape(answer["shape"])
     assert raw.ndim == 3
     assert raw.std() > 0.0
     assert len(answer["points"]) % 5 == 0
-    again = table.call(CALLER, "getRadarData", ["", ""])
+    again = table.call("getRadarData", ["", ""])
     assert again["raw"] == answer["raw"]
     for _ in range(50):
         simulation.step()
-    later = table.call(CALLER, "getRadarData", [simulation.radars.names[0], ""])
+    later = table.call("getRadarData", [simulation.radars.names[0], ""])
     assert later["raw"] != answer["raw"]
     assert later["time_stamp"] > answer["time_stamp"]
     with pytest.raises(RpcError, match="No radar with name rear exist on vehicle SimpleFlight; it has "):
-        table.call(CALLER, "getRadarData", ["rear"])
+        table.call("getRadarData", ["rear"])
 
 
 def test_a_bench_without_a_radar() -> None:
     simulation = make_simulation(Choice(scene="airfield"), read_settings("{}", "settings.json"), print)
     with pytest.raises(RpcError, match="add a radar to the sensors of the bench file"):
-        method_table(simulation).call(CALLER, "getRadarData", [])
+        method_table(simulation).call("getRadarData", [])

@@ -8,14 +8,13 @@ import pytest
 
 from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.command import Choice, make_simulation
-from hil.apps.airsim.rpc.methods import Caller, MethodTable, Pending, RpcError
+from hil.apps.airsim.rpc.methods import MethodTable, Pending, RpcError
 from hil.apps.airsim.settings.settings import read_settings
 from hil.apps.airsim.world.rig_flight import RigFlight
 from hil.apps.airsim.world.simulation import Simulation
 from hil.config import load_bench
 from signals.errors import ConfigError
 
-CALLER = Caller(0, "test")
 SETTINGS = """{"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {
     "P": {"VehicleType": "PX4Multirotor"}, "S": {"VehicleType": "SimpleFlight", "X": 4}}}"""
 STRAIGHT = {"is_rate": True, "yaw_or_rate": 0.0}
@@ -50,27 +49,27 @@ def joined(simulation: Simulation, pending: object, limit_s: float = 60.0) -> ob
 def test_a_flight(world: tuple[Simulation, MethodTable]) -> None:
     simulation, table = world
     with pytest.raises(RpcError, match="enableApiControl"):
-        table.call(CALLER, "takeoff", [20.0, "P"])
-    table.call(CALLER, "enableApiControl", [True, "P"])
-    assert table.call(CALLER, "armDisarm", [True, "P"]) is True
-    assert joined(simulation, table.call(CALLER, "takeoff", [20.0, "P"])) is True
-    move = table.call(CALLER, "moveToPosition", [5.0, 3.0, -4.0, 3.0, 60.0, 0, STRAIGHT, -1.0, 1.0, "P"])
+        table.call("takeoff", [20.0, "P"])
+    table.call("enableApiControl", [True, "P"])
+    assert table.call("armDisarm", [True, "P"]) is True
+    assert joined(simulation, table.call("takeoff", [20.0, "P"])) is True
+    move = table.call("moveToPosition", [5.0, 3.0, -4.0, 3.0, 60.0, 0, STRAIGHT, -1.0, 1.0, "P"])
     assert joined(simulation, move) is True
-    assert tuple(table.call(CALLER, "getPosition", ["P"])) == pytest.approx((5.0, 3.0, -4.0), abs=0.6)
-    assert joined(simulation, table.call(CALLER, "moveByVelocity", [0.0, 1.0, 0.0, 2.0, 0, STRAIGHT, "P"])) is True
+    assert tuple(table.call("getPosition", ["P"])) == pytest.approx((5.0, 3.0, -4.0), abs=0.6)
+    assert joined(simulation, table.call("moveByVelocity", [0.0, 1.0, 0.0, 2.0, 0, STRAIGHT, "P"])) is True
     with pytest.raises(RpcError, match="autopilot of its own"):
-        table.call(CALLER, "setPositionControllerGains", [[0.25] * 3, [0.0] * 3, [0.0] * 3, "P"])
-    error = joined(simulation, table.call(CALLER, "moveByRollPitchYawZ", [0.1, 0.0, 0.0, -4.0, 1.0, "P"]))
+        table.call("setPositionControllerGains", [[0.25] * 3, [0.0] * 3, [0.0] * 3, "P"])
+    error = joined(simulation, table.call("moveByRollPitchYawZ", [0.1, 0.0, 0.0, -4.0, 1.0, "P"]))
     assert "this move needs simple_flight" in str(error)
-    assert joined(simulation, table.call(CALLER, "land", [60.0, "P"])) is True
-    assert table.call(CALLER, "getLandedState", ["P"]) == 0
-    assert joined(simulation, table.call(CALLER, "takeoff", [20.0, "P"])) is True  # once more
-    assert table.call(CALLER, "getPosition", ["P"])[2] < -1.4
-    table.call(CALLER, "reset", [])
-    assert tuple(table.call(CALLER, "getPosition", ["P"])) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
-    table.call(CALLER, "enableApiControl", [True, "P"])
-    assert joined(simulation, table.call(CALLER, "takeoff", [20.0, "P"])) is True
-    assert tuple(table.call(CALLER, "getPosition", ["P"])) == pytest.approx((0.0, 0.0, -2.0), abs=0.6)
+    assert joined(simulation, table.call("land", [60.0, "P"])) is True
+    assert table.call("getLandedState", ["P"]) == 0
+    assert joined(simulation, table.call("takeoff", [20.0, "P"])) is True  # once more
+    assert table.call("getPosition", ["P"])[2] < -1.4
+    table.call("reset", [])
+    assert tuple(table.call("getPosition", ["P"])) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    table.call("enableApiControl", [True, "P"])
+    assert joined(simulation, table.call("takeoff", [20.0, "P"])) is True
+    assert tuple(table.call("getPosition", ["P"])) == pytest.approx((0.0, 0.0, -2.0), abs=0.6)
 
 
 def test_an_autopilot_that_does_not_start_again_ends_no_tick(
@@ -88,9 +87,9 @@ def test_an_autopilot_that_does_not_start_again_ends_no_tick(
     monkeypatch.setattr(flight, "observe", fail)
     simulation.step()
     simulation.step()
-    table.call(CALLER, "enableApiControl", [True, "P"])
+    table.call("enableApiControl", [True, "P"])
     with pytest.raises(RpcError, match="autopilot has ended"):
-        table.call(CALLER, "takeoff", [20.0, "P"])
+        table.call("takeoff", [20.0, "P"])
 
 
 def test_without_a_rig_it_is_a_named_error() -> None:

@@ -455,6 +455,11 @@ def test_a_vehicle_of_another_type_is_not_added(client: Client, world: Served) -
     assert any("cannot add a vehicle of type 'submarine'" in line for line in world.log)
 
 
+def test_safety_is_refused(client: Client, world: Served) -> None:
+    assert client.call("setSafety", 0, 1.0, 0, 2.0, vector(0.0, 0.0, 0.0), 50.0, -20.0, 0.0, "A") is False
+    assert any(line.startswith("setSafety: obstacles and geofences are not watched") for line in world.log)
+
+
 def test_rotor_states(client: Client) -> None:
     take_off(client)
     states = client.call("getRotorStates", "A")
