@@ -105,6 +105,7 @@ def test_a_data_set_is_extended_by_more_frames(plan: DatasetPlan, whole: Path, t
     assert tree_of(root) == tree_of(whole)
 
 
+@pytest.mark.slow
 def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     root, bench = tmp_path / "set", tmp_path / "tiny.yaml"
     wal = root / "journal.sqlite3-wal"
