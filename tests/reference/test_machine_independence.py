@@ -91,6 +91,40 @@ for name in ("iris", "y6"):
 print(digest.hexdigest())
 """
 
+# LiDAR, detections and sweeps of objects of AirSim's server.
+SERVER = """
+import hashlib, json
+from hil.apps.airsim.api.catalog import method_table
+from hil.apps.airsim.command import Choice, make_simulation
+from hil.apps.airsim.rpc.packing import pack
+from hil.apps.airsim.settings.settings import read_settings
+
+LIDAR = {"SensorType": 6, "Enabled": True, "NumberOfChannels": 8, "PointsPerSecond": 8000, "HorizontalFOVStart": -45,
+         "HorizontalFOVEnd": 45, "VerticalFOVUpper": 5, "VerticalFOVLower": -20}
+VEHICLE = {"VehicleType": "SimpleFlight", "Yaw": 20, "Sensors": {"Scan": LIDAR}}
+settings = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": VEHICLE}}
+simulation = make_simulation(Choice(scene="blocks"), read_settings(json.dumps(settings), "settings.json"), print)
+table, digest = method_table(simulation), hashlib.sha256()
+
+def call(name, *arguments):
+    result = table.call(name, list(arguments))
+    digest.update(pack(result))
+    return result
+
+for tick in range(50):
+    simulation.step()
+pose = call("simGetObjectPose", "OrangeBall")
+there = {"position": {"x_val": 9.3, "y_val": 1.7, "z_val": -2.9},
+         "orientation": {"w_val": 0.9, "x_val": 0.1, "y_val": 0.3, "z_val": 0.3}}
+assert call("simSetObjectPose", "OrangeBall", there, False)
+assert call("simGetObjectPose", "OrangeBall") != pose
+simulation.step()
+call("simAddDetectionFilterMeshName", "0", 0, "*", "A")
+assert len(call("simGetDetections", "0", 0, "A")) > 1
+assert len(call("getLidarData", "Scan", "A")["point_cloud"]) > 30
+print(digest.hexdigest())
+"""
+
 # Presets with everything on, and every kind of fault.
 SENSORS = """
 LEFT_OUT = {"bgt60tr13c_wideband", "hdl32e", "os1_64", "ov9281"}  # their kinds have other presets
@@ -240,11 +274,12 @@ EVERY_SENSOR = SENSORS.replace("- LEFT_OUT", "")
         FLIGHT,
         GROUP,
         MOVES,
+        SERVER,
         SENSORS,
         ECHOES,
         *(pytest.param(script, marks=pytest.mark.slow) for script in (EVERY_SENSOR, EVERY_ECHO)),
     ],
-    ids=["flight", "group", "moves", "sensors", "echoes", "every sensor", "every echo"],
+    ids=["flight", "group", "moves", "server", "sensors", "echoes", "every sensor", "every echo"],
 )
 def test_masked_cpu_features_change_no_bit(script: str) -> None:
     plain = output_of(script)

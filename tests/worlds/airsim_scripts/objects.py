@@ -26,4 +26,7 @@ assert added not in client.simListSceneObjects(".*")
 assert client.simSetSegmentationObjectID("OrangeBall", 77, False)
 assert client.simGetSegmentationObjectID("OrangeBall") == 77
 home = client.getHomeGeoPoint("Lead")
-assert client.simTestLineOfSightToPoint(home, "Lead") in (True, False)
+home.altitude += 30
+assert client.simTestLineOfSightToPoint(home, "Lead") is True
+home.altitude -= 60
+assert client.simTestLineOfSightToPoint(home, "Lead") is False

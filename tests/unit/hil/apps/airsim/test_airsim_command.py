@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 
 from hil.apps.airsim.command import printable
 from hil.cli.app import run_command_line
+from tests.worlds.airsim_process import AirSimProcess
 from tests.worlds.airsim_server import Client
 
 ROOT = Path(__file__).resolve().parents[5]
@@ -64,22 +66,18 @@ def test_a_signal_ends_it_and_the_report_is_written(tmp_path: Path, number: int)
     assert str(tmp_path) in rest.replace("\n", "")
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="Linux alone pins a process to a core")
 def test_one_processor_gives_the_same_digest(tmp_path: Path) -> None:
     digests = set()
-    for number, prefix in enumerate(["", "taskset -c 0 "]):
-        out = tmp_path / str(number)
-        with command("--clock", "calls", "--out", str(out)) as (process, port, _):
-            if prefix:
-                subprocess.run(["taskset", "-acp", "0", str(process.pid)], check=False, capture_output=True)
-            client = Client(port)
+    for core in (None, min(os.sched_getaffinity(0))):
+        with AirSimProcess(tmp_path / str(core), "--scene", "airfield", "--clock", "calls", core=core) as server:
+            client = Client(server.port)
             client.call("enableApiControl", True, "")
             client.call("takeoff", 20.0, "")
             client.call("moveByVelocity", 1.0, 2.0, -0.5, 1.0)
             client.call("getMultirotorState", "")
             client.close()
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=30)
-        digests.add(json.loads((out / "airsim.json").read_text())["digest"])
+            digests.add(server.finish()["digest"])
     assert len(digests) == 1
 
 

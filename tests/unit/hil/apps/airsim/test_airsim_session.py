@@ -9,6 +9,7 @@ import resource
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -155,10 +156,11 @@ def test_hundreds_of_resets_do_not_grow(client: Client, count: int) -> None:
             client.call("moveByVelocity", 1.0, 0.0, -1.0, 0.02, 0, STRAIGHT, "A")
             client.call("getImuData", "", "A")
         gc.collect()
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        return pages * resource.getpagesize()
 
-    before_kb = episodes(300 if count == 700 else 100)
-    assert episodes(count) - before_kb < 4096
+    before = episodes(300 if count == 700 else 100)
+    assert episodes(count) - before < 4 * 2**20
 
 
 def test_pause_and_continue(client: Client, world: Served) -> None:
@@ -252,12 +254,14 @@ def test_cancel_last_task(client: Client) -> None:
 
 
 def test_others_are_served_during_a_move(client: Client, world: Served) -> None:
-    client.call("simPause", True)
-    move = to(client, 5.0, 0.0, -5.0)
+    move = client.send("moveByVelocity", 0.0, 0.0, -1.0, 600.0, 0, STRAIGHT, "A")
     other = world.client()
-    assert other.call("ping") is True
-    other.call("simPause", False)
-    assert client.join(move) is True
+    first_ns = state(other)["timestamp"]
+    for _ in range(10):
+        assert other.call("ping") is True
+    assert state(other)["timestamp"] > first_ns  # the world moves on
+    other.call("cancelLastTask", "A")
+    assert client.join(move) is False
 
 
 def test_a_client_that_dies_in_a_move_disturbs_nobody(client: Client, world: Served) -> None:
@@ -268,10 +272,12 @@ def test_a_client_that_dies_in_a_move_disturbs_nobody(client: Client, world: Ser
     dying.send("takeoff", 20.0, "A")
     dying.send("simContinueForTime", 0.1)
     dying.close()
+    end_s = time.monotonic() + 20.0
     while world.server.methods.calls.get("simContinueForTime", 0) == before:  # it pauses the world when it is over
+        assert time.monotonic() < end_s
         client.call("ping")
     client.call("simPause", False)
-    assert client.call("moveByVelocity", 0.0, 0.0, -1.0, 2.0, 0, STRAIGHT, "A") in (True, False)
+    assert client.call("moveByVelocity", 0.0, 0.0, -1.0, 2.0, 0, STRAIGHT, "A") is True
     assert client.call("ping") is True
 
 
@@ -485,11 +491,13 @@ def test_old_names_of_2018(client: Client) -> None:
     assert client.call("getOrientation")["w_val"] == pytest.approx(1.0)
     assert client.call("getCollisionInfo")["has_collided"] is False
     assert client.call("getGpsLocation")["altitude"] == pytest.approx(126.0, abs=1e-3)
-    assert client.call("getLandedState") in (0, 1)
+    client.call("simContinueForTime", 0.1)
+    client.call("simPause", False)
+    assert client.call("getLandedState") == 1
     assert client.call("isSimulationMode") is True
     assert client.call("enableApiControl", True) is None
     assert client.call("armDisarm", True) is True
-    assert client.call("takeoff", 15.0) in (True, False)
+    assert client.call("takeoff", 15.0) is True
     assert client.call("moveToPosition", 0.0, 1.0, -5.0, 5.0, 60.0, 0, STRAIGHT, -1.0, 1.0) is True  # nine arguments
     assert client.call("getMultirotorState")["landed_state"] == 1
 
@@ -906,10 +914,10 @@ def test_the_wall_clock_runs_at_clock_speed() -> None:
         client = world.client()
         began = time.perf_counter()
         first_ns = client.call("getMultirotorState")["timestamp"]
-        while True:
+        now_ns, elapsed_s = first_ns, 0.0
+        while now_ns - first_ns <= 2_000_000_000 and elapsed_s < 20.0:
             now_ns, elapsed_s = client.call("getMultirotorState")["timestamp"], time.perf_counter() - began
-            if now_ns - first_ns > 2_000_000_000:
-                break
+        assert now_ns - first_ns > 2_000_000_000
         # Never ahead; on a loaded machine it may be behind, and catch up with a quarter of a second.
         assert (now_ns - first_ns) / 1e9 <= 10.0 * (elapsed_s + 0.25) + 0.01
         client.call("simPause", True)
