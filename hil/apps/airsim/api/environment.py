@@ -67,8 +67,8 @@ def methods(simulation: Simulation) -> list[Method]:
             around.update_ns = max(1, round(max(interval, 0.0) * NS_PER_S))
         around.version += 1
 
-    def set_trace_line(colour: list[float], thickness: float, name: str) -> None:
-        sim.drone(name).trace_line = (tuple(colour), thickness)
+    def set_trace_line(_colour: list[float], _thickness: float, name: str) -> None:
+        sim.drone(name)  # an unknown name is an error; the line is shown in no picture
 
     def count(kind: str) -> None:
         if kind not in around.drawn:

@@ -18,10 +18,9 @@ from hil.apps.airsim.rpc.arguments import (
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.world.drone import Collision, Drone
-from hil.apps.airsim.world.ned import Kinematics, q_WB_from_q_NF
+from hil.apps.airsim.world.ned import Kinematics, q_WB_from_q_NF, unit_rotation
 from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
-from signals.rotation import quaternion_norm
 from signals.samples import Quat, Vec3
 from sim.scene.atmosphere import LAPSE_K_PER_M, LOWEST_M, SEA_LEVEL_K, TOP_M, TROPOPAUSE_M, geopotential_m, pressure_pa
 
@@ -87,11 +86,7 @@ def place(
     truth = drone.vehicle.truth
     p_N = _kept(pose.position, drone.origin.from_W(truth.p_WB))
     q: Quat = tuple(pose.orientation)  # type: ignore[assignment]
-    q_WB = truth.q_WB if any(map(math.isnan, q)) else q_WB_from_q_NF(q)
-    length = quaternion_norm(q_WB)
-    if not 1e-3 <= length <= 1e3:
-        raise RpcError(f"the orientation {tuple(pose.orientation)} is no rotation; a unit quaternion has the length 1")
-    q_WB = (q_WB[0] / length, q_WB[1] / length, q_WB[2] / length, q_WB[3] / length)
+    q_WB = unit_rotation(truth.q_WB if any(map(math.isnan, q)) else q_WB_from_q_NF(q))
     v_W = truth.v_WB_W if v_N is None else ned_from_enu(_kept(Vector(*v_N), ned_from_enu(truth.v_WB_W)))
     w_B = truth.w_WB_B if w_F is None else frd_from_flu(_kept(Vector(*w_F), frd_from_flu(truth.w_WB_B)))
     try:
@@ -141,7 +136,7 @@ def methods(simulation: Simulation) -> list[Method]:
             "kinematics_estimated": drone.origin.kinematics(drone.vehicle.truth),
             "gps_location": geo_point(sim, drone.vehicle.truth.p_WB),
             "timestamp": sim.now_ns,
-            "landed_state": _LANDED if drone.flight is not None and drone.flight.landed else _FLYING,
+            "landed_state": landed_state(name),
             "rc_data": _RC_DATA,
             # Its clients know these too, but AirSim itself does not send them:
             "ready": True,

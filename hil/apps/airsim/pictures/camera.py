@@ -12,8 +12,7 @@ from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.settings.cameras import Camera as CameraSettings
 from hil.apps.airsim.settings.cameras import Gimbal
 from hil.apps.airsim.world.drone import Drone
-from hil.apps.airsim.world.ned import NedFrame, q_WB_from_q_NF
-from hil.apps.airsim.world.sensors import quaternion_of_rpy
+from hil.apps.airsim.world.ned import NedFrame, q_WB_from_q_NF, unit_rotation
 from signals._kernel import det_atan2, det_cos, det_sin, roll_pitch_yaw, rotate_into_world
 from signals.frames import frd_from_flu, q_NF_from_q_WB
 from signals.rotation import matrix_of, product
@@ -22,7 +21,7 @@ from signals.units import DEG_PER_RAD, RAD_PER_DEG
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
 from sim.frame.distortion import BrownConrady
-from sim.frame.mount import Mount
+from sim.frame.mount import Mount, quaternion_of_rpy
 
 LEAST_FOV_DEG, MOST_FOV_DEG = 0.01, 170.0
 _LEAST_MM, _MOST_MM = 0.1, 1000.0
@@ -139,10 +138,7 @@ class ServedCamera:
 
     def set_pose(self, pose: Pose) -> None:
         """Mount the camera elsewhere; a gimbal then holds the angles of the pose. Raises RpcError."""
-        length = sum(x * x for x in pose.orientation) ** 0.5
-        if not 1e-3 <= length <= 1e3:
-            raise RpcError(f"the orientation {tuple(pose.orientation)} is no rotation; a unit quaternion has length 1")
-        w, x, y, z = (component / length for component in pose.orientation)
+        w, x, y, z = unit_rotation(pose.orientation)
         if not all(abs(component) <= 1e5 for component in pose.position):
             raise RpcError(f"the position {tuple(pose.position)} is beyond 100 km")
         self.position_F = (*pose.position,)

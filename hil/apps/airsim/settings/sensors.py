@@ -80,7 +80,6 @@ class Lidar:
     channels: int = 16
     range_m: float = 100.0
     points_per_second: int = 100_000
-    rotations_hz: float = 10.0
     horizontal_fov_deg: tuple[float, float] = (0.0, 359.0)  # start, end
     vertical_fov_deg: tuple[float, float] = (-45.0, -15.0)  # lower, upper
     in_sensor_frame: bool = False
@@ -239,8 +238,8 @@ def _read_distance(reader: Reader, enabled: bool, multirotor: bool) -> Distance:
 
 def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) -> Lidar:
     channels = reader.whole("NumberOfChannels", 16, 1, 1024)
-    rotations_hz = reader.number("RotationsPerSecond", 10.0, 0.01, 1000.0)
-    rate_hz = _rate_hz(reader, 10.0)  # of samples, each a whole rotation
+    reader.number("RotationsPerSecond", 10.0, 0.01, 1000.0)  # checked only: a sample is a whole rotation
+    rate_hz = _rate_hz(reader, 10.0)
     points = reader.whole("PointsPerSecond", 100_000, 1, 50_000_000)
     if reader.has("MeasurementsPerCycle"):  # Cosys-AirSim: points of one channel in one rotation
         points = round(channels * rate_hz * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))
@@ -266,7 +265,6 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) ->
         channels,
         reader.number("Range", 100.0, 0.01, 1e4),
         points,
-        rotations_hz,
         (
             reader.number("HorizontalFOVStart", 0.0, -360.0, 360.0),
             reader.number("HorizontalFOVEnd", 359.0, -360.0, 360.0),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from typing import Protocol
 
 from hil.apps.airsim.world.simulation import Simulation
 from signals.time import NS_PER_S
@@ -17,16 +16,6 @@ from signals.time import NS_PER_S
 _SLICE_NS = 500_000  # of wall time; a request waits for this and one tick at most
 _MOST_BEHIND_S = 0.25
 _NS_PER_MINUTE = 60 * NS_PER_S
-
-
-class Clock(Protocol):
-    """Clock of one server."""
-
-    name: str
-
-    async def run(self) -> None:
-        """Advance the simulation until the task is cancelled."""
-        ...
 
 
 def _slice(simulation: Simulation, ticks: int) -> int:
@@ -43,8 +32,6 @@ def _slice(simulation: Simulation, ticks: int) -> int:
 
 class CallsClock:
     """Clock `calls`."""
-
-    name = "calls"
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -69,8 +56,6 @@ class CallsClock:
 
 class WallClock:
     """Clock `wall`."""
-
-    name = "wall"
 
     def __init__(self, simulation: Simulation, speed: float) -> None:
         self._simulation, self._speed = simulation, speed

@@ -45,7 +45,6 @@ class Drone:
     collision: Collision = Collision()
     touching: bool = False
     touched: str = ""  # name of the object of the last contact
-    trace_line: tuple[tuple[float, ...], float] | None = None  # colour and thickness
     departed_ns: int | None = None  # last time that the vehicle left the range of the model
     history: deque[TruthState] = field(default_factory=lambda: deque(maxlen=HISTORY_TICKS))
 

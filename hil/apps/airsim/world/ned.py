@@ -8,9 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hil.apps.airsim.rpc.arguments import Pose, Quaternion, Vector
+from hil.apps.airsim.rpc.methods import RpcError
 from signals._kernel import rotate_into_body
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from signals.geodesy import LocalFrame, Site
+from signals.rotation import quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 
 Kinematics = dict[str, Vector | Quaternion]
@@ -19,6 +21,14 @@ Kinematics = dict[str, Vector | Quaternion]
 def q_WB_from_q_NF(q_NF: Quat) -> Quat:
     """Return the attitude FLU->ENU of an attitude FRD->NED."""
     return q_NF_from_q_WB(q_NF)  # the map is its own inverse
+
+
+def unit_rotation(q: Quat) -> Quat:
+    """Return the unit quaternion of an orientation that a client gave. Raises RpcError if it is no rotation."""
+    length = quaternion_norm(q)
+    if not 1e-3 <= length <= 1e3:
+        raise RpcError(f"the orientation is no rotation: its length is {length:g}, and that of a unit quaternion is 1")
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 
 def body_from_W(q_WB: Quat, v_W: Vec3) -> Vec3:

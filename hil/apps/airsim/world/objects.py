@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.apps.airsim.rpc.methods import RpcError
+from hil.apps.airsim.world.ned import unit_rotation
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import HilError
-from signals.rotation import NO_TURN, quaternion_norm
+from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from sim.frame.source import VEHICLE_CLASS
 from sim.scene.maps.scene_map import Actor
@@ -72,7 +73,8 @@ class Objects:
         self._present_actors: set[int] = set()  # by identity, of the world that was made last
         self._now: World | None = None  # None: nothing was changed yet
         self._rays: Rays = rays_into(world.scene)
-        self._unfelt: dict[str, tuple[float, ...]] = {}  # spheres around what the vehicles' world lacks or has too much
+        # Spheres (x, y, z, radius) around changes that the vehicles' world does not hold yet.
+        self._pending_bounds: dict[str, tuple[float, ...]] = {}
         self._spheres: NDArray[np.float64] | None = None  # these, (n, 4)
         self._numbers = 0  # of bodies of copies so far
         self.version = 0  # grows with every change
@@ -128,48 +130,44 @@ class Objects:
 
     def put(self, name: str, p_W: Vec3, q_W: Quat) -> bool:
         """Put an object elsewhere. Return False, and log the reason, if it cannot be moved. Raises RpcError."""
-        found = self.find(name)
-        if found is None or not self._can_move(found):
+        found = self._movable(name)
+        if found is None:
             return False
-        _check_pose(p_W, q_W)
+        q_W = _checked_pose(p_W, q_W)
         if found.actor is None:
             self._loosen(found)
-        found.p_W, found.q_W = p_W, _unit(q_W)
+        found.p_W, found.q_W = p_W, q_W
         self._put(found)
         return True
 
     def sweep(self, name: str, p_W: Vec3, q_W: Quat) -> bool:
         """Move an object straight to a place, up to its first contact. Return False if it stays where it is."""
-        found = self.find(name)
-        if found is None or not self._can_move(found):
+        found = self._movable(name)
+        if found is None:
             return False
-        _check_pose(p_W, q_W)
+        q_W = _checked_pose(p_W, q_W)
         if found.actor is None:
             self._loosen(found)
             self._put(found)
         assert found.actor is not None
         start = found.p_W
-        found.p_W = way_to(self.present, found.actor, start, p_W, _unit(q_W), self._world.t_ns)
-        found.q_W = _unit(q_W)
+        found.p_W = way_to(self.present, found.actor, start, p_W, q_W, self._world.t_ns)
+        found.q_W = q_W
         self._put(found)
         return found.p_W != start
 
     def rescale(self, name: str, scale: Vec3) -> bool:
         """Give an object another scale. Return False, and log the reason, if it cannot have one. Raises RpcError."""
-        found = self.find(name)
-        if found is None or not self._can_move(found):
+        found = self._movable(name)
+        if found is None:
             return False
         _check_scale(scale)
         if scale == found.scale:
             return True
-        template = found.template
+        template = self._template_of(found)
         if template is None:
-            base = self._base
-            class_name = base.class_names[int(base.geom_class[int(base.model.body_geomadr[found.body])])]
-            template = template_of(f"body_{found.body}", class_name, base.model, found.body, Materials())
-            if template is None:
-                self._log(f"{name} holds a height field and keeps its scale")
-                return False
+            self._log(f"{name} holds a height field and keeps its scale")
+            return False
         copied = self._copy(name, template, scale)
         self._remove(found)
         found.template, found.scale, found.actor = template, scale, copied.actor
@@ -180,7 +178,7 @@ class Objects:
 
     def spawn(self, name: str, asset_name: str, p_W: Vec3, q_W: Quat, scale: Vec3) -> str:
         """Add a copy of an asset and return its name, which is `name` with a number if that exists. Raises RpcError."""
-        _check_pose(p_W, q_W)
+        q_W = _checked_pose(p_W, q_W)
         _check_scale(scale)
         if len(name) > _MOST_NAME:
             raise RpcError(f"the name of an object has at most {_MOST_NAME} characters, not {len(name)}")
@@ -197,7 +195,7 @@ class Objects:
         name = self._free_name(name or asset_name)
         self._check_surfaces(template)
         copied = self._copy(name, template, scale)
-        found = SceneObject(name, p_W, _unit(q_W), scale, template=template, actor=copied.actor, spawned=True)
+        found = SceneObject(name, p_W, q_W, scale, template=template, actor=copied.actor, spawned=True)
         self._known[name] = found
         self._copies.append(copied)
         self._changed = True
@@ -206,8 +204,8 @@ class Objects:
 
     def destroy(self, name: str) -> bool:
         """Take an object away. Return False if there is none, or, with a log line, if it belongs to the ground."""
-        found = self.find(name)
-        if found is None or not self._can_move(found):
+        found = self._movable(name)
+        if found is None:
             return False
         if found.actor is None:
             self._loosen(found)
@@ -224,12 +222,12 @@ class Objects:
     def _template(self, name: str) -> Template | None:
         made = asset(name)
         found = self._known.get(name)
-        if made is not None or found is None:
-            return made
-        if found.template is not None:
+        return made if made is not None or found is None else self._template_of(found)
+
+    def _template_of(self, found: SceneObject) -> Template | None:
+        """Return the template of an object; None if it has no body of its own, or one that cannot be copied."""
+        if found.template is not None or not found.body:
             return found.template
-        if not found.body:
-            return None
         base = self._base
         class_name = base.class_names[int(base.geom_class[int(base.model.body_geomadr[found.body])])]
         return template_of(f"body_{found.body}", class_name, base.model, found.body, Materials())
@@ -245,14 +243,18 @@ class Objects:
             name += "_1"
         return name
 
-    def _can_move(self, found: SceneObject) -> bool:
+    def _movable(self, name: str) -> SceneObject | None:
+        """Return an object that takes a pose; None if there is none, or, with a log line, if it cannot be moved."""
+        found = self.find(name)
+        if found is None:
+            return None
         if found.mover is not None:
             self._log(f"{found.name} moves by itself and takes no pose or scale from clients")
         elif found.actor is None and (not found.body or fixed_bodies(self._base.model, found.body) is None):
             self._log(f"{found.name} belongs to the ground, or has no name of its own in the map, and stays as it is")
         else:
-            return True
-        return False
+            return found
+        return None
 
     def _loosen(self, found: SceneObject) -> None:
         """Make an object of the scene an actor."""
@@ -262,7 +264,7 @@ class Objects:
         template = template_of(found.name, "object", model, found.body, Materials())
         radius_m = template.radius_m(_ONE) if template is not None else float(model.stat.extent)
         found.actor = self._moved[found.name] = ObjectActor(found.name, bodies, radius_m)
-        self._unfelt[f"place of {found.name}"] = (*found.p_W, radius_m)
+        self._pending_bounds[f"place of {found.name}"] = (*found.p_W, radius_m)
         self._spheres = None
         self._changed = True
 
@@ -305,7 +307,7 @@ class Objects:
         now = self._now
         if now is None or id(actor) not in self._present_actors:
             centre_W, radius_m = actor.bound(self._world.t_ns)
-            self._unfelt[actor.bodies[0]] = (*centre_W, radius_m)
+            self._pending_bounds[actor.bodies[0]] = (*centre_W, radius_m)
             self._spheres = None
             return
         if isinstance(self._rays, MapRays):
@@ -320,7 +322,7 @@ class Objects:
         if not self._changed:
             return
         self._changed = False
-        self._unfelt.clear()
+        self._pending_bounds.clear()
         self._spheres = None
         moved = list(self._moved.values())
         try:
@@ -359,7 +361,7 @@ class Objects:
         if not self._changed:
             return
         if self._spheres is None:
-            self._spheres = np.array(list(self._unfelt.values())).reshape(-1, 4)
+            self._spheres = np.array(list(self._pending_bounds.values())).reshape(-1, 4)
         centres, radii = self._spheres[:, :3], self._spheres[:, 3]
         for vehicle in self._world.vehicles.values():
             gap = np.sqrt(((centres - vehicle.truth.p_WB) ** 2).sum(axis=1)) - radii
@@ -379,21 +381,14 @@ class Objects:
         return self._rays.ray_distance(origin_W, direction_W)
 
 
-def _check_pose(p_W: Vec3, q_W: Quat) -> None:
-    """Raise RpcError for a pose beyond the world, or an orientation that is none."""
+def _checked_pose(p_W: Vec3, q_W: Quat) -> Quat:
+    """Return the unit quaternion of a pose. Raises RpcError for a pose beyond the world, or for no rotation."""
     if not all(abs(x) <= _MOST_M for x in p_W):
         raise RpcError(f"a position beyond {_MOST_M:g} m from the world's origin is outside the world")
-    if not 1e-3 <= quaternion_norm(q_W) <= 1e3:
-        raise RpcError("the orientation is no rotation; a unit quaternion has the length 1")
+    return unit_rotation(q_W)
 
 
 def _check_scale(scale: Vec3) -> None:
     low, high = _SCALES
     if not all(low <= s <= high for s in scale):
         raise RpcError(f"each component of a scale goes from {low:g} to {high:g}, not {tuple(scale)}")
-
-
-def _unit(q: Quat) -> Quat:
-    length = quaternion_norm(q)
-    w, x, y, z = (c / length for c in q)
-    return (w, x, y, z)

@@ -24,13 +24,14 @@ from numpy.typing import NDArray
 
 from hil.apps.airsim.settings import sensors as kinds
 from hil.apps.airsim.world.ned import body_from_W
-from signals._kernel import det_cos, det_exp, det_pow, det_sin, rotate_into_world
+from signals._kernel import det_exp, det_pow, rotate_into_world
 from signals.frames import frd_from_flu
 from signals.noise import NoiseStream
 from signals.rotation import matrix_of, product
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG, STANDARD_GRAVITY_MPS2
+from sim.frame.mount import quaternion_of_rpy
 from sim.frame.source import SharedFrames
 from sim.scene.atmosphere import LOWEST_M, SEA_LEVEL_PA, TOP_M, geopotential_m, pressure_pa
 from sim.scene.scene import Scene, Site
@@ -44,13 +45,6 @@ _GAUSS_PER_TESLA = 1e4
 _QNH_HPA = 1013.25
 _IMU_HZ = 250.0
 _FIX_3D, _FIX_2D, _NO_FIX = 3, 2, 0
-
-
-def quaternion_of_rpy(rotation_deg: Vec3) -> Quat:
-    """Return the rotation of roll, pitch, yaw [deg]: yaw first, then pitch, then roll; right, down: positive FRD."""
-    halves = [0.5 * angle * RAD_PER_DEG for angle in rotation_deg]
-    (cr, sr), (cp, sp), (cy, sy) = ((det_cos(half), det_sin(half)) for half in halves)
-    return product(product((cy, 0.0, 0.0, sy), (cp, 0.0, sp, 0.0)), (cr, sr, 0.0, 0.0))
 
 
 class Mounting:
