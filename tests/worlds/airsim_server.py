@@ -19,6 +19,24 @@ from hil.apps.airsim.world.clock import CallsClock, WallClock
 from hil.apps.airsim.world.simulation import Simulation
 
 
+def vector(x: float, y: float, z: float) -> dict[str, float]:
+    """Return AirSim's Vector3r."""
+    return {"x_val": x, "y_val": y, "z_val": z}
+
+
+def xyz(value: dict[str, float]) -> tuple[float, float, float]:
+    """Return the components of a Vector3r."""
+    return (value["x_val"], value["y_val"], value["z_val"])
+
+
+def pose(x: float, y: float, z: float, q: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)) -> dict[str, Any]:
+    """Return AirSim's Pose; `q` is w, x, y, z."""
+    return {
+        "position": vector(x, y, z),
+        "orientation": dict(zip(("w_val", "x_val", "y_val", "z_val"), q, strict=True)),
+    }
+
+
 class RpcFailed(Exception):
     """Error in a reply."""
 

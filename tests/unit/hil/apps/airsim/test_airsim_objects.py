@@ -14,7 +14,7 @@ import pytest
 from hil.apps.airsim.world import objects as world_objects
 from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
-from tests.worlds.airsim_server import Client, RpcFailed, Served, served
+from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
 
 ONE = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": {"VehicleType": "SimpleFlight", "Sensors": {
     "Down": {"SensorType": 5, "Enabled": True, "Pitch": -90, "UncorrelatedNoiseSigma": 0.0},
@@ -41,19 +41,6 @@ def client(blocks: Served) -> Iterator[Client]:
     for name in client.call("simListSceneObjects", "spawned.*"):
         client.call("simDestroyObject", name)
     client.close()
-
-
-def vector(x: float, y: float, z: float) -> dict[str, float]:
-    return {"x_val": x, "y_val": y, "z_val": z}
-
-
-def xyz(value: dict[str, float]) -> tuple[float, float, float]:
-    return (value["x_val"], value["y_val"], value["z_val"])
-
-
-def pose(x: float, y: float, z: float, yaw_rad: float = 0.0) -> dict[str, Any]:
-    turn = {"w_val": math.cos(0.5 * yaw_rad), "x_val": 0.0, "y_val": 0.0, "z_val": math.sin(0.5 * yaw_rad)}
-    return {"position": vector(x, y, z), "orientation": turn}
 
 
 def spawn(client: Client, name: str, asset: str, at: dict[str, Any], scale: tuple[float, ...] = (1.0, 1.0, 1.0)) -> str:
@@ -234,7 +221,7 @@ def test_names_of_spawned_objects_are_unique(client: Client) -> None:
 def test_every_kind_of_asset_is_seen(client: Client, asset: str) -> None:
     assert asset in client.call("simListAssets")
     old = depths(client)
-    name = spawn(client, "spawned_asset", asset, pose(7.0, 0.0, 0.0, yaw_rad=1.0))
+    name = spawn(client, "spawned_asset", asset, pose(7.0, 0.0, 0.0, (math.cos(0.5), 0.0, 0.0, math.sin(0.5))))
     new = depths(client)
     assert np.sum(new < old - 0.1) > 100
     client.call("simDestroyObject", name)

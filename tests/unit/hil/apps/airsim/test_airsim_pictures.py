@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hil.apps.airsim.pictures.names import like
 from hil.apps.airsim.pictures.palette import AIRSIM_COLOURS, instance_colours
 from hil.apps.airsim.pictures.segmentation import initial_id
-from tests.worlds.airsim_server import Client, RpcFailed, Served, served
+from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served
 
 SCENE, PLANAR, PERSPECTIVE, VIS, DISPARITY, SEGMENTATION, NORMALS, INFRARED = range(8)
 SETTINGS = {
@@ -80,9 +80,7 @@ def numbers(client: Client, camera: str, kind: int, **more: Any) -> NDArray[np.f
 
 
 def place(client: Client, x: float, y: float, z: float, vehicle: str = "A") -> None:
-    q = {"w_val": 1.0, "x_val": 0.0, "y_val": 0.0, "z_val": 0.0}
-    pose = {"position": {"x_val": x, "y_val": y, "z_val": z}, "orientation": q}
-    client.call("simSetVehiclePose", pose, True, vehicle)
+    client.call("simSetVehiclePose", pose(x, y, z), True, vehicle)
 
 
 def test_a_scene_raw_and_compressed_for_both_clients(client: Client) -> None:

@@ -19,7 +19,7 @@ from hil.apps.airsim.settings.sensors import Lidar
 from hil.apps.airsim.world.sensors import in_view, with_range_noise
 from sim.physics.vehicle import load_vehicle
 from sim.world_loader import load_world
-from tests.worlds.airsim_server import Client, RpcFailed, Served, served
+from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
 
 STAND_M = load_vehicle("x500").standing_height_m
 NO_LIMIT = 3e38
@@ -69,21 +69,6 @@ def client(world: Served) -> Iterator[Client]:
     client.call("armDisarm", True, "A")
     yield client
     client.close()
-
-
-def vector(x: float, y: float, z: float) -> dict[str, float]:
-    return {"x_val": x, "y_val": y, "z_val": z}
-
-
-def xyz(value: dict[str, float]) -> tuple[float, float, float]:
-    return (value["x_val"], value["y_val"], value["z_val"])
-
-
-def pose(x: float, y: float, z: float, q: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)) -> dict[str, Any]:
-    return {
-        "position": vector(x, y, z),
-        "orientation": dict(zip(("w_val", "x_val", "y_val", "z_val"), q, strict=True)),
-    }
 
 
 def state(client: Client, vehicle: str = "A") -> dict[str, Any]:
