@@ -40,6 +40,15 @@ def pose_geoms(model: mujoco.MjModel, data: mujoco.MjData, actor: Actor, t_ns: i
             data.geom_xmat[geom] = _product(R_WB, R_BG).ravel()
 
 
+def posed(world: World, t_ns: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Return a world's model, and new data with all actors posed at `t_ns`."""
+    data = mujoco.MjData(world.model)
+    mujoco.mj_kinematics(world.model, data)
+    for actor in world.map.actors:
+        pose_geoms(world.model, data, actor, t_ns)
+    return world.model, data
+
+
 def _product(R: NDArray[np.float64], a: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return R a for a vector or a matrix. The order of additions in NumPy's product depends on the machine."""
     columns = R.T.reshape(3, 3, *[1] * (a.ndim - 1))

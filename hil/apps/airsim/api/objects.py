@@ -25,8 +25,11 @@ from hil.apps.airsim.rpc.arguments import (
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.settings.scene_names import scene_name
-from hil.apps.airsim.world import voxels
 from hil.apps.airsim.world.ned import q_WB_from_q_NF
+from hil.apps.airsim.world.objects.bounds import Bounds
+from hil.apps.airsim.world.objects.line_of_sight import is_clear
+from hil.apps.airsim.world.objects.mesh_buffers import mesh_buffers
+from hil.apps.airsim.world.objects.voxel_grid import binvox, occupied
 from hil.apps.airsim.world.simulation import Simulation
 from signals.samples import Quat, Vec3
 
@@ -105,16 +108,16 @@ def methods(simulation: Simulation) -> list[Method]:
 
     def to_point(point: Vector, name: str) -> bool:
         drone = sim.drone(name)
-        return voxels.is_clear(sim.frames.seen_by(drone.name), drone.vehicle.truth.p_WB, sim.earth.point_W(*point))
+        return is_clear(sim.frames.seen_by(drone.name), drone.vehicle.truth.p_WB, sim.earth.point_W(*point))
 
     def between_points(begin: Vector, end: Vector) -> bool:
-        return voxels.is_clear(sim.frames.of_world(), sim.earth.point_W(*begin), sim.earth.point_W(*end))
+        return is_clear(sim.frames.of_world(), sim.earth.point_W(*begin), sim.earth.point_W(*end))
 
     def extents() -> list[dict[str, float]]:
-        return [geo_point(sim, corner) for corner in voxels.extents_W(objects.present, sim.world.t_ns)]
+        return [geo_point(sim, corner) for corner in Bounds(sim.present.world).extents(sim.world.t_ns)]
 
     def meshes() -> list[dict[str, Any]]:
-        return voxels.mesh_buffers(voxels.solids(objects.present, sim.world.t_ns), sim.frame.from_W)
+        return mesh_buffers(sim.present.world, sim.world.t_ns, sim.frame.from_W)
 
     def voxel_grid(position: Vector, x: int, y: int, z: int, edge_m: float, file: str) -> bool:
         size_m = (float(x), float(y), float(z))
@@ -129,9 +132,9 @@ def methods(simulation: Simulation) -> list[Method]:
         if not file.lower().endswith(".binvox"):
             raise RpcError(f"'{file[:80]}' does not end with .binvox, the format of a voxel grid")
         middle_W, _ = in_W(Pose(position))
-        cells = voxels.occupied(sim.frames.of_world(), middle_W, (east, north, up), edge_m)
+        cells = occupied(sim.frames.of_world(), middle_W, (east, north, up), edge_m)
         try:
-            Path(file).write_bytes(voxels.binvox(cells.transpose(1, 0, 2), size_m))
+            Path(file).write_bytes(binvox(cells.transpose(1, 0, 2), size_m))
         except (OSError, ValueError) as error:
             sim.log(f"simCreateVoxelGrid: {file[:80]} cannot be written ({getattr(error, 'strerror', '') or error})")
             return False

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.airsim.pictures.bounds import Bounds, Box
 from hil.apps.airsim.pictures.camera import CameraPlace, ServedCamera
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.names import like
 from hil.apps.airsim.rpc.methods import RpcError
+from hil.apps.airsim.world.objects.bounds import Bounds, Box
 from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
 

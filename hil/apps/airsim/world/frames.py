@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hil.apps.airsim.world.objects import Objects
+from hil.apps.airsim.world.objects.present_world import PresentWorld
 from hil.run.stepped.world import SteppedWorld
 from sim.frame.source import SharedFrames
 from sim.physics.vehicle_bodies import with_vehicles
@@ -12,10 +12,10 @@ from sim.scene.maps.scene_map import Actor
 class Frames:
     """Source of geometry of one server. It is built at the first use, and again after a vehicle was added."""
 
-    def __init__(self, world: SteppedWorld, objects: Objects) -> None:
-        """`objects`: of the scene, without vehicles."""
-        self._world, self._objects = world, objects
-        objects.on_moved, objects.on_new_world = self.moved, self.forget
+    def __init__(self, world: SteppedWorld, present: PresentWorld) -> None:
+        """`present`: the scene with its objects, without vehicles."""
+        self._world, self._scenery = world, present
+        present.on_moved, present.on_new_world = self.moved, self.forget
         self._source: SharedFrames | None = None
         self._seen_by: dict[str, SharedFrames] = {}
         self._names: tuple[str, ...] = ()
@@ -39,11 +39,11 @@ class Frames:
             self._source.moved(actor)
 
     def _present(self, vehicle: str) -> SharedFrames:
-        self._objects.settle()
+        self._scenery.settle()
         vehicles = self._world.vehicles
         names = tuple(vehicles)
         if self._source is None or names != self._names:
-            world = with_vehicles(self._objects.present, {name: each.vehicle for name, each in vehicles.items()})
+            world = with_vehicles(self._scenery.world, {name: each.vehicle for name, each in vehicles.items()})
             self._source, self._names, self._seen_by = SharedFrames(world), names, {}
             self.generation += 1
         source = self._source

@@ -15,7 +15,8 @@ from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
-from hil.apps.airsim.world.objects import Objects
+from hil.apps.airsim.world.objects.present_world import PresentWorld
+from hil.apps.airsim.world.objects.registry import Objects
 from hil.apps.airsim.world.radars import Radars
 from hil.apps.airsim.world.sensors import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
@@ -67,8 +68,9 @@ class Simulation:
         self.frame = NedFrame((x, y, z + self.model.standing_height_m))
         self.earth = Earth(settings.origin, self.frame)
         self.world = SteppedWorld(self.scene, TICK_NS, seed=self._seed, wind=config.wind)
-        self.objects = Objects(self.world, log)
-        self.frames = Frames(self.world, self.objects)
+        self.present = PresentWorld(self.world)
+        self.objects = Objects(self.present, log)
+        self.frames = Frames(self.world, self.present)
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
         self.begin_at(CALLS_EPOCH_NS)
@@ -162,7 +164,7 @@ class Simulation:
     def step(self) -> None:
         """Advance by one tick."""
         world = self.world
-        self.objects.settle_near()
+        self.present.settle_near()
         world.step()
         for departure in world.take_departures():
             self._depart(departure)
@@ -228,7 +230,7 @@ class Simulation:
         if self.flies:
             flight = self._flight(name, vehicle, rig, origin)
             vehicle.pilot = self._pilot(name, flight)
-        sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self.objects, tick_ns=TICK_NS)
+        sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self.present, tick_ns=TICK_NS)
         drone = Drone(name, settings, vehicle, origin, flight, sensors)
         drone.history.append(vehicle.truth)
         drone.touching = vehicle.truth.in_contact
@@ -319,7 +321,7 @@ class Simulation:
 
     def ground_below(self, p_W: Vec3) -> float | None:
         """Return the height in W of the scene below a point; None if there is nothing."""
-        distance_m = self.objects.ray_distance(p_W, (0.0, 0.0, -1.0))
+        distance_m = self.present.ray_distance(p_W, (0.0, 0.0, -1.0))
         return None if distance_m < 0.0 else p_W[2] - distance_m
 
     def reset(self) -> None:
@@ -334,7 +336,7 @@ class Simulation:
     def placed(self, drone: Drone, *, collides: bool = False) -> None:
         """Take notice that a vehicle was put elsewhere; without physics, find what it touches there."""
         drone.touching, drone.touched = False, ""
-        self.objects.settle_near()
+        self.present.settle_near()
         if drone.flight is not None:
             drone.flight.moved()
         elif (

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.apps.airsim.world import objects as world_objects
+from hil.apps.airsim.world.objects import present_world, registry
 from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
@@ -273,7 +273,7 @@ def test_the_ground_and_vehicles_keep_their_size(client: Client, blocks: Served)
 
 
 def test_there_is_a_limit_of_spawned_objects(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(world_objects, "MOST_SPAWNED", 4)
+    monkeypatch.setattr(registry, "MOST_SPAWNED", 4)
     for i in range(4):
         spawn(client, f"spawned_{i}", "Cube", pose(40.0, 2.0 * i, -20.0))
     with pytest.raises(RpcFailed, match="there are 4 spawned objects"):
@@ -361,14 +361,14 @@ def test_the_same_calls_give_the_same_digest() -> None:
 def test_a_world_that_cannot_be_made_ends_no_clock(
     client: Client, blocks: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = world_objects.with_objects
+    made = present_world.with_objects
 
     def fail_with_copies(base: Any, moved: Any, added: Any) -> Any:
         if any(each.actor.name == "spawned_bad" for each in added):
             raise RecordingError("holds more than 256 different surfaces")
         return made(base, moved, added)
 
-    monkeypatch.setattr(world_objects, "with_objects", fail_with_copies)
+    monkeypatch.setattr(present_world, "with_objects", fail_with_copies)
     name = spawn(client, "spawned_bad", "Cube", pose(0.5, 0.0, -0.5))
     client.call("simContinueForTime", 0.1)
     assert client.call("simListSceneObjects", name) == []
@@ -376,7 +376,7 @@ def test_a_world_that_cannot_be_made_ends_no_clock(
 
 
 def test_an_object_with_too_many_surfaces_is_refused(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(world_objects, "MAX_SURFACES", 1)
+    monkeypatch.setattr(registry, "MAX_SURFACES", 1)
     with pytest.raises(RpcFailed, match="more than 1 different surfaces"):
         spawn(client, "spawned_bad", "Cube", pose(5.0, 0.0, -0.5))
     assert client.call("simListSceneObjects", "spawned_bad") == []
