@@ -12,11 +12,11 @@ from typing import Any
 import msgpack
 
 from hil.apps.airsim.api.catalog import method_table
+from hil.apps.airsim.clock import CallsClock, WallClock
 from hil.apps.airsim.command import Choice, TruthDigest, make_simulation
 from hil.apps.airsim.rpc.server import RpcServer
 from hil.apps.airsim.settings.settings import read_settings
-from hil.apps.airsim.world.clock import CallsClock, WallClock
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 
 
 def vector(x: float, y: float, z: float) -> dict[str, float]:

@@ -19,12 +19,12 @@ from typing import Any
 from rich.console import Console
 
 from hil.apps.airsim.api.catalog import method_table
+from hil.apps.airsim.clock import CallsClock, WallClock
 from hil.apps.airsim.rpc.server import RpcServer
 from hil.apps.airsim.settings.files import load_settings
 from hil.apps.airsim.settings.scene_names import scene_name
 from hil.apps.airsim.settings.settings import AirSimSettings
-from hil.apps.airsim.world.clock import CallsClock, WallClock
-from hil.apps.airsim.world.simulation import RIGS, TICK_NS, Simulation
+from hil.apps.airsim.simulation import RIGS, TICK_NS, Simulation
 from hil.config import Bench, load_bench
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import RecordingError

@@ -14,7 +14,7 @@ from hil.apps.airsim.api.session import VEHICLE
 from hil.apps.airsim.pictures.camera import DISTORTION, Lens, ServedCamera
 from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, POSE, QUATERNION, TEXT, Pose, Quaternion, Vector
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 
 EXTERNAL = optional("external", BOOL, False)
 _WHERE = (CAMERA, VEHICLE, EXTERNAL)

@@ -17,7 +17,7 @@ from hil.apps.airsim.api import (
     state,
 )
 from hil.apps.airsim.rpc.methods import Method, MethodTable
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 
 GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     session.methods,

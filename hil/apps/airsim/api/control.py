@@ -33,8 +33,8 @@ from hil.apps.airsim.rpc.arguments import (
     struct,
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, Pending, RpcError, method, optional
+from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.drone import Drone
-from hil.apps.airsim.world.simulation import Simulation
 
 _NO_LIMIT_S = 3e38
 _TAKEOFF_S, _LAND_S = 20.0, 60.0

@@ -19,7 +19,7 @@ from hil.apps.airsim.rpc.arguments import (
     one_of,
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.surroundings import ENABLED, SUMMER_TIME
 from signals.frames import ned_from_enu
 from signals.time import NS_PER_S

@@ -11,7 +11,7 @@ from hil.apps.airsim.pictures.cameras import Wanted
 from hil.apps.airsim.pictures.image_types import SCENE, Taken, bgr, colours, numbers, png
 from hil.apps.airsim.rpc.arguments import BOOL, NAME, TEXT, either, list_of, one_of, struct
 from hil.apps.airsim.rpc.methods import Method, Parameter, method, optional
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 
 _MOST_IMAGES = 100
 IMAGE_TYPE = one_of("ImageType", *range(12))

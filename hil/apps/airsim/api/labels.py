@@ -9,7 +9,7 @@ from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.pictures.detections import Detection, Detections
 from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, INT, TEXT, Pose, Quaternion, Vector
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 from signals.frames import frd_from_flu
 from signals.rotation import conjugate, product
 

@@ -25,12 +25,12 @@ from hil.apps.airsim.rpc.arguments import (
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.settings.scene_names import scene_name
+from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.ned import q_WB_from_q_NF
 from hil.apps.airsim.world.objects.bounds import Bounds
 from hil.apps.airsim.world.objects.line_of_sight import is_clear
 from hil.apps.airsim.world.objects.mesh_buffers import mesh_buffers
 from hil.apps.airsim.world.objects.voxel_grid import binvox, occupied
-from hil.apps.airsim.world.simulation import Simulation
 from signals.samples import Quat, Vec3
 
 _MOST_CELLS = 20_000_000

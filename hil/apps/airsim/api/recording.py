@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hil.apps.airsim.rpc.methods import Method, method
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 
 
 def methods(simulation: Simulation) -> list[Method]:

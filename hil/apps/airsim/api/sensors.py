@@ -10,9 +10,9 @@ from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.rpc.arguments import TEXT, Pose, Quaternion, Vector
 from hil.apps.airsim.rpc.methods import Method, RpcError, method, optional
 from hil.apps.airsim.settings import sensors as kinds
+from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.sensors import ned_points
-from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import ned_from_enu, q_NF_from_q_WB
 from sim.frame.source import VEHICLE_CLASS
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from hil.apps.airsim.rpc.arguments import BOOL, COUNT, FLOAT, INT, POSE, TEXT, Pose
 from hil.apps.airsim.rpc.methods import Method, Parameter, Pending, RpcError, method, optional
 from hil.apps.airsim.rpc.packing import Double
+from hil.apps.airsim.simulation import FRAME_TICKS, Simulation
 from hil.apps.airsim.world.drone import Drone
-from hil.apps.airsim.world.simulation import FRAME_TICKS, Simulation
 from signals._kernel import roll_pitch_yaw
 from signals.time import NS_PER_S
 from signals.units import DEG_PER_RAD

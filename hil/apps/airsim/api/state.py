@@ -17,9 +17,9 @@ from hil.apps.airsim.rpc.arguments import (
     struct,
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
+from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.ned import Kinematics, q_WB_from_q_NF, unit_rotation
-from hil.apps.airsim.world.simulation import Simulation
 from signals.frames import frd_from_flu, ned_from_enu, q_NF_from_q_WB
 from signals.samples import Quat, Vec3
 from sim.scene.atmosphere import LAPSE_K_PER_M, LOWEST_M, SEA_LEVEL_K, TOP_M, TROPOPAUSE_M, geopotential_m, pressure_pa

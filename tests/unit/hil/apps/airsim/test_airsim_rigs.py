@@ -10,8 +10,8 @@ from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.command import Choice, make_simulation
 from hil.apps.airsim.rpc.methods import MethodTable, Pending, RpcError
 from hil.apps.airsim.settings.settings import read_settings
+from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.rig_flight import RigFlight
-from hil.apps.airsim.world.simulation import Simulation
 from hil.config import load_bench
 from signals.errors import ConfigError
 

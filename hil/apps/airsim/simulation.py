@@ -51,7 +51,7 @@ Rigs = Callable[[str], Bench]
 
 
 class Simulation:
-    """Vehicles of one server in one scene. Time moves in `step` alone; `hil.apps.airsim.world.clock` calls it."""
+    """Vehicles of one server in one scene. Time moves in `step` alone; `hil.apps.airsim.clock` calls it."""
 
     def __init__(self, bench: Bench, settings: AirSimSettings, log: Log, rigs: Rigs | None = None) -> None:
         """`bench`: its scene, the model of every multirotor, the start as AirSim's origin, wind, effects and radars.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import time
 
-from hil.apps.airsim.world.simulation import Simulation
+from hil.apps.airsim.simulation import Simulation
 from signals.time import NS_PER_S
 
 _SLICE_NS = 500_000  # of wall time; a request waits for this and one tick at most
