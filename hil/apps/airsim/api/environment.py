@@ -34,6 +34,7 @@ def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     sim = simulation
     around = sim.surroundings
+    clamped: set[int] = set()  # weather parameters whose range was told
 
     def set_wind(wind: Vector) -> None:
         if not all(abs(component) <= _MOST_WIND_MPS for component in wind):
@@ -45,12 +46,14 @@ def methods(simulation: Simulation) -> list[Method]:
         around.version += 1
 
     def set_weather(parameter: int, value: float) -> None:
-        if not 0.0 <= value <= 1.0:
-            raise RpcError(f"the intensity of a weather parameter goes from 0 to 1, not {value:g}")
+        kept = min(max(value, 0.0), 1.0)
+        if kept != value and parameter not in clamped:
+            clamped.add(parameter)
+            sim.log(f"simSetWeatherParameter: {value:g} counts as {kept:g}, because an intensity goes from 0 to 1")
         if parameter == ENABLED:
-            around.weather_enabled = value > 0.0
+            around.weather_enabled = kept > 0.0
         else:
-            around.weather[parameter] = value
+            around.weather[parameter] = kept
         around.version += 1
 
     def set_time(enabled: bool, start: str, dst: bool, speed: float, interval: float, move_sun: bool) -> None:

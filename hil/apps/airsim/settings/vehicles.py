@@ -37,7 +37,6 @@ class Vehicle:
     kind: VehicleType
     position_m: Vec3 = (0.0, 0.0, 0.0)
     rotation_deg: Vec3 = (0.0, 0.0, 0.0)  # roll, pitch, yaw
-    armed: bool = True
     collisions: bool = True
     pass_through: bool = False  # collisions are reported and change no motion
     first_person: bool = False  # the vehicle that a call without a name means
@@ -104,10 +103,9 @@ def _read_type(reader: Reader, sim_mode: str) -> VehicleType | None:
 
 
 def _read_vehicle(name: str, kind: VehicleType, reader: Reader, defaults: VehicleDefaults) -> Vehicle:
-    state = reader.choice("DefaultVehicleState", "Armed", ("Armed", "Disarmed", "Inactive", "Active", "Unknown"))
     pass_through = reader.flag("EnableCollisionPassthrogh", reader.flag("EnableCollisionPassthrough", False))
-    reader.without_meaning("PawnPath", "RC", "AllowAPIAlways", "EnableTrace", "Lights", "DebugSymbolScale")
-    reader.without_meaning(*_CONNECTION)
+    reader.without_meaning("DefaultVehicleState", "PawnPath", "RC", "AllowAPIAlways", "EnableTrace", "Lights")
+    reader.without_meaning("DebugSymbolScale", *_CONNECTION)
     if kind not in ("PX4Multirotor", "ArduCopter"):
         reader.without_meaning("Parameters")
     elif reader.child("Parameters") is not None:
@@ -118,7 +116,6 @@ def _read_vehicle(name: str, kind: VehicleType, reader: Reader, defaults: Vehicl
         kind,
         reader.vector((0.0, 0.0, 0.0)),
         reader.angles_deg((0.0, 0.0, 0.0)),
-        state in ("Armed", "Active"),
         reader.flag("EnableCollisions", True),
         pass_through,
         reader.flag("IsFpvVehicle", False),

@@ -3,11 +3,12 @@
 Sample k of a sensor of rate F is valid from k / F on: two questions within 1 / F have the same answer, with the time
 stamp of the sample. Barometer, magnetometer and GPS measure the state at k / F, whenever they are asked; distance
 sensors and LiDARs measure at the first question, because the scene is at hand for the present tick only. The noise of
-sample k depends on the vehicle, the sensor's name and k alone, so it does not matter which samples were asked for.
+sample k depends on the vehicle, the sensor's name and k alone, so it does not matter which samples were asked for. A
+latency gives barometer, magnetometer and GPS the state and the time stamp of so long ago.
 
     IMU          white noise and a bias that walks, AirSim's random walk and bias stability; sim.sensors.imu
     barometer    p = p_ISA(h) (1 + d) + n,   d first-order with sigma and tau, 0 at the start
-    GPS          position and velocity of `latency` ago, without noise; eph and epv fall exponentially
+    GPS          position and velocity without noise; eph and epv fall exponentially
     magnetometer s R^T B + b + n,   B of WMM2025, b drawn once from +-NoiseBias for each axis
     distance     along the sensor's x axis to the static scene, + n; the greatest distance where nothing is
     LiDAR        one turn at the instant of the sample; sim.sensors.lidar
@@ -139,6 +140,12 @@ class SensorSuite:
             found = state
         return found
 
+    @staticmethod
+    def _ago(latency_s: float, state: TruthState, history: Sequence[TruthState]) -> TruthState:
+        """Return the state `latency_s` before `state`, or the oldest one."""
+        then_ns = state.t_ns - round(latency_s * NS_PER_S)
+        return next((each for each in reversed(history) if each.t_ns <= then_ns), history[0])
+
     def _noise(self, name: str, lanes: int) -> NoiseStream:
         if name not in self._made:
             self._made[name] = NoiseStream(1, f"{self._vehicle}.{name}", lanes=lanes)
@@ -175,7 +182,7 @@ class SensorSuite:
                 step = settings.pressure_factor_sigma * sqrt(1.0 - phi * phi)
                 drift = Drift(1, f"{self._vehicle}.{name}.drift", lanes=1, start=0.0, phi=phi, step=step)
                 self._made[f"{name}.drift"] = drift
-            truth = self._state(seq, settings.rate_hz, truth, history)
+            truth = self._ago(settings.latency_s, self._state(seq, settings.rate_hz, truth, history), history)
             altitude_m = altitude_of(truth.p_WB)
             true_pa = pressure_pa(min(max(geopotential_m(altitude_m), LOWEST_M), TOP_M))
             noise = self._noise(name, 1).normal(seq)[0]
@@ -194,7 +201,7 @@ class SensorSuite:
         if seq is not None:
             if f"{name}.field" not in self._made:
                 self._made[f"{name}.field"] = magnetic_field_W_tesla(self._site)
-            truth = self._state(seq, settings.rate_hz, truth, history)
+            truth = self._ago(settings.latency_s, self._state(seq, settings.rate_hz, truth, history), history)
             field = body_from_W(truth.q_WB, self._made[f"{name}.field"])
             noise = self._noise(name, 3).normal(seq)
             bias = NoiseStream(1, f"{self._vehicle}.{name}.bias", lanes=3).uniform_block(0).ravel()[:3].tolist()
@@ -215,9 +222,8 @@ class SensorSuite:
         t_ns = history[-1].t_ns
         seq = self._due(name, settings.rate_hz, t_ns)
         if seq is not None:
-            t_ns = self._state(seq, settings.rate_hz, history[-1], history).t_ns
-            then_ns = t_ns - round(settings.latency_s * NS_PER_S)
-            truth = next((state for state in reversed(history) if state.t_ns <= then_ns), history[0])
+            state = self._state(seq, settings.rate_hz, history[-1], history)
+            t_ns, truth = state.t_ns, self._ago(settings.latency_s, state, history)
             eph, epv = (
                 final + (first - final) * det_exp(-max(0.0, truth.t_ns / NS_PER_S) / max(tau, 1e-6))
                 for first, final, tau in (

@@ -568,6 +568,25 @@ def test_barometer() -> None:
         assert after["altitude"] - before["altitude"] == pytest.approx(100.0, abs=2.0)
 
 
+def test_barometer_and_magnetometer_are_late_by_their_latency() -> None:
+    late = {"Enabled": True, "UpdateLatency": 0.5}
+    sensors = {"baro": {"SensorType": 1, **late}, "mag": {"SensorType": 4, **late}}
+    drone = {"VehicleType": "SimpleFlight", "Sensors": sensors}
+    with served(json.dumps({"SettingsVersion": 1.2, "Vehicles": {"A": drone}})) as world:
+        client = world.client()
+        client.call("simContinueForTime", 1.0)
+        low, level = client.call("getBarometerData"), client.call("getMagnetometerData")
+        assert client.call("getImuData")["time_stamp"] - low["time_stamp"] == 500_000_000
+        turned = pose(0.0, 0.0, -100.0, (0.0, 0.0, 0.0, 1.0))
+        client.call("simSetVehiclePose", turned, True)
+        for asked_s, is_late in ((0.4, True), (0.2, False)):
+            client.call("simContinueForTime", asked_s)
+            climbed_m = client.call("getBarometerData")["altitude"] - low["altitude"]
+            north = xyz(client.call("getMagnetometerData")["magnetic_field_body"])[0]
+            assert (climbed_m < 50.0) is is_late
+            assert (north * xyz(level["magnetic_field_body"])[0] > 0.0) is is_late
+
+
 def test_magnetometer(client: Client) -> None:
     field = xyz(client.call("getMagnetometerData", "", "A")["magnetic_field_body"])
     assert math.sqrt(sum(x * x for x in field)) == pytest.approx(0.53, abs=0.03)  # Gauss, at Seattle
@@ -699,8 +718,10 @@ def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None
     assert around.clock.hour == 15
     with pytest.raises(RpcFailed, match="is no date and time; write it as 2018-02-12 15:20:00"):
         client.call("simSetTimeOfDay", True, "noon")
-    with pytest.raises(RpcFailed, match="from 0 to 1, not 7"):
+    for _ in range(2):  # a value beyond the range counts as its end, as in AirSim
         client.call("simSetWeatherParameter", 1, 7.0)
+    assert around.weather[1] == 1.0
+    assert [line for line in world.log if "7 counts as 1" in line] == world.log[-1:]
     with pytest.raises(RpcFailed, match="expected WeatherParameter"):
         client.call("simSetWeatherParameter", 12, 0.5)
     client.call("simSetTimeOfDay", True, "2018-07-12 15:20:00", True, 1.0, 60.0, True)

@@ -116,12 +116,13 @@ def test_cosys_airsim_counts_points_by_rotation_and_has_a_quiet_imu() -> None:
 def test_unknown_keys_are_told_once_with_the_nearest_and_meaningless_ones_in_one_line() -> None:
     notes = read(
         '{"clockspeed": 2, "ViewMode": "Fpv", "EngineSound": false,\n"Vehicles": {\n'
-        '"A": {"VehicleType": "SimpleFlight", "Yawn": 1},\n"B": {"VehicleType": "SimpleFlight", "Yawn": 1}}}'
+        '"A": {"VehicleType": "SimpleFlight", "Yawn": 1, "DefaultVehicleState": "Armed"},\n'
+        '"B": {"VehicleType": "SimpleFlight", "Yawn": 1}}}'
     ).notes
     assert notes == (
         "settings.json:3: Vehicles.A.Yawn is no setting of AirSim and is ignored (did you mean 'Yaw'?)",
         "settings.json:1: clockspeed is no setting of AirSim and is ignored (did you mean 'ClockSpeed'?)",
-        "settings.json: without meaning here: EngineSound, ViewMode",
+        "settings.json: without meaning here: DefaultVehicleState, EngineSound, ViewMode",
     )
 
 
