@@ -18,16 +18,13 @@ _MOST_BEHIND_S = 0.25
 _NS_PER_MINUTE = 60 * NS_PER_S
 
 
-def _slice(simulation: Simulation, ticks: int) -> int:
-    """Advance by at most `ticks` ticks and one slice of wall time. Return the number of ticks."""
+def _advance(simulation: Simulation, end_tick: int | None) -> None:
+    """Advance up to a tick, None: as long as a client waits for it, and at most for one slice of wall time."""
     end_ns = time.perf_counter_ns() + _SLICE_NS
-    done = 0
-    while done < ticks and simulation.runs:
+    while simulation.runs and (simulation.busy if end_tick is None else simulation.world.tick < end_tick):
         simulation.step()
-        done += 1
         if time.perf_counter_ns() >= end_ns:
             break
-    return done
 
 
 class CallsClock:
@@ -40,17 +37,13 @@ class CallsClock:
 
     async def run(self) -> None:
         """Advance the simulation until the task is cancelled."""
-        simulation, work = self._simulation, self._work
+        simulation = self._simulation
         while True:
-            await work.wait()
-            work.clear()
+            await self._work.wait()
+            self._work.clear()
             while simulation.busy and simulation.runs:
-                # In steps of one tick: time stands still at the tick in which the last task ended.
-                end_ns = time.perf_counter_ns() + _SLICE_NS
-                while simulation.busy and simulation.runs:
-                    simulation.step()
-                    if time.perf_counter_ns() >= end_ns:
-                        break
+                # Time stands still at the tick in which the last task ended.
+                _advance(simulation, None)
                 await asyncio.sleep(0)
 
 
@@ -84,7 +77,7 @@ class WallClock:
                     self._lose(round(excess * tick_wall_ns), now_ns)
                     behind -= excess
                 if behind > 0:
-                    _slice(simulation, behind)
+                    _advance(simulation, simulation.world.tick + behind)
                     await asyncio.sleep(0)
                 else:
                     next_ns = begin_ns + (due + 1 - begin_tick) * tick_wall_ns

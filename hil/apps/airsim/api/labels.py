@@ -35,7 +35,7 @@ def methods(simulation: Simulation) -> list[Method]:
         boxes = (detections.box(number) for number in range(1, len(ids.names)))
         return [simulation.frame.pose(box.p_WO, box.q_WO) for box in boxes]
 
-    detections = Detections(simulation.cameras)
+    detections = Detections(simulation.cameras, simulation.frames)
     find = simulation.cameras.find
 
     def add(camera: str, image_type: int, pattern: str, vehicle: str, external: bool | str) -> None:

@@ -111,7 +111,7 @@ def methods(simulation: Simulation) -> list[Method]:
         return is_clear(sim.frames.seen_by(drone.name), drone.vehicle.truth.p_WB, sim.earth.point_W(*point))
 
     def between_points(begin: Vector, end: Vector) -> bool:
-        return is_clear(sim.frames.of_world(), sim.earth.point_W(*begin), sim.earth.point_W(*end))
+        return is_clear(sim.frames.seen_by(), sim.earth.point_W(*begin), sim.earth.point_W(*end))
 
     def extents() -> list[dict[str, float]]:
         return [geo_point(sim, corner) for corner in Bounds(sim.present.world).extents(sim.world.t_ns)]
@@ -132,7 +132,7 @@ def methods(simulation: Simulation) -> list[Method]:
         if not file.lower().endswith(".binvox"):
             raise RpcError(f"'{file[:80]}' does not end with .binvox, the format of a voxel grid")
         middle_W, _ = in_W(Pose(position))
-        cells = occupied(sim.frames.of_world(), middle_W, (east, north, up), edge_m)
+        cells = occupied(sim.frames.seen_by(), middle_W, (east, north, up), edge_m)
         try:
             Path(file).write_bytes(binvox(cells.transpose(1, 0, 2), size_m))
         except (OSError, ValueError) as error:

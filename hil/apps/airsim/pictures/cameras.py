@@ -101,15 +101,6 @@ class Cameras:
         """Draw a first picture, so that no client waits while the geometry of the world is made."""
         self.take([Wanted(self.find("", ""), 0)])
 
-    def of_world(self) -> SharedFrames:
-        """Return the whole world at the present tick."""
-        return self._frames.of_world()
-
-    def frames(self, camera: ServedCamera) -> SharedFrames:
-        """Return what a camera sees at the present tick: all but its own vehicle."""
-        frames = self._frames
-        return frames.of_world() if camera.drone is None else frames.seen_by(camera.drone.name)
-
     def take(self, wanted: Sequence[Wanted]) -> list[Taken]:
         """Return the pictures of the present tick; those of one camera with one lens are drawn together."""
         total = sum(width * height for width, height in (each.camera.size(each.image_type) for each in wanted))
@@ -138,9 +129,9 @@ class Cameras:
         self, camera: ServedCamera, place: CameraPlace, image_type: int, channels: Collection[str]
     ) -> dict[str, NDArray[Any]]:
         """Return channels (sim.frame.channels) of a camera, with size and lens of an image type. Raises RpcError."""
-        frames = self.frames(camera)
-        self._follow(frames)
         vehicle = "" if camera.drone is None else camera.drone.name
+        frames = self._frames.seen_by(vehicle)
+        self._follow(frames)
         colour = "rgb" in channels
         exposure_ev = camera.settings.capture(image_type).exposure_ev if colour else 0.0
         view = (vehicle, camera.model(image_type), exposure_ev, colour)

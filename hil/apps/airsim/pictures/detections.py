@@ -16,6 +16,7 @@ from hil.apps.airsim.pictures.camera import CameraPlace, ServedCamera
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.names import like
 from hil.apps.airsim.rpc.methods import RpcError
+from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.objects.bounds import Bounds, Box
 from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
@@ -47,8 +48,8 @@ class Filter:
 class Detections:
     """Detections of all cameras of one server."""
 
-    def __init__(self, cameras: Cameras) -> None:
-        self._cameras = cameras
+    def __init__(self, cameras: Cameras, frames: Frames) -> None:
+        self._cameras, self._frames = cameras, frames
         self._filters: dict[tuple[int, int], Filter] = {}
         self._bounds: tuple[object, Bounds] | None = None
 
@@ -66,7 +67,7 @@ class Detections:
 
     def box(self, instance: int) -> Box:
         """Return the box of an instance (`Segmentation.names`) at the present tick."""
-        frames = self._cameras.of_world()
+        frames = self._frames.seen_by()
         if self._bounds is None or self._bounds[0] is not frames.world:
             self._bounds = (frames.world, Bounds(frames.world))
         return self._bounds[1].of(instance, frames.geometry.t_ns)

@@ -44,7 +44,7 @@ class Segmentation:
     def names(self) -> tuple[str, ...]:
         """Names of all instances; [0] stands for no object."""
         frames = self._frames
-        world = frames.of_world().world
+        world = frames.seen_by().world
         if frames.generation != self._generation:
             self._generation = frames.generation
             prefix = f"{VEHICLE_CLASS}:"

@@ -17,17 +17,9 @@ class Frames:
         self._world, self._scenery = world, present
         present.on_moved, present.on_new_world = self.moved, self.forget
         self._source: SharedFrames | None = None
-        self._seen_by: dict[str, SharedFrames] = {}
+        self._seen_by: dict[str, SharedFrames] = {}  # by vehicle
         self._names: tuple[str, ...] = ()
         self.generation = 0  # grows when all sources are made anew; whoever keeps renderers makes them anew too
-
-    def seen_by(self, vehicle: str) -> SharedFrames:
-        """Return the source for the sensors of a vehicle, with everything posed for the present tick."""
-        return self._present(vehicle)
-
-    def of_world(self) -> SharedFrames:
-        """Return the source that shows all vehicles, with everything posed for the present tick."""
-        return self._present("")
 
     def forget(self) -> None:
         """Build everything anew at the next use, after the scene or an object in it was changed."""
@@ -38,19 +30,23 @@ class Frames:
         if self._source is not None:
             self._source.moved(actor)
 
-    def _present(self, vehicle: str) -> SharedFrames:
+    def seen_by(self, vehicle: str = "") -> SharedFrames:
+        """Return the source for the sensors of a vehicle, which they do not show, posed for the present tick.
+
+        "" is nobody: everything is shown.
+        """
         self._scenery.settle()
         vehicles = self._world.vehicles
         names = tuple(vehicles)
         if self._source is None or names != self._names:
             world = with_vehicles(self._scenery.world, {name: each.vehicle for name, each in vehicles.items()})
-            self._source, self._names, self._seen_by = SharedFrames(world), names, {}
+            self._source, self._names = SharedFrames(world), names
+            self._seen_by = {"": self._source}
             self.generation += 1
-        source = self._source
-        if vehicle and vehicle not in self._seen_by:
-            self._seen_by[vehicle] = source.seen_by(vehicle)
+        if vehicle not in self._seen_by:
+            self._seen_by[vehicle] = self._source.seen_by(vehicle)
         for name, each in vehicles.items():
-            source.place(name, each.truth)
-        found = self._seen_by[vehicle] if vehicle else source
+            self._source.place(name, each.truth)
+        found = self._seen_by[vehicle]
         found.expect(self._world.t_ns)
         return found
