@@ -134,9 +134,10 @@ class Reader:
         )
 
     def child(self, key: str) -> Reader | None:
-        """Return the reader of an object, None where the key is absent."""
+        """Return the reader of an object, None where the key is absent. As in AirSim, null and [] count as absent."""
         self._known[key] = None
-        return Reader(self.report, (*self.place, key), self._data[key]) if key in self._data else None
+        value = self._data.get(key)
+        return None if value is None or value == [] else Reader(self.report, (*self.place, key), value)
 
     def named(self, key: str) -> list[tuple[str, Reader]] | None:
         """Return the objects of an object with their names, sorted as AirSim keeps them; None where it is absent."""
@@ -149,7 +150,7 @@ class Reader:
         return [(name, Reader(self.report, (*group.place, name), group._data[name])) for name in names[:MAX_ENTRIES]]
 
     def listed(self, key: str) -> list[Reader]:
-        """Return the objects of a list."""
+        """Return the objects of a list. Other elements are left out, as in AirSim."""
         self._known[key] = None
         value = self._data.get(key, [])
         if not isinstance(value, list):
@@ -157,7 +158,13 @@ class Reader:
             return []
         if len(value) > MAX_ENTRIES:
             self.problem(key, f"must hold at most {MAX_ENTRIES} entries, not {len(value)}")
-        return [Reader(self.report, (*self.place, key, i), item) for i, item in enumerate(value[:MAX_ENTRIES])]
+        readers = []
+        for i, item in enumerate(value[:MAX_ENTRIES]):
+            if isinstance(item, dict):
+                readers.append(Reader(self.report, (*self.place, key, i), item))
+            else:
+                self.note(key, f"holds {shown(item)}, which is left out", "an element is an object in braces")
+        return readers
 
     def without_meaning(self, *keys: str) -> None:
         """Name keys that AirSim reads and that change nothing here; the report tells those that are given, once."""

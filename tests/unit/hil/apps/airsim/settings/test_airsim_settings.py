@@ -132,6 +132,18 @@ def test_the_last_of_two_equal_keys_counts() -> None:
     assert "settings.json:2: 'ClockSpeed' is given twice" in settings.notes[0]
 
 
+def test_elements_that_are_no_objects_and_empty_sections_are_left_out() -> None:
+    settings = read(
+        '{"Recording": {"Cameras": ["front_center", {"CameraName": "0"}]}, "ExternalCameras": null,\n'
+        '"Vehicles": {"A": {"VehicleType": "SimpleFlight", "Cameras": [], "Sensors": []}}}'
+    )
+    assert len(settings.recording.images) == 1
+    assert len(settings.vehicles["A"].sensors) == 4
+    assert settings.notes == (
+        "settings.json:1: Recording.Cameras holds 'front_center', which is left out (an element is an object in braces)",
+    )
+
+
 def test_all_mistakes_are_named_at_once_with_their_lines() -> None:
     assert problems(
         """{
@@ -139,7 +151,7 @@ def test_all_mistakes_are_named_at_once_with_their_lines() -> None:
   "Wind": {"X": NaN}, "OriginGeopoint": {"Latitude": 1e9},
   "Vehicles": {
     "A": {"VehicleType": "simpleflight", "X": Infinity,
-      "Cameras": {"0": {"CaptureSettings": [{"Width": 100000000}, 7]}},
+      "Cameras": {"0": {"CaptureSettings": [{"Width": 100000000}]}},
       "Sensors": {"L": {"SensorType": 6, "Enabled": 1}, "M": {}}},
     "B": {"VehicleType": "SimplFlight"}},
   "TimeOfDay": {"StartDateTime": "today"},
@@ -151,7 +163,6 @@ def test_all_mistakes_are_named_at_once_with_their_lines() -> None:
         "3: OriginGeopoint.Latitude must be -89.9 to 89.9, not 1000000000.0",
         "3: Wind.X must be a number, not NaN",
         "5: Vehicles.A.X must be -100000 to 100000, not inf",
-        "6: Vehicles.A.Cameras.0.CaptureSettings[1] must be an object in braces, not 7",
         "6: Vehicles.A.Cameras.0.CaptureSettings[0].Width must be 1 to 8192, not 100000000",
         "7: Vehicles.A.Sensors.L.Enabled must be true or false, not 1",
         "7: Vehicles.A.Sensors.M has no SensorType "
