@@ -11,10 +11,10 @@ import json
 import signal
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
@@ -26,9 +26,13 @@ from hil.apps.airsim.settings.scene_names import scene_name
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.simulation import RIGS, TICK_NS, Simulation
 from hil.config import Bench, load_bench
+from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
+
+if TYPE_CHECKING:
+    from hil.apps.airsim.served_page import ServedPage
 
 _LONGEST_LINE = 1000
 
@@ -44,6 +48,9 @@ class Choice:
     port: int | None = None  # None: ApiServerPort of the settings
     scene: str | None = None
     out: Path | None = None
+    dash: bool = False  # serve a page that shows the scene, the vehicles and the drawings
+    dash_host: str = "127.0.0.1"
+    dash_port: int = 8710
 
 
 def printable(text: str) -> str:
@@ -84,11 +91,12 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         simulation.cameras.prepare()
         if settings.recording.enabled:
             simulation.recorder.start()
-        server = asyncio.run(_serve(choice, simulation, console))
+        with _page(choice, simulation, console) as (page, folder):
+            server = asyncio.run(_serve(choice, simulation, console, page))
     finally:
         simulation.close()
     report = _report(choice, simulation, server, time.monotonic() - began_s)
-    folder = new_run_dir(choice.out, "airsim")
+    folder = folder or new_run_dir(choice.out, "airsim")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -117,7 +125,28 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
     return Simulation(bench, settings, log, rig)
 
 
-async def _serve(choice: Choice, simulation: Simulation, console: Console) -> RpcServer:
+@contextlib.contextmanager
+def _page(choice: Choice, simulation: Simulation, console: Console) -> Iterator[tuple[ServedPage | None, Path | None]]:
+    """Serve the dashboard's page, if it is wanted; yield it and the folder of the results, which holds its scene."""
+    if not choice.dash:
+        yield None, None
+        return
+    from hil.apps.airsim.served_page import ServedPage
+    from hil.apps.dash.command import dashboard_beside
+
+    folder = new_run_dir(choice.out, "airsim")
+    try:
+        save_bench(simulation.bench, folder)
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be written ({error.strerror or error})") from error
+    runs = folder.resolve().parent
+    with dashboard_beside(
+        choice.config, console, host=choice.dash_host, port=choice.dash_port, runs=runs, lingers=False
+    ) as live:
+        yield ServedPage(simulation, live, folder), folder
+
+
+async def _serve(choice: Choice, simulation: Simulation, console: Console, page: ServedPage | None) -> RpcServer:
     settings = simulation.settings
     host = choice.host if choice.host is not None else settings.host or "127.0.0.1"
     port = choice.port if choice.port is not None else settings.port
@@ -145,16 +174,18 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console) -> Rp
     )
     gc.collect()
     gc.freeze()  # the scene stays: a search through it would hold up the clients
-    running = asyncio.create_task(clock.run())
     stopped = asyncio.create_task(stop.wait())
-    await asyncio.wait({running, stopped}, return_when=asyncio.FIRST_COMPLETED)
+    running = [asyncio.create_task(clock.run())]
+    if page is not None:
+        running.append(asyncio.create_task(page.run()))
+    await asyncio.wait({stopped, *running}, return_when=asyncio.FIRST_COMPLETED)
     gc.unfreeze()
     await server.stop()
-    for task in (running, stopped):
+    for task in (stopped, *running):
         if not task.done():
             task.cancel()
-    if running.done() and not running.cancelled():
-        running.result()  # raises the error that ended the clock
+        elif task is not stopped:
+            task.result()  # raises the error that ended the clock or the page
     if truths is not None and server.digest is not None:
         server.digest.update(truths.hexdigest().encode())
     return server
@@ -180,7 +211,7 @@ def _report(choice: Choice, simulation: Simulation, server: RpcServer, wall_s: f
         "clients": server.clients,
         "repeatable": choice.clock == "calls" and not any(d.settings.kind in RIGS for d in simulation.drones.values()),
         "calls": dict(sorted(table.calls.items())),
-        "drawings": dict(sorted(simulation.surroundings.drawn.items())),
+        "drawings": dict(sorted(simulation.drawings.counts.items())),
         "unknown": dict(sorted(table.unknown.items())),
         "digest": server.digest.hexdigest() if server.digest is not None else None,
     }

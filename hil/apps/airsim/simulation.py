@@ -12,6 +12,7 @@ from hil.apps.airsim.pictures.recording import Recorder
 from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
+from hil.apps.airsim.world.drawings import Drawings
 from hil.apps.airsim.world.drone import Collision, Drone
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
@@ -60,7 +61,7 @@ class Simulation:
         Raises ConfigError for vehicles that cannot start.
         """
         config = bench.config
-        self._rigs = rigs
+        self.bench, self._rigs = bench, rigs
         self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
         self._effects, self._seed = config.physics.effects, config.noise_seed
@@ -73,6 +74,7 @@ class Simulation:
         self.frames = Frames(self.world, self.present)
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
+        self.drawings = Drawings(self.frame, lambda: self.world.t_ns, log)
         self.begin_at(CALLS_EPOCH_NS)
         self.cameras = Cameras(
             settings, self.world, self.frames, self.surroundings, world_frame=self.frame, find_drone=self.drone

@@ -67,8 +67,10 @@ def server_process(
 
 
 @contextlib.contextmanager
-def dashboard_beside(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> Iterator[LiveRun]:
-    """Serve a page for a run in this process. After the run the server stays until all pages are closed."""
+def dashboard_beside(
+    config: Path | None, console: Console, *, host: str, port: int, runs: Path, lingers: bool = True
+) -> Iterator[LiveRun]:
+    """Serve a page for a run in this process. With `lingers` the server stays until all pages are closed."""
     from hil.apps.dash.live.live_run import LiveRun
     from hil.apps.dash.server.serve import address_of, new_token, open_port
     from hil.config.files import default_bench
@@ -85,8 +87,8 @@ def dashboard_beside(config: Path | None, console: Console, *, host: str, port: 
         yield live
         live.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            server.wait(4.0)
-        if server.poll() is None:
+            server.wait(4.0 if lingers else 0.0)
+        if lingers and server.poll() is None:
             console.print("dashboard: a page is still open; close it or press Ctrl-C to end", markup=False)
             server.wait()
     finally:

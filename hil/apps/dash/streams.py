@@ -3,11 +3,13 @@
 front/rgb, lidar/points       output of a sensor of the run: PORT/CHANNEL
 view/camera/rgb               a preview that the page's server renders (`hil.apps.dash.views.preview_sensors`)
 companion/NAME/map            the map that a companion publishes
+drawings                      lines and texts of scripts in the 3-D view (`hil airsim`)
 """
 
 from __future__ import annotations
 
 CLOUD_CHANNEL = "points"  # the only channel of a LiDAR
+DRAWINGS = "drawings"
 PREVIEW_PREFIX = "view"
 PREVIEW_STREAMS = (
     "view/camera/rgb",

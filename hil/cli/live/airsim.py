@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import ConfigArgument, OutOption, SceneOption, takes
+from hil.cli.options import ConfigArgument, DashHostOption, DashPortOption, OutOption, SceneOption, takes
 
 
 class ClockName(StrEnum):
@@ -40,6 +40,11 @@ class AirSimOptions:
     ] = None
     scene: SceneOption = None
     out: OutOption = None
+    dash: Annotated[
+        bool, typer.Option("--dash", help="Serve a page in the browser: scene, vehicles, cameras, drawings.")
+    ] = False
+    dash_host: DashHostOption = "127.0.0.1"
+    dash_port: DashPortOption = 8710
 
 
 @takes(AirSimOptions)
@@ -47,6 +52,7 @@ def airsim(o: AirSimOptions) -> None:
     """Serve AirSim's API: scripts written for AirSim fly here unchanged."""
     from hil.apps.airsim.command import Choice, serve_airsim
 
-    choice = Choice(o.config, o.settings, o.clock.value, o.host, o.port, o.scene, o.out)
+    options = vars(o) | {"clock": o.clock.value}
+    choice = Choice(**options)
     with exit_on_error():
         serve_airsim(choice, console)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from hil.apps.airsim.api import (
     cameras,
     control,
+    drawings,
     environment,
     images,
     labels,
@@ -29,6 +30,7 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     labels.methods,
     recording.methods,
     environment.methods,
+    drawings.methods,
     objects.methods,
 )
 

@@ -1,8 +1,7 @@
-"""Surroundings that clients set: weather, time of day, and the number of drawings of simPlot*."""
+"""Surroundings that clients set: weather and time of day."""
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
@@ -24,7 +23,6 @@ class Surroundings:
     clock_speed: float = 1.0
     move_sun: bool = True
     update_ns: int = 60 * NS_PER_S
-    drawn: Counter[str] = field(default_factory=Counter)  # drawings of simPlot* so far, by kind
     version: int = 0
 
     def take_settings(self, settings: AirSimSettings, epoch_ns: int) -> None:

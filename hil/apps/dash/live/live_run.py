@@ -22,10 +22,9 @@ from typing import Any
 import pydantic
 
 from hil.apps.dash.live.fault_request import requested_fault
-from hil.apps.dash.live.live_vehicle import MAX_COMMANDS, LiveVehicle, RunAccess
+from hil.apps.dash.live.live_vehicle import MAX_COMMANDS, LiveVehicle, Present, RunAccess
 from hil.apps.dash.live.server_connection import ServerConnection
 from hil.apps.dash.messages import is_number
-from hil.run.loop.scheduler import Scheduler
 from signals.samples import Vec3
 from sim.scene.wind import GustEvent
 
@@ -122,6 +121,19 @@ class LiveRun:
     def close(self) -> None:
         self._connection.close()
 
+    # -- by a world that others advance, in which nothing waits for the page ------------------------------------------
+
+    @property
+    def idle(self) -> bool:
+        """True if nothing is left to be sent."""
+        return not self._connection.busy
+
+    def poll(self) -> None:
+        """Serve the page if that is due, also while simulated time stands still."""
+        now_ns = self._clock_ns()
+        if now_ns >= self._poll_ns:
+            self._serve(now_ns)
+
     # -- before each tick -----------------------------------------------------------------------------------------
 
     def before_tick(self, vehicle: LiveVehicle) -> None:
@@ -166,7 +178,7 @@ class LiveRun:
             return min(_POLL_NS, self._update_ns - now_ns)
         return _POLL_NS
 
-    def _keep_pace(self, scheduler: Scheduler) -> None:
+    def _keep_pace(self, scheduler: Present) -> None:
         assert self._pace is not None
         now_ns = self._clock_ns()
         if self._pace_from is None:
@@ -250,6 +262,8 @@ class LiveRun:
                 vehicle.forget_closed(self._streams_of(f"{vehicle.name}/" if vehicle.name else ""))
         elif kind == "sticks":
             vehicle.sticks.move(message)
+        elif kind == "stop" and not vehicle.run.stops:
+            vehicle.log("refused", "stop: this page only watches")
         elif kind == "stop":
             self._serving.record("stop")
             raise StoppedByPage("stopped from the dashboard")

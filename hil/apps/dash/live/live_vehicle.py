@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from firmware_bridge.codecs.companion_view import View
 from hil.apps.dash.live.page_sticks import PageSticks
 from hil.apps.dash.views.companion_views import boxes_of, view_streams
 from hil.apps.dash.views.payloads import frame_streams, scalar_samples
-from hil.run.loop.scheduler import Scheduler
 from signals.detections import Detections
-from signals.samples import Sample, Vec3
+from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
 
 _SLOW_NS = 500_000_000  # wall clock between two updates of slowly changing values
 _TRAIL_NS = 200_000_000  # simulated time between two points of the trail
@@ -22,12 +21,27 @@ _EVENTS = 100  # in one update
 MAX_COMMANDS = 500  # of one run: limit of commands that alter it, and of recorded ones that do not
 
 
+class Present(Protocol):
+    """Present state of one vehicle: a run's scheduler, or a vehicle of `hil airsim`."""
+
+    @property
+    def tick(self) -> int: ...
+    @property
+    def tick_ns(self) -> int: ...
+    @property
+    def t_ns(self) -> int: ...
+    @property
+    def truth(self) -> TruthState | None: ...
+    @property
+    def actuators(self) -> ActuatorFrame: ...
+
+
 @dataclass(frozen=True)
 class RunAccess:
     """The part of a built run that the dashboard may read and change."""
 
     description: Mapping[str, Any]  # sent once
-    scheduler: Scheduler
+    scheduler: Present
     status: Callable[[], tuple[str, int, int]]  # phase, waypoints reached, waypoints
     wind_W_mps: Callable[[], Vec3]
     texts: Callable[[], Sequence[tuple[int, int, str]]]  # status texts of the autopilot so far: t_ns, severity, text
@@ -36,6 +50,9 @@ class RunAccess:
     event: Callable[[int, str, str], None]
     lockstep: bool  # the autopilot waits for the bench, so the run can be paused
     views: Callable[[], Mapping[str, View]]  # newest view of each companion, by client
+    stops: bool = True  # the page may stop the run
+    # Payloads that are made for the page alone, of the wanted streams that were not `sent` (stream -> version).
+    frames: Callable[[Sequence[str], dict[str, int]], dict[str, Any]] = lambda wanted, sent: {}  # noqa: ARG005
 
 
 class LiveVehicle:
@@ -162,6 +179,7 @@ class LiveVehicle:
             state["slow"] = run.slow_facts() | {"sensors": scalar_samples(self._latest), "trail": self._trail}
         streams = frame_streams(self._latest, wanted, self._streams_sent)
         streams |= view_streams(run.views(), wanted, self._streams_sent)
+        streams |= run.frames(wanted, self._streams_sent)
         if streams:
             prefix = f"{self.name}/" if self.name else ""
             state["frames"] = {prefix + stream: payload for stream, payload in streams.items()}

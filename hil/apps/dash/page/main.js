@@ -23,11 +23,12 @@ const charts = {
   speed: new Chart($("c-speed"), { range: [0, 2] }),
   motors: new Chart($("c-motors"), { range: [0, 1] }),
 };
-const view = new View3d($("view"), $("view-note"));
+const view = new View3d($("view"), $("view-note"), $("texts"));
 let replay = null, running = false, stopping = false, about = {}, state = {}, slow = {}, run = -1, sceneOf = null;
 let shownVehicle;  // in a run of several
 let trail = [], fresh = false;  // [t, x, y, z] of the flight so far; fresh: true until the charts show it
 const otherTrails = new Map();  // flown by the vehicles that are not shown: name -> x, y, z, x, ...
+let drawn = null;  // newest drawings of the scripts that fly (hil airsim)
 let maps = [];  // streams of the companions that publish a map
 
 // -- updates -------------------------------------------------------------------------------------------------------
@@ -49,13 +50,14 @@ function update(head, frames) {
   showMessage(head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
   if (!running) stopping = false;
   buttons();
+  drawn = frames.find((frame) => frame.as === "drawings") ?? drawn;
   if (replay?.on) return;
   for (const event of head.events) log(event);
   showSlow();
   if (state.p) showState();
   showStatus(head.result);
   panes.boxes = state.boxes ?? {};
-  for (const frame of frames) panes.show(frame);
+  for (const frame of frames) if (frame === drawn) view.setDrawings(frame.data, frame.texts); else panes.show(frame);
 }
 
 // Fill the charts of altitude and speed from the trail, for a page that is opened during a flight.
@@ -74,6 +76,7 @@ function begin(head) {
   if (head.run === run && about.vehicle === shownVehicle) return;
   run = head.run;
   shownVehicle = about.vehicle;
+  drawn = null;
   fresh = true;
   trail = [];
   if (!replay.on) showRun();
@@ -92,6 +95,8 @@ function showWorld(description) {
   view.setLine("plan", plan.flat(), { colour: "--plan" });
   view.setLine("corners", (description.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("trail", [], { colour: "--trail" });
+  view.setDrawings(drawn?.data ?? new ArrayBuffer(0), drawn?.texts ?? []);
+  document.body.classList.toggle("watches", description.watches === true);
   offerVehicles(Object.keys(description.vehicles ?? {}), description.vehicle);
   for (const [name, other] of Object.entries(description.vehicles ?? {})) view.setVehicle(other.rotor_positions, name);
   if (description.home && !replay.on) view.setPose(description.home, [1, 0, 0, 0]);
@@ -128,7 +133,7 @@ function showOthers(places) {
 function offerPanes() {
   const sensors = about.sensors === undefined ? null : Object.values(about.sensors);
   const streams = (sensors ?? []).flatMap((sensor) => sensor.streams);
-  if (!replay.on) panes.offer([...streams, ...maps], undefined, sensors?.map((sensor) => sensor.kind) ?? null);
+  if (!replay.on) panes.offer([...streams, ...maps], about.previews, sensors?.map((sensor) => sensor.kind) ?? null);
 }
 
 async function loadScene(folder) {
@@ -349,6 +354,7 @@ async function openReplay(name, summary, other = null, vehicle = "") {
   for (const event of track.events) log(event);
   view.setLine("plan", track.path.length ? [...track.p[0], ...track.path.flat()] : [], { colour: "--plan" });
   view.setLine("corners", track.path.flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
+  view.setDrawings(new ArrayBuffer(0), []);
   view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
   if (second && !track.vehicles.length) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
   const rotors = Math.max(1, track.controls.reduce((count, row) => Math.max(count, row.findLastIndex((u) => u > 0) + 1), 4));

@@ -47,7 +47,7 @@ export class LiveSocket {
 
   watch(streams) {
     this.streams = streams;
-    this.send({ kind: "streams", streams, vehicle: this.vehicle });
+    this.send({ kind: "streams", streams: ["drawings", ...streams], vehicle: this.vehicle });
   }
 
   send(message) {

@@ -347,6 +347,8 @@ class Hub:
 
     def _open_previews(self) -> list[str]:
         previews = f"{PREVIEW_PREFIX}/"
+        if self.about.get("previews") == []:  # a run that offers none
+            return []
         return sorted({self._prefix(page) + s for page in self.pages for s in page.streams if s.startswith(previews)})
 
     async def _render_previews(self) -> None:

@@ -18,6 +18,8 @@ def encoded_frame(stream: str, payload: Mapping[str, Any], classes: Classes = Cl
         return StreamFrame(head | {"as": "points"}, bytes(payload["points"]))
     if "view" in payload:
         return StreamFrame(head | {"as": "map", **payload["view"]}, bytes(payload["data"]))
+    if "segments" in payload:
+        return StreamFrame(head | {"as": "drawings", "texts": payload["texts"]}, bytes(payload["segments"]))
     if "records" in payload:
         return StreamFrame(head | {"as": "records", "records": payload["records"]}, b"")
     array = payload_array(payload)

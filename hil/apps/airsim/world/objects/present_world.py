@@ -116,6 +116,11 @@ class PresentWorld:
 
     # Making the world anew -------------------------------------------------------------------------------------------
 
+    @property
+    def is_settled(self) -> bool:
+        """True if the world holds all changes."""
+        return not self._changed
+
     def settle(self) -> None:
         """Make the world anew, if an object was changed that it holds as part of the ground, or lacks."""
         if not self._changed:

@@ -1,6 +1,7 @@
 // 3-D view of scene, vehicle, plan, trail and LiDAR points, in plain WebGL 2. It draws only when something has changed.
 
 import { css, sized } from "/page/panes/charts.js";
+import { Drawings, SEGMENT_FRAGMENT, SEGMENT_VERTEX } from "/page/panes/drawings.js";
 import { IDENTITY, cross, lookAt, minus, multiply, perspective, pose, unit } from "/page/panes/matrices.js";
 
 const MESH_VERTEX = `#version 300 es
@@ -23,7 +24,8 @@ precision highp float; uniform vec4 paint; out vec4 colour; void main() { colour
 const FOV = 0.9;
 
 export class View3d {
-  constructor(canvas, note) {
+  // `texts`: element over the canvas for the texts of drawings.
+  constructor(canvas, note, texts) {
     this.canvas = canvas;
     this.note = note;
     this.target = [0, 0, 2];
@@ -42,6 +44,7 @@ export class View3d {
     if (!gl) { note.textContent = "no 3-D view: WebGL 2 is off in this browser"; return; }
     this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
+    this.drawings = new Drawings(gl, program(gl, SEGMENT_VERTEX, SEGMENT_FRAGMENT).program, texts);
     canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); location.reload(); });
     this.listen();
     new ResizeObserver(() => this.touch()).observe(canvas);
@@ -99,6 +102,13 @@ export class View3d {
     gl.bindBuffer(gl.ARRAY_BUFFER, entry.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, points instanceof Float32Array ? points : new Float32Array(points), gl.DYNAMIC_DRAW);
     Object.assign(entry, { count: points.length / 3, mode: mode ?? gl.LINE_STRIP, colour, alpha, size, at });
+    this.touch();
+  }
+
+  // `data`: segments as panes/drawings.js reads them; `texts`: rows of point, text and colour.
+  setDrawings(data, texts) {
+    if (!this.gl) return;
+    this.drawings.set(data, texts);
     this.touch();
   }
 
@@ -169,6 +179,7 @@ export class View3d {
       gl.drawArrays(entry.mode, 0, entry.count);
     }
     gl.bindVertexArray(null);
+    this.drawings.draw(screen, { width: this.canvas.width, height: this.canvas.height, ratio, near, fov: FOV });
   }
 
   look(yaw, pitch, distance) { this.yaw = yaw; this.pitch = pitch; this.distance = distance; this.touch(); }

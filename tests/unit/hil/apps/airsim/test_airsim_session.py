@@ -731,7 +731,7 @@ def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None
 
 
 def test_drawings_are_counted(client: Client, world: Served) -> None:
-    around, points = world.simulation.surroundings, [vector(0.0, 0.0, -1.0), vector(1.0, 0.0, -1.0)]
+    drawings, points = world.simulation.drawings, [vector(0.0, 0.0, -1.0), vector(1.0, 0.0, -1.0)]
     client.call("simPlotPoints", points, [1.0, 0.0, 0.0, 1.0], 10.0, 0.05, False)
     client.call("simPlotLineStrip", points, [1.0, 0.0, 0.0, 1.0], 5.0, -1.0, True)
     client.call("simPlotArrows", points, points, [1.0, 0.0, 0.0, 1.0], 5.0, 2.0, -1.0, False)
@@ -740,7 +740,7 @@ def test_drawings_are_counted(client: Client, world: Served) -> None:
     client.call("simPlotTransforms", [pose(0.0, 0.0, 0.0)], 5.0, 5.0, -1.0, False)
     client.call("simPlotTransformsWithNames", [pose(0.0, 0.0, 0.0)], ["here"])
     client.call("simFlushPersistentMarkers")
-    assert around.drawn == {"points": 1, "line_strip": 1, "arrows": 1, "strings": 1, "transforms": 2}
+    assert drawings.counts == {"points": 1, "line_strip": 1, "arrows": 1, "strings": 1, "transforms": 2}
     with pytest.raises(RpcFailed, match="as many of both"):
         client.call("simPlotStrings", ["a"], points)
 
