@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from hil.cli.console import error_console
 from hil.cli.live import airsim, check, companion, dash, devices, keys, replay, run
-from hil.cli.offline import bench, calibrate, dataset, radar, view
+from hil.cli.offline import bench, calibrate, campaign, dataset, radar, view
 from hil.cli.offline.detect import data, evaluate, train
 from hil.cli.status import CONFIG_STATUS
 
@@ -34,6 +34,7 @@ for _command in (train.train, evaluate.evaluate, data.data):
     _detect.command()(_command)
 app.add_typer(calibrate.calibrate_app, name="calibrate")
 app.add_typer(_detect, name="detect")
+app.add_typer(campaign.campaign_app, name="campaign")
 
 # Old to new names of options. Using an old name is an error that names the new one.
 RENAMED_OPTIONS = {"--judge-every": "--validate-every", "--least-objects": "--min-objects"}

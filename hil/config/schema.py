@@ -380,6 +380,7 @@ class BenchConfig(Section):
     scene: str = "airfield"
     map_seed: Annotated[int, Field(ge=0, le=MAX_SEED)] | None = None  # of a generated map; null: the scene's own
     vehicle: str = "x500"
+    vehicle_settings: dict[str, Any] = Field(default_factory=dict)  # over the vehicle's file: {mass_kg: 2.3}
     mission: str | None = None  # .plan, .waypoints or script; null: only clients of the router command
     mission_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)  # the mission is flown shifted by this [m in W]
     seed: Annotated[int, Field(ge=0, le=MAX_SEED)] = 1

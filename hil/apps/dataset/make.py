@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import sys
 import time
@@ -34,21 +33,17 @@ from hil.apps.dataset.storage.tables import Checkpoints
 from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_folder
 from hil.apps.dataset.workers import JobHandler, Workers
 from hil.config import load_bench
-from hil.run.loop.progress import ProgressDisplay
+from hil.run.loop.progress import CountProgress, minutes
 from signals.classes import Classes
 
-_BAR_PERIOD_S, _LINE_PERIOD_S = 0.1, 5.0
 
-
-class FrameProgress(ProgressDisplay):
-    """Display of frames, rate and time left: a bar on a terminal, elsewhere a line every few seconds."""
+class FrameProgress(CountProgress):
+    """Display of frames, rate and time left."""
 
     def __init__(
         self, total: int, *, quiet: bool, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        super().__init__("dataset", quiet=quiet, stream=stream, clock=clock)
-        self._total = total
-        self._next_s = 0.0
+        super().__init__("dataset", total, quiet=quiet, stream=stream, clock=clock)
         self._first: tuple[float, int] | None = None  # time and frames at which the measurement of the rate began
 
     def text(self, done: int, now_s: float) -> str:
@@ -61,26 +56,7 @@ class FrameProgress(ProgressDisplay):
         if rate <= 0.0:
             return f"{done} of {self._total} frames"
         left_s = (self._total - done) / rate
-        return f"{done} of {self._total} frames, {rate:.1f} frames/s, {_minutes(left_s)} left"
-
-    def show(self, done: int) -> None:
-        """Display that `done` frames are stored; calls within the display's period are ignored."""
-        now_s = self._clock()
-        if self._quiet or (now_s < self._next_s and self._first is not None):
-            return
-        text = self.text(done, now_s)
-        with contextlib.suppress(OSError, ValueError):  # the terminal or pipe has been closed
-            if self._bar is not None:
-                self._next_s = now_s + _BAR_PERIOD_S
-                self._bar.update(self._task, total=self._total, completed=done, text=text, refresh=True)
-            else:
-                self._next_s = now_s + _LINE_PERIOD_S
-                print(text, file=self._stream, flush=True)
-
-
-def _minutes(seconds: float) -> str:
-    whole = round(seconds)
-    return f"{whole} s" if whole < 100 else f"{whole // 60} min {whole % 60:02d} s"
+        return f"{done} of {self._total} frames, {rate:.1f} frames/s, {minutes(left_s)} left"
 
 
 @dataclass(frozen=True)

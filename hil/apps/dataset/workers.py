@@ -9,7 +9,6 @@ and no worker idles. A result is far smaller than a pipe's buffer, so a killed w
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import multiprocessing as mp
 import os
@@ -25,11 +24,11 @@ from typing import Any, NamedTuple
 
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.storage.journal import BatchRecord
+from hil.run.runs.child_process import become_child
 from signals.errors import HilError, RecordingError
 from sim.frame.path_traced import process as path_tracer
 
 JOBS_PER_WORKER = 2
-_PR_SET_PDEATHSIG = 1  # Linux: prctl(2)
 
 
 class Job(NamedTuple):
@@ -136,19 +135,7 @@ def _initialise_worker(make_handler: Callable[[], JobHandler], count: int) -> No
     global _make_handler
     _make_handler = make_handler
     path_tracer.threads_per_process = max(1, (os.cpu_count() or 1) // count)
-    _end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    if hasattr(signal, "SIGHUP"):
-        signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent ends, even by a crash, so that no orphan keeps writing."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
-    elif (parent := mp.parent_process()) is not None:
-        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+    become_child()
 
 
 def _run_job(job: Job) -> JobResult:

@@ -169,10 +169,13 @@ class BenchLoading:
         document = self._read("vehicle", path) if path is not None else None
         if document is None:
             return None
-        vehicle, problems = validate(Vehicle, document.data, document)
+        located = Settings()
+        located.merge(document)
+        located.merge(SettingsPart(self.settings, ("vehicle_settings",)))
+        vehicle, problems = validate(Vehicle, located.data, located)
         self.problems += problems
         if vehicle is not None:
-            self.problems += control_problems(vehicle, document)
+            self.problems += control_problems(vehicle, located)
         return vehicle
 
     def _scene(self, vehicle: Vehicle | None, config: BenchConfig | None) -> Scene | None:

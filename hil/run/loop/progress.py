@@ -7,6 +7,7 @@ as in a CI log, it is one line about every ten seconds of simulated time.
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from typing import Any, Self, TextIO
 from signals.time import NS_PER_S
 
 _BAR_PERIOD_S = 0.1  # wall time between two updates of the bar
+_COUNT_LINE_PERIOD_S = 5.0  # without a terminal: wall time between two lines of a `CountProgress`
 _LINE_PERIOD_NS = 10 * NS_PER_S  # without a terminal: simulated time between two lines
 
 
@@ -57,6 +59,47 @@ class ProgressDisplay:
     def _columns(self) -> list[Any]:
         """Return the columns of the bar that follow the text."""
         return []
+
+
+class CountProgress(ProgressDisplay):
+    """Display of how many of a number of things are done: a bar on a terminal, elsewhere a line every few seconds."""
+
+    def __init__(
+        self,
+        name: str,
+        total: int,
+        *,
+        quiet: bool,
+        stream: TextIO | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__(name, quiet=quiet, stream=stream, clock=clock)
+        self._total = total
+        self._next_s = -math.inf
+
+    def text(self, done: int, now_s: float) -> str:
+        """Return the text beside the bar."""
+        raise NotImplementedError
+
+    def show(self, done: int) -> None:
+        """Display that `done` are done; calls within the display's period are ignored."""
+        now_s = self._clock()
+        if self._quiet or now_s < self._next_s:
+            return
+        text = self.text(done, now_s)
+        with contextlib.suppress(OSError, ValueError):  # the terminal or pipe has been closed
+            if self._bar is not None:
+                self._next_s = now_s + _BAR_PERIOD_S
+                self._bar.update(self._task, total=self._total, completed=done, text=text, refresh=True)
+            else:
+                self._next_s = now_s + _COUNT_LINE_PERIOD_S
+                print(text, file=self._stream, flush=True)
+
+
+def minutes(seconds: float) -> str:
+    """Return a duration for people."""
+    whole = round(seconds)
+    return f"{whole} s" if whole < 100 else f"{whole // 60} min {whole % 60:02d} s"
 
 
 class Progress(ProgressDisplay):

@@ -1,0 +1,188 @@
+"""`hil campaign`: check the file, fly the campaign, write its tables."""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from hil.apps.campaign.campaign import Campaign, Progress, final_tally
+from hil.apps.campaign.engines.engine import Engine
+from hil.apps.campaign.engines.local import LocalEngine
+from hil.apps.campaign.results import tables
+from hil.apps.campaign.results.statistics import Tally
+from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
+from hil.apps.campaign.spec.plan import Plan
+from hil.apps.campaign.stop_rule import parse_stop
+from hil.apps.campaign.store import STORE_NAME, Store
+from hil.config import load_bench
+from hil.run.loop.progress import CountProgress, minutes
+from hil.run.report.run_folder import run_folder
+from signals.errors import ConfigError, Problem, RecordingError
+
+MANY = 100_000  # points that need --yes
+MAX_POINTS = 2**53
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """Options of `hil campaign`."""
+
+    engine: str = "local"
+    address: str | None = None  # of a Ray cluster
+    workers: int | None = None  # None: one for each processor
+    out: Path | None = None
+    resume: bool = False
+    stop_after: tuple[str, ...] = ()
+    dry_run: bool = False
+    yes: bool = False
+    quiet: bool = False
+
+
+class CampaignProgress(CountProgress):
+    """Display of flights done, their outcomes, and the time left."""
+
+    def __init__(self, name: str, total: int, *, quiet: bool) -> None:
+        super().__init__(name, total, quiet=quiet)
+        self._state = Progress("flights", 0, total, Tally())
+        self._began: tuple[float, int, str] | None = None
+
+    def update(self, state: Progress) -> None:
+        """Show a new state."""
+        self._state, self._total = state, state.total
+        self.show(state.done)
+
+    def text(self, done: int, now_s: float) -> str:
+        """Return counts and the time left."""
+        tally, phase = self._state.tally, self._state.phase
+        if self._began is None or self._began[2] != phase:
+            self._began = now_s, done, phase
+        counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR"
+        made, took_s = done - self._began[1], now_s - self._began[0]
+        left = f", {minutes((self._total - done) * took_s / made)} left" if made > 0 else ""
+        return f"{phase}: {done} of {self._total}; {counts}{left}"
+
+
+def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
+    """Fly the campaign of a file and return its exit status: 0 all PASS, 1 FAIL or FLAKE, 3 ERROR. Raises HilError."""
+    file = load_campaign(path)
+    plan = Plan(file)
+    stop = parse_stop(options.stop_after, file.spec.stop)
+    problems = campaign_problems(plan, file)
+    if problems:
+        raise ConfigError(problems)
+    workers = options.workers or max(1, processors() // file.spec.cores)
+    if options.dry_run:
+        print_plan(file, plan, workers, console)
+        return 0
+    if len(plan) > MANY and not options.yes:
+        text = f"has {len(plan):,} points; --dry-run estimates their time, --yes flies them"
+        raise ConfigError([Problem(file.document.source, text)])
+    out = options.out or Path("campaigns") / file.name
+    if (out / STORE_NAME).is_file() and not options.resume:
+        raise RecordingError(f"{out}: holds a campaign; continue it with --resume, or name another folder with --out")
+    with run_folder(out), Store(out) as store, closing(make_engine(options, file, workers)) as engine:
+        with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
+            campaign = Campaign(file, plan, store, engine, out, stop, progress.update)
+            try:
+                campaign.run()
+            finally:
+                tally = write_results(campaign, time.monotonic() - campaign.began_s)
+        _print_result(campaign, tally, console)
+    return tally.exit_status
+
+
+def make_engine(options: CampaignOptions, file: CampaignFile, workers: int) -> Engine:
+    """Return the engine that the options name. Raises HilError if it cannot be used."""
+    if options.engine == "local":
+        return LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
+    raise ConfigError([Problem("--engine", f"is unknown: {options.engine!r}", "local or ray")])
+
+
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
+    """Return the problems of a campaign that can be found without a flight: its bench with every value of an axis."""
+    if len(plan) > MAX_POINTS:
+        return [Problem(file.document.source, f"has {len(plan):.3g} points; the most is {MAX_POINTS:.3g}")]
+    problems: list[Problem] = []
+    for axis, point in plan.trials():
+        try:
+            load_bench(file.bench_path, settings=point.texts)
+        except ConfigError as error:
+            section = "axes" if axis in file.spec.axes else "sampled"
+            for problem in error.problems:
+                where = file.problem((section, axis) if axis else ("settings",), "").where
+                text = f"{axis} = {point.values[axis]!r}: " if axis else ""
+                problems.append(Problem(where, f"{text}{problem.where}: {problem.message}", problem.hint))
+            if not axis:
+                break  # the same for every value
+    unique = {str(problem): problem for problem in problems}
+    return list(unique.values())[:20]
+
+
+def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -> None:
+    """Print how many cases a campaign has, and how long they take as estimated from one flight."""
+    import tempfile
+
+    from hil.apps.campaign.flight import Job, fly
+
+    texts = plan.at(plan.first_values()).texts
+    with tempfile.TemporaryDirectory() as folder:
+        bench = file.bench_path
+        job = Job("trial", None if bench is None else str(bench), texts, f"{folder}/run")
+        fly(job)  # the first flight of a process loads the map
+        outcome = fly(job)
+    total_s = outcome.wall_s * len(plan) * (1.0 + file.spec.recheck) / workers
+    skipped = " before skip" if file.spec.skip else ""
+    console.print(f"{file.name}: {len(plan):,} points{skipped}, axes {', '.join(plan.axes) or 'none'}")
+    console.print(f"one flight: {outcome.status}, {outcome.sim_s:.1f} s simulated, {outcome.wall_s:.2f} s wall clock")
+    console.print(f"estimate: {minutes(total_s)} with {workers} workers")
+    for line in (outcome.error, *outcome.reasons):
+        if line:
+            console.print(f"  {line}")
+
+
+def write_results(campaign: Campaign, wall_s: float) -> Tally:
+    """Write all tables of a campaign, complete or not, and return its counts. Raises RecordingError."""
+    store, out = campaign.store, campaign.out
+    tally = final_tally(store)
+    measurements: dict[str, None] = {}
+    for case in store.cases():
+        measurements.update(dict.fromkeys(limit.name for limit in case.outcome.limits))
+    tables.write_csv(out / tables.CSV_NAME, store.cases(), campaign.plan.axes, sorted(measurements))
+    tables.write_lines(out / tables.LINES_NAME, store.cases())
+    tables.write_summary(out / tables.SUMMARY_NAME, tally, _summary(campaign, tally, wall_s))
+    return tally
+
+
+def _summary(campaign: Campaign, tally: Tally, wall_s: float) -> dict[str, Any]:
+    complete = not campaign.stopped and not campaign.unfinished
+    return {
+        "name": campaign.file.name,
+        "points": len(campaign.plan),
+        "complete": complete,
+        "stopped": campaign.stopped or None,
+        "flown": campaign.flown,
+        "wall_s": wall_s,
+        "exit_status": tally.exit_status,
+    }
+
+
+def _print_result(campaign: Campaign, tally: Tally, console: Console) -> None:
+    low, rate, high = tally.interval()
+    counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR, {tally.flakes} FLAKE"
+    console.print(f"{campaign.file.name}: {tally.cases} cases: {counts}")
+    if tally.judged:
+        console.print(f"pass rate {rate:.3f}, between {low:.3f} and {high:.3f} (95 %)")
+    if campaign.stopped:
+        console.print(f"stopped early: {campaign.stopped}")
+    console.print(f"{campaign.out / tables.CSV_NAME}")

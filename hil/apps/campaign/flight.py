@@ -1,0 +1,148 @@
+"""One flight of a campaign, made in a worker: the job, and its outcome as plain data."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from signals.errors import ConfigError, HilError
+
+# none: no recording. messages: run.mcap without pictures, for the comparison of two flights. all: also pictures, tlog
+# and report. The choice changes no digest, except that `all` draws pictures which nobody else may have asked for.
+Recording = Literal["none", "messages", "all"]
+
+_RECORD = {
+    "none": {"mcap": False, "images": False, "tlog": False, "report": False},
+    "messages": {"mcap": True, "images": False, "tlog": False, "report": False},
+    "all": {"mcap": True, "images": True, "tlog": True, "report": True},
+}
+
+
+@dataclass(frozen=True)
+class Job:
+    """A flight to make. `bench`: file of the base bench; `texts`: settings as texts of `--set`."""
+
+    case: str
+    bench: str | None
+    texts: tuple[str, ...]
+    folder: str  # for the files of the run
+    recording: Recording = "none"
+    keep: bool = True  # False: the folder is removed after a PASS
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One measurement of a flight beside its limit, as in run.json."""
+
+    name: str
+    value: float | None
+    limit: float | None
+    unit: str
+    ok: bool | None
+
+    @property
+    def margin(self) -> float | None:
+        """Distance to the limit in units of the limit, negative where it is not met; None: not judged or measured.
+
+        The limit is a minimum if a value above it is met, or one below it is not.
+        """
+        if self.limit is None or self.value is None:
+            return None
+        room = self.limit - self.value
+        is_minimum = (room < 0.0) == bool(self.ok) and room != 0.0
+        return (-room if is_minimum else room) / (abs(self.limit) or 1.0)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of one flight."""
+
+    status: str  # PASS, FAIL or ERROR
+    reasons: tuple[str, ...] = ()  # of a FAIL
+    error_type: str = ""
+    error: str = ""
+    limits: tuple[Limit, ...] = ()
+    digest: str = ""
+    repeatable: bool = False
+    sim_s: float = 0.0
+    wall_s: float = 0.0  # of the whole job
+    cpu_s: float = 0.0  # of the worker's own process
+    place: str = ""  # worker that made it
+
+    @classmethod
+    def from_run(cls, run: Mapping[str, Any]) -> Outcome:
+        """Return the outcome of a flight from the content of its run.json."""
+        error = run["error"] or {}
+        rows = [
+            Limit(*(row[key] for key in ("name", "value", "limit", "unit", "ok"))) for row in run["verdict"]["rows"]
+        ]
+        return cls(
+            run["status"],
+            tuple(run["verdict"]["reasons"]),
+            error.get("type", ""),
+            error.get("message", ""),
+            tuple(rows),
+            run["digest"],
+            bool(run["deterministic"]),
+            run["sim_s"],
+        )
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Outcome:
+        """Return the outcome that `data` wrote."""
+        limits = tuple(Limit(**limit) for limit in data["limits"])
+        return cls(**{**data, "limits": limits, "reasons": tuple(data["reasons"])})
+
+    def data(self) -> dict[str, Any]:
+        """Return the fields as plain data."""
+        return asdict(self)
+
+    @property
+    def worst(self) -> Limit | None:
+        """The limit with the smallest margin; None: nothing was judged."""
+        judged = [limit for limit in self.limits if limit.margin is not None]
+        return min(judged, key=lambda limit: limit.margin or 0.0, default=None)
+
+
+def fly(job: Job, worker: int = 0, place: str = "") -> Outcome:
+    """Make a flight. `worker` numbers those of one machine, so that simulated autopilots have ports of their own.
+
+    Every failure is an outcome with the status ERROR. KeyboardInterrupt passes through.
+    """
+    began_s, began_cpu_s = time.monotonic(), time.process_time()
+    folder = Path(job.folder)
+    try:
+        outcome = _flown(job, worker, folder)
+    except HilError as error:
+        kind = "ConfigError" if isinstance(error, ConfigError) else type(error).__name__
+        outcome = Outcome("ERROR", error_type=kind, error=str(error))
+    except MemoryError:
+        outcome = Outcome("ERROR", error_type="MemoryError", error="no memory is left: use fewer --workers")
+    except Exception as defect:  # noqa: BLE001 (one flight must not end a campaign)
+        outcome = Outcome("ERROR", error_type=type(defect).__name__, error=f"{defect} (a defect of the bench)")
+    if not job.keep and outcome.status == "PASS":
+        shutil.rmtree(folder, ignore_errors=True)
+    wall_s, cpu_s = time.monotonic() - began_s, time.process_time() - began_cpu_s
+    return Outcome(**{**vars(outcome), "wall_s": wall_s, "cpu_s": cpu_s, "place": place})
+
+
+def _flown(job: Job, worker: int, folder: Path) -> Outcome:
+    from hil.config import load_bench
+    from hil.config.schema import PROGRAM_KINDS
+    from hil.run.bench_run import run_bench
+
+    record = [f"record.{key}={str(value).lower()}" for key, value in _RECORD[job.recording].items()]
+    texts = [*job.texts, *record]
+    bench = load_bench(job.bench, settings=texts)
+    if worker and bench.config.autopilot.kind in PROGRAM_KINDS:
+        bench = load_bench(
+            job.bench, settings=[*texts, f"autopilot.instance={bench.config.autopilot.instance + worker}"]
+        )
+    result = run_bench(bench, folder, quiet=True)
+    if (result.run["error"] or {}).get("type") == "Interrupted":
+        raise KeyboardInterrupt
+    return Outcome.from_run(result.run)

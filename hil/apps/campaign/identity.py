@@ -1,0 +1,112 @@
+"""Identity of a case: a hash of the program, the resolved bench, the files that it names, and the firmware.
+
+Two flights with the same identity have the same conditions, so one result serves both. Left out is what changes no
+flight: recordings, pace, the number of a simulated autopilot's instance, and where files lie.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import firmware_bridge
+import hil.config
+import hil.run
+import rigs
+import signals
+import signals._kernel
+import sim
+import sim._kernels
+from hil.config import Bench
+from hil.config.saved import resolved_yaml
+from hil.config.scenes import save_scene
+from hil.config.schema import Record
+
+_PACKAGES = (signals, sim, firmware_bridge, hil.config, hil.run, rigs)  # what a flight is made of
+_KERNELS = (signals._kernel, sim._kernels)
+_CODE = (".py", ".onnx")  # settings in YAML files are in the resolved bench
+_ID_BYTES = 10
+
+
+@cache
+def program_digest() -> str:
+    """Return a hash of the version, and of the source files and native kernels that make a flight."""
+    digest = hashlib.blake2b(_installed_version().encode(), digest_size=16)
+    for kernel in _KERNELS:
+        digest.update(hashlib.blake2b(Path(str(kernel.__file__)).read_bytes(), digest_size=16).digest())
+    for package in _PACKAGES:
+        for folder in map(Path, package.__path__):
+            for path in sorted(folder.rglob("*")):
+                if path.suffix in _CODE and path.is_file():
+                    digest.update(f"{path.relative_to(folder).as_posix()}\0".encode())
+                    digest.update(hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
+    return digest.hexdigest()
+
+
+def _installed_version() -> str:
+    try:
+        return version("hil-bench")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def case_id(bench: Bench) -> str:
+    """Return the identity of a flight of `bench`, 20 hexadecimal digits. Raises ConfigError."""
+    digest = hashlib.blake2b(program_digest().encode(), digest_size=_ID_BYTES)
+    _add(digest, bench)
+    return digest.hexdigest()
+
+
+def _add(digest: hashlib.blake2b, bench: Bench) -> None:
+    config = bench.config
+    autopilot = config.autopilot.model_copy(update={"instance": 0, "binary": _content(config.autopilot.binary)})
+    names = {kind: _content(str(path)) for kind, path in bench.files.items() if kind in ("vehicle", "mission")}
+    if "scene" in bench.files:
+        path = bench.files["scene"]
+        names["scene"] = _scene_content(bench, path)
+    same: dict[str, Any] = {"autopilot": autopilot, "record": Record(), "pace": None, "vehicles": {}, **names}
+    digest.update(resolved_yaml(config.model_copy(update=same)).encode())
+    if "plan" in bench.files:
+        digest.update((_content(str(bench.files["plan"])) or "").encode())
+    for name, vehicle in bench.vehicles.items():
+        digest.update(f"\0{name}\0".encode())
+        _add(digest, vehicle)
+
+
+def _content(path: str | None) -> str | None:
+    """Return a hash of a file's content; the text itself if there is no such file."""
+    if path is None:
+        return None
+    file = Path(path).expanduser()
+    try:
+        state = file.stat()
+        return _hash_of(file, state.st_mtime_ns, state.st_size)
+    except OSError:
+        return path
+
+
+@cache
+def _hash_of(path: Path, mtime_ns: int, size: int) -> str:  # noqa: ARG001 (a changed file is read again)
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "blake2b").hexdigest()[:32]
+
+
+_scenes: dict[tuple[Path, int], str] = {}
+
+
+def _scene_content(bench: Bench, path: Path) -> str:
+    """Return a hash of a scene and the files of its map."""
+    key = (path, path.stat().st_mtime_ns)
+    if key not in _scenes:
+        digest = hashlib.blake2b(digest_size=16)
+        with tempfile.TemporaryDirectory() as folder:
+            save_scene(bench.scene, path, Path(folder))
+            for file in sorted(Path(folder).rglob("*")):
+                if file.is_file():
+                    digest.update(file.relative_to(folder).as_posix().encode() + b"\0" + file.read_bytes())
+        _scenes[key] = digest.hexdigest()
+    return _scenes[key]

@@ -1,0 +1,93 @@
+"""Tables of a campaign: results.csv, results.jsonl and campaign.json.
+
+They hold nothing that depends on the machine, the number of workers or the order in which flights ended, so the same
+cases give the same bytes. campaign.json has further keys that do.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from hil.apps.campaign.results.statistics import Tally
+from hil.apps.campaign.store import Case
+from hil.run.report.run_json import write_run_json
+from signals.errors import RecordingError
+
+CSV_NAME, LINES_NAME, SUMMARY_NAME = "results.csv", "results.jsonl", "campaign.json"
+_FIRST, _LAST = ("case", "status"), ("margin", "worst_limit", "reason", "digest")
+
+
+def csv_row(case: Case) -> dict[str, Any]:
+    """Return a case as a row of results.csv: axes, measurements, the smallest margin and its limit."""
+    outcome, worst = case.outcome, case.outcome.worst
+    return {
+        "case": case.id,
+        "status": case.status,
+        **{axis: _cell(value) for axis, value in case.axes.items()},
+        **{limit.name: _cell(limit.value) for limit in outcome.limits},
+        "margin": _cell(None if worst is None else worst.margin),
+        "worst_limit": "" if worst is None else worst.name,
+        "reason": case.reason,
+        "digest": outcome.digest if outcome.repeatable else "",
+    }
+
+
+def _cell(value: Any) -> Any:
+    if value is None:
+        return ""
+    return json.dumps(value, sort_keys=True) if isinstance(value, list | dict | bool) else value
+
+
+def write_csv(path: Path, cases: Iterable[Case], axes: Iterable[str], measurements: Iterable[str]) -> None:
+    """Write results.csv with one row for each case, in the order of `cases`. Raises RecordingError."""
+    columns = [*_FIRST, *axes, *(name for name in measurements if name not in set(axes)), *_LAST]
+    temporary = path.with_suffix(".part")
+    try:
+        with temporary.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(map(csv_row, cases))
+        temporary.replace(path)
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+
+
+def write_lines(path: Path, cases: Iterable[Case]) -> None:
+    """Write results.jsonl: one JSON object for each case, with settings and all limits. Raises RecordingError."""
+    temporary = path.with_suffix(".part")
+    try:
+        with temporary.open("w", encoding="utf-8") as file:
+            for case in cases:
+                outcome = case.outcome
+                line = {
+                    "case": case.id,
+                    "status": case.status,
+                    "axes": dict(case.axes),
+                    "reason": case.reason,
+                    "error": outcome.error or None,
+                    "limits": [{**vars(limit), "margin": limit.margin} for limit in outcome.limits],
+                    "digest": outcome.digest if outcome.repeatable else None,
+                    "sim_s": outcome.sim_s,
+                    "set": list(case.texts),
+                }
+                file.write(json.dumps(line, ensure_ascii=False) + "\n")
+        temporary.replace(path)
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+
+
+def write_summary(path: Path, tally: Tally, more: Mapping[str, Any]) -> None:
+    """Write campaign.json. Raises RecordingError."""
+    counts = {"cases": tally.cases, "pass": tally.passed, "fail": tally.failed, "error": tally.errors}
+    rate = list(tally.interval())
+    write_run_json(path, {"schema": 1, **counts, "flake": tally.flakes, "pass_rate": rate, **more})
+
+
+def _cannot_write(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"{path}: cannot be written ({error.strerror or error}). The flights are stored; continue with --resume"
+    )

@@ -1,0 +1,126 @@
+"""The results of a campaign: an SQLite file with one row for each case, and the plan that asks for them.
+
+A case is stored once, whatever plans have asked for it: a plan that changes, or one with more samples, finds what was
+flown before. Only the process of the campaign writes.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from hil.apps.campaign.flight import Outcome
+from signals.errors import RecordingError
+
+STORE_NAME = "campaign.sqlite"
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS flown
+    (id TEXT PRIMARY KEY, status TEXT NOT NULL, outcome TEXT NOT NULL, texts TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS checked (id TEXT PRIMARY KEY, digest TEXT NOT NULL, difference TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS point (number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, axes TEXT NOT NULL);
+"""
+# The points of the plan with their outcomes and, where they were flown twice, the second digests.
+_ROWS = """
+SELECT p.id, p.number, p.axes, f.outcome, f.texts, c.digest, c.difference
+FROM point p JOIN flown f ON f.id = p.id LEFT JOIN checked c ON c.id = p.id ORDER BY {order}
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of the plan with its outcome. `difference`: to its second flight, empty if there is none."""
+
+    id: str
+    number: int  # of its first point in the plan
+    axes: Mapping[str, Any]
+    outcome: Outcome
+    texts: tuple[str, ...]
+    second_digest: str | None = None
+    difference: str = ""
+
+    @property
+    def status(self) -> str:
+        """PASS, FAIL, ERROR, or FLAKE: a second flight had another digest."""
+        return "FLAKE" if self.difference else self.outcome.status
+
+    @property
+    def reason(self) -> str:
+        """The limits that were not met, the type of the error, or the first difference of two flights; else empty."""
+        if self.difference:
+            return self.difference
+        return self.outcome.error_type or "; ".join(self.outcome.reasons)
+
+
+class Store:
+    """The results in a folder. Use as a context manager. Every method raises RecordingError."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / STORE_NAME
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(self._path, isolation_level=None)
+            self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.executescript(_SCHEMA)
+        except (OSError, sqlite3.Error) as error:
+            raise RecordingError(f"{self._path}: cannot be used as the results of a campaign ({error})") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._db.close()
+
+    def begin_plan(self) -> None:
+        """Forget the points of an earlier plan; the flown cases stay."""
+        self._do("DELETE FROM point")
+
+    def add_point(self, number: int, case: str, axes: Mapping[str, Any]) -> bool:
+        """Add a point of the plan. Returns False if the plan has a point of this case already."""
+        if self._do("SELECT 1 FROM point WHERE id = ?", case):
+            return False
+        self._do("INSERT INTO point VALUES (?, ?, ?)", number, case, json.dumps(dict(axes)))
+        return True
+
+    def cut(self, number: int) -> None:
+        """Take all points after `number` out of the plan; their results stay."""
+        self._do("DELETE FROM point WHERE number > ?", number)
+
+    def outcome(self, case: str) -> Outcome | None:
+        """Return the outcome of a case, None if it was never flown."""
+        found = self._do("SELECT outcome FROM flown WHERE id = ?", case)
+        return Outcome.from_data(json.loads(found[0][0])) if found else None
+
+    def status(self, case: str) -> str | None:
+        """Return the status of a case's first flight, None if it was never flown."""
+        found = self._do("SELECT status FROM flown WHERE id = ?", case)
+        return found[0][0] if found else None
+
+    def put(self, case: str, outcome: Outcome, texts: tuple[str, ...]) -> None:
+        """Store the outcome of a case, in place of an earlier one."""
+        values = case, outcome.status, json.dumps(outcome.data()), json.dumps(texts)
+        self._do("INSERT OR REPLACE INTO flown VALUES (?, ?, ?, ?)", *values)
+
+    def put_check(self, case: str, digest: str, difference: str) -> None:
+        """Store the digest of a second flight, and its first difference, empty if there is none."""
+        self._do("INSERT OR REPLACE INTO checked VALUES (?, ?, ?)", case, digest, difference)
+
+    def cases(self, *, by_plan: bool = False) -> Iterator[Case]:
+        """Return the flown cases of the plan one by one, sorted by case, or in the order of the plan."""
+        order = "p.number" if by_plan else "p.id"
+        with closing(self._db.cursor()) as cursor:
+            for case, number, axes, outcome, texts, second, difference in cursor.execute(_ROWS.format(order=order)):
+                flown, settings = Outcome.from_data(json.loads(outcome)), tuple(json.loads(texts))
+                yield Case(case, number, json.loads(axes), flown, settings, second, difference or "")
+
+    def _do(self, statement: str, *values: Any) -> list[Any]:
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise RecordingError(
+                f"{self._path}: {error}. Everything stored so far is kept; continue with --resume"
+            ) from error
