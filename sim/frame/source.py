@@ -117,6 +117,12 @@ class SharedFrames:
         actor.place(truth)
         self.geometry.forget(number)
 
+    def place_alone(self, vehicle: str, truth: TruthState) -> None:
+        """Give the state of a vehicle at a tick in place of all others, if ticks are sampled in any order."""
+        number, actor = self._actors[f"{VEHICLE_CLASS}:{vehicle}"]
+        actor.place_alone(truth)
+        self.geometry.forget(number)
+
     def restore(self, vehicle: str, states: bytes) -> None:
         """Give the states of a vehicle up to a tick, as `VehicleBodies.states_since` has returned them."""
         number, actor = self._actors[f"{VEHICLE_CLASS}:{vehicle}"]

@@ -19,12 +19,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import sqrt
+from math import fmod, sqrt
+from struct import pack
 
 import numpy as np
 
 from signals.rotation import NO_TURN, norm, product
 from signals.samples import Quat, TruthState, Vec3
+from signals.time import NS_PER_S
+from signals.units import TURN_RAD
 from sim import _kernels
 from sim.frame.source import VEHICLE_CLASS
 from sim.physics.vehicle import ContactSphere, Rotor, Vehicle
@@ -51,17 +54,25 @@ class VehicleBodies(_kernels.PlacedVehicle):
         self.bodies = (f"{self.name}_frame", *(f"{self.name}_rotor_{i}" for i in range(len(vehicle.rotors))))
         self.max_speed_mps = float("inf")  # given from outside
         rotors = vehicle.rotors
+        self._spin = [rotor.spin.sign for rotor in rotors]
         blade_m = vehicle.rotor_constants.radius_m
         super().__init__(
             p_BR=[rotor.position_m for rotor in rotors],
             q_BR=[_onto(rotor.axis) for rotor in rotors],
-            spin=[rotor.spin.sign for rotor in rotors],
+            spin=self._spin,
             radius_m=max(vehicle.bounding_radius_m, *(norm(rotor.position_m) + 1.02 * blade_m for rotor in rotors)),
         )
 
     def place(self, truth: TruthState) -> None:
         """Add the state of a tick."""
         self.place_at(truth.t_ns, truth.p_WB, truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps)
+
+    def place_alone(self, truth: TruthState) -> None:
+        """Replace all states by that of a tick. The angle of a rotor is its speed times the time."""
+        speeds, t_s = truth.rotor_speed_radps, truth.t_ns / NS_PER_S
+        angles = [fmod(spin * speed * t_s, TURN_RAD) for spin, speed in zip(self._spin, speeds, strict=True)]
+        numbers = (*truth.p_WB, *truth.q_WB, *truth.v_WB_W, *truth.w_WB_B, *speeds, *angles)
+        self.restore(pack(f"=q{len(numbers)}d", truth.t_ns, *numbers))
 
 
 def with_vehicles(base: World, vehicles: Mapping[str, Vehicle]) -> World:

@@ -18,8 +18,10 @@ from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
 from hil.apps.airsim.world.objects.present_world import PresentWorld
 from hil.apps.airsim.world.objects.registry import Objects
+from hil.apps.airsim.world.past import Past
 from hil.apps.airsim.world.radars import Radars
-from hil.apps.airsim.world.sensors import SensorSuite
+from hil.apps.airsim.world.sensors.sensor import Measured
+from hil.apps.airsim.world.sensors.suite import SensorSuite
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
 from hil.run.stepped.vehicle import Pilot, SteppedVehicle
@@ -71,7 +73,8 @@ class Simulation:
         self.world = SteppedWorld(self.scene, TICK_NS, seed=self._seed, wind=config.wind)
         self.present = PresentWorld(self.world)
         self.objects = Objects(self.present, log)
-        self.frames = Frames(self.world, self.present)
+        self.drones: dict[str, Drone] = {}
+        self.frames = Frames(self.world, self.present, self.drones)
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
         self.drawings = Drawings(self.frame, lambda: self.world.t_ns, log)
@@ -83,7 +86,6 @@ class Simulation:
         place = {"latitude_deg": o.latitude_deg, "longitude_deg": o.longitude_deg, "altitude_m": o.altitude_m}
         self._site = self.scene.site.model_copy(update=place)
         self.paused = False
-        self.drones: dict[str, Drone] = {}
         self.recorder = Recorder(
             settings.recording, self.cameras, self.drones, default=settings.default_vehicle, log=log
         )
@@ -172,7 +174,7 @@ class Simulation:
             self._depart(departure)
         for drone in self.drones.values():
             truth = drone.vehicle.truth
-            drone.history.append(truth)
+            drone.past.add(truth)
             if truth.in_contact or drone.touching:
                 self._touch(drone)
             if drone.flight is not None:
@@ -232,9 +234,17 @@ class Simulation:
         if self.flies:
             flight = self._flight(name, vehicle, rig, origin)
             vehicle.pilot = self._pilot(name, flight)
-        sensors = SensorSuite(name, dict(settings.sensors), self.scene, self._site, rays=self.present, tick_ns=TICK_NS)
-        drone = Drone(name, settings, vehicle, origin, flight, sensors)
-        drone.history.append(vehicle.truth)
+        measured = Measured(
+            name,
+            self.scene,
+            self._site,
+            self.present,
+            altitude_m=lambda p_W: self.earth.geodetic(p_W)[2],
+            seen_at=lambda t_ns: self.frames.seen_by(name, t_ns),
+            tick_ns=TICK_NS,
+        )
+        sensors = SensorSuite(dict(settings.sensors), measured)
+        drone = Drone(name, settings, vehicle, origin, flight, sensors, Past(vehicle.truth))
         drone.touching = vehicle.truth.in_contact
         if flight is not None:
             flight.landed = drone.touching
@@ -353,7 +363,8 @@ class Simulation:
     def _forget(self, drone: Drone) -> None:
         """Forget what was measured and touched on the way of a vehicle that was put elsewhere."""
         self.world.forget_contacts(drone.name)
-        drone.sensors.forget(self.world.t_ns)
+        drone.past.place(drone.vehicle.truth)
+        drone.sensors.forget()
         self.radars.forget(drone.name)
 
     # Collisions ------------------------------------------------------------------------------------------------------

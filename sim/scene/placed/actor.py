@@ -38,10 +38,10 @@ class ObjectActor(_kernels.PlacedVehicle):
             radius_m=radius_m,
         )
 
-    def put(self, t_ns: int, p_WB: Vec3, q_WB: Quat) -> None:
-        """Put the object there from `t_ns` on."""
-        self.place_at(t_ns, p_WB, q_WB, _STILL, _STILL, (0.0,) * (len(self.bodies) - 1))
+    def put(self, p_WB: Vec3, q_WB: Quat) -> None:
+        """Put the object there, for all times."""
+        self.place_at(0, p_WB, q_WB, _STILL, _STILL, (0.0,) * (len(self.bodies) - 1))
 
-    def take_away(self, t_ns: int) -> None:
-        """Put the object outside the world from `t_ns` on."""
-        self.put(t_ns, _OUTSIDE, NO_TURN)
+    def take_away(self) -> None:
+        """Put the object outside the world."""
+        self.put(_OUTSIDE, NO_TURN)

@@ -80,7 +80,7 @@ def way_to(world: World, moved: ObjectActor, start_W: Vec3, end_W: Vec3, q_WB: Q
         return (x, y, z)
 
     def distances(travelled_m: float, geoms: list[int], most_m: float) -> list[float]:
-        probe.put(0, at(travelled_m), q_WB)
+        probe.put(at(travelled_m), q_WB)
         pose_geoms(model, data, probe, 0)
         return [min(mujoco.mj_geomDistance(model, data, a, b, most_m, buffer) for a in own) for b in geoms]
 

@@ -12,103 +12,85 @@ from hil.apps.airsim.rpc.methods import Method, RpcError, method, optional
 from hil.apps.airsim.settings import sensors as kinds
 from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.drone import Drone
-from hil.apps.airsim.world.sensors import ned_points
+from hil.apps.airsim.world.sensors.gps import GpsFix
+from hil.apps.airsim.world.sensors.lidar import Cloud, ned_points
+from hil.apps.airsim.world.sensors.suite import Sample
 from signals.frames import ned_from_enu, q_NF_from_q_WB
+from sim.frame.mount import quaternion_of_rpy
 from sim.frame.source import VEHICLE_CLASS
 
 _NS_PER_US = 1000
-
-
-def _found(drone: Drone, kind: type, what: str, name: str) -> str:
-    """Return the name of a sensor; "" is the first of its kind. Raises RpcError in AirSim's words."""
-    found = drone.sensors.find(kind, name)
-    if found is None:
-        known = [key for key, sensor in drone.sensors.settings.items() if isinstance(sensor, kind) and sensor.enabled]
-        hint = f"it has {', '.join(known)}" if known else f"add one to Sensors of {drone.name} in settings.json"
-        raise RpcError(f"No {what} with name {name} exist on vehicle {drone.name}; {hint}")
-    return found
 
 
 def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     sim = simulation
 
-    def taken_ns(drone: Drone, sensor: str) -> int:
-        return sim.epoch_ns + drone.sensors.taken_ns(sensor)
+    def read(kind: type, what: str, name: str, vehicle: str) -> tuple[Drone, Any, Sample, int]:
+        """Return vehicle, settings and present sample of a sensor, and its time stamp. Raises RpcError."""
+        drone = sim.drone(vehicle)
+        sensors = drone.sensors
+        found = sensors.find(kind, name)
+        if found is None:
+            known = [key for key, sensor in sensors.settings.items() if isinstance(sensor, kind) and sensor.enabled]
+            hint = f"it has {', '.join(known)}" if known else f"add one to Sensors of {drone.name} in settings.json"
+            raise RpcError(f"No {what} with name {name} exist on vehicle {drone.name}; {hint}")
+        sample = sensors.read(found, drone.past)
+        return drone, sensors.settings[found], sample, sim.epoch_ns + sample.t_ns
 
     def imu(name: str, vehicle: str) -> dict[str, Any]:
-        drone = sim.drone(vehicle)
-        truth = drone.vehicle.truth
-        found = _found(drone, kinds.Imu, "IMU", name)
-        accel, rate = drone.sensors.imu(found, truth)
+        drone, _, sample, stamp_ns = read(kinds.Imu, "IMU", name, vehicle)
+        accel, rate = sample.value
         return {
-            "time_stamp": taken_ns(drone, found),
-            "orientation": Quaternion(*q_NF_from_q_WB(truth.q_WB)),
+            "time_stamp": stamp_ns,
+            "orientation": Quaternion(*q_NF_from_q_WB(drone.vehicle.truth.q_WB)),
             "angular_velocity": Vector(*rate),
             "linear_acceleration": Vector(*accel),
         }
 
     def barometer(name: str, vehicle: str) -> dict[str, Any]:
-        drone = sim.drone(vehicle)
-        found = _found(drone, kinds.Barometer, "barometer", name)
-        altitude, pressure, qnh = drone.sensors.barometer(
-            found, drone.vehicle.truth, drone.history, lambda p_W: sim.earth.geodetic(p_W)[2]
-        )
-        return {
-            "time_stamp": taken_ns(drone, found),
-            "altitude": altitude,
-            "pressure": pressure,
-            "qnh": qnh,
-        }
+        _, _, sample, stamp_ns = read(kinds.Barometer, "barometer", name, vehicle)
+        altitude, pressure, qnh = sample.value
+        return {"time_stamp": stamp_ns, "altitude": altitude, "pressure": pressure, "qnh": qnh}
 
     def magnetometer(name: str, vehicle: str) -> dict[str, Any]:
-        drone = sim.drone(vehicle)
-        found = _found(drone, kinds.Magnetometer, "magnetometer", name)
-        field = drone.sensors.magnetometer(found, drone.vehicle.truth, drone.history)
+        _, _, sample, stamp_ns = read(kinds.Magnetometer, "magnetometer", name, vehicle)
         return {
-            "time_stamp": taken_ns(drone, found),
-            "magnetic_field_body": Vector(*field),
+            "time_stamp": stamp_ns,
+            "magnetic_field_body": Vector(*sample.value),
             "magnetic_field_covariance": [],
         }
 
     def gps(name: str, vehicle: str) -> dict[str, Any]:
-        drone = sim.drone(vehicle)
-        found = _found(drone, kinds.Gps, "gps", name)
-        fix = drone.sensors.gps(found, drone.history)
+        _, _, sample, stamp_ns = read(kinds.Gps, "gps", name, vehicle)
+        fix: GpsFix = sample.value
         return {
-            "time_stamp": taken_ns(drone, found),
+            "time_stamp": stamp_ns,
             "gnss": {
                 "geo_point": geo_point(sim, fix.truth.p_WB),
                 "eph": fix.eph_m,
                 "epv": fix.epv_m,
                 "velocity": Vector(*ned_from_enu(fix.truth.v_WB_W)),
                 "fix_type": fix.fix_type,
-                "time_utc": (sim.epoch_ns + fix.truth.t_ns) // _NS_PER_US,
+                "time_utc": stamp_ns // _NS_PER_US,
             },
             "is_valid": True,
         }
 
     def distance(name: str, vehicle: str) -> dict[str, Any]:
-        drone = sim.drone(vehicle)
-        found = _found(drone, kinds.Distance, "distance sensor", name)
-        settings = drone.sensors.settings[found]
-        assert isinstance(settings, kinds.Distance)
-        mounting = drone.sensors.mounting(found)
-        metres = drone.sensors.distance(found, drone.vehicle.truth)
+        _, settings, sample, stamp_ns = read(kinds.Distance, "distance sensor", name, vehicle)
+        turned = quaternion_of_rpy(settings.rotation_deg)
         return {
-            "time_stamp": taken_ns(drone, found),
-            "distance": metres,
+            "time_stamp": stamp_ns,
+            "distance": sample.value,
             "min_distance": settings.min_m,
             "max_distance": settings.max_m,
-            "relative_pose": Pose(Vector(*mounting.position_F), Quaternion(*mounting.q_FS)),
+            "relative_pose": Pose(Vector(*settings.position_m), Quaternion(*turned)),
         }
 
     def lidar(name: str, vehicle: str) -> dict[str, Any]:
-        drone = sim.drone(vehicle)
-        found = _found(drone, kinds.Lidar, "lidar", name)
-        settings = drone.sensors.settings[found]
-        assert isinstance(settings, kinds.Lidar)
-        cloud = drone.sensors.lidar(found, drone.vehicle.truth, sim.frames.seen_by(drone.name))
+        drone, settings, sample, stamp_ns = read(kinds.Lidar, "lidar", name, vehicle)
+        cloud: Cloud = sample.value
         pose = drone.origin.pose(cloud.p_WL, cloud.q_WL)
         points = cloud.points_L * np.array([1.0, -1.0, -1.0], np.float32)
         if not settings.in_sensor_frame:
@@ -117,7 +99,7 @@ def methods(simulation: Simulation) -> list[Method]:
         names = [cloud.names[number].removeprefix(f"{VEHICLE_CLASS}:") for number in numbers.tolist()]
         ids = np.array([max(sim.cameras.segmentation.of_known(each), 0) for each in names], np.int32)
         return {
-            "time_stamp": taken_ns(drone, found),
+            "time_stamp": stamp_ns,
             "point_cloud": points.astype(np.float32).ravel(),
             "pose": pose,
             "segmentation": ids[of_point],

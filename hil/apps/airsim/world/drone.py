@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.arguments import Vector
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.ned import NedFrame
-from hil.apps.airsim.world.sensors import SensorSuite
+from hil.apps.airsim.world.past import Past
+from hil.apps.airsim.world.sensors.suite import SensorSuite
 from hil.run.stepped.vehicle import SteppedVehicle
 from signals.frames import ned_from_enu
-from signals.samples import TruthState, Vec3
+from signals.samples import Vec3
 from sim.physics.scene_contact import SceneContact
-
-HISTORY_TICKS = 2501  # 10 s, the longest latency of a GPS
 
 
 @dataclass(frozen=True)
@@ -42,17 +40,16 @@ class Drone:
     origin: NedFrame
     flight: SimpleFlight | None  # None in ComputerVision
     sensors: SensorSuite
+    past: Past
     collision: Collision = Collision()
     touching: bool = False
     touched: str = ""  # name of the object of the last contact
     departed_ns: int | None = None  # last time that the vehicle left the range of the model
-    history: deque[TruthState] = field(default_factory=lambda: deque(maxlen=HISTORY_TICKS))
 
     def reset(self) -> None:
         """Return to the start; api control and arming must be asked for again."""
         self.vehicle.reset()
-        self.history.clear()
-        self.history.append(self.vehicle.truth)
+        self.past.begin(self.vehicle.truth)
         self.collision, self.touching, self.touched = Collision(), self.vehicle.truth.in_contact, ""
         if self.flight is not None:
             self.flight.reset()

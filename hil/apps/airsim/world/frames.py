@@ -1,7 +1,10 @@
-"""Geometry that cameras and LiDARs see: the scene with all vehicles, posed for the present tick when it is needed."""
+"""Geometry that cameras and LiDARs see: the scene with all vehicles, posed when it is needed."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.objects.present_world import PresentWorld
 from hil.run.stepped.world import SteppedWorld
 from sim.frame.source import SharedFrames
@@ -12,9 +15,9 @@ from sim.scene.maps.scene_map import Actor
 class Frames:
     """Source of geometry of one server. It is built at the first use, and again after a vehicle was added."""
 
-    def __init__(self, world: SteppedWorld, present: PresentWorld) -> None:
-        """`present`: the scene with its objects, without vehicles."""
-        self._world, self._scenery = world, present
+    def __init__(self, world: SteppedWorld, present: PresentWorld, drones: Mapping[str, Drone]) -> None:
+        """`present`: the scene with its objects, without vehicles; `drones`: all vehicles by name."""
+        self._world, self._scenery, self._drones = world, present, drones
         present.on_moved, present.on_new_world = self.moved, self.forget
         self._source: SharedFrames | None = None
         self._seen_by: dict[str, SharedFrames] = {}  # by vehicle
@@ -30,10 +33,10 @@ class Frames:
         if self._source is not None:
             self._source.moved(actor)
 
-    def seen_by(self, vehicle: str = "") -> SharedFrames:
-        """Return the source for the sensors of a vehicle, which they do not show, posed for the present tick.
+    def seen_by(self, vehicle: str = "", t_ns: int | None = None) -> SharedFrames:
+        """Return the source for the sensors of a vehicle, which it does not show; "" is nobody, everything is shown.
 
-        "" is nobody: everything is shown.
+        All is posed for a tick of the last seconds, None: the present one, but objects that clients move are as now.
         """
         self._scenery.settle()
         vehicles = self._world.vehicles
@@ -46,7 +49,7 @@ class Frames:
         if vehicle not in self._seen_by:
             self._seen_by[vehicle] = self._source.seen_by(vehicle)
         for name, each in vehicles.items():
-            self._source.place(name, each.truth)
+            self._source.place_alone(name, each.truth if t_ns is None else self._drones[name].past.at(t_ns))
         found = self._seen_by[vehicle]
-        found.expect(self._world.t_ns)
+        found.expect(self._world.t_ns if t_ns is None else t_ns)
         return found

@@ -87,12 +87,12 @@ class PresentWorld:
 
     def put(self, actor: ObjectActor, p_W: Vec3, q_W: Quat) -> None:
         """Put an actor elsewhere."""
-        actor.put(self.t_ns, p_W, q_W)
+        actor.put(p_W, q_W)
         self._tell(actor)
 
     def take_away(self, actor: ObjectActor) -> None:
         """Put an actor outside the world. A copy leaves the world when that is made anew."""
-        actor.take_away(self.t_ns)
+        actor.take_away()
         self._copies = [each for each in self._copies if each.actor is not actor]
         self._tell(actor)
 

@@ -1,0 +1,1 @@
+"""Sensors of vehicles, with AirSim's error models."""
