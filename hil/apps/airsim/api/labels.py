@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from hil.apps.airsim.api.images import CAMERA, EXTERNAL_OR_ANNOTATION, IMAGE_TYPE
+from hil.apps.airsim.api.objects import NO_POSE, object_names
 from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.pictures.detections import Detection, Detections
+from hil.apps.airsim.pictures.names import matching
+from hil.apps.airsim.pictures.segmentation import NOT_FOUND
 from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, INT, TEXT, Pose, Quaternion, Vector
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.simulation import Simulation
@@ -32,8 +35,23 @@ def methods(simulation: Simulation) -> list[Method]:
         return [Vector(*colour) for colour in ids.instance_palette().astype(float).tolist()]
 
     def instance_poses(ned: bool, only_visible: bool) -> list[Pose]:  # noqa: ARG001
-        boxes = (detections.box(number) for number in range(1, len(ids.names)))
-        return [simulation.frame.pose(box.p_WO, box.q_WO) for box in boxes]
+        known = set(object_names(simulation))
+        return [
+            simulation.frame.pose(*detections.box(number)[2:]) if name in known else NO_POSE
+            for number, name in enumerate(ids.names)
+            if number
+        ]
+
+    def set_id(mesh: str, number: int, is_regex: bool) -> bool:
+        known = object_names(simulation)
+        found = matching(mesh, known) if is_regex else [name for name in known if name == mesh]
+        ids.give(found, number)
+        return bool(found)
+
+    def get_id(name: str) -> int:
+        if cosys:
+            return ids.number_of(name)
+        return ids.id_of(name) if name in object_names(simulation) else NOT_FOUND
 
     detections = Detections(simulation.cameras, simulation.frames)
     find = simulation.cameras.find
@@ -59,14 +77,14 @@ def methods(simulation: Simulation) -> list[Method]:
     return [
         method(
             "simSetSegmentationObjectID",
-            ids.set,
+            set_id,
             mesh,
             Parameter("object_id", INT),
             optional("is_name_regex", BOOL, False),
         ),
         method(
             "simGetSegmentationObjectID",
-            lambda name: ids.of(name, cosys),
+            get_id,
             mesh,
         ),
         method("simAddDetectionFilterMeshName", add, *where, mesh, *whose),

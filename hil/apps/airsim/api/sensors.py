@@ -97,7 +97,7 @@ def methods(simulation: Simulation) -> list[Method]:
             points = ned_points(cloud.points_L, pose.position, cloud.q_WL)
         numbers, of_point = np.unique(cloud.instances, return_inverse=True)
         names = [cloud.names[number].removeprefix(f"{VEHICLE_CLASS}:") for number in numbers.tolist()]
-        ids = np.array([max(sim.cameras.segmentation.of_known(each), 0) for each in names], np.int32)
+        ids = np.array([max(sim.cameras.segmentation.id_of(each), 0) for each in names], np.int32)
         return {
             "time_stamp": stamp_ns,
             "point_cloud": points.astype(np.float32).ravel(),

@@ -127,7 +127,7 @@ def rotor_states(simulation: Simulation, drone: Drone) -> dict[str, Any]:
 def methods(simulation: Simulation) -> list[Method]:
     """Return the methods of this group."""
     sim = simulation
-    id_of = sim.cameras.segmentation.of_known
+    id_of = sim.cameras.segmentation.id_of
 
     def multirotor_state(name: str) -> dict[str, Any]:
         drone = sim.drone(name)

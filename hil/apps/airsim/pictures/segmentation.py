@@ -3,15 +3,18 @@
 At the start the id of an object is 5 plus the sum of the letters of its name, modulo 256 (a = 97, upper case as lower
 case, digits and underscores left out), so that Cone_1 and Cone_2 have the same id; names that begin with default_ have
 the id 0. Source: InitializeObjectStencilID in AirSim's AirBlueprintLib.h. An id of -1 hides the object. For
-Cosys-AirSim every object has an id of its own: its place in the list of all objects.
+Cosys-AirSim every object has an id of its own: its place in the list of all objects. An object of the scene that was
+destroyed keeps its place there, as in Cosys-AirSim (GetAllComponentNames in ObjectAnnotator.cpp), so that no other
+object gets another id.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.airsim.pictures.names import matching
 from hil.apps.airsim.pictures.palette import AIRSIM_COLOURS, instance_colours
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.world.frames import Frames
@@ -42,48 +45,33 @@ class Segmentation:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all instances; [0] stands for no object."""
+        """Names of all instances of the world, destroyed ones too; [0] stands for no object."""
         frames = self._frames
         world = frames.seen_by().world
         if frames.generation != self._generation:
             self._generation = frames.generation
             prefix = f"{VEHICLE_CLASS}:"
             self._names = tuple(name.removeprefix(prefix) for name in world.instance_names)
-            self._change()
+            self._colours.clear()
+            self._ids = np.array([0, *(max(self.id_of(name), 0) for name in self._names[1:])], np.int32)
         return self._names
 
-    def _change(self) -> None:
-        self._colours.clear()
-        ids = [max(self._id(name), 0) for name in self._names[1:]]
-        self._ids = np.array([0, *ids], np.int32)
-
-    def _id(self, name: str) -> int:
+    def id_of(self, name: str) -> int:
+        """Return the id of an object that exists."""
         given = self._given.get(name)
         return given if given is not None else initial_id(name) if self._random else 0
 
-    def of(self, name: str, instances: bool) -> int:
-        """Return the id of an object, -1 if there is none of this name. `instances`: as Cosys-AirSim numbers them."""
-        names = self.names
-        if name not in names[1:]:
-            return NOT_FOUND
-        if instances and name not in self._given:
-            return names.index(name, 1) - 1
-        return self._id(name)
+    def number_of(self, name: str) -> int:
+        """Return the id of an object as Cosys-AirSim numbers them, -1 if there was never one of this name."""
+        names = self.names[1:]
+        return self._given.get(name, names.index(name)) if name in names else NOT_FOUND
 
-    def of_known(self, name: str) -> int:
-        """Return the id of an object that exists, without looking it up."""
-        return self._id(name)
-
-    def set(self, mesh: str, number: int, is_regex: bool) -> bool:
-        """Set the id of an object, or of all whose names match. Return False if there is none. Raises RpcError."""
+    def give(self, names: Iterable[str], number: int) -> None:
+        """Give objects an id. Raises RpcError."""
         if not HIDDEN <= number <= _MOST_INSTANCE:
             raise RpcError(f"an object's id is 0 to {_MOST_ID}, or -1 to hide it, not {number}")
-        names = self.names[1:]
-        found = matching(mesh, names) if is_regex else [name for name in names if name == mesh]
-        self._given |= dict.fromkeys(found, number)
-        if found:
-            self._change()
-        return bool(found)
+        self._given |= dict.fromkeys(names, number)
+        self._generation = -1
 
     def grey(self) -> NDArray[np.uint8]:
         """Return the id of each instance as a shade, (n,)."""

@@ -388,3 +388,17 @@ def test_poses_of_the_scene_do_not_have_the_last_digits_of_a_machine(blocks: Ser
         assert found is not None
         if found.mover is None and found.actor is None:
             assert all(round(x, 12) == x for x in (*found.p_W, *found.q_W)), name
+
+
+def test_a_destroyed_object_has_no_id_and_no_pose_and_leaves_the_numbers_of_others() -> None:
+    with served(json.dumps({"SettingsVersion": 1.2, "SimMode": "Multirotor"}), scene="blocks") as world:
+        client = world.client()
+        before = client.call("simListInstanceSegmentationObjects")
+        assert client.call("simDestroyObject", "OrangeBall") is True
+        after = client.call("simListInstanceSegmentationObjects")
+        assert after == before
+        poses = client.call("simListInstanceSegmentationPoses")
+        without = [name for name, each in zip(after, poses, strict=True) if math.isnan(each["position"]["x_val"])]
+        assert without == ["OrangeBall"]
+        assert client.call("simGetSegmentationObjectID", "OrangeBall") == -1
+        assert client.call("simSetSegmentationObjectID", "OrangeB.*", 7, True) is False
