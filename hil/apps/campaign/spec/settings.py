@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from signals.errors import ConfigError, Problem
 
 BUNDLE_KEYS = {"label", "settings"}
+_UNPRINTABLE = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 _FILES = ("bench", "rig", "scene", "mission", "vehicle")
 
 
@@ -92,8 +94,8 @@ def _leaves(prefix: str, settings: Mapping[str, Any]) -> Iterator[tuple[str, Any
 
 
 def _text(value: Any) -> str:
-    """Return a value as YAML 1.2 in one line, which JSON is."""
-    return json.dumps(value, ensure_ascii=False)
+    """Return a value as YAML 1.2 in one line: JSON, with an escape for each character that YAML does not print."""
+    return _UNPRINTABLE.sub(lambda found: f"\\u{ord(found[0]):04x}", json.dumps(value, ensure_ascii=False))
 
 
 def _located(settings: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:

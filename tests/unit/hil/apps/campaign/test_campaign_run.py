@@ -1,0 +1,171 @@
+"""Small campaigns flown whole: the same table for any number of workers, resumed, extended and stopped."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from hil.apps.campaign.campaign import is_chosen
+from hil.apps.campaign.command import CampaignOptions, run_campaign
+from hil.apps.campaign.flight import Limit, Outcome
+from hil.apps.campaign.identity import case_id
+from hil.apps.campaign.store import Store
+from hil.config import load_bench
+from signals.errors import ConfigError, RecordingError
+
+# One flight passes, one ends as FAIL: 8 s are too short for the mission.
+SPEC = """
+settings:
+  mission: rigs/missions/short.waypoints
+  autopilot: {transport: loopback}
+  limits: {max_cross_track_m: 5}
+axes: {duration_s: [60, 8], seed: [1]}
+recheck: 1.0
+keep: none
+"""
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(SPEC)
+    return path
+
+
+def fly(spec: Path, out: Path, **options: Any) -> int:
+    return run_campaign(spec, CampaignOptions(out=out, quiet=True, **options), Console(quiet=True))
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    with (out / "results.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_one_table_for_any_number_of_workers_and_nothing_flown_twice(spec: Path, tmp_path: Path) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    assert fly(spec, one, workers=1) == 1
+    assert fly(spec, two, workers=2) == 1
+    assert (one / "results.csv").read_bytes() == (two / "results.csv").read_bytes()
+    assert (one / "results.jsonl").read_bytes() == (two / "results.jsonl").read_bytes()
+    table = rows(one)
+    assert [row["case"] for row in table] == sorted(row["case"] for row in table)
+    assert {(row["duration_s"], row["status"]) for row in table} == {("60", "PASS"), ("8", "FAIL")}
+    assert all("waypoints" in row["reason"] for row in table if row["status"] == "FAIL")
+    assert len({row["digest"] for row in table}) == 2
+    summary = json.loads((one / "campaign.json").read_text())
+    assert [summary[key] for key in ("schema", "cases", "pass", "fail", "error", "flake")] == [1, 2, 1, 1, 0, 0]
+    assert summary["pass_rate"] == pytest.approx([0.0945, 0.5, 0.9055], abs=1e-4)  # Wilson, 1 of 2
+    assert summary["flown"] == 4, "each case is flown twice: recheck is 1"
+
+    with pytest.raises(RecordingError, match="--resume"):
+        fly(spec, one)
+    before = (one / "results.csv").read_bytes()
+    assert fly(spec, one, resume=True) == 1
+    assert json.loads((one / "campaign.json").read_text())["flown"] == 0
+    assert (one / "results.csv").read_bytes() == before
+
+    spec.write_text(SPEC.replace("duration_s: [60, 8], seed: [1]", "duration_s: [60], seed: [1, 2]"))
+    assert fly(spec, one, resume=True) == 0
+    assert json.loads((one / "campaign.json").read_text())["flown"] == 2, "seed 2, twice"
+    assert [row["status"] for row in rows(one)] == ["PASS", "PASS"]
+
+
+def test_a_digest_that_differs_is_a_flake(spec: Path, tmp_path: Path) -> None:
+    spec.write_text(SPEC.replace("duration_s: [60, 8], seed: [1]", "duration_s: [60], seed: [1]"))
+    out = tmp_path / "out"
+    assert fly(spec, out, workers=1) == 0
+    (row,) = rows(out)
+    with Store(out) as store:
+        outcome = store.outcome(row["case"])
+        assert outcome is not None
+        store.put(row["case"], replace(outcome, digest="0" * 64), ())
+        store._do("DELETE FROM checked")
+    assert fly(spec, out, resume=True) == 1
+    (row,) = rows(out)
+    assert row["status"] == "FLAKE"
+    assert "digest" in row["reason"]
+    assert json.loads((out / "campaign.json").read_text())["flake"] == 1
+
+
+def test_stop_rules_give_the_same_part_of_the_plan(spec: Path, tmp_path: Path) -> None:
+    spec.write_text(
+        SPEC.replace("duration_s: [60, 8]", "duration_s: [60, 8, 9, 7]").replace("recheck: 1.0", "recheck: 0")
+    )
+    tables = []
+    for workers in (1, 2):
+        out = tmp_path / str(workers)
+        assert fly(spec, out, workers=workers, stop_after=("failure",)) == 1
+        tables.append((out / "results.csv").read_bytes())
+        assert "not a PASS" in json.loads((out / "campaign.json").read_text())["stopped"]
+    assert tables[0] == tables[1]
+    assert [row["status"] for row in rows(tmp_path / "1")].count("FAIL") == 1
+
+
+def test_a_bench_that_cannot_be_loaded_is_told_before_any_flight(spec: Path, tmp_path: Path) -> None:
+    spec.write_text(SPEC.replace("seed: [1]", "scene: [airfield, nowhere]"))
+    with pytest.raises(ConfigError, match=r"small.yaml:6.*nowhere"):
+        fly(spec, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("text", ["width=2", "width=x", "90", "m", "above", ""])
+def test_a_stop_rule_that_is_none_is_refused(spec: Path, tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match="stop-after"):
+        fly(spec, tmp_path / "out", stop_after=(text,))
+
+
+def test_many_points_need_a_yes(spec: Path, tmp_path: Path) -> None:
+    spec.write_text(SPEC.replace("seed: [1]", "seed: {first: 1, count: 1000000000}"))
+    with pytest.raises(ConfigError, match=r"2,000,000,000 points.*--yes"):
+        fly(spec, tmp_path / "out")
+
+
+def test_the_identity_follows_what_changes_a_flight_and_nothing_else() -> None:
+    base = case_id(load_bench(None))
+    same = ["record.mcap=false", "pace=2", "autopilot.instance=3"]
+    other = [
+        "seed=2",
+        "vehicle_settings.mass_kg=2.1",
+        "scene=city_park",
+        "mission=rigs/missions/survey.plan",
+        "tick_hz=500",
+    ]
+    assert {case_id(load_bench(None, settings=[text])) for text in same} == {base}
+    identities = {case_id(load_bench(None, settings=[text])) for text in other}
+    assert len(identities | {base}) == len(other) + 1
+
+
+def test_a_share_of_the_cases_is_chosen_by_their_identity() -> None:
+    cases = [f"{i * 2654435761 % 2**32:020x}" for i in range(20_000)]
+    for share in (0.0, 0.02, 1.0):
+        chosen = sum(is_chosen(case, share) for case in cases) / len(cases)
+        assert chosen == pytest.approx(share, abs=0.004)
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "ok", "margin"),
+    [
+        (0.3, 1.0, True, 0.7),  # a maximum that is kept
+        (1.5, 1.0, False, -0.5),
+        (0.95, 0.9, True, 0.0555555),  # a minimum that is kept
+        (0.45, 0.9, False, -0.5),
+        (1.0, 1.0, True, 0.0),
+        (2.0, 0.0, False, -2.0),  # a limit of zero: in its own unit
+        (None, 1.0, False, None),
+        (1.0, None, True, None),
+    ],
+)
+def test_margins(value: float | None, limit: float | None, ok: bool, margin: float | None) -> None:
+    found = Limit("x", value, limit, "m", ok).margin
+    assert found == (None if margin is None else pytest.approx(margin, abs=1e-6))
+
+
+def test_an_outcome_survives_its_way_through_json() -> None:
+    outcome = Outcome("FAIL", ("too far",), limits=(Limit("a", 1.25, 1.0, "m", False),), digest="ab", repeatable=True)
+    assert Outcome.from_data(json.loads(json.dumps(outcome.data()))) == outcome
