@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from signals.errors import ConfigError, HilError
 
@@ -108,15 +109,26 @@ class Outcome:
         return min(judged, key=lambda limit: limit.margin or 0.0, default=None)
 
 
-def fly(job: Job, worker: int = 0, place: str = "") -> Outcome:
-    """Make a flight. `worker` numbers those of one machine, so that simulated autopilots have ports of their own.
+class Slot(NamedTuple):
+    """Place of a worker among those of one machine. Simulated autopilots need ports and processors of their own."""
+
+    number: int = 0
+    processors: tuple[int, ...] = ()  # empty: all
+    name: str = ""
+
+
+ONLY = Slot()
+
+
+def fly(job: Job, slot: Slot = ONLY) -> Outcome:
+    """Make a flight.
 
     Every failure is an outcome with the status ERROR. KeyboardInterrupt passes through.
     """
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     folder = Path(job.folder)
     try:
-        outcome = _flown(job, worker, folder)
+        outcome = _flown(job, slot, folder)
     except HilError as error:
         kind = "ConfigError" if isinstance(error, ConfigError) else type(error).__name__
         outcome = Outcome("ERROR", error_type=kind, error=str(error))
@@ -127,10 +139,10 @@ def fly(job: Job, worker: int = 0, place: str = "") -> Outcome:
     if not job.keep and outcome.status == "PASS":
         shutil.rmtree(folder, ignore_errors=True)
     wall_s, cpu_s = time.monotonic() - began_s, time.process_time() - began_cpu_s
-    return Outcome(**{**vars(outcome), "wall_s": wall_s, "cpu_s": cpu_s, "place": place})
+    return Outcome(**{**vars(outcome), "wall_s": wall_s, "cpu_s": cpu_s, "place": slot.name})
 
 
-def _flown(job: Job, worker: int, folder: Path) -> Outcome:
+def _flown(job: Job, slot: Slot, folder: Path) -> Outcome:
     from hil.config import load_bench
     from hil.config.schema import PROGRAM_KINDS
     from hil.run.bench_run import run_bench
@@ -138,9 +150,11 @@ def _flown(job: Job, worker: int, folder: Path) -> Outcome:
     record = [f"record.{key}={str(value).lower()}" for key, value in _RECORD[job.recording].items()]
     texts = [*job.texts, *record]
     bench = load_bench(job.bench, settings=texts)
-    if worker and bench.config.autopilot.kind in PROGRAM_KINDS:
+    if bench.config.autopilot.kind in PROGRAM_KINDS:
+        if slot.processors:
+            os.sched_setaffinity(0, slot.processors)  # bench and autopilot take turns on one of them
         bench = load_bench(
-            job.bench, settings=[*texts, f"autopilot.instance={bench.config.autopilot.instance + worker}"]
+            job.bench, settings=[*texts, f"autopilot.instance={bench.config.autopilot.instance + slot.number}"]
         )
     result = run_bench(bench, folder, quiet=True)
     if (result.run["error"] or {}).get("type") == "Interrupted":

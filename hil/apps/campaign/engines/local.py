@@ -1,7 +1,7 @@
 """Engine of worker processes on this machine: one flight at a time in each.
 
 A worker that dies takes no other with it: each has a process and a pipe of its own. Where there are enough processors,
-each worker has its own, so that two flights in lockstep never share one.
+each worker has its own for simulated autopilots, so that two flights never share one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from hil.apps.campaign.engines.engine import Done
-from hil.apps.campaign.flight import Job, Outcome, fly
+from hil.apps.campaign.flight import Job, Outcome, Slot, fly
 
 _END_S = 5.0  # a worker that is asked to end gets this long
 
@@ -151,13 +151,12 @@ def _serve(connection: Connection, number: int, processors: Sequence[int]) -> No
     from hil.run.runs.child_process import become_child
 
     become_child()
-    if processors:
-        os.sched_setaffinity(0, processors)
+    slot = Slot(number, tuple(processors), f"worker {number}")
     while True:
         try:
             job: Job = connection.recv()
         except (EOFError, OSError):
             return
-        outcome = fly(job, number, f"worker {number}")
+        outcome = fly(job, slot)
         with suppress(OSError):  # the campaign has ended
             connection.send(outcome)

@@ -309,3 +309,29 @@ def test_a_mission_needs_the_sensors_to_fly_it() -> None:
     words = "b.yaml:1: sensors must hold a barometer and a magnetometer that feeds the flight controller"
     assert refused(text)[0].startswith(words)
     load(text.replace("mission:", "description:"))
+
+
+def test_settings_of_the_vehicle_are_merged_over_its_file_and_saved_with_the_bench(tmp_path: Path) -> None:
+    changed = load_bench(None, settings=["vehicle_settings={mass_kg: 2.5, battery: {cells: 6}}"])
+    plain = load_bench(None)
+    assert changed.vehicle.mass_kg == 2.5
+    assert changed.vehicle.battery is not None
+    assert plain.vehicle.battery is not None
+    assert changed.vehicle.battery == plain.vehicle.battery.model_copy(update={"cells": 6})
+    assert changed.vehicle.rotors == plain.vehicle.rotors
+    again = load_bench(save_bench(changed, tmp_path))
+    assert again.vehicle == changed.vehicle
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("vehicle_settings.mas_kg=2", "did you mean 'mass_kg'"),
+        ("vehicle_settings.mass_kg=-2", "mass_kg must be above"),
+        ("vehicle_settings=3", "must be a mapping"),
+    ],
+)
+def test_a_wrong_setting_of_the_vehicle_is_named(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_bench(None, settings=[setting])
+    assert "--set vehicle_settings" in str(caught.value)
