@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from sim.frame.meshes import Triangles, height_field_triangles, mesh_triangles
 from sim.frame.mujoco_backend import WorldPose
-from sim.frame.path_traced import tessellation
 from sim.frame.path_traced.looks import Looks, corner_uv, make_looks
-from sim.frame.path_traced.tessellation import Facets
+from sim.frame.tessellation import Facets, flat_normals, primitive
 from sim.scene.world import World
 
 Float32 = NDArray[np.float32]
@@ -138,24 +137,20 @@ def _facets(
         corner = mesh.vertex[mesh.triangle].astype(np.float64)
         area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
         kept = np.isfinite(area) & (area > 0.0)
-        flat = tessellation.flat_normals(corner)
+        flat = flat_normals(corner)
         normal = flat if mesh.corner_normal is None else mesh.corner_normal.astype(np.float64)
         usable = np.einsum("nki,nki->nk", normal, flat)[..., None] > _LEAST_SMOOTH  # else a sharp edge, smoothed over
         size = np.ptp(mesh.vertex, axis=0) if len(mesh.vertex) else np.zeros(3)
         uv = None if mesh.uv is None else np.nan_to_num(mesh.uv[kept].astype(np.float64))
         edge = (float(size[0]), float(size[1]), float(size[2]))
         return Facets(corner[kept], np.where(usable, normal, flat)[kept]), uv, edge
-    if name == "PLANE":
-        return tessellation.plane(a, b), None, (2.0 * a, 2.0 * b, 0.0)
-    if name == "SPHERE":
-        return tessellation.sphere(a), None, (2.0 * a, 2.0 * a, 2.0 * a)
-    if name == "CAPSULE":
-        return tessellation.capsule(a, b), None, (2.0 * a, 2.0 * a, 2.0 * b)
-    if name == "CYLINDER":
-        return tessellation.cylinder(a, b), None, (2.0 * a, 2.0 * a, 2.0 * b)
-    if name == "ELLIPSOID":
-        return tessellation.ellipsoid((a, b, c)), None, (2.0 * a, 2.0 * b, 2.0 * c)
-    return tessellation.box((a, b, c)), None, (2.0 * a, 2.0 * b, 2.0 * c)
+    edges = {
+        "PLANE": (2.0 * a, 2.0 * b, 0.0),
+        "SPHERE": (2.0 * a, 2.0 * a, 2.0 * a),
+        "CAPSULE": (2.0 * a, 2.0 * a, 2.0 * b),
+        "CYLINDER": (2.0 * a, 2.0 * a, 2.0 * b),
+    }
+    return primitive(int(model.geom_type[geom]), (a, b, c)), None, edges.get(name, (2.0 * a, 2.0 * b, 2.0 * c))
 
 
 def _soup(corner: Float64, normal: Float64, uv: Float64, geom: NDArray[np.int32]) -> TriangleSoup:

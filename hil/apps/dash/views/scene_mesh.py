@@ -9,15 +9,15 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from signals.rotation import yaw_of
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import rgb_texture, texels_of
+from sim.frame.tessellation import primitive
 
 _MAX_TRIANGLES = 250_000  # beyond this the smallest objects are left out
 _GROUND_M = 600.0  # half an edge of an infinite plane
-_SIDES = 12  # of a cylinder
+_SEGMENTS = 12  # of a circle
 _GEOM = mujoco.mjtGeom
 _Piece = tuple[float, NDArray[np.float32], NDArray[np.uint8]]  # size [m], corners, colour
 
@@ -66,7 +66,7 @@ def scene_triangles(world: Any) -> bytes:
     moving: list[list[_Piece]] = [[] for _ in places]
     for geom in np.flatnonzero(world.geom_visible).tolist():
         corners = _corners(model, geom)
-        if corners is None or not len(corners):
+        if not len(corners):
             continue
         placed: NDArray[np.float64] = corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         size = float(np.ptp(placed, axis=0).max())
@@ -97,45 +97,15 @@ def _packed(pieces: list[_Piece]) -> bytes:
     return struct.pack("<I", count) + mesh.tobytes()
 
 
-def _corners(model: Any, geom: int) -> NDArray[Any] | None:
-    """Return the corners of a geom in its frame, three rows per triangle; None for kinds that are not shown."""
-    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+def _corners(model: Any, geom: int) -> NDArray[np.float64]:
+    """Return the corners of a geom in its frame, three rows per triangle."""
+    kind = int(model.geom_type[geom])
     if kind in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_HFIELD):
         make = mesh_triangles if kind == _GEOM.mjGEOM_MESH else height_field_triangles
         mesh = make(model, int(model.geom_dataid[geom]))
         return mesh.vertex[mesh.triangle.ravel()].astype(np.float64)
-    if kind == _GEOM.mjGEOM_PLANE:
-        x, y = (float(half) if half > 0 else _GROUND_M for half in size[:2])
-        return np.array([(-x, -y, 0), (x, -y, 0), (x, y, 0), (-x, -y, 0), (x, y, 0), (-x, y, 0)], np.float64)
-    if kind == _GEOM.mjGEOM_BOX:
-        return _hull(np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0) * size
-    if kind == _GEOM.mjGEOM_CYLINDER:
-        return _hull(_rings([(1.0, 1.0), (1.0, -1.0)])) * (size[0], size[0], size[1])
-    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID):
-        radii = np.full(3, size[0]) if kind == _GEOM.mjGEOM_SPHERE else size
-        return _hull(_rings([(math.sin(a), math.cos(a)) for a in np.linspace(0.0, math.pi, 7)])) * radii
-    if kind == _GEOM.mjGEOM_CAPSULE:
-        r, half = float(size[0]), float(size[1])
-        angles = np.linspace(0.0, math.pi, 8)
-        outline = [(r * math.sin(a), r * math.cos(a) + (half if a < math.pi / 2 else -half)) for a in angles]
-        return _hull(_rings(outline))
-    return None
-
-
-def _rings(outline: list[tuple[float, float]]) -> NDArray[np.float64]:
-    """Return points on circles about z, given as (radius, height)."""
-    angles = np.arange(_SIDES) * (2.0 * math.pi / _SIDES)
-    return np.array([(r * math.cos(angle), r * math.sin(angle), z) for r, z in outline for angle in angles])
-
-
-def _hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the convex hull of points, three rows per triangle, counter-clockwise as seen from outside."""
-    hull = ConvexHull(points)
-    corners: NDArray[np.float64] = points[hull.simplices]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("ij,ij->i", normal, hull.equations[:, :3]) < 0.0
-    corners[inward] = corners[inward][:, ::-1]
-    return corners.reshape(-1, 3)
+    size = tuple(model.geom_size[geom].tolist())
+    return primitive(kind, size, segments=_SEGMENTS, infinite_m=_GROUND_M).corner.reshape(-1, 3)
 
 
 def _colour(model: Any, geom: int) -> NDArray[np.uint8]:

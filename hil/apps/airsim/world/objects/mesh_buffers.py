@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from signals.samples import Vec3
 from sim.frame.meshes import mesh_triangles
-from sim.scene.maps.meshes import Mesh, box_with_tiles, revolve
+from sim.frame.tessellation import primitive
 from sim.scene.placed.geoms import posed
 from sim.scene.world import World
 
 _G = mujoco.mjtGeom
-_SIDES, _RINGS = 24, 12
+_SEGMENTS = 24  # of a circle
 
 
 def mesh_buffers(world: World, t_ns: int, ned: Callable[[Vec3], Vec3]) -> list[dict[str, Any]]:
@@ -48,23 +48,11 @@ def mesh_buffers(world: World, t_ns: int, ned: Callable[[Vec3], Vec3]) -> list[d
 
 def _triangles(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Return vertices and triangles of a geom in its own frame; none for planes and height fields."""
-    kind, (a, b, c) = int(model.geom_type[geom]), model.geom_size[geom].tolist()
-    mesh: Mesh
-    if kind == int(_G.mjGEOM_MESH):
-        found = mesh_triangles(model, int(model.geom_dataid[geom]))
-        return found.vertex.astype(np.float64), found.triangle
-    if kind == int(_G.mjGEOM_BOX):
-        mesh = box_with_tiles((a, b, c), (1.0, 1.0))
-    elif kind == int(_G.mjGEOM_CYLINDER):
-        mesh = revolve([(a, -b), (a, b)], _SIDES)
-    elif kind in (int(_G.mjGEOM_SPHERE), int(_G.mjGEOM_ELLIPSOID), int(_G.mjGEOM_CAPSULE)):
-        radii = (a, b, c) if kind == int(_G.mjGEOM_ELLIPSOID) else (a, a, a)
-        angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _RINGS + 2)[1:-1]
-        mesh = revolve([(float(np.cos(angle)), float(np.sin(angle))) for angle in angles], _SIDES)
-        vertex = np.array(mesh.vertices) * radii
-        if kind == int(_G.mjGEOM_CAPSULE):
-            vertex[:, 2] += np.where(vertex[:, 2] > 0.0, b, -b)
-        return vertex, np.array(mesh.triangles, np.int32)
-    else:
+    kind = int(model.geom_type[geom])
+    if kind == _G.mjGEOM_MESH:
+        mesh = mesh_triangles(model, int(model.geom_dataid[geom]))
+        return mesh.vertex.astype(np.float64), mesh.triangle
+    if kind == _G.mjGEOM_PLANE:
         return np.empty((0, 3)), np.empty((0, 3), np.int32)
-    return np.array(mesh.vertices), np.array(mesh.triangles, np.int32)
+    vertices = primitive(kind, tuple(model.geom_size[geom].tolist()), segments=_SEGMENTS).corner.reshape(-1, 3)
+    return vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)

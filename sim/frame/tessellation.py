@@ -1,7 +1,8 @@
-"""Triangles of MuJoCo's primitive shapes, for the path tracer, which knows triangles only.
+"""Triangles of MuJoCo's primitive shapes, for all who know triangles only.
 
-The distance between a round shape and its triangles is at most about `_SHARE` of its radius, within `_LEAST_M` and
-`_GREATEST_M`: vertices lie a little outside the shape, the middles of triangles a little inside.
+A round shape has a given number of segments, and its vertices lie on it. Without such a number, the distance between
+the shape and its triangles is at most about `_SHARE` of its radius, within `_LEAST_M` and `_GREATEST_M`: vertices lie a
+little outside the shape, the middles of triangles a little inside.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,23 +28,47 @@ class Facets(NamedTuple):
     normal: Float64  # (n, 3, 3) unit, outward, of the smooth surface
 
 
-def sphere(radius_m: float) -> Facets:
+def primitive(
+    kind: int, size: tuple[float, float, float], *, segments: int | None = None, infinite_m: float = INFINITE_M
+) -> Facets:
+    """Return a shape of MuJoCo's mjtGeom; no triangles for a mesh or height field.
+
+    `segments` of a full circle, a multiple of 4, None: as many as are accurate. `infinite_m`: see `plane`.
+    """
+    a, b, _ = size
+    shapes = mujoco.mjtGeom
+    if kind == shapes.mjGEOM_PLANE:
+        return plane(a, b, infinite_m)
+    if kind == shapes.mjGEOM_SPHERE:
+        return sphere(a, segments)
+    if kind == shapes.mjGEOM_CAPSULE:
+        return capsule(a, b, segments)
+    if kind == shapes.mjGEOM_CYLINDER:
+        return cylinder(a, b, segments)
+    if kind == shapes.mjGEOM_ELLIPSOID:
+        return ellipsoid(size, segments)
+    if kind == shapes.mjGEOM_BOX:
+        return box(size)
+    return Facets(np.empty((0, 3, 3)), np.empty((0, 3, 3)))
+
+
+def sphere(radius_m: float, segments: int | None = None) -> Facets:
     """Return a sphere."""
-    return ellipsoid((radius_m, radius_m, radius_m))
+    return ellipsoid((radius_m, radius_m, radius_m), segments)
 
 
-def ellipsoid(half_m: tuple[float, float, float]) -> Facets:
+def ellipsoid(half_m: tuple[float, float, float], segments: int | None = None) -> Facets:
     """Return an ellipsoid with these half axes."""
-    n, scale = _segments(max(half_m))
+    n, scale = _segments(max(half_m), segments)
     unit = _revolved(_half_circle(n), n)
     half = np.array(half_m)
     normal = unit / np.maximum(half, 1e-9)
     return _without_empty(unit * (half * scale), normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
-def capsule(radius_m: float, half_length_m: float) -> Facets:
+def capsule(radius_m: float, half_length_m: float, segments: int | None = None) -> Facets:
     """Return a capsule along z: a cylinder of this half length with two half spheres."""
-    n, scale = _segments(radius_m)
+    n, scale = _segments(radius_m, segments)
     angle = _half_circle(n)
     middle = len(angle) // 2
     angle = np.concatenate([angle[: middle + 1], angle[middle:]])  # the equator twice
@@ -53,9 +79,9 @@ def capsule(radius_m: float, half_length_m: float) -> Facets:
     return _without_empty(corner, normal)
 
 
-def cylinder(radius_m: float, half_length_m: float) -> Facets:
+def cylinder(radius_m: float, half_length_m: float, segments: int | None = None) -> Facets:
     """Return a cylinder along z with flat ends."""
-    n, scale = _segments(radius_m)
+    n, scale = _segments(radius_m, segments)
     around = np.linspace(0.0, 2.0 * math.pi, n + 1)
     rim = np.stack([np.cos(around), np.sin(around), np.zeros(n + 1)], axis=-1)
     a, b = rim[:-1], rim[1:]
@@ -90,9 +116,9 @@ def box(half_m: tuple[float, float, float]) -> Facets:
     return Facets(np.array(corners) * np.array(half_m), np.array(normals))
 
 
-def plane(half_x_m: float, half_y_m: float) -> Facets:
-    """Return a rectangle that faces +z; a half edge of 0 is infinite."""
-    x, y = (half if half > 0.0 else INFINITE_M for half in (half_x_m, half_y_m))
+def plane(half_x_m: float, half_y_m: float, infinite_m: float = INFINITE_M) -> Facets:
+    """Return a rectangle that faces +z; a half edge of 0 is infinite, and `infinite_m` long here."""
+    x, y = (half if half > 0.0 else infinite_m for half in (half_x_m, half_y_m))
     square = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
     corner = np.stack([square[[0, 1, 2]], square[[0, 2, 3]]])
     return Facets(corner, np.broadcast_to([0.0, 0.0, 1.0], corner.shape).astype(np.float64))
@@ -105,8 +131,10 @@ def flat_normals(corner: Float64) -> Float64:
     return np.repeat(normal[:, None, :], 3, axis=1)
 
 
-def _segments(radius_m: float) -> tuple[int, float]:
+def _segments(radius_m: float, segments: int | None) -> tuple[int, float]:
     """Return the segments of a full circle, and the factor that moves the vertices outwards."""
+    if segments is not None:
+        return segments, 1.0
     tolerance_m = min(max(_SHARE * radius_m, _LEAST_M), _GREATEST_M)
     n = math.ceil(math.pi / math.sqrt(2.0 * tolerance_m / max(radius_m, 1e-6)))
     n = 4 * -(-min(max(n, _MIN_SEGMENTS), _MAX_SEGMENTS) // 4)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sim.frame.path_traced.tessellation import Facets, box, capsule, cylinder, ellipsoid, plane, sphere
+from sim.frame.tessellation import Facets, box, capsule, cylinder, ellipsoid, plane, sphere
 
 SHAPES = {
     "sphere": (sphere(0.12), 4.0 / 3.0 * math.pi * 0.12**3),
@@ -33,6 +33,16 @@ def test_the_triangles_are_closed_and_face_outwards(name: str) -> None:
     assert np.abs(area.sum(axis=0)).max() < 1e-9 * max(1.0, np.abs(area).sum())
     assert (np.einsum("nki,ni->nk", shape.normal, area) > 0.0).all()
     assert np.abs(np.linalg.norm(shape.normal, axis=-1) - 1.0).max() < 1e-9
+
+
+@pytest.mark.parametrize("segments", [12, 24])
+def test_with_a_number_of_segments_the_vertices_lie_on_the_shape(segments: int) -> None:
+    assert np.linalg.norm(sphere(2.0, segments).corner, axis=-1) == pytest.approx(2.0)
+    assert np.linalg.norm(cylinder(0.3, 1.0, segments).corner[: 2 * segments, :, :2], axis=-1) == pytest.approx(0.3)
+    shape = capsule(0.1, 0.4, segments)
+    gap = shape.corner - np.clip(shape.corner, (0.0, 0.0, -0.4), (0.0, 0.0, 0.4))
+    assert np.linalg.norm(gap, axis=-1) == pytest.approx(0.1)
+    assert len(sphere(2.0, segments).corner) == segments * (segments - 2)
 
 
 @pytest.mark.parametrize("radius_m", [0.02, 0.12, 1.0, 3.0])
