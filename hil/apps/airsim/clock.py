@@ -27,6 +27,12 @@ def _advance(simulation: Simulation, end_tick: int | None) -> None:
             break
 
 
+async def _serve() -> None:
+    """Let requests be read in one round of the event loop and answered in the next."""
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+
+
 class CallsClock:
     """Clock `calls`."""
 
@@ -44,7 +50,7 @@ class CallsClock:
             while simulation.busy and simulation.runs:
                 # Time stands still at the tick in which the last task ended.
                 _advance(simulation, None)
-                await asyncio.sleep(0)
+                await _serve()
 
 
 class WallClock:
@@ -78,7 +84,7 @@ class WallClock:
                     behind -= excess
                 if behind > 0:
                     _advance(simulation, simulation.world.tick + behind)
-                    await asyncio.sleep(0)
+                    await _serve()
                 else:
                     next_ns = begin_ns + (due + 1 - begin_tick) * tick_wall_ns
                     await asyncio.sleep(max(0.0, (next_ns - now_ns) / NS_PER_S))
