@@ -48,6 +48,8 @@ RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
 
 _RESTING_MPS = 0.1  # FastPhysicsEngine::kRestingVelocityMax
 _LEAST_UPWARD = 0.7  # z of a normal of a surface that a vehicle can stand on
+_RESTING_DEPTH_M = 1e-3  # a vehicle that was put deeper into something is moved out of it
+_MOST_PUSHES = 8
 
 Log = Callable[[str], None]
 Rigs = Callable[[str], Bench]
@@ -350,6 +352,8 @@ class Simulation:
         drone.touching, drone.touched = False, ""
         self.present.settle_near()
         if drone.flight is not None:
+            if drone.settings.collisions:
+                self._push_out(drone)
             drone.flight.moved()
         elif (
             collides
@@ -359,6 +363,20 @@ class Simulation:
         ):
             drone.collide(contact)
         self._forget(drone)
+
+    def _push_out(self, drone: Drone) -> None:
+        """Move a vehicle that was put into something out of it, as AirSim does; the contact would throw it far away."""
+        vehicle, collided = drone.vehicle, False
+        for _ in range(_MOST_PUSHES):
+            contact = vehicle.touch()
+            if contact is None or contact.depth_m < _RESTING_DEPTH_M:
+                return
+            if not collided:
+                drone.collide(contact)
+                collided = True
+            truth = vehicle.truth
+            x, y, z = (p + contact.depth_m * n for p, n in zip(truth.p_WB, contact.normal_W, strict=True))
+            vehicle.place((x, y, z), truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps)
 
     def _forget(self, drone: Drone) -> None:
         """Forget what was measured and touched on the way of a vehicle that was put elsewhere."""

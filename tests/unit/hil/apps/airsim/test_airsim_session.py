@@ -499,6 +499,17 @@ def test_vehicles_that_collide(client: Client) -> None:
     assert collision["object_name"] == "A"
 
 
+def test_a_vehicle_that_is_put_into_the_ground_is_moved_out_of_it(client: Client) -> None:
+    client.call("simPause", True)
+    client.call("simSetVehiclePose", pose(0.0, 0.0, 0.4), True, "A")
+    assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+    collision = client.call("simGetCollisionInfo", "A")
+    assert collision["has_collided"] is True
+    assert collision["penetration_depth"] == pytest.approx(0.4, abs=0.01)
+    client.call("simContinueForTime", 0.2)
+    assert position(client) == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
+
+
 # Sensors
 
 
