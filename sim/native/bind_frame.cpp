@@ -107,6 +107,7 @@ void bind_frame(nb::module_ &m) {
                 if ((uv && uv->shape(0) != triangle.shape(0)) || (normal && normal->shape(0) != triangle.shape(0))) {
                     throw std::invalid_argument("uv and corner_normal need a row for each triangle");
                 }
+                nb::gil_scoped_release free;
                 return g.add_mesh(vertex.data(), vertex.shape(0), triangle.data(), triangle.shape(0),
                                   uv ? uv->data() : nullptr, normal ? normal->data() : nullptr);
             },
@@ -139,7 +140,8 @@ void bind_frame(nb::module_ &m) {
             },
             "shape"_a, "size"_a, "p_WG"_a, "R_WG"_a, "mesh"_a, "moving"_a, "visible"_a, "class_id"_a, "instance"_a,
             "surface"_a, "mask"_a = -1, "Add a geom. Shapes have the numbers of MuJoCo's mjtGeom, and its sizes.")
-        .def("finish", &fr::Geometry::finish, "Build the tree of static geoms. Call once, after the last geom.")
+        .def("finish", &fr::Geometry::finish, nb::call_guard<nb::gil_scoped_release>(),
+             "Build the tree of static geoms. Call once, after the last geom.")
         .def(
             "move",
             [](fr::Geometry &g, const In<std::int32_t, -1> &geoms, const In<double, -1, 3> &p,
@@ -215,7 +217,9 @@ void bind_frame(nb::module_ &m) {
         .def(
             "__init__",
             [](fr::SunShadows *self, const fr::Geometry &geometry, const Rgb &sun_W, int resolution, const std::string &isa) {
-                new (self) fr::SunShadows(geometry, sun_W.data(), resolution, fr::isa_by_name(isa));
+                const fr::Isa set = fr::isa_by_name(isa);
+                nb::gil_scoped_release free;
+                new (self) fr::SunShadows(geometry, sun_W.data(), resolution, set);
             },
             "geometry"_a, "sun_W"_a, "resolution"_a, "isa"_a = "", nb::keep_alive<1, 2>())
         .def("update", &fr::SunShadows::update, "reuse_static"_a, nb::call_guard<nb::gil_scoped_release>());

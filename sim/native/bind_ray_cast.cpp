@@ -44,7 +44,7 @@ void cast(RayCaster &caster, In<double, -1, 3> origins, In<double, -1, 3> direct
 
 void bind_ray_cast(nb::module_ &m) {
     nb::class_<RayCaster>(m, "RayCaster")
-        .def(nb::init<const Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>(),
+        .def(nb::init<const Geometry &>(), "geometry"_a, nb::keep_alive<1, 2>(), nb::call_guard<nb::gil_scoped_release>(),
              "Prepare the static geoms of a finished `geometry`.")
         .def("cast", &cast, "origins_W"_a, "directions_W"_a, "t_min"_a, "t_max"_a, "range_m"_a.noconvert(),
              "geom"_a.noconvert(), "normal_W"_a.noconvert() = nb::none(),

@@ -128,7 +128,7 @@ class ServedPage:
             segments, texts = sim.drawings.present()
             place = {"t_ns": truth.t_ns, "p": truth.p_WB, "q": truth.q_WB}
             frames[DRAWINGS] = place | {"texts": texts, "segments": segments}
-        for stream in wanted if sim.present.is_settled else ():
+        for stream in wanted if sim.frames.is_made and not sim.lock.held else ():
             payload = self._picture(drone, stream) if stream.endswith(_COLOUR) else None
             if payload is not None:
                 frames[stream] = payload

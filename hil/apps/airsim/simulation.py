@@ -10,6 +10,7 @@ from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.recording import Recorder
 from hil.apps.airsim.rpc.methods import Pending, RpcError
+from hil.apps.airsim.rpc.world_lock import WorldLock
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.drawings import Drawings
@@ -95,6 +96,7 @@ class Simulation:
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
         self.wake: Callable[[], None] = lambda: None  # set by the clock: something lets time go on
+        self.lock = WorldLock(lambda: self.wake())
         for name, each in settings.vehicles.items():
             self._add(name, each)
         self.default_name = settings.default_vehicle
@@ -141,8 +143,8 @@ class Simulation:
 
     @property
     def runs(self) -> bool:
-        """True unless the world is paused."""
-        return not self.paused or self.continuing
+        """True unless the world is paused, or a long call has it."""
+        return (not self.paused or self.continuing) and not self.lock.held
 
     def continue_for(self, ticks: int) -> Pending:
         """Let the world run for a number of ticks and pause it then."""
@@ -168,9 +170,10 @@ class Simulation:
             self._continued.resolve(None)
 
     def step(self) -> None:
-        """Advance by one tick."""
+        """Advance by one tick, or begin to make the world anew that a vehicle needs then."""
         world = self.world
-        self.present.settle_near()
+        if self.present.is_near and not self.lock.run(self.present.settle).done:
+            return
         world.step()
         for departure in world.take_departures():
             self._depart(departure)

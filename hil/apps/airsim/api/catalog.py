@@ -35,6 +35,29 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
 )
 
 
+# Answered also during a long call: they need nothing of the world.
+_FREE = frozenset({"ping", "getServerVersion", "getMinRequiredClientVersion"})
+# These wait for the world with all objects, if it must be made anew.
+_SEEING = frozenset(
+    {
+        *("simGetImages", "simGetImage", "simGetDetections", "getLidarData", "getDistanceSensorData", "getRadarData"),
+        *("simTestLineOfSightToPoint", "simTestLineOfSightBetweenPoints"),
+        *("simGetWorldExtents", "simGetMeshPositionVertexBuffers"),
+    }
+)
+
+
 def method_table(simulation: Simulation) -> MethodTable:
     """Return all methods of a server."""
-    return MethodTable(method for group in GROUPS for method in group(simulation))
+    frames = simulation.frames
+
+    def marked(method: Method) -> Method:
+        if method.name in _FREE:
+            return method._replace(is_free=True)
+        if method.name not in _SEEING:
+            return method
+        is_long = method.is_long
+        return method._replace(is_long=lambda *arguments: not frames.is_made or is_long(*arguments))
+
+    methods = [marked(method) for group in GROUPS for method in group(simulation)]
+    return MethodTable(methods, simulation.lock)

@@ -10,10 +10,11 @@ from hil.apps.airsim.api.session import VEHICLE
 from hil.apps.airsim.pictures.cameras import Wanted
 from hil.apps.airsim.pictures.image_types import SCENE, Taken, bgr, colours, numbers, png
 from hil.apps.airsim.rpc.arguments import BOOL, NAME, TEXT, either, list_of, one_of, struct
-from hil.apps.airsim.rpc.methods import Method, Parameter, method, optional
+from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.simulation import Simulation
 
 _MOST_IMAGES = 100
+_LARGE_PIXELS = 1 << 19  # of one call, which takes some ten milliseconds: beyond, it is drawn in a thread
 IMAGE_TYPE = one_of("ImageType", *range(12))
 CAMERA = Parameter("camera_name", NAME)
 # AirSim sends `external`, Cosys-AirSim the name of an annotation layer in its place.
@@ -64,10 +65,26 @@ def methods(simulation: Simulation) -> list[Method]:
         wanted = Wanted(sim.cameras.find(camera, vehicle, external is True), image_type, isinstance(external, str))
         return png(colours(image_type, sim.cameras.take([wanted])[0]))
 
+    def are_large(requests: list[ImageRequest], vehicle: str, external: bool) -> bool:
+        return is_large([(each.camera, each.image_type) for each in requests], vehicle, external)
+
+    def is_large(pictures: list[tuple[str, int]], vehicle: str, external: bool) -> bool:
+        try:
+            sizes = [sim.cameras.find(camera, vehicle, external).size(kind) for camera, kind in pictures]
+        except RpcError:
+            return False  # the call tells it
+        return sum(width * height for width, height in sizes) > _LARGE_PIXELS
+
     external = optional("external", BOOL, False)
+    requests, image_type = (
+        Parameter("requests", list_of(REQUEST, most=_MOST_IMAGES)),
+        Parameter("image_type", IMAGE_TYPE),
+    )
     return [
-        method("simGetImages", images, Parameter("requests", list_of(REQUEST, most=_MOST_IMAGES)), VEHICLE, external),
-        method("simGetImage", image, CAMERA, Parameter("image_type", IMAGE_TYPE), VEHICLE, EXTERNAL_OR_ANNOTATION),
+        method("simGetImages", images, requests, VEHICLE, external)._replace(is_long=are_large),
+        method("simGetImage", image, CAMERA, image_type, VEHICLE, EXTERNAL_OR_ANNOTATION)._replace(
+            is_long=lambda camera, kind, vehicle, external: is_large([(camera, kind)], vehicle, external is True)
+        ),
     ]
 
 

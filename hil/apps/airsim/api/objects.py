@@ -166,7 +166,9 @@ def methods(simulation: Simulation) -> list[Method]:
             optional("name_regex", TEXT, ".*"),
         ),
         method("simGetObjectPose", get_pose, name, optional("ned", BOOL, True)),
-        method("simSetObjectPose", set_pose, name, pose, optional("teleport", BOOL, True)),
+        method("simSetObjectPose", set_pose, name, pose, optional("teleport", BOOL, True))._replace(
+            is_long=lambda name, _, teleport: not teleport and not sim.present.is_settled and name not in sim.drones
+        ),
         method("simGetObjectScale", get_scale, name),
         method("simSetObjectScale", set_scale, name, scale),
         method("simListAssets", objects.assets),
@@ -194,7 +196,7 @@ def methods(simulation: Simulation) -> list[Method]:
             *(Parameter(each, INT) for each in ("x", "y", "z")),
             Parameter("res", FLOAT),
             Parameter("output_file", TEXT),
-        ),
+        )._replace(is_long=lambda *_: True),
         method(
             "simSwapTextures",
             lambda *_: not_here("simSwapTextures", textures, []),

@@ -19,7 +19,6 @@ import msgpack
 
 from hil.apps.airsim.rpc.methods import Caller, MethodTable, Pending, RpcError, refused
 from hil.apps.airsim.rpc.packing import pack
-from signals.errors import HilError
 
 MOST_BYTES = 8 << 20  # of one message: a path of 90 000 points
 _MOST_ITEMS = 1 << 20  # of one array or map
@@ -54,6 +53,7 @@ class Connection(asyncio.Protocol):
         self._unanswered = 0
         self._waits = False  # the client does not read its replies
         self._drains = False  # messages are left for the next turn of the loop
+        self._held: Any = None  # message that waits for the world
         self._told: set[str] = set()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -88,17 +88,22 @@ class Connection(asyncio.Protocol):
         except (msgpack.BufferFull, MemoryError):
             self._close(f"a message of more than {MOST_BYTES} bytes")
         else:
-            if not self._drains:
+            if not self._drains and self._held is None:
                 self._drain()
 
     def _drain(self) -> None:
         self._drains = False
+        held, self._held = self._held, None
         end_ns = time.perf_counter_ns() + _TURN_NS
         try:
             while not self._waits and self._transport is not None and not self._transport.is_closing():
                 try:
-                    message = self._unpacker.unpack()
+                    message = self._unpacker.unpack() if held is None else held
                 except msgpack.OutOfData:
+                    break
+                held = None
+                if self._must_wait(message):
+                    self._held = message
                     break
                 self._answer(message)
                 if time.perf_counter_ns() > end_ns:
@@ -114,7 +119,7 @@ class Connection(asyncio.Protocol):
         transport = self._transport
         if transport is None or transport.is_closing():
             return
-        if self._waits or self._drains:
+        if self._waits or self._drains or self._held is not None:
             transport.pause_reading()
         else:
             transport.resume_reading()
@@ -127,6 +132,17 @@ class Connection(asyncio.Protocol):
     def _close(self, reason: str) -> None:
         self._log(f"{self.caller.address}: {reason}; the connection was closed")
         self.close()
+
+    def _must_wait(self, message: Any) -> bool:
+        """Return True if a message waits for the world; this client is read on then."""
+        lock = self._methods.lock
+        if lock is None or not lock.held or not isinstance(message, list) or len(message) < 3:
+            return False
+        name = message[-2]
+        if not self._methods.waits(name.decode("utf-8", "surrogateescape") if isinstance(name, bytes) else str(name)):
+            return False
+        lock.then(self._drain)
+        return True
 
     def _answer(self, message: Any) -> None:
         if not isinstance(message, list) or not message:
@@ -163,8 +179,6 @@ class Connection(asyncio.Protocol):
         except RpcError as error:
             self._tell(name, str(error))
             self._reply(request, name, str(error), None)
-        except HilError as error:
-            self._reply(request, name, str(refused(name, len(values), str(error))), None)
         except Exception as defect:  # noqa: BLE001 (one client's call ends no other's)
             text = f"{type(defect).__name__}: {defect} (a defect of the server)"
             self._log(f"{name}: {text}")

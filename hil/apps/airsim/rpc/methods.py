@@ -6,9 +6,10 @@ The texts of errors are rpclib's, because scripts look for them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from hil.apps.airsim.rpc.arguments import ArgumentError, Type
+from signals.errors import HilError
 
 
 class RpcError(Exception):
@@ -61,11 +62,17 @@ class Caller(NamedTuple):
 
 
 class Method(NamedTuple):
-    """One RPC method. `call` receives the converted arguments."""
+    """One RPC method. `call` receives the converted arguments.
+
+    `is_long` tells from the arguments if the call must not hold up the event loop (`hil.apps.airsim.rpc.world_lock`).
+    A method that is `free` of the world is answered during such a call.
+    """
 
     name: str
     call: Callable[..., Any]
     parameters: tuple[Parameter, ...] = ()
+    is_long: Callable[..., bool] = lambda *_: False
+    is_free: bool = False
 
     def arguments(self, values: Sequence[Any]) -> list[Any]:
         """Return the arguments of a call, in Python's form and complete. Raises RpcError with rpclib's texts."""
@@ -96,10 +103,29 @@ def refused(name: str, count: int, reason: str) -> RpcError:
     )
 
 
+class Lock(Protocol):
+    """Lock of the world (`hil.apps.airsim.rpc.world_lock.WorldLock`)."""
+
+    @property
+    def held(self) -> bool:
+        """True while a long call has the world."""
+        ...
+
+    def run(self, work: Callable[[], Any]) -> Pending:
+        """Start work in a thread."""
+        ...
+
+    def then(self, listener: Callable[[], None]) -> None:
+        """Call `listener` after the present work."""
+        ...
+
+
 class MethodTable:
     """All methods of a server."""
 
-    def __init__(self, methods: Iterable[Method]) -> None:
+    def __init__(self, methods: Iterable[Method], lock: Lock | None = None) -> None:
+        """`lock` None: no call is long."""
+        self.lock = lock
         self._methods: dict[str, Method] = {}
         for method in methods:
             if method.name in self._methods:
@@ -127,12 +153,25 @@ class MethodTable:
             raise RpcError(f"rpclib: server could not find function '{name}' with argument count {count}.")
         self.calls[name] = self.calls.get(name, 0) + 1
         arguments = method.arguments(values)
-        try:
-            return method.call(*arguments)
-        except RpcError as error:
-            if str(error).startswith("rpclib: "):
-                raise
-            raise refused(name, count, str(error)) from None
+
+        def work() -> Any:
+            try:
+                return method.call(*arguments)
+            except RpcError as error:
+                if str(error).startswith("rpclib: "):
+                    raise
+                raise refused(name, count, str(error)) from None
+            except HilError as error:
+                raise refused(name, count, str(error)) from None
+
+        return self.lock.run(work) if self.lock is not None and method.is_long(*arguments) else work()
+
+    def waits(self, name: str) -> bool:
+        """Return True if a call must wait until a long one has ended."""
+        if self.lock is None or not self.lock.held:
+            return False
+        method = self._methods.get(name)
+        return method is not None and not method.is_free
 
 
 def method(name: str, call: Callable[..., Any], *parameters: Parameter) -> Method:

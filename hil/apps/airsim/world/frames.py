@@ -33,6 +33,11 @@ class Frames:
         if self._source is not None:
             self._source.moved(actor)
 
+    @property
+    def is_made(self) -> bool:
+        """True if the next question finds the geometry ready."""
+        return self._source is not None and self._names == tuple(self._world.vehicles) and self._scenery.is_settled
+
     def seen_by(self, vehicle: str = "", t_ns: int | None = None) -> SharedFrames:
         """Return the source for the sensors of a vehicle, which it does not show; "" is nobody, everything is shown.
 

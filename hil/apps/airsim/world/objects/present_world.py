@@ -147,15 +147,21 @@ class PresentWorld:
             rays.pose(actor, self.t_ns)
         self.on_new_world()
 
-    def settle_near(self) -> None:
-        """Make the world anew if a vehicle could touch something of what was changed within a tick."""
+    @property
+    def is_near(self) -> bool:
+        """True if a vehicle could touch within a tick what was changed, and the world must be made anew for that."""
         if not self._changed:
-            return
+            return False
         if self._spheres is None:
             self._spheres = np.array(list(self._pending_bounds.values())).reshape(-1, 4)
         centres, radii = self._spheres[:, :3], self._spheres[:, 3]
         for vehicle in self._stepped.vehicles.values():
             gap = np.sqrt(((centres - vehicle.truth.p_WB) ** 2).sum(axis=1)) - radii
             if np.any(gap < vehicle.vehicle.bounding_radius_m + _NEAR_M):
-                self.settle()
-                return
+                return True
+        return False
+
+    def settle_near(self) -> None:
+        """Make the world anew if `is_near`."""
+        if self.is_near:
+            self.settle()
