@@ -236,14 +236,6 @@ class Campaign:
             self.show(Progress(phase, ended, len(jobs), self.tally))
 
 
-def final_tally(store: Store) -> Tally:
-    """Return the counts of all cases of the plan, flakes included."""
-    tally = Tally()
-    for case in store.cases():
-        tally.add(case.status)
-    return tally
-
-
 def repeats(bench: Bench) -> bool:
     """Return True if a second flight of `bench` has the same digest; run.json tells for certain."""
     benches = bench.vehicles.values() or (bench,)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,15 @@ from typing import Any
 
 from rich.console import Console
 
-from hil.apps.campaign.campaign import Campaign, Progress, final_tally
+from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.results import tables
+from hil.apps.campaign.results.groups import groups_of
+from hil.apps.campaign.results.junit import JUNIT_NAME, write_junit
+from hil.apps.campaign.results.page import Facts, write_page
 from hil.apps.campaign.results.statistics import Tally
+from hil.apps.campaign.results.summary import Summary
 from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.stop_rule import parse_stop
@@ -27,6 +32,7 @@ from signals.errors import ConfigError, Problem, RecordingError
 
 MANY = 100_000  # points that need --yes
 MAX_POINTS = 2**53
+LIVE_PERIOD_S = 2.0  # between two campaign.json of a campaign that goes on
 
 
 @dataclass(frozen=True)
@@ -88,7 +94,8 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
         raise RecordingError(f"{out}: holds a campaign; continue it with --resume, or name another folder with --out")
     with run_folder(out), Store(out) as store, closing(make_engine(options, file, workers)) as engine:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
-            campaign = Campaign(file, plan, store, engine, out, stop, progress.update)
+            campaign = Campaign(file, plan, store, engine, out, stop)
+            campaign.show = LiveSummary(campaign, progress.update)
             try:
                 campaign.run()
             finally:
@@ -151,26 +158,46 @@ def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -
             console.print(f"  {line}")
 
 
+class LiveSummary:
+    """Writes campaign.json every few seconds while a campaign goes on, and calls `show` after every flight."""
+
+    def __init__(self, campaign: Campaign, show: Callable[[Progress], None]) -> None:
+        self._campaign, self._show = campaign, show
+        self._next_s = 0.0
+
+    def __call__(self, state: Progress) -> None:
+        self._show(state)
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + LIVE_PERIOD_S
+            campaign, tally = self._campaign, state.tally
+            doing = {"phase": state.phase, "done": state.done, "total": state.total}
+            more = {**_state(campaign, tally, now_s - campaign.began_s), "complete": False, "doing": doing}
+            tables.write_summary(campaign.out / tables.SUMMARY_NAME, tally, more)
+
+
 def write_results(campaign: Campaign, wall_s: float) -> Tally:
-    """Write all tables of a campaign, complete or not, and return its counts. Raises RecordingError."""
-    store, out = campaign.store, campaign.out
-    tally = final_tally(store)
-    measurements: dict[str, None] = {}
-    for case in store.cases():
-        measurements.update(dict.fromkeys(limit.name for limit in case.outcome.limits))
-    tables.write_csv(out / tables.CSV_NAME, store.cases(), campaign.plan.axes, sorted(measurements))
+    """Write all tables and the page of a campaign, complete or not, and return its counts. Raises RecordingError."""
+    store, out, file = campaign.store, campaign.out, campaign.file
+    summary = Summary.of(groups_of(file.spec), store.cases())
+    tally, name, bench = summary.tally, file.name, file.bench_path
+    complete = not campaign.stopped and not campaign.unfinished
+    tables.write_csv(out / tables.CSV_NAME, store.cases(), campaign.plan.axes, sorted(summary.limits))
     tables.write_lines(out / tables.LINES_NAME, store.cases())
-    tables.write_summary(out / tables.SUMMARY_NAME, tally, _summary(campaign, tally, wall_s))
+    write_junit(out / JUNIT_NAME, name, store.cases(), summary, bench)
+    ended = {"complete": complete, "doing": None, "stopped": campaign.stopped or None}
+    more = {**_state(campaign, tally, wall_s), **ended, **summary.data()}
+    tables.write_summary(out / tables.SUMMARY_NAME, tally, more)
+    points, flown, stopped = len(campaign.plan), campaign.flown, campaign.stopped
+    facts = Facts(name, file.spec.description, out, bench, points, stopped, complete, flown, wall_s)
+    write_page(facts, summary)
     return tally
 
 
-def _summary(campaign: Campaign, tally: Tally, wall_s: float) -> dict[str, Any]:
-    complete = not campaign.stopped and not campaign.unfinished
+def _state(campaign: Campaign, tally: Tally, wall_s: float) -> dict[str, Any]:
     return {
         "name": campaign.file.name,
         "points": len(campaign.plan),
-        "complete": complete,
-        "stopped": campaign.stopped or None,
         "flown": campaign.flown,
         "wall_s": wall_s,
         "exit_status": tally.exit_status,

@@ -50,7 +50,7 @@ def _page(run: Mapping[str, Any], events: Sequence[Event], report: Report, title
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>{escape(status)} {escape(str(run.get("rig", "")))} {escape(str(run.get("scene", "")))}</title>
-<style>{_CSS}</style></head><body>
+<style>{CSS}</style></head><body>
 <header class="{escape(status.lower())}"><b>{escape(status)}</b> {escape(title or headline(run))}</header>
 {message}
 {figures}
@@ -157,7 +157,7 @@ def _events(events: Sequence[Event]) -> str:
     return table(rows, ("t [s]", "kind", "text")) + note
 
 
-_CSS = """
+CSS = """
 :root{color-scheme:light dark;--ink:#20262e;--soft:#5b636e;--line:#dfe3e8;--back:#fff;--card:#f6f7f9}
 @media(prefers-color-scheme:dark){:root{--ink:#e6e9ed;--soft:#9aa3ae;--line:#343b44;--back:#15191e;--card:#1d2228}}
 *{box-sizing:border-box}

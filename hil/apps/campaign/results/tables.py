@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.store import Case
@@ -45,39 +46,29 @@ def _cell(value: Any) -> Any:
 def write_csv(path: Path, cases: Iterable[Case], axes: Iterable[str], measurements: Iterable[str]) -> None:
     """Write results.csv with one row for each case, in the order of `cases`. Raises RecordingError."""
     columns = [*_FIRST, *axes, *(name for name in measurements if name not in set(axes)), *_LAST]
-    temporary = path.with_suffix(".part")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(map(csv_row, cases))
-        temporary.replace(path)
-    except OSError as error:
-        raise _cannot_write(path, error) from error
+    with written(path) as file:
+        writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(map(csv_row, cases))
 
 
 def write_lines(path: Path, cases: Iterable[Case]) -> None:
     """Write results.jsonl: one JSON object for each case, with settings and all limits. Raises RecordingError."""
-    temporary = path.with_suffix(".part")
-    try:
-        with temporary.open("w", encoding="utf-8") as file:
-            for case in cases:
-                outcome = case.outcome
-                line = {
-                    "case": case.id,
-                    "status": case.status,
-                    "axes": dict(case.axes),
-                    "reason": case.reason,
-                    "error": outcome.error or None,
-                    "limits": [{**vars(limit), "margin": limit.margin} for limit in outcome.limits],
-                    "digest": outcome.digest if outcome.repeatable else None,
-                    "sim_s": outcome.sim_s,
-                    "set": list(case.texts),
-                }
-                file.write(json.dumps(line, ensure_ascii=False) + "\n")
-        temporary.replace(path)
-    except OSError as error:
-        raise _cannot_write(path, error) from error
+    with written(path) as file:
+        for case in cases:
+            outcome = case.outcome
+            line = {
+                "case": case.id,
+                "status": case.status,
+                "axes": dict(case.axes),
+                "reason": case.reason,
+                "error": outcome.error or None,
+                "limits": [{**vars(limit), "margin": limit.margin} for limit in outcome.limits],
+                "digest": outcome.digest if outcome.repeatable else None,
+                "sim_s": outcome.sim_s,
+                "set": list(case.texts),
+            }
+            file.write(json.dumps(line, ensure_ascii=False) + "\n")
 
 
 def write_summary(path: Path, tally: Tally, more: Mapping[str, Any]) -> None:
@@ -87,7 +78,14 @@ def write_summary(path: Path, tally: Tally, more: Mapping[str, Any]) -> None:
     write_run_json(path, {"schema": 1, **counts, "flake": tally.flakes, "pass_rate": rate, **more})
 
 
-def _cannot_write(path: Path, error: OSError) -> RecordingError:
-    return RecordingError(
-        f"{path}: cannot be written ({error.strerror or error}). The flights are stored; continue with --resume"
-    )
+@contextmanager
+def written(path: Path) -> Iterator[TextIO]:
+    """Write a file as a whole: a reader sees the old one or the new one. Raises RecordingError."""
+    temporary = path.with_name(path.name + ".part")
+    try:
+        with temporary.open("w", encoding="utf-8", newline="") as file:
+            yield file
+        temporary.replace(path)
+    except OSError as error:
+        text = f"{path}: cannot be written ({error.strerror or error}). The flights are stored; continue with --resume"
+        raise RecordingError(text) from error
