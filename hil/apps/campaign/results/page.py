@@ -31,7 +31,7 @@ _LONG = 60  # characters of a value in a heading or a cell
 
 @dataclass(frozen=True)
 class Facts:
-    """What the page tells about a campaign beside its results. `bench`: file of the base bench."""
+    """Facts about a campaign beside its results. `bench`: file of the base bench."""
 
     name: str
     description: str

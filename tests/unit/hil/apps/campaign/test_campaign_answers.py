@@ -86,7 +86,7 @@ def test_the_worst_come_first_and_the_list_is_bounded() -> None:
     margins = summary.data()["margins"]["max_cross_track_m"]
     assert margins["cases"] == 502
     assert margins["missed"] == 2
-    assert margins["min"] == -0.9
+    assert margins["min"] == pytest.approx(-0.9)
     assert margins["p50"] == pytest.approx(0.248, abs=0.002)
 
 
