@@ -14,7 +14,7 @@ from hil.apps.airsim.rpc.world_lock import WorldLock
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.drawings import Drawings
-from hil.apps.airsim.world.drone import Collision, Drone
+from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.ned import Earth, NedFrame
 from hil.apps.airsim.world.objects.present_world import PresentWorld
@@ -23,32 +23,23 @@ from hil.apps.airsim.world.past import Past
 from hil.apps.airsim.world.radars import Radars
 from hil.apps.airsim.world.sensors.sensor import Measured
 from hil.apps.airsim.world.sensors.suite import SensorSuite
+from hil.apps.airsim.world.starts import Starts
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
 from hil.run.stepped.vehicle import Pilot, SteppedVehicle
 from hil.run.stepped.world import Departure, SteppedWorld
 from signals.errors import ConfigError, LinkError, Problem
 from signals.frames import ned_from_enu
-from signals.rotation import norm
-from signals.samples import TruthState, Vec3
+from signals.samples import TruthState
 from signals.time import NS_PER_S
-from signals.units import RAD_PER_DEG
-from sim.physics.flight_start import FlightStart
-from sim.physics.scene_contact import SceneContact
-from sim.physics.start_overlap import overlapping_starts
-from sim.physics.vehicle import Vehicle
 
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
 CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` begin here, so that they repeat
 _SETTLED_M = 1e-3  # a vehicle that stands this near the place in its settings is at 0, 0, 0
-_GROUND_SEARCH_M = 3.0  # a vehicle that starts within this height of the ground stands on it
-_NEAR_BY_M = ((0.0, 0.0), *((a * m, b * m) for m in (1.0, 2.0) for a, b in ((0, 1), (1, 0), (0, -1), (-1, 0))))
 
 RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
 
-_RESTING_MPS = 0.1  # FastPhysicsEngine::kRestingVelocityMax
-_LEAST_UPWARD = 0.7  # z of a normal of a surface that a vehicle can stand on
 _RESTING_DEPTH_M = 1e-3  # a vehicle that was put deeper into something is moved out of it
 _MOST_PUSHES = 8
 
@@ -92,7 +83,7 @@ class Simulation:
         self.recorder = Recorder(
             settings.recording, self.cameras, self.drones, default=settings.default_vehicle, log=log
         )
-        self._starts: dict[str, tuple[Vehicle, FlightStart]] = {}
+        self._starts = Starts(self.scene, self.frame, self.present, on_ground=self.flies)
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
         self.wake: Callable[[], None] = lambda: None  # set by the clock: something lets time go on
@@ -181,14 +172,15 @@ class Simulation:
             truth = drone.vehicle.truth
             drone.past.add(truth)
             if truth.in_contact or drone.touching:
-                self._touch(drone)
+                drone.touch()
             if drone.flight is not None:
                 try:
                     drone.flight.observe(truth)
                 except Exception as defect:  # noqa: BLE001 (as in `_pilot`)
                     self._stop(drone.name, drone.flight, defect)
-        if len(self.drones) > 1:
-            self._meet()
+        for contact in world.take_contacts():
+            for own, other in ((contact.a, contact.b), (contact.b, contact.a)):
+                self.drones[own].meet(other, contact)
         if self.recorder.runs:
             self.recorder.observe(world.t_ns, self.now_ns)
         if self._until_tick is not None and world.tick >= self._until_tick:
@@ -211,26 +203,14 @@ class Simulation:
         """Add a vehicle that a client asked for. Raises RpcError."""
         if settings.name in self.drones:
             raise RpcError(f"there is a vehicle '{settings.name}' already; choose another name")
-        return self._add(settings.name, self._beside_others(settings))
-
-    def _beside_others(self, settings: VehicleSettings) -> VehicleSettings:
-        """Return the settings with a place near by if the vehicle would start inside another one, as AirSim does."""
-        x, y, z = settings.position_m
-        for north_m, east_m in _NEAR_BY_M:
-            moved = replace(settings, position_m=(x + north_m, y + east_m, z))
-            new = {settings.name: (self.model, self._start(moved, self.model))}
-            if not any(overlapping_starts(self.scene, {name: taken, **new}) for name, taken in self._starts.items()):
-                return moved
-        return settings
+        return self._add(settings.name, self._starts.beside_others(settings, self.model))
 
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
         rig = self._rig_of(name, settings.kind) if self.flies else None
         model = self.model if rig is None else rig.vehicle
         if settings.collisions and settings.pass_through:
             self.log(f"{name}: a collision stops the vehicle: EnableCollisionPassthrogh has no effect")
-        start = self._start(settings, model)
-        self._check_start(name, model, start)
-        self._starts[name] = (model, start)
+        start = self._starts.take(settings, model)
         vehicle = self.world.add(name, model, start, effects=self._effects, has_physics=self.flies)
         if vehicle.physics is not None:
             vehicle.physics.collides = settings.collisions
@@ -317,30 +297,6 @@ class Simulation:
             if drone.flight is not None:
                 drone.flight.close()
 
-    def _check_start(self, name: str, model: Vehicle, start: FlightStart) -> None:
-        """Raise ConfigError if a vehicle would begin inside another one's start."""
-        for other, taken in self._starts.items():
-            if overlapping_starts(self.scene, {other: taken, name: (model, start)}):
-                hint = "give Vehicles different X and Y in settings.json"
-                raise ConfigError([Problem(f"vehicle {name!r}", f"starts inside vehicle {other!r}", hint)])
-
-    def _start(self, settings: VehicleSettings, model: Vehicle) -> FlightStart:
-        """Return the start of a vehicle: on the ground if that is near the height of its settings."""
-        x, y, z = self.frame.to_W(settings.position_m)
-        yaw_rad = 0.5 * 3.141592653589793 - settings.rotation_deg[2] * RAD_PER_DEG
-        stand_m = model.standing_height_m
-        if not self.flies:
-            return FlightStart(p_WB=(x, y, z), yaw_rad=yaw_rad)
-        ground_m = self.ground_below((x, y, z + _GROUND_SEARCH_M))
-        if ground_m is not None and abs(z - stand_m - ground_m) < _GROUND_SEARCH_M:
-            return FlightStart(ground_W=(x, y, ground_m), yaw_rad=yaw_rad)
-        return FlightStart(p_WB=(x, y, z), yaw_rad=yaw_rad)
-
-    def ground_below(self, p_W: Vec3) -> float | None:
-        """Return the height in W of the scene below a point; None if there is nothing."""
-        distance_m = self.present.ray_distance(p_W, (0.0, 0.0, -1.0))
-        return None if distance_m < 0.0 else p_W[2] - distance_m
-
     def reset(self) -> None:
         """Put all vehicles back to their starts; wind and weather stay, and time goes on."""
         self._end_continuing()
@@ -387,46 +343,3 @@ class Simulation:
         drone.past.place(drone.vehicle.truth)
         drone.sensors.forget()
         self.radars.forget(drone.name)
-
-    # Collisions ------------------------------------------------------------------------------------------------------
-
-    def _touch(self, drone: Drone) -> None:
-        """Keep a contact of a vehicle with the scene that begins, goes on or meets another object.
-
-        Standing on something, and leaving something, is no collision.
-        """
-        truth, physics, flight = drone.vehicle.truth, drone.vehicle.physics, drone.flight
-        begins, drone.touching = not drone.touching, truth.in_contact
-        if not truth.in_contact:
-            drone.touched = ""
-        if not truth.in_contact or physics is None:
-            return
-        if not begins and flight is not None and flight.landed and norm(truth.v_WB_W) <= _RESTING_MPS:
-            return  # without a look at the contacts, because vehicles stand for a long time
-        contact = physics.contact()
-        if contact is None:
-            return
-        if begins or _collides(truth, contact) or drone.touched not in ("", contact.name):
-            drone.collide(contact)
-        drone.touched = contact.name
-
-    def _meet(self) -> None:
-        for contact in self.world.take_contacts():
-            for own, other in ((contact.a, contact.b), (contact.b, contact.a)):
-                drone = self.drones[own]
-                p_W = drone.vehicle.truth.p_WB
-                away = [a - b for a, b in zip(p_W, contact.point_W, strict=True)]
-                length = sum(x * x for x in away) ** 0.5 or 1.0
-                normal = (away[0] / length, away[1] / length, away[2] / length)
-                drone.collision = Collision(contact.t_ns, other, contact.point_W, normal, p_W)
-
-
-def _collides(truth: TruthState, contact: SceneContact) -> bool:
-    """Return True for a contact in which a vehicle neither stands nor leaves."""
-    vx, vy, vz = truth.v_WB_W
-    nx, ny, nz = contact.normal_W
-    away_mps = vx * nx + vy * ny + vz * nz
-    if away_mps > _RESTING_MPS:
-        return False
-    along_mps = norm((vx - away_mps * nx, vy - away_mps * ny, vz - away_mps * nz))
-    return nz < _LEAST_UPWARD or away_mps < -_RESTING_MPS or along_mps > _RESTING_MPS

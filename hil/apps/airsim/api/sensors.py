@@ -112,7 +112,7 @@ def methods(simulation: Simulation) -> list[Method]:
         if not names or (name and name not in names):
             hint = f"it has {', '.join(names)}" if names else "add a radar to the sensors of the bench file"
             raise RpcError(f"No radar with name {name} exist on vehicle {drone.name}; {hint}")
-        frame = sim.radars.frame(drone.name, name or names[0], drone.vehicle.truth)
+        frame = sim.radars.frame(drone.name, name or names[0], drone.past)
         raw, points = frame.channels["raw"], frame.channels["points"]
         table = np.stack([points["x_R"], -points["y_R"], -points["z_R"], points["speed_mps"], points["snr_db"]], axis=1)
         return {

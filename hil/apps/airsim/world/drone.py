@@ -14,8 +14,13 @@ from hil.apps.airsim.world.past import Past
 from hil.apps.airsim.world.sensors.suite import SensorSuite
 from hil.run.stepped.vehicle import SteppedVehicle
 from signals.frames import ned_from_enu
-from signals.samples import Vec3
+from signals.rotation import norm
+from signals.samples import TruthState, Vec3
 from sim.physics.scene_contact import SceneContact
+from sim.physics.vehicle_group import VehicleContact
+
+_RESTING_MPS = 0.1  # FastPhysicsEngine::kRestingVelocityMax
+_LEAST_UPWARD = 0.7  # z of a normal of a surface that a vehicle can stand on
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,34 @@ class Drone:
             contact.depth_m,
         )
 
+    def touch(self) -> None:
+        """Keep a contact with the scene that begins, goes on or meets another object.
+
+        Standing on something, and leaving something, is no collision.
+        """
+        truth, physics, flight = self.vehicle.truth, self.vehicle.physics, self.flight
+        begins, self.touching = not self.touching, truth.in_contact
+        if not truth.in_contact:
+            self.touched = ""
+        if not truth.in_contact or physics is None:
+            return
+        if not begins and flight is not None and flight.landed and norm(truth.v_WB_W) <= _RESTING_MPS:
+            return  # without a look at the contacts, because vehicles stand for a long time
+        contact = physics.contact()
+        if contact is None:
+            return
+        if begins or _collides(truth, contact) or self.touched not in ("", contact.name):
+            self.collide(contact)
+        self.touched = contact.name
+
+    def meet(self, other: str, contact: VehicleContact) -> None:
+        """Keep a contact with another vehicle."""
+        p_W = self.vehicle.truth.p_WB
+        (x, y, z), (a, b, c) = p_W, contact.point_W
+        length_m = norm((x - a, y - b, z - c)) or 1.0
+        normal = ((x - a) / length_m, (y - b) / length_m, (z - c) / length_m)
+        self.collision = Collision(contact.t_ns, other, contact.point_W, normal, p_W)
+
     def collision_info(self, epoch_ns: int, id_of: Callable[[str], int]) -> dict[str, Any]:
         """Return AirSim's collision info; time stamps count from `epoch_ns`, and `id_of` knows the objects' ids."""
         c, nothing = self.collision, Vector()
@@ -81,3 +114,14 @@ class Drone:
             "object_name": c.object_name,
             "object_id": id_of(c.object_name) if collided else -1,
         }
+
+
+def _collides(truth: TruthState, contact: SceneContact) -> bool:
+    """Return True for a contact in which a vehicle neither stands nor leaves."""
+    vx, vy, vz = truth.v_WB_W
+    nx, ny, nz = contact.normal_W
+    away_mps = vx * nx + vy * ny + vz * nz
+    if away_mps > _RESTING_MPS:
+        return False
+    along_mps = norm((vx - away_mps * nx, vy - away_mps * ny, vz - away_mps * nz))
+    return nz < _LEAST_UPWARD or away_mps < -_RESTING_MPS or along_mps > _RESTING_MPS

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from hil.apps.airsim.world.frames import Frames
+from hil.apps.airsim.world.past import Past
 from hil.config import Bench
 from hil.run.sensors.simulated_sensors import SimulatedSensors
-from signals.samples import RadarSample, TruthState
-from signals.time import NS_PER_S
+from signals.samples import RadarSample
+from signals.time import period_ns_from_hz
 
 _OUTPUTS = ("raw", "points")
 
@@ -27,12 +28,13 @@ class Radars:
         for name in self.names:
             self._last.pop((vehicle, name), None)
 
-    def frame(self, vehicle: str, name: str, truth: TruthState) -> RadarSample:
-        """Return the frame that is valid now; two questions within the radar's period have the same answer."""
-        key, rate_hz = (vehicle, name), self._bench.config.sensors[name].rate_hz
-        seq = int(truth.t_ns * rate_hz // NS_PER_S)
+    def frame(self, vehicle: str, name: str, past: Past) -> RadarSample:
+        """Return the frame that is valid now, of its own time. `past`: the states of the vehicle."""
+        key, period_ns = (vehicle, name), period_ns_from_hz(self._bench.config.sensors[name].rate_hz)
+        seq = past.now.t_ns // period_ns
         if key not in self._last or self._last[key].seq != seq:
-            source = self._frames.seen_by(vehicle)
+            truth = past.at(seq * period_ns)
+            source = self._frames.seen_by(vehicle, truth.t_ns)
             if key not in self._made or self._made[key][0] is not source:
                 sensor = SimulatedSensors(self._bench, [name], source).make(name, {"outputs": _OUTPUTS})
                 self._made[key] = (source, sensor)
