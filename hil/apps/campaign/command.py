@@ -4,35 +4,29 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
-from hil.apps.campaign.results import tables
-from hil.apps.campaign.results.groups import groups_of
-from hil.apps.campaign.results.junit import JUNIT_NAME, write_junit
-from hil.apps.campaign.results.page import Facts, write_page
+from hil.apps.campaign.results.answers import LiveSummary, write_results
 from hil.apps.campaign.results.statistics import Tally
-from hil.apps.campaign.results.summary import Summary
 from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.stop_rule import parse_stop
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.config import load_bench
 from hil.run.loop.progress import CountProgress, minutes
+from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
 from signals.errors import ConfigError, Problem, RecordingError
 
 MANY = 100_000  # points that need --yes
 MAX_POINTS = 2**53
-LIVE_PERIOD_S = 2.0  # between two campaign.json of a campaign that goes on
 
 
 @dataclass(frozen=True)
@@ -158,52 +152,6 @@ def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -
             console.print(f"  {line}")
 
 
-class LiveSummary:
-    """Writes campaign.json every few seconds while a campaign goes on, and calls `show` after every flight."""
-
-    def __init__(self, campaign: Campaign, show: Callable[[Progress], None]) -> None:
-        self._campaign, self._show = campaign, show
-        self._next_s = 0.0
-
-    def __call__(self, state: Progress) -> None:
-        self._show(state)
-        now_s = time.monotonic()
-        if now_s >= self._next_s:
-            self._next_s = now_s + LIVE_PERIOD_S
-            campaign, tally = self._campaign, state.tally
-            doing = {"phase": state.phase, "done": state.done, "total": state.total}
-            more = {**_state(campaign, tally, now_s - campaign.began_s), "complete": False, "doing": doing}
-            tables.write_summary(campaign.out / tables.SUMMARY_NAME, tally, more)
-
-
-def write_results(campaign: Campaign, wall_s: float) -> Tally:
-    """Write all tables and the page of a campaign, complete or not, and return its counts. Raises RecordingError."""
-    store, out, file = campaign.store, campaign.out, campaign.file
-    summary = Summary.of(groups_of(file.spec), store.cases())
-    tally, name, bench = summary.tally, file.name, file.bench_path
-    complete = not campaign.stopped and not campaign.unfinished
-    tables.write_csv(out / tables.CSV_NAME, store.cases(), campaign.plan.axes, sorted(summary.limits))
-    tables.write_lines(out / tables.LINES_NAME, store.cases())
-    write_junit(out / JUNIT_NAME, name, store.cases(), summary, bench)
-    ended = {"complete": complete, "doing": None, "stopped": campaign.stopped or None}
-    more = {**_state(campaign, tally, wall_s), **ended, **summary.data()}
-    tables.write_summary(out / tables.SUMMARY_NAME, tally, more)
-    points, flown, stopped = len(campaign.plan), campaign.flown, campaign.stopped
-    facts = Facts(name, file.spec.description, out, bench, points, stopped, complete, flown, wall_s)
-    write_page(facts, summary)
-    return tally
-
-
-def _state(campaign: Campaign, tally: Tally, wall_s: float) -> dict[str, Any]:
-    return {
-        "name": campaign.file.name,
-        "points": len(campaign.plan),
-        "flown": campaign.flown,
-        "wall_s": wall_s,
-        "exit_status": tally.exit_status,
-    }
-
-
 def _print_result(campaign: Campaign, tally: Tally, console: Console) -> None:
     low, rate, high = tally.interval()
     counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR, {tally.flakes} FLAKE"
@@ -212,4 +160,4 @@ def _print_result(campaign: Campaign, tally: Tally, console: Console) -> None:
         console.print(f"pass rate {rate:.3f}, between {low:.3f} and {high:.3f} (95 %)")
     if campaign.stopped:
         console.print(f"stopped early: {campaign.stopped}")
-    console.print(f"{campaign.out / tables.CSV_NAME}")
+    console.print(f"{campaign.out / PAGE_NAME}")

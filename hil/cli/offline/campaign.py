@@ -69,3 +69,17 @@ def run(o: RunOptions) -> None:
     with exit_on_error():
         status = run_campaign(o.file, options, console)
     raise typer.Exit(status)
+
+
+@campaign_app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(help="Folder of a campaign.", metavar="A")],
+    second: Annotated[Path, typer.Argument(help="Folder of another.", metavar="B")],
+    json: Annotated[Path | None, typer.Option(help="File for the comparison as JSON.", metavar="FILE")] = None,
+) -> None:
+    """Compare the cases of two campaigns, such as two firmwares; exit 1 if a case of B is worse than in A."""
+    from hil.apps.campaign.results.compare_table import run_compare
+
+    with exit_on_error():
+        status = run_compare(first, second, json, console)
+    raise typer.Exit(status)

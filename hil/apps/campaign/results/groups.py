@@ -90,3 +90,8 @@ def _of_distribution(name: str, distribution: Distribution) -> Groups:
 
 def _different(values: Sequence[Any]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(value_text(label(value)) for value in values))
+
+
+def shortened(text: str, length: int = 60) -> str:
+    """Return a text of at most `length` characters."""
+    return text if len(text) <= length else f"{text[: length - 2]} …"

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import XMLGenerator
+from xml.sax.xmlreader import AttributesImpl
 
 from hil.apps.campaign.results.again import run_command
 from hil.apps.campaign.results.groups import value_text
@@ -44,7 +45,7 @@ def _testcase(xml: XMLGenerator, name: str, case: Case, bench: Path | None) -> N
     values = {axis: value_text(value) for axis, value in case.axes.items()}
     test = ", ".join(f"{axis}={value}" for axis, value in values.items()) or name
     _start(xml, "testcase", {"classname": name, "name": test, "time": f"{outcome.wall_s:.3f}"})
-    properties = {"case": case.id, **values, "digest": outcome.digest if outcome.repeatable else ""}
+    properties: dict[str, Any] = {"case": case.id, **values, "digest": outcome.digest if outcome.repeatable else ""}
     if worst is not None:
         properties |= {"margin": worst.margin, "worst_limit": worst.name}
     _start(xml, "properties", {})
@@ -67,4 +68,5 @@ def _element(xml: XMLGenerator, tag: str, attributes: dict[str, Any], text: str 
 
 
 def _start(xml: XMLGenerator, tag: str, attributes: dict[str, Any]) -> None:
-    xml.startElement(tag, {key: _NO_XML.sub("\ufffd", str(value)) for key, value in attributes.items()})
+    texts = {key: _NO_XML.sub("\ufffd", str(value)) for key, value in attributes.items()}
+    xml.startElement(tag, AttributesImpl(texts))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from hil.apps.campaign.flight import Limit
 from hil.apps.campaign.results.again import replay_command, run_command
-from hil.apps.campaign.results.groups import value_text
+from hil.apps.campaign.results.groups import shortened, value_text
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import FEW, SAMPLE, PairRates, Rates, Summary, separation
 from hil.apps.campaign.store import Case
@@ -26,7 +26,6 @@ _MOST_PAIRS = 12
 _MOST_PICTURES = 9
 _MOST_GROUPS_OF_A_PAIR = 14
 _ORANGE_BELOW = 0.8  # rate; lower if a cell is
-_LONG = 60  # characters of a value in a heading or a cell
 
 
 @dataclass(frozen=True)
@@ -132,7 +131,7 @@ def _axis(axis: str, rates: Rates, least: float) -> str:
         low, rate, high = tally.interval()
         title = f"{tally.passed:,} of {tally.judged:,} passed: {100 * low:.1f} % to {100 * high:.1f} %"
         rows.append(
-            f"<tr title='{title}'><td class='value'>{escape(_short(name))}</td><td class='bar'><div>"
+            f"<tr title='{title}'><td class='value'>{escape(shortened(name))}</td><td class='bar'><div>"
             f"<i style='left:{place(low):.1f}%;width:{place(high) - place(low):.1f}%'></i>"
             f"<b style='left:{place(rate):.1f}%'></b></div></td>"
             f"<td class='num'>{100 * rate:.1f} %</td><td class='num soft'>{tally.judged:,}</td></tr>"
@@ -160,13 +159,13 @@ def _pairs(summary: Summary) -> str:
 def _heat_map(summary: Summary, pair: tuple[str, str], rates: PairRates, least: float) -> str:
     down, across = sorted(pair, key=lambda axis: -max(map(len, summary.groups[axis].names)))  # long names: rows
     columns = "".join(
-        f"<th title='{escape(name)}'>{escape(_short(name, 30))}</th>" for name in summary.groups[across].names
+        f"<th title='{escape(name)}'>{escape(shortened(name, 30))}</th>" for name in summary.groups[across].names
     )
     rows = ""
     for row in summary.groups[down].names:
         keys = [(row, column) if down == pair[0] else (column, row) for column in summary.groups[across].names]
         cells = "".join(_cell(rates.get(key), least) for key in keys)
-        rows += f"<tr><th title='{escape(row)}'>{escape(_short(row))}</th>{cells}</tr>"
+        rows += f"<tr><th title='{escape(row)}'>{escape(shortened(row))}</th>{cells}</tr>"
     heading = f"{escape(down)} <span class='soft'>down,</span> {escape(across)} <span class='soft'>across</span>"
     return f"<div class='card'><h3>{heading}</h3><table class='heat'><tr><th></th>{columns}</tr>{rows}</table></div>"
 
@@ -281,10 +280,6 @@ def _varies(summary: Summary, axis: str) -> bool:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _short(text: str, length: int = _LONG) -> str:
-    return text if len(text) <= length else f"{text[: length - 2]} …"
 
 
 SCRIPT = """

@@ -10,8 +10,9 @@ import csv
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.store import Case
@@ -79,11 +80,11 @@ def write_summary(path: Path, tally: Tally, more: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def written(path: Path) -> Iterator[TextIO]:
+def written(path: Path) -> Iterator[TextIOWrapper]:
     """Write a file as a whole: a reader sees the old one or the new one. Raises RecordingError."""
     temporary = path.with_name(path.name + ".part")
     try:
-        with temporary.open("w", encoding="utf-8", newline="") as file:
+        with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
             yield file
         temporary.replace(path)
     except OSError as error:

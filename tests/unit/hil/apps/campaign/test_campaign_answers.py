@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -10,14 +11,17 @@ from pathlib import Path
 import pytest
 import yaml
 
+from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.results.again import replay_command, run_command
+from hil.apps.campaign.results.answers import LiveSummary, write_results
 from hil.apps.campaign.results.groups import OTHERS, Groups, groups_of
 from hil.apps.campaign.results.junit import write_junit
 from hil.apps.campaign.results.page import write_page
 from hil.apps.campaign.results.statistics import Tally, wilson
 from hil.apps.campaign.results.summary import MOST_LISTED, Summary, separation
-from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec
+from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Stop
+from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Case, Store
 from tests.worlds.synthetic_campaign import campaign_file, facts, fill
 
@@ -182,3 +186,25 @@ def test_commands_survive_a_shell() -> None:
     assert shlex.split(run_command(None, texts)) == ["hil", "run", "--set", texts[0], "--set", texts[1]]
     assert yaml.safe_load(texts[0].partition("=")[2]) == [{"sensor": "gps"}]
     assert shlex.split(replay_command(Path("a b/cases/x"))) == ["hil", "replay", "a b/cases/x"]
+
+
+def test_campaign_json_tells_of_a_campaign_that_goes_on(tmp_path: Path) -> None:
+    file = campaign_file(tmp_path, 2)
+    states: list[Progress] = []
+    with Store(tmp_path) as store:
+        fill(store, file)
+        campaign = Campaign(file, Plan(file), store, None, tmp_path, Stop())  # type: ignore[arg-type]
+        live = LiveSummary(campaign, states.append)
+        for done in range(3):
+            live(Progress("flights", done, 8, Tally(passed=done)))
+        going_on = json.loads((tmp_path / "campaign.json").read_text())
+        campaign.unfinished = False
+        tally = write_results(campaign, 3.0)
+    assert [state.done for state in states] == [0, 1, 2]
+    assert going_on["complete"] is False
+    assert going_on["doing"] == {"phase": "flights", "done": 0, "total": 8}  # the later ones came within the period
+    ended = json.loads((tmp_path / "campaign.json").read_text())
+    assert set(going_on) < set(ended)
+    assert (ended["schema"], ended["cases"], ended["complete"], ended["doing"]) == (1, 8, True, None)
+    assert tally.cases == 8
+    assert {"results.csv", "results.jsonl", "junit.xml", "report.html"} <= {path.name for path in tmp_path.iterdir()}

@@ -1,0 +1,109 @@
+"""Comparison of two campaigns: pairs, changes, McNemar's test and margins."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.apps.campaign.results.compare import compare_campaigns
+from hil.cli.app import run_command_line
+from signals.errors import ConfigError, RecordingError
+
+Line = tuple[dict[str, Any], str, float | None]
+
+
+def campaign(folder: Path, lines: list[Line], **settings: str) -> Path:
+    """Write the results.jsonl of a campaign with one limit."""
+    folder.mkdir()
+    rows = []
+    for number, (axes, status, margin) in enumerate(lines):
+        limits = [{"name": "max_cross_track_m", "margin": margin}, {"name": "landed_tilt_deg", "margin": None}]
+        texts = [f"{key}={json.dumps(value)}" for key, value in {**axes, **settings}.items()]
+        case = f"{folder.name}{number}"
+        rows.append({"case": case, "status": status, "axes": axes, "limits": limits, "set": texts})
+    (folder / "results.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    return folder
+
+
+def seeds(statuses: str, margins: list[float | None] | None = None, **axes: Any) -> list[Line]:
+    """Return a case for each letter, with the seeds 0, 1, ..."""
+    names = {"P": "PASS", "F": "FAIL", "E": "ERROR", "K": "FLAKE"}
+    return [({"seed": n, **axes}, names[s], margins[n] if margins else 0.5) for n, s in enumerate(statuses)]
+
+
+def test_the_exact_test_is_that_of_a_worked_example(tmp_path: Path) -> None:
+    # M. Fay, R package exact2x2, example of mcnemar.exact: 21, 9, 2, 12 gives p = 0.06543
+    a = campaign(tmp_path / "a", seeds("P" * 21 + "P" * 9 + "F" * 2 + "F" * 12))
+    b = campaign(tmp_path / "b", seeds("P" * 21 + "F" * 9 + "P" * 2 + "F" * 12))
+    found = compare_campaigns(a, b)
+    assert found.discordant == (9, 2)
+    assert found.p_value == pytest.approx(0.06543, abs=5e-6)
+    assert compare_campaigns(b, a).p_value == pytest.approx(0.06543, abs=5e-6)
+    assert compare_campaigns(a, a).p_value == 1.0
+
+
+def test_an_error_is_worse_than_a_pass_and_in_no_test(tmp_path: Path) -> None:
+    a = campaign(tmp_path / "a", seeds("PPFFEK"))
+    b = campaign(tmp_path / "b", seeds("EKEPPP"))
+    found = compare_campaigns(a, b)
+    assert [change.second.status for change in found.worse] == ["ERROR", "FLAKE"]
+    assert len(found.better) == 3
+    assert found.discordant == (0, 1)
+    assert found.exit_status == 1
+    assert compare_campaigns(a, a).exit_status == 0
+
+
+def test_axes_without_a_common_value_are_left_out_and_named(tmp_path: Path) -> None:
+    a = campaign(tmp_path / "a", seeds("PPP", binary="a.elf"), rig="mock")
+    b = campaign(tmp_path / "b", seeds("PFP", binary="b.elf"), rig="px4")
+    found = compare_campaigns(a, b)
+    assert (found.pairs, found.left_out, len(found.worse)) == (3, ["binary"], 1)
+    assert found.differences == {"binary": ('"a.elf"', '"b.elf"'), "rig": ('"mock"', '"px4"')}
+
+
+def test_cases_of_one_folder_alone_are_counted(tmp_path: Path) -> None:
+    a = campaign(tmp_path / "a", seeds("PPPP"))
+    b = campaign(tmp_path / "b", seeds("PP"))
+    assert compare_campaigns(a, b).alone == (2, 0)
+
+
+def test_margins_are_compared_in_pairs(tmp_path: Path) -> None:
+    a = campaign(tmp_path / "a", seeds("PPPP", [0.1, 0.2, 0.3, None]))
+    b = campaign(tmp_path / "b", seeds("PPPP", [0.2, 0.2, 0.6, 0.4]))
+    ((name, count, first, second, low, high),) = compare_campaigns(a, b).margin_rows()
+    assert (name, count) == ("max_cross_track_m", 3)
+    # differences 0.1, 0, 0.3: mean 0.13333, standard deviation 0.152753, over sqrt(3) 0.0881917, times 1.959964
+    assert (first, second) == pytest.approx((0.2, 1.0 / 3.0))
+    assert (low, high) == pytest.approx((0.133333 - 0.172853, 0.133333 + 0.172853), abs=1e-5)
+
+
+def test_folders_that_do_not_fit_are_named(tmp_path: Path) -> None:
+    a = campaign(tmp_path / "a", seeds("PP", scene="airfield"))
+    other = campaign(tmp_path / "other", [({"seed": n + 5, "scene": "city_park"}, "PASS", 0.5) for n in range(2)])
+    with pytest.raises(ConfigError, match=r"has several cases with the same axes: .* differ in scene, seed"):
+        compare_campaigns(a, other)
+    with pytest.raises(ConfigError, match=r"nowhere/results.jsonl: does not exist \(give the folders"):
+        compare_campaigns(a, tmp_path / "nowhere")
+    lines = (a / "results.jsonl").read_text()
+    for damage in ("{", "7", '{"case": 1}', "\xff"):
+        (other / "results.jsonl").write_bytes((lines + damage).encode("latin-1"))
+        with pytest.raises(RecordingError, match=r"results.jsonl:\d: damaged"):
+            compare_campaigns(a, other)
+
+
+def test_the_command_exits_with_1_if_a_case_became_worse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a = campaign(tmp_path / "a", seeds("PPF" + "P" * 30))
+    b = campaign(tmp_path / "b", seeds("PFP" + "F" * 30))
+    out = tmp_path / "difference.json"
+    assert run_command_line(["campaign", "compare", str(a), str(b), "--json", str(out)]) == 1
+    printed = capsys.readouterr().out
+    assert "PASS to FAIL: 31, FAIL to PASS: 1; exact McNemar test p = " in printed
+    assert "PASS -> FAIL  a1 -> b1  seed=1" in printed
+    assert "and 11 more" in printed
+    data = json.loads(out.read_text())
+    assert (data["pairs"], len(data["worse"]), len(data["better"]), data["exit_status"]) == (33, 31, 1, 1)
+    assert run_command_line(["campaign", "compare", str(a), str(a)]) == 0
+    assert run_command_line(["campaign", "compare", str(a), str(tmp_path / "none")]) == 2
