@@ -15,7 +15,7 @@ constexpr std::size_t kRaysPerThread = 512;  // with fewer, a thread costs more 
 constexpr int kMostThreads = 64;
 constexpr double kDriftedApart = 1.5;  // growth of the moving tree's area at which it is rebuilt
 
-CastGeom cast_geom(const Geom &g, bool shown) {
+CastGeom cast_geom(const Geom &g, bool shown, const Aabb &box) {
     CastGeom c{};
     std::copy_n(g.p_WG, 3, c.p_WG);
     std::copy_n(g.R_WG, 9, c.R_WG);
@@ -27,6 +27,9 @@ CastGeom cast_geom(const Geom &g, bool shown) {
     c.mask = g.mask;
     c.shape = g.shape;
     c.shown = shown;
+    const Aabb outer = padded(box);
+    std::copy_n(outer.lo, 3, c.lo);
+    std::copy_n(outer.hi, 3, c.hi);
     return c;
 }
 
@@ -98,8 +101,8 @@ RayCaster::RayCaster(const Geometry &geometry) : geometry_(geometry) {
     const std::size_t n = geometry.geoms().size();
     boxes_.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
-        geoms_.push_back(cast_geom(geometry.geoms()[i], geometry.shown(static_cast<int>(i))));
         boxes_[i] = geometry.world_box(static_cast<int>(i));
+        geoms_.push_back(cast_geom(geometry.geoms()[i], geometry.shown(static_cast<int>(i)), boxes_[i]));
     }
     for (const Mesh &mesh : geometry.meshes()) {
         Bvh tree;
@@ -126,8 +129,8 @@ void RayCaster::refresh() {
         const auto i = static_cast<std::size_t>(item);
         const bool shown = geometry_.shown(item);
         const Geom &g = geometry_.geoms()[i];
-        geoms_[i] = cast_geom(g, shown);
         boxes_[i] = !shown ? inside_out() : bounded(g) ? geometry_.world_box(item) : everywhere();
+        geoms_[i] = cast_geom(g, shown, boxes_[i]);
     }
     // The tree of moving geoms keeps its topology until its boxes have grown. This affects speed, never the result.
     if (!fresh_ || refit(moving_, boxes_) > kDriftedApart * moving_area_) {

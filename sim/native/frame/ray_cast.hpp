@@ -6,7 +6,7 @@
 // geom index counts, then triangle index, so the result depends only on the rays and the scene, not on the tree, the
 // grouping, the threads or the CPU.
 //
-// Method: rays are sorted by direction and taken eight at a time, in groups of four such packets. Their common beam
+// Method: rays are sorted by direction and taken eight at a time, in groups of eight such packets. Their common beam
 // (bounds of origins and directions) traverses a tree with eight boxes a node, near to far. Shapes are intersected with
 // eight rays at once (shapes.hpp), triangles eight at once with each ray that enters their box. A beam skips nodes
 // behind the farthest hit that it still needs.
@@ -27,6 +27,7 @@ namespace hil::sim::frame {
 // Geom as the kernel reads it.
 struct CastGeom {
     double p_WG[3], R_WG[9];
+    float lo[3], hi[3];  // box in W, padded as the boxes of the trees are
     double size[3];
     double inverse_size[3];  // ellipsoids
     std::int32_t mesh, mask;  // mask -1: no holes

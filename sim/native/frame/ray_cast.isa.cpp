@@ -11,13 +11,13 @@ namespace {
 
 constexpr double kBeyond = 1e30;     // stands for an infinite t: finite, so that its product with 0 is 0
 constexpr double kFarthest = 1e7;    // as in geometry.cpp
-constexpr int kFewBlocks = 4;        // a mesh with so few blocks is tested without its tree
+constexpr int kFewBlocks = 16;       // a mesh with so few blocks is tested without its tree
 constexpr double kLaneNumber[kLanes] = {0, 1, 2, 3, 4, 5, 6, 7};
-constexpr int kTogether = 4;         // packets that traverse the trees of the scene as one beam
+constexpr int kTogether = 8;         // packets that traverse the trees of the scene as one beam
 
 // Eight rays and their nearest hits so far.
 struct Packet {
-    Vec<D> o, d;
+    Vec<D> o, d, inverse;  // 1 / d
     D t_min;
     D t, geom, part;  // geom and part are integers: ties are decided by comparing them
     double far;       // no hit beyond it can be the nearest of any ray
@@ -199,6 +199,12 @@ HIL_NOINLINE void meet_mesh(const CastMesh &mesh, const AlphaMask *mask, double 
     p.far = smaller(largest(p.t), kBeyond);
 }
 
+// Returns false if no ray of the packet enters the geom's box before its nearest hit.
+HIL_INLINE bool may_meet(const Packet &p, const CastGeom &g) {
+    const Interval<D> box = within(p.o, p.inverse, g.lo, g.hi);
+    return any((box.enter <= box.leave) & (box.leave >= p.t_min) & (box.enter <= p.t));
+}
+
 HIL_INLINE void meet_geom(const CastScene &scene, std::int32_t index, bool tree, StackEntry *stack, Packet &p,
                           double t_min) {
     const CastGeom &g = scene.geoms[index];
@@ -292,6 +298,7 @@ HIL_INLINE bool load_packet(const RayBatch &rays, const Places &places, double t
         p.o = {lane(p.o.x), lane(p.o.y), lane(p.o.z)};
         p.d = {lane(p.d.x), lane(p.d.y), lane(p.d.z)};
     }
+    p.inverse = {inverse_of(p.d.x), inverse_of(p.d.y), inverse_of(p.d.z)};
     p.t_min = splat<D>(t_min);
     p.geom = p.part = splat<D>(kInf);
     p.t = select(good, splat<D>(rays.skips.max_range ? rays.t_max : kInf), splat<D>(-kInf));
@@ -329,8 +336,9 @@ HIL_INLINE void meet_scene(const CastScene &scene, Packet *const *packets, int c
     const auto meet = [&](std::int32_t geom, double near, StackEntry *free) {
         far = -kInf;
         for (int k = 0; k < count; ++k) {
-            if (near <= packets[k]->far) meet_geom(scene, geom, true, free, *packets[k], t_min);
-            far = larger(far, packets[k]->far);
+            Packet &p = *packets[k];
+            if (near <= p.far && may_meet(p, scene.geoms[geom])) meet_geom(scene, geom, true, free, p, t_min);
+            far = larger(far, p.far);
         }
     };
     for (std::int32_t i = 0; i < scene.unbounded_count; ++i)
