@@ -40,9 +40,6 @@ _SETTLED_M = 1e-3  # a vehicle that stands this near the place in its settings i
 
 RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
 
-_RESTING_DEPTH_M = 1e-3  # a vehicle that was put deeper into something is moved out of it
-_MOST_PUSHES = 8
-
 Log = Callable[[str], None]
 Rigs = Callable[[str], Bench]
 
@@ -312,7 +309,7 @@ class Simulation:
         self.present.settle_near()
         if drone.flight is not None:
             if drone.settings.collisions:
-                self._push_out(drone)
+                drone.push_out()
             drone.flight.moved()
         elif (
             collides
@@ -322,20 +319,6 @@ class Simulation:
         ):
             drone.collide(contact)
         self._forget(drone)
-
-    def _push_out(self, drone: Drone) -> None:
-        """Move a vehicle that was put into something out of it, as AirSim does; the contact would throw it far away."""
-        vehicle, collided = drone.vehicle, False
-        for _ in range(_MOST_PUSHES):
-            contact = vehicle.touch()
-            if contact is None or contact.depth_m < _RESTING_DEPTH_M:
-                return
-            if not collided:
-                drone.collide(contact)
-                collided = True
-            truth = vehicle.truth
-            x, y, z = (p + contact.depth_m * n for p, n in zip(truth.p_WB, contact.normal_W, strict=True))
-            vehicle.place((x, y, z), truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps)
 
     def _forget(self, drone: Drone) -> None:
         """Forget what was measured and touched on the way of a vehicle that was put elsewhere."""

@@ -21,6 +21,8 @@ from sim.physics.vehicle_group import VehicleContact
 
 _RESTING_MPS = 0.1  # FastPhysicsEngine::kRestingVelocityMax
 _LEAST_UPWARD = 0.7  # z of a normal of a surface that a vehicle can stand on
+_RESTING_DEPTH_M = 1e-3  # a vehicle that was put deeper into something is moved out of it
+_MOST_PUSHES = 8
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,19 @@ class Drone:
         if begins or _collides(truth, contact) or self.touched not in ("", contact.name):
             self.collide(contact)
         self.touched = contact.name
+
+    def push_out(self) -> None:
+        """Move a vehicle that was put into something out of it, as AirSim does; the contact would throw it far away."""
+        vehicle = self.vehicle
+        for push in range(_MOST_PUSHES):
+            contact = vehicle.touch()
+            if contact is None or contact.depth_m < _RESTING_DEPTH_M:
+                return
+            if push == 0:
+                self.collide(contact)
+            truth = vehicle.truth
+            x, y, z = (p + contact.depth_m * n for p, n in zip(truth.p_WB, contact.normal_W, strict=True))
+            vehicle.place((x, y, z), truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps)
 
     def meet(self, other: str, contact: VehicleContact) -> None:
         """Keep a contact with another vehicle."""
