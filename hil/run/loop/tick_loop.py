@@ -107,8 +107,6 @@ def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool
     )
     # The garbage collector is off during the flight: its pauses are jitter on the link, and a tick makes no
     # reference cycles.
-    gc.collect()
-    gc.freeze()
     gc.disable()
     try:
         with progress, ExitStack() as stack:
@@ -140,7 +138,6 @@ def fly_ticks(flights: Sequence[Flight], *, quiet: bool, step: Callable[[], bool
             flight.run.event("status", str(stop) or "stopped from the keyboard")
     finally:
         gc.enable()
-        gc.unfreeze()
 
 
 def _status_of_all(flights: Sequence[Flight]) -> tuple[str, int, int]:
