@@ -96,25 +96,22 @@ def test_a_lockstep_flight_is_the_same_beside_busy_processors_and_its_recording_
     assert repeated(first.out, tmp_path / "again") == first.run["digest"]
 
 
-@pytest.mark.parametrize("arrangement", ["shared_memory", "one_port", "ports"])
-def test_every_arrangement_carries_the_same_flight_with_the_keys_of_the_bench(arrangement: str, tmp_path: Path) -> None:
+def test_every_arrangement_carries_the_same_flight_with_the_keys_of_the_bench(tmp_path: Path) -> None:
     make_keys(tmp_path / "keys", ["waypoints", "echo"])
-    shown = f"arrangement: {arrangement}, keys: {tmp_path / 'keys'}"
-    companion = f"start: [waypoints, echo], control: true, rate_hz: 10, {shown}"
-    outcome = fly(tmp_path, companion, CAMERAS, settings=("duration_s=4",))
-    run = outcome.run
-    assert run["error"] is None, run["error"]
-    assert run["companion"]["arrangement"] == arrangement
-    echo = run["companion"]["clients"]["echo"]
-    assert (echo["frames"], echo["dropped"], echo["malformed"], echo["control"]) == (40, 0, 0, False)
-    assert {"front/rgb", "front/depth", "rear/rgb", "imu", "truth"} <= set(echo["topics"])
-    assert echo["bytes"] > 30 * 32 * 24 * (3 + 4 + 3)
-    assert run["companion"]["clients"]["waypoints"]["topics"] == ["truth"]
-    _DIGESTS.add(run["digest"])
-    assert len(_DIGESTS) == 1
-
-
-_DIGESTS: set[str] = set()  # of the flights above, all equal
+    digests = set()
+    for arrangement in ("shared_memory", "one_port", "ports"):
+        shown = f"arrangement: {arrangement}, keys: {tmp_path / 'keys'}"
+        companion = f"start: [waypoints, echo], control: true, rate_hz: 10, {shown}"
+        run = fly(tmp_path / arrangement, companion, CAMERAS, settings=("duration_s=4",)).run
+        assert run["error"] is None, run["error"]
+        assert run["companion"]["arrangement"] == arrangement
+        echo = run["companion"]["clients"]["echo"]
+        assert (echo["frames"], echo["dropped"], echo["malformed"], echo["control"]) == (40, 0, 0, False)
+        assert {"front/rgb", "front/depth", "rear/rgb", "imu", "truth"} <= set(echo["topics"])
+        assert echo["bytes"] > 30 * 32 * 24 * (3 + 4 + 3)
+        assert run["companion"]["clients"]["waypoints"]["topics"] == ["truth"]
+        digests.add(run["digest"])
+    assert len(digests) == 1
 
 
 def test_channels_that_no_client_wants_are_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
