@@ -70,7 +70,7 @@ def test_rays_are_the_same_with_and_without_each_rule(park: Case) -> None:
     assert len(rules) == 2
     for rule in rules:
         assert compare(rule, rounds=1)[1] == 0.0
-        _, found = next(rule.run(False))
+        _, found = next(rule.run(True))
         met = found["range"][found["geom"] >= 0]
         assert len(met) > 1000
         assert met.max() <= 50.0

@@ -11,7 +11,7 @@ import pytest
 from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
-from hil.run.recorder.reading import Recording, read_messages
+from hil.run.recorder.reading import Recording
 from tests.worlds.bench_process import hil
 from tests.worlds.run_json_schema import problems_of
 
@@ -59,14 +59,14 @@ def test_the_recording_holds_every_tick_and_every_message(flown: Path) -> None:
     run = json.loads((flown / "run.json").read_text())
     ticks = run["autopilot"]["steps"]
     counts: dict[str, int] = {}
-    for message in read_messages(flown / "run.mcap"):
+    recording = Recording(flown / "run.mcap")
+    for message in recording.messages():
         counts[message.topic] = counts.get(message.topic, 0) + 1
     assert counts["/truth/pose"] == counts["/imu"] == ticks
     assert counts["/gps"] == pytest.approx(ticks / 25, abs=3)  # the last messages were still in transit
     assert counts["/baro"] == counts["/mag"] == run["sensors"]["baro"]["samples"]
     assert counts["/mavlink/to_autopilot"] > ticks
     assert counts["/actuators"] == ticks - 20
-    recording = Recording(flown / "run.mcap").scan()
     assert recording.complete
     assert recording.metadata["hil_result"]["digest"] == run["digest"]
 

@@ -24,7 +24,7 @@ from sim.scene.maps.scene_map import SceneMap
 NAMES = tuple(GENERATORS)
 WALKED = ("city_park", "urban_delivery", "training_village", "radar_range")  # maps with people who move
 SEEDS = (1, 2, 3)
-EVERY_SEED = [*SEEDS, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (4, 5))]
+EVERY_SEED = [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 4, 5))]
 GEOM = mujoco.mjtObj.mjOBJ_GEOM
 BODY = mujoco.mjtObj.mjOBJ_BODY
 

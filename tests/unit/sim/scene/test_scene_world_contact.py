@@ -29,6 +29,12 @@ TICK_NS = 4_000_000
 OFF = (0.0,) * 4
 
 
+@pytest.fixture(scope="module")
+def walls(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    """The yard, compiled once."""
+    return yard(tmp_path_factory.mktemp("yard"))
+
+
 @pytest.fixture
 def walked(monkeypatch: pytest.MonkeyPatch) -> Pacer:
     """The actor of the generated yard that `walked_yard` loads."""
@@ -82,14 +88,13 @@ TARGETS = {  # name: (somewhere in it, direction from which it is flown into)
 
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("speed", [pytest.param(5.0, marks=pytest.mark.slow), 15.0])
-def test_what_is_flown_into_stops_it_and_skipping_changes_no_bit(target: str, speed: float, tmp_path: Path) -> None:
-    scene = yard(tmp_path)
+def test_what_is_flown_into_stops_it_and_skipping_changes_no_bit(target: str, speed: float, walls: Scene) -> None:
     target_p, direction = TARGETS[target]
     distance = 3.0
     start = tuple(p + distance * e for p, e in zip(target_p, direction, strict=True))
     ticks = round(250 * 1.6 * distance / speed)
     flights = [
-        fly(scene, start, tuple(-speed * e for e in direction), ticks, skipping=skipping) for skipping in (True, False)
+        fly(walls, start, tuple(-speed * e for e in direction), ticks, skipping=skipping) for skipping in (True, False)
     ]
     (with_skipping, physics), (without, slow) = flights
     assert with_skipping == without
@@ -156,12 +161,11 @@ def test_time_of_the_scene_may_begin_later(walked: Pacer) -> None:
     assert touched == {0: False, 2_000_000_000: True}
 
 
-def test_clearance_is_a_lower_bound_of_mujocos_distance_and_tight(tmp_path: Path) -> None:
+def test_clearance_is_a_lower_bound_of_mujocos_distance_and_tight(walls: Scene) -> None:
     """Against mj_geomDistance from a small sphere to every solid geom."""
-    scene = yard(tmp_path)
     vehicle = load_vehicle("x500")
-    tree = solid_tree(load_world(scene))
-    model = build_model(scene, vehicle, contact_step_s=0.001)
+    tree = solid_tree(load_world(walls))
+    model = build_model(walls, vehicle, contact_step_s=0.001)
     data = mujoco.MjData(model)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "vehicle")
     sphere = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "vehicle_body")
@@ -232,18 +236,17 @@ def test_nothing_solid_is_infinitely_far_and_wrong_shapes_are_refused() -> None:
         SolidTree(kind=np.array([6], np.int32), pose=np.zeros((2, 12)), size=np.ones((1, 3)))
 
 
-def test_contact_model_of_a_map_holds_only_what_is_solid(tmp_path: Path) -> None:
-    scene = yard(tmp_path)
-    world = load_world(scene)
+def test_contact_model_of_a_map_holds_only_what_is_solid(walls: Scene) -> None:
+    world = load_world(walls)
     vehicle = load_vehicle("x500")
-    model = build_model(scene, vehicle, contact_step_s=0.001)
+    model = build_model(walls, vehicle, contact_step_s=0.001)
     assert (model.nq, model.nv) == (7, 6)
     assert model.ngeom == int(world.geom_solid.sum()) + len(vehicle.contact_spheres)
     assert world.geom_solid.sum() == world.model.ngeom - 2  # the leaf and the shape of group 4
     assert set(model.geom_solimp[:, 4].tolist()) == {2.0}
     assert np.array_equal(model.hfield_data, world.model.hfield_data)
     model.opt.timestep = 99.0
-    assert build_model(scene, vehicle, contact_step_s=0.001).opt.timestep == 0.001  # each flight has its own
+    assert build_model(walls, vehicle, contact_step_s=0.001).opt.timestep == 0.001  # each flight has its own
 
 
 @pytest.mark.parametrize(
@@ -257,8 +260,8 @@ def test_contact_model_of_a_map_holds_only_what_is_solid(tmp_path: Path) -> None
         ((20.0, 20.0), 0.0),
     ],
 )
-def test_range_finder_sees_what_is_drawn(over: tuple[float, float], height: float, tmp_path: Path) -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), yard(tmp_path), TICK_NS, start=FlightStart(p_WB=(*over, 30.0)))
+def test_range_finder_sees_what_is_drawn(over: tuple[float, float], height: float, walls: Scene) -> None:
+    physics = QuadrotorPhysics(load_vehicle("x500"), walls, TICK_NS, start=FlightStart(p_WB=(*over, 30.0)))
     truth = physics.advance(0, OFF)
     seen = GroundRange(physics.scene, (0.0, 0.0, 0.0)).distance_m(truth)
     assert seen == pytest.approx(30.0 - height, abs=1e-6)

@@ -133,7 +133,12 @@ def frames() -> SharedFrames:
     return SharedFrames(load_world(load_scene("radar_range")))
 
 
-@pytest.mark.parametrize("preset", FRAMED)
+SLOW = {"bgt60tr13c_wideband", "hdl32e", "os1_64"}  # their kinds have other presets
+
+
+@pytest.mark.parametrize(
+    "preset", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else []) for name in FRAMED]
+)
 def test_what_sees_the_world_gives_the_same_bytes_for_the_same_seed_and_shares_none(
     preset: str, frames: SharedFrames
 ) -> None:
