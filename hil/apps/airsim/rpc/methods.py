@@ -164,7 +164,10 @@ class MethodTable:
             except HilError as error:
                 raise refused(name, count, str(error)) from None
 
-        return self.lock.run(work) if self.lock is not None and method.is_long(*arguments) else work()
+        if self.lock is None or not method.is_long(*arguments):
+            return work()
+        pending = self.lock.run(work)
+        return pending.result if pending.done else pending
 
     def waits(self, name: str) -> bool:
         """Return True if a call must wait until a long one has ended."""
