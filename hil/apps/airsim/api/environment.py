@@ -20,7 +20,7 @@ from hil.apps.airsim.world.surroundings import ENABLED, SUMMER_TIME
 from signals.frames import ned_from_enu
 from signals.time import NS_PER_S
 
-_MOST_WIND_MPS = 50.0
+_MOST_WIND_MPS = 100.0
 _FORMAT = "%Y-%m-%d %H:%M:%S"
 
 

@@ -28,7 +28,7 @@ from signals.samples import Vec3
 DEFAULT_PORT = 41451
 _VERSION = 1.2  # the first that has the keys read here
 _COSYS_VERSION = 2.0
-_MOST_WIND_MPS, _MOST_FORCE_N = 50.0, 200.0
+_MOST_WIND_MPS, _MOST_FORCE_N = 100.0, 200.0
 _NOT_SIMULATED = ("Car", "SkidVehicle")
 _RENAMED = ("AdditionalCameras", "CaptureSettings", "NoiseSettings", "UsageScenario", "SimpleFlight", "PX4")
 _WITHOUT_MEANING = (
