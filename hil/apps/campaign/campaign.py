@@ -15,7 +15,7 @@ import shutil
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -182,7 +182,7 @@ class Campaign:
     def _second_flights(self, share: float) -> list[Job]:
         """Return the second flights that are not yet made."""
         return [
-            self._job(case.id, case.texts, "messages", again=True)
+            replace(self._job(case.id, case.texts, "messages", again=True), flown_at=case.outcome.place)
             for case in self.store.cases(by_plan=True)
             if case.outcome.repeatable
             and case.outcome.status != "ERROR"

@@ -86,7 +86,7 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
     out = options.out or Path("campaigns") / file.name
     if (out / STORE_NAME).is_file() and not options.resume:
         raise RecordingError(f"{out}: holds a campaign; continue it with --resume, or name another folder with --out")
-    with run_folder(out), Store(out) as store, closing(make_engine(options, file, workers)) as engine:
+    with closing(make_engine(options, file, workers)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
             campaign = Campaign(file, plan, store, engine, out, stop)
             campaign.show = LiveSummary(campaign, progress.update)
@@ -101,7 +101,13 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
 def make_engine(options: CampaignOptions, file: CampaignFile, workers: int) -> Engine:
     """Return the engine that the options name. Raises HilError if it cannot be used."""
     if options.engine == "local":
+        if options.address is not None:
+            raise ConfigError([Problem("--address", "belongs to --engine ray")])
         return LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
+    if options.engine == "ray":
+        from hil.apps.campaign.engines.ray import RayEngine
+
+        return RayEngine(file.spec, address=options.address, workers=options.workers, processors=processors())
     raise ConfigError([Problem("--engine", f"is unknown: {options.engine!r}", "local or ray")])
 
 

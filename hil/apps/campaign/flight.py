@@ -33,6 +33,7 @@ class Job:
     folder: str  # for the files of the run
     recording: Recording = "none"
     keep: bool = True  # False: the folder is removed after a PASS
+    flown_at: str = ""  # place of the case's first flight; this one is made on another node if there is one
 
 
 @dataclass(frozen=True)

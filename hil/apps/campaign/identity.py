@@ -9,49 +9,28 @@ from __future__ import annotations
 import hashlib
 import tempfile
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import firmware_bridge
-import hil.config
-import hil.run
-import rigs
-import signals
 import signals._kernel
-import sim
 import sim._kernels
+from hil.apps.campaign.engines.program import source_digest
 from hil.config import Bench
 from hil.config.saved import resolved_yaml
 from hil.config.scenes import save_scene
 from hil.config.schema import Record
 
-_PACKAGES = (signals, sim, firmware_bridge, hil.config, hil.run, rigs)  # what a flight is made of
 _KERNELS = (signals._kernel, sim._kernels)
-_CODE = (".py", ".onnx")  # settings in YAML files are in the resolved bench
 _ID_BYTES = 10
 
 
 @cache
 def program_digest() -> str:
     """Return a hash of the version, and of the source files and native kernels that make a flight."""
-    digest = hashlib.blake2b(_installed_version().encode(), digest_size=16)
+    digest = hashlib.blake2b(source_digest().encode(), digest_size=16)
     for kernel in _KERNELS:
         digest.update(hashlib.blake2b(Path(str(kernel.__file__)).read_bytes(), digest_size=16).digest())
-    for package in _PACKAGES:
-        for folder in map(Path, package.__path__):
-            for path in sorted(folder.rglob("*")):
-                if path.suffix in _CODE and path.is_file():
-                    digest.update(f"{path.relative_to(folder).as_posix()}\0".encode())
-                    digest.update(hashlib.blake2b(path.read_bytes(), digest_size=16).digest())
     return digest.hexdigest()
-
-
-def _installed_version() -> str:
-    try:
-        return version("hil-bench")
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def case_id(bench: Bench) -> str:

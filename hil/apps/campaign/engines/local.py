@@ -17,6 +17,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from hil.apps.campaign.engines.engine import Done
+from hil.apps.campaign.engines.numbers import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome, Slot, fly
 
 _END_S = 5.0  # a worker that is asked to end gets this long
@@ -32,7 +33,8 @@ class LocalEngine:
         if sys.platform == "linux":
             context.set_forkserver_preload(["hil.apps.campaign.engines.warm"])
         self._context = context
-        self._workers = [_Worker(context, number, _share(number, workers, cores)) for number in range(workers)]
+        self._numbers = [FlightNumber() for _ in range(workers)]
+        self._workers = [_Worker(context, held.number, _share(held.number, cores)) for held in self._numbers]
 
     @property
     def capacity(self) -> int:
@@ -68,6 +70,8 @@ class LocalEngine:
     def close(self) -> None:
         for worker in self._workers:
             worker.kill()
+        while self._numbers:
+            self._numbers.pop().free()
 
 
 class _Worker:
@@ -138,12 +142,12 @@ class _Worker:
         self._connection = ours
 
 
-def _share(number: int, workers: int, cores: int) -> list[int]:
-    """Return the processors of a worker; none: it may use all, because there are too few for each to have its own."""
+def _share(number: int, cores: int) -> list[int]:
+    """Return the processors of a flight by its number; none: it may use all, because lower numbers have them."""
     if not hasattr(os, "sched_getaffinity"):
         return []
     allowed = sorted(os.sched_getaffinity(0))
-    return allowed[number * cores : (number + 1) * cores] if workers * cores <= len(allowed) else []
+    return allowed[number * cores : (number + 1) * cores] if (number + 1) * cores <= len(allowed) else []
 
 
 def _serve(connection: Connection, number: int, processors: Sequence[int]) -> None:

@@ -1,0 +1,54 @@
+"""Numbers of the flights that run on this machine at the same time, whatever campaign or node they belong to.
+
+The number keeps the ports of simulated autopilots apart, and gives each flight processors of its own. It is held by a
+lock on a file (flock), which the kernel releases when the process ends.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import tempfile
+from pathlib import Path
+
+from signals.errors import RecordingError
+
+_MOST = 1024
+
+
+def user_folder() -> Path:
+    """Return a folder for temporary files that only this user can write. Raises RecordingError."""
+    folder = Path(tempfile.gettempdir()) / f"hil-campaign-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.is_symlink() or folder.stat().st_uid != os.getuid():
+            raise RecordingError(f"{folder}: belongs to another user; remove it, or set TMPDIR")
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be used for temporary files ({error.strerror}); set TMPDIR") from error
+    return folder
+
+
+class FlightNumber:
+    """The lowest free number on this machine, held until `free`."""
+
+    def __init__(self) -> None:
+        """Raises RecordingError."""
+        folder = user_folder() / "slots"
+        try:
+            folder.mkdir(exist_ok=True)
+            for number in range(_MOST):
+                self._file = os.open(folder / str(number), os.O_RDWR | os.O_CREAT, 0o600)
+                try:
+                    fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    os.close(self._file)
+                    continue
+                self.number = number
+                return
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be used for locks ({error.strerror}); set TMPDIR") from error
+        raise RecordingError(f"{_MOST} flights run on this machine already")
+
+    def free(self) -> None:
+        """Give the number back."""
+        os.close(self._file)
