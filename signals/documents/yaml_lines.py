@@ -7,8 +7,10 @@ is ten, `1e3` is a number, dates are text. Duplicate keys and keys that are not 
 
 from __future__ import annotations
 
+import copy
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from signals.documents.document import Document, Place, read_text, shown_path
 from signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 4_000_000
+_CACHED_CHARS = 65_536
 _LIMIT_VALUES = 200_000  # nested aliases grow exponentially; real files stay far below
 
 _NULL, _BOOL, _INT, _FLOAT, _STR, _MERGE = (
@@ -261,4 +264,13 @@ def _syntax_problem(error: yaml.MarkedYAMLError, text: str, source: str) -> Prob
 
 def read_yaml(path: Path) -> Document:
     """Read and parse a file. Raises ConfigError."""
-    return parse_yaml(read_text(path, limit_bytes=_LIMIT_BYTES), shown_path(path))
+    text, source = read_text(path, limit_bytes=_LIMIT_BYTES), shown_path(path)
+    if len(text) > _CACHED_CHARS:
+        return parse_yaml(text, source)
+    document = _parsed(text, source)
+    return Document(source, copy.deepcopy(document.data), document.lines)
+
+
+@lru_cache(maxsize=64)  # many benches are loaded from the same few files
+def _parsed(text: str, source: str) -> Document:
+    return parse_yaml(text, source)

@@ -25,8 +25,8 @@ from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
 from signals.errors import ConfigError, Problem, RecordingError
 
+_LONG_S = 2 * 86_400.0
 MANY = 100_000  # points that need --yes
-MAX_POINTS = 2**53
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ def processors() -> int:
 
 def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
     """Return the problems of a campaign that can be found without a flight: its bench with every value of an axis."""
-    if len(plan) > MAX_POINTS:
-        return [Problem(file.document.source, f"has {len(plan):.3g} points; the most is {MAX_POINTS:.3g}")]
+    if file.spec.skip and len(plan) <= MANY and next(iter(plan), None) is None:
+        return [file.problem(("skip",), "leaves no point of the plan")]
     problems: list[Problem] = []
     for axis, point in plan.trials():
         try:
@@ -152,7 +152,8 @@ def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -
     skipped = " before skip" if file.spec.skip else ""
     console.print(f"{file.name}: {len(plan):,} points{skipped}, axes {', '.join(plan.axes) or 'none'}")
     console.print(f"one flight: {outcome.status}, {outcome.sim_s:.1f} s simulated, {outcome.wall_s:.2f} s wall clock")
-    console.print(f"estimate: {minutes(total_s)} with {workers} workers")
+    duration = minutes(total_s) if total_s < _LONG_S else f"{total_s / 86_400:,.0f} days"
+    console.print(f"estimate: {duration} with {workers} workers")
     for line in (outcome.error, *outcome.reasons):
         if line:
             console.print(f"  {line}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +18,9 @@ from hil.apps.campaign.flight import Outcome
 from signals.errors import RecordingError
 
 STORE_NAME = "campaign.sqlite"
-_SCHEMA = """
+_VERSION = 1  # of the tables below
+_SCHEMA = f"""
+PRAGMA user_version = {_VERSION};
 CREATE TABLE IF NOT EXISTS flown
     (id TEXT PRIMARY KEY, status TEXT NOT NULL, outcome TEXT NOT NULL, texts TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS checked (id TEXT PRIMARY KEY, digest TEXT NOT NULL, difference TEXT NOT NULL);
@@ -65,6 +67,12 @@ class Store:
             folder.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(self._path, isolation_level=None)
             self._db.execute("PRAGMA journal_mode=WAL")
+            self._db.execute("PRAGMA synchronous=NORMAL")  # safe against a killed process without a wait at each case
+            ((version,),) = self._db.execute("PRAGMA user_version").fetchall()
+            if version not in (0, _VERSION):
+                self._db.close()
+                text = f"is of version {version} of the results, this hil-bench reads {_VERSION}; name another --out"
+                raise RecordingError(f"{self._path}: {text}")
             self._db.executescript(_SCHEMA)
         except (OSError, sqlite3.Error) as error:
             raise RecordingError(f"{self._path}: cannot be used as the results of a campaign ({error})") from error
@@ -112,14 +120,20 @@ class Store:
     def cases(self, *, by_plan: bool = False) -> Iterator[Case]:
         """Return the flown cases of the plan one by one, sorted by case, or in the order of the plan."""
         order = "p.number" if by_plan else "p.id"
-        with closing(self._db.cursor()) as cursor:
+        with closing(self._db.cursor()) as cursor, self._told():
             for case, number, axes, outcome, texts, second, difference in cursor.execute(_ROWS.format(order=order)):
                 flown, settings = Outcome.from_data(json.loads(outcome)), tuple(json.loads(texts))
                 yield Case(case, number, json.loads(axes), flown, settings, second, difference or "")
 
     def _do(self, statement: str, *values: Any) -> list[Any]:
-        try:
+        with self._told():
             return self._db.execute(statement, values).fetchall()
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Raise RecordingError for an error of SQLite."""
+        try:
+            yield
         except sqlite3.Error as error:
             raise RecordingError(
                 f"{self._path}: {error}. Everything stored so far is kept; continue with --resume"

@@ -125,21 +125,21 @@ class _Worker:
 
     def kill(self) -> None:
         """End the process at once."""
-        if self._process is not None:
+        if self._process is not None and self._process.pid is not None:
             self._process.kill()
             self._process.join()
-            self.connection.close()
+        if self._connection is not None:
+            self._connection.close()
         self._process, self._connection, self.job = None, None, None
 
     def _start(self) -> None:
-        ours, theirs = self._context.Pipe()
+        self._connection, theirs = self._context.Pipe()
         name = f"worker {self._number}"
         self._process = self._context.Process(
             target=_serve, args=(theirs, self._number, tuple(self._processors)), name=name
         )
         self._process.start()
         theirs.close()
-        self._connection = ours
 
 
 def _share(number: int, cores: int) -> list[int]:

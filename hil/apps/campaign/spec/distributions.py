@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any
 
 import numpy as np
@@ -34,6 +35,8 @@ class Distribution(StrictModel):
             ends = getattr(self, kind)
             if ends is not None and ends[1] < ends[0]:
                 raise ValueError(f"{kind}: the first value, {ends[0]:g}, must not be above the second, {ends[1]:g}")
+            if ends is not None and not math.isfinite(ends[1] - ends[0]):
+                raise ValueError(f"{kind}: the values are too far apart")
         if self.weights is not None and (self.choice is None or len(self.weights) != len(self.choice)):
             raise ValueError("weights needs one number for each value of choice")
         if self.within is not None and self.normal is None:

@@ -11,10 +11,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import ValidationError
+
 from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Condition, Range
 from hil.apps.campaign.spec.sampling import MAX_HYPERCUBE, MAX_SOBOL_AXES, UnitSamples
 from hil.apps.campaign.spec.settings import label, texts_of, with_values
 from signals.errors import ConfigError, Problem
+
+MAX_POINTS = 2**53
+COLUMNS = ("case", "status", "margin", "worst_limit", "reason", "digest")  # of tables, besides axes and measurements
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,10 @@ class Plan:
         spec = file.spec
         self.axes: tuple[str, ...] = (*spec.axes, *spec.sampled, *(("seed",) if spec.repeats > 1 else ()))
         self._sizes = [axis.count if isinstance(axis, Range) else len(axis) for axis in spec.axes.values()]
-        if problem := _sampling_problem(file):
+        count = spec.samples * math.prod(self._sizes) * spec.repeats
+        if count > MAX_POINTS:
+            raise ConfigError([Problem(file.document.source, f"has {count:.3g} points; the most is {MAX_POINTS:.3g}")])
+        if problem := _sampling_problem(file) or _skip_problem(file) or _name_problem(file):
             raise ConfigError([problem])
         self._first_seed: int | None = None
         self._units = UnitSamples(spec.method, list(spec.sampled), spec.samples, spec.sampling_seed)
@@ -115,11 +123,28 @@ def _sampling_problem(file: CampaignFile) -> Problem | None:
     if spec.method == "latin_hypercube" and spec.samples > MAX_HYPERCUBE:
         hint = "random and sobol have no such limit"
         return file.problem(("samples",), f"latin_hypercube draws at most {MAX_HYPERCUBE} samples at once", hint)
-    known = {*spec.axes, *spec.sampled}
-    for index, entry in enumerate(spec.skip):
+    return None
+
+
+def _skip_problem(file: CampaignFile) -> Problem | None:
+    known = {*file.spec.axes, *file.spec.sampled}
+    for index, entry in enumerate(file.spec.skip):
+        if not entry:
+            return file.problem(("skip", index), "is empty, which would skip every point")
         for axis, wanted in entry.items():
             if axis not in known:
                 return file.problem(("skip", index, axis), "is no axis of this campaign", ", ".join(sorted(known)))
-            if isinstance(wanted, Mapping) and (not wanted or set(wanted) - {"above", "below"}):
-                return file.problem(("skip", index, axis), "must be a value, or a mapping with above and below")
+            if isinstance(wanted, Mapping):
+                try:
+                    Condition(**(wanted or {"": 0}))
+                except (ValidationError, TypeError):
+                    text = "must be a value, or a mapping with numbers above and below"
+                    return file.problem(("skip", index, axis), text)
+    return None
+
+
+def _name_problem(file: CampaignFile) -> Problem | None:
+    for axis in file.spec.axes:
+        if axis in COLUMNS:
+            return file.problem(("axes", axis), "is the name of a column of results.csv; give the axis another name")
     return None
