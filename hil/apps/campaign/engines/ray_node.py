@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from hil.apps.campaign.engines.local import LocalEngine
+from hil.apps.campaign.engines.numbers import user_folder
 from hil.apps.campaign.engines.parcel import Parcel, Reply, packed_recording, unpack_tree, write_bench
 from hil.apps.campaign.engines.program import source_digest
-from hil.apps.campaign.engines.numbers import user_folder
 
 _WAIT_S = 3600.0
 
