@@ -70,6 +70,37 @@ void SunShadows::draw(Map &map, const RasterOptions &options) {
     map.raster->draw(camera_, options, 0, map.raster->buffer().height, 1,
                      [&map](const Raster::Band &band) { map.band = &band; });
     map.version = geometry_.version();
+    note_sole(map, options.sparse);
+}
+
+// `sparse`: an area that any geom may touch counts as one of several, so that no pixel is read.
+void SunShadows::note_sole(Map &map, bool sparse) {
+    const VisibilityBuffer &b = map.raster->buffer();
+    constexpr int kBlocks = kArea / kBlock;
+    const int areas_x = ceil_div(b.blocks_x, kBlocks), areas_y = ceil_div(b.blocks_y, kBlocks);
+    map.sole.assign(static_cast<std::size_t>(areas_x) * static_cast<std::size_t>(areas_y), -1);
+    if (sparse) {
+        for (const DrawnGeom &g : map.band->drawn) {
+            for (int y = std::max(g.y0 - 1, 0) / kBlocks; y <= (g.y1 - 1) / kBlocks; ++y) {
+                for (int x = std::max(g.x0 - 1, 0) / kBlocks; x <= (g.x1 - 1) / kBlocks; ++x) {
+                    map.sole[static_cast<std::size_t>(y * areas_x + x)] = kSeveral;
+                }
+            }
+        }
+        return;
+    }
+    for (int y = 0; y < areas_y; ++y) {
+        for (int x = 0; x < areas_x; ++x) {
+            std::int32_t &sole = map.sole[static_cast<std::size_t>(y * areas_x + x)];
+            sole = b.geom[16 * static_cast<std::size_t>(y * kBlocks * b.blocks_x + x * kBlocks)];
+            const int last_x = std::min((x + 1) * kBlocks, b.blocks_x - 1), last_y = std::min((y + 1) * kBlocks, b.blocks_y - 1);
+            for (int row = y * kBlocks; row <= last_y; ++row) {
+                const std::int32_t *ids = &b.geom[16 * static_cast<std::size_t>(row * b.blocks_x + x * kBlocks)];
+                const std::int32_t *end = ids + 16 * (last_x - x * kBlocks + 1);
+                if (!std::all_of(ids, end, [&](std::int32_t id) { return id == sole; })) sole = kSeveral;
+            }
+        }
+    }
 }
 
 void SunShadows::update(bool reuse_static) {
@@ -108,6 +139,8 @@ void SunShadows::fill(ResolveJob &job, const RasterCamera &camera) const {
         shadow.rays = &map->raster->rays();
         shadow.drawn = map->band->drawn.data();
         shadow.drawn_of_geom = map->band->drawn_of_geom.data();
+        shadow.sole = map->sole.data();
+        shadow.areas_x = ceil_div(shadow.buffer->width, kArea);
         shadow.x0 = shadow.buffer->blocks_x, shadow.y0 = shadow.buffer->blocks_y;
         shadow.x1 = shadow.y1 = 0;
         for (const DrawnGeom &g : map->band->drawn) {

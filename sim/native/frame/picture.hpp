@@ -24,8 +24,10 @@ private:
         std::unique_ptr<Raster> raster;
         const Raster::Band *band = nullptr;
         std::uint64_t version = ~std::uint64_t{0};
+        std::vector<std::int32_t> sole;  // as in ShadowMap
     };
     void draw(Map &map, const RasterOptions &options);
+    static void note_sole(Map &map, bool sparse);
     const Geometry &geometry_;
     RasterCamera camera_{};
     double pixels_per_m_ = 1.0;

@@ -47,10 +47,6 @@ HIL_INLINE I meets(const DrawnGeom &g, const Vec<F> &p, float near) {
     }
 }
 
-struct Caster {
-    std::int32_t geom, triangle;  // triangle < 0: the whole geom
-};
-
 HIL_INLINE std::int32_t triangles_of(const DrawnGeom &g) { return (std::int32_t)(g.mesh->triangle.size() / 3); }
 
 // True for a mesh whose triangles are smaller than the pixels of the shadow map: a pixel names one of many.
@@ -70,6 +66,12 @@ HIL_INLINE I pixel_of_map(const VisibilityBuffer &buffer, const I &x, const I &y
     return shift_left(shift_right(y, 2) * (std::int32_t)buffer.blocks_x + shift_right(x, 2), 4) + shift_left(y & 3, 2) + (x & 3);
 }
 
+// ShadowMap::sole at these pixels.
+HIL_INLINE I sole_at(const ShadowMap &map, const I &column, const I &row) {
+    constexpr int kShift = __builtin_ctz(kArea);
+    return gather(map.sole, shift_right(row, kShift) * map.areas_x + shift_right(column, kShift));
+}
+
 // Fetches what `sunlight` will read of the shadow maps for the corners of a block.
 HIL_INLINE void prefetch_shadows(const ResolveJob &job, const Vec<F> &d, const F &t) {
     const Vec<F> p = in_sun(job, d, t);
@@ -78,12 +80,40 @@ HIL_INLINE void prefetch_shadows(const ResolveJob &job, const Vec<F> &d, const F
         const F fx = p.x * map.rays->fx + (map.rays->cx - 0.5f), fy = p.y * map.rays->fy + (map.rays->cy - 0.5f);
         const I inside = (fx >= splat<F>((float)map.x0)) & (fy >= splat<F>((float)map.y0)) & (fx < splat<F>((float)map.x1)) &
                          (fy < splat<F>((float)map.y1));
-        const unsigned lanes = bits(inside);
+        if (!any(inside)) continue;
+        const I column = truncate(select(inside, fx, splat<F>(0))), row = truncate(select(inside, fy, splat<F>(0)));
+        const unsigned lanes = bits(inside & (sole_at(map, column, row) != splat<I>(-1)));
         if (lanes == 0) continue;
         std::int32_t at[16];
-        store(at, pixel_of_map(*map.buffer, truncate(select(inside, fx, splat<F>(0))), truncate(select(inside, fy, splat<F>(0)))));
+        store(at, pixel_of_map(*map.buffer, column, row));
         for (const int corner : {0, 3, 12, 15}) {
-            if (lanes >> corner & 1) __builtin_prefetch(map.buffer->t.data() + at[corner]);
+            if (!(lanes >> corner & 1)) continue;
+            __builtin_prefetch(map.buffer->t.data() + at[corner]);
+            __builtin_prefetch(map.buffer->geom.data() + at[corner]);
+        }
+    }
+}
+
+constexpr int kTaps = 4;  // pixels of a shadow map around a point
+
+// Calls f(number, here) for each of the numbers in the lanes `in`; here[tap]: the lanes of `in[tap]` with this number.
+template <class Function>
+HIL_INLINE void each_number(const I *number, const I *in, Function &&f) {
+    std::int32_t lane[kTaps][16];
+    I left[kTaps], here[kTaps];
+    for (int tap = 0; tap < kTaps; ++tap) {
+        store(lane[tap], number[tap]);
+        left[tap] = in[tap];
+    }
+    for (int first = 0; first < kTaps; ++first) {
+        for (unsigned lanes = bits(left[first]); lanes != 0;) {
+            const std::int32_t one = lane[first][__builtin_ctz(lanes)];
+            for (int tap = 0; tap < kTaps; ++tap) {
+                here[tap] = left[tap] & (number[tap] == splat<I>(one));
+                left[tap] &= ~here[tap];
+            }
+            lanes &= ~bits(here[first]);
+            f(one, here);
         }
     }
 }
@@ -94,106 +124,81 @@ HIL_INLINE void prefetch_shadows(const ResolveJob &job, const Vec<F> &d, const F
 // resolution of the map. Soft casters, meshes with holes (leaves) and meshes of small triangles (people), are too fine
 // for that: their share is that of the four pixels, weighted bilinearly (Reeves et al., SIGGRAPH 1987).
 HIL_NOINLINE F sunlight(const ResolveJob &job, const DrawnGeom &g, const Surface &s, const std::int32_t *triangles, const I &wanted) {
-    constexpr int kMost = 64;   // casters tested for one block
     constexpr float kFoliage = 0.15f;  // [m] least distance of a caster with holes, so that no leaf shades itself
     constexpr float kFine = 0.06f;      // [m] the same of a fine mesh: limbs overlap at their joints
     constexpr int kWhole = 32;  // greatest number of triangles of a mesh that is tested as a whole
     F light = splat<F>(1);
     const Vec<F> p = in_sun(job, s.d, s.t);
-    const bool is_convex = convex(g.shape);
+    const I nowhere = splat<I>(0), own = splat<I>(g.geom);
     for (int k = 0; k < job.shadows; ++k) {
         const ShadowMap &map = job.shadow[k];
         const VisibilityBuffer &buffer = *map.buffer;
         const F fx = p.x * map.rays->fx + (map.rays->cx - 0.5f), fy = p.y * map.rays->fy + (map.rays->cy - 0.5f);
-        const I inside = wanted & (fx >= splat<F>((float)map.x0)) & (fy >= splat<F>((float)map.y0)) &
+        I inside = wanted & (fx >= splat<F>((float)map.x0)) & (fy >= splat<F>((float)map.y0)) &
                          (fx < splat<F>((float)map.x1)) & (fy < splat<F>((float)map.y1));
         if (!any(inside)) continue;
-        const I nowhere = splat<I>(0), column = select(inside, truncate(fx), nowhere), row = select(inside, truncate(fy), nowhere);
+        const I column = select(inside, truncate(fx), nowhere), row = select(inside, truncate(fy), nowhere);
+        // A convex shape shades no point of itself that faces the sun.
+        const I sole = sole_at(map, column, row);
+        inside &= (sole != splat<I>(-1)) & (sole != splat<I>(convex(g.shape) ? g.geom : -1));
+        if (!any(inside)) continue;
         const F limit = p.z - 0.02f;
+        I at[kTaps], geom[kTaps], casts[kTaps], before = nowhere;
+        F t[kTaps];
+        for (int tap = 0; tap < kTaps; ++tap) {
+            at[tap] = pixel_of_map(buffer, column + (tap & 1), row + (tap >> 1));
+            t[tap] = gather(buffer.t.data(), at[tap]);
+            casts[tap] = inside & (t[tap] < limit);
+            before |= casts[tap];
+        }
         // Most points have no caster in any of the four pixels.
-        I before = nowhere, taps[4];
-        for (int tap = 0; tap < 4; ++tap) {
-            const I tx = column + (tap & 1), ty = row + (tap >> 1);
-            taps[tap] = pixel_of_map(buffer, tx, ty);
-            before |= inside & (gather(buffer.t.data(), taps[tap]) < limit);
+        if (!any(before)) continue;
+        const bool several = any(inside & (sole == splat<I>(kSeveral)));
+        for (int tap = 0; tap < kTaps; ++tap) {
+            geom[tap] = several ? gather(buffer.geom.data(), at[tap]) : sole;
+            casts[tap] &= geom[tap] >= nowhere;
+            if (convex(g.shape)) casts[tap] &= geom[tap] != own;
         }
-        unsigned lanes = bits(before);
-        if (lanes == 0) continue;
-        std::int32_t places[4][16], blocked[16] = {};
-        float z[16], right[16], down[16], dim[16] = {};
-        store(right, fx - floor(fx));
-        store(down, fy - floor(fy));
-        for (int tap = 0; tap < 4; ++tap) store(places[tap], taps[tap]);
-        store(z, limit);
-        Caster casters[kMost];
-        int count = 0;
-        std::int32_t last = -1;  // caster seen last: mostly the next one too
-        bool soft = false;
-        float apart = 0.0f;
-        unsigned doubtful = 0;
-        for (; lanes != 0; lanes &= lanes - 1) {
-            const int lane = __builtin_ctz(lanes);
-            int hits = 0;
-            bool own = false, one = true;
-            Caster found[4];
-            for (int tap = 0; tap < 4; ++tap) {
-                const long at = places[tap][lane];
-                if (!(buffer.t.data()[at] < z[lane])) continue;
-                const std::int32_t caster = buffer.geom.data()[at];
-                // A convex shape shades no point of itself that faces the sun.
-                if (caster < 0 || (caster == g.geom && is_convex)) continue;
-                if (caster != last) {
-                    const DrawnGeom &drawn = map.drawn[map.drawn_of_geom[caster]];
-                    last = caster;
-                    soft = drawn.mask != nullptr || (caster != g.geom && is_fine(drawn, map));
-                    apart = drawn.mask != nullptr ? kFoliage : kFine;
-                }
-                if (soft) {
-                    const float across = tap & 1 ? right[lane] : 1.0f - right[lane];
-                    const float along = tap >> 1 ? down[lane] : 1.0f - down[lane];
-                    if (buffer.t.data()[at] < z[lane] - apart) dim[lane] += across * along;
-                    continue;
-                }
-                own = own || caster == g.geom;
-                found[hits++] = {caster, buffer.triangle.data()[at]};
-                one = one && caster == found[0].geom;
+        const F right = fx - floor(fx), down = fy - floor(fy);
+        F dim[kTaps] = {splat<F>(0), splat<F>(0), splat<F>(0), splat<F>(0)};
+        each_number(geom, casts, [&](std::int32_t number, const I *here) {
+            const DrawnGeom &caster = map.drawn[map.drawn_of_geom[number]];
+            if (caster.mask == nullptr && (number == g.geom || !is_fine(caster, map))) return;
+            const F soft_limit = limit - (caster.mask != nullptr ? kFoliage : kFine);
+            for (int tap = 0; tap < kTaps; ++tap) {
+                const F weight = (tap & 1 ? right : 1.0f - right) * (tap >> 1 ? down : 1.0f - down);
+                dim[tap] = select(here[tap] & (t[tap] < soft_limit), weight, dim[tap]);
+                casts[tap] &= ~here[tap];
             }
-            if (hits == 4 && one && !own) {
-                blocked[lane] = -1;
-            } else if (hits > 0) {
-                doubtful |= 1u << lane;
-                for (int i = 0; i < hits && count < kMost; ++i) {
-                    const DrawnGeom &caster = map.drawn[map.drawn_of_geom[found[i].geom]];
-                    if (caster.shape != Shape::kMesh || triangles_of(caster) <= kWhole) found[i].triangle = -1;
-                    bool known = false;
-                    for (int j = 0; j < count; ++j) {
-                        known = known || (casters[j].geom == found[i].geom && casters[j].triangle == found[i].triangle);
-                    }
-                    if (!known) casters[count++] = found[i];
-                }
-            }
-        }
-        I shade = load<I>(blocked);
-        if (doubtful != 0) {
-            std::int32_t open[16];
-            for (int lane = 0; lane < 16; ++lane) open[lane] = doubtful >> lane & 1 ? -1 : 0;
-            const I ask = load<I>(open), own_triangle = load<I>(triangles);
-            for (int i = 0; i < count; ++i) {
-                const DrawnGeom &caster = map.drawn[map.drawn_of_geom[casters[i].geom]];
+        });
+        I shade = casts[0] & casts[1] & casts[2] & casts[3];
+        shade &= (geom[0] == geom[1]) & (geom[0] == geom[2]) & (geom[0] == geom[3]) & (geom[0] != own);
+        const I doubtful = (casts[0] | casts[1] | casts[2] | casts[3]) & ~shade;
+        if (any(doubtful)) {
+            for (I &some : casts) some &= doubtful;
+            const I own_triangle = load<I>(triangles);
+            each_number(geom, casts, [&](std::int32_t number, const I *here) {
+                const DrawnGeom &caster = map.drawn[map.drawn_of_geom[number]];
                 if (caster.shape != Shape::kMesh) {
-                    shade |= ask & meets(caster, p, 1e-3f);
-                    continue;
+                    shade |= doubtful & meets(caster, p, 1e-3f);
+                    return;
                 }
-                const bool whole = casters[i].triangle < 0;
-                const std::int32_t from = whole ? 0 : casters[i].triangle, to = whole ? triangles_of(caster) : from + 1;
-                for (std::int32_t t = from; t < to; ++t) {
-                    I hit = ask & meets_triangle(caster, t, p, 1e-3f);
-                    if (casters[i].geom == g.geom) hit &= own_triangle != splat<I>(t);
+                const auto meet = [&](std::int32_t triangle) {
+                    I hit = doubtful & meets_triangle(caster, triangle, p, 1e-3f);
+                    if (number == g.geom) hit &= own_triangle != splat<I>(triangle);
                     shade |= hit;
+                };
+                const std::int32_t count = triangles_of(caster);
+                if (count <= kWhole) {
+                    for (std::int32_t i = 0; i < count; ++i) meet(i);
+                    return;
                 }
-            }
+                I part[kTaps];
+                for (int tap = 0; tap < kTaps; ++tap) part[tap] = gather(buffer.triangle.data(), at[tap]);
+                each_number(part, here, [&](std::int32_t triangle, const I *) { meet(triangle); });
+            });
         }
-        light = select(shade, splat<F>(0), light * (1.0f - load<F>(dim)));
+        light = select(shade, splat<F>(0), light * (1.0f - (dim[0] + dim[1] + dim[2] + dim[3])));
     }
     return light;
 }

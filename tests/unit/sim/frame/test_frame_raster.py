@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from signals.units import TURN_RAD
-from sim._kernels import Geometry, Picture, Scenery, SunShadows, frame_isa
+from sim._kernels import Daylight, Geometry, Picture, RayCaster, Scenery, SunShadows, frame_isa
 from sim.frame.camera_model import CameraModel
 from sim.frame.channels import CHANNELS
 from sim.frame.distortion import BrownConrady
@@ -319,6 +319,44 @@ def test_an_empty_world_has_a_sky() -> None:
     camera.take(VIEWS[0].p_WC, VIEWS[0].R_WC, (0, 0, 0), light, shadows, out, 0.1, 100.0, True, True, True, 0, 8, 1)
     assert (out["geom"] == -1).all()
     assert out["rgb"].min() > 0
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_the_floor_is_shaded_where_a_ray_to_the_sun_meets_a_shape(isa: str) -> None:
+    rng = np.random.Generator(np.random.Philox(5))
+    native, scenery, sun_W = Geometry(), Scenery(), (0.36, 0.48, 0.8)
+    native.add_geom(0, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), tuple(np.eye(3).ravel()), -1, False, True, 0, 0, 0)
+    for i in range(40):
+        shape, moving = (2, 4, 6)[i % 3], i % 2 == 1
+        size, place = rng.uniform(0.2, 0.7, 3), rng.uniform((-5.0, -5.0, 1.0), (5.0, 5.0, 3.0))
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        native.add_geom(shape, tuple(size), tuple(place), tuple(turn.ravel()), -1, moving, True, 0, 0, 0)
+    native.finish()
+    for _ in range(41):
+        scenery.add_geom((0.5, 0.5, 0.5), 0.0, -1, 1.0, 1.0, False)
+    grey = (0.3, 0.3, 0.3)
+    light = Daylight(sun_W, (1.0, 1.0, 1.0), grey, grey, grey, grey, grey, 0.0, 1.0)
+    camera, pose = (
+        Picture(native, scenery, 160, 120, 90.0, 90.0, 80.0, 60.0, isa),
+        looking((-6.0, -4.0, 14.0), (0.0, 0.0, 0.0)),
+    )
+    shadows = SunShadows(native, sun_W, 512, isa)
+    shadows.update(True)
+    rgb = np.zeros((2, 120, 160, 3), np.uint8)
+    out = {"depth": np.zeros((120, 160), np.float32), "geom": np.zeros((120, 160), np.int32)}
+    for shade, colour in zip((None, shadows), rgb, strict=True):
+        out["rgb"] = colour
+        camera.take(pose.p_WC, pose.R_WC, (0, 0, 0), light, shade, out, 0.1, 100.0, True, True, True, 0, 120, 1)
+    y, x = np.nonzero(out["geom"] == 0)
+    d_C = np.stack([(x - 79.5) / 90.0, (y - 59.5) / 90.0, np.ones(len(x))], axis=1)
+    p_W = np.array(pose.p_WC) + out["depth"][y, x, None] * (d_C @ np.reshape(pose.R_WC, (3, 3)).T)
+    p_W[:, 2] = 0.001
+    range_m, met = np.empty(len(x)), np.empty(len(x), np.int32)
+    RayCaster(native).cast(p_W, np.tile(sun_W, (len(x), 1)), 0.0, 100.0, range_m, met)
+    near = np.abs(p_W[:, :2]).max(axis=1) < 5.0
+    shaded = (rgb[0] != rgb[1]).any(axis=-1)[y, x]
+    assert 0.2 < shaded[near].mean() < 0.8
+    assert np.count_nonzero(shaded[near] != (met[near] >= 0)) <= 2
 
 
 def test_arrays_that_do_not_fit_are_refused(geometry: FrameGeometry) -> None:
