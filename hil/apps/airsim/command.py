@@ -30,6 +30,7 @@ from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
+from sim.scene.placed.worlds import limit_mesh_cache
 
 if TYPE_CHECKING:
     from hil.apps.airsim.served_page import ServedPage
@@ -89,6 +90,7 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         simulation.recorder.folder = choice.out
     try:
         simulation.cameras.prepare()
+        limit_mesh_cache()
         if settings.recording.enabled:
             simulation.recorder.start()
         with _page(choice, simulation, console) as (page, folder):

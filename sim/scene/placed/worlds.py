@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 
 from signals.samples import Vec3
@@ -21,6 +22,8 @@ from sim.scene.placed.template import Template
 from sim.scene.scene_file import SceneFile
 from sim.scene.world import World
 from sim.scene.world_compiler import compile_map, read_only
+
+_SPARE_CACHE_BYTES = 64 << 20
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,17 @@ def with_objects(base: World, moved: Sequence[ObjectActor], added: Sequence[Adde
         geom_class[row : row + count] = class_ids.get(each.template.class_name, class_ids["object"])
         row += count
     return _own_scene(replace(world, geom_class=read_only(geom_class), added_people=base.added_people))
+
+
+def limit_mesh_cache(spare_bytes: int = _SPARE_CACHE_BYTES) -> None:
+    """Let MuJoCo keep compiled meshes of the worlds so far, and so many bytes of others; 500 MB is its own limit.
+
+    Otherwise each scale of each copy stays, about 1 MB for a person or a car.
+    """
+    if not hasattr(mujoco, "mj_getCache"):  # an older version
+        return
+    cache = mujoco.mj_getCache()
+    mujoco.mj_setCacheCapacity(cache, mujoco.mj_getCacheSize(cache) + spare_bytes)
 
 
 def _own_scene(world: World) -> World:

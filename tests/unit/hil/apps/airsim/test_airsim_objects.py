@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from hil.apps.airsim.world.objects import present_world, registry
 from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
+from sim.scene.placed.worlds import limit_mesh_cache
 from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
 
 ONE = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": {"VehicleType": "SimpleFlight", "Sensors": {
@@ -402,3 +404,18 @@ def test_a_destroyed_object_has_no_id_and_no_pose_and_leaves_the_numbers_of_othe
         assert without == ["OrangeBall"]
         assert client.call("simGetSegmentationObjectID", "OrangeBall") == -1
         assert client.call("simSetSegmentationObjectID", "OrangeB.*", 7, True) is False
+
+
+@pytest.mark.skipif(not hasattr(mujoco, "mj_getCache"), reason="this version of MuJoCo does not tell its cache")
+def test_meshes_of_all_scales_are_not_kept(client: Client) -> None:
+    cache = mujoco.mj_getCache()
+    capacity, size, spare = mujoco.mj_getCacheCapacity(cache), mujoco.mj_getCacheSize(cache), 2 << 20
+    limit_mesh_cache(spare)
+    try:
+        for k in range(4):  # 0.9 MB each
+            name = spawn(client, "spawned_person", "person", pose(9.0, 3.0, 0.0), (1.0, 1.0, 1.0 + 0.01 * k))
+            depths(client)
+            client.call("simDestroyObject", name)
+        assert mujoco.mj_getCacheSize(cache) <= size + spare
+    finally:
+        mujoco.mj_setCacheCapacity(cache, capacity)
