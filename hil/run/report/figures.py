@@ -258,6 +258,11 @@ def _set_logarithmic(axes: Axes, subs: tuple[float, ...] = (1.0,)) -> None:
 
 def save(figure: Figure, path: Path) -> None:
     """Write the figure to `path` as a PNG file."""
+    layout = figure.get_layout_engine()
+    if layout is not None:  # done here, because matplotlib would draw everything twice for it
+        figure.dpi = _DPI
+        layout.execute(figure)
+        figure.set_layout_engine(None)
     figure.savefig(path, dpi=_DPI)
 
 
