@@ -87,11 +87,6 @@ def fly(flights: dict[str, list[dict[str, Any]]], folder: Path, duration_s: floa
     return runs
 
 
-@pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    return fly(FLIGHTS, tmp_path_factory.mktemp("hitl"), IN_THE_AIR_S)
-
-
 def kept_pace(run: dict[str, Any]) -> bool:
     """Return True if the machine kept real time, so that the flight's figures are meaningful."""
     timing = run["autopilot"]["realtime"]
@@ -117,16 +112,22 @@ def check_losses(run: dict[str, Any]) -> None:
         assert run["mission"]["reached"] == run["mission"]["waypoints"]
 
 
-def test_losses_of_1_and_10_percent(flown: dict[str, dict[str, Any]]) -> None:
-    run = flown["lossy"]
-    hits = [fault["hits"] for fault in run["faults"]["links"]]
-    assert min(hits[::2] if run["error"] else hits) >= 20, hits
-    if kept_pace(run):
-        assert run["error"] is None
-        assert run["mission"]["reached"] >= 1  # the take-off
-    link = run["autopilot"]["link"]
+def test_losses_are_survived_and_a_stall_for_good_and_a_pulled_plug_are_named(tmp_path: Path) -> None:
+    """One test, because the flights are at the same time."""
+    runs = fly(FLIGHTS, tmp_path, IN_THE_AIR_S)
+    lossy, stalled, unplugged = (runs[name] for name in FLIGHTS)
+    hits = [fault["hits"] for fault in lossy["faults"]["links"]]
+    assert min(hits[::2] if lossy["error"] else hits) >= 20, hits
+    if kept_pace(lossy):
+        assert lossy["error"] is None
+        assert lossy["mission"]["reached"] >= 1  # the take-off
+    link = lossy["autopilot"]["link"]
     assert link["lost_frames"] > 0
     assert link["bad_crc"] > 0
+    assert (stalled["error"]["type"], stalled["error"]["cause"]) == ("LinkError", "silent")
+    assert unplugged["error"]["type"] == "LinkClosed"
+    assert "unplugged by the declared link fault 0 at 5 s" in unplugged["error"]["message"]
+    assert unplugged["sim_s"] == pytest.approx(5.0, abs=0.01)
 
 
 @pytest.mark.slow
@@ -135,15 +136,3 @@ def test_losses_disorder_and_a_short_stall_are_flown_through(tmp_path: Path) -> 
     check_losses(runs["lossy"])
     check_losses(runs["disorderly"])
     judge(runs["stall"], hit_at_least=1)
-
-
-def test_a_stall_for_good_is_named(flown: dict[str, dict[str, Any]]) -> None:
-    error = flown["stall for good"]["error"]
-    assert (error["type"], error["cause"]) == ("LinkError", "silent")
-
-
-def test_a_pulled_plug_is_named(flown: dict[str, dict[str, Any]]) -> None:
-    run = flown["unplug"]
-    assert run["error"]["type"] == "LinkClosed"
-    assert "unplugged by the declared link fault 0 at 5 s" in run["error"]["message"]
-    assert run["sim_s"] == pytest.approx(5.0, abs=0.01)
