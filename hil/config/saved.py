@@ -12,8 +12,8 @@ from hil.config.schema import BenchConfig
 from signals.documents.yaml_lines import dump_yaml, read_yaml
 
 
-def resolved_yaml(config: BenchConfig) -> str:
-    """Return a bench file with every setting written out; loading it gives an equal `BenchConfig`."""
+def resolved_data(config: BenchConfig) -> dict[str, Any]:
+    """Return the content of a bench file with every setting; loading it gives an equal `BenchConfig`."""
     data = config.model_dump(mode="json", exclude={"sensors"})
     data["complete"] = True
     data["sensors"] = {
@@ -26,8 +26,13 @@ def resolved_yaml(config: BenchConfig) -> str:
         }
         for name, sensor in config.sensors.items()
     }
+    return data
+
+
+def resolved_yaml(config: BenchConfig) -> str:
+    """Return the text of a bench file with every setting."""
     head = "# Complete settings of one run; no rig file is merged with them.\n"
-    return head + dump_yaml(data)
+    return head + dump_yaml(resolved_data(config))
 
 
 def save_with_vehicles(bench: Bench, folder: Path) -> None:

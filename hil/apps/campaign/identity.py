@@ -7,6 +7,7 @@ flight: recordings, pace, the number of a simulated autopilot's instance, and wh
 from __future__ import annotations
 
 import hashlib
+import json
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,7 @@ import signals._kernel
 import sim._kernels
 from hil.apps.campaign.engines.program import source_digest
 from hil.config import Bench
-from hil.config.saved import resolved_yaml
+from hil.config.saved import resolved_data
 from hil.config.scenes import save_scene
 from hil.config.schema import Record
 
@@ -48,7 +49,7 @@ def _add(digest: hashlib.blake2b, bench: Bench) -> None:
         path = bench.files["scene"]
         names["scene"] = _scene_content(bench, path)
     same: dict[str, Any] = {"autopilot": autopilot, "record": Record(), "pace": None, "vehicles": {}, **names}
-    digest.update(resolved_yaml(config.model_copy(update=same)).encode())
+    digest.update(json.dumps(resolved_data(config.model_copy(update=same))).encode())
     if "plan" in bench.files:
         digest.update((_content(str(bench.files["plan"])) or "").encode())
     for name, vehicle in bench.vehicles.items():
