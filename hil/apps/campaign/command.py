@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,7 @@ from signals.errors import ConfigError, Problem, RecordingError
 
 _LONG_S = 2 * 86_400.0
 MANY = 100_000  # points that need --yes
+MOST_PROBLEMS = 50  # that are shown
 
 
 @dataclass(frozen=True)
@@ -120,20 +122,37 @@ def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
     """Return the problems of a campaign that can be found without a flight: its bench with every value of an axis."""
     if file.spec.skip and len(plan) <= MANY and next(iter(plan), None) is None:
         return [file.problem(("skip",), "leaves no point of the plan")]
-    problems: list[Problem] = []
+    problems: dict[tuple[str, str], Problem] = {}  # by what the bench says, so that each is told once
     for axis, point in plan.trials():
         try:
             load_bench(file.bench_path, settings=point.texts)
         except ConfigError as error:
-            section = "axes" if axis in file.spec.axes else "sampled"
             for problem in error.problems:
-                where = file.problem((section, axis) if axis else ("settings",), "").where
-                text = f"{axis} = {point.values[axis]!r}: " if axis else ""
-                problems.append(Problem(where, f"{text}{problem.where}: {problem.message}", problem.hint))
-            if not axis:
-                break  # the same for every value
-    unique = {str(problem): problem for problem in problems}
-    return list(unique.values())[:20]
+                known = (problem.where, problem.message)
+                if known not in problems:
+                    named = axis or _axis_of(problem.where, plan.axes)
+                    section = "axes" if named in file.spec.axes else "sampled"
+                    where = file.problem((section, named) if named else ("settings",), "").where
+                    text = f"{axis} = {point.values[axis]!r}: " if axis else ""
+                    problems[known] = Problem(where, f"{text}{problem.where}: {problem.message}", problem.hint)
+    shown, more = list(problems.values())[:MOST_PROBLEMS], len(problems) - MOST_PROBLEMS
+    return shown if more <= 0 else [*shown, Problem(file.document.source, f"has {more} more problems")]
+
+
+def _axis_of(where: str, axes: Sequence[str]) -> str:
+    """Return the axis that a problem of a bench is about, empty if it is about none."""
+    key = where.removeprefix("--set ")
+    return next((axis for axis in axes if f"{key}.".startswith(f"{axis}.") or f"{axis}.".startswith(f"{key}.")), "")
+
+
+def check_campaign(path: Path) -> str:
+    """Check the file of a campaign without a flight and return a line about it. Raises ConfigError."""
+    file = load_campaign(path)
+    plan = Plan(file)
+    problems = campaign_problems(plan, file)
+    if problems:
+        raise ConfigError(problems)
+    return f"ok: campaign of {len(plan):,} points, axes {', '.join(plan.axes) or 'none'}"
 
 
 def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -> None:

@@ -16,6 +16,8 @@ from matplotlib.figure import Figure
 
 from hil.apps.campaign.results.summary import Margins, Point
 from hil.run.report.figures import save, style
+from hil.run.report.group_report import PICTURE_NAME as GROUP_NAME
+from hil.run.report.pictures import FLIGHT_NAME
 
 MARGINS_NAME, AXES_NAME = "margins.png", "margins_over_axes.png"
 _COLUMNS = 4
@@ -80,9 +82,10 @@ def _plots(count: int, height: float) -> tuple[Figure, list[Axes]]:
     return figure, plots[:count]
 
 
-def small_picture(path: Path) -> str:
-    """Return a picture as a small JPEG in base64, empty if it cannot be read."""
-    picture = cv2.imread(str(path))
+def small_picture(run: Path) -> str:
+    """Return the picture of a recorded flight as a small JPEG in base64, empty if there is none."""
+    found = next((run / name for name in (FLIGHT_NAME, GROUP_NAME) if (run / name).is_file()), None)
+    picture = None if found is None else cv2.imread(str(found))
     if picture is None:
         return ""
     width, quality = _SMALL_PX

@@ -16,10 +16,8 @@ from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import FEW, SAMPLE, PairRates, Rates, Summary, separation
 from hil.apps.campaign.store import Case
 from hil.run.loop.progress import minutes
-from hil.run.report.group_report import PICTURE_NAME as GROUP_NAME
 from hil.run.report.html import table
 from hil.run.report.page import CSS, PAGE_NAME
-from hil.run.report.pictures import FLIGHT_NAME
 from signals.errors import RecordingError
 
 _MOST_PAIRS = 12
@@ -72,7 +70,7 @@ def _page(facts: Facts, summary: Summary) -> str:
     body = "".join(f"<section><h2>{heading}</h2>{html}</section>" for heading, html in sections if html)
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>{status} {escape(facts.name)}</title><style>{CSS}{_CSS}</style></head><body>
+<title>{status} {escape(facts.name)}</title><link rel="icon" href="data:,"><style>{CSS}{_CSS}</style></head><body>
 <header class="{status.lower()}"><b>{status}</b> {escape(facts.name)}: {line}</header>
 <p>{escape(facts.description)}</p>
 {_facts(facts, summary)}
@@ -216,9 +214,7 @@ def _pictures(facts: Facts, summary: Summary) -> str:
 
     shown: list[str] = []
     for case in (*summary.worst, *summary.broken):
-        folder = facts.folder / "cases" / case.id
-        found = next((folder / name for name in (FLIGHT_NAME, GROUP_NAME) if (folder / name).is_file()), None)
-        picture = "" if found is None else figures.small_picture(found)
+        picture = figures.small_picture(_folder(facts, case))
         if picture:
             text = f"<b>{case.status}</b> {_link(facts, case)} {_margin(case)}"
             shown.append(

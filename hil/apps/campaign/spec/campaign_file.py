@@ -27,6 +27,7 @@ from hil.apps.campaign.spec.distributions import Distribution
 from hil.config.files import default_bench
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, at, load_model
+from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -135,6 +136,10 @@ def load_campaign(path: Path) -> CampaignFile:
     return CampaignFile(spec, path, document)
 
 
-def is_campaign(data: Any) -> bool:
-    """Return True if the data of a YAML file are those of a campaign and not of a bench."""
+def is_campaign_file(path: Path) -> bool:
+    """Return True if a file can be read and holds a campaign and not a bench."""
+    try:
+        data = read_yaml(path).data
+    except ConfigError:
+        return False
     return isinstance(data, Mapping) and bool({"axes", "sampled", "repeats"} & set(data)) and "rig" not in data

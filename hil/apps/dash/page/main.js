@@ -8,6 +8,7 @@ import { overlayMap } from "/page/panes/maps.js";
 import { attitude } from "/page/panes/matrices.js";
 import { Panes } from "/page/panes/panes.js";
 import { Replay } from "/page/replay.js";
+import { Campaigns } from "/page/campaigns.js";
 import { Runs, json } from "/page/runs.js";
 import { Sticks } from "/page/sticks.js";
 import { base, bytes, number, options, reachedOf, sensorRows, table } from "/page/panes/tables.js";
@@ -331,7 +332,12 @@ replay = new Replay({
   },
 });
 const runs = new Runs({ list: $("runs-table"), detail: $("run-detail"), compare: $("compare"), onReplay: openReplay });
-$("runs-refresh").onclick = () => runs.load();
+const campaigns = new Campaigns($("campaigns"), $("campaigns-table"));
+function loadRuns() {
+  runs.load();
+  campaigns.load(() => !$("runs").hidden);
+}
+$("runs-refresh").onclick = loadRuns;
 
 async function openReplay(name, summary, other = null, vehicle = "") {
   if (!(await replay.open(name, summary, other, vehicle))) { showMessage(`${name}: its recording has no flight`); return; }
@@ -419,7 +425,7 @@ function select(name) {
     $(tab).hidden = tab !== name;
     $(`tab-${tab}`).setAttribute("aria-selected", String(tab === name));
   }
-  if (name === "runs") runs.load();
+  if (name === "runs") loadRuns();
   live.watch(name === "live" && !replay.on ? [...panes.open.keys()] : []);
   view.touch();
 }

@@ -6,7 +6,6 @@ Run folders are only read. Of a recording that was cut off, the readable part is
 from __future__ import annotations
 
 import json
-import re
 import threading
 from collections.abc import Sequence
 from functools import lru_cache
@@ -14,28 +13,25 @@ from pathlib import Path
 from typing import Any
 
 from hil.apps.dash.past.moments import Moments, stream_of_topic
+from hil.apps.dash.past.served_folders import ServedFolders
 from hil.apps.dash.past.summary import read_summary
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.recorder import MCAP_NAME
 from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,120}\Z")
-_MAX_RUNS = 500  # in the list: the newest
 _MAX_POINTS = 3000  # of a replay's track
 _MAX_EVENTS = 500
 _CACHED_TRACKS = 4
 _MOTORS = 8  # motors shown, of the sixteen controls
-_SERVED_SUFFIXES = frozenset({".html", ".png", ".json", ".yaml", ".csv", ".svg", ".jpg"})
-_MAX_FILE_BYTES = 64 << 20
 _FIELDS = ("status", "digest", "deterministic", "seed", "rig", "scene", "sim_s", "wall_s", "realtime_factor")
 
 
-class PastRuns:
+class PastRuns(ServedFolders):
     """The runs in one folder. Its methods read files: call them in a thread."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
+        super().__init__(folder)
         self._tracks = lru_cache(_CACHED_TRACKS)(self._tracks_of)
         self._damaged: dict[str, tuple[int, str]] = {}  # run -> time of its recording, and what is wrong with it
         self._lock = threading.Lock()
@@ -43,12 +39,8 @@ class PastRuns:
 
     def listed(self) -> list[dict[str, Any]]:
         """Return the runs, newest first. Folders without a run.json are left out; `broken` says what is damaged."""
-        try:
-            folders = [p for p in self._folder.iterdir() if p.is_dir() and not p.is_symlink() and _NAME.match(p.name)]
-        except OSError:
-            return []
         runs: list[dict[str, Any]] = []
-        for folder in sorted(folders, key=lambda p: p.name, reverse=True)[:_MAX_RUNS]:
+        for folder in self.folders():
             try:
                 summary = read_summary(folder)
             except RecordingError as error:
@@ -89,27 +81,6 @@ class PastRuns:
         """Return run.json of a run or of one of its vehicles; None if there is none. Raises RecordingError."""
         folder = self.folder(name)
         return None if folder is None else read_summary(folder / vehicle)
-
-    def folder(self, name: str) -> Path | None:
-        """Return the folder of a run, always inside the folder of runs; None if there is no such run."""
-        if not _NAME.match(name):
-            return None
-        folder = self._folder / name
-        return folder if folder.is_dir() and not folder.is_symlink() else None
-
-    def file(self, name: str, path: str) -> Path | None:
-        """Return a file of the run's report; None for any other file."""
-        folder = self.folder(name)
-        if folder is None:
-            return None
-        try:
-            file = (folder / path).resolve()
-            inside = file.is_relative_to(folder.resolve()) and file.is_file()
-        except (OSError, ValueError, RuntimeError):
-            return None
-        if not inside or file.suffix.lower() not in _SERVED_SUFFIXES or file.stat().st_size > _MAX_FILE_BYTES:
-            return None
-        return file
 
     def track(self, name: str, vehicle: str = "") -> dict[str, Any]:
         """Return the flight as columns of at most 3000 rows, its events and recorded streams. Raises RecordingError.

@@ -1,4 +1,4 @@
-"""run.json of a past run, read as a file that anybody may have written."""
+"""run.json of a past run and campaign.json of a campaign, read as files that anybody may have written."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ import json
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from signals.errors import RecordingError
 
 RUN_JSON_NAME = "run.json"
+CAMPAIGN_JSON_NAME = "campaign.json"
 _MAX_BYTES = 64 << 20
 
 
@@ -51,16 +52,45 @@ class _Summary(_Strict):
     skipped: list[dict[str, Any]] | None = None
 
 
+class _Doing(_Strict):
+    phase: str
+    done: int
+    total: int
+
+
+class _Campaign(_Strict):
+    """The keys of campaign.json that the page shows."""
+
+    cases: int
+    passed: int = Field(alias="pass")
+    fail: int
+    error: int
+    flake: int
+    pass_rate: list[float | None] = Field(min_length=3, max_length=3)
+    points: int | None = None
+    complete: bool = True
+    stopped: str | None = None
+    doing: _Doing | None = None
+
+
 def read_summary(folder: Path) -> dict[str, Any] | None:
     """Return run.json of a run; None if the folder has none. Raises RecordingError if it is damaged."""
-    path = folder / RUN_JSON_NAME
+    return _read(folder / RUN_JSON_NAME, _Summary)
+
+
+def read_campaign(folder: Path) -> dict[str, Any] | None:
+    """Return campaign.json of a campaign; None if there is none. Raises RecordingError if it is damaged."""
+    return _read(folder / CAMPAIGN_JSON_NAME, _Campaign)
+
+
+def _read(path: Path, model: type[BaseModel]) -> dict[str, Any] | None:
     try:
         if not path.is_file():
             return None
         if path.stat().st_size > _MAX_BYTES:
             raise ValueError(f"more than {_MAX_BYTES >> 20} MB")
         data = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
-        _Summary.model_validate(data)
+        model.model_validate(data)
         json.dumps(data, ensure_ascii=False).encode()  # fails for half of a surrogate pair
     except ValidationError as error:
         first = error.errors(include_url=False)[0]

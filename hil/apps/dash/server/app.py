@@ -1,4 +1,4 @@
-"""The page's web application: static files, a web socket for the live run, and an API for past runs."""
+"""The page's web application: static files, a web socket for the live run, and an API for past runs and campaigns."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from hil.apps.dash.server.run_process import RunProcess
 from signals.errors import HilError
 
 if TYPE_CHECKING:
+    from hil.apps.dash.past.campaigns import Campaigns
     from hil.apps.dash.past.past_runs import PastRuns
 
 T = TypeVar("T")
@@ -36,10 +37,14 @@ _MAX_PAGES = 24
 _BYTES = "application/octet-stream"
 # A report contains its style and pictures and no scripts. The sandbox gives it no access to the page.
 _REPORT_POLICY = "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; sandbox; frame-ancestors 'none'"
+# The page of a campaign also searches in its table, and links to its flights: links from another origin are refused.
+_CAMPAIGN_POLICY = _REPORT_POLICY.replace(
+    "sandbox", "script-src {script}; sandbox allow-scripts allow-same-origin allow-downloads"
+)
 
 
 class Dashboard:
-    """The dashboard's hub, the run that it started, and the past runs of one folder."""
+    """The dashboard's hub, the run that it started, the past runs of one folder and the campaigns beside it."""
 
     def __init__(self, *, config: Path | None, runs: Path) -> None:
         """`config`: the bench file of new runs; None: the default bench."""
@@ -55,6 +60,12 @@ class Dashboard:
         from hil.apps.dash.past.past_runs import PastRuns
 
         return PastRuns(self._runs_folder)
+
+    @cached_property
+    def _past_campaigns(self) -> Campaigns:
+        from hil.apps.dash.past.campaigns import Campaigns
+
+        return Campaigns(self._runs_folder.parent / "campaigns")
 
     def _default_bench(self) -> Path | None:
         from hil.config.files import dashboard_bench
@@ -84,6 +95,8 @@ class Dashboard:
             Route("/api/runs/{name}/track", self._track),
             Route("/api/runs/{name}/moment", self._moment),
             Route("/runs/{name}/{path:path}", self._file),
+            Route("/api/campaigns", self._campaigns),
+            Route("/campaigns/{name}/{path:path}", self._campaign_file),
             WebSocketRoute("/live", self._live),
             Mount("/page", StaticFiles(directory=PAGE_FOLDER)),
         ]
@@ -131,6 +144,17 @@ class Dashboard:
     def _file(self, request: Request) -> Response:
         path = _or_404(self._past.file(request.path_params["name"], request.path_params["path"]))
         return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
+
+    def _campaigns(self, _request: Request) -> Response:
+        return JSONResponse(self._past_campaigns.listed())
+
+    def _campaign_file(self, request: Request) -> Response:
+        from hil.apps.campaign.results.page import PAGE_NAME, SCRIPT_SOURCE
+
+        path = request.path_params["path"]
+        file = _or_404(self._past_campaigns.file(request.path_params["name"], path))
+        policy = _CAMPAIGN_POLICY.format(script=SCRIPT_SOURCE) if path == PAGE_NAME else _REPORT_POLICY
+        return FileResponse(file, headers={"content-security-policy": policy})
 
     async def _live(self, socket: WebSocket) -> None:
         if len(self.hub.pages) >= _MAX_PAGES:
