@@ -176,18 +176,16 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
     )
     gc.collect()
     gc.freeze()  # the scene stays: a search through it would hold up the clients
-    stopped = asyncio.create_task(stop.wait())
-    running = [asyncio.create_task(clock.run())]
-    if page is not None:
-        running.append(asyncio.create_task(page.run()))
-    await asyncio.wait({stopped, *running}, return_when=asyncio.FIRST_COMPLETED)
+    running, stopped = asyncio.create_task(clock.run()), asyncio.create_task(stop.wait())
+    shown = None if page is None else asyncio.create_task(page.run())
+    await asyncio.wait({running, stopped}, return_when=asyncio.FIRST_COMPLETED)
     gc.unfreeze()
     await server.stop()
-    for task in (stopped, *running):
-        if not task.done():
+    for task in (running, stopped, shown):
+        if task is not None and not task.done():
             task.cancel()
-        elif task is not stopped:
-            task.result()  # raises the error that ended the clock or the page
+    if running.done() and not running.cancelled():
+        running.result()  # raises the error that ended the clock
     if truths is not None and server.digest is not None:
         server.digest.update(truths.hexdigest().encode())
     return server

@@ -67,12 +67,17 @@ class ServedPage:
         simulation.drawings.kept = True
 
     async def run(self) -> None:
-        """Serve the page until the task is cancelled."""
-        while True:
-            if len(self._shown) < len(self._sim.drones) and self._live.idle:
-                self._add_vehicles()
-            self._live.poll()
-            await asyncio.sleep(_PERIOD_S)
+        """Serve the page until the task is cancelled. A defect of the page ends the page alone."""
+        try:
+            while True:
+                if len(self._shown) < len(self._sim.drones) and self._live.idle:
+                    self._add_vehicles()
+                self._live.poll()
+                await asyncio.sleep(_PERIOD_S)
+        except Exception as defect:  # noqa: BLE001 (the clients go on)
+            self._sim.log(f"the page ends: {type(defect).__name__}: {defect} (a defect of the server)")
+            self._sim.drawings.kept = False
+            self._live.close()
 
     def _add_vehicles(self) -> None:
         new = [drone for drone in self._sim.drones.values() if drone.name not in self._shown]
@@ -128,10 +133,14 @@ class ServedPage:
             segments, texts = sim.drawings.present()
             place = {"t_ns": truth.t_ns, "p": truth.p_WB, "q": truth.q_WB}
             frames[DRAWINGS] = place | {"texts": texts, "segments": segments}
-        for stream in wanted if sim.frames.is_made and not sim.lock.held else ():
-            payload = self._picture(drone, stream) if stream.endswith(_COLOUR) else None
-            if payload is not None:
-                frames[stream] = payload
+        panes = [stream for stream in wanted if stream.endswith(_COLOUR)]
+        # A world that lacks changes is made when a script needs it, so that a page changes nothing.
+        if panes and sim.present.is_settled and not sim.lock.held:
+            if not sim.frames.is_made:  # after a vehicle was added
+                sim.lock.run(sim.frames.seen_by)
+                return frames
+            pictures = {stream: self._picture(drone, stream) for stream in panes}
+            frames |= {stream: picture for stream, picture in pictures.items() if picture is not None}
         return frames
 
     def _picture(self, drone: Drone, stream: str) -> dict[str, Any] | None:

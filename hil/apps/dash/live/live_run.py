@@ -99,6 +99,8 @@ class LiveRun:
                 "lockstep": all(vehicle.run.lockstep for vehicle in vehicles),
                 "vehicles": {vehicle.name: dict(vehicle.run.description) for vehicle in vehicles},
             }
+        for each in vehicles:
+            each.forget_closed(())  # the page begins anew and needs every frame
         self._connection.write({"kind": "begin", **description})
         self._began = True
         self._speed_from = (self._serving.run.scheduler.tick, self._clock_ns())

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import math
 import re
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,14 @@ import pytest
 from websockets.sync.client import connect
 
 from hil.apps.airsim.rpc.arguments import Pose, Quaternion, Vector
+from hil.apps.airsim.served_page import ServedPage
 from hil.apps.airsim.world.drawings import MOST_SEGMENTS, MOST_TEXTS, SEGMENT, SHORTEST_NS, Drawings, Pen
 from hil.apps.airsim.world.ned import NedFrame
+from hil.apps.dash.live.live_run import LiveRun
+from hil.apps.dash.messages import packed
 from signals.time import NS_PER_S
 from tests.worlds.airsim_process import AirSimProcess
-from tests.worlds.airsim_server import Client, vector
+from tests.worlds.airsim_server import Client, pose, served, vector
 
 RED = (1.0, 0.0, 0.0, 1.0)
 
@@ -142,6 +147,7 @@ def fly(folder: Path, *, dash: bool) -> str:
         client.call("simPlotStrings", ["here"], [vector(0, 0, -2)], 5.0, [1, 1, 1, 1], -1.0)
         client.call("enableApiControl", True, "")
         client.call("takeoff", 20.0, "")
+        client.call("simAddVehicle", "Second", "simpleflight", pose(3.0, 0.0, 0.0), "")
         if dash:
             found = re.search(r"dashboard: http://(\S+)/", server.log())
             assert found is not None, server.log()
@@ -169,12 +175,14 @@ def see(host: str) -> None:
         page.send('{"kind": "wind", "velocity_W_mps": [9, 0, 0]}')
         page.send('{"kind": "stop"}')
         shown: dict[str, tuple[dict[str, Any], bytes]] = {}
-        while set(shown) != {"drawings", "front_center/rgb"}:
+        vehicles: set[str] = set()
+        while set(shown) != {"drawings", "front_center/rgb"} or "Second" not in vehicles:
             page.send('{"kind": "next"}')
             data = page.recv(20.0)
             assert isinstance(data, bytes)
             start = 4 + int.from_bytes(data[:4], "little")
             head = json.loads(data[4:start])
+            vehicles |= set(head.get("about", {}).get("vehicles", ()))
             for frame in head["frames"]:
                 shown[frame["stream"]] = (frame, data[start : start + frame["length"]])
                 start += frame["length"]
@@ -184,3 +192,15 @@ def see(host: str) -> None:
     assert line["colour"].tolist() == [0, 255, 0, 255]
     assert [text for _, text, _ in head["texts"]] == ["here"]
     assert shown["front_center/rgb"][0]["shape"] == [144, 256, 3]
+
+
+def test_a_defect_of_the_page_ends_the_page_alone(tmp_path: Path) -> None:
+    with served() as world:
+        ours, theirs = socket.socketpair()
+        page = ServedPage(world.simulation, LiveRun(theirs), tmp_path)
+        ours.sendall(packed({"kind": "next", "streams": ["SimpleFlight/drawings"]}))
+        world.simulation.drawings.present = lambda: 1 / 0  # type: ignore[method-assign, assignment, return-value]
+        asyncio.run(asyncio.wait_for(page.run(), 10.0))
+        assert "the page ends: ZeroDivisionError" in world.log[-1]
+        assert world.client().call("ping") is True
+        ours.close()
