@@ -8,11 +8,11 @@ from hil.apps.airsim.api.images import CAMERA, EXTERNAL_OR_ANNOTATION, IMAGE_TYP
 from hil.apps.airsim.api.objects import NO_POSE, object_names
 from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.pictures.detections import Detection, Detections
-from hil.apps.airsim.pictures.names import matching
 from hil.apps.airsim.pictures.segmentation import NOT_FOUND
 from hil.apps.airsim.rpc.arguments import BOOL, FLOAT, INT, TEXT, Pose, Quaternion, Vector
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
 from hil.apps.airsim.simulation import Simulation
+from hil.apps.airsim.world.objects.names import matching
 from signals.frames import frd_from_flu
 from signals.rotation import conjugate, product
 
@@ -44,7 +44,7 @@ def methods(simulation: Simulation) -> list[Method]:
 
     def set_id(mesh: str, number: int, is_regex: bool) -> bool:
         known = object_names(simulation)
-        found = matching(mesh, known) if is_regex else [name for name in known if name == mesh]
+        found = matching(mesh, known, any_case=True) if is_regex else [name for name in known if name == mesh]
         ids.give(found, number)
         return bool(found)
 

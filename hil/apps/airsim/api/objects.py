@@ -8,7 +8,6 @@ from typing import Any
 
 from hil.apps.airsim.api.session import VEHICLE, geo_point
 from hil.apps.airsim.api.state import place
-from hil.apps.airsim.pictures.names import matching
 from hil.apps.airsim.rpc.arguments import (
     BOOL,
     FLOAT,
@@ -30,6 +29,7 @@ from hil.apps.airsim.world.ned import q_WB_from_q_NF
 from hil.apps.airsim.world.objects.bounds import Bounds
 from hil.apps.airsim.world.objects.line_of_sight import is_clear
 from hil.apps.airsim.world.objects.mesh_buffers import mesh_buffers
+from hil.apps.airsim.world.objects.names import matching
 from hil.apps.airsim.world.objects.voxel_grid import binvox, occupied
 from signals.samples import Quat, Vec3
 
@@ -104,7 +104,7 @@ def methods(simulation: Simulation) -> list[Method]:
         return name
 
     def list_objects(pattern: str) -> list[str]:
-        return matching(pattern, object_names(sim), 0)
+        return matching(pattern, object_names(sim), any_case=False)
 
     def to_point(point: Vector, name: str) -> bool:
         drone = sim.drone(name)

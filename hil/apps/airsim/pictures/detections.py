@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from hil.apps.airsim.pictures.camera import CameraPlace, ServedCamera
 from hil.apps.airsim.pictures.cameras import Cameras
-from hil.apps.airsim.pictures.names import like
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.world.frames import Frames
 from hil.apps.airsim.world.objects.bounds import Bounds, Box
+from hil.apps.airsim.world.objects.names import like
 from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
 
@@ -76,7 +76,8 @@ class Detections:
         """Return the objects that the camera sees now, in the order of the scene's objects."""
         chosen = self.filter(camera, image_type)
         names = self._cameras.segmentation.names
-        wanted = [number for number, name in enumerate(names) if number and _any_like(chosen.patterns, name)]
+        found = like(chosen.patterns, names[1:])
+        wanted = [number for number, name in enumerate(names) if number and name in found]
         if not wanted:
             return []
         place = camera.place()
@@ -88,10 +89,6 @@ class Detections:
             if _distance(place.p_W, box.p_WO) <= chosen.radius_m:
                 detections.append(_detection(names[number], seen == number, place, box))
         return detections
-
-
-def _any_like(patterns: list[str], name: str) -> bool:
-    return any(like(pattern, name) for pattern in patterns)
 
 
 def _distance(a: Vec3, b: Vec3) -> float:

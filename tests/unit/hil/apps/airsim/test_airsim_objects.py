@@ -66,7 +66,7 @@ def test_the_list_holds_the_names_that_airsims_users_know(client: Client) -> Non
     assert ["OrangeBall", ""] in client.call("simListSceneObjectsTags", "Orange.*")
 
 
-@pytest.mark.parametrize("pattern", ["(", "x" * 1000, "[z-a]", "(a)\\1", "a++", "(?=a)a"])
+@pytest.mark.parametrize("pattern", ["(", "x" * 100_000, "[z-a]", "(a)\\1", "a++", "(?=a)a"])
 def test_an_expression_that_is_none_is_an_error(client: Client, pattern: str) -> None:
     with pytest.raises(RpcFailed, match="regular expression"):
         client.call("simListSceneObjects", pattern)

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.apps.airsim.pictures.names import like
 from hil.apps.airsim.pictures.palette import AIRSIM_COLOURS, instance_colours
 from hil.apps.airsim.pictures.segmentation import initial_id
 from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served
@@ -364,14 +363,6 @@ def test_what_cannot_be_drawn_is_refused(client: Client, arguments: tuple[Any, .
 def test_a_regular_expression_that_is_none_or_too_costly(client: Client, pattern: str) -> None:
     with pytest.raises(RpcFailed, match="regular expression"):
         client.call("simSetSegmentationObjectID", pattern, 1, True)
-
-
-def test_wildcards() -> None:
-    assert like("Cyl*", "Cylinder_8")
-    assert like("cone?5", "Cone_5")
-    assert like("a*b*c", "aXbYc")
-    assert not like("Cone", "Cone_5")
-    assert not like("a*b*c", "aXbYd")
 
 
 def test_detections(client: Client) -> None:
