@@ -54,7 +54,8 @@ def unknown_in_command(line: str) -> list[str]:
     """Return the options of a command line of `hil` that do not exist. AttributeError for an unknown command."""
     command, words = typer.main.get_command(app), line.partition("#")[0].split()
     while words and hasattr(command, "commands"):
-        command = command.commands.get(words.pop(0))
+        default = "run" if command.name == "campaign" else ""  # `hil campaign FILE`
+        command = command.commands.get(words.pop(0)) or command.commands.get(default)
     options = {option for parameter in command.params for option in parameter.opts} | {"--help"}
     return [f"hil {line}: {word}" for word in words if word.startswith("--") and word not in options]
 
