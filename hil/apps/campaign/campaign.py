@@ -198,6 +198,7 @@ class Campaign:
             one, two = self.out / _second(job.case, again=False), self.out / _second(job.case, again=True)
             difference = _first_difference(one, two) or f"the second flight has the digest {outcome.digest[:16]}"
         self.store.put_check(job.case, outcome.digest, difference)
+        shutil.rmtree(self.out / SECOND / job.case, ignore_errors=True)
 
     def _recordings(self, *, every: bool, most: int) -> list[Job]:
         """Return the flights that leave recordings, of cases that have none yet."""

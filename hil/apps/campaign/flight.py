@@ -32,7 +32,7 @@ class Job:
     texts: tuple[str, ...]
     folder: str  # for the files of the run
     recording: Recording = "none"
-    keep: bool = True  # False: the folder is removed after a PASS
+    keep: bool = True  # False: a recording is removed after a PASS
     flown_at: str = ""  # place of the case's first flight; this one is made on another node if there is one
 
 
@@ -137,7 +137,7 @@ def fly(job: Job, slot: Slot = ONLY) -> Outcome:
         outcome = Outcome("ERROR", error_type="MemoryError", error="no memory is left: use fewer --workers")
     except Exception as defect:  # noqa: BLE001 (one flight must not end a campaign)
         outcome = Outcome("ERROR", error_type=type(defect).__name__, error=f"{defect} (a defect of the bench)")
-    if not job.keep and outcome.status == "PASS":
+    if job.recording == "none" or (not job.keep and outcome.status == "PASS"):
         shutil.rmtree(folder, ignore_errors=True)
     wall_s, cpu_s = time.monotonic() - began_s, time.process_time() - began_cpu_s
     return Outcome(**{**vars(outcome), "wall_s": wall_s, "cpu_s": cpu_s, "place": slot.name})

@@ -19,6 +19,7 @@ from typing import Any
 from hil.apps.campaign.engines.engine import Done
 from hil.apps.campaign.engines.numbers import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome, Slot, fly
+from signals.errors import RecordingError
 
 _END_S = 5.0  # a worker that is asked to end gets this long
 
@@ -138,7 +139,10 @@ class _Worker:
         self._process = self._context.Process(
             target=_serve, args=(theirs, self._number, tuple(self._processors)), name=name
         )
-        self._process.start()
+        try:
+            self._process.start()
+        except OSError as error:
+            raise RecordingError(f"{name} cannot be started ({error.strerror}): use fewer --workers") from error
         theirs.close()
 
 
