@@ -34,6 +34,7 @@ from hil.run.runs.vehicle_run import RUN_JSON_NAME
 from signals.errors import ConfigError, RecordingError
 
 ATTEMPTS = 3
+RECORDED_FIRST = 1000  # first flights whose recordings (some MB each) wait for the second; later ones have only digests
 CASES, SECOND, WORK = "cases", "second_flights", "work"  # folders of a campaign
 _WAIT_S = 0.5
 _WITHOUT_FLIGHT = ("ConfigError", "Timeout", "WorkerLost")
@@ -67,6 +68,7 @@ class Campaign:
     _order: deque[tuple[int, str]] = field(default_factory=deque)  # number and case of points not yet counted
     _pending: set[str] = field(default_factory=set)  # cases of these that have to be flown
     _attempts: dict[str, int] = field(default_factory=dict)  # flights of a case whose worker was lost
+    _recorded_first: int = 0  # first flights recorded for a comparison
     _again: deque[Job] = field(default_factory=deque)  # jobs whose worker was lost
 
     def run(self) -> None:
@@ -134,7 +136,10 @@ class Campaign:
     def _recording(self, case: str, bench: Bench) -> Recording:
         if not repeats(bench):
             return "none" if self.file.spec.keep == "none" else "all"
-        return "messages" if is_chosen(case, self.file.spec.recheck) else "none"
+        if not is_chosen(case, self.file.spec.recheck) or self._recorded_first >= RECORDED_FIRST:
+            return "none"
+        self._recorded_first += 1
+        return "messages"
 
     def _job(self, case: str, texts: tuple[str, ...], recording: Recording, *, again: bool = False) -> Job:
         """Return the first flight of a case, or a further one."""
@@ -221,6 +226,7 @@ class Campaign:
     def _fly_all(self, phase: str, jobs: list[Job], handle: Callable[[Job, Outcome], None]) -> None:
         """Fly `jobs` in other processes or on other nodes than before."""
         self._pending.clear()
+        self._again.clear()
         if not jobs:
             return
         self.engine.renew()

@@ -37,7 +37,7 @@ class Engine(Protocol):
         ...
 
     def renew(self) -> None:
-        """Continue in other processes or on other nodes than before. Call only while no job runs."""
+        """Forget jobs that still run, and continue in other processes or on other nodes than before."""
         ...
 
     def close(self) -> None:

@@ -110,7 +110,11 @@ class RayEngine:
         return ended + [self._taken(reference) for reference in ready]
 
     def renew(self) -> None:
-        """Make the next flights in other processes."""
+        """Make the next flights in other processes, without those of a campaign that a rule has stopped."""
+        with self._cluster():
+            for reference in self._running:
+                self._ray.cancel(reference, force=True)
+        self._running.clear()
         order = self._order
         self._order = Order(order.sources, order.generation + 1, order.cores, order.timeout_s)
 
