@@ -1,4 +1,4 @@
-"""Search path of benches, rigs, scenes, vehicles and missions.
+"""Search path of benches, rigs, scenes, vehicles, missions and campaigns.
 
 They are searched for beside the file that names them, then in the working directory, then in the installed `rigs`
 package. A bench can therefore have its own rig beside it, and `hil run` works in an empty folder.
@@ -12,7 +12,7 @@ from pathlib import Path
 import rigs
 
 _PACKAGE = Path(rigs.__file__).resolve().parent
-FOLDERS = {"rig": "", "scene": "scenes", "vehicle": "vehicles", "mission": "missions"}
+FOLDERS = {"rig": "", "scene": "scenes", "vehicle": "vehicles", "mission": "missions", "campaign": "campaigns"}
 
 
 def default_bench() -> Path | None:
@@ -42,7 +42,7 @@ def _is_file(path: Path) -> bool:
 
 
 def find(kind: str, name: str, beside: Sequence[Path]) -> Path | None:
-    """Return the file of a 'rig', 'scene', 'vehicle' or 'mission' by bare name or relative path, None if there is none.
+    """Return a file of a kind of `FOLDERS` by bare name or relative path, None if there is none.
 
     `beside` are the folders to search first.
     """

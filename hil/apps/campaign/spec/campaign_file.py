@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from hil.apps.campaign.spec.distributions import Distribution
-from hil.config.files import default_bench
+from hil.config.files import default_bench, find
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, at, load_model
 from signals.documents.yaml_lines import read_yaml
@@ -131,15 +131,20 @@ class CampaignFile:
 
 
 def load_campaign(path: Path) -> CampaignFile:
-    """Read the file of a campaign. Raises ConfigError with every problem found."""
+    """Read the file of a campaign, or the shipped one of this name. Raises ConfigError with every problem found."""
+    path = _found(path)
     spec, document = load_model(path, CampaignSpec)
     return CampaignFile(spec, path, document)
+
+
+def _found(path: Path) -> Path:
+    return path if path.exists() else find("campaign", str(path), ()) or path
 
 
 def is_campaign_file(path: Path) -> bool:
     """Return True if a file can be read and holds a campaign and not a bench."""
     try:
-        data = read_yaml(path).data
+        data = read_yaml(_found(path)).data
     except ConfigError:
         return False
     return isinstance(data, Mapping) and bool({"axes", "sampled", "repeats"} & set(data)) and "rig" not in data
