@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from hil.apps.campaign.engines.engine import Done, Engine
+from hil.apps.campaign.engines.engine import ATTEMPTS, WAIT_S, Done, Engine, flown, worker_lost
 from hil.apps.campaign.flight import Job, Outcome, Recording
 from hil.apps.campaign.identity import case_id
 from hil.apps.campaign.results.statistics import Tally
@@ -33,10 +33,8 @@ from hil.run.runs.replay import compare
 from hil.run.runs.vehicle_run import RUN_JSON_NAME
 from signals.errors import ConfigError, RecordingError
 
-ATTEMPTS = 3
 RECORDED_FIRST = 1000  # first flights whose recordings (some MB each) wait for the second; later ones have only digests
 CASES, SECOND, WORK = "cases", "second_flights", "work"  # folders of a campaign
-_WAIT_S = 0.5
 _WITHOUT_FLIGHT = ("ConfigError", "Timeout", "WorkerLost")
 
 
@@ -87,7 +85,7 @@ class Campaign:
 
     def _fly_plan(self) -> None:
         """Fly the points of the plan that are not stored, until there are none or a rule stops the campaign."""
-        self.store.begin_plan()
+        self.store.begin_plan(self.file.bench_path, self.plan.base)
         pending = self._jobs()
         prepared: Job | None = next(pending, None)
         while not self.stopped and (prepared is not None or self._pending):
@@ -99,7 +97,7 @@ class Campaign:
                     prepared = None
             if prepared is None:
                 prepared = next(pending, None)  # loaded while the workers fly
-            for done in self.engine.wait(_WAIT_S):
+            for done in self.engine.wait(WAIT_S):
                 self._take(done)
             if self.stop.time_s is not None and time.monotonic() - self.began_s > self.stop.time_s:
                 self.stopped = f"the time of {self.stop.time_s:g} s is over"
@@ -168,7 +166,7 @@ class Campaign:
         if self._attempts[case] < ATTEMPTS:
             self._again.append(done.job)
             return None
-        return Outcome("ERROR", error_type="WorkerLost", error=f"{ATTEMPTS} times, at last {done.lost}")
+        return worker_lost(done.lost)
 
     def _advance(self) -> None:
         """Count the results at the head of the plan, and apply the rules that stop a campaign."""
@@ -230,16 +228,9 @@ class Campaign:
         if not jobs:
             return
         self.engine.renew()
-        waiting, ended = deque(jobs), 0
-        self._attempts.clear()
-        while ended < len(jobs):
-            while self.engine.busy < self.engine.capacity and (self._again or waiting):
-                self.engine.submit((self._again or waiting).popleft())
-            for done in self.engine.wait(_WAIT_S):
-                outcome = self._outcome(done)
-                if outcome is not None:
-                    ended += 1
-                    handle(done.job, outcome)
+        for ended, (job, outcome) in enumerate(flown(self.engine, jobs), start=1):
+            self.flown += 1
+            handle(job, outcome)
             self.show(Progress(phase, ended, len(jobs), self.tally))
 
 

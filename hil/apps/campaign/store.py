@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,7 @@ CREATE TABLE IF NOT EXISTS flown
     (id TEXT PRIMARY KEY, status TEXT NOT NULL, outcome TEXT NOT NULL, texts TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS checked (id TEXT PRIMARY KEY, digest TEXT NOT NULL, difference TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS point (number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, axes TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS base (bench TEXT, texts TEXT NOT NULL);
 """
 # The points of the plan with their outcomes and, where they were flown twice, the second digests.
 _ROWS = """
@@ -83,9 +84,24 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self._db.close()
 
-    def begin_plan(self) -> None:
-        """Forget the points of an earlier plan; the flown cases stay."""
+    def begin_plan(self, bench: Path | None = None, texts: Sequence[str] = ()) -> None:
+        """Forget the points of an earlier plan; the flown cases stay.
+
+        `bench` is the file of the base bench, `texts` the settings of all points as texts of `--set`.
+        """
         self._do("DELETE FROM point")
+        self._do("DELETE FROM base")
+        self._do("INSERT INTO base VALUES (?, ?)", None if bench is None else str(bench.resolve()), json.dumps(texts))
+
+    def base(self) -> tuple[Path | None, tuple[str, ...]] | None:
+        """Return the file of the base bench and the settings of all points; None: the folder never had a plan."""
+        found = self._do("SELECT bench, texts FROM base")
+        return (Path(found[0][0]) if found[0][0] else None, tuple(json.loads(found[0][1]))) if found else None
+
+    def flown(self, prefix: str) -> list[tuple[str, Outcome, tuple[str, ...]]]:
+        """Return identity, outcome and settings of all flown cases, of the plan or not, that begin with `prefix`."""
+        rows = self._do("SELECT id, outcome, texts FROM flown WHERE substr(id, 1, ?) = ?", len(prefix), prefix)
+        return [(case, Outcome.from_data(json.loads(data)), tuple(json.loads(texts))) for case, data, texts in rows]
 
     def add_point(self, number: int, case: str, axes: Mapping[str, Any]) -> bool:
         """Add a point of the plan. Returns False if the plan has a point of this case already."""
@@ -116,6 +132,11 @@ class Store:
     def put_check(self, case: str, digest: str, difference: str) -> None:
         """Store the digest of a second flight, and its first difference, empty if there is none."""
         self._do("INSERT OR REPLACE INTO checked VALUES (?, ?, ?)", case, digest, difference)
+
+    def difference(self, case: str) -> str:
+        """Return the first difference of a case's two flights; empty if there is none, or no second flight."""
+        found = self._do("SELECT difference FROM checked WHERE id = ?", case)
+        return found[0][0] if found else ""
 
     def cases(self, *, by_plan: bool = False) -> Iterator[Case]:
         """Return the flown cases of the plan one by one, sorted by case, or in the order of the plan."""

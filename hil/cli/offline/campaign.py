@@ -23,6 +23,9 @@ class _FileOrCommand(TyperGroup):
         return super().parse_args(ctx, args)
 
 
+WorkersOption = Annotated[
+    int | None, typer.Option(help="Flights at a time; default one per processor.", show_default=False, min=1)
+]
 campaign_app = typer.Typer(
     cls=_FileOrCommand, no_args_is_help=True, help="Fly a bench many times, under conditions that vary."
 )
@@ -35,9 +38,7 @@ class RunOptions:
     address: Annotated[
         str | None, typer.Option(help="Address of the Ray cluster; default one on this machine.", show_default=False)
     ] = None
-    workers: Annotated[
-        int | None, typer.Option(help="Flights at a time; default one per processor.", show_default=False, min=1)
-    ] = None
+    workers: WorkersOption = None
     out: Annotated[Path | None, typer.Option(help="Folder of the campaign; default campaigns/<name>.")] = None
     resume: Annotated[bool, typer.Option("--resume", help="Continue or extend the campaign in --out.")] = False
     stop_after: Annotated[
@@ -82,4 +83,53 @@ def compare(
 
     with exit_on_error():
         status = run_compare(first, second, json, console)
+    raise typer.Exit(status)
+
+
+@dataclass(frozen=True)
+class ShrinkCommandOptions:
+    case: Annotated[str, typer.Argument(help="A failing case, or the beginning of its name.", metavar="CASE")]
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the campaign; default the one in campaigns/ that has the case.")
+    ] = None
+    workers: WorkersOption = None
+    tolerance: Annotated[
+        float, typer.Option(help="Of numbers made smaller, as a share of the way to neutral.", min=1e-6, max=1.0)
+    ] = 1 / 16
+    quiet: QuietOption = False
+
+
+@campaign_app.command()
+@takes(ShrinkCommandOptions)
+def shrink(o: ShrinkCommandOptions) -> None:
+    """Make a failing case smaller while it fails in the same way, and print the `hil run` command that repeats it."""
+    from hil.apps.campaign.find.command import ShrinkOptions, shrink_case
+
+    with exit_on_error():
+        shrink_case(o.case, ShrinkOptions(o.out, o.workers, o.tolerance, o.quiet), console)
+
+
+@dataclass(frozen=True)
+class SearchCommandOptions:
+    file: Annotated[Path, typer.Argument(help="File of the campaign: its axes are searched.", metavar="FILE")]
+    trials: Annotated[int, typer.Option(help="Most flights.", min=1, max=100_000)] = 200
+    sampler: Annotated[str, typer.Option(help="tpe, gp (needs PyTorch) or random.")] = "tpe"
+    batch: Annotated[int, typer.Option(help="Trials proposed at a time; part of the result.", min=1, max=1000)] = 8
+    seed: Annotated[int | None, typer.Option(help="Of the sampler; default sampling_seed.", min=0)] = None
+    every: Annotated[bool, typer.Option("--all", help="Go on after the first failure.")] = False
+    out: Annotated[Path | None, typer.Option(help="Folder of the search; default campaigns/<name>-search.")] = None
+    resume: Annotated[bool, typer.Option("--resume", help="Continue or extend the search in --out.")] = False
+    workers: WorkersOption = None
+    quiet: QuietOption = False
+
+
+@campaign_app.command()
+@takes(SearchCommandOptions)
+def search(o: SearchCommandOptions) -> None:
+    """Look for failures: an optimizer proposes flights with smaller and smaller margins."""
+    from hil.apps.campaign.find.command import SearchOptions, search_failures
+
+    options = SearchOptions(o.trials, o.sampler, o.batch, o.seed, o.every, o.out, o.resume, o.workers, o.quiet)
+    with exit_on_error():
+        status = search_failures(o.file, options, console)
     raise typer.Exit(status)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple, Protocol
 
 from hil.apps.campaign.flight import Job, Outcome
+
+ATTEMPTS = 3  # flights of a case whose worker is lost
+WAIT_S = 0.5
 
 
 class Done(NamedTuple):
@@ -43,3 +48,27 @@ class Engine(Protocol):
     def close(self) -> None:
         """End all workers, whatever they do. Idempotent."""
         ...
+
+
+def flown(engine: Engine, jobs: Iterable[Job]) -> Iterator[tuple[Job, Outcome]]:
+    """Make all jobs and yield their outcomes in the order of their ends. Raises HilError.
+
+    A job whose worker was lost is made again, up to ATTEMPTS times; then it is an ERROR.
+    """
+    waiting, lost = deque(jobs), Counter[Job]()
+    while waiting or engine.busy:
+        while waiting and engine.busy < engine.capacity:
+            engine.submit(waiting.popleft())
+        for job, outcome, how in engine.wait(WAIT_S):
+            if outcome is None:
+                lost[job] += 1
+                if lost[job] < ATTEMPTS:
+                    waiting.append(job)
+                    continue
+                outcome = worker_lost(how)
+            yield job, outcome
+
+
+def worker_lost(how: str) -> Outcome:
+    """Return the outcome of a case whose worker was lost ATTEMPTS times."""
+    return Outcome("ERROR", error_type="WorkerLost", error=f"{ATTEMPTS} times, at last {how}")

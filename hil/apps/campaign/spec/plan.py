@@ -46,6 +46,7 @@ class Plan:
         if problem := _sampling_problem(file) or _skip_problem(file) or _name_problem(file):
             raise ConfigError([problem])
         self._first_seed: int | None = None
+        self.base = texts_of(spec.settings, file.path.parent)  # of all points
         self._units = UnitSamples(spec.method, list(spec.sampled), spec.samples, spec.sampling_seed)
 
     def __len__(self) -> int:
@@ -55,7 +56,7 @@ class Plan:
     def __iter__(self) -> Iterator[Point]:
         """Return all points that `skip` leaves, in order. Raises ConfigError."""
         points = map(self.point, range(len(self)))
-        return (point for point in points if not self._is_skipped(point.values))
+        return (point for point in points if not self.is_skipped(point.values))
 
     def point(self, number: int) -> Point:
         """Return point `number`, be it skipped or not. Raises ConfigError."""
@@ -84,11 +85,11 @@ class Plan:
         if self._first_seed is None:
             from hil.config import load_bench
 
-            texts = texts_of(self._spec.settings, self._file.path.parent)
-            self._first_seed = load_bench(self._file.bench_path, settings=texts).config.seed
+            self._first_seed = load_bench(self._file.bench_path, settings=self.base).config.seed
         return self._first_seed
 
-    def _is_skipped(self, values: Mapping[str, Any]) -> bool:
+    def is_skipped(self, values: Mapping[str, Any]) -> bool:
+        """Return True for a point that `skip` leaves out."""
         return any(all(_meets(values[axis], wanted) for axis, wanted in entry.items()) for entry in self._spec.skip)
 
     def trials(self) -> Iterator[tuple[str, Point]]:

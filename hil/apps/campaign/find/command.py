@@ -1,0 +1,216 @@
+"""`hil campaign shrink` and `hil campaign search`."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from hil.apps.campaign.campaign import Progress
+from hil.apps.campaign.command import CampaignProgress, campaign_problems, processors
+from hil.apps.campaign.engines.local import LocalEngine
+from hil.apps.campaign.find.magnitudes import TOLERANCE
+from hil.apps.campaign.find.search import Search
+from hil.apps.campaign.find.shrink import Shrinking, Shrunk, way_of_failing
+from hil.apps.campaign.find.trials import Trials
+from hil.apps.campaign.flight import Outcome
+from hil.apps.campaign.results import tables
+from hil.apps.campaign.results.again import run_command
+from hil.apps.campaign.spec.campaign_file import load_campaign
+from hil.apps.campaign.spec.plan import Plan
+from hil.apps.campaign.store import STORE_NAME, Store
+from hil.run.report.run_folder import run_folder
+from hil.run.report.run_json import write_run_json
+from signals.documents.document import shown_path
+from signals.errors import ConfigError, Problem, RecordingError
+
+CAMPAIGNS = Path("campaigns")
+SHRUNK = "shrunk"  # folder of a campaign
+
+
+@dataclass(frozen=True)
+class ShrinkOptions:
+    """Options of `hil campaign shrink`."""
+
+    out: Path | None = None  # of the campaign; None: any in ./campaigns that has the case
+    workers: int | None = None
+    tolerance: float = TOLERANCE
+    quiet: bool = False
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Options of `hil campaign search`."""
+
+    trials: int = 200
+    sampler: str = "tpe"
+    batch: int = 8
+    seed: int | None = None  # of the sampler; None: sampling_seed of the file
+    every: bool = False  # go on after the first failure
+    out: Path | None = None
+    resume: bool = False
+    workers: int | None = None
+    quiet: bool = False
+
+
+def shrink_case(prefix: str, options: ShrinkOptions, console: Console) -> Shrunk:
+    """Make a failing case smaller, write shrunk/CASE.json in its campaign, and print the result. Raises HilError."""
+    folder = options.out or _folder_of(prefix)
+    _require_campaign(folder)
+    with run_folder(folder), Store(folder) as store:
+        case, outcome, texts = _failing_case(store, prefix, folder)
+        base = store.base()
+        if base is None:
+            text = f"{shown_path(folder)} does not tell its base bench: it was made by an earlier version"
+            raise ConfigError([Problem("CASE", text, "`hil campaign FILE --resume` adds it")])
+        with closing(LocalEngine(options.workers or processors())) as engine:
+            trials = Trials(store, engine, base[0], folder)
+            shrinking = Shrinking(trials, texts, outcome, base[1], folder / SHRUNK)
+            if not options.quiet:
+                console.print(f"{case}: {outcome.reasons[0]}")
+                shrinking.say = console.print
+            try:
+                found = shrinking.run(case, options.tolerance)
+            finally:
+                trials.end()
+        path = folder / SHRUNK / f"{case}.json"
+        _write(path, case, outcome, found, base[0], trials)
+    _print_shrunk(found, base[0], trials, path, console)
+    return found
+
+
+def search_failures(path: Path, options: SearchOptions, console: Console) -> int:
+    """Look for failures of a campaign's bench. Returns the exit status: 1 if one was found. Raises HilError."""
+    file = load_campaign(path)
+    plan = Plan(file)
+    if problems := campaign_problems(plan, file):
+        raise ConfigError(problems)
+    seed = file.spec.sampling_seed if options.seed is None else options.seed
+    search = Search(file, plan, options.sampler, seed % 2**32)
+    out = options.out or CAMPAIGNS / f"{file.name}-search"
+    if (out / STORE_NAME).is_file() and not options.resume:
+        text = f"{out}: holds a campaign or a search; repeat the search with --resume, which flies no stored case again"
+        raise RecordingError(f"{text}, or name another folder with --out")
+    workers, began_s = options.workers or max(1, processors() // file.spec.cores), time.monotonic()
+    engine = LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
+    with run_folder(out), Store(out) as store, closing(engine):
+        trials = Trials(store, engine, file.bench_path, out)
+        with CampaignProgress(f"search {file.name}", options.trials, quiet=options.quiet) as progress:
+            search.show = lambda: progress.update(Progress("trials", search.tried, options.trials, search.tally))
+            try:
+                search.run(trials, store, count=options.trials, batch=options.batch, every=options.every)
+            finally:
+                trials.end()
+                _write_tables(out, store, plan, search, time.monotonic() - began_s)
+    _print_search(file.name, out, search, console)
+    return search.tally.exit_status
+
+
+def _folder_of(prefix: str) -> Path:
+    """Return the folder of the campaigns here that has a case. Raises ConfigError unless there is exactly one."""
+    found = []
+    for path in sorted(CAMPAIGNS.glob(f"*/{STORE_NAME}")):
+        with Store(path.parent) as store:
+            if store.flown(prefix):
+                found.append(path.parent)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        text = f"{prefix} is a case of {len(found)} campaigns: {', '.join(map(str, found))}"
+    else:
+        text = f"no campaign in {CAMPAIGNS}/ has a case that begins with {prefix!r}"
+    raise ConfigError([Problem("CASE", text, "name the folder of the campaign with --out")])
+
+
+def _require_campaign(folder: Path) -> None:
+    if not (folder / STORE_NAME).is_file():
+        raise ConfigError([Problem("--out", f"{shown_path(folder)} holds no campaign: there is no {STORE_NAME}")])
+
+
+def _failing_case(store: Store, prefix: str, folder: Path) -> tuple[str, Outcome, tuple[str, ...]]:
+    found = store.flown(prefix)
+    if len(found) != 1:
+        names = ", ".join(case for case, *_ in found[:4]) + (", ..." if len(found) > 4 else "")
+        text = f"begins {len(found)} cases: {names}" if found else "is no case"
+        hint = "give more digits" if found else "results.csv has the cases in its first column"
+        raise ConfigError([Problem("CASE", f"{prefix!r} {text} of {shown_path(folder)}", hint)])
+    case, outcome, texts = found[0]
+    if outcome.status == "ERROR":
+        text = f"{case} is an ERROR, which says nothing about the vehicle: {outcome.error_type}: {outcome.error}"
+        raise ConfigError([Problem("CASE", text, "only a FAIL can be made smaller")])
+    if not way_of_failing(outcome):
+        raise ConfigError([Problem("CASE", f"{case} is a PASS: there is no failure to make smaller")])
+    difference = store.difference(case)
+    if difference:
+        text = f"{case} is a FLAKE, it does not repeat: {difference}"
+        raise ConfigError([Problem("CASE", text, "find what differs first: docs/determinism.md")])
+    return case, outcome, texts
+
+
+def _write(path: Path, case: str, outcome: Outcome, found: Shrunk, bench: Path | None, trials: Trials) -> None:
+    """Write the result of shrinking. Raises RecordingError."""
+    data = {
+        "schema": 1,
+        "case": case,
+        "reason": outcome.reasons[0],
+        "smallest": found.case,
+        "smallest_reason": found.outcome.reasons[0] if found.outcome.reasons else None,
+        "removed": found.removed,
+        "reduced": found.reduced,
+        "remains": found.remains,
+        "notes": found.notes,
+        "trials": len(trials.asked),
+        "bench": None if bench is None else str(bench),
+        "set": list(found.texts),
+        "command": _command(bench, found),
+    }
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_run_json(path, data)
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def _command(bench: Path | None, found: Shrunk) -> str:
+    return run_command(None if bench is None else Path(shown_path(bench)), found.texts)
+
+
+def _print_shrunk(found: Shrunk, bench: Path | None, trials: Trials, path: Path, console: Console) -> None:
+    for title, lines in (("removed", found.removed), ("reduced", found.reduced), ("remains", found.remains)):
+        console.print(f"{title}: {'' if lines else 'nothing'}")
+        for line in lines:
+            console.print(f"  {line}")
+    for note in found.notes:
+        console.print(f"note: {note}")
+    console.print(f"smallest failure: {found.outcome.reasons[0]} ({len(trials.asked)} trials, {trials.flown} flown)")
+    console.print(_command(bench, found))
+    console.print(f"{shown_path(path)}")
+
+
+def _write_tables(out: Path, store: Store, plan: Plan, search: Search, wall_s: float) -> None:
+    tally = search.tally
+    names = sorted({limit.name for case in store.cases() for limit in case.outcome.limits})
+    tables.write_csv(out / tables.CSV_NAME, store.cases(), plan.axes, names)
+    tables.write_lines(out / tables.LINES_NAME, store.cases())
+    first = None if search.first is None else {"trial": search.first[0] + 1, "case": search.first[1].case}
+    more = {"search": {"trials": search.tried, "first_failure": first}, "wall_s": wall_s}
+    tables.write_summary(out / tables.SUMMARY_NAME, tally, {**more, "exit_status": tally.exit_status})
+
+
+def _print_search(name: str, out: Path, search: Search, console: Console) -> None:
+    tally = search.tally
+    counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR"
+    console.print(f"{name}: {search.tried} trials, {tally.cases} cases: {counts}")
+    worst = None if search.smallest is None else search.smallest.outcome.worst
+    if worst is not None and worst.margin is not None:
+        console.print(f"smallest margin {worst.margin:.3f} ({worst.name}) in case {search.smallest.case}")
+    if search.first is None:
+        console.print("no failure found")
+        return
+    number, trial = search.first
+    console.print(f"first failure in trial {number + 1}, case {trial.case}: {trial.outcome.reasons[0]}")
+    console.print(f"make it smaller: {shlex.join(['hil', 'campaign', 'shrink', trial.case, '--out', str(out)])}")

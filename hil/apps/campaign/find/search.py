@@ -1,0 +1,163 @@
+"""Looks for failures with optuna: it proposes values of the axes, and is told the smallest margin of each flight.
+
+The space is that of the campaign's file. A sampled number is proposed by its probability 0..1, so that the sampler
+begins with the distribution of the file; values of a choice and of a crossed axis begin equally likely. `repeats` does
+not apply. Trials are asked for and told in batches of a fixed size and in order, so a search repeats exactly for any
+number of workers.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+from hil.apps.campaign.find.trials import Trial, Trials
+from hil.apps.campaign.flight import Outcome
+from hil.apps.campaign.results.statistics import Tally
+from hil.apps.campaign.spec.campaign_file import CampaignFile, Range
+from hil.apps.campaign.spec.distributions import Distribution
+from hil.apps.campaign.spec.plan import Plan, Point
+from hil.apps.campaign.store import Store
+from signals.errors import ConfigError, Problem
+
+INSTALL = "pip install 'hil-bench[campaign]'"
+UNJUDGED = 1.0  # objective of a PASS in which nothing was judged: as far from a limit as can be
+SAMPLERS = ("tpe", "gp", "random")
+_INSIDE = 2.0**-53  # of the open interval of probabilities
+
+Sampler = Literal["tpe", "gp", "random"]
+
+
+class Search:
+    """One search. `show` is called after every batch."""
+
+    def __init__(self, file: CampaignFile, plan: Plan, sampler: str, seed: int) -> None:
+        """Raises ConfigError if there is nothing to search, or what `sampler` needs is not installed."""
+        self._optuna = _optuna()
+        if not plan.axes:
+            text = "varies nothing to search in"
+            raise ConfigError([Problem(file.document.source, text, "give axes in the section axes or sampled")])
+        self._file, self._plan = file, plan
+        self._space = _space(self._optuna, file)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # some options are called experimental
+            self._study = self._optuna.create_study(sampler=_sampler(self._optuna, sampler, seed))
+        self.first: tuple[int, Trial] | None = None  # number and trial of the first failure
+        self.smallest: Trial | None = None  # with the smallest objective
+        self.tried = 0
+        self.tally = Tally()  # of the cases
+        self.show: Callable[[], None] = lambda: None
+
+    def run(self, trials: Trials, store: Store, *, count: int, batch: int, every: bool) -> None:
+        """Make `count` trials, or end after the batch with the first failure unless `every`. Raises HilError."""
+        store.begin_plan(self._file.bench_path, self._plan.base)
+        while self.tried < count and (every or self.first is None):
+            self._batch(trials, store, min(batch, count - self.tried))
+            self.show()
+
+    def _batch(self, trials: Trials, store: Store, size: int) -> None:
+        asked = [self._study.ask(self._space) for _ in range(size)]
+        points = [self._point(trial.params, self.tried + i) for i, trial in enumerate(asked)]
+        chosen = [i for i, point in enumerate(points) if not self._plan.is_skipped(point.values)]
+        made = dict(zip(chosen, trials.make([points[i].texts for i in chosen]), strict=True))
+        for i, (trial, point) in enumerate(zip(asked, points, strict=True)):
+            self._tell(trial, point, made.get(i), store)
+        self.tried += size
+        judged = [trial for trial in made.values() if trial.outcome.status != "ERROR"]
+        if made and not judged:
+            raise ConfigError([_all_errors([trial.outcome for trial in made.values()])])
+
+    def _tell(self, asked: Any, point: Point, made: Trial | None, store: Store) -> None:
+        value = None if made is None else objective(made.outcome)
+        if value is None or made is None:  # not flown, or it says nothing about the vehicle
+            self._study.tell(asked, state=self._optuna.trial.TrialState.FAIL)
+        else:
+            self._study.tell(asked, value)
+            if self.smallest is None or value < (objective(self.smallest.outcome) or 0.0):
+                self.smallest = made
+            if made.outcome.status == "FAIL" and self.first is None:
+                self.first = point.number, made
+        if made is not None:
+            if store.outcome(made.case) is None:
+                store.put(made.case, made.outcome, point.texts)  # a bench that cannot be loaded
+            if store.add_point(point.number, made.case, point.values):
+                self.tally.add(made.outcome.status)
+
+    def _point(self, params: dict[str, Any], number: int) -> Point:
+        spec, values = self._file.spec, {}
+        for name, axis in spec.axes.items():
+            values[name] = axis.first + axis.step * params[name] if isinstance(axis, Range) else axis[params[name]]
+        for name, distribution in spec.sampled.items():
+            values[name] = _value(distribution, params[name])
+        return self._plan.at(values, number)
+
+
+def objective(outcome: Outcome) -> float | None:
+    """Return the number that a search makes as small as possible; None: the flight says nothing about the vehicle.
+
+    It is the smallest margin. A FAIL whose margins do not tell it, such as a crash, is below every margin.
+    """
+    if outcome.status == "ERROR":
+        return None
+    worst = outcome.worst
+    margin = None if worst is None else worst.margin
+    if outcome.status == "FAIL":
+        return margin if margin is not None and margin < 0.0 else float("-inf")
+    return UNJUDGED if margin is None else margin
+
+
+def _optuna() -> Any:
+    try:
+        import optuna
+    except ImportError as error:
+        raise ConfigError([Problem("hil campaign search", f"needs optuna ({error})", INSTALL)]) from None
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    return optuna
+
+
+def _sampler(optuna: Any, name: str, seed: int) -> Any:
+    if name == "random":
+        return optuna.samplers.RandomSampler(seed=seed)
+    if name == "tpe":
+        return optuna.samplers.TPESampler(seed=seed, multivariate=True, constant_liar=True)
+    if name == "gp":
+        try:
+            import torch  # noqa: F401
+        except ImportError as error:
+            hint = "pip install torch, or use --sampler tpe"
+            raise ConfigError([Problem("--sampler gp", f"needs PyTorch ({error})", hint)]) from None
+        return optuna.samplers.GPSampler(seed=seed, deterministic_objective=True)
+    raise ConfigError([Problem("--sampler", f"is unknown: {name!r}", ", ".join(SAMPLERS))])
+
+
+def _space(optuna: Any, file: CampaignFile) -> dict[str, Any]:
+    """Return the distributions that optuna proposes from: indices, whole numbers and probabilities."""
+    d = optuna.distributions
+    space: dict[str, Any] = {}
+    for name, axis in file.spec.axes.items():
+        is_range = isinstance(axis, Range)
+        size = axis.count if is_range else len(axis)
+        space[name] = d.IntDistribution(0, size - 1) if is_range else d.CategoricalDistribution(range(size))
+    for name, sampled in file.spec.sampled.items():
+        if sampled.choice is not None:
+            space[name] = d.CategoricalDistribution(range(len(sampled.choice)))
+        elif sampled.integers is not None:
+            space[name] = d.IntDistribution(*sampled.integers)
+        else:
+            space[name] = d.FloatDistribution(0.0, 1.0)
+    return space
+
+
+def _value(distribution: Distribution, proposed: Any) -> Any:
+    if distribution.choice is not None:
+        return distribution.choice[proposed]
+    if distribution.integers is not None:
+        return proposed
+    return distribution.value(min(max(proposed, _INSIDE), 1.0 - _INSIDE))
+
+
+def _all_errors(outcomes: Sequence[Outcome]) -> Problem:
+    first = outcomes[0]
+    text = f"ends: all {len(outcomes)} flights of a batch are an ERROR, the first: {first.error_type}: {first.error}"
+    return Problem("hil campaign search", text, "try the bench with `hil run`")
