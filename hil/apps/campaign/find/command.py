@@ -205,9 +205,10 @@ def _print_search(name: str, out: Path, search: Search, console: Console) -> Non
     tally = search.tally
     counts = f"{tally.passed} PASS, {tally.failed} FAIL, {tally.errors} ERROR"
     console.print(f"{name}: {search.tried} trials, {tally.cases} cases: {counts}")
-    worst = None if search.smallest is None else search.smallest.outcome.worst
-    if worst is not None and worst.margin is not None:
-        console.print(f"smallest margin {worst.margin:.3f} ({worst.name}) in case {search.smallest.case}")
+    smallest = search.smallest
+    worst = None if smallest is None else smallest.outcome.worst
+    if smallest is not None and worst is not None and worst.margin is not None:
+        console.print(f"smallest margin {worst.margin:.3f} ({worst.name}) in case {smallest.case}")
     if search.first is None:
         console.print("no failure found")
         return

@@ -136,9 +136,10 @@ def _space(optuna: Any, file: CampaignFile) -> dict[str, Any]:
     d = optuna.distributions
     space: dict[str, Any] = {}
     for name, axis in file.spec.axes.items():
-        is_range = isinstance(axis, Range)
-        size = axis.count if is_range else len(axis)
-        space[name] = d.IntDistribution(0, size - 1) if is_range else d.CategoricalDistribution(range(size))
+        if isinstance(axis, Range):
+            space[name] = d.IntDistribution(0, axis.count - 1)
+        else:
+            space[name] = d.CategoricalDistribution(range(len(axis)))
     for name, sampled in file.spec.sampled.items():
         if sampled.choice is not None:
             space[name] = d.CategoricalDistribution(range(len(sampled.choice)))

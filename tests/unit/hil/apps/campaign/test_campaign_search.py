@@ -90,7 +90,7 @@ def test_the_same_search_for_any_number_of_workers(spec: Path, tmp_path: Path, e
 def test_all_trials_are_made_and_skipped_points_are_not_flown(
     spec: Path, tmp_path: Path, engine: list[OracleEngine]
 ) -> None:
-    spec.write_text(SPEC + "skip: [{wind.steady_W_mps.0: {below: 0}}]\n")
+    spec.write_text(SPEC + "samples: 50\nskip: [{wind.steady_W_mps.0: {below: 0}}]\n")
     assert search(spec, tmp_path / "out", workers=1, trials=20, batch=7, sampler="random", every=True) == 1
     with Store(tmp_path / "out") as store:
         winds = [case.axes["wind.steady_W_mps.0"] for case in store.cases()]
@@ -104,7 +104,7 @@ def test_the_search_gains_on_random_sampling(spec: Path, tmp_path: Path, engine:
     fails = {}
     for sampler in ("tpe", "random"):
         out = tmp_path / sampler
-        search(spec, out, workers=4, trials=80, sampler=sampler, seed=1, every=True)
+        search(spec, out, workers=4, trials=64, sampler=sampler, seed=1, every=True)
         fails[sampler] = json.loads((out / "campaign.json").read_text())["fail"]
     assert fails["tpe"] > 4 * max(1, fails["random"]), fails
 
