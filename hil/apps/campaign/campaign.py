@@ -194,10 +194,14 @@ class Campaign:
         ]
 
     def _compare(self, job: Job, outcome: Outcome) -> None:
+        if outcome.error_type in _WITHOUT_FLIGHT:
+            return  # it says nothing; --resume makes the flight again
         first = self.store.outcome(job.case)
         assert first is not None
         difference = ""
-        if outcome.digest != first.digest:
+        if outcome.status == "ERROR":
+            difference = f"the second flight ended as {outcome.error_type}"
+        elif outcome.digest != first.digest:
             one, two = self.out / _second(job.case, again=False), self.out / _second(job.case, again=True)
             difference = _first_difference(one, two) or f"the second flight has the digest {outcome.digest[:16]}"
         self.store.put_check(job.case, outcome.digest, difference)

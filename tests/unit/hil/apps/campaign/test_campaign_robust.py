@@ -69,6 +69,20 @@ def engine(monkeypatch: pytest.MonkeyPatch) -> FakeEngine:
     return made
 
 
+class SecondFlightsEnd(FakeEngine):
+    """Engine whose second flights end with one outcome."""
+
+    def __init__(self, second: Outcome) -> None:
+        super().__init__()
+        self._second, self._renewed = second, False
+
+    def wait(self, timeout_s: float) -> list[Done]:
+        return [Done(done.job, self._second if self._renewed else done.outcome) for done in super().wait(timeout_s)]
+
+    def renew(self) -> None:
+        self._renewed = True
+
+
 def campaign(folder: Path, text: str, **options: Any) -> int:
     path = folder / "c.yaml"
     path.write_text(HEAD + text)
@@ -300,3 +314,23 @@ def _children(pid: int) -> set[int]:
         int(child) for task in Path(f"/proc/{pid}/task").iterdir() for child in (task / "children").read_text().split()
     }
     return found.union(*(_children(child) for child in found)) if found else found
+
+
+@pytest.mark.parametrize(
+    ("second", "flakes", "checked"),
+    [
+        (Outcome("PASS", digest="other", repeatable=True), 1, 1),
+        (Outcome("ERROR", error_type="LockstepLost"), 1, 1),
+        (Outcome("ERROR", error_type="WorkerLost"), 0, 0),  # says nothing about the bench: made again with --resume
+    ],
+)
+def test_the_end_of_a_second_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, second: Outcome, flakes: int, checked: int
+) -> None:
+    monkeypatch.setattr(command, "make_engine", lambda *_: SecondFlightsEnd(second))
+    path = tmp_path / "c.yaml"
+    path.write_text(HEAD.replace("recheck: 0", "recheck: 1") + "axes: {seed: [1]}")
+    run_campaign(path, CampaignOptions(out=tmp_path / "out", quiet=True), Console(quiet=True))
+    assert summary(tmp_path)["flake"] == flakes
+    with sqlite3.connect(tmp_path / "out" / "campaign.sqlite") as db:
+        assert db.execute("SELECT COUNT(*) FROM checked").fetchone() == (checked,)
