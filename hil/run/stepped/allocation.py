@@ -5,16 +5,19 @@
 T_i = k O_i^2 is the thrust of rotor i alone, B the rows roll, pitch, yaw torque and thrust along z of
 `Vehicle.effectiveness`. Where a rotor would leave its range, with r_i the part of roll and pitch and y_i that of yaw:
 
-    1. r is scaled down only if it does not fit into the range by itself
+    1. r is scaled down only if it does not fit into the range by itself, or not at the collective thrust F or
+       `raised_n`, whichever is more
     2. y is scaled down until r + y fits
-    3. the collective thrust moves, up or down, until r + y + thrust fits
+    3. the collective thrust moves, up to that bound or down, until r + y + thrust fits
 
-So roll and pitch go before yaw, and yaw before thrust. + - * / in fixed order only: the same bits on every machine.
+So roll and pitch go before yaw, and yaw before thrust, but torques do not lift a vehicle whose bound is below its
+weight. + - * / in fixed order only: the same bits on every machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from sim.physics.vehicle import Vehicle
 
@@ -31,6 +34,7 @@ class Allocation:
         self.rows = [[float(value) for value in effect[row]] for row in (3, 4, 5, 2)]  # per newton of T, by axis
         self.columns = list(zip(*self.rows, strict=True))  # by rotor
         self.least_n, self.most_n = least_n, k * top * top
+        self.raised_n = inf  # collective thrust up to which torques may raise it
         self.lift = _dot(self.rows[THRUST], (1.0,) * len(self.columns))  # thrust along z per newton of T of all rotors
         gram = [[_dot(a, b) for b in self.rows] for a in self.rows]
         inverse = _inverse(gram)
@@ -58,6 +62,13 @@ class Allocation:
         least, most = self.least_n, self.most_n
         tilt = [mx * torque_x_nm + my * torque_y_nm for mx, my, _, _ in self._mix]
         yaw = [mix[YAW] * torque_z_nm for mix in self._mix]
+        shares = [mix[THRUST] for mix in self._mix]
+        bound_n = max(thrust_n, self.raised_n)
+        fit = 1.0
+        for t, s in zip(tilt, shares, strict=True):
+            if s > 0.0 and t < 0.0 and fit * t + s * bound_n < least:
+                fit = max(0.0, (least - s * bound_n) / t)
+        tilt = [fit * t for t in tilt]
         spread = max(tilt) - min(tilt)
         if spread > most - least:
             scale = (most - least) / spread
@@ -70,7 +81,6 @@ class Allocation:
                         share = ((most - least) - (ta - tb)) / (ya - yb)
             yaw = [share * y for y in yaw]
         turn = [t + y for t, y in zip(tilt, yaw, strict=True)]
-        shares = [mix[THRUST] for mix in self._mix]
         level = thrust_n
         for t, s in zip(turn, shares, strict=True):
             if s > 0.0 and t + s * level < least:

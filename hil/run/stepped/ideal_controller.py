@@ -2,7 +2,10 @@
 
     position   v_d = s(|e|) e / |e|,   s(d) = K_p d, beyond a / K_p^2 sqrt(2 a (d - a / 2 K_p^2)): braking at a
     velocity   a_d = K_v (v_d - v) + dv_d/dt, limited; dv_d/dt = -s'(|e|) (v . e) e / |e|^2 makes both poles real
-    thrust     f_d = m (a_d + g e_z - d_a), tilt and size limited, vertical part first
+    height     A commanded climb of zero holds the height at which the vehicle stopped climbing
+    force      f_d = m (a_d + g e_z - d_a), tilt and size limited, vertical part first
+    thrust     min(f_d,z / cos tilt, |f_d|): a lagging attitude costs horizontal force, not height; with an integral of
+               what rotors that cannot follow the torques leave undone
     attitude   w_d = K_q 2 sin(theta/2) n: the shortest rotation of the body's z axis to f_d (reduced attitude,
                Brescianini, Hehn, D'Andrea, ETH 2013); heading about the body's z axis by its own loop
     rates      tau = I (K_w (w_d - w) - d_alpha) + w x I w
@@ -54,8 +57,11 @@ _MOST_TILT_TAN, _LEAST_TILT_COS = 1.7320508075688772, 0.5  # 60 degrees
 _MOST_TILT_RATE_RADPS = 5.0
 _MOST_YAW_RATE_RADPS = 2.5
 _YAW_RESERVE = 0.5  # change of the hover thrust that yaw may cause
+_RAISED = 0.7  # of the hover thrust, up to which torques may raise the collective thrust
+_MOST_MISSING = 0.5  # thrust over weight
 _STEERABLE = 0.1  # thrust over weight below which all rotors get the same command
 _LOCK_YAW_RATE_RADPS, _LOCK_YAW_ERROR_RAD = 0.05, 0.3
+_LOCK_CLIMB_MPS, _LOCK_HEIGHT_ERROR_M = 0.05, 0.5
 _DESCENT_MPS = -0.05  # a commanded vertical speed below it is a descent
 _PRESS_PER_S = 2.0  # of g
 _TOUCH_DOWN_S = 0.3
@@ -86,6 +92,7 @@ class IdealController:
         self._hover_n = self._weight_n / self._allocation.lift  # of one rotor
         self._most_thrust_n = 0.95 * self._allocation.most_n * self._allocation.lift
         usual_n = max(self._hover_n, 0.05 * self._allocation.most_n)  # without gravity a rotor hardly turns
+        self._allocation.raised_n = _RAISED * usual_n * self._allocation.lift
         yaw_torque_nm = self._allocation.yaw_torque_nm(_YAW_RESERVE * usual_n)
         self._most_yaw_accel = yaw_torque_nm / self._inertia[2]
 
@@ -128,9 +135,12 @@ class IdealController:
         self._squares: list[float] = []  # mean of O^2 over the last tick; empty before the first
         self._spin_up_nm = 0.0  # mean torque about z of the last tick by the acceleration of the rotors
         self._yaw_torque_nm = 0.0  # by the thrust alone
+        self._made_n = 0.0  # mean thrust of the last tick, by the model of the motors
+        self._missing_n = 0.0  # integral of the commanded thrust less the produced one
         self._press = 0.0  # share of the weight that is left to the ground
         self._touched_s = _TOUCH_DOWN_S  # since the last contact
         self._locked_yaw: float | None = None
+        self._locked_z_m: float | None = None
         self._checked: Setpoint | None = None
         self._forget_disturbance()
 
@@ -173,7 +183,11 @@ class IdealController:
         if self._press >= 1.0:
             self._locked_yaw = None
             return self._direct(IDLE_COMMANDS)
-        thrust = force[0] * R[2] + force[1] * R[5] + force[2] * R[8]
+        if R[8] > _LEAST_TILT_COS:
+            fx, fy, fz = force
+            thrust = min(fz / R[8], sqrt(fx * fx + fy * fy + fz * fz))
+        else:
+            thrust = force[2] * max(R[8], 0.0) / (_LEAST_TILT_COS * _LEAST_TILT_COS)
         if setpoint.thrust_ratio is not None:
             thrust = setpoint.thrust_ratio * self._weight_n
             if setpoint.thrust_ratio < _STEERABLE:
@@ -181,6 +195,10 @@ class IdealController:
         elif setpoint.p_xy_m is None and setpoint.v_xy_mps is None:
             thrust = force[2] / max(R[8], _LEAST_TILT_COS)  # height is held at any attitude
         thrust = min(max(thrust, 0.0), self._most_thrust_n)
+        if self._squares and not truth.in_contact:
+            most = _MOST_MISSING * self._weight_n
+            self._missing_n = min(max(self._missing_n + self._fade * (thrust - self._made_n), -most), most)
+        thrust = max(thrust + self._missing_n, 0.0)
 
         wx_d, wy_d = self._tilt_rates(R, force, setpoint)
         kx, ky, kz = self._kw
@@ -201,11 +219,13 @@ class IdealController:
     def _forget_disturbance(self) -> None:
         self._dx = self._dy = self._dz = 0.0  # d_a in W
         self._ex = self._ey = self._ez = 0.0  # d_alpha in B
+        self._missing_n = 0.0
         self._press = 0.0
-        self._locked_yaw = None
+        self._locked_yaw = self._locked_z_m = None
 
     def _fade_disturbance(self) -> None:
         left = 1.0 - self._fade
+        self._missing_n *= left
         self._dx *= left
         self._dy *= left
         self._dz *= left
@@ -223,6 +243,7 @@ class IdealController:
             ty += by * force
             tz += bz * force
             f += bf * force
+        self._made_n = f
         f /= self._mass
         ax, ay, az = truth.a_WB_W
         self._dx += fade * (ax - R[2] * f - self._dx)
@@ -264,8 +285,10 @@ class IdealController:
             sx, sy = setpoint.v_xy_mps
             ax = ay = 0.0
         if setpoint.vz_mps is not None:
-            sz = setpoint.vz_mps
+            sz = setpoint.vz_mps or self._hold_height(truth)
             az = 0.0
+        if setpoint.vz_mps != 0.0:
+            self._locked_z_m = None
         ax, ay, az = ax + kx * (sx - vx), ay + ky * (sy - vy), az + kz * (sz - vz)
         az = min(max(az, -_MOST_CLIMB_ACCEL_MPS2), _MOST_CLIMB_ACCEL_MPS2)
         level, most = sqrt(ax * ax + ay * ay), min(_MOST_LEVEL_ACCEL_MPS2, _MOST_ACCEL_TAN * (self._g + az))
@@ -284,6 +307,17 @@ class IdealController:
         if level > most:
             fx, fy = fx * (most / level), fy * (most / level)
         return fx, fy, fz
+
+    def _hold_height(self, truth: TruthState) -> float:
+        """Return the climb that holds the height at which the vehicle stopped climbing; 0 until then."""
+        z_m = truth.p_WB[2]
+        if truth.in_contact or self._touched_s < _TOUCH_DOWN_S:
+            self._locked_z_m = None
+        elif self._locked_z_m is None and abs(truth.v_WB_W[2]) < _LOCK_CLIMB_MPS:
+            self._locked_z_m = z_m
+        elif self._locked_z_m is not None and abs(self._locked_z_m - z_m) > _LOCK_HEIGHT_ERROR_M:
+            self._locked_z_m = None  # pushed away from outside: do not fly back
+        return 0.0 if self._locked_z_m is None else self._kp[2] * (self._locked_z_m - z_m)
 
     def _press_down(self, truth: TruthState, climb_mps: float) -> None:
         """On the ground, give the weight to the ground while a descent is commanded, and take it back otherwise."""

@@ -41,6 +41,18 @@ def test_roll_and_pitch_go_before_the_thrust(name: str, share: float) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_torques_raise_the_thrust_up_to_the_bound(name: str) -> None:
+    allocation = Allocation(load_vehicle(name), least_n=0.0)
+    full_n = sum(allocation.rows[3]) * allocation.most_n
+    allocation.raised_n = 0.2 * full_n
+    for share in (0.0, 0.1, 0.3):
+        thrusts = allocation.thrusts(10.0 * full_n, 0.0, 0.0, share * full_n)
+        roll, _, _, thrust_n = produced(name, thrusts)
+        assert roll > 0.0
+        assert thrust_n < max(0.2, share) * full_n * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_yaw_goes_after_roll_and_pitch(name: str) -> None:
     allocation = Allocation(load_vehicle(name), least_n=0.0)
     full_n = sum(allocation.rows[3]) * allocation.most_n

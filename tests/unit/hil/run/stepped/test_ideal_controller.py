@@ -191,6 +191,41 @@ def test_recovers_from_any_attitude(name: str, q: tuple[float, ...], w: tuple[fl
     assert dist(flight.truth.p_WB, PLACE) < 0.02
 
 
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("period_s", [0.052, 0.3])
+def test_random_horizontal_speeds_keep_the_height(name: str, period_s: float) -> None:
+    flight, speeds = flown(name), np.random.default_rng(3)
+    for vx, vy in speeds.uniform(-5.0, 5.0, (round(20.0 / period_s), 2)):
+        flight.fly(Setpoint(v_xy_mps=(vx, vy), vz_mps=0.0, yaw_rate_radps=0.0), period_s)
+    heights = [truth.p_WB[2] for truth in flight.log]
+    assert max(abs(height - 50.0) for height in heights) < 0.15
+    assert abs(heights[-1] - heights[len(heights) // 2]) / 10.0 < 0.01  # m/s
+    assert max(tilt_rad(truth) for truth in flight.log) > 0.3
+
+
+@pytest.mark.parametrize("amplitude_mps", [1.0, 5.0])
+@pytest.mark.parametrize("half_ticks", [62, 25, 12, 6])  # 2, 5, 10 and 20 Hz
+def test_a_speed_to_and_fro_keeps_the_height(half_ticks: int, amplitude_mps: float) -> None:
+    flight = flown()
+    for i in range(1000 // half_ticks):
+        speed = amplitude_mps if i % 2 else -amplitude_mps
+        flight.fly(Setpoint(v_xy_mps=(speed, 0.0), vz_mps=0.0, yaw_rate_radps=0.0), half_ticks * TICK_NS * 1e-9)
+    assert max(abs(truth.p_WB[2] - 50.0) for truth in flight.log) < 0.02
+
+
+def test_a_stopped_climb_holds_the_height_and_the_ground_ends_it() -> None:
+    flight = flown(wind_W=(0.0, 0.0, 2.0))
+    flight.fly(Setpoint(v_xy_mps=(0.0, 0.0), vz_mps=2.0, yaw_rad=0.0), 2.0)
+    flight.fly(Setpoint(v_xy_mps=(0.0, 0.0), vz_mps=0.0, yaw_rad=0.0), 2.0)
+    height_m = flight.truth.p_WB[2]
+    flight.fly(Setpoint(v_xy_mps=(3.0, 0.0), vz_mps=0.0, yaw_rad=0.0), 5.0)
+    assert flight.truth.p_WB[2] == pytest.approx(height_m, abs=0.005)
+    flight = Flown(QuadrotorPhysics(load_vehicle("iris"), AIRFIELD, TICK_NS))
+    z_m = flight.truth.p_WB[2]
+    flight.fly(Setpoint(v_xy_mps=(0.0, 0.0), vz_mps=0.0, yaw_rad=0.0), 2.0)
+    assert max(truth.p_WB[2] for truth in flight.log) < z_m + 0.05
+
+
 def test_takes_off_from_the_ground_and_lands_on_it() -> None:
     flight = Flown(QuadrotorPhysics(load_vehicle("iris"), AIRFIELD, TICK_NS))
     z_m = flight.truth.p_WB[2]
