@@ -26,6 +26,7 @@ template <class Row>
 using Rows = In<double, -1, static_cast<int>(kValues<Row>)>;
 using LengthValues = std::array<double, kValues<hs::FigureLengths>>;
 using ShapeValues = std::array<double, kValues<hs::GaitShape>>;
+using PedalValues = std::array<double, kValues<hs::Pedalling>>;
 using ThreeRows = std::array<hs::LimbRow, 3>;
 
 template <class Row>
@@ -113,7 +114,16 @@ void bind_gait(nb::module_ &m) {
                 new (self) hs::Walker(seated, path, ground_m, bound_z_m, bound_radius_m);
             },
             nb::kw_only(), "seated"_a, "path"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
-        .def("phase", &hs::Walker::phase, "t_ns"_a, "Return the phase of the step cycle, [0, 1).")
+        .def(
+            "__init__",
+            [](hs::Walker *self, const hs::LimbRows &seated, const PedalValues &legs, const hs::WalkPath &path,
+               double cycles_per_m, double ground_m, double bound_z_m, double bound_radius_m) {
+                new (self) hs::Walker(seated, std::bit_cast<hs::Pedalling>(legs), path, cycles_per_m, ground_m,
+                                      bound_z_m, bound_radius_m);
+            },
+            nb::kw_only(), "seated"_a, "legs"_a, "path"_a, "cycles_per_m"_a, "ground_m"_a, "bound_z_m"_a,
+            "bound_radius_m"_a)
+        .def("phase", &hs::Walker::phase, "t_ns"_a, "Return the phase of the step cycle or of the cranks, [0, 1).")
         .def(
             "pose",
             [](const hs::Walker &walker, std::int64_t t_ns, Out<double, hs::kLimbs, 3> p_WB, Out<double, hs::kLimbs, 4> q_WB, Out<double, hs::kLimbs, 3> v_WB_W, Out<double, hs::kLimbs, 3> w_WB_W) {
@@ -124,13 +134,11 @@ void bind_gait(nb::module_ &m) {
     nb::class_<hs::RoadVehicle, hs::Actor>(m, "RoadVehicle", "Road vehicle on a closed path (road_vehicle.hpp).")
         .def(
             "__init__",
-            [](hs::RoadVehicle *self, const hs::WalkPath &path, const In<double, -1, 3> &wheels_B, double turns_per_m,
-               double ground_m, double bound_z_m, double bound_radius_m) {
-                std::vector<std::array<double, 3>> wheels(wheels_B.shape(0));
-                for (std::size_t i = 0; i < wheels.size(); ++i) std::copy_n(wheels_B.data() + 3 * i, 3, wheels[i].begin());
-                new (self) hs::RoadVehicle(path, std::move(wheels), turns_per_m, ground_m, bound_z_m, bound_radius_m);
+            [](hs::RoadVehicle *self, const hs::WalkPath &path, const Rows<hs::RoadWheel> &wheels_B, double ground_m,
+               double bound_z_m, double bound_radius_m) {
+                new (self) hs::RoadVehicle(path, rows_of<hs::RoadWheel>(wheels_B), ground_m, bound_z_m, bound_radius_m);
             },
-            nb::kw_only(), "path"_a, "wheels_B"_a, "turns_per_m"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
+            nb::kw_only(), "path"_a, "wheels_B"_a, "ground_m"_a, "bound_z_m"_a, "bound_radius_m"_a)
         .def(
             "pose",
             [](const hs::RoadVehicle &vehicle, std::int64_t t_ns, Out<double, -1, 3> p_WB, Out<double, -1, 4> q_WB, Out<double, -1, 3> v_WB_W, Out<double, -1, 3> w_WB_W) {

@@ -218,6 +218,17 @@ void gait_rows(const GaitShape &g, double phase, LimbRows &rows) {
     }
 }
 
+void pedalling_legs(const Pedalling &legs, double phase, LimbRow *rows) {
+    const double radius_turn = kTurn * legs.crank;
+    for (int i = 0; i < 2; ++i) {
+        const double sign = i == 0 ? 1.0 : -1.0;
+        const double c = sign * det::cos(kTurn * phase), s = sign * det::sin(kTurn * phase);
+        const Point ankle{legs.axle_x + legs.crank * c, legs.axle_z - legs.crank * s, -radius_turn * s, -radius_turn * c};
+        leg_rows(legs, sign * legs.half_width, {legs.hip_x, legs.hip_z, 0.0, 0.0}, ankle, {legs.foot_rad, 0.0},
+                 rows + 3 * i);
+    }
+}
+
 Walker::Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, double ground_m, double bound_z_m,
                double bound_radius_m)
     : shape_(shape), path_(std::move(path)), cycles_per_m_(cycles_per_m), ground_m_(ground_m), bound_z_m_(bound_z_m),
@@ -226,6 +237,16 @@ Walker::Walker(const GaitShape &shape, WalkPath path, double cycles_per_m, doubl
 Walker::Walker(const LimbRows &seated, WalkPath path, double ground_m, double bound_z_m, double bound_radius_m)
     : seated_(seated), path_(std::move(path)), cycles_per_m_(0.0), ground_m_(ground_m), bound_z_m_(bound_z_m),
       bound_radius_m_(bound_radius_m) {}
+
+Walker::Walker(const LimbRows &seated, const Pedalling &legs, WalkPath path, double cycles_per_m, double ground_m,
+               double bound_z_m, double bound_radius_m)
+    : seated_(seated), legs_(legs), path_(std::move(path)), cycles_per_m_(cycles_per_m), ground_m_(ground_m),
+      bound_z_m_(bound_z_m), bound_radius_m_(bound_radius_m) {
+    const double x = legs.hip_x - legs.axle_x, z = legs.hip_z - legs.axle_z, distance = std::sqrt(x * x + z * z);
+    if (!(distance + legs.crank < legs.thigh + legs.shank && distance - legs.crank > std::abs(legs.thigh - legs.shank))) {
+        throw std::invalid_argument("the cyclist's legs do not reach the pedals all the way round: move the hips");
+    }
+}
 
 Sphere Walker::bound(std::int64_t t_ns) const {
     const WalkPlace place = path_.place(path_.progress(t_ns).s_m);
@@ -245,6 +266,7 @@ void Walker::pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W,
     LimbRows rows;
     if (seated_) {
         rows = *seated_;
+        if (legs_) pedalling_legs(*legs_, phase_at(progress.s_m), &rows[9]);
     } else {
         gait_rows(shape_, phase_at(progress.s_m), rows);
     }

@@ -58,6 +58,17 @@ void resting_leg(const FigureLengths &figure, double y, double hip_z, double ank
 // Upper arm, forearm and hand of a person at rest: shoulder at (0, y, z), pitch of upper arm and forearm [rad].
 void resting_arm(const FigureLengths &figure, double y, double z, double upper_rad, double fore_rad, LimbRow *rows);
 
+// Legs on the pedals of a bicycle. The feet stay at the angle `foot_rad`, and each ankle is at rest relative to its
+// pedal, so it goes round the point (axle_x, axle_z) at the radius `crank`, once in a cycle:
+//
+//     ankle = axle + crank (cos theta, -sin theta),   theta = 2 pi phi on the left, half a turn later on the right
+struct Pedalling : FigureLengths {
+    double hip_x, hip_z, half_width, axle_x, axle_z, crank, foot_rad;
+};
+
+// Writes thigh, shank and foot of the left leg, then of the right one.
+void pedalling_legs(const Pedalling &legs, double phase, LimbRow *rows);
+
 // Walker: a step cycle along a path. Its bodies are its limbs.
 class Walker : public Actor {
 public:
@@ -68,10 +79,14 @@ public:
     // A person on wheels: in frame H the limbs stay as `seated` has them.
     Walker(const LimbRows &seated, WalkPath path, double ground_m, double bound_z_m, double bound_radius_m);
 
+    // A cyclist: all but the legs as `seated` has them. Throws std::invalid_argument for legs that do not reach.
+    Walker(const LimbRows &seated, const Pedalling &legs, WalkPath path, double cycles_per_m, double ground_m,
+           double bound_z_m, double bound_radius_m);
+
     std::size_t bodies() const override { return kLimbs; }
     Sphere bound(std::int64_t t_ns) const override;
 
-    // Phase of the step cycle, [0, 1).
+    // Phase of the step cycle or of the cranks, [0, 1).
     double phase(std::int64_t t_ns) const;
 
     void pose(std::int64_t t_ns, double *p_WB, double *q_WB, double *v_WB_W, double *w_WB_W) const override;
@@ -81,6 +96,7 @@ private:
 
     GaitShape shape_{};
     std::optional<LimbRows> seated_;
+    std::optional<Pedalling> legs_;
     WalkPath path_;
     double cycles_per_m_, ground_m_, bound_z_m_, bound_radius_m_;
 };

@@ -5,10 +5,10 @@
 //     p_i = o + R_z(psi) r_i         v_i = v do/ds + psi' x R_z(psi) r_i         q_i = q_z(psi) q_y(theta)
 //
 // r_i the wheel's centre in the vehicle, theta = s / radius, rounded so that a lap has a whole number of turns, and
-// psi' = v dpsi/ds. The wheels do not steer.
+// psi' = v dpsi/ds. The wheels do not steer. The pedals of a bicycle go round their axle r_i at the radius a_i and stay
+// level: p_i = o + R_z(psi) (r_i + R_y(theta) (a_i, 0, 0)), q_i = q_z(psi).
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "actor.hpp"
@@ -16,12 +16,15 @@
 
 namespace hil::sim {
 
+struct RoadWheel {
+    double x, y, z, turns_per_m, arm;  // centre in the vehicle [m]; `arm`: a_i of a pedal [m], 0 of a wheel
+};
+
 class RoadVehicle : public Actor {
 public:
-    // `ground_m`: height of the road. `wheels`: centres in the vehicle. `bound_z_m`, `bound_radius_m`: height and radius
-    // of a sphere around everything, centred above the path.
-    RoadVehicle(WalkPath path, std::vector<std::array<double, 3>> wheels, double turns_per_m, double ground_m, double bound_z_m,
-                double bound_radius_m);
+    // `ground_m`: height of the road. `bound_z_m`, `bound_radius_m`: height and radius of a sphere around everything,
+    // centred above the path.
+    RoadVehicle(WalkPath path, std::vector<RoadWheel> wheels, double ground_m, double bound_z_m, double bound_radius_m);
 
     std::size_t bodies() const override { return 1 + wheels_.size(); }
     Sphere bound(std::int64_t t_ns) const override;
@@ -29,8 +32,8 @@ public:
 
 private:
     WalkPath path_;
-    std::vector<std::array<double, 3>> wheels_;
-    double turns_per_m_, ground_m_, bound_z_m_, bound_radius_m_;
+    std::vector<RoadWheel> wheels_;
+    double ground_m_, bound_z_m_, bound_radius_m_;
 };
 
 }  // namespace hil::sim

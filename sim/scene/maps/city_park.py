@@ -33,7 +33,7 @@ from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.meshes import ellipse, ribbon, slab
 from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
-from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
+from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_hedge, add_tree, plant_materials
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
@@ -70,6 +70,7 @@ class CityParkParameters(StrictModel):
     walkers: Annotated[int, Field(ge=0, le=60)] = 8
     children: Annotated[int, Field(ge=0, le=20)] = 0
     wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
+    cyclists: Annotated[int, Field(ge=0, le=20)] = 0
     resting_people: Annotated[int, Field(ge=0, le=20)] = 3
     cars: Annotated[int, Field(ge=0, le=40)] = 3
     hill_m: Annotated[float, Field(ge=0.0, le=8.0)] = 3.5
@@ -368,8 +369,13 @@ class _Park:
             add_walker(b, children, self._way(children, i, (0.6, 1.0)), traits=traits)
         for i in range(p.wheelchairs):
             add_wheelchair_user(b, wheels, self._way(wheels, 2 * i, (0.7, 1.3)))
+        cyclists = self.rng("cyclists")
+        for i in range(p.cyclists):
+            add_cyclist(b, cyclists, self._way(cyclists, 2 * i, (3.0, 6.0), corner_m=5.0))
 
-    def _way(self, rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:
+    def _way(
+        self, rng: RandomGenerator, number: int, speed_mps: tuple[float, float], *, corner_m: float = 1.2
+    ) -> WalkPath:
         """Draw a path round the park (even numbers) or along one of its spokes."""
         speed = rng.between(*speed_mps)
         lap = rng.unit()
@@ -380,7 +386,7 @@ class _Park:
         points = [self._in_lane(point, lane) for point in self.round_walk[::3]]
         if rng.chance(0.5):
             points.reverse()
-        return WalkPath(points, speed, corner_m=1.2, start_lap=lap)
+        return WalkPath(points, speed, corner_m=corner_m, start_lap=lap)
 
     def objects(self) -> None:
         """Add belongings, animals and parked two-wheelers, after all else, so that nothing else moves."""

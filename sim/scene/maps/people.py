@@ -1,4 +1,4 @@
-"""People on a map: walking, standing, sitting. Height, hair and clothes come from the random generator."""
+"""People on a map: walking, standing, sitting, cycling. Height, hair and clothes come from the random generator."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from sim._kernels import resting_arm, resting_leg
 from sim.scene.maps import surfaces, wheelchair
 from sim.scene.maps.body_meshes import body_mesh
 from sim.scene.maps.clothes import Colours, draw_colours, draw_look
+from sim.scene.maps.cyclist import Cyclist, ride
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
+from sim.scene.maps.vehicles.paints import draw_paint
+from sim.scene.maps.vehicles.ridden_bicycle import RiddenBicycle, add_ridden_bicycle
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Roller, Walker
 from sim.scene.random_generator import RandomGenerator
@@ -187,6 +190,29 @@ def _seated_rows(figure: Figure) -> list[Row]:
         ankle_z = wheelchair.FOOTREST_M + figure.ankle_m
         rows += [list(row) for row in resting_leg(figure.lengths_m, 1.3 * side, hip_z, 0.40, ankle_z)]
     return rows
+
+
+def add_cyclist(
+    builder: MapBuilder,
+    rng: RandomGenerator,
+    path: WalkPath,
+    *,
+    ground_m: float = 0.0,
+    traits: PersonTraits = PersonTraits(),
+) -> tuple[Cyclist, RiddenBicycle]:
+    """Add a person who rides along `path`, and the bicycle, as two actors of the map."""
+    person = _Person(builder, rng, traits, sitting=True)
+    riding = ride(person.figure)
+    bicycle = RiddenBicycle(f"bicycle_{person.name}", path, riding.size, riding.saddle_m, ground_m=ground_m)
+    cyclist = Cyclist(
+        person.name, person.figure, riding, path, crank_turns_per_m=bicycle.crank_turns_per_m, ground_m=ground_m,
+        reach_m=person.reach_m(),
+    )  # fmt: skip
+    for limb, body in zip(LIMBS, builder.actor(cyclist), strict=True):
+        person.add_limb(body, limb)
+    builder.classify("person", "person_*")
+    add_ridden_bicycle(builder, bicycle, draw_paint(rng))
+    return cyclist, bicycle
 
 
 def add_still_person(

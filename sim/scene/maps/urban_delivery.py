@@ -24,7 +24,7 @@ from sim.scene.maps.meshes import ellipse, ribbon
 from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
-from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
+from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
@@ -51,6 +51,7 @@ class UrbanDeliveryParameters(StrictModel):
     walkers: Annotated[int, Field(ge=0, le=60)] = 8
     children: Annotated[int, Field(ge=0, le=20)] = 0
     wheelchairs: Annotated[int, Field(ge=0, le=20)] = 0
+    cyclists: Annotated[int, Field(ge=0, le=20)] = 0
     standing_people: Annotated[int, Field(ge=0, le=40)] = 3
     season: Season = "summer"
 
@@ -289,15 +290,10 @@ class _Suburb(Suburb):
 
     def traffic(self) -> None:
         """Add cars that drive round the middle block, one way, in the middle of the streets."""
-        s = _STREET_M
         rng = self.rng("traffic")
         first = rng.unit()
         for i in range(self.parameters.traffic):
-            path = WalkPath(
-                [(-s, -s), (s, -s), (s, s), (-s, s)], 7.0, corner_m=6.5, start_lap=first + i / self.parameters.traffic,
-                max_yaw_rate_radps=0.9,
-            )  # fmt: skip
-            add_driven_car(self.builder, rng, path)
+            add_driven_car(self.builder, rng, _round_the_block(7.0, first + i / self.parameters.traffic))
 
     def plants(self) -> None:
         b, p, rng = self.builder, self.parameters, self.rng("plants")
@@ -394,6 +390,18 @@ class _Suburb(Suburb):
             add_walker(b, children, _way(children, k, (0.6, 1.0)), ground_m=KERB_M, traits=traits)
         for k in range(p.wheelchairs):
             add_wheelchair_user(b, wheels, _way(wheels, 2 * k, (0.7, 1.3)), ground_m=KERB_M)
+        cyclists = self.rng("cyclists")
+        for _ in range(p.cyclists):
+            path = _round_the_block(cyclists.between(3.0, 6.0), cyclists.unit(), outwards_m=0.6)
+            add_cyclist(b, cyclists, path)
+
+
+def _round_the_block(speed_mps: float, start_lap: float, *, outwards_m: float = 0.0) -> WalkPath:
+    """Return a path on the streets round the middle block, `outwards_m` from their middle."""
+    s = _STREET_M + outwards_m
+    return WalkPath(
+        [(-s, -s), (s, -s), (s, s), (-s, s)], speed_mps, corner_m=6.5, start_lap=start_lap, max_yaw_rate_radps=0.9
+    )
 
 
 def _way(rng: RandomGenerator, number: int, speed_mps: tuple[float, float]) -> WalkPath:

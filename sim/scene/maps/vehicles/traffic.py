@@ -32,13 +32,12 @@ class DrivenCar(_kernels.RoadVehicle):
         self.path, self.max_speed_mps = path, path.max_speed_mps
         self.shape = shape
         self.bodies = (f"{name}_chassis", *(f"{name}_wheel_{i}" for i in range(4)))
-        round_m = TURN_RAD * shape.wheel_m
+        turns_per_m = max(1, round(path.lap_m / (TURN_RAD * shape.wheel_m))) / path.lap_m
         middle = 0.5 * shape.height_m
         reach = sqrt(0.25 * shape.length_m * shape.length_m + 0.36 * shape.width_m * shape.width_m + middle * middle)
         super().__init__(
             path=path,
-            wheels_B=np.array(wheel_centres(shape)),
-            turns_per_m=max(1, round(path.lap_m / round_m)) / path.lap_m,
+            wheels_B=np.array([(*centre, turns_per_m, 0.0) for centre in wheel_centres(shape)]),
             ground_m=0.0,
             bound_z_m=middle,
             bound_radius_m=reach + 0.1,

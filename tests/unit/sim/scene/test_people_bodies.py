@@ -23,7 +23,7 @@ from sim.scene.maps.body_meshes import PARTS, body_mesh
 from sim.scene.maps.clothes import BOTTOMS, TOPS, Colours, draw_look
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.people import PersonTraits, add_still_person, add_walker, add_wheelchair_user
+from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Roller, Walker
 from sim.scene.random_generator import RandomGenerator
@@ -205,22 +205,27 @@ def test_all_looks_can_be_built() -> None:
 
 
 def test_bound_holds_the_meshes() -> None:
-    for seed in range(12):
+    kinds = (add_walker, add_wheelchair_user, add_cyclist)
+    for seed in range(18):
         builder = MapBuilder("people")
-        add = add_walker if seed % 3 else add_wheelchair_user
-        walker = add(builder, RandomGenerator(seed, "p"), WAY)
+        height_m = 1.2 if seed == 17 else None
+        kinds[seed % 3](builder, RandomGenerator(seed, "p"), WAY, traits=PersonTraits(height_m=height_m))
         made = builder.build()
         model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
         data = mujoco.MjData(model)
-        n = len(LIMBS)
-        p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
         for t_ns in range(0, 2_000_000_000, 230_000_000):
-            walker.pose(t_ns, p, q, v, w)
-            data.mocap_pos[:], data.mocap_quat[:] = p, q
+            begin = 0
+            for actor in made.actors:
+                n = len(actor.bodies)
+                p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+                actor.pose(t_ns, p, q, v, w)
+                data.mocap_pos[begin : begin + n], data.mocap_quat[begin : begin + n] = p, q
+                begin += n
             mujoco.mj_kinematics(model, data)
-            centre, radius = walker.bound(t_ns)
+            bounds = {body: actor.bound(t_ns) for actor in made.actors for body in actor.bodies}
             for geom in np.flatnonzero(model.geom_group < 3).tolist():
                 mesh = model.geom_dataid[geom]
                 points = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
                 placed = points @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+                centre, radius = bounds[model.body(int(model.geom_bodyid[geom])).name]
                 assert np.linalg.norm(placed - centre, axis=1).max() <= radius, model.geom(geom).name
