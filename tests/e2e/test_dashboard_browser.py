@@ -166,7 +166,7 @@ def east_m(page: Any) -> float:
 
 
 def start_and_watch(page: Any) -> None:
-    page.select_option("#f-pace", "2")  # time enough for a slow browser on a busy machine to draw
+    page.select_option("#f-pace", "1")  # time enough for a slow browser on a busy machine to draw
     page.fill("#f-seed", "4")
     page.click("#start")
     page.wait_for_selector("#start:disabled")
