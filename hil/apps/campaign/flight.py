@@ -150,13 +150,16 @@ def _flown(job: Job, slot: Slot, folder: Path) -> Outcome:
 
     record = [f"record.{key}={str(value).lower()}" for key, value in _RECORD[job.recording].items()]
     texts = [*job.texts, *record]
-    bench = load_bench(job.bench, settings=texts)
-    if bench.config.autopilot.kind in PROGRAM_KINDS:
+    config = (bench := load_bench(job.bench, settings=texts)).config
+    ports = []
+    if config.autopilot.kind in PROGRAM_KINDS:
         if slot.processors:
             os.sched_setaffinity(0, slot.processors)  # bench and autopilot take turns on one of them
-        bench = load_bench(
-            job.bench, settings=[*texts, f"autopilot.instance={bench.config.autopilot.instance + slot.number}"]
-        )
+        ports.append(f"autopilot.instance={config.autopilot.instance + slot.number}")
+    if config.companion.start and config.companion.clients <= len(config.companion.start):
+        ports.append("companion.port=0")  # any free one: the bench starts the clients and tells them
+    if ports:
+        bench = load_bench(job.bench, settings=[*texts, *ports])
     result = run_bench(bench, folder, quiet=True)
     if (result.run["error"] or {}).get("type") == "Interrupted":
         raise KeyboardInterrupt
