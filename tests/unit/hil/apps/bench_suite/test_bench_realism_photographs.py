@@ -9,7 +9,7 @@ import pytest
 from hil.apps.bench_suite.realism import photographs
 
 PICTURE = Path(__file__).parents[4] / "worlds" / "detect_people.png"
-PEOPLE = ((250.0, 31.0, 269.0, 59.0), (148.0, 1.0, 155.0, 28.0), (1.0, 20.0, 28.0, 45.0))
+PEOPLE = ((253.0, 70.0, 266.0, 92.0), (43.0, 69.0, 58.0, 92.0), (217.0, 50.0, 226.0, 70.0))
 
 
 def test_people_found_and_false_boxes_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
