@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Sequence
 from contextlib import closing
@@ -25,6 +24,7 @@ from hil.run.loop.progress import CountProgress, minutes
 from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
 from signals.errors import ConfigError, Problem, RecordingError
+from signals.processors import usable_processors
 
 _LONG_S = 2 * 86_400.0
 MANY = 100_000  # points that need --yes
@@ -78,7 +78,7 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
     problems = campaign_problems(plan, file)
     if problems:
         raise ConfigError(problems)
-    workers = options.workers or max(1, processors() // file.spec.cores)
+    workers = options.workers or max(1, usable_processors() // file.spec.cores)
     if options.dry_run:
         print_plan(file, plan, workers, console)
         return 0
@@ -109,13 +109,8 @@ def make_engine(options: CampaignOptions, file: CampaignFile, workers: int) -> E
     if options.engine == "ray":
         from hil.apps.campaign.engines.ray import RayEngine
 
-        return RayEngine(file.spec, address=options.address, workers=options.workers, processors=processors())
+        return RayEngine(file.spec, address=options.address, workers=options.workers, processors=usable_processors())
     raise ConfigError([Problem("--engine", f"is unknown: {options.engine!r}", "local or ray")])
-
-
-def processors() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
 def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -35,6 +33,7 @@ from hil.apps.dataset.workers import JobHandler, Workers
 from hil.config import load_bench
 from hil.run.loop.progress import CountProgress, minutes
 from signals.classes import Classes
+from signals.processors import usable_processors
 
 
 class FrameProgress(CountProgress):
@@ -121,11 +120,6 @@ def make_dataset(plan: DatasetPlan, root: Path, options: MakeOptions = MakeOptio
         return _DatasetMaker(plan, root, options, bench_files, made_from, began_s).make()
 
 
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else (os.cpu_count() or 1)
-
-
 @dataclass
 class _DatasetMaker:
     """Makes a data set in a folder that is checked and locked."""
@@ -140,7 +134,7 @@ class _DatasetMaker:
     def make(self) -> DatasetResult:
         """Write the files that workers need, start the workers and record."""
         plan, root, options = self.plan, self.root, self.options
-        count = options.workers or cores()
+        count = options.workers or usable_processors()
         tree = TreeWriter(root)
         # Written before the workers start, because a spawned worker reads them.
         files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]

@@ -21,6 +21,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.processors import usable_processors
 from sim.frame.path_traced import llvm
 from sim.frame.path_traced.errors import PathTracerError
 from sim.frame.path_traced.protocol import LensData, RenderRequest, StartRequest
@@ -42,7 +43,7 @@ class TracerProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._log: IO[bytes] | None = None
-        self._start(StartRequest(sky, threads_per_process or _cores()))
+        self._start(StartRequest(sky, threads_per_process or usable_processors()))
         self._ask("load", scene)
         self._owner = os.getpid()
 
@@ -167,10 +168,6 @@ class TracerProcess:
 
 class _EndedError(Exception):
     """The process ended before it was ready."""
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else (os.cpu_count() or 1)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -24,7 +24,8 @@ from hil.apps.bench_suite.data.dataset_cases import (
     radar_error,
 )
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.dataset.make import MakeOptions, cores, make_dataset
+from hil.apps.dataset.make import MakeOptions, make_dataset
+from signals.processors import usable_processors
 from sim.frame.quality import QUALITIES
 
 _PAPER_FRAMES_PER_S = {(True, True): 7.17, (False, True): 20.1}  # by (radar, storage)
@@ -42,7 +43,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
         for radar in (True, False):
             status("lower bound: encoding and writing alone")
             with plan_of("low", frames=40, radar=radar) as plan:
-                bounds_s[radar] = lower_bound_s(plan) / cores()
+                bounds_s[radar] = lower_bound_s(plan) / usable_processors()
         for quality in ("low",) if quick else QUALITIES:
             frames = _QUICK_FRAMES if quick else _FRAMES if quality == "low" else _HIGHER_QUALITY_FRAMES
             for radar in (True, False):

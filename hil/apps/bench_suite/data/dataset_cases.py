@@ -21,7 +21,7 @@ import numpy as np
 from hil.apps.bench_suite.sensors.radar_cases import synthesizer
 from hil.apps.dataset.batch_maker import BatchMaker, BatchWriter
 from hil.apps.dataset.flight import FlightData, fly_for_frames
-from hil.apps.dataset.make import BatchMakerFactory, cores
+from hil.apps.dataset.make import BatchMakerFactory
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.manifest import saved_bench
@@ -30,6 +30,7 @@ from hil.apps.dataset.workers import Job, JobResult, Workers
 from hil.config.checks.radar_checks import view_of
 from hil.run.sensors.frame_stages import make_frames
 from signals.errors import RecordingError
+from signals.processors import usable_processors
 from sim.frame.mount import Mount
 from sim.frame.source import channel_array
 from sim.radar.scatterers import Scatterers
@@ -91,7 +92,9 @@ def measure_unstored(plan: DatasetPlan) -> Rate:
         tree = TreeWriter(Path(folder))
         for name, data in saved_bench(plan).items():
             tree.write(name, data)
-        with Workers(cores(), BatchMakerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)) as pool:
+        with Workers(
+            usable_processors(), BatchMakerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)
+        ) as pool:
 
             def collect(*, block: bool) -> None:
                 for _ in pool.collect(block=block):

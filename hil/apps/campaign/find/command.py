@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from hil.apps.campaign.campaign import Progress
-from hil.apps.campaign.command import CampaignProgress, campaign_problems, processors
+from hil.apps.campaign.command import CampaignProgress, campaign_problems
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.find.magnitudes import TOLERANCE
 from hil.apps.campaign.find.search import Search
@@ -27,6 +27,7 @@ from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem, RecordingError
+from signals.processors import usable_processors
 
 CAMPAIGNS = Path("campaigns")
 SHRUNK = "shrunk"  # folder of a campaign
@@ -67,7 +68,7 @@ def shrink_case(prefix: str, options: ShrinkOptions, console: Console) -> Shrunk
         if base is None:
             text = f"{shown_path(folder)} does not tell its base bench: it was made by an earlier version"
             raise ConfigError([Problem("CASE", text, "`hil campaign FILE --resume` adds it")])
-        with closing(LocalEngine(options.workers or processors())) as engine:
+        with closing(LocalEngine(options.workers or usable_processors())) as engine:
             trials = Trials(store, engine, base[0], folder)
             shrinking = Shrinking(trials, texts, outcome, base[1], folder / SHRUNK)
             if not options.quiet:
@@ -95,7 +96,7 @@ def search_failures(path: Path, options: SearchOptions, console: Console) -> int
     if (out / STORE_NAME).is_file() and not options.resume:
         text = f"{out}: holds a campaign or a search; repeat the search with --resume, which flies no stored case again"
         raise RecordingError(f"{text}, or name another folder with --out")
-    workers, began_s = options.workers or max(1, processors() // file.spec.cores), time.monotonic()
+    workers, began_s = options.workers or max(1, usable_processors() // file.spec.cores), time.monotonic()
     engine = LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
     with run_folder(out), Store(out) as store, closing(engine):
         trials = Trials(store, engine, file.bench_path, out)
