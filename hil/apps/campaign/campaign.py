@@ -94,9 +94,7 @@ class Campaign:
                     self.engine.submit(self._again.popleft())
                 elif prepared is not None:
                     self.engine.submit(prepared)
-                    prepared = None
-            if prepared is None:
-                prepared = next(pending, None)  # loaded while the workers fly
+                    prepared = next(pending, None)  # loaded while the workers fly
             for done in self.engine.wait(WAIT_S):
                 self._take(done)
             if self.stop.time_s is not None and time.monotonic() - self.began_s > self.stop.time_s:

@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -140,7 +140,7 @@ def fly(job: Job, slot: Slot = ONLY) -> Outcome:
     if job.recording == "none" or (not job.keep and outcome.status == "PASS"):
         shutil.rmtree(folder, ignore_errors=True)
     wall_s, cpu_s = time.monotonic() - began_s, time.process_time() - began_cpu_s
-    return Outcome(**{**vars(outcome), "wall_s": wall_s, "cpu_s": cpu_s, "place": slot.name})
+    return replace(outcome, wall_s=wall_s, cpu_s=cpu_s, place=slot.name)
 
 
 def _flown(job: Job, slot: Slot, folder: Path) -> Outcome:

@@ -60,13 +60,13 @@ class LocalEngine:
             if self._timeout_s is not None and worker.job is not None and worker.seconds > self._timeout_s:
                 text = f"the flight took longer than flight_timeout_s: {self._timeout_s:g} s"
                 done.append(Done(worker.job, Outcome("ERROR", error_type="Timeout", error=text)))
-                worker.restart()
+                worker.kill()
         return done
 
     def renew(self) -> None:
         """Replace all processes."""
         for worker in self._workers:
-            worker.restart()
+            worker.kill()
 
     def close(self) -> None:
         for worker in self._workers:
@@ -120,12 +120,8 @@ class _Worker:
         self.job = None
         return Done(job, outcome)
 
-    def restart(self) -> None:
-        """End the process; the next job starts another."""
-        self.kill()
-
     def kill(self) -> None:
-        """End the process at once."""
+        """End the process at once; the next job starts another."""
         if self._process is not None and self._process.pid is not None:
             self._process.kill()
             self._process.join()
