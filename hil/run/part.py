@@ -6,6 +6,7 @@ composition root (`hil.run.runs.vehicle_run`) calls them in the order of `hil.ru
     check()               raise a named error if the run cannot begin; nothing is opened or recorded yet
     open(run)             the recorder exists. Find out which samples the part needs, such as those its clients request
     ports()               topics that the part consumes; a sensor without a consumer is not computed
+    watched_ports()       topics that it only watches: computed, but neither recorded nor in the digest for its sake
                           -> the run plans its stages (`run.plan`)
     build(run)            the sensors exist. Make command sources, open links
     command_sources()     asked at every tick for bytes that go to the autopilot
@@ -203,6 +204,9 @@ class Part:
     def open(self, run: RunContext) -> None: ...
 
     def ports(self) -> frozenset[str]:
+        return frozenset()
+
+    def watched_ports(self) -> frozenset[str]:
         return frozenset()
 
     def build(self, run: RunContext) -> None: ...

@@ -14,7 +14,7 @@ elements of a velocity `v_F_mps` become vx, vy, vz. The bytes of the array stay 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,8 +95,17 @@ class BlobTopic:
 class FrameSeries:
     """Collects references to the samples of one camera, LiDAR or radar between two chunks. Samples never change."""
 
-    def __init__(self, port: str, description: FrameDescription | None) -> None:
+    def __init__(
+        self,
+        port: str,
+        description: FrameDescription | None,
+        *,
+        make_topic: Callable[..., Any] = BlobTopic,
+        wanted: Callable[[str], bool] = lambda path: True,  # noqa: ARG005
+    ) -> None:
+        """`make_topic` takes the arguments of `BlobTopic`. Topics are left out unless `wanted`, given their paths."""
         self._port = port
+        self._make_topic, self._wanted = make_topic, wanted
         self._description = description or FrameDescription(port)
         self._pending: list[tuple[FrameSample, int]] = []
         self._topics: dict[str, BlobTopic] = {}
@@ -110,26 +119,35 @@ class FrameSeries:
     def blocks(self, file: Topics) -> list[Block]:
         """Return the records of all samples added since the last call."""
         for sample, log_ns in self._pending:
-            if "pose" not in self._topics:
-                self._add_mount(file, sample, log_ns)
-            if isinstance(sample, ImageSample):
-                self._add_picture(file, sample, log_ns)
-                self._add_pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
-            elif isinstance(sample, RadarSample):
-                self._add_radar(file, sample, log_ns)
-                self._add_pose(file, sample, log_ns, sample.p_WR, sample.q_WR)
-            else:
-                self._add_cloud(file, sample, log_ns)
-                self._add_pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
+            self.encode(file, sample, log_ns)
         self._pending.clear()
         self.pending_bytes = 0
         return [topic.pending.block() for topic in self._topics.values()]
 
+    def encode(self, file: Any, sample: FrameSample, log_ns: int) -> None:
+        """Give the messages of one sample to the topics."""
+        if "tf_static" not in self._topics:
+            self._add_mount(file, sample, log_ns)
+        if isinstance(sample, ImageSample):
+            self._add_picture(file, sample, log_ns)
+            self._add_pose(file, sample, log_ns, sample.p_WC, sample.q_WC)
+        elif isinstance(sample, RadarSample):
+            self._add_radar(file, sample, log_ns)
+            self._add_pose(file, sample, log_ns, sample.p_WR, sample.q_WR)
+        else:
+            self._add_cloud(file, sample, log_ns)
+            self._add_pose(file, sample, log_ns, sample.p_WL, sample.q_WL)
+
+    def _leaves_out(self, name: str) -> bool:
+        return not self._wanted(self._path(name))
+
+    def _path(self, name: str) -> str:
+        return f"/{name}" if name == "tf_static" else f"/{self._port}/{name}" if name else f"/{self._port}"
+
     def _topic(self, file: Topics, name: str, type_name: str, **layout: Any) -> BlobTopic:
         topic = self._topics.get(name)
         if topic is None:
-            path = f"/{name}" if name == "tf_static" else f"/{self._port}/{name}" if name else f"/{self._port}"
-            topic = self._topics[name] = BlobTopic(file, path, type_name, **layout)
+            topic = self._topics[name] = self._make_topic(file, self._path(name), type_name, **layout)
         return topic
 
     def _add_mount(self, file: Topics, sample: FrameSample, log_ns: int) -> None:
@@ -152,6 +170,8 @@ class FrameSeries:
         topic.add(sample, log_ns, mount)
 
     def _add_pose(self, file: Topics, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
+        if self._leaves_out("pose"):
+            return
         topic = self._topic(file, "pose", "geometry_msgs/PoseStamped", strings={"header.frame_id": WORLD})
         topic.add(sample, log_ns, {"pose.position": p, "pose.orientation": _xyzw(q)})
 
@@ -160,7 +180,7 @@ class FrameSeries:
         for name in sorted(sample.channels):
             self._add_image(file, sample, log_ns, name, sample.channels[name])
         p = self._description.projection
-        if p is not None:
+        if p is not None and not self._leaves_out("camera_info"):
             topic = self._topic(
                 file,
                 "camera_info",
@@ -172,6 +192,8 @@ class FrameSeries:
             topic.add(sample, log_ns, {})
 
     def _add_image(self, file: Topics, sample: FrameSample, log_ns: int, name: str, picture: NDArray[Any]) -> None:
+        if self._leaves_out(name):
+            return
         little_endian = np.ascontiguousarray(picture, picture.dtype.newbyteorder("<"))
         components = 1 if picture.ndim == 2 else picture.shape[2]
         topic = self._topic(
@@ -202,6 +224,8 @@ class FrameSeries:
                 self._add_image(file, sample, log_ns, name, array)
 
     def _add_raw(self, file: Topics, sample: RadarSample, log_ns: int, raw: NDArray[Any]) -> None:
+        if self._leaves_out("raw"):
+            return
         receivers, chirps, samples = raw.shape
         sweep = self._description.sweep
         topic = self._topic(
@@ -217,9 +241,12 @@ class FrameSeries:
         topic.add(sample, log_ns, pose, np.ascontiguousarray(raw, "<u2").tobytes())
 
     def _add_cloud(self, file: Topics, sample: PointCloudSample, log_ns: int) -> None:
-        self._add_records(file, sample, log_ns, "", cloud_records(sample))
+        if not self._leaves_out(""):
+            self._add_records(file, sample, log_ns, "", cloud_records(sample))
 
     def _add_records(self, file: Topics, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
+        if self._leaves_out(name):
+            return
         topic = self._topics.get(name) or self._cloud_topic(file, name, records.dtype)
         topic.add(sample, log_ns, {"width": len(records), "row_step": records.nbytes}, records.tobytes())
 

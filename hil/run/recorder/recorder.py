@@ -9,7 +9,7 @@ both are readable up to the last flush, which is at most one simulated second ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, Protocol
@@ -24,7 +24,15 @@ from hil.run.recorder.tlog_sink import TlogSink
 from hil.run.recorder.track import Track
 from signals.detections import Detections
 from signals.errors import RecordingError
-from signals.samples import FRAME_SAMPLES, ActuatorFrame, FrameSample, RadarSample, Sample, TruthState
+from signals.samples import (
+    FRAME_SAMPLES,
+    ActuatorFrame,
+    FrameSample,
+    ImageSample,
+    RadarSample,
+    Sample,
+    TruthState,
+)
 from signals.time import NS_PER_S
 
 MCAP_NAME = "run.mcap"
@@ -122,6 +130,7 @@ class Recorder:
         self._tick = 0
         self._closed = False
         self._taps = tuple(taps)
+        self._unrecorded: frozenset[str] = frozenset()
         self._mcap: McapSink | None = None
         self._mcap_recording: McapRecording | None = None
         self._sinks: list[McapSink | TlogSink] = []
@@ -174,13 +183,26 @@ class Recorder:
 
     def sample(self, port: str, sample: Sample) -> None:
         """Record a sample released on `port`."""
-        if isinstance(sample, FRAME_SAMPLES):
-            self._digest.frame(port, sample)
-            self.album.add(port, sample)
-        if self._mcap:
-            self._mcap.sample(port, sample)
+        recorded = self._recorded(port, sample) if self._unrecorded else sample
+        if recorded is not None:
+            if isinstance(recorded, FRAME_SAMPLES):
+                self._digest.frame(port, recorded)
+                self.album.add(port, recorded)
+            if self._mcap:
+                self._mcap.sample(port, recorded)
         for tap in self._taps:
             tap.sample(port, sample)
+
+    def leave_out(self, ports: Iterable[str]) -> None:
+        """Record nothing of these ports (a sensor, or "sensor/channel"): they are computed for a watcher alone."""
+        self._unrecorded = frozenset(ports)
+
+    def _recorded(self, port: str, sample: Sample) -> Sample | None:
+        """Return the part of a sample that is recorded."""
+        if isinstance(sample, ImageSample | RadarSample):
+            left = {name: a for name, a in sample.channels.items() if f"{port}/{name}" not in self._unrecorded}
+            return sample._replace(channels=left) if left else None
+        return None if port in self._unrecorded else sample
 
     def sent(self, tick: int, t_ns: int, data: bytes) -> None:
         """Record the bytes sent to the autopilot in this tick, any number of frames."""

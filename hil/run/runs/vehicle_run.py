@@ -114,6 +114,11 @@ class VehicleRun:
             part.open(context)
         topics = frozenset[str]().union(*(part.ports() for part in parts))
         context.plan = plan_stages(stage_specs(config, topics))
+        watched = frozenset[str]().union(*(part.watched_ports() for part in parts))
+        if watched:
+            unwatched = context.plan
+            context.plan = plan_stages(stage_specs(config, topics | watched))
+            recorder.leave_out(set(context.plan.order) - set(unwatched.order))
         commands: list[CommandSource] = []
         for part in parts:
             part.build(context)

@@ -11,6 +11,7 @@ from hil.config.missions.script import SensorFault
 from hil.config.schema import SensorConfig
 from hil.run.loop.scheduler import SensorSlot
 from hil.run.loop.stages import StagePlan
+from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.recorder import Recorder
 from hil.run.sensors.frame_stages import description, wanted_parts
 from hil.run.sensors.simulated_sensors import SimulatedSensors, tick_rates, write_calibration
@@ -39,6 +40,7 @@ class SensorSlots:
         """
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
+        self.descriptions: dict[str, FrameDescription] = {}  # of cameras, LiDARs and radars
         self._without_faults: dict[str, Any] = {}  # by name
         self._faulty: dict[str, FaultySensor] = {}
         simulated = SimulatedSensors(bench, wanted, frames)
@@ -50,7 +52,8 @@ class SensorSlots:
             if isinstance(sensor, Radar):
                 self.radars[name] = sensor
             if frames is not None and KINDS[wanted[name].kind].needs_frames:
-                recorder.describe(name, description(name, sensor))
+                self.descriptions[name] = description(name, sensor)
+                recorder.describe(name, self.descriptions[name])
                 write_calibration(out, name, sensor, rate_hz=wanted[name].rate_hz)
         self.slots = [self._slot(name, wanted[name]) for name in order]
 

@@ -47,6 +47,7 @@ MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "hil-bench"
 _ZSTD_LEVEL = 1
 _CHUNK_HEAD = struct.Struct("<BQQQQI")  # opcode, length, first and last log time, uncompressed size, CRC
+COMMON_TOPICS = ("/tf", "/tf_static")  # of all vehicles together
 _INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of pairs
 
 
@@ -376,8 +377,9 @@ class VehicleTopics:
 
     def channel(self, topic: str, type_name: str, schema_text: str) -> int:
         """Register a topic of ROS 2 type "package/Name" and return its channel number."""
-        common = topic in ("/tf", "/tf_static")
-        return self._file.channel(topic if common else f"/{self._vehicle}{topic}", type_name, schema_text)
+        return self._file.channel(
+            topic if topic in COMMON_TOPICS else f"/{self._vehicle}{topic}", type_name, schema_text
+        )
 
 
 Topics = McapFile | VehicleTopics

@@ -1,4 +1,4 @@
-"""ROS 2 definitions of all message types in a recording.
+"""ROS 2 definitions of all message types of a recording and of a live run.
 
 The standard types are those of ROS 2 (common_interfaces, rcl_interfaces, geometry2, vision_msgs) and of Foxglove,
 without their comments. The types of `hil_msgs` belong to this project; every recording contains its definitions, so
@@ -45,6 +45,17 @@ DEFINITIONS: dict[str, str] = {
         "uint32 step\nuint8[] data"
     ),
     "sensor_msgs/CompressedImage": "std_msgs/Header header\nstring format\nuint8[] data",
+    "sensor_msgs/Range": (
+        "uint8 ULTRASOUND=0\nuint8 INFRARED=1\nstd_msgs/Header header\nuint8 radiation_type\nfloat32 field_of_view\n"
+        "float32 min_range\nfloat32 max_range\nfloat32 range\nfloat32 variance"
+    ),
+    "sensor_msgs/BatteryState": (
+        "uint8 POWER_SUPPLY_STATUS_DISCHARGING=2\nuint8 POWER_SUPPLY_TECHNOLOGY_LIPO=3\nstd_msgs/Header header\n"
+        "float32 voltage\nfloat32 temperature\nfloat32 current\nfloat32 charge\nfloat32 capacity\n"
+        "float32 design_capacity\nfloat32 percentage\nuint8 power_supply_status\nuint8 power_supply_health\n"
+        "uint8 power_supply_technology\nbool present\nfloat32[] cell_voltage\nfloat32[] cell_temperature\n"
+        "string location\nstring serial_number"
+    ),
     "sensor_msgs/RegionOfInterest": ("uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify"),
     "sensor_msgs/CameraInfo": (
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\n"
@@ -65,6 +76,14 @@ DEFINITIONS: dict[str, str] = {
         "uint32 line"
     ),
     "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+    "geometry_msgs/TwistStamped": "std_msgs/Header header\ngeometry_msgs/Twist twist",
+    "geometry_msgs/TwistWithCovariance": "geometry_msgs/Twist twist\nfloat64[36] covariance",
+    "nav_msgs/Odometry": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist"
+    ),
+    "rosgraph_msgs/Clock": "builtin_interfaces/Time clock",
     "vision_msgs/Point2D": "float64 x\nfloat64 y",
     "vision_msgs/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
     "vision_msgs/BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",

@@ -7,13 +7,16 @@ altitude, GPS accuracy), a small message of this project is written in addition 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signals._kernel import rotate_into_body
 from signals.samples import (
     ActuatorFrame,
     BaroSample,
@@ -26,6 +29,7 @@ from signals.samples import (
     TruthState,
 )
 from signals.time import NS_PER_S
+from sim.physics.vehicle import BatteryState
 
 Columns = dict[str, NDArray[Any]]
 
@@ -86,6 +90,42 @@ TRUTH_TOPICS = (
     ),
 )
 
+# Sent only while a run flies: a recording has these values in the topics above.
+LIVE_TRUTH_TOPICS = (
+    Topic(
+        "truth/odometry",
+        "nav_msgs/Odometry",
+        WORLD,
+        {
+            "pose.pose.position": "p_WB",
+            "pose.pose.orientation": "q_WB_xyzw",
+            "twist.twist.linear": "v_WB_B",
+            "twist.twist.angular": "w_WB_B",
+        },
+        child_frame=BODY,
+    ),
+)
+_NAN = float("nan")
+_DISCHARGING, _GOOD, _LIPO = 2, 1, 3
+BATTERY_TOPIC = Topic(
+    "battery",
+    "sensor_msgs/BatteryState",
+    BODY,
+    {"voltage": "voltage_v", "current": "drawn_a", "percentage": "charge"},
+    lengths={"cell_voltage": "none", "cell_temperature": "none"},
+    values={
+        "temperature": _NAN,
+        "charge": _NAN,
+        "capacity": _NAN,
+        "design_capacity": _NAN,
+        "power_supply_status": _DISCHARGING,
+        "power_supply_health": _GOOD,
+        "power_supply_technology": _LIPO,
+        "present": True,
+    },
+    every_s=0.2,
+)
+
 SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
     ImuSample: (
         Topic(
@@ -132,6 +172,13 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             BODY,
             {name: name for name in ("distance_m", "min_distance_m", "max_distance_m", "sigma_m", "quality")},
         ),
+        Topic(
+            "/range",
+            "sensor_msgs/Range",
+            BODY,
+            {"min_range": "min_distance_m", "max_range": "max_distance_m", "range": "range_m", "variance": "variance"},
+            values={"radiation_type": 1},
+        ),
     ),
     ScalarSample: (Topic("", "hil_msgs/Scalar", BODY, {"value": "value"}),),
     FlowSample: (
@@ -171,6 +218,9 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
         covariance[:, 8] = np.square(columns["vertical_accuracy_m"])
         columns["position_covariance_m2"] = covariance
         columns["status"] = np.where(columns["fix_type"] >= _FIX_3D, _FIX, _NO_FIX)
+    elif kind is RangeSample:
+        columns["range_m"] = np.where(columns["quality"] > 0, columns["distance_m"], np.inf)
+        columns["variance"] = np.square(columns["sigma_m"])
     if kind is TruthState or kind is ActuatorFrame:
         columns["seq"] = columns["tick"]
         columns["stamp_ns"] = columns["available_ns"] = columns["t_ns"] + later_ns
@@ -179,3 +229,31 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
         columns["available_ns"] = columns["t_available_ns"] + later_ns
     columns["stamp_s"], columns["stamp_rest_ns"] = np.divmod(columns["stamp_ns"], NS_PER_S)
     return columns
+
+
+def _covariance_m2(gps: GpsSample) -> tuple[float, ...]:
+    h, v = gps.horizontal_accuracy_m**2, gps.vertical_accuracy_m**2
+    return (h, 0.0, 0.0, 0.0, h, 0.0, 0.0, 0.0, v)
+
+
+def _xyzw(truth: TruthState) -> tuple[float, float, float, float]:
+    w, x, y, z = truth.q_WB
+    return x, y, z, w
+
+
+# The derived columns above for one sample, as plain numbers: by type of sample and column.
+_DERIVED: dict[tuple[type, str], Callable[[Any], Any]] = {
+    (TruthState, "q_WB_xyzw"): _xyzw,
+    (TruthState, "v_WB_B"): lambda truth: rotate_into_body(truth.q_WB, truth.v_WB_W),
+    (GpsSample, "position_covariance_m2"): _covariance_m2,
+    (GpsSample, "status"): lambda gps: _FIX if gps.fix_type >= _FIX_3D else _NO_FIX,
+    (RangeSample, "range_m"): lambda sample: sample.distance_m if sample.quality > 0 else math.inf,
+    (RangeSample, "variance"): lambda sample: sample.sigma_m**2,
+    (BatteryState, "drawn_a"): lambda battery: -battery.current_a,  # negative while discharging
+    (BatteryState, "none"): lambda battery: (),  # noqa: ARG005
+}
+
+
+def value_of(kind: type, column: str) -> Callable[[Any], Any]:
+    """Return the function that reads one column from one sample of a type."""
+    return _DERIVED.get((kind, column)) or attrgetter(column)
