@@ -19,6 +19,7 @@ from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.stop_rule import parse_stop
 from hil.apps.campaign.store import STORE_NAME, Store
+from hil.cluster.join import uses_ray
 from hil.config import load_bench
 from hil.run.loop.progress import CountProgress, minutes
 from hil.run.report.page import PAGE_NAME
@@ -102,15 +103,11 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
 
 def make_engine(options: CampaignOptions, file: CampaignFile, workers: int) -> Engine:
     """Return the engine that the options name. Raises HilError if it cannot be used."""
-    if options.engine == "local":
-        if options.address is not None:
-            raise ConfigError([Problem("--address", "belongs to --engine ray")])
-        return LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
-    if options.engine == "ray":
+    if uses_ray(options.engine, options.address):
         from hil.apps.campaign.engines.ray import RayEngine
 
         return RayEngine(file.spec, address=options.address, workers=options.workers, processors=usable_processors())
-    raise ConfigError([Problem("--engine", f"is unknown: {options.engine!r}", "local or ray")])
+    return LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
 
 
 def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:

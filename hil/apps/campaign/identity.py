@@ -15,7 +15,7 @@ from typing import Any
 
 import signals._kernel
 import sim._kernels
-from hil.apps.campaign.engines.program import source_digest
+from hil.cluster.program import source_digest
 from hil.config import Bench
 from hil.config.saved import resolved_data
 from hil.config.scenes import save_scene

@@ -8,24 +8,11 @@ from __future__ import annotations
 
 import fcntl
 import os
-import tempfile
-from pathlib import Path
 
+from hil.cluster.trees import user_folder
 from signals.errors import RecordingError
 
 _MOST = 1024
-
-
-def user_folder() -> Path:
-    """Return a folder for temporary files that only this user can write. Raises RecordingError."""
-    folder = Path(tempfile.gettempdir()) / f"hil-campaign-{os.getuid()}"
-    try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        if folder.is_symlink() or folder.stat().st_uid != os.getuid():
-            raise RecordingError(f"{folder}: belongs to another user; remove it, or set TMPDIR")
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be used for temporary files ({error.strerror}); set TMPDIR") from error
-    return folder
 
 
 class FlightNumber:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import shutil
 import tempfile
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from hil.apps.campaign.engines.parcel import TREES, Parcel, packed, unpack
+from hil.apps.campaign.engines.parcel import TREES, Parcel
 from hil.apps.campaign.flight import Job
+from hil.cluster.trees import packed, tree_name, unpack
 from hil.config import Bench
 from hil.config.saved import save_bench
 from hil.config.scenes import save_scene
@@ -101,6 +101,6 @@ class Packer:
 
     def _add(self, entries: Iterable[tuple[Path, str]]) -> str:
         archive = packed(entries)
-        name = hashlib.blake2b(archive, digest_size=16).hexdigest()
+        name = tree_name(archive)
         self.archives[name] = archive
         return name

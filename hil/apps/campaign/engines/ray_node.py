@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
 import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
@@ -13,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from hil.apps.campaign.engines.local import LocalEngine
-from hil.apps.campaign.engines.numbers import user_folder
-from hil.apps.campaign.engines.parcel import Parcel, Reply, packed_recording, unpack_tree, write_bench
-from hil.apps.campaign.engines.program import source_digest
+from hil.apps.campaign.engines.parcel import Parcel, Reply, packed_recording, write_bench
+from hil.cluster.program import Program
+from hil.cluster.tasks import this_node
+from hil.cluster.trees import unpack_trees, user_folder
 
 _WAIT_S = 3600.0
 
@@ -24,14 +24,10 @@ _WAIT_S = 3600.0
 class Order:
     """Conditions of a flight on a node."""
 
-    sources: str  # hash of the program of the campaign
+    program: Program  # of the campaign
     generation: int  # flights of another one get another process
     cores: int
     timeout_s: float | None
-
-
-class OtherProgram(Exception):
-    """A node has another version of the bench."""
 
 
 _engine: LocalEngine | None = None
@@ -40,29 +36,25 @@ _generation = -1
 
 def fly_task(parcel: Parcel, archives: Mapping[str, Any], order: Order) -> Reply:
     """Make a flight as a task of Ray, on the node that Ray has chosen."""
-    import ray
-
-    node = ray.get_runtime_context().get_node_id()
-    return fly_parcel(parcel, archives, order, f"node {node[:12]} ({socket.gethostname()})")
+    return fly_parcel(parcel, archives, order, this_node())
 
 
 def fly_parcel(parcel: Parcel, archives: Mapping[str, Any], order: Order, place: str) -> Reply:
-    """Make the flight of a parcel. `archives` holds references of Ray to its trees. Raises OtherProgram, OSError."""
+    """Make the flight of a parcel; `archives` holds references of Ray to its trees.
+
+    Raises OtherProgram, HilError, OSError.
+    """
     global _engine, _generation
-    if source_digest() != order.sources:
-        raise OtherProgram(source_digest())
-    root = user_folder()
-    trees, flights = root / "trees", root / "flights"
+    order.program.require()
+    flights = user_folder() / "flights"
     if _engine is None:
-        trees.mkdir(exist_ok=True)
         flights.mkdir(exist_ok=True)
         _remove_abandoned(flights)
         _engine = LocalEngine(1, cores=order.cores, timeout_s=order.timeout_s)
     elif _generation != order.generation:
         _engine.renew()
     _generation = order.generation
-    for name in parcel.trees:
-        unpack_tree(name, trees, lambda name=name: _content(archives[name]))  # type: ignore[misc]
+    trees = unpack_trees(parcel.trees, archives)
     work = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=flights))
     try:
         bench = write_bench(parcel, work / "bench", trees)
@@ -78,12 +70,6 @@ def fly_parcel(parcel: Parcel, archives: Mapping[str, Any], order: Order, place:
         return Reply(replace(outcome, place=place), "", recording)
     finally:
         shutil.rmtree(work, ignore_errors=True)
-
-
-def _content(reference: Any) -> bytes:
-    import ray
-
-    return bytes(ray.get(reference))
 
 
 def _remove_abandoned(flights: Path) -> None:

@@ -10,10 +10,12 @@ import pytest
 
 from hil.apps.campaign.engines import ray_node
 from hil.apps.campaign.engines.packer import Packer
-from hil.apps.campaign.engines.parcel import Parcel, packed_recording, unpack_tree, write_bench
-from hil.apps.campaign.engines.ray_node import Order, OtherProgram, fly_parcel
+from hil.apps.campaign.engines.parcel import Parcel, packed_recording, write_bench
+from hil.apps.campaign.engines.ray_node import Order, fly_parcel
 from hil.apps.campaign.flight import Job, fly
 from hil.apps.campaign.identity import case_id
+from hil.cluster.program import OtherProgram, Program
+from hil.cluster.trees import unpack_tree
 from hil.config import load_bench
 
 MAP = """<mujoco><worldbody><geom type="plane" size="50 50 1"/>
@@ -98,7 +100,7 @@ def test_firmware_goes_with_its_start_scripts_and_comes_back_by_its_name(tmp_pat
 def test_a_node_with_another_program_refuses(tmp_path: Path) -> None:
     parcel = Packer().pack(Job("a", None, (), "out"), load_bench(None))
     with pytest.raises(OtherProgram):
-        fly_parcel(parcel, {}, Order("0" * 32, 0, 1, None), "here")
+        fly_parcel(parcel, {}, Order(Program("0" * 32), 0, 1, None), "here")
 
 
 def test_folders_of_killed_flights_are_removed(tmp_path: Path) -> None:
