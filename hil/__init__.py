@@ -1,4 +1,7 @@
-"""The bench controller, in layers of which each imports only the following ones: cli, apps, run, config."""
+"""The bench controller, in layers of which each imports only the following ones: cli, apps, run, config.
+
+`gym`, the Gymnasium environments, is beside apps.
+"""
 
 import sys
 

@@ -145,6 +145,62 @@ class RigidBody {
         return hil::sim::free_flight_tick(params_, plan_, wind_, command_, state(), phase_, path_.data(), steps_);
     }
 
+    // Flies up to `ticks` ticks with the same commands, while each travels less than what remains of the clearance to
+    // the scene and to actors. A tick that travels farther is flown but not finished, and ends the cruise.
+    nb::tuple cruise(nb::handle controls, int ticks, double remaining_m, double actors_remaining_m, double approach_m) {
+        int done = 0, violation = 0;
+        double travelled_m = -1.0;
+        int bad = command(controls);
+        while (bad < 0 && violation == 0 && done < ticks) {
+            travelled_m = fly();
+            if (!(travelled_m < remaining_m && travelled_m < actors_remaining_m)) break;
+            remaining_m -= travelled_m;
+            actors_remaining_m -= travelled_m + approach_m;
+            travelled_m = -1.0;
+            violation = finish();
+            ++done;
+            if (params_.battery.fitted && done < ticks) bad = command(controls);
+        }
+        return nb::make_tuple(done, travelled_m, remaining_m, actors_remaining_m, violation, bad);
+    }
+
+    // Rotors as those of a new body: none faulty, the unbalanced ones at phase 0.
+    void repair() {
+        for (int i = 0; i < params_.rotor_count; ++i) {
+            set_rotor(i, 1.0, -1.0, 0.0);
+            phase_[i] = 0.0;
+        }
+    }
+
+    // Writes what a flight to targets is observed and judged by; see the binding.
+    void observe(const double *target_W, int targets, const double *scale, float *features, double *measures) const {
+        const double *s = state();
+        double R[9];
+        hil::rotation_matrix(s + hil::sim::kQ, R);
+        int at = 0;
+        const auto put = [&](double value) {
+            features[at++] = static_cast<float>(value < -1.0 ? -1.0 : value > 1.0 ? 1.0 : value);
+        };
+        const auto put_turned = [&](const double *v, double factor) {  // v in W, written in B
+            for (int j = 0; j < 3; ++j) put(((R[j] * v[0] + R[3 + j] * v[1]) + R[6 + j] * v[2]) * factor);
+        };
+        for (int k = 0; k < targets; ++k) {
+            double e[3];
+            for (int j = 0; j < 3; ++j) e[j] = target_W[3 * k + j] - s[j];
+            put_turned(e, scale[0]);
+            if (k == 0) measures[0] = std::sqrt((e[0] * e[0] + e[1] * e[1]) + e[2] * e[2]);
+        }
+        put_turned(s + 7, scale[1]);
+        for (int j = 0; j < 3; ++j) put(s[10 + j] * scale[2]);
+        for (int k = 0; k < 9; ++k) put(R[k]);
+        for (int i = 0; i < params_.rotor_count; ++i) put(s[13 + i] / params_.max_speed_radps);
+        measures[1] = std::sqrt((s[7] * s[7] + s[8] * s[8]) + s[9] * s[9]);
+        measures[2] = std::sqrt((s[10] * s[10] + s[11] * s[11]) + s[12] * s[12]);
+        measures[3] = R[8];
+    }
+
+    int rotor_count() const { return params_.rotor_count; }
+
     int steps() const { return steps_; }
 
     void rewind() {
@@ -366,6 +422,24 @@ void write_downwash(nb::list bodies, Out<double, -1, 3> wind_W) {
     }
 }
 
+constexpr std::size_t kMeasures = 4;
+
+void observe_flights(nb::list bodies, In<double, -1, -1, 3> target_W, Vec3 scale, Out<float, -1, -1> features,
+                     Out<double, -1, kMeasures> measures) {
+    const std::size_t n = bodies.size(), targets = target_W.shape(1), width = features.shape(1);
+    if (target_W.shape(0) != n || features.shape(0) != n || measures.shape(0) != n || targets < 1) {
+        throw std::invalid_argument("target_W_m, features and measures need a row for each body, and a target each");
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+        const RigidBody &body = body_in(bodies[i]);
+        if (3 * targets + 15 + static_cast<std::size_t>(body.rotor_count()) > width) {
+            throw std::invalid_argument("features needs 3 columns for each target, 15 and one for each rotor");
+        }
+        body.observe(target_W.data() + 3 * targets * i, static_cast<int>(targets), scale.data(),
+                     features.data() + width * i, measures.data() + kMeasures * i);
+    }
+}
+
 }  // namespace
 
 void bind_rigid_body(nb::module_ &m) {
@@ -421,6 +495,12 @@ void bind_rigid_body(nb::module_ &m) {
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
+        .def("cruise", &RigidBody::cruise, "controls"_a, "ticks"_a, "remaining_m"_a, "actors_remaining_m"_a,
+             "approach_m"_a,
+             "Fly ticks with the same commands while each travels less than remains to the scene and to actors, which "
+             "approach by approach_m in a tick. Return (ticks finished, distance of a tick flown but not finished or "
+             "-1, the two rests, violation as of finish(), index of a command not finite or -1).")
+        .def("repair", &RigidBody::repair, "Set all rotors to the state of a new body's.")
         .def("steps", &RigidBody::steps, "Return the number of integration steps of the last fly().")
         .def("rewind", &RigidBody::rewind, "Restore the state before the last fly().")
         .def("finish", &RigidBody::finish,
@@ -445,6 +525,12 @@ void bind_rigid_body(nb::module_ &m) {
 
     m.def("near_pairs", &near_pairs, "bodies"_a, "radius_m"_a.noconvert(),
           "Return the pairs (i, j), i < j, whose bounding spheres can have met since the last fly() of each.");
+    m.def("observe_flights", &observe_flights, "bodies"_a, "target_W_m"_a.noconvert(), "scale"_a,
+          "features"_a.noconvert(), "measures"_a.noconvert(),
+          "Write a row for each body. features: each target less p_WB, in B, times scale[0]; v_WB in B times scale[1]; "
+          "w_WB_B times scale[2]; R(q_WB) row by row; rotor speeds over their maximum; all clipped to -1..1, as "
+          "float32; further columns stay. measures: distance to the first target [m], speed [m/s], body rate [rad/s], "
+          "cosine of the tilt.");
     m.def("write_downwash", &write_downwash, "bodies"_a, "wind_W_mps"_a.noconvert(),
           "Write the wind at each body that the wakes of the others make now. See downwash.hpp.");
     m.def(

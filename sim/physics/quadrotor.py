@@ -125,6 +125,7 @@ class QuadrotorPhysics:
         check_faults(disturbances.faults, vehicle)
         self.vehicle = vehicle
         self.scene = scene
+        self._declared = disturbances
         self.tick_ns = tick_ns
         self.contact_skipping = integration.contact_skipping
         self.collides = True  # False: nothing stops the vehicle once it has left the ground where it started
@@ -215,6 +216,32 @@ class QuadrotorPhysics:
             return False
         return self._check_contact(travelled_m)
 
+    def hold(self, controls: Sequence[float], ticks: int) -> None:
+        """Advance by `ticks` ticks with the same commands: the bits of `advance`, without the states in between.
+
+        Raises ModelRangeError at the tick at which `advance` would.
+        """
+        body, last = self.body, self._tick + ticks
+        while self._tick < last:
+            coming = last if self._next_change < 0 else min(last, self._next_change - 1)
+            if self._downwash_W is not None or not self._wind.constant or coming <= self._tick or self._tick < 0:
+                self._complete(self.fly(self._tick + 1, controls))
+                continue
+            done, travelled_m, self._remaining_m, self._actors_remaining_m, violation, bad = body.cruise(
+                controls, coming - self._tick, self._remaining_m, self._actors_remaining_m, self._approach_m
+            )
+            if done:
+                self._tick += done
+                self.skips.skipped += done
+                self._was_touching = False
+            if violation:
+                raise self._range_error(self._tick, violation)
+            if bad >= 0:
+                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", float(controls[bad]), "finite, 0..1")
+            if travelled_m >= 0.0 or travelled_m != travelled_m:  # a tick that may touch, or left the range
+                self._tick += 1
+                self._complete(self._check_contact(travelled_m))
+
     def attach(self, data: mujoco.MjData | None = None, row: int = 0) -> None:
         """Compute contact in `data`, as its free joint `row`; by default in the model of this vehicle alone."""
         data = self._data if data is None else data
@@ -234,6 +261,10 @@ class QuadrotorPhysics:
 
     def finish(self, touching: bool) -> TruthState:
         """Complete the tick of `fly` and return its state. Raises ModelRangeError."""
+        self._complete(touching)
+        return self._truth_state(self._tick, touching)
+
+    def _complete(self, touching: bool) -> None:
         tick = self._tick
         if tick > 0:
             self._was_touching = touching
@@ -242,7 +273,6 @@ class QuadrotorPhysics:
                 raise self._range_error(tick, violation)
         if tick == self._next_change:
             self._begin_events(tick)
-        return self._truth_state(tick, touching)
 
     @property
     def truth(self) -> TruthState:
@@ -285,6 +315,27 @@ class QuadrotorPhysics:
             self._battery[:] = (self._battery_start_c, 0.0, 0.0)
             self._fit_battery(self.vehicle.battery.auxiliary_w)
         return self._placed(touching=self._standing)
+
+    def restart(self, seed: int) -> TruthState:
+        """Return to tick 0 and to the start, as a new object with this seed of the disturbances begins.
+
+        Injected faults and gusts and a wind that was set are forgotten. Placed elsewhere (`place`) before the first
+        tick, the vehicle has the bits of a new object that was placed.
+        """
+        wind, self._tick, self._downwash_W = self._declared.wind or Wind(steady_W_mps=self.scene.wind_W_mps), 0, None
+        self._wind = WindAtVehicle(wind, seed=seed, tick_ns=self.tick_ns)
+        self._wind_W = wind.steady_W_mps
+        self.body.set_wind(self._wind_W, self._wind_W)
+        self.body.repair()
+        self._events.clear()
+        self._pending = self._schedule(self._declared.faults)
+        self._next_change = self._pending[-1][0] if self._pending else -1
+        truth = self.reset()
+        if not self._wind.constant:
+            self._wind_W = self._wind.start(float(self._truth[2]))
+        if self._next_change == 0:
+            self._begin_events(0)
+        return truth
 
     def join(self, tick: int) -> TruthState:
         """Let a new object take part in a group that has completed tick `tick`."""

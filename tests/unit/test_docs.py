@@ -18,7 +18,7 @@ from hil.config.schema import BenchConfig
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted(ROOT.glob("docs/*.md")), *ROOT.glob("*.md"), *ROOT.glob("rigs/jetson/**/*.md")]
-FILE = r"(?<![\w/.-])(?!\S*NAME)(?:hil|sim|signals|firmware_bridge|rigs|tests|docs|tools)/[\w./-]*\w"
+FILE = r"(?<![\w/.-])(?!\S*NAME|hil/\w+-v\d)(?:hil|sim|signals|firmware_bridge|rigs|tests|docs|tools)/[\w./-]*\w"
 PACKAGE = r"(?:hil|sim|signals|firmware_bridge|hil_companion)"
 NAME = rf"(?<![\w/.-]){PACKAGE}\.(?!yaml|conf|service)[\w.]*\w(?![\w/])"
 NO_KEY = r"\w+\.(?:log|jsonl|png|clients\.NAME|clients\.explore|link|realtime)\b"  # files, and parts of run.json

@@ -102,6 +102,17 @@ def test_the_floors_of_hil_import_downwards_only(floor: str) -> None:
             assert not any(within(name, f"hil.{higher}") for higher in above), f"{path} imports {name}"
 
 
+def test_gym_is_a_floor_of_its_own_beside_apps() -> None:
+    """It imports run, config and what is below; only the benchmark of its speed imports it."""
+    for path in sources("hil/gym"):
+        for name in imported(path):
+            assert not any(within(name, f"hil.{other}") for other in ("cli", "apps", "cluster")), f"{path} imports {name}"
+    for path in sources("hil"):
+        if ROOT / "hil/gym" in path.parents or ROOT / "hil/apps/bench_suite" in path.parents:
+            continue
+        assert not any(within(name, "hil.gym") for name in imported(path)), f"{path} imports hil.gym"
+
+
 def test_no_circle_of_modules() -> None:
     modules = {module_name(path): path for package in PACKAGES for path in sources(package)}
     graph = {name: used_modules(path, modules) - {name} for name, path in modules.items()}

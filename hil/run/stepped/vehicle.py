@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 
 from signals._kernel import det_cos, det_sin
+from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN
 from signals.samples import Quat, TruthState, Vec3
 from sim.physics.flight_start import FlightStart
@@ -36,10 +37,37 @@ class SteppedVehicle:
         self._make_physics = make_physics
         self._contact_model: QuadrotorPhysics | None = None
         self.start = start
-        self.truth = start
+        self._truth: TruthState | None = start
         self.pilot: Pilot | None = None  # None: the rotors stand still
         self.is_empty = False  # the battery: rotors stand still until `reset`
         self._still = (0.0,) * len(vehicle.rotors)
+
+    @property
+    def truth(self) -> TruthState:
+        """True state at the last tick, or where the vehicle was placed since."""
+        if self._truth is None:
+            assert self.physics is not None
+            self._truth = self.physics.truth
+        return self._truth
+
+    @truth.setter
+    def truth(self, truth: TruthState) -> None:
+        self._truth = truth
+
+    def hold(self, commands: Sequence[float], ticks: int) -> ModelRangeError | None:
+        """Fly with the same commands, alone in the world; return the error of a tick that left the model's range.
+
+        Raises ValueError for a command that is not finite.
+        """
+        assert self.physics is not None
+        if not all(map(isfinite, commands)):
+            raise ValueError(f"{self.name}: the commands are {list(commands)}; every command must be finite")
+        self._truth = None
+        try:
+            self.physics.hold(self._still if self.is_empty else commands, ticks)
+        except ModelRangeError as error:
+            return error
+        return None
 
     def controls(self) -> Sequence[float]:
         """Return the pilot's commands for the coming tick. Raises ValueError for one that is not finite."""
@@ -91,6 +119,14 @@ class SteppedVehicle:
             self.truth = self.physics.reset()
         else:
             self.truth = self.start._replace(tick=self.truth.tick, t_ns=self.truth.t_ns)
+
+    def restart(self, seed: int) -> None:
+        """Return to the start and to tick 0, as a new vehicle of a world of this seed."""
+        self.is_empty = False
+        if self.physics is not None:
+            self.truth = self.physics.restart(seed)
+        else:
+            self.truth = self.start._replace(tick=0, t_ns=0)
 
 
 def standing_truth(vehicle: Vehicle, start: FlightStart) -> TruthState:

@@ -16,6 +16,7 @@ from hil.run.stepped.vehicle import SteppedVehicle, standing_truth
 from signals.errors import ModelRangeError
 from signals.samples import TruthState, Vec3
 from sim.physics.disturbances import Disturbances
+from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Effects, Vehicle
@@ -43,7 +44,7 @@ class SteppedWorld:
         self.vehicles: dict[str, SteppedVehicle] = {}
         self.observers: list[Callable[[SteppedWorld], None]] = []
         self._seed = seed
-        self._wind = wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
+        self._wind = self._declared_wind = wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._group: VehicleGroup | None = None
         self._flying: list[SteppedVehicle] = []
         self._departures: list[Departure] = []
@@ -65,6 +66,7 @@ class SteppedWorld:
         start: FlightStart = FlightStart(),  # noqa: B008 (frozen)
         *,
         effects: Effects = Effects(),  # noqa: B008 (frozen)
+        faults: Sequence[RotorFault] = (),
         has_physics: bool = True,
     ) -> SteppedVehicle:
         """Add a vehicle between two ticks. Raises ValueError for a name that is taken, or a battery that is missing."""
@@ -78,7 +80,7 @@ class SteppedWorld:
                 self.tick_ns,
                 start=start,
                 effects=effects,
-                disturbances=Disturbances(wind=self._wind, seed=self._seed),
+                disturbances=Disturbances(wind=self._wind, seed=self._seed, faults=faults),
             )
 
         physics = make_physics() if has_physics else None
@@ -105,6 +107,24 @@ class SteppedWorld:
         for observer in self.observers:
             observer(self)
 
+    def hold(self, commands: Sequence[float], ticks: int) -> None:
+        """Advance a world of one flying vehicle without a pilot by `ticks` ticks with the same commands 0..1.
+
+        The vehicle has the bits of `step` with a pilot that returns them; observers are called once, at the end.
+        Raises ValueError for another world, or a command that is not finite.
+        """
+        if len(self.vehicles) != 1 or len(self._flying) != 1 or self._flying[0].pilot is not None:
+            raise ValueError("hold() needs a world with a single vehicle, which has physics and no pilot")
+        vehicle, last = self._flying[0], self.tick + ticks
+        while self.tick < last:
+            departed = vehicle.hold(commands, last - self.tick)
+            self.tick = last if departed is None else departed.tick
+            if departed is not None:
+                assert vehicle.physics is not None
+                vehicle.truth = self._stop(vehicle, vehicle.physics.body.position_before(), departed)
+        for observer in self.observers:
+            observer(self)
+
     def _advance(self, group: VehicleGroup, controls: Sequence[Sequence[float]]) -> None:
         before = [vehicle.truth for vehicle in self._flying]
         try:
@@ -118,12 +138,28 @@ class SteppedWorld:
         assert vehicle.physics is not None
         if vehicle.name != error.vehicle:
             return vehicle.physics.truth
+        return self._stop(vehicle, before.p_WB, error)
+
+    def _stop(self, vehicle: SteppedVehicle, p_WB: Vec3, error: ModelRangeError) -> TruthState:
+        assert vehicle.physics is not None
         self._departures.append(Departure(self.t_ns, vehicle.name, str(error)))
         self.forget_contacts(vehicle.name)
         if error.variable == "battery_charge":
             vehicle.physics.end_battery()
             vehicle.is_empty = True
-        return vehicle.physics.place(before.p_WB)
+        return vehicle.physics.place(p_WB)
+
+    def restart(self, seed: int) -> None:
+        """Return to tick 0 with all vehicles at their starts, as a new world with this seed of its wind begins.
+
+        Vehicles that were added later begin at tick 0, too. Pilots are not told.
+        """
+        self.tick, self._wind = 0, self._declared_wind
+        self._departures.clear()
+        for vehicle in self.vehicles.values():
+            vehicle.restart(seed)
+            self.forget_contacts(vehicle.name)
+        self.take_contacts()
 
     def set_wind(self, wind_W_mps: Vec3) -> None:
         """Set the steady wind for all vehicles from the next tick on."""

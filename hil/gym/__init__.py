@@ -1,0 +1,23 @@
+"""Gymnasium environments of the bench. `import hil.gym` registers them (docs/gym.md).
+
+    hil/Hover-v0       hold a position
+    hil/Bench-v0       any bench file: its ports are the observation, reward and end are functions of the user
+
+This package and its classes are a public interface. It needs the extra `gym`.
+"""
+
+from __future__ import annotations
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise ImportError("hil.gym needs gymnasium, which is missing: pip install 'hil-bench[gym]'") from error
+
+from hil.gym.env import FlightEnv
+from hil.gym.registration import IDS, register_all
+from hil.gym.tasks.transition import Transition
+from hil.gym.vector_env import FlightVectorEnv
+
+__all__ = ["IDS", "FlightEnv", "FlightVectorEnv", "Transition", "gymnasium"]
+
+register_all()

@@ -1,0 +1,205 @@
+"""Action kinds: actions in -1..1 to commands of a vehicle.
+
+    motors     one value for each rotor: command (a + 1) / 2
+    rates      body rates about x, y, z of B, and collective thrust: 1 + a (thrust_ratio - 1) times the weight
+    velocity   forward, left (of the present heading), up, and yaw rate
+    position   east, north, up from the episode's origin, and heading from east: +-pi
+
+Rates, velocities and positions are flown by the ideal controller (hil.run.stepped.ideal_controller), velocities and
+positions also by the autopilot of a rig. Finite values beyond -1..1 are clipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi, sqrt
+from typing import Any, Protocol
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from hil.config import Bench
+from hil.gym.options import FlightOptions
+from hil.run.stepped.ideal_controller import IdealController
+from hil.run.stepped.setpoint import Setpoint
+from hil.run.stepped.vehicle import SteppedVehicle
+from hil.run.stepped.world import SteppedWorld
+from signals.desired import DesiredState
+from signals.errors import HilError
+from signals.samples import TruthState, Vec3
+from sim.physics.vehicle import Vehicle
+
+_BOOT_S = 120.0  # simulated time in which an autopilot has to be ready to arm
+
+
+def action_space(options: FlightOptions, vehicle: Vehicle) -> Box:
+    """Return the space of one vehicle's actions."""
+    return Box(-1.0, 1.0, (len(vehicle.rotors) if options.action == "motors" else 4,), np.float32)
+
+
+def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
+    """Return the values of an action, clipped to -1..1. Raises ValueError for a wrong shape or NaN."""
+    try:
+        array = np.asarray(action, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: the action {action!r} is no array of numbers; its space is Box{shape}") from None
+    if array.shape != shape:
+        raise ValueError(
+            f"{name}: the action has the shape {array.shape}, and the space {shape}; give {shape[-1]} values of -1..1"
+        )
+    values: list[float] = array.tolist()
+    for index, value in enumerate(values):
+        if not -1.0 <= value <= 1.0:
+            if not abs(value) < float("inf"):
+                raise ValueError(
+                    f"{name}: action[{index}] is {value}; every value must be finite (a policy that diverged?)"
+                )
+            values[index] = 1.0 if value > 0.0 else -1.0
+    return values
+
+
+class Driver(Protocol):
+    """Commands of one vehicle."""
+
+    held: Sequence[float] | None  # commands of the rotors that stay the same during the step; None: a pilot has them
+
+    def begin(self, origin_W: Vec3) -> None:
+        """Begin an episode, after the vehicle was put to its start."""
+        ...
+
+    def command(self, values: Sequence[float]) -> None:
+        """Take an action for the coming step."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class MotorDriver:
+    """Commands of the rotors."""
+
+    def __init__(self) -> None:
+        self.held: Sequence[float] | None = ()
+
+    def begin(self, origin_W: Vec3) -> None:
+        """Nothing is remembered."""
+
+    def command(self, values: Sequence[float]) -> None:
+        self.held = tuple(0.5 * (value + 1.0) for value in values)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class IdealDriver:
+    """Set-points for the ideal controller."""
+
+    held: Sequence[float] | None = None
+
+    def __init__(self, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
+        self._vehicle, self._options = vehicle, options
+        self._controller = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2)
+        self._setpoint = Setpoint()
+        self._origin_W: Vec3 = (0.0, 0.0, 0.0)
+        self._to_setpoint = {"rates": self._rates, "velocity": self._velocity, "position": self._position}[
+            options.action
+        ]
+        vehicle.pilot = self._pilot
+
+    def _pilot(self, truth: TruthState) -> Sequence[float]:
+        return self._controller.controls(truth, self._setpoint)
+
+    def begin(self, origin_W: Vec3) -> None:
+        self._origin_W = origin_W
+        self._controller.reset()
+
+    def command(self, values: Sequence[float]) -> None:
+        self._setpoint = self._to_setpoint(values)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+    def _rates(self, values: Sequence[float]) -> Setpoint:
+        p, q, r, thrust = values
+        o = self._options
+        return Setpoint(
+            roll_pitch_rate_radps=(p * o.rate_radps, q * o.rate_radps),
+            yaw_rate_radps=r * o.yaw_rate_radps,
+            thrust_ratio=max(0.0, 1.0 + thrust * (o.thrust_ratio - 1.0)),
+        )
+
+    def _velocity(self, values: Sequence[float]) -> Setpoint:
+        x, y, z = velocity_W(self._vehicle.truth, values, self._options)
+        return Setpoint(v_xy_mps=(x, y), vz_mps=z, yaw_rate_radps=values[3] * self._options.yaw_rate_radps)
+
+    def _position(self, values: Sequence[float]) -> Setpoint:
+        x, y, z = position_W(self._origin_W, values, self._options)
+        return Setpoint(p_xy_m=(x, y), z_m=z, yaw_rad=values[3] * pi, speed_limit_mps=self._options.speed_mps)
+
+
+class RigDriver:
+    """Set-points for the autopilot of the bench's rig, which is started anew for every episode."""
+
+    held: Sequence[float] | None = None
+
+    def __init__(self, bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
+        self._bench, self._vehicle, self._world, self._options = bench, vehicle, world, options
+        self._origin_W: Vec3 = (0.0, 0.0, 0.0)
+        self._pilot: Any = None
+
+    def begin(self, origin_W: Vec3) -> None:
+        """Start the autopilot and let the time go on until it would arm. Raises LinkError."""
+        from hil.run.stepped.rig_pilot import RigPilot  # loads the links
+
+        self.close()
+        self._origin_W = origin_W
+        physics = self._vehicle.physics
+        assert physics is not None
+        pilot = self._pilot = RigPilot(self._bench, physics, lambda _text: None)
+        self._vehicle.pilot = pilot.controls
+        ticks = round(_BOOT_S * self._bench.config.tick_hz)
+        while not pilot.ready:
+            self._world.step()
+            ticks -= 1
+            if ticks < 0:
+                kind = self._bench.config.autopilot.kind
+                raise HilError(f"{kind} is not ready to arm after {_BOOT_S:g} s; fly the bench with hil run to see why")
+
+    def command(self, values: Sequence[float]) -> None:
+        o = self._options
+        if o.action == "velocity":
+            v_W = velocity_W(self._vehicle.truth, values, o)
+            desired = DesiredState(v_W=v_W, yaw_rate_radps=values[3] * o.yaw_rate_radps, hold=True)
+        else:
+            desired = DesiredState(p_W=position_W(self._origin_W, values, o), yaw_rad=values[3] * pi, hold=True)
+        self._pilot.desire(desired)
+
+    def close(self) -> None:
+        """End the autopilot."""
+        if self._pilot is not None:
+            self._pilot.close()
+            self._pilot = self._vehicle.pilot = None
+
+
+def velocity_W(truth: TruthState, values: Sequence[float], options: FlightOptions) -> Vec3:
+    """Return a velocity that is commanded forward, left and up, in W."""
+    w, x, y, z = truth.q_WB
+    east, north = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)  # x of B
+    size = sqrt(east * east + north * north)
+    c, s = (east / size, north / size) if size > 1e-6 else (1.0, 0.0)
+    forward, left = values[0] * options.speed_mps, values[1] * options.speed_mps
+    return c * forward - s * left, s * forward + c * left, values[2] * options.climb_mps
+
+
+def position_W(origin_W: Vec3, values: Sequence[float], options: FlightOptions) -> Vec3:
+    """Return a position that is commanded around the origin of the episode."""
+    (x, y, z), (ex, ey, ez) = origin_W, options.extent_m
+    return x + values[0] * ex, y + values[1] * ey, z + values[2] * ez
+
+
+def make_driver(bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> Driver:
+    """Return the driver of a vehicle."""
+    if options.action == "motors":
+        return MotorDriver()
+    if options.controller == "rig":
+        return RigDriver(bench, vehicle, world, options)
+    return IdealDriver(vehicle, world, options)

@@ -1,0 +1,123 @@
+"""A batch of flights with one task: what a single environment (a batch of one) and the vector environment share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.utils.seeding import np_random
+from numpy.typing import NDArray
+
+from hil.config import Bench
+from hil.config.load import load_bench
+from hil.gym.actions import action_space
+from hil.gym.flight import Flight, with_map_seed
+from hil.gym.options import read_options
+from hil.gym.tasks.task import Ends, Rewards, Task
+from signals.documents.validate import nearest
+from signals.errors import ConfigError, Problem
+
+TASKS = {
+    "hover": "hil.gym.tasks.hover:HoverTask",
+    "bench": "hil.gym.tasks.bench:BenchTask",
+}
+
+
+class Batch:
+    """Flights of one bench and their task. Raises ConfigError for a bench or options that are wrong."""
+
+    def __init__(
+        self,
+        task: str,
+        count: int,
+        bench: Bench | Path | str | None = None,
+        settings: Sequence[str] = (),
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
+        """`bench`: a loaded bench or its file; None: that of the task. `settings`: texts as for --set."""
+        self.name = f"hil/{task.title()}-v0"
+        kind = task_class(task)
+        if not isinstance(bench, Bench):
+            default = _bench_file(kind.bench) if kind.bench is not None else None
+            bench = load_bench(default if bench is None else bench, settings=settings, flown=False)
+        elif settings:
+            raise ValueError(f"{self.name}: settings change a bench that is read from a file, not a loaded one")
+        if bench.vehicles:
+            message = f"has {len(bench.vehicles)} vehicles, and this environment flies one"
+            raise ConfigError([Problem(self.name, message, "use hil.gym.parallel_env, or a bench with one vehicle")])
+        self.bench = bench
+        self.options = read_options(kind.Options, dict(options or {}), self.name)
+        self.ticks = self.options.ticks(bench.config.tick_ns, self.name)
+        self.most_steps = self.options.steps()
+        self.action_space = action_space(self.options, bench.vehicle)
+        self._ports = kind.ports(bench, self.options)
+        self.flights = [self._flight(bench) for _ in range(count)]
+        self._map_seeds: list[int | None] = [bench.config.map_seed] * count
+        self.task: Task = kind(self.flights, self.options, self.name)
+        self.random: list[np.random.Generator | None] = [None] * count
+        self.steps: NDArray[np.int64] = np.zeros(count, np.int64)
+
+    def _flight(self, bench: Bench) -> Flight:
+        return Flight(bench, self.options, self._ports)
+
+    def reset(self, row: int, seed: int | None, options: Mapping[str, Any] | None) -> None:
+        """Begin an episode. Options: `map_seed` makes a new map. Raises ValueError for other options."""
+        random = self.random[row]
+        if seed is not None or random is None:
+            random, _ = np_random(seed)
+            self.random[row] = random
+        if options:
+            self._change_map(row, dict(options))
+        self.task.begin(row, self.flights[row], random)
+        self.steps[row] = 0
+
+    def _change_map(self, row: int, options: dict[str, Any]) -> None:
+        map_seed = options.pop("map_seed", None)
+        if options:
+            raise ValueError(f"{self.name}: reset has no option {next(iter(options))!r}; the only one is 'map_seed'")
+        if map_seed is None or map_seed == self._map_seeds[row]:
+            return
+        if not isinstance(map_seed, int | np.integer) or isinstance(map_seed, bool) or not 0 <= map_seed < 2**63:
+            raise ValueError(f"{self.name}: map_seed must be a whole number from 0 on, not {map_seed!r}")
+        try:
+            bench = with_map_seed(self.bench, int(map_seed))
+        except ValueError as error:
+            raise ValueError(f"{self.name}: map_seed has no meaning: {error}; leave it out") from None
+        flight = self._flight(bench)
+        self.flights[row].close()
+        self.flights[row] = flight
+        self._map_seeds[row] = int(map_seed)
+
+    def step(self, actions: Sequence[Sequence[float] | None]) -> tuple[Any, Rewards, Ends, Ends]:
+        """Fly an action of every vehicle, None: it does not fly. Return observations, rewards, ends, truncations."""
+        ticks = self.ticks
+        for flight, action in zip(self.flights, actions, strict=True):
+            if action is not None:
+                flight.fly(action, ticks)
+        observations = self.task.observe()
+        rewards, ends = self.task.judge(actions, observations)
+        self.steps += 1
+        return observations, rewards, ends, self.steps >= self.most_steps
+
+    def close(self) -> None:
+        """End autopilots and release renderers."""
+        for flight in self.flights:
+            flight.close()
+
+
+def task_class(task: str) -> type[Task]:
+    """Return the class of a task. Raises ConfigError for an unknown name."""
+    if task not in TASKS:
+        raise ConfigError([Problem("hil.gym", f"task {task!r} is unknown", nearest(task, TASKS))])
+    module, _, name = TASKS[task].partition(":")
+    found: type[Task] = getattr(import_module(module), name)
+    return found
+
+
+def _bench_file(name: str) -> Path:
+    import rigs
+
+    return Path(rigs.__file__).resolve().parent / "benches" / f"{name}.yaml"

@@ -1,0 +1,84 @@
+"""Options of the environments: those that all tasks share."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import Field, model_validator
+
+from signals.documents.validate import StrictModel, validate
+from signals.errors import ConfigError, Problem
+from signals.time import NS_PER_S
+
+ActionKind = Literal["motors", "rates", "velocity", "position"]
+Speed = Annotated[float, Field(gt=0.0, le=50.0)]
+Rate = Annotated[float, Field(gt=0.0, le=50.0)]
+FUNCTION = "function"  # mark of an option that may be a function instead of its name
+Length = Annotated[float, Field(gt=0.0, le=10_000.0)]
+
+
+class FlightOptions(StrictModel):
+    """Action, step and episode. An action is in -1..1; the limits below are its meaning at 1."""
+
+    action: ActionKind = "rates"
+    controller: Literal["ideal", "rig"] = "ideal"  # rig: the autopilot of the bench's rig flies set-points
+    step_s: Annotated[float, Field(gt=0.0, le=60.0)] = 0.02  # a whole number of ticks of the bench
+    episode_s: Annotated[float, Field(gt=0.0, le=86_400.0)] = 10.0  # then the episode is truncated
+    rate_radps: Rate = 4.0  # about x and y of B
+    yaw_rate_radps: Rate = 2.0
+    thrust_ratio: Annotated[float, Field(gt=1.0, le=20.0)] = 2.0  # collective thrust over the weight; 1 at action 0
+    speed_mps: Speed = 5.0  # horizontal
+    climb_mps: Speed = 2.0
+    extent_m: tuple[Length, Length, Length] = (10.0, 10.0, 5.0)  # of positions, around the origin of the episode
+
+    @model_validator(mode="after")
+    def _rigs_fly_setpoints(self) -> FlightOptions:
+        if self.controller == "rig" and self.action not in ("velocity", "position"):
+            raise ValueError(f"controller rig flies velocity or position, not {self.action}")
+        return self
+
+    def ticks(self, tick_ns: int, name: str) -> int:
+        """Return the ticks of a step. Raises ValueError unless they are a whole number."""
+        ticks = round(self.step_s * NS_PER_S / tick_ns)
+        if ticks < 1 or abs(ticks * tick_ns - self.step_s * NS_PER_S) > 0.5:
+            best = max(1, ticks) * tick_ns / NS_PER_S
+            raise ValueError(
+                f"{name}: step_s {self.step_s:g} is no whole number of the bench's ticks of {tick_ns / NS_PER_S:g} s; "
+                f"use {best:g}, or another tick_hz"
+            )
+        return ticks
+
+    def steps(self) -> int:
+        """Return the steps of an episode."""
+        return max(1, round(self.episode_s / self.step_s))
+
+
+class _Arguments:
+    """Source of keyword arguments, for messages."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def where(self, place: tuple[int | str, ...]) -> str:  # noqa: ARG002 (the protocol `Located`)
+        return self._name
+
+
+Model = TypeVar("Model", bound=FlightOptions)
+
+
+def read_options(model: type[Model], values: dict[str, Any], name: str) -> Model:
+    """Return the options given by keywords; those marked with FUNCTION may be functions.
+
+    `name` is that of the environment. Raises ConfigError with every problem.
+    """
+    functions = {key: value for key, value in values.items() if callable(value)}
+    data = {key: None if key in functions else value for key, value in values.items()}
+    try:
+        options, problems = validate(model, data, _Arguments(name))
+    except TypeError as error:  # no data of JSON, such as an array
+        options, problems = None, [Problem(name, f"options must be numbers, texts and lists: {error}")]
+    takes = {key for key, field in model.model_fields.items() if field.metadata == [FUNCTION]}
+    problems += [Problem(name, f"{key}: takes no function") for key in functions if key not in takes]
+    if options is None or problems:
+        raise ConfigError(problems)
+    return options.model_copy(update=functions)

@@ -1,0 +1,250 @@
+"""Ports of a bench as observations: spaces made from the types of their samples, and the newest samples as arrays.
+
+    truth, imu, gps ...   the numbers of the sample in the order of its fields, without sequence number and time stamps
+    CAMERA/CHANNEL        (height, width, components); no surface in depth and range: the camera's far_m
+    LIDAR                 (points, 6): x, y, z in L [m], intensity, ring, time offset [s]; unused rows at the end are 0
+    RADAR/raw             (receivers, chirps, samples), RADAR/range_doppler (chirps, samples / 2)
+    RADAR/points, tracks  (max_points or max_tracks, fields); unused rows at the end are 0
+
+A value is the one that has arrived by the time of the observation, with the latency of its sensor; before the first it
+is 0. Only the sensors of observed ports are made, with the observed channels alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.lib.recfunctions import structured_to_unstructured
+from numpy.typing import NDArray
+
+from hil.config import Bench, SensorConfig
+from hil.run.loop.scheduler import ReleaseQueue
+from hil.run.sensors.frame_stages import TRUTH, available_ports, make_frames, output_ports
+from hil.run.sensors.simulated_sensors import SimulatedSensors
+from signals.documents.validate import nearest
+from signals.errors import ConfigError, Problem
+from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState
+from signals.time import NS_PER_S
+from sim.frame.channels import CHANNELS
+from sim.frame.source import FrameSource
+from sim.radar.processing.points import POINT_DTYPE
+from sim.radar.processing.tracker import TRACK_DTYPE
+from sim.sensors.catalog import KINDS
+from sim.sensors.faults import FaultySensor
+from sim.sensors.sensor import Sensor
+
+# Greatest size of a value in each unit; values are clipped to it, so that every observation lies in its space.
+_MOST = {
+    "m": 1e5, "m/s": 1e3, "rad/s": 1e5, "m/s2": 1e6, "rad/s2": 1e9, "rad": 1e3, "deg": 360.0, "T": 1.0, "Pa": 2e5,
+    "degC": 1e3, "ns": 1e11, "1": 1e5, "bool": 1.0,
+}  # fmt: skip
+_MOST_OTHER = 1e12
+_LIDAR_COLUMNS = 6
+_STAMPS = 3  # seq, t_capture_ns, t_available_ns
+_TRUTH_STAMPS = 2  # tick, t_ns
+
+Array = NDArray[Any]
+
+
+class _Port:
+    """One observed port: its space, and the array of a sample."""
+
+    def __init__(self, space: Box, convert: Callable[[Any], Array]) -> None:
+        self.space = space
+        self.value: Array = np.zeros(space.shape, space.dtype)
+        self.convert = convert
+
+
+class Ports:
+    """Observed ports of one vehicle. Raises ConfigError for names that are no ports of the bench."""
+
+    def __init__(self, bench: Bench, names: Sequence[str]) -> None:
+        config = bench.config
+        known = available_ports(config)
+        if unknown := [name for name in names if name not in known]:
+            raise ConfigError([Problem("ports", f"{n!r} is no port of the bench", nearest(n, known)) for n in unknown])
+        self._bench = bench
+        self._of_sensor: dict[str, dict[str, str]] = {}  # sensor -> channel ("" if it has none) -> port
+        for name, sensor in config.sensors.items():
+            ports = [port.name for port in output_ports(name, sensor) if port.name in names]
+            if ports:
+                self._of_sensor[name] = {port.removeprefix(name).removeprefix("/"): port for port in ports}
+        self._settings = {name: config.sensors[name] for name in self._of_sensor}
+        self._frames: FrameSource | None = None
+        if any(KINDS[sensor.kind].needs_frames for sensor in self._settings.values()):
+            self._frames = make_frames(bench)
+        self._tick_millihz = config.tick_hz * 1000
+        self._rates = {name: round(sensor.rate_hz * 1000) for name, sensor in self._settings.items()}
+        # Cameras come before the radars that read their pictures.
+        self._order = sorted(
+            self._settings, key=lambda n: getattr(self._settings[n].parameters, "frame", None) is not None
+        )
+        self._sensors: dict[str, Sensor] = {}
+        self._sample: dict[str, Callable[[TruthState, int], Any]] = {}
+        self._seq: dict[str, int] = {}
+        self._queue = ReleaseQueue()
+        self._make(config.seed)
+        self._ports = {name: self._port(name, len(bench.vehicle.rotors)) for name in names}
+        self._zeros = {name: port.value for name, port in self._ports.items()}
+        self._truth = self._ports.get(TRUTH)
+        self._ticks = dict.fromkeys(self._order, 0)  # next tick at which each sensor is due
+
+    @property
+    def spaces(self) -> dict[str, Box]:
+        """Space of each port."""
+        return {name: port.space for name, port in self._ports.items()}
+
+    def begin(self, seed: int, truth: TruthState) -> None:
+        """Begin an episode: sensors with the noise of a seed, which take their first samples now."""
+        self._make(seed)
+        for name, port in self._ports.items():
+            port.value = self._zeros[name]
+        self._ticks = dict.fromkeys(self._order, truth.tick)
+        self.sample(truth)
+
+    def next_tick(self, tick: int) -> int:
+        """Return the next tick after `tick` at which `sample` has something to do."""
+        return max(tick + 1, min(self._ticks.values(), default=1 << 62))
+
+    def sample(self, truth: TruthState) -> None:
+        """Take the samples that are due, and those that have arrived."""
+        tick = truth.tick
+        for name in self._order:
+            if self._ticks[name] <= tick:
+                seq = self._seq[name]
+                self._seq[name] = seq + 1
+                rate, per = self._rates[name], self._tick_millihz
+                self._ticks[name] = -(-(tick * rate // per + 1) * per // rate)
+                sample = self._sample[name](truth, seq)
+                if sample is not None:  # a fault may drop it
+                    self._queue.push(name, sample)
+        for name, sample in self._queue.release(truth.t_ns):
+            for part, port_name in self._of_sensor[name].items():
+                port = self._ports[port_name]
+                port.value = port.convert(sample.channels[part] if part else sample)  # type: ignore[union-attr]
+
+    def read(self, truth: TruthState) -> dict[str, Array]:
+        """Return the present value of every port, in arrays of their own."""
+        if self._truth is not None:
+            self._truth.value = self._truth.convert(truth)
+        return {name: port.value.copy() for name, port in self._ports.items()}
+
+    def close(self) -> None:
+        """Release renderers."""
+        if self._frames is not None:
+            self._frames.close()
+
+    def _make(self, seed: int) -> None:
+        config = self._bench.config.model_copy(update={"seed": seed})
+        bench = replace(self._bench, config=config)
+        simulated = SimulatedSensors(bench, self._settings, self._frames)
+        self._seq = dict.fromkeys(self._order, 0)
+        self._queue = ReleaseQueue()
+        for name in self._order:
+            kind = KINDS[self._settings[name].kind]
+            parts = {} if kind.parts is None else {kind.parts: tuple(self._of_sensor[name])}
+            sensor = self._sensors[name] = simulated.make(name, parts)
+            faults = [fault for fault in config.faults.sensors if fault.sensor == name]
+            self._sample[name] = FaultySensor(sensor, faults).sample if faults else sensor.sample
+
+    def _port(self, name: str, rotors: int) -> _Port:
+        if name == TRUTH:
+            return _numbers(TruthState, _TRUTH_STAMPS, rotors)
+        sensor_name, _, part = name.partition("/")
+        sensor, settings = self._sensors[sensor_name], self._settings[sensor_name]
+        sample_type = KINDS[settings.kind].sample_type
+        if sample_type is ImageSample:
+            return _picture(part, settings.parameters)
+        if sample_type is PointCloudSample:
+            return _cloud(settings, sensor.period_ns)
+        if sample_type is RadarSample:
+            return _radar(part, settings.parameters)
+        return _numbers(sample_type, _STAMPS, rotors)
+
+
+_WIDTHS = {"rotor_speed_radps": 0, "q_WB": 4, "flow_rad": 2}
+_VECTORS = frozenset(
+    ("p_WB", "v_WB_W", "w_WB_B", "a_WB_W", "alpha_WB_B", "accel_mps2", "gyro_radps", "field_tesla", "v_W", "gyro_rad")
+)
+
+
+def field_widths(sample_type: type, rotors: int) -> dict[str, int]:
+    """Return the number of values of each field of a sample without arrays."""
+    widths = {}
+    for name in list(SAMPLE_FIELDS[sample_type])[_TRUTH_STAMPS if sample_type is TruthState else _STAMPS :]:
+        widths[name] = rotors if name == "rotor_speed_radps" else 3 if name in _VECTORS else _WIDTHS.get(name, 1)
+    return widths
+
+
+def _numbers(sample_type: type, stamps: int, rotors: int) -> _Port:
+    units = SAMPLE_FIELDS[sample_type]
+    widths = field_widths(sample_type, rotors)
+    dtype = np.float64 if sample_type is GpsSample else np.float32  # 1e-5 degrees are a metre
+    most = np.concatenate([np.full(n, _MOST.get(units[name][0], _MOST_OTHER)) for name, n in widths.items()])
+    most = most.astype(dtype)
+
+    def convert(sample: Any) -> Array:
+        values: list[float] = []
+        for value in sample[stamps:]:
+            if isinstance(value, tuple):
+                values += value
+            else:
+                values.append(value)
+        array = np.array(values, dtype)
+        return np.clip(array, -most, most, out=array)
+
+    return _Port(Box(-most, most, dtype=dtype), convert)
+
+
+def _picture(channel: str, parameters: Any) -> _Port:
+    kind = CHANNELS[channel]
+    height, width = parameters.model().height, parameters.model().width
+    shape = (height, width, kind.components)
+    if np.issubdtype(np.dtype(kind.dtype), np.integer):
+        least = -1 if channel == "geom" else 0
+        return _Port(Box(least, np.iinfo(kind.dtype).max, shape, kind.dtype), lambda array: array.reshape(shape))  # type: ignore[arg-type]
+    far_m = float(np.float32(parameters.far_m))
+    low, high = {"depth": (0.0, far_m), "range": (0.0, far_m), "normal": (-1.0, 1.0)}.get(channel, (-1e3, 1e3))
+    return _Port(Box(low, high, shape, np.float32), lambda array: np.clip(array, low, high).reshape(shape))
+
+
+def _cloud(settings: SensorConfig, period_ns: int) -> _Port:
+    points = settings.parameters.pattern.points(period_ns)
+    most = np.float32(_MOST["m"])
+
+    def convert(sample: PointCloudSample) -> Array:
+        array = np.zeros((points, _LIDAR_COLUMNS), np.float32)
+        count = len(sample.range_m)
+        array[:count, :3] = sample.points_L
+        array[:count, 3] = sample.intensity
+        array[:count, 4] = sample.ring
+        array[:count, 5] = sample.time_offset_ns * (1.0 / NS_PER_S)
+        return array
+
+    return _Port(Box(-most, most, (points, _LIDAR_COLUMNS), np.float32), convert)
+
+
+def _radar(channel: str, parameters: Any) -> _Port:
+    chirp, receivers = parameters.chirp, len(parameters.antenna.rx_positions_m)
+    if channel == "raw":
+        return _Port(Box(0, 65535, (receivers, chirp.chirps, chirp.samples), np.uint16), lambda array: array)
+    if channel == "range_doppler":
+        shape = (chirp.chirps, chirp.samples // 2)
+        high = float(np.float32(1e18))
+        return _Port(Box(0.0, high, shape, np.float32), lambda array: np.clip(array, 0.0, high, dtype=np.float32))
+    dtype = POINT_DTYPE if channel == "points" else TRACK_DTYPE
+    processing = parameters.processing
+    rows = processing.max_points if channel == "points" else processing.max_tracks
+    columns = structured_to_unstructured(np.zeros(0, dtype)).shape[1]
+    most = np.float32(_MOST_OTHER)
+
+    def convert(records: Array) -> Array:
+        array = np.zeros((rows, columns), np.float32)
+        array[: len(records)] = structured_to_unstructured(records, np.float32)[:rows]
+        return np.clip(array, -most, most, out=array)
+
+    return _Port(Box(-most, most, (rows, columns), np.float32), convert)

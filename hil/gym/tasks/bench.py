@@ -1,0 +1,107 @@
+"""Any bench: the observation is its ports, reward and end are functions of the user."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from math import isfinite
+from typing import Annotated, Any
+
+import numpy as np
+from gymnasium.spaces import Dict
+from pydantic import Field
+
+from hil.config import Bench
+from hil.gym.flight import Flight
+from hil.gym.options import FUNCTION, FlightOptions
+from hil.gym.tasks.task import Ends, Rewards, Task, seed_of
+from hil.gym.tasks.transition import Transition
+from hil.run.sensors.frame_stages import available_ports
+from signals.errors import ConfigError, Problem
+
+Function = Callable[[Transition], Any]
+
+
+class BenchOptions(FlightOptions):
+    """Ports and functions."""
+
+    ports: Annotated[tuple[str, ...], Field(min_length=1)] | None = None  # None: the true state and every sensor
+    reward: Annotated[str | None, FUNCTION] = None  # "module:function"; None: 0
+    end: Annotated[str | None, FUNCTION] = (
+        None  # "module:function"; None: when the vehicle leaves the range of the model
+    )
+
+
+class BenchTask(Task):
+    """Ports, reward and end of a batch of vehicles of one bench."""
+
+    Options = BenchOptions
+
+    @classmethod
+    def ports(cls, bench: Bench, options: BenchOptions) -> tuple[str, ...]:
+        return tuple(available_ports(bench.config)) if options.ports is None else options.ports
+
+    def __init__(self, flights: Sequence[Flight], options: BenchOptions, name: str) -> None:
+        self._name, self._flights = name, list(flights)
+        self._reward = function(options.reward, name, "reward")
+        self._end = function(options.end, name, "end")
+        ports = flights[0].ports
+        assert ports is not None
+        self.observation_space = Dict(dict(ports.spaces))
+        self._before = [flight.truth for flight in flights]
+
+    def begin(self, row: int, flight: Flight, random: np.random.Generator) -> None:
+        self._flights[row] = flight
+        flight.restart(seed_of(random))
+        flight.begin(seed_of(random), flight.truth.p_WB)
+        self._before[row] = flight.truth
+
+    def observe(self) -> dict[str, Any]:
+        read = [flight.ports.read(flight.truth) for flight in self._flights if flight.ports is not None]
+        if len(read) == 1:
+            return {name: value[None] for name, value in read[0].items()}
+        return {name: np.stack([each[name] for each in read]) for name in read[0]}
+
+    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:
+        count = len(self._flights)
+        rewards, ends = np.zeros(count), np.zeros(count, np.bool_)
+        for row, (flight, action) in enumerate(zip(self._flights, actions, strict=True)):
+            before, after = self._before[row], flight.truth
+            self._before[row] = after
+            if action is None:
+                continue
+            departed = flight.departure is not None
+            ends[row] = departed
+            if self._reward is not None or self._end is not None:
+                observation = {name: value[row] for name, value in observations.items()}
+                step = Transition(before, after, tuple(action), observation, after.t_ns * 1e-9, departed)
+                if self._reward is not None:
+                    rewards[row] = self._number(self._reward(step))
+                if self._end is not None:
+                    ends[row] = departed or bool(self._end(step))
+        return rewards, ends
+
+    def _number(self, reward: Any) -> float:
+        try:
+            number = float(reward)
+        except (TypeError, ValueError):
+            number = float("nan")
+        if not isfinite(number):
+            raise ValueError(f"{self._name}: reward returned {reward!r}; it has to return a finite number")
+        return number
+
+
+def function(entry: str | Function | None, name: str, option: str) -> Function | None:
+    """Return the function that an option names. Raises ConfigError for one that cannot be imported."""
+    if entry is None or not isinstance(entry, str):
+        return entry
+    module, _, attribute = entry.partition(":")
+    try:
+        found = getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        hint = 'write "module:function", with the module on the path of Python'
+        raise ConfigError([Problem(name, f"{option} {entry!r} cannot be imported: {error}", hint)]) from None
+    if not callable(found):
+        raise ConfigError([Problem(name, f"{option} {entry!r} is no function, but {found!r}")])
+    result: Function = found
+    return result

@@ -1,0 +1,59 @@
+"""Interface of a task. Arrays have a row for each vehicle of the batch."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Space
+from numpy.typing import NDArray
+
+from hil.config import Bench
+from hil.gym.flight import Flight
+from hil.gym.options import FlightOptions
+
+Rewards = NDArray[np.float64]
+Ends = NDArray[np.bool_]
+
+
+class Task(ABC):
+    """Task of a batch of flights."""
+
+    Options: ClassVar[type[FlightOptions]] = FlightOptions
+    bench: ClassVar[str | None] = None  # default bench file in rigs/benches; None: that of the working directory
+    observation_space: Space[Any]  # of one vehicle
+
+    @classmethod
+    def ports(cls, bench: Bench, options: Any) -> tuple[str, ...]:  # noqa: ARG003 (for those that observe ports)
+        """Return the ports that the flights observe."""
+        return ()
+
+    @abstractmethod
+    def __init__(self, flights: Sequence[Flight], options: Any, name: str) -> None:
+        """`name`: that of the environment, for messages."""
+
+    @abstractmethod
+    def begin(self, row: int, flight: Flight, random: np.random.Generator) -> None:
+        """Begin an episode of one vehicle, which is at the start of its bench at tick 0: put it to its start.
+
+        The flight may be another than before, in another map. The task calls `flight.begin`.
+        """
+
+    @abstractmethod
+    def observe(self) -> Any:
+        """Return new observations of all vehicles: an array, or a dictionary of arrays."""
+
+    @abstractmethod
+    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:
+        """Return reward and termination of the step; rows of vehicles that have not flown (None) mean nothing."""
+
+    def info(self, row: int, *, over: bool) -> dict[str, Any]:  # noqa: ARG002 (for those that have some)
+        """Return the `info` of one vehicle; `over`: the episode has ended in this step."""
+        return {}
+
+
+def seed_of(random: np.random.Generator) -> int:
+    """Return a seed of the noise of an episode."""
+    return int(random.integers(2**63 - 1))

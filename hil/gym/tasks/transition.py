@@ -1,0 +1,21 @@
+"""Step of an environment as functions of the user see it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from numpy.typing import NDArray
+
+from signals.samples import TruthState
+
+
+class Transition(NamedTuple):
+    """One step of `hil/Bench-v0`, for its functions `reward` and `end`."""
+
+    before: TruthState
+    after: TruthState
+    action: tuple[float, ...]  # -1..1
+    observation: Mapping[str, NDArray[Any]]  # after the step
+    t_s: float  # simulated time after the step
+    departed: bool  # the vehicle left the range of the model and was stopped

@@ -1,0 +1,112 @@
+"""Many vehicles in one process, each alone in its world: no autopilots, no other processes.
+
+The results are those of as many single environments in `gymnasium.vector.SyncVectorEnv`, to the bit. Environment i of
+`reset(seed=s)` has the seed s + i. An environment whose episode has ended begins the next one with the next call of
+`step`, in which it does not fly (gymnasium's `AutoresetMode.NEXT_STEP`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from hil.config import Bench
+from hil.gym.actions import checked
+from hil.gym.batch import Batch
+
+
+class FlightVectorEnv(VectorEnv[Any, Any, Any]):
+    """Batch of environments: `gymnasium.make_vec(id, num_envs, vectorization_mode="vector_entry_point")`."""
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str,
+        num_envs: int = 1,
+        bench: Bench | Path | str | None = None,
+        settings: Sequence[str] = (),
+        render_mode: None = None,
+        **options: Any,
+    ) -> None:
+        """See `hil.gym.env.FlightEnv`. Raises ValueError for a number of environments below 1, or for a rig."""
+        if not isinstance(num_envs, int) or num_envs < 1:
+            raise ValueError(f"num_envs must be a whole number of at least 1, not {num_envs!r}")
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.batch = Batch(task, num_envs, bench, settings, options)
+        if self.batch.options.controller == "rig":
+            self.batch.close()
+            raise ValueError(
+                f"{self.batch.name}: one process flies without autopilots; for controller rig use "
+                'gymnasium.make_vec(..., vectorization_mode="async")'
+            )
+        self.single_action_space = self.batch.action_space
+        self.single_observation_space = self.batch.task.observation_space
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        shape = self.single_action_space.shape
+        assert shape is not None
+        self._shape: tuple[int, ...] = shape
+        self._names = [f"{self.batch.name} of environment {row}" for row in range(num_envs)]
+        self._ended: NDArray[np.bool_] | None = None  # None: never reset
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode of all environments, or of those with True in `options["reset_mask"]`."""
+        seeds: Sequence[int | None]
+        if seed is None:
+            seeds = [None] * self.num_envs
+        elif isinstance(seed, int | np.integer):
+            seeds = [int(seed) + row for row in range(self.num_envs)]
+        else:
+            seeds = seed
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{self.batch.name}: {len(seeds)} seeds for {self.num_envs} environments")
+        options = dict(options or {})
+        mask = options.pop("reset_mask", np.ones(self.num_envs, np.bool_))
+        for row in np.flatnonzero(mask).tolist():
+            self.batch.reset(row, seeds[row], options)
+        if self._ended is None:
+            self._ended = np.zeros(self.num_envs, np.bool_)
+        self._ended[mask] = False
+        return self.batch.task.observe(), {}
+
+    def step(
+        self, actions: Any
+    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Fly an action of each environment. Raises ValueError for a wrong action."""
+        if self._ended is None:
+            raise RuntimeError(f"{self.batch.name}: call reset() before step()")
+        values: list[list[float] | None] = self._checked(actions)
+        ended = self._ended
+        begun = np.flatnonzero(ended).tolist()
+        for row in begun:
+            self.batch.reset(row, None, None)
+            values[row] = None
+        observations, rewards, ends, late = self.batch.step(values)
+        for row in begun:
+            self.batch.steps[row] = 0
+        rewards[ended] = 0.0
+        ends, late = ends & ~ended, late & ~ended
+        self._ended = ends | late
+        infos: dict[str, Any] = {}
+        for row in np.flatnonzero(self._ended).tolist():
+            infos = self._add_info(infos, self.batch.task.info(row, over=True), row)
+        return observations, rewards, ends, late, infos
+
+    def _checked(self, actions: Any) -> list[list[float] | None]:
+        """Return the actions as lists, clipped to -1..1."""
+        if len(actions) != self.num_envs:
+            raise ValueError(f"{self.batch.name}: {len(actions)} actions for {self.num_envs} environments")
+        return [checked(action, self._shape, name) for action, name in zip(actions, self._names, strict=True)]
+
+    def close_extras(self, **kwargs: Any) -> None:  # noqa: ARG002 (the interface of VectorEnv)
+        """Release renderers."""
+        self.batch.close()

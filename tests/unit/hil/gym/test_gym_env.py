@@ -1,0 +1,252 @@
+"""Environments: gymnasium's checker, determinism to the bit, and bad input."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import hil.gym
+from hil.run.stepped.world import SteppedWorld
+from signals.errors import ConfigError
+
+ROOT = Path(__file__).resolve().parents[4]
+QUICK = ("hil/Hover-v0", "hil/Bench-v0")
+
+
+def flat(observation: Any) -> bytes:
+    if isinstance(observation, dict):
+        return b"".join(observation[name].tobytes() for name in sorted(observation))
+    return bytes(observation.tobytes())
+
+
+def rollout(env: Any, seed: int, steps: int = 60) -> str:
+    """Return a hash of everything that an environment returns for a seed and random actions."""
+    digest = hashlib.sha256()
+    random = np.random.default_rng(seed)
+    observation, _ = env.reset(seed=seed)
+    digest.update(flat(observation))
+    for _ in range(steps):
+        action = random.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        digest.update(flat(observation) + np.float64(reward).tobytes() + bytes([terminated, truncated]))
+        if terminated or truncated:
+            observation, _ = env.reset()
+            digest.update(flat(observation))
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.filterwarnings("error")
+def test_gymnasium_has_no_complaint(name: str) -> None:
+    env = gymnasium.make(name)
+    check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_the_same_seed_gives_the_same_bits_after_any_other_episode(name: str) -> None:
+    env = gymnasium.make(name)
+    first = rollout(env, 3)
+    assert rollout(env, 4) != first
+    assert rollout(env, 3) == first
+    assert rollout(gymnasium.make(name), 3) == first
+
+
+def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
+    text = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import gymnasium, hil.gym\n"
+        "from test_gym_env import rollout\n"
+        "print(*(rollout(gymnasium.make(name), 5) for name in ('hil/Hover-v0', 'hil/Bench-v0')))"
+    )
+    out = subprocess.run(
+        [sys.executable, "-c", text, str(Path(__file__).parent)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert out.stdout.split() == [rollout(gymnasium.make(name), 5) for name in QUICK]
+
+
+@pytest.mark.parametrize("action", ["rates", "velocity"])
+def test_action_zero_holds_the_vehicle(action: str) -> None:
+    env = gymnasium.make("hil/Hover-v0", action=action, start_speed_mps=0.0, start_rate_radps=0.0, start_tilt_deg=0)
+    env.reset(seed=1)
+    start = env.unwrapped.truth.p_WB  # type: ignore[attr-defined]
+    for _ in range(50):
+        env.step(np.zeros(4, np.float32))
+    assert np.linalg.norm(np.subtract(env.unwrapped.truth.p_WB, start)) < 0.3  # type: ignore[attr-defined]
+
+
+def test_positions_reach_the_target_and_that_is_success() -> None:
+    env = gymnasium.make("hil/Hover-v0", action="position")
+    env.reset(seed=1)
+    over, info, rewards = False, {}, []
+    while not over:
+        _, reward, terminated, over, info = env.step(np.zeros(4, np.float32))
+        assert not terminated
+        rewards.append(reward)
+    assert len(rewards) == 500
+    assert info["is_success"]
+    assert rewards[-1] > 0.95 > np.mean(rewards[:20])
+
+
+def test_motors_held_for_a_step_have_the_bits_of_a_pilot_at_every_tick() -> None:
+    env = gymnasium.make("hil/Hover-v0", action="motors")
+    env.reset(seed=2)
+    flight = env.unwrapped.batch.flights[0]  # type: ignore[attr-defined]
+    bench, start = flight.bench, flight.truth
+    world = SteppedWorld(bench.scene, bench.config.tick_ns, wind=bench.config.wind)
+    twin = world.add("twin", bench.vehicle)
+    twin.place(start.p_WB, start.q_WB, start.v_WB_W, start.w_WB_B, start.rotor_speed_radps)
+    random, contacts = np.random.default_rng(1), 0
+    for _ in range(150):
+        action = random.uniform(-0.8, 0.1, 4)
+        env.step(action)
+        commands = tuple(0.5 * (value + 1.0) for value in action.tolist())
+        twin.pilot = lambda _truth, commands=commands: commands
+        for _ in range(5):
+            world.step()
+        assert flight.truth == twin.truth
+        contacts += twin.truth.in_contact
+    assert contacts > 5
+
+
+def test_turbulence_and_a_rotor_fault_begin_again_with_every_episode() -> None:
+    settings = [
+        "wind.turbulence.level=moderate",
+        "faults.rotors=[{rotor: 1, kind: efficiency, factor: 0.7, at_s: 0.3}]",
+    ]
+    env = gymnasium.make("hil/Hover-v0", settings=settings, action="motors")
+    first = rollout(env, 3)
+    rollout(env, 4)
+    assert rollout(env, 3) == first
+    calm = gymnasium.make("hil/Hover-v0", settings=settings[1:], action="motors")
+    assert rollout(calm, 3) != first
+
+
+def test_a_reset_takes_two_milliseconds_at_most() -> None:
+    env = gymnasium.make("hil/Hover-v0").unwrapped
+    env.reset(seed=1)
+    times = []
+    for seed in range(20):
+        begin = time.process_time_ns()
+        env.reset(seed=seed)
+        times.append(time.process_time_ns() - begin)
+    assert sorted(times)[10] <= 2_000_000
+
+
+def test_only_observed_ports_are_computed() -> None:
+    env = gymnasium.make("hil/Bench-v0", ports=["truth", "gps"])
+    observation, _ = env.reset(seed=1)
+    assert set(observation) == {"truth", "gps"}
+    assert set(env.unwrapped.batch.flights[0].ports._sensors) == {"gps"}  # type: ignore[attr-defined]
+    before = observation["gps"]
+    for _ in range(60):  # here_plus has a latency
+        observation, *_ = env.step(np.zeros(4, np.float32))
+    assert observation["gps"][0] == pytest.approx(47.397742, abs=1e-3)
+    assert before.dtype == np.float64
+
+
+def distance(step: hil.gym.Transition) -> float:
+    return -step.after.p_WB[2]
+
+
+def test_reward_and_end_are_functions_or_names_of_functions() -> None:
+    env = gymnasium.make("hil/Bench-v0", ports=["truth"], reward=distance, end=lambda step: step.t_s > 0.1)
+    env.reset(seed=1)
+    _, reward, terminated, _, _ = env.step(np.zeros(4, np.float32))
+    assert reward == -env.unwrapped.truth.p_WB[2]  # type: ignore[attr-defined]
+    assert not terminated
+    for _ in range(5):
+        _, _, terminated, _, _ = env.step(np.zeros(4, np.float32))
+    assert terminated
+    named = gymnasium.make("hil/Bench-v0", ports=["truth"], reward="builtins:repr")
+    named.reset()
+    with pytest.raises(ValueError, match="has to return a finite number"):
+        named.step(np.zeros(4))
+
+
+def bad_options() -> list[tuple[str, dict[str, Any], str]]:
+    return [
+        ("hil/Hover-v0", {"bench": "no/such.yaml"}, "no/such.yaml"),
+        ("hil/Hover-v0", {"actoin": "rates"}, "did you mean 'action'"),
+        ("hil/Hover-v0", {"action": "thrust"}, "must be"),
+        ("hil/Hover-v0", {"range_m": float("nan")}, "finite"),
+        ("hil/Hover-v0", {"controller": "rig"}, "velocity or position"),
+        ("hil/Hover-v0", {"settings": ["tick_hzz=3"]}, "tick_hz"),
+        ("hil/Hover-v0", {"height_m": len}, "takes no function"),
+        ("hil/Hover-v0", {"height_m": np.float32(3)}, "numbers"),
+        ("hil/Bench-v0", {"ports": ["imuu"]}, "did you mean 'imu'"),
+        ("hil/Bench-v0", {"ports": []}, "at least 1"),
+        ("hil/Bench-v0", {"reward": "no.such:thing"}, "cannot be imported"),
+        (
+            "hil/Bench-v0",
+            {"bench": "rigs/formation.yaml", "settings": ["scene=airfield"]},
+            "vehicles, and this environment flies one",
+        ),
+    ]
+
+
+@pytest.mark.parametrize(("name", "options", "message"), bad_options())
+def test_wrong_options_are_configuration_errors(name: str, options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        gymnasium.make(name, **options)
+
+
+def test_a_step_is_a_whole_number_of_ticks() -> None:
+    with pytest.raises(ValueError, match=r"hil/Hover-v0: step_s 0.009 .* use 0.008"):
+        gymnasium.make("hil/Hover-v0", step_s=0.009)
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ([0.0, float("nan"), 0.0, 0.0], r"hil/Hover-v0: action\[1\] is nan"),
+        ([0.0, 0.0, 0.0, float("-inf")], r"action\[3\] is -inf"),
+        ([0.0, 0.0, 0.0], r"shape \(3,\), and the space \(4,\)"),
+        (0.5, r"shape \(\)"),
+        (None, "is no array of numbers|shape"),
+        ("up", "is no array of numbers"),
+    ],
+)
+def test_wrong_actions_name_environment_and_index(action: Any, message: str) -> None:
+    env = gymnasium.make("hil/Hover-v0").unwrapped
+    env.reset(seed=1)
+    before = env.truth  # type: ignore[attr-defined]
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+    assert env.truth == before  # type: ignore[attr-defined]
+
+
+def test_actions_beyond_the_space_are_clipped() -> None:
+    a, b = gymnasium.make("hil/Hover-v0"), gymnasium.make("hil/Hover-v0")
+    a.reset(seed=1)
+    b.reset(seed=1)
+    assert flat(a.step(np.array([2.0, 0, 0, -9.0]))[0]) == flat(b.step(np.array([1.0, 0, 0, -1.0]))[0])
+
+
+def test_resets_refuse_unknown_options_and_maps_without_a_seed() -> None:
+    env = gymnasium.make("hil/Hover-v0")
+    with pytest.raises(ValueError, match="no option 'mapseed'; the only one is 'map_seed'"):
+        env.reset(options={"mapseed": 3})
+    with pytest.raises(ValueError, match="map_seed has no meaning: the map of scene 'airfield'"):
+        env.reset(options={"map_seed": 3})
+    with pytest.raises(ValueError, match="whole number"):
+        env.reset(options={"map_seed": -1})
+
+
+def test_stepping_before_the_first_reset_says_so() -> None:
+    with pytest.raises(RuntimeError, match=r"call reset\(\)"):
+        gymnasium.make("hil/Hover-v0").unwrapped.step(np.zeros(4))
+
+
+def test_without_gymnasium_one_message_names_the_extra() -> None:
+    text = "import sys; sys.modules['gymnasium'] = None\ntry:\n import hil.gym\nexcept ImportError as e: print(e)"
+    out = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert out.strip() == "hil.gym needs gymnasium, which is missing: pip install 'hil-bench[gym]'"
