@@ -1,6 +1,8 @@
 """Gymnasium environments of the bench. `import hil.gym` registers them (docs/gym.md).
 
     hil/Hover-v0       hold a position
+    hil/Waypoints-v0   fly through waypoints
+    hil/Explore-v0     fly to a goal between obstacles, by LiDAR or depth pictures
     hil/Bench-v0       any bench file: its ports are the observation, reward and end are functions of the user
 
 This package and its classes are a public interface. It needs the extra `gym`.

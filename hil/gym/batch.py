@@ -22,6 +22,8 @@ from signals.errors import ConfigError, Problem
 
 TASKS = {
     "hover": "hil.gym.tasks.hover:HoverTask",
+    "waypoints": "hil.gym.tasks.waypoints:WaypointsTask",
+    "explore": "hil.gym.tasks.explore:ExploreTask",
     "bench": "hil.gym.tasks.bench:BenchTask",
 }
 

@@ -40,6 +40,11 @@ class Flight:
         """True state now."""
         return self.vehicle.truth
 
+    @property
+    def height_m(self) -> float:
+        """Height of the vehicle over z = 0."""
+        return float(self.physics.state[2])
+
     def restart(self, seed: int) -> None:
         """Return to tick 0; the noise of sensors and the wind are those of the seed."""
         self.departure = None

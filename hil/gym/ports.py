@@ -133,6 +133,10 @@ class Ports:
             self._truth.value = self._truth.convert(truth)
         return {name: port.value.copy() for name, port in self._ports.items()}
 
+    def value(self, name: str) -> Array:
+        """Return the present value of a port, to be read only."""
+        return self._ports[name].value
+
     def close(self) -> None:
         """Release renderers."""
         if self._frames is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium
 
-TASKS = {"hil/Hover-v0": "hover", "hil/Bench-v0": "bench"}
+TASKS = {"hil/Hover-v0": "hover", "hil/Waypoints-v0": "waypoints", "hil/Explore-v0": "explore", "hil/Bench-v0": "bench"}
 IDS = tuple(TASKS)
 
 

@@ -50,14 +50,13 @@ class TargetTask(Task):
         self.flights[row] = flight
         self._bodies[row] = flight.physics.body
 
-    def write_features(self) -> NDArray[np.float32]:
-        """Return new features, and update the measures of all rows."""
-        features: NDArray[np.float32] = np.empty((len(self.flights), self.features), np.float32)
+    def write_features(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Write the features of all rows to the first columns, and update the measures. Return `features`."""
         observe_flights(self._bodies, self.target_W, self._scale, features, self._measures)
         return features
 
     def observe(self) -> Any:
-        return self.write_features()
+        return self.write_features(np.empty((len(self.flights), self.features), np.float32))
 
     def crashed(self) -> NDArray[np.bool_]:
         """Return True for vehicles that touched something in the last tick, or left the range of the model."""

@@ -19,7 +19,7 @@ from hil.run.stepped.world import SteppedWorld
 from signals.errors import ConfigError
 
 ROOT = Path(__file__).resolve().parents[4]
-QUICK = ("hil/Hover-v0", "hil/Bench-v0")
+QUICK = ("hil/Hover-v0", "hil/Bench-v0", "hil/Waypoints-v0", "hil/Explore-v0")
 
 
 def flat(observation: Any) -> bytes:
@@ -64,8 +64,8 @@ def test_the_same_seed_gives_the_same_bits_after_any_other_episode(name: str) ->
 def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
     text = (
         "import sys; sys.path.insert(0, sys.argv[1]); import gymnasium, hil.gym\n"
-        "from test_gym_env import rollout\n"
-        "print(*(rollout(gymnasium.make(name), 5) for name in ('hil/Hover-v0', 'hil/Bench-v0')))"
+        "from test_gym_env import QUICK, rollout\n"
+        "print(*(rollout(gymnasium.make(name), 5) for name in QUICK))"
     )
     out = subprocess.run(
         [sys.executable, "-c", text, str(Path(__file__).parent)], cwd=ROOT, capture_output=True, text=True, check=True

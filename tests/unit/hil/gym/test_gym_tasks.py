@@ -1,0 +1,126 @@
+"""Waypoints and Explore: success, collision, maps, ports of every kind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import hil.gym
+from hil.run.sensors.frame_stages import available_ports
+from signals.errors import ConfigError, HilError
+from sim.scene.solids import solid_tree
+from sim.world_loader import load_world
+
+
+def fly(env: Any, action_of: Any) -> tuple[float, dict[str, Any], bool]:
+    """Fly an episode; return the sum of rewards, the info at the end, and True if it was terminated."""
+    observation, total = env.reset(seed=1)[0], 0.0
+    while True:
+        observation, reward, terminated, truncated, info = env.step(action_of(observation))
+        total += reward
+        if terminated or truncated:
+            return total, info, terminated
+
+
+def test_flying_to_each_waypoint_ends_with_success() -> None:
+    env = gymnasium.make("hil/Waypoints-v0", action="velocity", course_m=[[2, 0, 5], [2, 2, 6], [-3, 2, 5]])
+    range_m = 15.0
+
+    def towards(observation: Any) -> Any:
+        way = observation[:3] * range_m  # in the body frame
+        return np.append(np.clip(way * [0.3, 0.3, 0.6], -1, 1), 0.0)
+
+    total, info, terminated = fly(env, towards)
+    assert terminated
+    assert info == {"is_success": True, "reached": 3, "waypoints": 3}
+    assert total == pytest.approx(3.0 + 2.0 + 5**0.5 + 26**0.5, abs=1.6)  # the ends of each leg are within reach_m
+
+
+def test_the_observation_holds_the_next_waypoints() -> None:
+    course = [[1, 0, 5], [4, 0, 5], [9, 0, 5]]
+    env = gymnasium.make("hil/Waypoints-v0", course_m=course, next_count=4, range_m=20.0).unwrapped
+    observation, _ = env.reset(seed=1)
+    ways = observation[:12].reshape(4, 3) * 20.0
+    assert np.linalg.norm(ways, axis=1) == pytest.approx([1, 4, 9, 9], abs=1e-4)
+
+
+@pytest.mark.parametrize("port", ["lidar", "front/depth"])
+def test_a_collision_ends_explore(port: str) -> None:
+    env = gymnasium.make("hil/Explore-v0", port=port, ceiling_m=500.0, range_m=500.0)
+    total, info, terminated = fly(env, lambda _observation: np.array([0.0, 0.0, -1.0, 0.0]))  # into the ground
+    assert terminated
+    assert not info["is_success"]
+    assert total < -9.0
+
+
+def test_explore_reaches_a_goal_in_sight() -> None:
+    env = gymnasium.make("hil/Explore-v0", area_m=10.0, goal_m=(5.0, 12.0))
+    total, info, terminated = fly(env, lambda o: np.append(np.clip(o[:3] * 50.0 * [0.2, 0.2, 0.5], -1, 1), 0.0))
+    assert terminated
+    assert info["is_success"]
+    assert total > 10.0
+
+
+def test_sectors_show_the_nearest_obstacle_where_it_is() -> None:
+    env = gymnasium.make("hil/Explore-v0").unwrapped
+    observation, _ = env.reset(seed=4)
+    truth, ranges = env.truth, observation[-36:]  # type: ignore[attr-defined]
+    assert (ranges > 0).all()
+    assert ranges.min() < 1.0
+    solids = solid_tree(load_world(env.bench.scene))  # type: ignore[attr-defined]
+    assert solids.distance(truth.p_WB) <= ranges.min() * 20.0 + 0.2
+
+
+def test_another_map_seed_is_another_map_and_repeats() -> None:
+    env = gymnasium.make("hil/Explore-v0")
+    first, _ = env.reset(seed=1)
+    other, _ = env.reset(seed=1, options={"map_seed": 9})
+    again, _ = env.reset(seed=1)
+    assert other.tobytes() != first.tobytes()
+    assert again.tobytes() == other.tobytes()  # the map stays
+    back, _ = env.reset(seed=1, options={"map_seed": 1})
+    assert back.tobytes() == first.tobytes()
+
+
+def test_explore_without_room_or_obstacles_says_so() -> None:
+    env = gymnasium.make("hil/Explore-v0", area_m=1.0, goal_m=(15.0, 35.0))
+    with pytest.raises(HilError, match=r"hil/Explore-v0: no start and goal with 2.5 m .* change area_m"):
+        env.reset(seed=1)
+    with pytest.raises(ConfigError, match="shows no obstacles"):
+        gymnasium.make("hil/Explore-v0", port="gps")
+
+
+def test_ports_of_every_sensor_lie_in_their_spaces(tmp_path: Any) -> None:
+    bench = tmp_path / "all.yaml"
+    bench.write_text(
+        "rig: mock\nscene: blocks\nsensors:\n"
+        "  imu: {preset: icm20689}\n  gps: {preset: here_plus, rate_hz: 10}\n  baro: {preset: ms5611, rate_hz: 50}\n"
+        "  mag: {preset: ist8310, rate_hz: 50}\n  lidar: {preset: vlp16, rate_hz: 10}\n"
+        "  radar: {preset: bgt60tr13c, frame: front, rate_hz: 10, outputs: [raw, range_doppler, points, tracks]}\n"
+        "  front: {kind: camera, resolution: [48, 36], fov_deg: 90, rate_hz: 10, "
+        "channels: [rgb, depth, range, segmentation, instance, geom, normal, radial_velocity, material]}\n"
+    )
+    env = gymnasium.make("hil/Bench-v0", bench=bench, step_s=0.1)
+    observation, _ = env.reset(seed=1)
+    assert set(observation) == set(available_ports(env.unwrapped.bench.config))  # type: ignore[attr-defined]
+    for _ in range(4):
+        assert env.observation_space.contains(observation), [
+            name
+            for name, space in env.observation_space.spaces.items()
+            if not space.contains(observation[name])  # type: ignore[attr-defined]
+        ]
+        before = observation
+        observation, *_ = env.step(np.array([0.0, 0.0, 0.1, 0.5], np.float32))
+    constant = [name for name in observation if not observation[name].any()]
+    assert set(constant) <= {"radar/points", "radar/tracks", "front/radial_velocity"}
+    assert before is not observation
+    assert all(not np.shares_memory(before[name], observation[name]) for name in observation)
+
+
+def test_stable_baselines3_has_no_complaint() -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    for name in hil.gym.IDS:
+        checker.check_env(gymnasium.make(name), warn=True)
