@@ -62,7 +62,8 @@ class _Port:
 class Ports:
     """Observed ports of one vehicle. Raises ConfigError for names that are no ports of the bench."""
 
-    def __init__(self, bench: Bench, names: Sequence[str]) -> None:
+    def __init__(self, bench: Bench, names: Sequence[str], frames: FrameSource | None = None) -> None:
+        """`frames`: the geometry that this vehicle sees among others; None: that of the bench's scene, if needed."""
         config = bench.config
         known = available_ports(config)
         if unknown := [name for name in names if name not in known]:
@@ -74,8 +75,8 @@ class Ports:
             if ports:
                 self._of_sensor[name] = {port.removeprefix(name).removeprefix("/"): port for port in ports}
         self._settings = {name: config.sensors[name] for name in self._of_sensor}
-        self._frames: FrameSource | None = None
-        if any(KINDS[sensor.kind].needs_frames for sensor in self._settings.values()):
+        self._frames = frames
+        if frames is None and self.need_frames(bench, names):
             self._frames = make_frames(bench)
         self._tick_millihz = config.tick_hz * 1000
         self._rates = {name: round(sensor.rate_hz * 1000) for name, sensor in self._settings.items()}
@@ -92,6 +93,13 @@ class Ports:
         self._zeros = {name: port.value for name, port in self._ports.items()}
         self._truth = self._ports.get(TRUTH)
         self._ticks = dict.fromkeys(self._order, 0)  # next tick at which each sensor is due
+
+    @staticmethod
+    def need_frames(bench: Bench, names: Sequence[str]) -> bool:
+        """Return True if a sensor of these ports needs the world's geometry."""
+        sensors = bench.config.sensors
+        observed = {name.partition("/")[0] for name in names}
+        return any(KINDS[sensor.kind].needs_frames for name, sensor in sensors.items() if name in observed)
 
     @property
     def spaces(self) -> dict[str, Box]:

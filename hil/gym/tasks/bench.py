@@ -76,19 +76,21 @@ class BenchTask(Task):
                 observation = {name: value[row] for name, value in observations.items()}
                 step = Transition(before, after, tuple(action), observation, after.t_ns * 1e-9, departed)
                 if self._reward is not None:
-                    rewards[row] = self._number(self._reward(step))
+                    rewards[row] = number(self._reward(step), self._name)
                 if self._end is not None:
                     ends[row] = departed or bool(self._end(step))
         return rewards, ends
 
-    def _number(self, reward: Any) -> float:
-        try:
-            number = float(reward)
-        except (TypeError, ValueError):
-            number = float("nan")
-        if not isfinite(number):
-            raise ValueError(f"{self._name}: reward returned {reward!r}; it has to return a finite number")
-        return number
+
+def number(reward: Any, name: str) -> float:
+    """Return a reward of the user's function. Raises ValueError unless it is a finite number."""
+    try:
+        value = float(reward)
+    except (TypeError, ValueError):
+        value = float("nan")
+    if not isfinite(value):
+        raise ValueError(f"{name}: reward returned {reward!r}; it has to return a finite number")
+    return value
 
 
 def function(entry: str | Function | None, name: str, option: str) -> Function | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from signals.samples import TruthState
 
 
 class Transition(NamedTuple):
-    """One step of `hil/Bench-v0`, for its functions `reward` and `end`."""
+    """One step of a vehicle in `hil/Bench-v0` or `parallel_env`, for their functions `reward` and `end`."""
 
     before: TruthState
     after: TruthState
@@ -19,3 +20,6 @@ class Transition(NamedTuple):
     observation: Mapping[str, NDArray[Any]]  # after the step
     t_s: float  # simulated time after the step
     departed: bool  # the vehicle left the range of the model and was stopped
+    vehicle: str = ""  # its name in a bench with several
+    others: Mapping[str, TruthState] = MappingProxyType({})  # states of the other vehicles after the step
+    met: tuple[str, ...] = ()  # vehicles that it touched, reported in this step

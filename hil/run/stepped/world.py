@@ -37,13 +37,16 @@ class Departure(NamedTuple):
 class SteppedWorld:
     """Vehicles in one scene. `observers` are called with the world after each tick."""
 
-    def __init__(self, scene: Scene, tick_ns: int, *, seed: int = 1, wind: Wind | None = None) -> None:
+    def __init__(
+        self, scene: Scene, tick_ns: int, *, seed: int = 1, wind: Wind | None = None, downwash: bool = False
+    ) -> None:
+        """`downwash`: the wakes of vehicles are wind for others."""
         self.scene = scene
         self.tick_ns = tick_ns
         self.tick = 0
         self.vehicles: dict[str, SteppedVehicle] = {}
         self.observers: list[Callable[[SteppedWorld], None]] = []
-        self._seed = seed
+        self._seed, self._downwash = seed, downwash
         self._wind = self._declared_wind = wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._group: VehicleGroup | None = None
         self._flying: list[SteppedVehicle] = []
@@ -91,7 +94,7 @@ class SteppedWorld:
         if physics is not None:
             self._flying.append(added)
             bodies = {each.name: each.physics for each in self._flying if each.physics is not None}
-            self._group = VehicleGroup(bodies)
+            self._group = VehicleGroup(bodies, downwash=self._downwash)
         return added
 
     def step(self) -> None:

@@ -1,0 +1,226 @@
+"""PettingZoo's parallel interface for a bench with several vehicles: each vehicle is an agent.
+
+All vehicles fly in one world: they see each other, collide, and with `group.downwash` blow on each other. A vehicle
+whose episode has ended stays in the world with its rotors stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Dict
+from gymnasium.utils.seeding import np_random
+
+from hil.config import Bench
+from hil.config.load import load_bench
+from hil.config.schema import named_seed
+from hil.gym.actions import action_space, checked, make_driver
+from hil.gym.options import read_options
+from hil.gym.ports import Ports
+from hil.gym.tasks.bench import BenchOptions, function, number
+from hil.gym.tasks.task import seed_of
+from hil.gym.tasks.transition import Transition
+from hil.run.sensors.frame_stages import available_ports
+from hil.run.stepped.world import SteppedWorld
+from signals.errors import ConfigError, Problem
+from signals.samples import TruthState
+from sim.frame.source import SharedFrames
+
+try:
+    from pettingzoo import ParallelEnv
+except ImportError as error:
+    message = "hil.gym.parallel_env needs pettingzoo, which is missing: pip install 'hil-bench[gym]'"
+    raise ImportError(message) from error
+
+_NAME = "hil.gym.parallel_env"
+
+
+class FlightParallelEnv(ParallelEnv[str, Any, Any]):
+    """Vehicles of a bench as agents. Options, ports, reward and end: those of `hil/Bench-v0` (docs/gym.md)."""
+
+    metadata: dict[str, Any] = {"name": "hil_bench_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's declaration)
+
+    def __init__(
+        self,
+        bench: Bench | Path | str | None = None,
+        settings: Sequence[str] = (),
+        render_mode: None = None,
+        **options: Any,
+    ) -> None:
+        """Raises ConfigError for a wrong bench or options."""
+        self.render_mode = render_mode
+        if not isinstance(bench, Bench):
+            bench = load_bench(bench, settings=settings, flown=False)
+        elif settings:
+            raise ValueError(f"{_NAME}: settings change a bench that is read from a file, not a loaded one")
+        if not bench.vehicles:
+            hint = "use hil/Bench-v0, or a bench with a section `vehicles`"
+            raise ConfigError([Problem(_NAME, "the bench has no section `vehicles`", hint)])
+        self.bench = bench
+        self.options = read_options(BenchOptions, options, _NAME)
+        self._reward = function(self.options.reward, _NAME, "reward")
+        self._end = function(self.options.end, _NAME, "end")
+        config = bench.config
+        self._ticks, self._most_steps = self.options.ticks(config.tick_ns, _NAME), self.options.steps()
+        self.world = SteppedWorld(
+            bench.scene, config.tick_ns, wind=config.wind, seed=config.seed, downwash=config.group.downwash
+        )
+        names = {
+            name: tuple(available_ports(each.config)) if self.options.ports is None else self.options.ports
+            for name, each in bench.vehicles.items()
+        }
+        needs_frames = any(Ports.need_frames(each, names[name]) for name, each in bench.vehicles.items())
+        self._frames = SharedFrames(bench.world) if needs_frames else None
+        self._members: dict[str, _Member] = {}
+        for name, each in bench.vehicles.items():
+            self._members[name] = _Member(name, each, self, names[name], self._frames)
+        self.possible_agents: list[str] = list(self._members)
+        self.agents: list[str] = []
+        self._random: np.random.Generator | None = None
+        self._steps = 0
+        self._spaces = {name: Dict(dict(each.ports.spaces)) for name, each in self._members.items()}
+
+    def observation_space(self, agent: str) -> Dict:
+        """Return the space of an agent's observations: its ports."""
+        return self._spaces[agent]
+
+    def action_space(self, agent: str) -> Box:
+        """Return the space of an agent's actions."""
+        return self._members[agent].space
+
+    def reset(
+        self,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,  # noqa: ARG002 (PettingZoo's interface)
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Begin an episode at tick 0. The same seed gives the same bits. There are no options."""
+        if seed is not None or self._random is None:
+            self._random, _ = np_random(seed)
+        seed = seed_of(self._random)
+        for member in self._members.values():
+            member.driver.close()
+        self.world.restart(seed)
+        for name, member in self._members.items():
+            member.vehicle.restart(named_seed(seed, name))
+        self._place(alone=True)
+        for name, member in self._members.items():
+            member.begin(named_seed(seed + 1, name))
+        self.agents, self._steps = list(self.possible_agents), 0
+        return {name: self._members[name].observe() for name in self.agents}, {name: {} for name in self.agents}
+
+    def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+        """Fly an action of every agent. Raises ValueError for wrong agents or actions."""
+        agents = self.agents
+        if wrong := [name for name in [*actions, *agents] if name not in agents or name not in actions]:
+            known = ", ".join(agents) or "none: call reset()"
+            raise ValueError(f"{_NAME}: actions must be given for exactly the agents ({known}); see {wrong[0]!r}")
+        values = {}
+        for name in agents:
+            member = self._members[name]
+            values[name] = checked(actions[name], member.shape, f"{_NAME} of {name}")
+        for name in agents:
+            self._members[name].command(values[name])
+        for _ in range(self._ticks):
+            self.world.step()
+            self._place(alone=False)
+            for name in agents:
+                self._members[name].ports.sample(self._members[name].vehicle.truth)
+        return self._judge(values)
+
+    def _judge(self, values: Mapping[str, list[float]]) -> tuple[dict[str, Any], ...]:
+        self._steps += 1
+        met: dict[str, list[str]] = {name: [] for name in self._members}
+        for contact in self.world.take_contacts():
+            met[contact.a].append(contact.b)
+            met[contact.b].append(contact.a)
+        departed = {departure.vehicle for departure in self.world.take_departures()}
+        truths = {name: member.vehicle.truth for name, member in self._members.items()}
+        observations: dict[str, Any] = {}
+        rewards: dict[str, float] = {}
+        ends: dict[str, bool] = {}
+        for name in self.agents:
+            member, after = self._members[name], truths[name]
+            observations[name] = member.observe()
+            step = Transition(
+                member.before,
+                after,
+                tuple(values[name]),
+                observations[name],
+                after.t_ns * 1e-9,
+                name in departed,
+                name,
+                {other: truth for other, truth in truths.items() if other != name},
+                tuple(met[name]),
+            )
+            member.before = after
+            rewards[name] = 0.0 if self._reward is None else number(self._reward(step), f"{_NAME} of {name}")
+            ends[name] = name in departed or (self._end is not None and bool(self._end(step)))
+        late = self._steps >= self._most_steps
+        infos: dict[str, Any] = {name: {"met": tuple(met[name])} for name in self.agents}
+        truncated = dict.fromkeys(self.agents, late)
+        for name in self.agents:
+            if ends[name] or late:
+                self._members[name].stop()
+        self.agents = [name for name in self.agents if not ends[name] and not late]
+        return observations, rewards, ends, truncated, infos
+
+    def _place(self, *, alone: bool) -> None:
+        """Give the states of all vehicles to the geometry."""
+        if self._frames is None:
+            return
+        for name, member in self._members.items():
+            place = self._frames.place_alone if alone else self._frames.place
+            place(name, member.vehicle.truth)
+
+    def close(self) -> None:
+        """End autopilots and release renderers."""
+        for member in self._members.values():
+            member.driver.close()
+            member.ports.close()
+
+
+class _Member:
+    """One vehicle."""
+
+    def __init__(
+        self, name: str, bench: Bench, env: FlightParallelEnv, ports: Sequence[str], frames: SharedFrames | None
+    ) -> None:
+        config = bench.config
+        self.vehicle = env.world.add(
+            name,
+            bench.vehicle,
+            config.start.flight_start(),
+            effects=config.physics.effects,
+            faults=config.faults.rotors,
+        )
+        self.driver = make_driver(bench, self.vehicle, env.world, env.options)
+        self._pilot = self.vehicle.pilot
+        self.ports = Ports(bench, ports, None if frames is None else frames.seen_by(name))
+        self.space = action_space(env.options, bench.vehicle)
+        self.shape: tuple[int, ...] = self.space.shape
+        self.before: TruthState = self.vehicle.truth
+
+    def begin(self, seed: int) -> None:
+        """Begin an episode at the start."""
+        self.vehicle.pilot = self._pilot
+        self.driver.begin(self.vehicle.truth.p_WB)
+        self.ports.begin(seed, self.vehicle.truth)
+        self.before = self.vehicle.truth
+
+    def command(self, values: Sequence[float]) -> None:
+        """Take an action for the coming step."""
+        self.driver.command(values)
+        held = self.driver.held
+        if held is not None:
+            self.vehicle.pilot = lambda _truth: held
+
+    def observe(self) -> dict[str, Any]:
+        """Return the present values of the ports."""
+        return self.ports.read(self.vehicle.truth)
+
+    def stop(self) -> None:
+        """Stop the rotors."""
+        self.vehicle.pilot = None
