@@ -16,7 +16,9 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Run for at most 60 s, and list the omitted checks.")] = False,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Part of the benchmark 'realism' to run; may be repeated.", metavar="KEY=VALUE,..."),
+        typer.Option(
+            "--set", help="Option of the benchmark 'realism' or 'gym'; may be repeated.", metavar="KEY=VALUE,..."
+        ),
     ] = None,
 ) -> None:
     """Measure speed together with error. Exit with status 1 if a check is not met."""

@@ -1,0 +1,93 @@
+"""This project: `hil/Hover-v0` with motor commands, on the x500.
+
+`model`: the time of a decision [ms], which is that of the simulator it is compared with.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import hil.gym  # noqa: F401 (registers the environments)
+from hil.apps.bench_suite.gym.simulators.manoeuvre import decisions, greatest_error_m, thrusts_n
+from hil.apps.bench_suite.timing import load_reference
+
+_TASK = "hil/Hover-v0"
+_TICK_HZ = 200  # of which decisions at 100 Hz and at 40 Hz are whole numbers
+_AT_REST = {"start_offset_m": 0.0, "start_speed_mps": 0.0, "start_rate_radps": 0.0, "start_tilt_deg": 0.0}
+
+
+class Simulator:
+    """Worlds of one vehicle each: the environment for one, and the vector environment in this process for more."""
+
+    def __init__(self, worlds: int, model: str) -> None:
+        self.decision_s = 1e-3 * float(model)
+        self.versions = {"gymnasium": gymnasium.__version__}
+        self._options: dict[str, Any] = {
+            "action": "motors",
+            "step_s": self.decision_s,
+            "settings": [f"tick_hz={_TICK_HZ}"],
+        }
+        if worlds == 1:
+            self._env: Any = gymnasium.make(_TASK, **self._options, **_AT_REST)
+            hover = self._env.unwrapped.bench.vehicle.hover_control
+        else:
+            self._env = gymnasium.make_vec(
+                _TASK, num_envs=worlds, vectorization_mode="vector_entry_point", **self._options, **_AT_REST
+            )
+            hover = self._env.unwrapped.batch.flights[0].bench.vehicle.hover_control
+        action = np.full(4, 2.0 * hover - 1.0, np.float32)
+        self._action = action if worlds == 1 else np.tile(action, (worlds, 1))
+        self._single = worlds == 1
+        self._env.reset(seed=1)
+
+    def step(self) -> bool:
+        """Take one step and return True if the episode has ended; the vector environment resets by itself."""
+        _, _, terminated, truncated, _ = self._env.step(self._action)
+        return self._single and bool(terminated or truncated)
+
+    def reset(self) -> None:
+        self._env.reset()
+
+    def error(self) -> dict[str, Any]:
+        """Fly the manoeuvre in the environment, compared with the CasADi model of tests/reference at 1e-14."""
+        env: Any = gymnasium.make(_TASK, **self._options, **_AT_REST, height_m=100.0, range_m=1000.0).unwrapped
+        env.reset(seed=1)
+        bench = env.bench
+        vehicle = bench.vehicle
+        c, f = vehicle.rotor_constants, vehicle.rotor_constants.thrust_model_factor
+        most_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
+        actions = []
+        for t in decisions(self.decision_s):
+            share = (
+                thrusts_n(
+                    t,
+                    weight_n=vehicle.mass_kg * bench.scene.gravity_mps2,
+                    inertia_kgm2=np.array(vehicle.inertia_kgm2),
+                    effectiveness=vehicle.effectiveness[2:],
+                )
+                / most_n
+            )
+            command = share if f == 0.0 else (np.sqrt((1.0 - f) ** 2 + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)
+            actions.append(2.0 * command - 1.0)
+        truth = env.truth
+        start = np.concatenate([truth.p_WB, truth.q_WB, truth.v_WB_W, truth.w_WB_B, truth.rotor_speed_radps])
+        flown, rates = [], []
+        for action in actions:
+            env.step(action)  # goes on beyond the end of the episode, where the vehicle is upside down
+            flown.append(env.truth.p_WB)
+            rates.append(float(np.linalg.norm(env.truth.w_WB_B)))
+        ticks = round(self.decision_s * _TICK_HZ)
+        reference = load_reference("multirotor_reference")
+        commands = np.repeat(0.5 * (np.array(actions) + 1.0), ticks, axis=0)
+        effects = bench.config.physics.effects.model_dump()
+        exact = reference.fly(
+            vehicle,
+            start,
+            reference.Inputs(commands, effects=effects),
+            tick_s=1.0 / _TICK_HZ,
+            gravity_mps2=bench.scene.gravity_mps2,
+        )[ticks::ticks, :3]
+        return {"error_m": greatest_error_m(np.array(flown), exact), "rate_radps": max(rates), "reference": "CVODES"}
