@@ -146,8 +146,9 @@ def _draw_case(ax: Any, rows: Sequence[Row], time_label: str) -> None:
         )
     ax.set(xscale="log", yscale="log", xlabel=time_label, ylabel=f"error [{rows[0].error_unit}]")
     times_s = [row.time_s for row in rows]
-    wide_range = max(times_s) > 2.0 * min(times_s)
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if wide_range else MaxNLocator(3))
+    span = max(times_s) / min(times_s)
+    subs = (1.0, 2.0, 5.0) if span < 50.0 else (1.0,)
+    ax.xaxis.set_major_locator(LogLocator(subs=subs) if span > 2.0 else MaxNLocator(3))
     ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_title(rows[0].case, loc="left", fontsize=10, fontweight="bold")

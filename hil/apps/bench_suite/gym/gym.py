@@ -1,8 +1,9 @@
 """`hil bench gym`: steps a second of the Gymnasium environment, beside other simulators' environments.
 
 The task is hover with an observation of the state, on one core, without pictures; the action is motor commands
-(Crazyflow: attitude and thrust, its environments have no motor commands). Every simulator flies at its own default rate
-of decisions or 100 Hz, and this project at the same rate on the x500. Steps are counted in processor time, in turns;
+(Crazyflow: attitude and thrust, its environments have no motor commands; it is compared with this project's body rates
+and thrust). Every simulator flies at its own default rate of decisions or 100 Hz, and this project at the same rate on
+the x500. Steps are counted in processor time, in turns;
 resets between episodes are not counted. Vector environments with one world stand for a single environment where a
 simulator has no other.
 
@@ -28,9 +29,9 @@ from typing import Any
 from hil.apps.bench_suite.gym.peers import (
     CRAZYFLOW_FITTED,
     CRAZYFLOW_RIGID,
-    OWN,
     OWN_10_MS,
     OWN_25_MS,
+    OWN_RATES,
     PEERS,
     PYFLYT,
     ROTORPY,
@@ -44,8 +45,8 @@ from hil.apps.bench_suite.timing import one_core
 
 _WORLDS = 256
 _TURN_S = 0.5  # processor time of one measurement
-_SINGLE = (OWN_10_MS, OWN_25_MS, ROTORPY, PYFLYT, CRAZYFLOW_FITTED, CRAZYFLOW_RIGID)
-_BATCHED = (OWN_10_MS, ROTORPY, CRAZYFLOW_FITTED, CRAZYFLOW_RIGID)
+_SINGLE = (OWN_10_MS, OWN_25_MS, OWN_RATES, ROTORPY, PYFLYT, CRAZYFLOW_FITTED, CRAZYFLOW_RIGID)
+_BATCHED = (OWN_10_MS, OWN_RATES, ROTORPY, CRAZYFLOW_FITTED, CRAZYFLOW_RIGID)
 _SLOW = (CRAZYFLOW_RIGID,)  # left out by --quick: compiling takes longer than measuring
 
 
@@ -63,6 +64,14 @@ class _Measured:
     @property
     def steps_per_s(self) -> float:
         return 1.0 / self.step_s
+
+    def over(self, all_measured: Sequence[_Measured]) -> float:
+        """Return the steps a second of this project, in as many worlds with the same kind of action, over these."""
+        key = self.worlds, self.decision_s, self.simulator.action
+        for each in all_measured:
+            if each.simulator.is_own and key == (each.worlds, each.decision_s, each.simulator.action):
+                return each.steps_per_s / self.steps_per_s
+        return float("nan")
 
     def add(self, turn: Mapping[str, float]) -> None:
         """Take the figures of a turn, if it is the fastest."""
@@ -88,7 +97,7 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
     for each in single + batched:
         result.rows.append(_row(each))
     result.checks += _checks(single)
-    result.tables.append(_table(single, batched))
+    result.tables.append(_table(single + batched))
     if quick:
         result.left_out.append(f"{CRAZYFLOW_RIGID.name}; batches of {_WORLDS} worlds; three of five turns")
     return result
@@ -110,7 +119,7 @@ def _measure(
             try:
                 process = SimulatorProcess(simulator, worlds=worlds, python=pythons.get(simulator.option))
             except SimulatorError as error:
-                if simulator.name == OWN or simulator.option in pythons:
+                if simulator.is_own or simulator.option in pythons:
                     raise
                 line = simulator.missing(str(error).removeprefix(f"{simulator.name}: "))
                 if line not in result.left_out:
@@ -138,25 +147,18 @@ def _case(each: _Measured) -> str:
 
 
 def _row(each: _Measured) -> Row:
-    details = {"steps_per_s": each.steps_per_s, **each.details}
+    details = {"steps_per_s": each.steps_per_s, "action": each.simulator.action, **each.details}
     return Row(_case(each), each.simulator.name, each.error_m, "m", each.step_s, details)
 
 
 def _checks(single: Sequence[_Measured]) -> list[Check]:
-    """Return a check of speed for each peer, in one world each, and one of the errors."""
-    own = {each.decision_s: each for each in single if each.simulator.name == OWN}
-    peers = [each for each in single if each.simulator.name != OWN]
+    """Return a check of speed for each peer, in one world each, and checks of the errors."""
+    peers = [each for each in single if not each.simulator.is_own]
     checks = [
-        Check(
-            f"steps a second over those of {peer.simulator.name}, one world each",
-            own[peer.decision_s].steps_per_s / peer.steps_per_s,
-            ">=",
-            1.0,
-            "x",
-        )
+        Check(f"steps a second over those of {peer.simulator.name}, one world", peer.over(single), ">=", 1.0, "x")
         for peer in peers
     ]
-    worst_m = max(each.error_m for each in own.values())
+    worst_m = max(each.error_m for each in single if each.simulator.is_own)
     checks.append(Check("position error of this project", worst_m, "<=", 1e-9, "m"))
     if peers:
         least_m = min(each.error_m for each in peers)
@@ -164,13 +166,11 @@ def _checks(single: Sequence[_Measured]) -> list[Check]:
     return checks
 
 
-def _table(single: Sequence[_Measured], batched: Sequence[_Measured]) -> TextTable:
+def _table(measured: Sequence[_Measured]) -> TextTable:
     header = ("simulator", "worlds", "decision [ms]", "steps a second", "this project's over it", "error [m]")
-    own = {(each.worlds, each.decision_s): each for each in (*single, *batched) if each.simulator.name == OWN}
     rows = []
-    for each in (*single, *batched):
-        same = own[each.worlds, each.decision_s]
-        ratio = "" if same is each else f"{same.steps_per_s / each.steps_per_s:.3g}"
+    for each in measured:
+        ratio = "" if each.simulator.is_own else f"{each.over(measured):.3g}"
         figures = (f"{each.worlds}", f"{1e3 * each.decision_s:g}", f"{each.steps_per_s:.4g}", ratio)
         rows.append((each.simulator.name, *figures, f"{each.error_m:.2g}"))
     note = "steps of a world a second of processor time of one core; each simulator in a process of its own, in turns"

@@ -36,6 +36,12 @@ class Simulator:
     model: str = ""
     option: str = ""
     install: str = ""
+    action: str = "motors"  # or "attitude": a controller flies them, in this project body rates
+
+    @property
+    def is_own(self) -> bool:
+        """True for this project."""
+        return self.module == "hil"
 
     def missing(self, reason: str) -> str:
         """Return a line for a simulator that was not measured."""
@@ -46,13 +52,14 @@ class Simulator:
         )
 
 
-OWN_10_MS = Simulator(OWN, "hil", model="10")
-OWN_25_MS = Simulator(OWN, "hil", model="25")
+OWN_10_MS = Simulator(OWN, "hil", model="10 motors")
+OWN_25_MS = Simulator(OWN, "hil", model="25 motors")
+OWN_RATES = Simulator(f"{OWN}, rates", "hil", model="10 rates", action="attitude")
 ROTORPY = Simulator("RotorPy", "rotorpy", "rk4", "rotorpy", "'rotorpy[batched,learning]==3.0.0'")
 PYFLYT = Simulator("PyFlyt", "pyflyt", "bullet", "pyflyt", "PyFlyt==0.29.0")
 _CRAZYFLOW = ("crazyflow", "crazyflow==0.4.0")
-CRAZYFLOW_FITTED = Simulator("Crazyflow so_rpy", "crazyflow", "so_rpy", *_CRAZYFLOW)
-CRAZYFLOW_RIGID = Simulator("Crazyflow first_principles", "crazyflow", "first_principles", *_CRAZYFLOW)
+CRAZYFLOW_FITTED = Simulator("Crazyflow so_rpy", "crazyflow", "so_rpy", *_CRAZYFLOW, "attitude")
+CRAZYFLOW_RIGID = Simulator("Crazyflow first_principles", "crazyflow", "first_principles", *_CRAZYFLOW, "attitude")
 PEERS = (ROTORPY, PYFLYT, CRAZYFLOW_FITTED, CRAZYFLOW_RIGID)
 
 

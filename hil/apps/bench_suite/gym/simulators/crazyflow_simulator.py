@@ -114,7 +114,11 @@ def _motor_commands(params: dict[str, Any]) -> tuple[list[Float64], float]:
     per_newton = params["rpm2torque"][0, 2] / params["rpm2thrust"][0, 2]
     effectiveness = np.vstack([np.ones(4), mix[0] * arm, mix[1] * arm, mix[2] * per_newton])
     weight_n = 9.81 * float(np.ravel(params["mass"])[0])
-    vehicle = {"weight_n": weight_n, "inertia_kgm2": np.diag(params["J"]), "effectiveness": effectiveness}
+    vehicle: dict[str, Any] = {
+        "weight_n": weight_n,
+        "inertia_kgm2": np.diag(params["J"]),
+        "effectiveness": effectiveness,
+    }
 
     def rpm(thrust_n: Float64) -> Float64:
         return np.asarray(motor_force2rotor_vel(thrust_n, params["rpm2thrust"]), np.float64)

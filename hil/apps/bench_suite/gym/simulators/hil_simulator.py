@@ -1,6 +1,7 @@
-"""This project: `hil/Hover-v0` with motor commands, on the x500.
+"""This project: `hil/Hover-v0` on the x500.
 
-`model`: the time of a decision [ms], which is that of the simulator it is compared with.
+`model`: the time of a decision [ms], which is that of the simulator it is compared with, and the kind of action:
+`motors`, or `rates` for body rates and thrust.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ class Simulator:
     """Worlds of one vehicle each: the environment for one, and the vector environment in this process for more."""
 
     def __init__(self, worlds: int, model: str) -> None:
-        self.decision_s = 1e-3 * float(model)
+        decision_ms, _, action_kind = model.partition(" ")
+        self.decision_s = 1e-3 * float(decision_ms)
         self.versions = {"gymnasium": gymnasium.__version__}
         self._options: dict[str, Any] = {
-            "action": "motors",
+            "action": action_kind,
             "step_s": self.decision_s,
             "settings": [f"tick_hz={_TICK_HZ}"],
         }
@@ -38,7 +40,7 @@ class Simulator:
                 _TASK, num_envs=worlds, vectorization_mode="vector_entry_point", **self._options, **_AT_REST
             )
             hover = self._env.unwrapped.batch.flights[0].bench.vehicle.hover_control
-        action = np.full(4, 2.0 * hover - 1.0, np.float32)
+        action = np.full(4, 2.0 * hover - 1.0 if action_kind == "motors" else 0.0, np.float32)
         self._action = action if worlds == 1 else np.tile(action, (worlds, 1))
         self._single = worlds == 1
         self._env.reset(seed=1)
@@ -52,8 +54,9 @@ class Simulator:
         self._env.reset()
 
     def error(self) -> dict[str, Any]:
-        """Fly the manoeuvre in the environment, compared with the CasADi model of tests/reference at 1e-14."""
-        env: Any = gymnasium.make(_TASK, **self._options, **_AT_REST, height_m=100.0, range_m=1000.0).unwrapped
+        """Fly the manoeuvre by motor commands, compared with the CasADi model of tests/reference at 1e-14."""
+        options = self._options | _AT_REST | {"action": "motors", "height_m": 100.0, "range_m": 1000.0}
+        env: Any = gymnasium.make(_TASK, **options).unwrapped
         env.reset(seed=1)
         bench = env.bench
         vehicle = bench.vehicle

@@ -23,7 +23,7 @@ _TOLERANCE = 1e-12
 
 def decisions(decision_s: float) -> Float64:
     """Return the times of the decisions [s]."""
-    return decision_s * np.arange(round(SECONDS / decision_s))
+    return np.asarray(decision_s * np.arange(round(SECONDS / decision_s)), np.float64)
 
 
 def wanted(t_s: float) -> tuple[float, Float64]:

@@ -29,7 +29,7 @@ class Simulator:
         if worlds != 1:
             raise ValueError("PyFlyt has no batched worlds")
         self.versions = {"PyFlyt": version("PyFlyt"), "pybullet": version("pybullet"), "model": model}
-        self._env = gymnasium.make("PyFlyt/QuadX-Hover-v4", flight_mode=-1, agent_hz=_RATE_HZ)
+        self._env: Any = gymnasium.make("PyFlyt/QuadX-Hover-v4", flight_mode=-1, agent_hz=_RATE_HZ)
         self._env.reset(seed=1)
         motors = self._env.unwrapped.env.drones[0].motors
         self._action = np.full(4, np.sqrt(0.027 * 9.81 / (4.0 * motors.thrust_coef[0, 0])) / motors.max_rpm[0])

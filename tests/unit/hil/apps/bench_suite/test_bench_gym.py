@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from hil.apps.bench_suite.gym import gym as bench
-from hil.apps.bench_suite.gym.peers import OWN_10_MS, PYFLYT, ROTORPY, Simulator, SimulatorError, SimulatorProcess
+from hil.apps.bench_suite.gym.peers import (
+    CRAZYFLOW_FITTED,
+    OWN_10_MS,
+    OWN_RATES,
+    PYFLYT,
+    ROTORPY,
+    Simulator,
+    SimulatorError,
+    SimulatorProcess,
+)
 from hil.apps.bench_suite.gym.simulators.hil_simulator import Simulator as OwnSimulator
 from hil.apps.bench_suite.gym.simulators.manoeuvre import SECONDS, decisions, greatest_error_m, solve, thrusts_n, wanted
 from signals.errors import ConfigError
@@ -52,7 +61,7 @@ def test_a_flight_that_is_not_finite_has_an_infinite_error() -> None:
 
 
 def test_this_project_flies_the_manoeuvre_within_a_nanometre() -> None:
-    flown = OwnSimulator(1, "25").error()
+    flown = OwnSimulator(1, "25 motors").error()
     assert flown["error_m"] < 1e-9
     assert flown["rate_radps"] > 8.0
 
@@ -86,15 +95,16 @@ def test_an_unknown_simulator_is_an_error() -> None:
         bench.measure(quick=True, status=lambda _text: None, options={"airsim": "python"})
 
 
-def test_checks_compare_at_the_same_time_of_a_decision() -> None:
-    own = [measured(OWN_10_MS, 2e-5, 3e-11), measured(OWN_10_MS, 4e-5, 4e-11, 0.025)]
-    peers = [measured(ROTORPY, 4e-3, 5e-6), measured(PYFLYT, 1e-5, 0.1, 0.025)]
+def test_checks_compare_at_the_same_time_of_a_decision_and_kind_of_action() -> None:
+    own = [measured(OWN_10_MS, 2e-5, 3e-11), measured(OWN_10_MS, 4e-5, 4e-11, 0.025), measured(OWN_RATES, 1e-4, 3e-11)]
+    peers = [measured(ROTORPY, 4e-3, 5e-6), measured(PYFLYT, 1e-5, 0.1, 0.025), measured(CRAZYFLOW_FITTED, 2e-3, 0.1)]
     checks = {check.name: check for check in bench._checks(own + peers)}
-    rotorpy, pyflyt = (checks[f"steps a second over those of {p.simulator.name}, one world each"] for p in peers)
+    rotorpy, pyflyt, crazyflow = (checks[f"steps a second over those of {p.simulator.name}, one world"] for p in peers)
     assert rotorpy.value == pytest.approx(200.0)
     assert rotorpy.ok
     assert pyflyt.value == pytest.approx(0.25)
     assert not pyflyt.ok
+    assert crazyflow.value == pytest.approx(20.0)
     assert checks["position error over the least of the others"].value == pytest.approx(8e-6)
 
 
