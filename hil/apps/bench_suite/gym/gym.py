@@ -168,7 +168,7 @@ def _checks(single: Sequence[_Measured]) -> list[Check]:
 
 def _table(measured: Sequence[_Measured]) -> TextTable:
     header = ("simulator", "worlds", "decision [ms]", "steps a second", "this project's over it", "error [m]")
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for each in measured:
         ratio = "" if each.simulator.is_own else f"{each.over(measured):.3g}"
         figures = (f"{each.worlds}", f"{1e3 * each.decision_s:g}", f"{each.steps_per_s:.4g}", ratio)

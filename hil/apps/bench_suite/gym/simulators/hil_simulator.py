@@ -16,8 +16,11 @@ from hil.apps.bench_suite.gym.simulators.manoeuvre import decisions, greatest_er
 from hil.apps.bench_suite.timing import load_reference
 
 _TASK = "hil/Hover-v0"
+_make: Any = gymnasium.make
 _TICK_HZ = 200  # of which decisions at 100 Hz and at 40 Hz are whole numbers
-_AT_REST = {"start_offset_m": 0.0, "start_speed_mps": 0.0, "start_rate_radps": 0.0, "start_tilt_deg": 0.0}
+_AT_REST: dict[str, Any] = dict.fromkeys(
+    ("start_offset_m", "start_speed_mps", "start_rate_radps", "start_tilt_deg"), 0.0
+)
 
 
 class Simulator:
@@ -33,12 +36,12 @@ class Simulator:
             "settings": [f"tick_hz={_TICK_HZ}"],
         }
         if worlds == 1:
-            self._env: Any = gymnasium.make(_TASK, **self._options, **_AT_REST)
+            self._env: Any = _make(_TASK, **self._options, **_AT_REST)
             hover = self._env.unwrapped.bench.vehicle.hover_control
         else:
-            self._env = gymnasium.make_vec(
-                _TASK, num_envs=worlds, vectorization_mode="vector_entry_point", **self._options, **_AT_REST
-            )
+            make_vec: Any = gymnasium.make_vec
+            options = self._options | _AT_REST
+            self._env = make_vec(_TASK, num_envs=worlds, vectorization_mode="vector_entry_point", **options)
             hover = self._env.unwrapped.batch.flights[0].bench.vehicle.hover_control
         action = np.full(4, 2.0 * hover - 1.0 if action_kind == "motors" else 0.0, np.float32)
         self._action = action if worlds == 1 else np.tile(action, (worlds, 1))
@@ -56,7 +59,7 @@ class Simulator:
     def error(self) -> dict[str, Any]:
         """Fly the manoeuvre by motor commands, compared with the CasADi model of tests/reference at 1e-14."""
         options = self._options | _AT_REST | {"action": "motors", "height_m": 100.0, "range_m": 1000.0}
-        env: Any = gymnasium.make(_TASK, **options).unwrapped
+        env: Any = _make(_TASK, **options).unwrapped
         env.reset(seed=1)
         bench = env.bench
         vehicle = bench.vehicle

@@ -18,6 +18,7 @@ from hil.apps.bench_suite.gym.simulators.manoeuvre import Float64, decisions, gr
 _RATE_HZ, _CONTROL_HZ, _PHYSICS_HZ = 40, 120, 240
 _FINER = 64  # of the reference's steps
 _START_M = 100.0
+_make: Any = gymnasium.make
 
 
 class Simulator:
@@ -29,7 +30,7 @@ class Simulator:
         if worlds != 1:
             raise ValueError("PyFlyt has no batched worlds")
         self.versions = {"PyFlyt": version("PyFlyt"), "pybullet": version("pybullet"), "model": model}
-        self._env: Any = gymnasium.make("PyFlyt/QuadX-Hover-v4", flight_mode=-1, agent_hz=_RATE_HZ)
+        self._env: Any = _make("PyFlyt/QuadX-Hover-v4", flight_mode=-1, agent_hz=_RATE_HZ)
         self._env.reset(seed=1)
         motors = self._env.unwrapped.env.drones[0].motors
         self._action = np.full(4, np.sqrt(0.027 * 9.81 / (4.0 * motors.thrust_coef[0, 0])) / motors.max_rpm[0])
