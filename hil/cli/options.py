@@ -26,6 +26,10 @@ DashHostOption = Annotated[
     str, typer.Option(help="Address to serve the page on; on any but loopback the page needs the printed token.")
 ]
 DashPortOption = Annotated[int, typer.Option(help="Port of the page; 0: any free port.", min=0, max=65535)]
+EngineOption = Annotated[str, typer.Option(help="local: processes on this machine. ray: a Ray cluster.")]
+AddressOption = Annotated[
+    str | None, typer.Option(help="Address of the Ray cluster; default one on this machine.", show_default=False)
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print no progress, only the result.")]
 
 Options = TypeVar("Options")

@@ -113,6 +113,7 @@ class RayTasks:
 
     def wait(self, timeout_s: float) -> list[Ended]:
         """Return the tasks that have ended, waiting for the first of them at most `timeout_s`."""
+        self._count_nodes()
         if not self._running:
             return []
         with self._cluster():

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil.apps.dataset.make import BatchMakerFactory, MakeOptions, make_dataset
+from hil.apps.dataset.batch_maker import BatchMakerFactory
+from hil.apps.dataset.make import MakeOptions, make_dataset
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan, make_plan
+from hil.apps.dataset.storage.tree import TreeWriter
 from hil.apps.radar.sources import open_source, pictures_at
 from hil.cli.app import run_command_line
 from hil.config import load_bench
@@ -153,7 +155,7 @@ def test_hil_radar_reads_its_recording(whole: Path) -> None:
 def test_two_workers_and_spawned_ones_make_the_same_tree(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None:
     make_dataset(plan, tmp_path / "set", MakeOptions(workers=2, quiet=True))
     assert tree_of(tmp_path / "set") == tree_of(whole)
-    factory = BatchMakerFactory(None, plan.frames, plan.quality, whole, vehicle="rear")
+    factory = BatchMakerFactory(None, plan.frames, plan.quality, TreeWriter(whole), vehicle="rear")
     loaded = factory().plan  # as in a process that is not forked
     assert loaded.config == load_bench(whole / "bench.yaml", flown=False).vehicles["rear"].config
     assert (loaded.vehicle, set(loaded.other_vehicles)) == ("rear", {"front"})

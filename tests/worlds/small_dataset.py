@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
+from hil.apps.dataset.engines.jobs import Job, JobHandler, JobResult
 from hil.apps.dataset.make import MakeOptions
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.journal import BatchRecord, Journal
 from hil.apps.dataset.storage.tree import JOURNAL
-from hil.apps.dataset.workers import Job, JobHandler, JobResult, Workers
 
 BENCH = """
 rig: mock
@@ -42,7 +42,7 @@ def tiny_plan(folder: Path, *, frames: int, bench: str = BENCH, settings: tuple[
     return make_plan(path, frames=frames, quality=None, seed=None, settings=settings, work=lambda: folder)
 
 
-class Inline(Workers):
+class Inline:
     """Workers that do every job in this process, on demand."""
 
     def __init__(self, count: int, make_handler: Callable[[], JobHandler], *, crash_at: int = -1) -> None:
@@ -51,14 +51,11 @@ class Inline(Workers):
         self._handler = make_handler()
         self._waiting: list[Job] = []
         self._crash_at = crash_at
+        self.capacity = 2
 
     @property
     def busy(self) -> int:
         return len(self._waiting)
-
-    @property
-    def has_capacity(self) -> bool:
-        return len(self._waiting) < 2
 
     def submit(self, job: Job) -> None:
         if job.batch.index == self._crash_at:
@@ -66,7 +63,7 @@ class Inline(Workers):
         self._waiting.append(job)
 
     def collect(self, *, block: bool) -> list[JobResult]:
-        if not block and self.has_capacity:
+        if not block and self.busy < self.capacity:
             return []
         jobs, self._waiting = self._waiting, []
         return [self._handler(job) for job in jobs[::-1]]  # out of order

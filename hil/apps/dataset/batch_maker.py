@@ -1,14 +1,14 @@
 """Making of a batch in a worker: sampling of cameras, LiDARs and radars; encoding, labels and files of the samples.
 
-The files depend only on the plan and the batch. A process has one `BatchMaker`, used by one thread.
+The files depend only on the plan and the batch. A process has one `BatchMaker` of a data set, used by one thread.
 """
 
 from __future__ import annotations
 
-import os
 import pickle
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from isal.isal_zlib import crc32
 from numpy.typing import NDArray
 
+from hil.apps.dataset.engines.jobs import Job, JobResult
 from hil.apps.dataset.formats import voc
 from hil.apps.dataset.formats.coco import CocoPicture, coco_picture
 from hil.apps.dataset.formats.euroc import ROOT
@@ -29,9 +30,10 @@ from hil.apps.dataset.formats.radar_npy import npy
 from hil.apps.dataset.moments import Batch, DueSample
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
-from hil.apps.dataset.storage.recording import EncodedFrames, incomplete_path, pack_frames
-from hil.apps.dataset.storage.tree import PREVIEW, WORK, TreeWriter, Written, unwritable
-from hil.apps.dataset.workers import Job, JobResult
+from hil.apps.dataset.storage.manifest import BENCH_NAME
+from hil.apps.dataset.storage.recording import EncodedFrames, is_complete, pack_frames
+from hil.apps.dataset.storage.tree import PREVIEW, WORK, TreeWriter, Written
+from hil.config import load_bench
 from hil.run.sensors.frame_stages import description
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.errors import RecordingError
@@ -40,9 +42,9 @@ from sim.frame.source import SharedFrames
 from sim.sensors.lidar import Lidar
 
 
-def _finished_path(root: Path, index: int) -> Path:
+def _finished_path(index: int) -> str:
     """Return the file in which a worker passes a batch's record and its chunk of the recording to the main process."""
-    return root / WORK / f"{index}.batch"
+    return f"{WORK}/{index}.batch"
 
 
 def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
@@ -50,7 +52,7 @@ def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
 
     Raises RecordingError if the file cannot be read.
     """
-    path = _finished_path(root, index)
+    path = root / _finished_path(index)
     try:
         record, chunk = pickle.loads(path.read_bytes())  # noqa: S301 (written by our own worker a moment ago)
         path.unlink()
@@ -62,9 +64,8 @@ def take_finished(root: Path, index: int) -> tuple[BatchRecord, bytes]:
 class BatchMaker:
     """Sensors, encoders and label readers of one worker process; call it with a job."""
 
-    def __init__(self, plan: DatasetPlan, root: Path) -> None:
-        self.plan, self.root = plan, root
-        self.tree = TreeWriter(root)
+    def __init__(self, plan: DatasetPlan, tree: TreeWriter) -> None:
+        self.plan, self.tree = plan, tree
         self._folders: dict[tuple[str, str], str] = {}
         frames = SharedFrames(plan.world)
         self.frames = frames.seen_by(plan.vehicle) if plan.vehicle else frames
@@ -112,8 +113,7 @@ class BatchMaker:
 
     def __call__(self, job: Job) -> JobResult:
         """Make the batch, unless an earlier attempt left it complete. Raises RecordingError."""
-        expected = job.expected
-        complete = expected is not None and self.is_complete(expected, incomplete_path(self.root), job.offset)
+        complete = job.expected is not None and is_complete(self.tree, job.expected, job.offset)
         if not complete:
             self.make(job.batch)
         return JobResult(job.batch.index, complete)
@@ -128,16 +128,27 @@ class BatchMaker:
                 writer.store(due.sensor, self.sample(moment.truth, due), moment.frame)
         writer.finish()
 
-    def is_complete(self, record: BatchRecord, recording: Path, offset: int) -> bool:
-        """Return True if all files of a batch, and its chunk at `offset` of the recording, match their checksums."""
-        if not all(self.tree.holds(file) for file in record.files):
-            return False
-        try:
-            with open(recording, "rb", buffering=0) as file:
-                data = os.pread(file.fileno(), record.chunk.size, offset)
-        except OSError:
-            return False
-        return len(data) == record.chunk.size and crc32(data) == record.chunk.crc32
+
+@dataclass
+class BatchMakerFactory:
+    """Factory of a worker's `BatchMaker`. Another process loads the bench saved in the folder of the data set."""
+
+    plan: DatasetPlan | None
+    frames: int
+    quality: str
+    tree: TreeWriter
+    maker_type: type[BatchMaker] = BatchMaker
+    vehicle: str = ""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "plan": None}
+
+    def __call__(self) -> BatchMaker:
+        plan = self.plan
+        if plan is None:
+            bench = load_bench(self.tree.root / BENCH_NAME, flown=False)
+            plan = DatasetPlan.of(bench, self.vehicle, self.frames, self.quality)
+        return self.maker_type(plan, self.tree)
 
 
 class BatchWriter:
@@ -174,11 +185,7 @@ class BatchWriter:
         """Write the file that `take_finished` reads: record and chunk of the recording. Raises RecordingError."""
         data, summary, channels = pack_frames(list(self._maker.series.values()))
         chunk = StoredChunk(len(data), crc32(data), summary, channels)
-        path = _finished_path(self._maker.root, self._batch.index)
-        try:
-            path.write_bytes(pickle.dumps((self._record(chunk), data)))
-        except OSError as error:
-            raise unwritable(path, error) from error
+        self._maker.tree.write(_finished_path(self._batch.index), pickle.dumps((self._record(chunk), data)))
 
     def _write(self, path: str, data: bytes) -> None:
         self._files.append(self._maker.tree.write(path, data))

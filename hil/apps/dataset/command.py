@@ -4,32 +4,45 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
 from hil.apps.dataset.make import DatasetResult, MakeOptions, make_dataset
 from hil.apps.dataset.plan import DatasetPlan
+from hil.cluster.join import uses_ray
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, Problem, RecordingError
+from signals.processors import usable_processors
 
 _MAX_WORKERS = 1024
 
 
 def run_dataset(
-    console: Console, out: Path | None, options: MakeOptions, plan_in: Callable[[Path], DatasetPlan]
+    console: Console,
+    out: Path | None,
+    options: MakeOptions,
+    plan_in: Callable[[Path], DatasetPlan],
+    *,
+    engine: str = "local",
+    address: str | None = None,
 ) -> DatasetResult:
     """Make the data set, by default in a new folder of `runs`, and print frames, rate and folder. Raises HilError.
 
-    `plan_in` makes the plan; it may write files into the folder that it is given.
+    `plan_in` makes the plan; it may write files into the folder that it is given. `address` is that of a Ray cluster.
     """
     if options.resume and out is None:
         raise ConfigError([Problem("--resume", "needs --out: the folder of the data set to continue")])
-    out = new_run_dir(out, "dataset")
     if options.workers is not None and not 1 <= options.workers <= _MAX_WORKERS:
         raise ConfigError([Problem("--workers", f"must be 1 to {_MAX_WORKERS}, not {options.workers}")])
-    with tempfile.TemporaryDirectory(prefix="hil-dataset-") as folder:
-        plan = plan_in(Path(folder))
+    on_ray = uses_ray(engine, address)
+    with ExitStack() as stack:
+        plan = plan_in(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-dataset-"))))
+        if on_ray:
+            options = _with_ray(options, plan, address, stack)
+        out = new_run_dir(out, "dataset")
         try:
             result = make_dataset(plan, out, options)
         except KeyboardInterrupt as interrupt:
@@ -43,3 +56,13 @@ def run_dataset(
     console.print(text)
     console.print(f"data set  {out}/  (index.html, dataset.json)", markup=False)
     return result
+
+
+def _with_ray(options: MakeOptions, plan: DatasetPlan, address: str | None, stack: ExitStack) -> MakeOptions:
+    """Join the cluster, before anything is written, and return the options that make the batches on it."""
+    from hil.apps.dataset.engines.ray import RayWorkers, batch_tasks
+
+    at_once = options.workers if address is not None else options.workers or usable_processors()
+    tasks = batch_tasks(address=address, at_once=at_once)
+    stack.callback(tasks.close)
+    return replace(options, make_workers=lambda _, factory: RayWorkers(tasks, plan, factory))

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from hil.apps.dataset.batch_maker import BatchMaker
+from hil.apps.dataset.batch_maker import BatchMakerFactory
+from hil.apps.dataset.engines.jobs import Workers
+from hil.apps.dataset.engines.local import LocalWorkers
 from hil.apps.dataset.finish import finish
 from hil.apps.dataset.flight import fly_for_frames
 from hil.apps.dataset.formats.labels import Catalogue
@@ -29,8 +32,6 @@ from hil.apps.dataset.storage.manifest import (
 from hil.apps.dataset.storage.store import DatasetStore, MakeCheckpoints
 from hil.apps.dataset.storage.tables import Checkpoints
 from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_folder
-from hil.apps.dataset.workers import JobHandler, Workers
-from hil.config import load_bench
 from hil.run.loop.progress import CountProgress, minutes
 from signals.classes import Classes
 from signals.processors import usable_processors
@@ -76,30 +77,8 @@ class MakeOptions:
     workers: int | None = None  # None: one per core
     resume: bool = False
     quiet: bool = False
-    make_workers: Callable[[int, Callable[[], JobHandler]], Workers] = Workers
+    make_workers: Callable[[int, BatchMakerFactory], Workers] = LocalWorkers
     make_checkpoints: MakeCheckpoints = Checkpoints
-
-
-@dataclass
-class BatchMakerFactory:
-    """Factory of a worker's `BatchMaker`. In a spawned process it loads the bench saved in the data set."""
-
-    plan: DatasetPlan | None
-    frames: int
-    quality: str
-    root: Path
-    maker_type: type[BatchMaker] = BatchMaker
-    vehicle: str = ""
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "plan": None}
-
-    def __call__(self) -> BatchMaker:
-        plan = self.plan
-        if plan is None:
-            bench = load_bench(self.root / BENCH_NAME, flown=False)
-            plan = DatasetPlan.of(bench, self.vehicle, self.frames, self.quality)
-        return self.maker_type(plan, self.root)
 
 
 def make_dataset(plan: DatasetPlan, root: Path, options: MakeOptions = MakeOptions()) -> DatasetResult:
@@ -134,17 +113,17 @@ class _DatasetMaker:
     def make(self) -> DatasetResult:
         """Write the files that workers need, start the workers and record."""
         plan, root, options = self.plan, self.root, self.options
-        count = options.workers or usable_processors()
         tree = TreeWriter(root)
         # Written before the workers start, because a spawned worker reads them.
         files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
-        factory = BatchMakerFactory(plan, plan.frames, plan.quality, root, vehicle=plan.vehicle)
+        factory = BatchMakerFactory(plan, plan.frames, plan.quality, tree, vehicle=plan.vehicle)
         _ = plan.world  # made before the workers are forked, which then share it
-        with options.make_workers(count, factory) as pool, FrameProgress(plan.frames, quiet=options.quiet) as progress:
+        with closing(options.make_workers(options.workers or usable_processors(), factory)) as workers:
             write_manifest(tree, initial_manifest(self.made_from))
-            return self._record(pool, count, files, progress)
+            with FrameProgress(plan.frames, quiet=options.quiet) as progress:
+                return self._record(workers, files, progress)
 
-    def _record(self, pool: Workers, count: int, files: list[Written], progress: FrameProgress) -> DatasetResult:
+    def _record(self, workers: Workers, files: list[Written], progress: FrameProgress) -> DatasetResult:
         plan, root, world = self.plan, self.root, self.plan.world
         classes = Classes(world.class_names, world.class_colours)
         tree = TreeWriter(root)
@@ -157,7 +136,7 @@ class _DatasetMaker:
             times.append((time.monotonic(), frames))
             progress.show(frames)
 
-        pipeline = Pipeline(store, pool, workers_count=count, on_done=on_done)
+        pipeline = Pipeline(store, workers, on_done=on_done)
         try:
             fly_for_frames(plan, pipeline.add)
             pipeline.finish()

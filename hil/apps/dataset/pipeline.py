@@ -1,7 +1,7 @@
 """Pipeline from flight to files: the workers make each batch of the flight, and the results are stored in order.
 
 The flight runs in this process. It waits while the workers have the greatest number of batches, so memory is bounded by
-the number of workers. Everything that is written in order (recording, journal, tables) is written here.
+their capacity. Everything that is written in order (recording, journal, tables) is written here.
 """
 
 from __future__ import annotations
@@ -12,22 +12,20 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hil.apps.dataset.batch_maker import take_finished
+from hil.apps.dataset.engines.jobs import Job, JobResult, Workers
 from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.storage.journal import BatchRecord
 from hil.apps.dataset.storage.store import DatasetStore
-from hil.apps.dataset.workers import Job, JobResult, Workers
 from signals.errors import RecordingError
 
-MAX_PENDING = 4  # submitted batches per worker that are not stored yet
+UNSTORED = 2  # submitted batches that are not stored yet, as a multiple of the workers' capacity
 
 
 class Pipeline:
     """Distributor of batches to the workers (`add`), which stores their results in order."""
 
-    def __init__(
-        self, store: DatasetStore, workers: Workers, *, workers_count: int, on_done: Callable[[int], None]
-    ) -> None:
+    def __init__(self, store: DatasetStore, workers: Workers, *, on_done: Callable[[int], None]) -> None:
         """`on_done` is called with the number of frames stored, after each batch."""
         self._store, self._workers = store, workers
         self._expected = list(store.journal.entries())  # records of an earlier attempt, with offsets of their chunks
@@ -35,14 +33,13 @@ class Pipeline:
         self._pending: dict[int, tuple[Batch, FlightData]] = {}  # submitted, not yet stored
         self._results: dict[int, JobResult] = {}  # finished before an earlier batch
         self._next = 0
-        self._max_pending = MAX_PENDING * workers_count
         self.records: list[BatchRecord] = []  # without their pictures
         self.kept_batches = 0  # batches that an earlier attempt left complete
         self.frames = 0
 
     def add(self, batch: Batch, data: FlightData) -> None:
         """Submit a batch. Waits while too many batches are pending. Raises HilError of a worker."""
-        while not self._workers.has_capacity or len(self._pending) >= self._max_pending:
+        while self._workers.busy >= (capacity := self._workers.capacity) or len(self._pending) >= UNSTORED * capacity:
             self._collect(block=True)
         self._pending[batch.index] = (batch, data)
         self._workers.submit(self._job(batch))

@@ -23,6 +23,7 @@ from hil.config import Bench, BenchConfig, SensorConfig, load_bench, site_of
 from hil.config.files import find
 from hil.config.missions import load_mission
 from hil.config.schema import Record
+from hil.config.sensors.resolve import FLIGHT_KINDS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
 from signals.time import NS_PER_S
@@ -244,6 +245,10 @@ def _problems(bench: Bench, where: str) -> list[Problem]:
     if bench.mission is None and bench.script is None and config.dataset.trajectory is None:
         hint = "set `mission`, or `dataset: {trajectory: {preset: square}}`"
         problems.append(Problem(where, "flies nothing: it has neither a mission nor a trajectory", hint))
+    missing = [kind for kind in FLIGHT_KINDS if kind not in config.autopilot_sensors()]
+    if config.dataset.trajectory is not None and missing:
+        message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a course"
+        problems.append(Problem(f"{where}: sensors", message))
     problems += _flight_problems(config, where)
     faulty_sensors = {fault.sensor for fault in config.faults.sensors}
     if bench.script is not None:

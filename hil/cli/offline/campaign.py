@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import QuietOption, takes
+from hil.cli.options import AddressOption, EngineOption, QuietOption, takes
 
 
 class _FileOrCommand(TyperGroup):
@@ -34,10 +34,8 @@ campaign_app = typer.Typer(
 @dataclass(frozen=True)
 class RunOptions:
     file: Annotated[Path, typer.Argument(help="File of the campaign (docs/campaigns.md).", metavar="FILE")]
-    engine: Annotated[str, typer.Option(help="local: processes on this machine. ray: a Ray cluster.")] = "local"
-    address: Annotated[
-        str | None, typer.Option(help="Address of the Ray cluster; default one on this machine.", show_default=False)
-    ] = None
+    engine: EngineOption = "local"
+    address: AddressOption = None
     workers: WorkersOption = None
     out: Annotated[Path | None, typer.Option(help="Folder of the campaign; default campaigns/<name>.")] = None
     resume: Annotated[bool, typer.Option("--resume", help="Continue or extend the campaign in --out.")] = False

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from hil.cli.console import console, exit_on_error
-from hil.cli.options import QuietOption, SeedOption, SetOption, takes
+from hil.cli.options import AddressOption, EngineOption, QuietOption, SeedOption, SetOption, takes
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,8 @@ class DatasetOptions:
     ] = None
     frames: Annotated[int | None, typer.Option(help="Number of frames; default 500.", show_default=False)] = None
     out: Annotated[Path | None, typer.Option(help="Folder of the data set; default runs/<time>-dataset.")] = None
+    engine: EngineOption = "local"
+    address: AddressOption = None
     workers: Annotated[
         int | None, typer.Option(help="Processes that render and write; default one per core.", show_default=False)
     ] = None
@@ -53,5 +55,6 @@ def dataset(o: DatasetOptions) -> None:
             work=lambda: folder,
         )
 
+    options = MakeOptions(workers=o.workers, resume=o.resume, quiet=o.quiet)
     with exit_on_error():
-        run_dataset(console, o.out, MakeOptions(workers=o.workers, resume=o.resume, quiet=o.quiet), plan_in)
+        run_dataset(console, o.out, options, plan_in, engine=o.engine, address=o.address)

@@ -10,7 +10,7 @@ import tempfile
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from zlib import crc32
@@ -19,14 +19,14 @@ import cv2
 import numpy as np
 
 from hil.apps.bench_suite.sensors.radar_cases import synthesizer
-from hil.apps.dataset.batch_maker import BatchMaker, BatchWriter
+from hil.apps.dataset.batch_maker import BatchMaker, BatchMakerFactory, BatchWriter
+from hil.apps.dataset.engines.jobs import Job, JobResult
+from hil.apps.dataset.engines.local import LocalWorkers
 from hil.apps.dataset.flight import FlightData, fly_for_frames
-from hil.apps.dataset.make import BatchMakerFactory
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.manifest import saved_bench
-from hil.apps.dataset.storage.tree import JOURNAL, WORK, TreeWriter
-from hil.apps.dataset.workers import Job, JobResult, Workers
+from hil.apps.dataset.storage.tree import JOURNAL, TreeWriter
 from hil.config.checks.radar_checks import view_of
 from hil.run.sensors.frame_stages import make_frames
 from signals.errors import RecordingError
@@ -92,16 +92,15 @@ def measure_unstored(plan: DatasetPlan) -> Rate:
         tree = TreeWriter(Path(folder))
         for name, data in saved_bench(plan).items():
             tree.write(name, data)
-        with Workers(
-            usable_processors(), BatchMakerFactory(plan, plan.frames, plan.quality, Path(folder), SampleOnly)
-        ) as pool:
+        factory = BatchMakerFactory(plan, plan.frames, plan.quality, tree, SampleOnly)
+        with closing(LocalWorkers(usable_processors(), factory)) as pool:
 
             def collect(*, block: bool) -> None:
                 for _ in pool.collect(block=block):
                     times.append((time.monotonic(), len(times) + 1))
 
             def add(batch: Batch, part: FlightData) -> None:  # noqa: ARG001
-                while not pool.has_capacity:
+                while pool.busy >= pool.capacity:
                     collect(block=True)
                 pool.submit(Job(batch, None, 0))
                 collect(block=False)
@@ -119,8 +118,7 @@ def lower_bound_s(plan: DatasetPlan) -> float:
     batches: list[Batch] = []
     fly_for_frames(plan, lambda batch, _part: batches.append(batch))
     with tempfile.TemporaryDirectory(prefix="hil-bench-") as folder:
-        (Path(folder) / WORK).mkdir()
-        maker = BatchMaker(plan, Path(folder))
+        maker = BatchMaker(plan, TreeWriter(Path(folder)))
         frame_s = []
         for batch in batches:
             pairs = [(moment, due) for moment in batch.moments for due in moment.due]

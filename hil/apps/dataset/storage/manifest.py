@@ -10,18 +10,19 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from hil.apps.dataset.formats.datasheet import LICENCE
 from hil.apps.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage.tree import MANIFEST, WORK, TreeWriter
+from hil.cluster.program import installed_version
 from hil.config.saved import save_with_vehicles
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
 
 FORMAT = 3
+LIBRARIES = ("isal", "numpy", "zstandard")  # whose versions change the bytes
 BENCH_NAME = "bench.yaml"
 _MAY_DIFFER = frozenset({"frames"})  # a resumed data set may have more frames
 _MAX_KEYS_SHOWN = 5
@@ -42,15 +43,8 @@ def provenance(plan: DatasetPlan, bench_files: Mapping[str, bytes]) -> dict[str,
         "batch_frames": BATCH_FRAMES,
         "epoch_ns": EPOCH_NS,
         "format": FORMAT,
-        "versions": {"hil": _version("hil-bench"), **{name: _version(name) for name in ("isal", "numpy", "zstandard")}},
+        "versions": {"hil": installed_version("hil-bench"), **{name: installed_version(name) for name in LIBRARIES}},
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 def write_manifest(tree: TreeWriter, values: Mapping[str, Any]) -> None:

@@ -12,12 +12,13 @@ from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
+from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
 
 from hil.apps.dataset.flight import FlightData
-from hil.apps.dataset.storage.journal import StoredChunk
-from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, unwritable
+from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
+from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, TreeWriter, unwritable
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import FrameSeries
 from hil.run.recorder.mcap.cdr import schema_text
@@ -128,6 +129,18 @@ def records_of(declared: Declaration) -> tuple[Schema, Channel]:
 def incomplete_path(root: Path) -> Path:
     """Return the recording's temporary name, used until it is complete."""
     return root / f"{RECORDING}{INCOMPLETE}"
+
+
+def is_complete(tree: TreeWriter, record: BatchRecord, offset: int) -> bool:
+    """Return True if all files of a batch, and its chunk at `offset` of the recording, match their checksums."""
+    if not all(tree.holds(file) for file in record.files):
+        return False
+    try:
+        with open(incomplete_path(tree.root), "rb", buffering=0) as file:
+            data = os.pread(file.fileno(), record.chunk.size, offset)
+    except OSError:
+        return False
+    return len(data) == record.chunk.size and crc32(data) == record.chunk.crc32
 
 
 class DatasetRecording:

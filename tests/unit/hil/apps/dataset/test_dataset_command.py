@@ -22,13 +22,14 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from hil.apps.dataset.engines.jobs import Job, JobResult
+from hil.apps.dataset.engines.local import LocalWorkers
 from hil.apps.dataset.formats.datasheet import LIMITS
 from hil.apps.dataset.formats.radar_labels import read_radar_labels
 from hil.apps.dataset.make import MakeOptions, make_dataset
 from hil.apps.dataset.plan import EPOCH_NS, DatasetPlan
 from hil.apps.dataset.storage import tree as tree_module
 from hil.apps.dataset.storage.tables import Checkpoints
-from hil.apps.dataset.workers import Job, JobResult, Workers
 from hil.cli.app import run_command_line
 from hil.run.recorder.mcap.cdr import decode
 from hil.run.sensors.frame_stages import make_frames
@@ -171,7 +172,7 @@ class KilledWorker:
 
 
 def test_a_killed_worker_is_reported(plan: DatasetPlan, tmp_path: Path) -> None:
-    options = MakeOptions(workers=2, quiet=True, make_workers=lambda count, _: Workers(count, KilledWorker))
+    options = MakeOptions(workers=2, quiet=True, make_workers=lambda count, _: LocalWorkers(count, KilledWorker))
     with pytest.raises(RecordingError, match=r"SIGKILL.*memory.*--resume"):
         make_dataset(replace(plan, frames=11), tmp_path / "set", options)
 

@@ -15,42 +15,22 @@ import os
 import signal
 import sys
 import threading
-import traceback
 import warnings
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, NamedTuple
+from typing import Any
 
-from hil.apps.dataset.moments import Batch
-from hil.apps.dataset.storage.journal import BatchRecord
+from hil.apps.dataset.engines.jobs import Job, JobHandler, JobResult, handled
 from hil.run.runs.child_process import become_child
-from signals.errors import HilError, RecordingError
+from signals.errors import RecordingError
 from sim.frame.path_traced import process as path_tracer
 
 JOBS_PER_WORKER = 2
 
 
-class Job(NamedTuple):
-    """A batch to make. `expected` is the record of an earlier attempt; its chunk is at `offset` in the recording."""
-
-    batch: Batch
-    expected: BatchRecord | None
-    offset: int
-
-
-class JobResult(NamedTuple):
-    """A finished batch by its index. `was_complete` is True if an earlier attempt had left it complete."""
-
-    number: int
-    was_complete: bool
-
-
-JobHandler = Callable[[Job], JobResult]  # runs in the worker
-
-
-class Workers:
-    """Pool of `count` worker processes. Use as a context manager: leaving it waits for running batches."""
+class LocalWorkers:
+    """Pool of `count` worker processes. `close` waits for running batches."""
 
     def __init__(self, count: int, make_handler: Callable[[], JobHandler]) -> None:
         """`make_handler` is called once per worker; it must be picklable where processes are not forked."""
@@ -60,7 +40,7 @@ class Workers:
             gc.freeze()  # keeps shared pages shared: the collector neither writes to nor scans what exists now
         context: Any = mp.get_context("fork" if self._forked else "spawn")
         self._pool = ProcessPoolExecutor(count, context, _initialise_worker, (make_handler, count))
-        self._max_pending = JOBS_PER_WORKER * count
+        self.capacity = JOBS_PER_WORKER * count
         self._pending: set[Future[JobResult]] = set()
         with warnings.catch_warnings():
             # Newer Pythons count native threads too and warn, but numpy's BLAS ends its threads before a fork.
@@ -68,24 +48,13 @@ class Workers:
             self._pool.submit(os.getpid)  # forks all workers now, before the flight starts threads
         self._processes = set(mp.active_children())
 
-    def __enter__(self) -> Workers:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     @property
     def busy(self) -> int:
         """Number of batches that are queued or running."""
         return len(self._pending)
 
-    @property
-    def has_capacity(self) -> bool:
-        """True if another batch can be submitted."""
-        return self.busy < self._max_pending
-
     def submit(self, job: Job) -> None:
-        """Queue a batch for the next free worker. Call only if `has_capacity`. Raises RecordingError."""
+        """Queue a batch for the next free worker. Call only while `busy` is below `capacity`. Raises RecordingError."""
         try:
             self._pending.add(self._pool.submit(_run_job, job))
         except BrokenProcessPool:
@@ -140,18 +109,11 @@ def _initialise_worker(make_handler: Callable[[], JobHandler], count: int) -> No
 
 def _run_job(job: Job) -> JobResult:
     """Run a job in a worker. Raises RecordingError for any error."""
+    return handled(_kept_handler, job)
+
+
+def _kept_handler() -> JobHandler:
     global _handler
-    try:
-        if _handler is None:
-            _handler = _make_handler()
-        return _handler(job)
-    except HilError as error:
-        raise RecordingError(str(error)) from None
-    except MemoryError:
-        raise RecordingError("a worker process has no memory left: use fewer --workers, or smaller pictures") from None
-    except Exception as defect:  # noqa: BLE001 (a defect of the bench must reach the person, not end in silence)
-        text = "".join(traceback.format_exception(defect)) if os.environ.get("HIL_TRACEBACK") else ""
-        raise RecordingError(
-            f"{type(defect).__name__}: {defect} (a defect of the bench, in a worker; HIL_TRACEBACK=1 shows where)"
-            + (f"\n{text}" if text else "")
-        ) from None
+    if _handler is None:
+        _handler = _make_handler()
+    return _handler
