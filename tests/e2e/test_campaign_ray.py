@@ -8,12 +8,13 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.worlds.ray_cluster import WAIT_S, processes, raylet_of, require_ray, two_nodes, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
@@ -27,7 +28,6 @@ recheck: 0.3
 keep_at_most: 1
 """
 MOMENTS = (0, 2, 6)  # cases stored when something is killed
-WAIT_S = 600.0
 
 
 @pytest.fixture(scope="module")
@@ -62,39 +62,6 @@ def stored(out: Path) -> int:
             return int(database.execute("SELECT count(*) FROM flown").fetchone()[0])
     except sqlite3.Error:
         return -1
-
-
-def until(process: subprocess.Popen[str], holds: Callable[[], Any]) -> Any:
-    """Return what `holds` returns as soon as it is true, while the campaign goes on."""
-    deadline_s = time.monotonic() + WAIT_S
-    while not (value := holds()):
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < deadline_s
-        time.sleep(0.02)
-    return value
-
-
-def processes(word: str, under: int | None = None) -> list[int]:
-    """Return processes with a word in their command line, `under`: descendants of this process only."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                if word.encode() in (entry / "cmdline").read_bytes() and (
-                    under is None or under in parents(entry.name)
-                ):
-                    found.append(int(entry.name))
-            except OSError:
-                continue
-    return found
-
-
-def parents(pid: str) -> list[int]:
-    line = []
-    while pid not in ("0", "1"):
-        pid = (Path("/proc") / pid / "stat").read_text().rpartition(")")[2].split()[1]
-        line.append(int(pid))
-    return line
 
 
 def test_two_local_workers(spec: Path, table: bytes, tmp_path: Path) -> None:
@@ -139,18 +106,12 @@ def workers(pid: int) -> list[int]:
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """A cluster of two nodes on this machine."""
-    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-    pytest.importorskip("ray", reason='needs Ray: pip install "hil-bench[ray]"')
-    from ray.cluster_utils import Cluster
-
-    made = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    made.add_node(num_cpus=1)
-    yield made
-    made.shutdown()
+    with two_nodes() as made:
+        yield made
 
 
 def test_ray_on_this_machine(spec: Path, table: bytes, tmp_path: Path) -> None:
-    pytest.importorskip("ray", reason='needs Ray: pip install "hil-bench[ray]"')
+    require_ray()
     out = tmp_path / "out"
     process = begin(spec, out, "--engine", "ray", "--workers", "2")
     assert end(process) == 1
@@ -194,8 +155,7 @@ def test_a_node_of_a_cluster_is_killed(spec: Path, table: bytes, tmp_path: Path,
     out = tmp_path / "out"
     process = begin(spec, out, "--engine", "ray", "--address", cluster.address)
     until(process, lambda: stored(out) >= moment)
-    (raylet,) = [info.process.pid for info in node.all_processes["raylet"]]
-    os.kill(raylet, signal.SIGKILL)
+    os.kill(raylet_of(node), signal.SIGKILL)
     assert end(process) == 1
     assert (out / "results.csv").read_bytes() == table
     cluster.remove_node(node, allow_graceful=False)
@@ -211,7 +171,7 @@ def test_a_cluster_without_the_resources_that_a_case_declares(spec: Path, tmp_pa
 
 
 def test_an_address_where_another_program_listens(spec: Path, tmp_path: Path) -> None:
-    pytest.importorskip("ray", reason='needs Ray: pip install "hil-bench[ray]"')
+    require_ray()
     import socket
 
     with socket.create_server(("127.0.0.1", 0)) as other:

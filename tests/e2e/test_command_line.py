@@ -129,7 +129,7 @@ def test_an_unusable_folder_is_an_error(make: str, tmp_path: Path, capsys: pytes
     else:
         out.write_text("a file")
     assert run_command_line(["run", "-q", "--out", str(out / "x" if make == "below a file" else out), *SHORT]) == 3
-    assert "cannot be used as the folder of a run" in capsys.readouterr().err
+    assert "cannot be used as a folder for results" in capsys.readouterr().err
 
 
 def test_a_rig_by_path_and_a_config_error_without_a_folder(

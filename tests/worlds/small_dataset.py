@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from hil.apps.dataset.make import MakeOptions
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.journal import BatchRecord, Journal
 from hil.apps.dataset.storage.tree import JOURNAL
+from signals.errors import RecordingError
 
 BENCH = """
 rig: mock
@@ -87,6 +90,20 @@ def journal_of(root: Path) -> list[tuple[BatchRecord, int]]:
         return list(journal.entries())
     finally:
         journal.close()
+
+
+def stored_batches(root: Path) -> int:
+    """Return how many batches the journal of a data set holds that another process writes, -1 before there is one."""
+    wal = root / f"{JOURNAL}-wal"
+    if not wal.is_file():
+        return -1
+    with tempfile.TemporaryDirectory() as folder:  # the writer has the file locked
+        for path in root.glob(f"{JOURNAL}*"):
+            shutil.copy(path, folder)
+        try:
+            return len(journal_of(Path(folder)))
+        except RecordingError:
+            return -1
 
 
 def tree_of(root: Path) -> dict[str, tuple[int, int] | str]:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from hil.run.report.run_folder import locked_folder
 from signals.errors import ConfigError, Problem, RecordingError
 from sim.radar.calibration import Calibration, Fitted, calibrate
 from sim.radar.preset_text import Hardware, hardware_of, preset_text, with_receivers
@@ -54,9 +55,10 @@ def calibrate_radar(
         numbers = ", ".join(str(a) for a in recording.rx_antennas)
         message = f"uses the receivers {numbers}, not all of which {_CHIP} has"
         raise ConfigError([Problem(str(recording_file), message, "see rx_antennas in the recording's settings")])
-    calibration = calibrate(recording, frames=frame_range, keep_echoes=keep_echoes, where=str(recording_file))
     files = CalibratedFiles(preset, preset.with_suffix(".png"))
-    _write(files, calibration, recording, hardware, preset_name=preset_name, source=recording_file.name)
+    with locked_folder(preset.parent):
+        calibration = calibrate(recording, frames=frame_range, keep_echoes=keep_echoes, where=str(recording_file))
+        _write(files, calibration, recording, hardware, preset_name=preset_name, source=recording_file.name)
     _print(console, calibration, recording)
     return files
 
@@ -74,7 +76,6 @@ def _write(
 
     text = preset_text(calibration, recording, hardware, part=preset_name, source=source)
     try:
-        files.preset.parent.mkdir(parents=True, exist_ok=True)
         temporary = files.preset.with_suffix(".tmp")
         temporary.write_text(text, encoding="utf-8")  # a full disk must not destroy an existing preset
         os.replace(temporary, files.preset)

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from hil.config.companion.clients import make_client_importable
+from hil.run.report.run_folder import locked_folder
 from signals.errors import ConfigError, Problem, RecordingError
 
 if TYPE_CHECKING:
@@ -82,66 +83,66 @@ def train_detector(
     if weights is not None:
         loaded, total = training.load_weights(weights)
         console.print(f"{loaded} of {total} tensors loaded from {weights}", markup=False)
-    if resume and not training.resume():
-        console.print(f"nothing to resume in {out}: starting from the beginning", markup=False)
-    _make_folder(out)
-    left_out = ", ".join(f"{n} ({c})" for n, c in training.left_out.items())
-    console.print(
-        f"{len(pictures)} pictures, {len(validation)} for validation; classes: {', '.join(training.classes)}",
-        markup=False,
-    )
-    if left_out:
-        console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
-    epochs: list[Epoch] = []
-    began_s = time.monotonic()
-    columns = (
-        TextColumn("epoch {task.fields[epoch]}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[loss]}"),
-    )
-    bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=quiet)
-    with bar as progress:
-        steps = len(training.batches)
-        total = (settings.epochs - training.epochs_done) * steps
-        task = progress.add_task("", total=total, epoch=training.epochs_done + 1, loss="")
+    with locked_folder(out):
+        if resume and not training.resume():
+            console.print(f"nothing to resume in {out}: starting from the beginning", markup=False)
+        left_out = ", ".join(f"{n} ({c})" for n, c in training.left_out.items())
+        console.print(
+            f"{len(pictures)} pictures, {len(validation)} for validation; classes: {', '.join(training.classes)}",
+            markup=False,
+        )
+        if left_out:
+            console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
+        epochs: list[Epoch] = []
+        began_s = time.monotonic()
+        columns = (
+            TextColumn("epoch {task.fields[epoch]}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[loss]}"),
+        )
+        bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=quiet)
+        with bar as progress:
+            steps = len(training.batches)
+            total = (settings.epochs - training.epochs_done) * steps
+            task = progress.add_task("", total=total, epoch=training.epochs_done + 1, loss="")
 
-        def step(number: int, _: int, loss: float) -> None:
-            progress.update(task, advance=1, epoch=number, loss=f"loss {loss:.3f}")
+            def step(number: int, _: int, loss: float) -> None:
+                progress.update(task, advance=1, epoch=number, loss=f"loss {loss:.3f}")
 
-        def report(epoch: Epoch) -> None:
-            epochs.append(epoch)
-            curves.write_table(epochs, out / "curves.csv")
-            curves.draw(epochs, out / "curves.png")
-            text = f"epoch {epoch.number}: loss {epoch.loss_scores:.3f} + {epoch.loss_boxes:.3f}"
-            if epoch.evaluation is not None:
-                text += f", mAP {epoch.evaluation.mean_average_precision:.3f}"
-                people = epoch.evaluation.classes.get("person")
-                text += f", person {people.average_precision:.3f}" if people is not None else ""
-            progress.console.print(f"{text}  ({time.monotonic() - began_s:.0f} s)", markup=False)
+            def report(epoch: Epoch) -> None:
+                epochs.append(epoch)
+                curves.write_table(epochs, out / "curves.csv")
+                curves.draw(epochs, out / "curves.png")
+                text = f"epoch {epoch.number}: loss {epoch.loss_scores:.3f} + {epoch.loss_boxes:.3f}"
+                if epoch.evaluation is not None:
+                    text += f", mAP {epoch.evaluation.mean_average_precision:.3f}"
+                    people = epoch.evaluation.classes.get("person")
+                    text += f", person {people.average_precision:.3f}" if people is not None else ""
+                progress.console.print(f"{text}  ({time.monotonic() - began_s:.0f} s)", markup=False)
 
-        training.run(on_step=step, on_epoch=report)
-    path = out / f"{NAME}.onnx"
-    model = export.export(training.averaged, path, training.classes, threshold=0.5)
-    validation_result = _run_evaluation(model, validation, "opencv", console, "validation", quiet=quiet)
-    model = export.with_threshold(model, validation_result.threshold_for())
-    test_result = _run_evaluation(model, test, "opencv", console, "test", quiet=quiet) if test else None
-    if test_result is not None:
-        _print_table(test_result, console, f"test, {len(test)} pictures")
-    record = {
-        "settings": asdict(settings),
-        "part": data.part,
-        "data_sets": [p.name for p in data.data_sets],
-        "data_digest": digest(pictures),
-        "pictures": len(pictures),
-        "weights_digest": training.weights_digest(),
-        "onnx_sha256": model.sha256,
-        "left_out": training.left_out,
-        "validation": validation_result.as_json(),
-        "test": test_result.as_json() if test_result is not None else None,
-    }
-    _write_json(out / "training.json", record)
-    return path
+            training.run(on_step=step, on_epoch=report)
+        path = out / f"{NAME}.onnx"
+        model = export.export(training.averaged, path, training.classes, threshold=0.5)
+        validation_result = _run_evaluation(model, validation, "opencv", console, "validation", quiet=quiet)
+        model = export.with_threshold(model, validation_result.threshold_for())
+        test_result = _run_evaluation(model, test, "opencv", console, "test", quiet=quiet) if test else None
+        if test_result is not None:
+            _print_table(test_result, console, f"test, {len(test)} pictures")
+        record = {
+            "settings": asdict(settings),
+            "part": data.part,
+            "data_sets": [p.name for p in data.data_sets],
+            "data_digest": digest(pictures),
+            "pictures": len(pictures),
+            "weights_digest": training.weights_digest(),
+            "onnx_sha256": model.sha256,
+            "left_out": training.left_out,
+            "validation": validation_result.as_json(),
+            "test": test_result.as_json() if test_result is not None else None,
+        }
+        _write_json(out / "training.json", record)
+        return path
 
 
 def evaluate_detector(
@@ -210,13 +211,6 @@ def _print_table(result: Evaluation, console: Console, title: str) -> None:
         f"mAP@0.5 of all classes {result.mean_average_precision:.3f}; "
         f"false boxes per picture at {result.threshold:g}: {result.false_boxes():.3f}"
     )
-
-
-def _make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{out}: cannot be made ({error.strerror or error})") from error
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> None:

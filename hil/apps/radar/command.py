@@ -19,6 +19,7 @@ from rich.progress import track
 
 from hil.apps.radar.results import Results
 from hil.apps.radar.sources import Frame, Source, open_source, pictures_at
+from hil.run.report.run_folder import locked_folder
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.time import NS_PER_S
 from sim.radar.processing.processor import Processor
@@ -55,13 +56,13 @@ def process_radar(
         source = _frames_in_span(source, span)
     folder = out if out is not None else _folder(target)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        results, made_frames = _process(source, console, quiet=quiet)
-        results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
-        files = results.write(folder, title=f"{_name(target)}: {source.description}")
-        if source.from_pictures and made_frames:
-            save_recording(folder / "raw.npz", _recording(source, made_frames))
-            files += [folder / "raw.npz", folder / "raw.json"]
+        with locked_folder(folder):
+            results, made_frames = _process(source, console, quiet=quiet)
+            results.rgb = pictures_at(source, {results.t_ns[index] for index in results.plotted})
+            files = results.write(folder, title=f"{_name(target)}: {source.description}")
+            if source.from_pictures and made_frames:
+                save_recording(folder / "raw.npz", _recording(source, made_frames))
+                files += [folder / "raw.npz", folder / "raw.json"]
     except OSError as error:
         raise RecordingError(f"{folder}: the results cannot be written ({error.strerror or error})") from error
     return files

@@ -26,18 +26,16 @@ _RESULTS = ("run.json", "report.html", "bench.yaml")  # what makes a folder one 
 
 
 @contextlib.contextmanager
-def run_folder(out: Path, vehicles: Iterable[str] | None = None) -> Iterator[None]:
-    """Make the folder of a run and those of its `vehicles`, hold their locks, and remove links where the run writes.
+def locked_folder(out: Path) -> Iterator[None]:
+    """Make a folder for results and hold its lock, which the kernel releases when the process ends (flock).
 
-    The results of vehicles that an earlier run here had and this one has not are removed (None: they stay). The kernel
-    releases the locks (flock) when the process ends. Raises RecordingError if a folder cannot be used or another
-    process writes into it.
+    Raises RecordingError if the folder cannot be used or another process writes into it.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
         folder = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
+        raise RecordingError(f"{out}: cannot be used as a folder for results ({error.strerror or error})") from error
     try:
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -46,16 +44,27 @@ def run_folder(out: Path, vehicles: Iterable[str] | None = None) -> Iterator[Non
             raise RecordingError(text) from None
         except OSError:
             pass  # a file system without locks
-        names = frozenset(vehicles or ())
+        yield
+    finally:
+        os.close(folder)
+
+
+@contextlib.contextmanager
+def run_folder(out: Path, vehicles: Iterable[str] | None = None) -> Iterator[None]:
+    """Make the folder of a run and those of its `vehicles`, hold their locks, and remove links where the run writes.
+
+    The results of vehicles that an earlier run here had and this one has not are removed (None: they stay). Raises
+    RecordingError as `locked_folder` does.
+    """
+    names = frozenset(vehicles or ())
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(locked_folder(out))
         _remove_links(out, _FOLDERS | names)
         if vehicles is not None:
             _remove_other_vehicles(out, names)
-        with contextlib.ExitStack() as stack:
-            for name in names:
-                stack.enter_context(run_folder(out / name))
-            yield
-    finally:
-        os.close(folder)
+        for name in names:
+            stack.enter_context(run_folder(out / name))
+        yield
 
 
 def _remove_other_vehicles(out: Path, names: frozenset[str]) -> None:

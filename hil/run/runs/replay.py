@@ -136,7 +136,7 @@ def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | N
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RecordingError(f"{out}: cannot be used as the folder of a run ({error.strerror or error})") from error
+        raise RecordingError(f"{out}: cannot be used as a folder for results ({error.strerror or error})") from error
     run(config, out)
     fresh = out / MCAP_NAME
     if not fresh.is_file():

@@ -278,4 +278,4 @@ def test_an_unwritable_output_ends_with_an_error(
     (tmp_path / "taken").write_text("a file")
     out = tmp_path / "taken" / "x.yaml"
     assert run_command_line(["calibrate", "radar", str(recording_file), "--out", str(out)]) == 3
-    assert "cannot be written" in capsys.readouterr().err
+    assert "taken: cannot be used as a folder for results" in capsys.readouterr().err

@@ -69,7 +69,7 @@ def test_folders_of_vehicles_are_locked_and_links_in_their_place_removed(tmp_pat
         with pytest.raises(RecordingError, match=r"out/b: another run is writing here"), run_folder(out / "b"):
             pass
     (out / "c").write_text("mine")
-    with pytest.raises(RecordingError, match=r"out/c: cannot be used as the folder of a run"), run_folder(out, ("c",)):
+    with pytest.raises(RecordingError, match=r"out/c: cannot be used as a folder for results"), run_folder(out, ("c",)):
         pass
     assert (out / "c").read_text() == "mine"
 
