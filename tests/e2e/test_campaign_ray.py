@@ -144,7 +144,7 @@ def test_a_worker_of_a_cluster_is_killed(spec: Path, table: bytes, tmp_path: Pat
     out = tmp_path / "out"
     process = begin(spec, out, "--engine", "ray", "--address", cluster.address)
     until(process, lambda: stored(out) >= moment)
-    os.kill(until(process, lambda: processes("ray::fly_task"))[0], signal.SIGKILL)
+    os.kill(until(process, lambda: processes("ray::fly_task", os.getpid()))[0], signal.SIGKILL)
     assert end(process) == 1
     assert (out / "results.csv").read_bytes() == table
 
