@@ -20,13 +20,22 @@ from gymnasium.spaces import Box
 
 from hil.config import Bench
 from hil.gym.options import FlightOptions
-from hil.run.stepped.ideal_controller import IdealController
-from hil.run.stepped.setpoint import Setpoint
+from hil.run.stepped.ideal_controller import (
+    CLIMB,
+    HEIGHT,
+    MOST_SPEED_MPS,
+    POSITION,
+    RATES,
+    THRUST,
+    VELOCITY,
+    IdealController,
+)
 from hil.run.stepped.vehicle import SteppedVehicle
 from hil.run.stepped.world import SteppedWorld
 from signals.desired import DesiredState
 from signals.errors import HilError
 from signals.samples import TruthState, Vec3
+from sim._kernels import IdealController as Kernel
 from sim.physics.vehicle import Vehicle
 
 _BOOT_S = 120.0  # simulated time in which an autopilot has to be ready to arm
@@ -61,7 +70,14 @@ def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
 class Driver(Protocol):
     """Commands of one vehicle."""
 
-    held: Sequence[float] | None  # commands of the rotors that stay the same during the step; None: a pilot has them
+    @property
+    def held(self) -> Sequence[float] | Kernel | None:
+        """For `SteppedWorld.hold`; None: the vehicle has a pilot."""
+        ...
+
+    def pilot(self, truth: TruthState) -> Sequence[float]:
+        """Return the commands of the rotors until the next tick, in a world of several vehicles."""
+        ...
 
     def begin(self, origin_W: Vec3) -> None:
         """Begin an episode, after the vehicle was put to its start."""
@@ -77,14 +93,16 @@ class Driver(Protocol):
 class MotorDriver:
     """Commands of the rotors."""
 
-    def __init__(self) -> None:
-        self.held: Sequence[float] | None = ()
+    held: Sequence[float] = ()
+
+    def pilot(self, truth: TruthState) -> Sequence[float]:  # noqa: ARG002 (the protocol)
+        return self.held
 
     def begin(self, origin_W: Vec3) -> None:
         """Nothing is remembered."""
 
     def command(self, values: Sequence[float]) -> None:
-        self.held = tuple(0.5 * (value + 1.0) for value in values)
+        self.held = [0.5 * (value + 1.0) for value in values]
 
     def close(self) -> None:
         """Nothing is open."""
@@ -93,58 +111,55 @@ class MotorDriver:
 class IdealDriver:
     """Set-points for the ideal controller."""
 
-    held: Sequence[float] | None = None
-
     def __init__(self, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._vehicle, self._options = vehicle, options
-        self._controller = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2)
-        self._setpoint = Setpoint()
+        self.held = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2).kernel
+        self._aim = self.held.aim
         self._origin_W: Vec3 = (0.0, 0.0, 0.0)
-        self._to_setpoint = {"rates": self._rates, "velocity": self._velocity, "position": self._position}[
-            options.action
-        ]
-        vehicle.pilot = self._pilot
+        self.command = {"rates": self._rates, "velocity": self._velocity, "position": self._position}[options.action]
 
-    def _pilot(self, truth: TruthState) -> Sequence[float]:
-        return self._controller.controls(truth, self._setpoint)
+    def pilot(self, truth: TruthState) -> Sequence[float]:
+        t = truth
+        return self.held.commands(
+            t.p_WB, t.q_WB, t.v_WB_W, t.w_WB_B, t.a_WB_W, t.alpha_WB_B, t.rotor_speed_radps, t.in_contact
+        )
 
     def begin(self, origin_W: Vec3) -> None:
         self._origin_W = origin_W
-        self._controller.reset()
-
-    def command(self, values: Sequence[float]) -> None:
-        self._setpoint = self._to_setpoint(values)
+        self.held.reset()
 
     def close(self) -> None:
         """Nothing is open."""
 
-    def _rates(self, values: Sequence[float]) -> Setpoint:
+    def _rates(self, values: Sequence[float]) -> None:
         p, q, r, thrust = values
         o = self._options
-        return Setpoint(
-            roll_pitch_rate_radps=(p * o.rate_radps, q * o.rate_radps),
-            yaw_rate_radps=r * o.yaw_rate_radps,
-            thrust_ratio=max(0.0, 1.0 + thrust * (o.thrust_ratio - 1.0)),
-        )
+        ratio = max(0.0, 1.0 + thrust * (o.thrust_ratio - 1.0))
+        rate = o.rate_radps
+        self._aim(RATES, p * rate, q * rate, THRUST, ratio, True, r * o.yaw_rate_radps, MOST_SPEED_MPS)
 
-    def _velocity(self, values: Sequence[float]) -> Setpoint:
+    def _velocity(self, values: Sequence[float]) -> None:
         x, y, z = velocity_W(self._vehicle.truth, values, self._options)
-        return Setpoint(v_xy_mps=(x, y), vz_mps=z, yaw_rate_radps=values[3] * self._options.yaw_rate_radps)
+        self._aim(VELOCITY, x, y, CLIMB, z, True, values[3] * self._options.yaw_rate_radps, MOST_SPEED_MPS)
 
-    def _position(self, values: Sequence[float]) -> Setpoint:
+    def _position(self, values: Sequence[float]) -> None:
         x, y, z = position_W(self._origin_W, values, self._options)
-        return Setpoint(p_xy_m=(x, y), z_m=z, yaw_rad=values[3] * pi, speed_limit_mps=self._options.speed_mps)
+        self._aim(POSITION, x, y, HEIGHT, z, False, values[3] * pi, self._options.speed_mps)
 
 
 class RigDriver:
     """Set-points for the autopilot of the bench's rig, which is started anew for every episode."""
 
-    held: Sequence[float] | None = None
+    held: None = None
 
     def __init__(self, bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._bench, self._vehicle, self._world, self._options = bench, vehicle, world, options
         self._origin_W: Vec3 = (0.0, 0.0, 0.0)
         self._pilot: Any = None
+
+    def pilot(self, truth: TruthState) -> Sequence[float]:
+        commands: Sequence[float] = self._pilot.controls(truth)
+        return commands
 
     def begin(self, origin_W: Vec3) -> None:
         """Start the autopilot and let the time go on until it would arm. Raises LinkError."""
@@ -155,7 +170,7 @@ class RigDriver:
         physics = self._vehicle.physics
         assert physics is not None
         pilot = self._pilot = RigPilot(self._bench, physics, lambda _text: None)
-        self._vehicle.pilot = pilot.controls
+        self._vehicle.pilot = self.pilot
         ticks = round(_BOOT_S * self._bench.config.tick_hz)
         while not pilot.ready:
             self._world.step()

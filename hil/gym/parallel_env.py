@@ -197,7 +197,6 @@ class _Member:
             faults=config.faults.rotors,
         )
         self.driver = make_driver(bench, self.vehicle, env.world, env.options)
-        self._pilot = self.vehicle.pilot
         self.ports = Ports(bench, ports, None if frames is None else frames.seen_by(name))
         self.space = action_space(env.options, bench.vehicle)
         self.shape: tuple[int, ...] = self.space.shape
@@ -205,17 +204,14 @@ class _Member:
 
     def begin(self, seed: int) -> None:
         """Begin an episode at the start."""
-        self.vehicle.pilot = self._pilot
         self.driver.begin(self.vehicle.truth.p_WB)
+        self.vehicle.pilot = self.driver.pilot
         self.ports.begin(seed, self.vehicle.truth)
         self.before = self.vehicle.truth
 
     def command(self, values: Sequence[float]) -> None:
         """Take an action for the coming step."""
         self.driver.command(values)
-        held = self.driver.held
-        if held is not None:
-            self.vehicle.pilot = lambda _truth: held
 
     def observe(self) -> dict[str, Any]:
         """Return the present values of the ports."""

@@ -13,6 +13,7 @@
 #include "detmath.hpp"
 #include "downwash.hpp"
 #include "free_flight.hpp"
+#include "ideal_controller.hpp"
 #include "rigid_body.hpp"
 #include "rotation.hpp"
 
@@ -125,6 +126,12 @@ class RigidBody {
         if (PyTuple_Size(values) < params_.rotor_count) {
             throw std::invalid_argument("fewer controls than rotors");
         }
+        double commands[kMaxRotors];
+        for (int i = 0; i < params_.rotor_count; ++i) commands[i] = as_double(PyTuple_GetItem(values, i));
+        return latch(commands);
+    }
+
+    int latch(const double *controls) {
         double scale = 1.0;
         if (params_.battery.fitted) {
             double *battery = battery_.data();
@@ -133,9 +140,8 @@ class RigidBody {
             scale = battery[1] / params_.battery.nominal_voltage_v;
         }
         for (int i = 0; i < params_.rotor_count; ++i) {
-            const double control = as_double(PyTuple_GetItem(values, i));
-            if (!std::isfinite(control)) return i;
-            command_[i] = hil::sim::commanded_speed(params_, i, control, scale);
+            if (!std::isfinite(controls[i])) return i;
+            command_[i] = hil::sim::commanded_speed(params_, i, controls[i], scale);
         }
         return -1;
     }
@@ -145,13 +151,30 @@ class RigidBody {
         return hil::sim::free_flight_tick(params_, plan_, wind_, command_, state(), phase_, path_.data(), steps_);
     }
 
-    // Flies up to `ticks` ticks with the same commands, while each travels less than what remains of the clearance to
-    // the scene and to actors. A tick that travels farther is flown but not finished, and ends the cruise.
-    nb::tuple cruise(nb::handle controls, int ticks, double remaining_m, double actors_remaining_m, double approach_m) {
+    // Flies up to `ticks` ticks with the same commands, or with those of an IdealController, while each travels less
+    // than what remains of the clearance to the scene and to actors. A tick that travels farther is flown but not
+    // finished, and ends the cruise.
+    nb::tuple cruise(nb::handle controls, int ticks, double remaining_m, double actors_remaining_m, double approach_m,
+                     bool touching) {
+        hil::sim::IdealController *controller = nullptr;
+        if (nb::isinstance<hil::sim::IdealController>(controls)) {
+            controller = nb::inst_ptr<hil::sim::IdealController>(controls);
+            if (controller->params.allocation.rotors != params_.rotor_count) {
+                throw std::invalid_argument("the controller is that of another vehicle");
+            }
+        }
         int done = 0, violation = 0;
         double travelled_m = -1.0;
-        int bad = command(controls);
+        int bad = controller ? -1 : command(controls);
         while (bad < 0 && violation == 0 && done < ticks) {
+            if (controller) {
+                const double *s = state(), *mean = s + before_.size();
+                double commands[kMaxRotors];
+                controller->step({s, s + 3, s + 7, s + 10, mean, mean + 3, s + kPoseVelocity, touching && done == 0},
+                                 commands);
+                bad = latch(commands);
+                if (bad >= 0) break;
+            }
             travelled_m = fly();
             if (!(travelled_m < remaining_m && travelled_m < actors_remaining_m)) break;
             remaining_m -= travelled_m;
@@ -159,7 +182,7 @@ class RigidBody {
             travelled_m = -1.0;
             violation = finish();
             ++done;
-            if (params_.battery.fitted && done < ticks) bad = command(controls);
+            if (!controller && params_.battery.fitted && done < ticks) bad = command(controls);
         }
         return nb::make_tuple(done, travelled_m, remaining_m, actors_remaining_m, violation, bad);
     }
@@ -496,8 +519,9 @@ void bind_rigid_body(nb::module_ &m) {
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
         .def("cruise", &RigidBody::cruise, "controls"_a, "ticks"_a, "remaining_m"_a, "actors_remaining_m"_a,
-             "approach_m"_a,
-             "Fly ticks with the same commands while each travels less than remains to the scene and to actors, which "
+             "approach_m"_a, "touching"_a,
+             "Fly ticks with the same commands, or those of an IdealController (touching: contact in the last tick), "
+             "while each travels less than remains to the scene and to actors, which "
              "approach by approach_m in a tick. Return (ticks finished, distance of a tick flown but not finished or "
              "-1, the two rests, violation as of finish(), index of a command not finite or -1).")
         .def("repair", &RigidBody::repair, "Set all rotors to the state of a new body's.")

@@ -38,6 +38,7 @@ from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
+from sim._kernels import IdealController
 from sim.physics.actors import Actors
 from sim.physics.contact_model import build_model, soften_contact
 from sim.physics.disturbances import Disturbances
@@ -107,6 +108,10 @@ class QuadrotorPhysics:
     Raises ValueError if a step does not divide the tick, a fault names a rotor that the vehicle does not have, or the
     battery is switched on and the vehicle has none.
     """
+
+    _remaining_m: float  # that the vehicle may travel before a clearance is computed anew
+    _actors_remaining_m: float
+    _approach_m: float  # of actors, in a tick
 
     def __init__(
         self,
@@ -216,19 +221,26 @@ class QuadrotorPhysics:
             return False
         return self._check_contact(travelled_m)
 
-    def hold(self, controls: Sequence[float], ticks: int) -> None:
-        """Advance by `ticks` ticks with the same commands: the bits of `advance`, without the states in between.
+    def hold(self, controls: Sequence[float] | IdealController, ticks: int) -> None:
+        """Advance by `ticks` ticks: the bits of `advance`, without the states in between.
 
-        Raises ModelRangeError at the tick at which `advance` would.
+        `controls`: the same commands in all ticks, or the native controller that makes them. Raises ModelRangeError at
+        the tick at which `advance` would.
         """
         body, last = self.body, self._tick + ticks
         while self._tick < last:
             coming = last if self._next_change < 0 else min(last, self._next_change - 1)
             if self._downwash_W is not None or not self._wind.constant or coming <= self._tick or self._tick < 0:
-                self._complete(self.fly(self._tick + 1, controls))
+                commands = self._commanded(controls) if isinstance(controls, IdealController) else controls
+                self._complete(self.fly(self._tick + 1, commands))
                 continue
             done, travelled_m, self._remaining_m, self._actors_remaining_m, violation, bad = body.cruise(
-                controls, coming - self._tick, self._remaining_m, self._actors_remaining_m, self._approach_m
+                controls,
+                coming - self._tick,
+                self._remaining_m,
+                self._actors_remaining_m,
+                self._approach_m,
+                self._was_touching,
             )
             if done:
                 self._tick += done
@@ -237,10 +249,17 @@ class QuadrotorPhysics:
             if violation:
                 raise self._range_error(self._tick, violation)
             if bad >= 0:
-                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", float(controls[bad]), "finite, 0..1")
+                value = math.nan if isinstance(controls, IdealController) else float(controls[bad])
+                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", value, "finite, 0..1")
             if travelled_m >= 0.0 or travelled_m != travelled_m:  # a tick that may touch, or left the range
                 self._tick += 1
                 self._complete(self._check_contact(travelled_m))
+
+    def _commanded(self, controller: IdealController) -> Sequence[float]:
+        t = self.truth
+        return controller.commands(
+            t.p_WB, t.q_WB, t.v_WB_W, t.w_WB_B, t.a_WB_W, t.alpha_WB_B, t.rotor_speed_radps, t.in_contact
+        )
 
     def attach(self, data: mujoco.MjData | None = None, row: int = 0) -> None:
         """Compute contact in `data`, as its free joint `row`; by default in the model of this vehicle alone."""

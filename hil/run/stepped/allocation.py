@@ -11,7 +11,7 @@ T_i = k O_i^2 is the thrust of rotor i alone, B the rows roll, pitch, yaw torque
     3. the collective thrust moves, up to that bound or down, until r + y + thrust fits
 
 So roll and pitch go before yaw, and yaw before thrust, but torques do not lift a vehicle whose bound is below its
-weight. + - * / in fixed order only: the same bits on every machine.
+weight. The steps are native code (sim/native/ideal_controller.cpp): the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+import numpy as np
+
+from sim._kernels import allocate
 from sim.physics.vehicle import Vehicle
 
 ROLL, PITCH, YAW, THRUST = range(4)
@@ -43,52 +46,17 @@ class Allocation:
                 f"the vehicle {vehicle.name!r} cannot be controlled: its rotors do not produce roll, pitch and yaw "
                 "torque and thrust independently of each other; check positions, spins and moment_ratio_m"
             )
-        self._mix = [tuple(_dot(column, row) for row in inverse) for column in self.columns]
+        # (rotors, 4): thrust of a rotor per roll, pitch, yaw torque and collective thrust
+        self.mix = np.array([[_dot(column, row) for row in inverse] for column in self.columns])
 
     def yaw_torque_nm(self, change_n: float) -> float:
         """Return the yaw torque of a change of thrust by at most `change_n` of every rotor."""
-        return change_n / max(abs(mix[YAW]) for mix in self._mix)
+        return change_n / max(abs(value) for value in self.mix[:, YAW].tolist())
 
     def thrusts(self, torque_x_nm: float, torque_y_nm: float, torque_z_nm: float, thrust_n: float) -> list[float]:
         """Return the thrust of every rotor [N]."""
-        wanted = [
-            mx * torque_x_nm + my * torque_y_nm + mz * torque_z_nm + mt * thrust_n for mx, my, mz, mt in self._mix
-        ]
-        if min(wanted) >= self.least_n and max(wanted) <= self.most_n:
-            return wanted
-        return self._saturated(torque_x_nm, torque_y_nm, torque_z_nm, thrust_n)
-
-    def _saturated(self, torque_x_nm: float, torque_y_nm: float, torque_z_nm: float, thrust_n: float) -> list[float]:
-        least, most = self.least_n, self.most_n
-        tilt = [mx * torque_x_nm + my * torque_y_nm for mx, my, _, _ in self._mix]
-        yaw = [mix[YAW] * torque_z_nm for mix in self._mix]
-        shares = [mix[THRUST] for mix in self._mix]
-        bound_n = max(thrust_n, self.raised_n)
-        fit = 1.0
-        for t, s in zip(tilt, shares, strict=True):
-            if s > 0.0 and t < 0.0 and fit * t + s * bound_n < least:
-                fit = max(0.0, (least - s * bound_n) / t)
-        tilt = [fit * t for t in tilt]
-        spread = max(tilt) - min(tilt)
-        if spread > most - least:
-            scale = (most - least) / spread
-            tilt, yaw = [scale * t for t in tilt], [0.0] * len(yaw)
-        else:
-            share = 1.0  # of the yaw torque; every pair of rotors bounds it
-            for ta, ya in zip(tilt, yaw, strict=True):
-                for tb, yb in zip(tilt, yaw, strict=True):
-                    if ya - yb > 0.0 and (ta - tb) + share * (ya - yb) > most - least:
-                        share = ((most - least) - (ta - tb)) / (ya - yb)
-            yaw = [share * y for y in yaw]
-        turn = [t + y for t, y in zip(tilt, yaw, strict=True)]
-        level = thrust_n
-        for t, s in zip(turn, shares, strict=True):
-            if s > 0.0 and t + s * level < least:
-                level = (least - t) / s
-        for t, s in zip(turn, shares, strict=True):
-            if s > 0.0 and t + s * level > most:
-                level = (most - t) / s
-        return [min(max(t + s * level, least), most) for t, s in zip(turn, shares, strict=True)]
+        limits_n = (self.least_n, self.most_n, self.raised_n)
+        return list(allocate(self.mix, limits_n, (torque_x_nm, torque_y_nm, torque_z_nm, thrust_n)))
 
 
 def _dot(a: Sequence[float], b: Sequence[float]) -> float:

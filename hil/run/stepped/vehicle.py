@@ -9,6 +9,7 @@ from signals._kernel import det_cos, det_sin
 from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN
 from signals.samples import Quat, TruthState, Vec3
+from sim._kernels import IdealController as Kernel
 from sim.physics.flight_start import FlightStart
 from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics, check_motion
 from sim.physics.scene_contact import SceneContact
@@ -54,13 +55,13 @@ class SteppedVehicle:
     def truth(self, truth: TruthState) -> None:
         self._truth = truth
 
-    def hold(self, commands: Sequence[float], ticks: int) -> ModelRangeError | None:
-        """Fly with the same commands, alone in the world; return the error of a tick that left the model's range.
+    def hold(self, commands: Sequence[float] | Kernel, ticks: int) -> ModelRangeError | None:
+        """Fly as `SteppedWorld.hold`, alone in the world; return the error of a tick that left the model's range.
 
         Raises ValueError for a command that is not finite.
         """
         assert self.physics is not None
-        if not all(map(isfinite, commands)):
+        if not isinstance(commands, Kernel) and not all(map(isfinite, commands)):
             raise ValueError(f"{self.name}: the commands are {list(commands)}; every command must be finite")
         self._truth = None
         try:

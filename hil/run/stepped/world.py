@@ -15,6 +15,7 @@ from typing import NamedTuple
 from hil.run.stepped.vehicle import SteppedVehicle, standing_truth
 from signals.errors import ModelRangeError
 from signals.samples import TruthState, Vec3
+from sim._kernels import IdealController as Kernel
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
@@ -110,10 +111,11 @@ class SteppedWorld:
         for observer in self.observers:
             observer(self)
 
-    def hold(self, commands: Sequence[float], ticks: int) -> None:
-        """Advance a world of one flying vehicle without a pilot by `ticks` ticks with the same commands 0..1.
+    def hold(self, commands: Sequence[float] | Kernel, ticks: int) -> None:
+        """Advance a world of one flying vehicle without a pilot by `ticks` ticks.
 
-        The vehicle has the bits of `step` with a pilot that returns them; observers are called once, at the end.
+        `commands`: the same 0..1 in all ticks, or an `IdealController.kernel` that flies its set-point. The vehicle has
+        the bits of `step` with a pilot that returns them; observers are called once, at the end.
         Raises ValueError for another world, or a command that is not finite.
         """
         if len(self.vehicles) != 1 or len(self._flying) != 1 or self._flying[0].pilot is not None:

@@ -156,3 +156,50 @@ def test_a_vehicle_with_an_empty_battery_falls_and_is_reported_once() -> None:
     vehicle.reset()
     run(world, 0.1)
     assert min(vehicle.truth.rotor_speed_radps) > 100.0
+
+
+@pytest.mark.parametrize("gravity_mps2", [9.8, 0.0])
+def test_held_ticks_of_the_ideal_controller_have_the_bits_of_single_ones(gravity_mps2: float) -> None:
+    scene = AIRFIELD.model_copy(update={"gravity_mps2": gravity_mps2})
+    held, stepped = SteppedWorld(scene, TICK_NS), SteppedWorld(scene, TICK_NS)
+    a, b = held.add("a", X500), stepped.add("a", X500)
+    flies_a, flies_b = (IdealController(X500, TICK_NS, gravity_mps2) for _ in range(2))
+    contacts = 0
+    for climb_mps, ticks in ((2.0, 500), (0.0, 77), (-3.0, 600), (1.0, 9)):  # up, hold, down to the ground, up
+        setpoint = Setpoint(v_xy_mps=(1.0, 0.5), vz_mps=climb_mps, yaw_rate_radps=0.2)
+        flies_a.aim(setpoint)
+        held.hold(flies_a.kernel, ticks)
+        b.pilot = lambda truth, setpoint=setpoint: flies_b.controls(truth, setpoint)  # type: ignore[misc]
+        for _ in range(ticks):
+            stepped.step()
+            contacts += b.truth.in_contact
+        assert a.truth == b.truth
+        assert all(map(math.isfinite, a.truth.p_WB))
+    assert contacts > 100 or gravity_mps2 == 0.0
+
+
+def test_a_restarted_world_has_the_bits_of_a_new_one() -> None:
+    worlds = [SteppedWorld(AIRFIELD, TICK_NS, seed=seed) for seed in (5, 3)]
+    truths = []
+    for world in worlds:
+        hovering(world, "a", 3.0)
+        run(world, 2.0)
+    worlds[0].restart(3)
+    assert worlds[0].tick == 0
+    for world in (worlds[0], SteppedWorld(AIRFIELD, TICK_NS, seed=3)):
+        if not world.vehicles:
+            world.add("a", X500)
+        world.vehicles["a"].pilot = lambda _truth: (0.75, 0.75, 0.76, 0.75)
+        run(world, 1.0)
+        truths.append(world.vehicles["a"].truth)
+    assert truths[0] == truths[1]
+
+
+def test_hold_refuses_other_worlds() -> None:
+    world = SteppedWorld(AIRFIELD, TICK_NS)
+    world.add("a", X500)
+    with pytest.raises(ValueError, match="every command must be finite"):
+        world.hold((0.5, math.nan, 0.5, 0.5), 3)
+    world.add("b", X500, FlightStart(ground_W=(5.0, 0.0, 0.0)))
+    with pytest.raises(ValueError, match="a single vehicle"):
+        world.hold((0.5,) * 4, 3)
