@@ -91,9 +91,9 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
     with one_core():
         single = _measure([s for s in _SINGLE if s not in skipped], 1, rounds, pythons, result, status)
         batched = [] if quick else _measure(_BATCHED, _WORLDS, rounds, pythons, result, status)
-    errors_m = {each.simulator.name: each.error_m for each in single}
-    for each in batched:
-        each.error_m = errors_m.get(each.simulator.name, float("nan"))
+    errors_m = {each.simulator: each.error_m for each in single}
+    for each in batched:  # the same model and integrator as in one world
+        each.error_m = errors_m.get(each.simulator, float("nan"))
     for each in single + batched:
         result.rows.append(_row(each))
     result.checks += _checks(single)
