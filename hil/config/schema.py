@@ -236,6 +236,23 @@ class Companion(Section):
         return max(self.clients, len(self.start))
 
 
+class Ros2(Section):
+    """The run as a node of a ROS 2 graph (docs/ros2.md)."""
+
+    domain: Annotated[int, Field(ge=0, le=232)] | None = None  # ROS_DOMAIN_ID; null: no ROS 2
+    interface: str | None = "lo"  # network interface; null: as the variable CYCLONEDDS_URI says
+    topics: tuple[str, ...] = ("*",)  # names or patterns; their sensors are computed
+    wait_for: tuple[str, ...] = ()  # topics whose subscribers must have received a message before the run goes on
+    wait_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 10.0  # wall clock; then the run ends as ERROR
+    control: bool = False  # set-points of ROS 2 nodes command the vehicle
+    setpoint_hz: Annotated[float, Field(ge=3, le=250)] = 50.0  # simulated time
+
+    @property
+    def flies(self) -> bool:
+        """True if ROS 2 nodes command the vehicle."""
+        return self.domain is not None and self.control
+
+
 class Record(Section):
     """Recordings of a run, besides run.json."""
 
@@ -393,6 +410,7 @@ class BenchConfig(Section):
     router: Router = Router()
     manual: Manual = Manual()
     companion: Companion = Companion()
+    ros2: Ros2 = Ros2()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     start: Start = Start()
     physics: Physics = Physics()

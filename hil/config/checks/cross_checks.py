@@ -49,6 +49,12 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     sample_types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
     for index, key, message in fault_problems(config.faults.sensors, sample_types):
         report(("faults", "sensors", index, key), message)
+    if config.ros2.flies and (config.companion.flies or config.manual.device is not None):
+        other = "companion.control" if config.companion.flies else "manual.device"
+        report(("ros2", "control"), f"is true, and so is {other}: both would command the vehicle", "leave one out")
+    if config.ros2.setpoint_hz > config.tick_hz:
+        message = f"must be at most the tick's rate, {config.tick_hz} Hz, not {config.ros2.setpoint_hz:g} Hz"
+        report(("ros2", "setpoint_hz"), message)
     step_us = config.physics.step_us
     if step_us is not None and config.tick_ns % (step_us * 1000):
         message = f"must divide the tick of {config.tick_ns / 1000:g} us, and {step_us} us does not"

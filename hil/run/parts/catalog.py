@@ -33,9 +33,10 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),
-    ("pilots.mission", lambda bench: not bench.config.companion.flies),
+    ("pilots.mission", lambda bench: not (bench.config.companion.flies or bench.config.ros2.flies)),
     ("pilots.script", lambda bench: bench.script is not None),
     ("pilots.manual", lambda bench: bench.config.manual.device is not None),
+    ("links.ros2.part", lambda bench: bench.config.ros2.domain is not None),
 )
 _LINKS: tuple[tuple[str, Condition], ...] = (
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),

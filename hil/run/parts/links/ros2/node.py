@@ -1,0 +1,247 @@
+"""A ROS 2 node without ROS: a DDS participant whose endpoints have the names, types and QoS of ROS 2 Jazzy.
+
+    topic /imu          DDS topic rt/imu, type sensor_msgs::msg::dds_::Imu_, XCDR1 little-endian
+    USER_DATA           of an endpoint "typehash=RIHS01_...;", of the participant "enclave=/;"
+    ros_discovery_info  which endpoints belong to the node, for `ros2 node list` and `ros2 topic info`
+
+Messages are sent as the CDR bytes that they are, without Python objects for their fields.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from cyclonedds.core import DDSException, Listener
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from hil.run.parts.links.ros2.dds_types import GRAPH_HASH, Gid, NodeEntitiesInfo, ParticipantEntitiesInfo, dds_type
+from hil.run.parts.links.ros2.sender import Sender
+from hil.run.parts.links.ros2.type_hash import type_hash
+from signals.errors import HilError
+
+MAX_PARTICIPANTS = 32  # of one machine and domain, each with ports of its own
+_BUSY = (
+    "ros2.domain {domain} has no free ports: other programs have all "
+    f"{MAX_PARTICIPANTS} of this machine; end some, or take another domain"
+)
+_UNBLOCKED = duration(milliseconds=100)
+# On the loopback interface there is no multicast, so participants are looked for at the ports of this machine. The
+# limit of unacknowledged data is high: a history of a few messages bounds them, and a writer never waits for a reader.
+# Heartbeats ask for acknowledgements at once.
+_CONFIG = """<CycloneDDS><Domain><General>
+<Interfaces><NetworkInterface name="{interface}"/></Interfaces>{general}</General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>{most}</MaxAutoParticipantIndex>
+<SPDPInterval>1s</SPDPInterval>{peers}</Discovery>
+<Internal><HeartbeatInterval min="1ms" minsched="1ms">2ms</HeartbeatInterval>
+<Watermarks><WhcHigh>1GB</WhcHigh></Watermarks></Internal>
+<Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>"""
+_LOOPBACK_GENERAL = (
+    "<AllowMulticast>false</AllowMulticast><MaxMessageSize>65000B</MaxMessageSize><FragmentSize>63000B</FragmentSize>"
+)
+_LOOPBACK_PEERS = '<Peers><Peer address="127.0.0.1"/></Peers>'
+
+
+class Ros2Error(HilError):
+    """The connection to the ROS 2 graph broke, or a subscriber that is waited for is missing."""
+
+
+class Profile(NamedTuple):
+    """QoS of an endpoint in the terms of ROS 2. `depth` 0: keep all."""
+
+    depth: int = 10
+    reliable: bool = True
+    transient_local: bool = False
+
+
+DEFAULT = Profile()  # rmw_qos_profile_default: subscriptions with the sensors' profile (best effort) match it too
+CLOCK_PROFILE = Profile(1, reliable=False)  # rclcpp::ClockQoS
+TF = Profile(100)  # tf2_ros::DynamicBroadcasterQoS
+TF_STATIC = Profile(100, transient_local=True)  # tf2_ros::StaticBroadcasterQoS, one message for each sensor
+WAITED_FOR = Profile(0)
+
+
+def _qos(profile: Profile, user_data: str) -> Qos:
+    history = Policy.History.KeepLast(profile.depth) if profile.depth else Policy.History.KeepAll
+    policies = [
+        Policy.Reliability.Reliable(_UNBLOCKED) if profile.reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if profile.transient_local else Policy.Durability.Volatile,
+        history,
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.WriterDataLifecycle(autodispose=False),
+        Policy.Userdata(f"typehash={user_data};".encode()),
+    ]
+    if profile.transient_local:
+        policies.append(Policy.DurabilityService(0, history, -1, -1, -1))
+    return Qos(*policies)
+
+
+class _Domains:
+    """The DDS domains of this process: a domain is made once and shared by the nodes of all vehicles."""
+
+    def __init__(self) -> None:
+        self._domains: dict[int, tuple[Domain, str | None, int]] = {}
+
+    def enter(self, number: int, interface: str | None) -> None:
+        """Make the domain, or share it. Raises Ros2Error."""
+        domain, _, users = self._domains.get(number, (None, None, 0))
+        if domain is None:
+            config = os.environ.get("CYCLONEDDS_URI") if interface is None else _config(interface)
+            try:
+                domain = Domain(number, config)
+            except DDSException as error:
+                if not _has_free_port(number):
+                    raise Ros2Error(_BUSY.format(domain=number)) from error
+                where = "as CYCLONEDDS_URI says" if interface is None else f"on the interface {interface}"
+                raise Ros2Error(f"ros2.domain {number} cannot be opened {where}: {error}") from error
+        self._domains[number] = (domain, interface, users + 1)
+
+    def leave(self, number: int) -> None:
+        """Give back the domain; the last user ends it."""
+        domain, interface, users = self._domains[number]
+        if users > 1:
+            self._domains[number] = (domain, interface, users - 1)
+            return
+        del self._domains[number]
+        domain.__del__()
+
+
+def _has_free_port(domain: int) -> bool:
+    """Return True if one of the ports of a domain's participants is free (DDSI-RTPS 9.6.2.3)."""
+    for index in range(MAX_PARTICIPANTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", 7410 + 250 * domain + 2 * index))
+            return True
+    return False
+
+
+def _config(interface: str) -> str:
+    names = [name for _, name in socket.if_nameindex()]
+    if interface not in names:
+        known = ", ".join(names)
+        raise Ros2Error(f"ros2.interface: this machine has no network interface {interface!r} (it has {known})")
+    loopback = interface == "lo"
+    return _CONFIG.format(
+        interface=interface,
+        general=_LOOPBACK_GENERAL if loopback else "",
+        peers=_LOOPBACK_PEERS if loopback else "",
+        most=MAX_PARTICIPANTS - 1,
+    )
+
+
+_DOMAINS = _Domains()
+
+
+class Publisher:
+    """A publisher of one topic. A `Sender` sends its messages: CDR bytes of a multiple of 4."""
+
+    def __init__(self, node: Node, name: str, type_name: str, profile: Profile) -> None:
+        self.name = name
+        self.subscribers = 0  # that match now; set by a thread of the DDS library
+        topic = Topic(node.participant, f"rt{name}", dds_type(type_name))
+        listener = Listener(on_publication_matched=self._matched)
+        self._writer = DataWriter(node.participant, topic, _qos(profile, type_hash(type_name)), listener)
+        self.ref = self._writer._ref
+        self.gid = self._writer.get_guid().bytes
+
+    def _matched(self, writer: Any, status: Any) -> None:  # noqa: ARG002 (the signature of a listener)
+        self.subscribers = int(status.current_count)
+
+    def has_reliable_subscriber(self) -> bool:
+        """Return True if one of the subscriptions acknowledges what it has received."""
+        for handle in self._writer.get_matched_subscriptions():
+            endpoint = self._writer.get_matched_subscription_data(handle)
+            if endpoint is not None and endpoint.qos[Policy.Reliability] not in (None, Policy.Reliability.BestEffort):
+                return True
+        return False
+
+    def acknowledged(self, limit_s: float) -> bool:
+        """Wait until all reliable subscribers have everything that was written. Return False past the limit."""
+        result = self._writer._wait_for_acks(self.ref, duration(seconds=limit_s))
+        if result not in (DDSException.DDS_RETCODE_OK, DDSException.DDS_RETCODE_TIMEOUT):
+            raise Ros2Error(f"{self.name}: no acknowledgement can be waited for ({DDSException(result)})")
+        return bool(result == DDSException.DDS_RETCODE_OK)
+
+
+class Subscription:
+    """A subscription of one topic."""
+
+    def __init__(self, node: Node, name: str, type_name: str) -> None:
+        self.name = name
+        topic = Topic(node.participant, f"rt{name}", dds_type(type_name))
+        self._reader = DataReader(node.participant, topic, _qos(DEFAULT, type_hash(type_name)))
+        self.gid = self._reader.get_guid().bytes
+
+    def take(self) -> list[Any]:
+        """Return the messages since the last call."""
+        return [sample for sample in self._reader.take(N=64) if sample.sample_info.valid_data]
+
+
+class Node:
+    """One node with its publishers and subscriptions."""
+
+    def __init__(self, domain: int, interface: str | None, *, name: str = "hil", namespace: str = "/") -> None:
+        """Join a domain. Raises Ros2Error."""
+        self._domain, self._name, self._namespace = domain, name, namespace
+        self._publishers: list[Publisher] = []
+        self._subscriptions: list[Subscription] = []
+        _DOMAINS.enter(domain, interface)
+        try:
+            self.participant = DomainParticipant(domain, Qos(Policy.Userdata(b"enclave=/;"), Policy.EntityName("/")))
+        except DDSException as error:
+            _DOMAINS.leave(domain)
+            raise Ros2Error(f"ros2.domain {domain} cannot be joined: {error}") from error
+        self._open = True
+        self.sender = Sender()
+        graph = Topic(self.participant, "ros_discovery_info", ParticipantEntitiesInfo)
+        self._graph = DataWriter(self.participant, graph, _qos(Profile(1, transient_local=True), GRAPH_HASH))
+
+    def publisher(self, name: str, type_name: str, profile: Profile = DEFAULT) -> Publisher:
+        """Add a publisher."""
+        self._publishers.append(Publisher(self, name, type_name, profile))
+        return self._publishers[-1]
+
+    def subscription(self, name: str, type_name: str) -> Subscription:
+        """Add a subscription."""
+        self._subscriptions.append(Subscription(self, name, type_name))
+        return self._subscriptions[-1]
+
+    def announce(self) -> None:
+        """Tell the other nodes which endpoints this node has."""
+        gid = Gid(data=list(self.participant.get_guid().bytes))
+        endpoints: list[Sequence[Publisher | Subscription]] = [self._subscriptions, self._publishers]
+        readers, writers = ([Gid(data=list(end.gid)) for end in ends] for ends in endpoints)
+        node = NodeEntitiesInfo(
+            node_namespace=self._namespace, node_name=self._name, reader_gid_seq=readers, writer_gid_seq=writers
+        )
+        self._graph.write(ParticipantEntitiesInfo(gid=gid, node_entities_info_seq=[node]))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        if not self._open:
+            return
+        self._open = False
+        self.sender.close()
+        self._publishers.clear()
+        self._subscriptions.clear()
+        self.participant.__del__()
+        _DOMAINS.leave(self._domain)
+
+
+def wait_until(condition: Callable[[], bool], limit_s: float) -> bool:
+    """Wait for a condition, at most `limit_s` of wall-clock time. Return it."""
+    end_s = time.monotonic() + limit_s
+    while not condition():
+        if time.monotonic() >= end_s:
+            return False
+        time.sleep(0.005)
+    return True

@@ -1,0 +1,284 @@
+"""The section `ros2`: the run as a node of a ROS 2 graph, without ROS. Needs the package cyclonedds (extra ros2).
+
+The messages of a tick are sent while the autopilot computes its answer. A topic without a subscriber is not encoded.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from importlib.util import find_spec
+from typing import Any
+
+from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
+from hil.config import Bench
+from hil.run.autopilots.surroundings import geodetic_from_W
+from hil.run.loop.scheduler import CommandSource
+from hil.run.part import Part, RunContext
+from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
+from hil.run.parts.pilots.mission import grid_ns, needs_estimator, record_texts
+from hil.run.recorder.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
+from signals._kernel import tangent_ned
+from signals.desired import DesiredState
+from signals.documents.validate import nearest
+from signals.errors import ConfigError, Problem
+from signals.latency import LatencyHistogram
+from signals.samples import Sample, TruthState
+
+INSTALL = "pip install 'hil-bench[ros2]'"
+_LOOK_TICKS = 25  # between two looks for new subscribers
+_SLICE_S = 0.25  # of a wait, so that it ends soon after a subscriber is lost
+_STALE_S = 1.0  # simulated time without a set-point after which the vehicle holds its position
+
+
+class Ros2Part(Part):
+    name = "ros2"
+    free_running = False
+
+    def __init__(self, bench: Bench, topics: Sequence[LiveTopic]) -> None:
+        self._bench, self._topics = bench, tuple(topics)
+        self._settings = bench.config.ros2
+        self._names = Names(bench.config.name)
+        self._run: RunContext | None = None
+        self._node: Any = None
+        self._publishers: dict[str, Any] = {}
+        self._always: frozenset[str] = frozenset()  # topics that are sent to nobody too: late subscribers get them
+        self._awaited: list[Any] = []  # publishers whose subscribers are waited for
+        self._selected: set[str] = set()
+        self._live: LiveMessages | None = None
+        self._pilot: OffboardPilot | None = None
+        self._subscriptions: list[tuple[Any, Callable[[Any, TruthState], DesiredState]]] = []
+        self._counts: dict[str, int] = {}
+        self._set_points = self._refused = 0
+        self._cost, self._waits = LatencyHistogram(), LatencyHistogram()  # processor time of a tick; wall clock
+        self._cost_ns = 0
+
+    # -- life cycle -----------------------------------------------------------------------------------------------
+
+    def open(self, run: RunContext) -> None:
+        from hil.run.parts.links.ros2 import node as ros2
+
+        self._run = run
+        settings = self._settings
+        assert settings.domain is not None
+        vehicle = self._bench.config.name
+        self._node = ros2.Node(
+            settings.domain, settings.interface, name="hil", namespace=f"/{vehicle}" if vehicle else "/"
+        )
+        profiles = {CLOCK: ros2.CLOCK_PROFILE, "/tf": ros2.TF, "/tf_static": ros2.TF_STATIC}
+        for topic in self._topics:
+            waits = topic.name in settings.wait_for
+            profile = ros2.WAITED_FOR if waits else profiles.get(topic.name, ros2.DEFAULT)
+            self._publishers[topic.name] = self._node.publisher(topic.name, topic.type_name, profile)
+        self._always = frozenset((*settings.wait_for, "/tf_static")) & self._publishers.keys()
+        self._awaited = [self._publishers[name] for name in settings.wait_for]
+        if settings.control:
+            self._subscribe()
+        self._node.announce()
+
+    def _subscribe(self) -> None:
+        body = self._names.frame("base_link")
+        for name, type_name, convert in (
+            ("/cmd_vel", "geometry_msgs/TwistStamped", lambda message, truth: desired_velocity(message, truth, body)),
+            ("/cmd_pose", "geometry_msgs/PoseStamped", lambda message, truth: desired_pose(message)),  # noqa: ARG005
+            ("/cmd_land", "std_msgs/Empty", lambda message, truth: DesiredState(land=True)),  # noqa: ARG005
+        ):
+            self._subscriptions.append((self._node.subscription(self._names.topic(name), type_name), convert))
+
+    def watched_ports(self) -> frozenset[str]:
+        return frozenset(topic.port for topic in self._topics if topic.port)
+
+    def build(self, run: RunContext) -> None:
+        config = self._bench.config
+        self._live = LiveMessages(
+            config.tick_ns,
+            descriptions=run.sensors.descriptions,
+            vehicle=config.name,
+            selected=self._selected,
+            pad_to=4,
+        )
+        if self._settings.control:
+            self._pilot = OffboardPilot(
+                geodetic_from_W(config.autopilot.kind, self._bench.scene.site, run.physics.state),
+                tick_ns=config.tick_ns,
+                setpoint_hz=self._settings.setpoint_hz,
+                stale_s=_STALE_S,
+                projection=tangent_ned if config.autopilot.is_mock else None,
+                target_sysid=None,
+                grid_ns=grid_ns(self._bench),
+                needs_estimator=needs_estimator(self._bench),
+                on_event=run.recorder.event,
+            )
+
+    def begin(self, run: RunContext) -> None:
+        if self._awaited:
+            run.say("ros2", f"waiting for subscribers of {', '.join(self._settings.wait_for)}")
+            for publisher in self._awaited:
+                self._await_subscriber(publisher)
+        self._look()
+
+    def _await_subscriber(self, publisher: Any) -> None:
+        from hil.run.parts.links.ros2.node import Ros2Error, wait_until
+
+        limit_s = self._settings.wait_timeout_s
+        if not wait_until(publisher.has_reliable_subscriber, limit_s):
+            why = "is best effort: it acknowledges nothing" if publisher.subscribers else "did not come"
+            raise Ros2Error(
+                f"ros2.wait_for: a reliable subscriber of {publisher.name} is waited for, and it {why} "
+                f"(ros2.wait_timeout_s is {limit_s:g})"
+            )
+
+    def command_sources(self) -> list[CommandSource]:
+        return [] if self._pilot is None else [self._pilot]
+
+    def exchange(self) -> Ros2Part:
+        return self
+
+    def phase(self) -> str:
+        return "" if self._pilot is None else self._pilot.phase.value
+
+    def texts(self) -> list[tuple[int, int, str]]:
+        return [] if self._pilot is None else self._pilot.statustexts
+
+    def ended(self) -> bool:
+        return self._pilot is not None and self._pilot.phase.value == "done"
+
+    def close(self) -> None:
+        if self._node is not None:
+            self._node.close()
+
+    def finish(self, run: RunContext) -> None:
+        record_texts(run.recorder, list(self.texts()))
+
+    def repeatable(self) -> bool:
+        return self._set_points == 0
+
+    def run_keys(self) -> dict[str, Any]:
+        cost = self._cost
+        return {
+            "ros2": {
+                "domain": self._settings.domain,
+                "topics": {name: self._counts.get(name, 0) for name in sorted(self._publishers)},
+                "set_points": self._set_points,
+                "set_points_refused": self._refused,
+                "tick_us": {
+                    "mean": self._cost_ns / 1000 / max(cost.count, 1),
+                    "p50": cost.quantile_ns(0.5) / 1000,
+                    "p99": cost.quantile_ns(0.99) / 1000,
+                },
+                "wait_ms": self._waits.quantile_ns(0.5) / 1e6 if self._waits.count else None,
+            }
+        }
+
+    # -- every tick -----------------------------------------------------------------------------------------------
+
+    def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None:
+        """Send the messages of a tick, and take the set-points that have come."""
+        began_ns = time.thread_time_ns()
+        run, live = self._run, self._live
+        assert run is not None
+        assert live is not None
+        if truth.tick % _LOOK_TICKS == 0:
+            self._look()
+        counts, publishers = self._counts, self._publishers
+        batch = []
+        for topic, _, data in live.of_tick(truth, released, run.scheduler.actuators, run.physics.battery):
+            name = topic.name
+            if name not in publishers:  # /tf_static comes unasked
+                continue
+            batch.append((publishers[name].ref, name, bytes(data)))
+            counts[name] = counts.get(name, 0) + 1
+        if batch:
+            self._send(batch)
+        for subscription, convert in self._subscriptions:
+            for message in subscription.take():
+                self._set_point(subscription.name, message, truth, convert)
+        cost_ns = time.thread_time_ns() - began_ns
+        self._cost.add(cost_ns)
+        self._cost_ns += cost_ns
+        awaited = [publisher for publisher in self._awaited if any(publisher.name == name for _, name, _ in batch)]
+        if awaited:
+            wait_began_ns = time.perf_counter_ns()
+            self._node.sender.drain()
+            for publisher in awaited:
+                self._await_receipt(publisher)
+            self._waits.add(time.perf_counter_ns() - wait_began_ns)
+
+    def _send(self, batch: list[tuple[int, str, bytes]]) -> None:
+        sender = self._node.sender
+        if sender.failed is not None:
+            from hil.run.parts.links.ros2.node import Ros2Error
+
+            raise Ros2Error(f"ros2: a message of {sender.failed} could not be sent")
+        sender.send(batch)
+
+    def serve(self, limit_s: float) -> None:
+        """Do nothing: messages are exchanged once a tick."""
+
+    def _look(self) -> None:
+        """Select the topics that have subscribers."""
+        self._selected.clear()
+        self._selected |= self._always
+        self._selected.update(name for name, publisher in self._publishers.items() if publisher.subscribers)
+
+    def _await_receipt(self, publisher: Any) -> None:
+        from hil.run.parts.links.ros2.node import Ros2Error
+
+        limit_s = self._settings.wait_timeout_s
+        end_s = time.monotonic() + limit_s
+        while not publisher.acknowledged(_SLICE_S):
+            if time.monotonic() >= end_s:
+                raise Ros2Error(
+                    f"ros2.wait_for: the subscriber of {publisher.name} has not received a message for {limit_s:g} s "
+                    "of wall-clock time (ros2.wait_timeout_s); is it stopped?"
+                )
+        if not publisher.subscribers:
+            raise Ros2Error(f"ros2.wait_for: the subscriber of {publisher.name} is gone, and every message is for it")
+
+    def _set_point(
+        self, name: str, message: Any, truth: TruthState, convert: Callable[[Any, TruthState], DesiredState]
+    ) -> None:
+        run, pilot = self._run, self._pilot
+        assert run is not None
+        assert pilot is not None
+        try:
+            desired = convert(message, truth)
+        except ValueError as error:
+            self._refused += 1
+            if self._refused == 1:
+                run.event("warning", f"ros2: a set-point of {name} is refused, and so may be others: {error}")
+            return
+        self._set_points += 1
+        if self._set_points == 1:
+            run.event("ros2", f"first set-point, of {name}: the flight has an input from outside")
+        t_apply_ns = truth.t_ns + self._bench.config.tick_ns
+        for part in run.parts:
+            part.on_desired(desired, t_apply_ns)
+        pilot.set_desired(desired, t_apply_ns)
+
+
+def _problems(bench: Bench, known: Sequence[str]) -> list[Problem]:
+    problems = []
+    settings = bench.config.ros2
+    if find_spec("cyclonedds") is None:
+        problems.append(Problem("ros2", "needs the package cyclonedds, which is not installed", INSTALL))
+    for name in settings.wait_for:
+        if name not in known:
+            problems.append(Problem("ros2.wait_for", f"names an unknown topic: {name!r}", nearest(name, known)))
+    for pattern in settings.topics:
+        if not any(fnmatchcase(name, pattern) for name in known):
+            hint = nearest(pattern, known) or f"topics: {', '.join(known)}"
+            problems.append(Problem("ros2.topics", f"fits no topic: {pattern!r}", hint))
+    return problems
+
+
+def make(bench: Bench) -> Part:
+    """Return the part. Raises ConfigError for an unknown topic, or without the package cyclonedds."""
+    settings = bench.config.ros2
+    topics = live_topics(bench)
+    problems = _problems(bench, [topic.name for topic in topics])
+    if problems:
+        raise ConfigError(problems)
+    patterns = (*settings.topics, *settings.wait_for)
+    return Ros2Part(bench, [topic for topic in topics if any(fnmatchcase(topic.name, p) for p in patterns)])

@@ -1,0 +1,48 @@
+"""Set-points from ROS 2: `cmd_vel`, `cmd_pose` and `cmd_land` become desired states, which the offboard pilot flies.
+
+    cmd_vel    geometry_msgs/TwistStamped   velocity [m/s] and rate of heading [rad/s]
+    cmd_pose   geometry_msgs/PoseStamped    position [m] and heading
+    cmd_land   std_msgs/Empty               the vehicle lands, which ends the flight
+
+`header.frame_id` is the world ("world", "map", "odom" or empty) or the vehicle: "base_link" turns a velocity by the
+vehicle's true heading. The stamp is not used: a set-point applies from the next tick on.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, sin
+from typing import Any
+
+from signals.desired import DesiredState
+from signals.samples import Quat, TruthState
+
+WORLD_FRAMES = ("", "world", "map", "odom")
+
+
+def heading_of(q: Quat) -> float:
+    """Return the heading of an attitude w-x-y-z, from east, counter-clockwise [rad]."""
+    w, x, y, z = q
+    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def desired_velocity(message: Any, truth: TruthState, body_frame: str) -> DesiredState:
+    """Return the desired state of a TwistStamped. Raises ValueError for another frame, or numbers that are not finite.
+
+    `body_frame`: name of the vehicle's frame.
+    """
+    linear, angular, frame = message.twist.linear, message.twist.angular, message.header.frame_id
+    vx, vy = linear.x, linear.y
+    if frame == body_frame:
+        c, s = cos(heading := heading_of(truth.q_WB)), sin(heading)
+        vx, vy = c * vx - s * vy, s * vx + c * vy
+    elif frame not in WORLD_FRAMES:
+        raise ValueError(f"frame_id is {frame!r}; it has to be 'world' or {body_frame!r}")
+    return DesiredState(v_W=(vx, vy, linear.z), yaw_rate_radps=angular.z)
+
+
+def desired_pose(message: Any) -> DesiredState:
+    """Return the desired state of a PoseStamped. Raises ValueError as `desired_velocity`."""
+    frame, p, q = message.header.frame_id, message.pose.position, message.pose.orientation
+    if frame not in WORLD_FRAMES:
+        raise ValueError(f"frame_id is {frame!r}; a position has to be in 'world'")
+    return DesiredState(p_W=(p.x, p.y, p.z), q_WB=(q.w, q.x, q.y, q.z))
