@@ -18,6 +18,7 @@ from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude, random_vector
 from hil.gym.tasks.task import Ends, Rewards, seed_of
+from signals.units import RAD_PER_DEG
 
 NEAR_M, NEAR_S = 0.25, 2.0
 
@@ -42,7 +43,7 @@ class HoverTask(TargetTask):
     def __init__(self, flights: Sequence[Flight], options: HoverOptions, name: str) -> None:
         super().__init__(flights, name, targets=1, range_m=options.range_m)
         self._o = options
-        self._near = np.zeros(len(flights), np.int64)  # steps in succession near the target
+        self._near = [0] * len(flights)  # steps in succession near the target
         self._near_steps = max(1, round(NEAR_S / options.step_s))
 
     def begin(self, row: int, flight: Flight, random: np.random.Generator) -> None:
@@ -56,7 +57,7 @@ class HoverTask(TargetTask):
         )
         flight.vehicle.place(
             (target[0] + dx, target[1] + dy, target[2] + dz),
-            random_attitude(random, o.start_tilt_deg * (3.141592653589793 / 180.0)),
+            random_attitude(random, o.start_tilt_deg * RAD_PER_DEG),
             random_vector(random, (o.start_speed_mps,) * 3),
             random_vector(random, (o.start_rate_radps,) * 3),
             hover_speeds(flight),
@@ -66,13 +67,16 @@ class HoverTask(TargetTask):
         flight.begin(seed_of(random), target)
 
     def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:  # noqa: ARG002
-        d = self.distance_m
-        near = d < NEAR_M
-        self._near = (self._near + 1) * near
-        reward = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * np.minimum(1.0, 0.1 * self.rate_radps)
-        return reward, (d > self._o.range_m) | (self.cos_tilt < 0.0) | self.crashed()
+        count, range_m, near = len(self.flights), self._o.range_m, self._near
+        rewards, ends = np.empty(count), np.empty(count, np.bool_)
+        # Numbers, not arrays: for one vehicle, arrays of one element would take longer than its physics.
+        for row, (d, _, rate_radps, cos_tilt) in enumerate(self.measures.tolist()):
+            near[row] = near[row] + 1 if d < NEAR_M else 0
+            rewards[row] = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * min(1.0, 0.1 * rate_radps)
+            ends[row] = d > range_m or cos_tilt < 0.0 or self.has_crashed(row)
+        return rewards, ends
 
     def info(self, row: int, *, over: bool) -> dict[str, Any]:
         if not over:
             return {}
-        return {"is_success": bool(self._near[row] >= self._near_steps), "distance_m": float(self.distance_m[row])}
+        return {"is_success": self._near[row] >= self._near_steps, "distance_m": float(self.distance_m[row])}

@@ -40,8 +40,8 @@ class TargetTask(Task):
         self._bodies = [flight.physics.body for flight in self.flights]
         self._scale = (1.0 / range_m, SPEED_SCALE, RATE_SCALE)
         self.target_W: NDArray[np.float64] = np.zeros((count, targets, 3))
-        self._measures: NDArray[np.float64] = np.zeros((count, 4))
-        self.distance_m, self.speed_mps, self.rate_radps, self.cos_tilt = self._measures.T
+        self.measures: NDArray[np.float64] = np.zeros((count, 4))
+        self.distance_m, _, _, self.cos_tilt = self.measures.T
         self.features = self.width + more
         self.observation_space = Box(-1.0, 1.0, (self.features,), np.float32)
 
@@ -52,7 +52,7 @@ class TargetTask(Task):
 
     def write_features(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Write the features of all rows to the first columns, and update the measures. Return `features`."""
-        observe_flights(self._bodies, self.target_W, self._scale, features, self._measures)
+        observe_flights(self._bodies, self.target_W, self._scale, features, self.measures)
         return features
 
     def observe(self) -> Any:
@@ -60,7 +60,12 @@ class TargetTask(Task):
 
     def crashed(self) -> NDArray[np.bool_]:
         """Return True for vehicles that touched something in the last tick, or left the range of the model."""
-        return np.array([f.physics.was_touching or f.departure is not None for f in self.flights], np.bool_)
+        return np.array([self.has_crashed(row) for row in range(len(self.flights))], np.bool_)
+
+    def has_crashed(self, row: int) -> bool:
+        """Return True for a vehicle that touched something in the last tick, or left the range of the model."""
+        flight = self.flights[row]
+        return flight.physics.was_touching or flight.departure is not None
 
 
 def hover_speeds(flight: Flight) -> list[float]:
