@@ -70,7 +70,13 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         if len(seeds) != self.num_envs:
             raise ValueError(f"{self.batch.name}: {len(seeds)} seeds for {self.num_envs} environments")
         options = dict(options or {})
-        mask = options.pop("reset_mask", np.ones(self.num_envs, np.bool_))
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, np.bool_)))
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(
+                f"{self.batch.name}: reset_mask needs true or false for each of {self.num_envs} environments"
+            )
+        if self._ended is None:
+            mask = np.ones(self.num_envs, np.bool_)  # none has begun yet
         for row in np.flatnonzero(mask).tolist():
             self.batch.reset(row, seeds[row], options)
         if self._ended is None:

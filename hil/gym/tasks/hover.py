@@ -66,11 +66,13 @@ class HoverTask(TargetTask):
         self._near[row] = 0
         flight.begin(seed_of(random), target)
 
-    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:  # noqa: ARG002
+    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:  # noqa: ARG002 (the interface)
         count, range_m, near = len(self.flights), self._o.range_m, self._near
-        rewards, ends = np.empty(count), np.empty(count, np.bool_)
+        rewards, ends = np.zeros(count), np.zeros(count, np.bool_)
         # Numbers, not arrays: for one vehicle, arrays of one element would take longer than its physics.
         for row, (d, _, rate_radps, cos_tilt) in enumerate(self.measures.tolist()):
+            if actions[row] is None:
+                continue
             near[row] = near[row] + 1 if d < NEAR_M else 0
             rewards[row] = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * min(1.0, 0.1 * rate_radps)
             ends[row] = d > range_m or cos_tilt < 0.0 or self.has_crashed(row)

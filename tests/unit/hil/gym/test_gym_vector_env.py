@@ -12,6 +12,7 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 import hil.gym
 
 COUNT = 4
+STILL: dict[str, Any] = {"action": "position", "start_offset_m": 0.0, "start_speed_mps": 0.0, "episode_s": 1.98}
 
 
 def make(name: str, **options: Any) -> Any:
@@ -49,6 +50,7 @@ def compare(batch: Any, singles: Any, steps: int, actions: int = 4) -> int:
     [
         ("hil/Hover-v0", {"episode_s": 1.0}, 120),
         ("hil/Hover-v0", {"action": "motors"}, 150),
+        ("hil/Hover-v0", STILL, 320),  # a step short of a success, in each episode
         ("hil/Waypoints-v0", {"episode_s": 1.0, "reach_m": 2.0}, 120),
         ("hil/Explore-v0", {"episode_s": 1.0}, 25),
         ("hil/Explore-v0", {"episode_s": 1.0, "port": "front/depth"}, 25),
@@ -83,6 +85,8 @@ def test_a_wrong_action_names_its_environment() -> None:
         envs.step(actions)
     with pytest.raises(ValueError, match="3 actions for 4 environments"):
         envs.step(np.zeros((3, 4)))
+    with pytest.raises(ValueError, match="true or false for each of 4"):
+        envs.reset(options={"reset_mask": [True, False]})
     with pytest.raises(ValueError, match="2 seeds for 4 environments"):
         envs.reset(seed=[1, 2])
 
