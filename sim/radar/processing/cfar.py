@@ -18,6 +18,7 @@ number of cells per independent cell (the sum of the squared correlations), and 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -113,6 +114,7 @@ def cell_averaging_factor(cells: float, receivers: int, false_alarm: float) -> f
     return float(cells * (1.0 / betaincinv(a, receivers, false_alarm) - 1.0))
 
 
+@cache
 def order_statistic_factor(cells: float, rank: float, receivers: int, false_alarm: float) -> float:
     """Return alpha of OS as a factor of the k-th smallest value, k = `rank` * `cells`."""
     from scipy.optimize import brentq
