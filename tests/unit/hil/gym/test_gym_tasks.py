@@ -126,6 +126,23 @@ def test_stable_baselines3_has_no_complaint() -> None:
         checker.check_env(gymnasium.make(name), warn=True)
 
 
+@pytest.mark.parametrize("action", ["motors", "rates"])
+def test_leaving_the_range_of_the_model_ends_the_episode(action: str) -> None:
+    env = gymnasium.make("hil/Bench-v0", ports=["truth"], action=action).unwrapped
+    env.reset(seed=1)
+    flight: Any = env.batch.flights[0]  # type: ignore[attr-defined]
+    flight.vehicle.place((0.0, 0.0, 49_999.0), v_WB_W=(0.0, 0.0, 190.0))
+    for _ in range(100):
+        observation, _, terminated, _, _ = env.step(np.full(4, -1.0, np.float32))
+        assert np.isfinite(observation["truth"]).all()
+        if terminated:
+            break
+    assert terminated
+    assert "distance_from_site_m" in flight.departure.message
+    env.reset(seed=1)
+    assert not env.step(np.zeros(4, np.float32))[2]
+
+
 @pytest.mark.slow
 def test_the_mock_of_the_rig_flies_velocities_with_the_same_bits_in_every_episode() -> None:
     env = gymnasium.make("hil/Bench-v0", controller="rig", action="velocity", ports=["truth"], step_s=0.1)
