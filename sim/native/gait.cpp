@@ -176,6 +176,10 @@ GaitShape fit_gait(const FigureLengths &figure, double speed_mps, double cycle_m
 }
 
 void resting_leg(const FigureLengths &figure, double y, double hip_z, double ankle_x, double ankle_z, LimbRow *rows) {
+    const double below = hip_z - ankle_z, far = std::sqrt(ankle_x * ankle_x + below * below);
+    if (!(far < figure.thigh + figure.shank && far > std::abs(figure.thigh - figure.shank))) {
+        throw std::invalid_argument("a leg at rest does not reach its foot: this person is too small or too tall here");
+    }
     leg_rows(figure, y, {0.0, hip_z, 0.0, 0.0}, {ankle_x, ankle_z, 0.0, 0.0}, {0.0, 0.0}, rows);
 }
 

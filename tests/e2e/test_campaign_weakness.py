@@ -14,8 +14,16 @@ from hil.apps.campaign.find.command import SearchOptions, ShrinkOptions, search_
 FILE = Path("rigs/campaigns/weak_gain.yaml")
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(1800)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
+
+
+def test_a_valley_of_small_margins_does_not_hold_the_search(tmp_path: Path) -> None:
+    """With seed 3, TPE by itself stayed for 200 trials with another list of faults in a strong east wind."""
+    pytest.importorskip("optuna")
+    options = SearchOptions(trials=120, seed=3, out=tmp_path, quiet=True)
+    assert search_failures(FILE, options, Console(quiet=True)) == 1
+
+
 def test_the_planted_weakness_is_found_and_shrunk_to_its_two_causes(tmp_path: Path) -> None:
     pytest.importorskip("optuna")
     assert search_failures(FILE, SearchOptions(trials=200, out=tmp_path, quiet=True), Console(quiet=True)) == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 from signals.rotation import NO_TURN, product
 from signals.samples import Quat, Vec3
@@ -27,6 +28,8 @@ _ALONG_X = pitch_quat(QUARTER_TURN_RAD)
 
 _HEIGHT_STEP_M = 0.05  # of the meshes: people of nearly the same height share them
 _CHILD_M = 1.42  # below this height people have the proportions of a child
+_CHILDS_WHEELCHAIR = 1.0 / 1.75  # size for each metre of a child's height
+_STRAIGHT = 0.99  # greatest distance of hip and ankle of a person who sits, as a share of the leg
 
 
 @dataclass(frozen=True)
@@ -63,9 +66,15 @@ class _Person:
             reach[piece.limb] = max(reach[piece.limb], farthest)
         return reach
 
+    @property
+    def chair_size(self) -> float:
+        """Size of this person's wheelchair; a child has a smaller one."""
+        return _CHILDS_WHEELCHAIR * self._scale if self.figure.child else 1.0
+
     def add_wheelchair(self, body: Body, origin: Vec3) -> None:
         """Add a wheelchair to the body of the pelvis; `origin`: the ground below the hips in the body's frame."""
-        b = self._builder
+        b, size = self._builder, self.chair_size
+        named = "" if size == 1.0 else f"_{round(100 * size)}"
         made = (
             (
                 "tyres",
@@ -77,11 +86,14 @@ class _Person:
         )
         for name, make, material in made:
             mesh = make()
-            asset = b.mesh(f"wheelchair_{name}", mesh)
+            asset = b.mesh(f"wheelchair_{name}{named}", mesh, scale=size, source=f"wheelchair_{name}")
             body.geom("mesh", asset=asset, material=material, pos=origin, solid=False, part=f"wheelchair_{name}")
         centre, half = wheelchair.BOX
-        x, y, z = (a + c for a, c in zip(origin, centre, strict=True))
-        body.proxy("box", half, material=self._contact, pos=(x, y, z), part="contact_wheelchair")
+        x, y, z = (a + size * c for a, c in zip(origin, centre, strict=True))
+        half_x, half_y, half_z = (size * c for c in half)
+        body.proxy(
+            "box", (half_x, half_y, half_z), material=self._contact, pos=(x, y, z), part="contact_wheelchair"
+        )
 
     def add_limb(
         self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = ""
@@ -152,7 +164,9 @@ def _sitting(figure: Figure, seat_m: float) -> list[Row]:
         rows += resting_arm(figure.lengths_m, side, shoulder_z, -0.35, -1.25)
     for side in (figure.hip_half_m, -figure.hip_half_m):
         ahead = 0.93 * figure.thigh_m
-        rows += resting_leg(figure.lengths_m, side, hip_z, ahead, figure.ankle_m)
+        below = sqrt((_STRAIGHT * (figure.thigh_m + figure.shank_m)) ** 2 - ahead * ahead)
+        ankle_z = max(figure.ankle_m, hip_z - below)  # the feet of a small person hang above the ground
+        rows += resting_leg(figure.lengths_m, side, hip_z, ahead, ankle_z)
     return rows
 
 
@@ -166,10 +180,11 @@ def add_wheelchair_user(
 ) -> Roller:
     """Add a person who rolls along `path` in a wheelchair, as an actor of the map."""
     person = _Person(builder, rng, traits, sitting=True)
-    rows = _seated_rows(person.figure)
+    size = person.chair_size
+    rows = _seated_rows(person.figure, size)
     hip_z = rows[0][2]
     reach = person.reach_m()
-    reach["pelvis"] = max(reach["pelvis"], wheelchair.reach_m(hip_z))
+    reach["pelvis"] = max(reach["pelvis"], size * wheelchair.reach_m(hip_z / size))
     roller = Roller(person.name, person.figure, path, rows, ground_m=ground_m, reach_m=reach)
     for limb, body in zip(LIMBS, builder.actor(roller), strict=True):
         person.add_limb(body, limb)
@@ -179,16 +194,16 @@ def add_wheelchair_user(
     return roller
 
 
-def _seated_rows(figure: Figure) -> list[Row]:
-    """Return full rows of a person in a wheelchair, the feet on its footrests."""
-    hip_z = wheelchair.SEAT_M + 0.055 * figure.height_m
+def _seated_rows(figure: Figure, size: float) -> list[Row]:
+    """Return full rows of a person in a wheelchair of a size, the feet on its footrests."""
+    hip_z = size * wheelchair.SEAT_M + 0.055 * figure.height_m
     rows = [[*row, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] for row in _trunk_rows(figure, hip_z)]
     shoulder_z = hip_z + figure.shoulder_above_hip_m
     for side in (figure.shoulder_half_m, -figure.shoulder_half_m):
         rows += [list(row) for row in resting_arm(figure.lengths_m, 1.12 * side, shoulder_z, 0.10, -1.15)]
     for side in (figure.hip_half_m, -figure.hip_half_m):
-        ankle_z = wheelchair.FOOTREST_M + figure.ankle_m
-        rows += [list(row) for row in resting_leg(figure.lengths_m, 1.3 * side, hip_z, 0.40, ankle_z)]
+        ankle_z = size * wheelchair.FOOTREST_M + figure.ankle_m
+        rows += [list(row) for row in resting_leg(figure.lengths_m, 1.3 * side, hip_z, 0.40 * size, ankle_z)]
     return rows
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hil.apps.view.points import looking_at, pose_of
 from signals.units import TURN_RAD
+from sim._kernels import resting_leg
 from sim.frame.camera_model import CameraModel
 from sim.frame.mount import Mount
 from sim.frame.source import SharedFrames, channel_array
@@ -204,11 +205,32 @@ def test_all_looks_can_be_built() -> None:
     assert {name.removesuffix(".obj") for name in parts} == set(PARTS)
 
 
+@pytest.mark.parametrize("height_m", [0.9, 1.2, 1.41, 1.42, 1.95])
+def test_feet_rest_on_the_footrests_of_a_wheelchair(height_m: float) -> None:
+    builder = MapBuilder("people")
+    traits = PersonTraits(height_m=height_m)
+    roller = add_wheelchair_user(builder, RandomGenerator(1, "p"), WAY, traits=traits)
+    n = len(LIMBS)
+    p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
+    roller.pose(1_000_000_000, p, q, v, w)
+    assert np.isfinite(p).all() and np.isfinite(q).all()
+    size = height_m / 1.75 if height_m < 1.42 else 1.0
+    for foot in ("foot_l", "foot_r"):
+        sole_m = p[LIMBS.index(foot), 2] - roller.figure.ankle_m
+        assert sole_m == pytest.approx(size * wheelchair.FOOTREST_M, abs=0.003)
+
+
+def test_a_leg_that_cannot_reach_is_refused() -> None:
+    figure = Figure(1.0, child=True)
+    with pytest.raises(ValueError, match="does not reach its foot"):
+        resting_leg(figure.lengths_m, 0.05, 0.6, 0.4, 0.04)
+
+
 def test_bound_holds_the_meshes() -> None:
     kinds = (add_walker, add_wheelchair_user, add_cyclist)
     for seed in range(18):
         builder = MapBuilder("people")
-        height_m = 1.2 if seed == 17 else None
+        height_m = {13: 1.0, 16: 1.2, 17: 1.2}.get(seed)
         kinds[seed % 3](builder, RandomGenerator(seed, "p"), WAY, traits=PersonTraits(height_m=height_m))
         made = builder.build()
         model = mujoco.MjModel.from_xml_string(made.mjcf, dict(made.assets))
