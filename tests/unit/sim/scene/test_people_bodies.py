@@ -213,7 +213,8 @@ def test_feet_rest_on_the_footrests_of_a_wheelchair(height_m: float) -> None:
     n = len(LIMBS)
     p, q, v, w = np.zeros((n, 3)), np.zeros((n, 4)), np.zeros((n, 3)), np.zeros((n, 3))
     roller.pose(1_000_000_000, p, q, v, w)
-    assert np.isfinite(p).all() and np.isfinite(q).all()
+    assert np.isfinite(p).all()
+    assert np.isfinite(q).all()
     size = height_m / 1.75 if height_m < 1.42 else 1.0
     for foot in ("foot_l", "foot_r"):
         sole_m = p[LIMBS.index(foot), 2] - roller.figure.ankle_m
