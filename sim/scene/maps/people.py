@@ -91,9 +91,7 @@ class _Person:
         centre, half = wheelchair.BOX
         x, y, z = (a + size * c for a, c in zip(origin, centre, strict=True))
         half_x, half_y, half_z = (size * c for c in half)
-        body.proxy(
-            "box", (half_x, half_y, half_z), material=self._contact, pos=(x, y, z), part="contact_wheelchair"
-        )
+        body.proxy("box", (half_x, half_y, half_z), material=self._contact, pos=(x, y, z), part="contact_wheelchair")
 
     def add_limb(
         self, body: Body, limb: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN, part: str = ""
