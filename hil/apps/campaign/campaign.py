@@ -1,7 +1,7 @@
 """A campaign from its plan to its tables: flights in an engine, then the second flights, then the recordings.
 
-1. Every point of the plan is flown unless its case is stored. A case whose worker was lost is flown again, up to
-   ATTEMPTS times; one that ended as ERROR is flown again when the campaign is resumed.
+1. Every point of the plan is flown unless its case is stored. One that ended as ERROR is flown again when the campaign
+   is resumed.
 2. A share of the cases is flown a second time in other processes, on another node if there is one. Another digest is
    a FLAKE.
 3. Failures are flown again with recordings and a report. Flights that do not repeat were recorded from the start.
@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from hil.apps.campaign.engines.engine import ATTEMPTS, WAIT_S, Done, Engine, flown, worker_lost
+from hil.apps.campaign.engines.engine import Engine, flown
 from hil.apps.campaign.flight import Job, Outcome, Recording
 from hil.apps.campaign.identity import case_id
 from hil.apps.campaign.results.statistics import Tally
@@ -49,7 +49,7 @@ class Progress(NamedTuple):
 
 @dataclass
 class Campaign:
-    """One campaign in a folder. `show` is called after every flight."""
+    """One campaign in a folder. `show` is called after every flight, and while flights go on."""
 
     file: CampaignFile
     plan: Plan
@@ -65,9 +65,7 @@ class Campaign:
     began_s: float = field(default_factory=time.monotonic)
     _order: deque[tuple[int, str]] = field(default_factory=deque)  # number and case of points not yet counted
     _pending: set[str] = field(default_factory=set)  # cases of these that have to be flown
-    _attempts: dict[str, int] = field(default_factory=dict)  # flights of a case whose worker was lost
     _recorded_first: int = 0  # first flights recorded for a comparison
-    _again: deque[Job] = field(default_factory=deque)  # jobs whose worker was lost
 
     def run(self) -> None:
         """Fly what the plan asks for and is not stored. Raises HilError; what was flown stays stored."""
@@ -86,21 +84,19 @@ class Campaign:
     def _fly_plan(self) -> None:
         """Fly the points of the plan that are not stored, until there are none or a rule stops the campaign."""
         self.store.begin_plan(self.file.bench_path, self.plan.base)
-        pending = self._jobs()
-        prepared: Job | None = next(pending, None)
-        while not self.stopped and (prepared is not None or self._pending):
-            while self.engine.busy < self.engine.capacity and (self._again or prepared is not None):
-                if self._again:
-                    self.engine.submit(self._again.popleft())
-                elif prepared is not None:
-                    self.engine.submit(prepared)
-                    prepared = next(pending, None)  # loaded while the workers fly
-            for done in self.engine.wait(WAIT_S):
-                self._take(done)
+        for ended in flown(self.engine, self._jobs()):
+            for job, outcome in ended:
+                self.flown += 1
+                self.store.put(job.case, outcome, job.texts)
+                self._pending.discard(job.case)
+            self._advance()
+            if self.stopped:
+                break
             if self.stop.time_s is not None and time.monotonic() - self.began_s > self.stop.time_s:
                 self.stopped = f"the time of {self.stop.time_s:g} s is over"
                 if self._order:
                     self.store.cut(self._order[0][0] - 1)
+                break
         self.unfinished = False
 
     def _jobs(self) -> Iterator[Job]:
@@ -145,26 +141,6 @@ class Campaign:
         return Job(
             case, None if bench is None else str(bench), texts, str(self.out / folder[recording]), recording, keep
         )
-
-    def _take(self, done: Done) -> None:
-        """Store the outcome of a first flight, or let it be flown again if its worker was lost."""
-        outcome = self._outcome(done)
-        if outcome is not None:
-            self.store.put(done.job.case, outcome, done.job.texts)
-            self._pending.discard(done.job.case)
-            self._advance()
-
-    def _outcome(self, done: Done) -> Outcome | None:
-        """Return the outcome of a job; None: its worker was lost, and it will be flown again."""
-        case = done.job.case
-        if done.outcome is not None:
-            self.flown += 1
-            return done.outcome
-        self._attempts[case] = self._attempts.get(case, 0) + 1
-        if self._attempts[case] < ATTEMPTS:
-            self._again.append(done.job)
-            return None
-        return worker_lost(done.lost)
 
     def _advance(self) -> None:
         """Count the results at the head of the plan, and apply the rules that stop a campaign."""
@@ -225,15 +201,16 @@ class Campaign:
 
     def _fly_all(self, phase: str, jobs: list[Job], handle: Callable[[Job, Outcome], None]) -> None:
         """Fly `jobs` in other processes or on other nodes than before."""
-        self._pending.clear()
-        self._again.clear()
         if not jobs:
             return
         self.engine.renew()
-        for ended, (job, outcome) in enumerate(flown(self.engine, jobs), start=1):
-            self.flown += 1
-            handle(job, outcome)
-            self.show(Progress(phase, ended, len(jobs), self.tally))
+        made = 0
+        for ended in flown(self.engine, jobs):
+            for job, outcome in ended:
+                handle(job, outcome)
+            made += len(ended)
+            self.flown += len(ended)
+            self.show(Progress(phase, made, len(jobs), self.tally))
 
 
 def repeats(bench: Bench) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from rich.console import Console
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
-from hil.apps.campaign.results.answers import LiveSummary, write_results
+from hil.apps.campaign.results.answers import LiveSummary, facts_of, write_results
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
@@ -92,11 +91,11 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
     with closing(make_engine(options, file, workers)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
             campaign = Campaign(file, plan, store, engine, out, stop)
-            campaign.show = LiveSummary(campaign, progress.update)
+            campaign.show = LiveSummary(out, progress.update, lambda: facts_of(campaign))
             try:
                 campaign.run()
             finally:
-                tally = write_results(campaign, time.monotonic() - campaign.began_s)
+                tally = write_results(campaign)
         _print_result(campaign, tally, console)
     return tally.exit_status
 

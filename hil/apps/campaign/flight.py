@@ -144,22 +144,15 @@ def fly(job: Job, slot: Slot = ONLY) -> Outcome:
 
 
 def _flown(job: Job, slot: Slot, folder: Path) -> Outcome:
+    from hil.apps.campaign.engines.ports import with_own_ports
     from hil.config import load_bench
     from hil.config.schema import PROGRAM_KINDS
     from hil.run.bench_run import run_bench
 
     record = [f"record.{key}={str(value).lower()}" for key, value in _RECORD[job.recording].items()]
-    texts = [*job.texts, *record]
-    config = (bench := load_bench(job.bench, settings=texts)).config
-    ports = []
-    if config.autopilot.kind in PROGRAM_KINDS:
-        if slot.processors:
-            os.sched_setaffinity(0, slot.processors)  # bench and autopilot take turns on one of them
-        ports.append(f"autopilot.instance={config.autopilot.instance + slot.number}")
-    if config.companion.start and config.companion.clients <= len(config.companion.start):
-        ports.append("companion.port=0")  # any free one: the bench starts the clients and tells them
-    if ports:
-        bench = load_bench(job.bench, settings=[*texts, *ports])
+    bench = with_own_ports(load_bench(job.bench, settings=[*job.texts, *record]), slot.number)
+    if bench.config.autopilot.kind in PROGRAM_KINDS and slot.processors:
+        os.sched_setaffinity(0, slot.processors)  # bench and autopilot take turns on one of them
     result = run_bench(bench, folder, quiet=True)
     if (result.run["error"] or {}).get("type") == "Interrupted":
         raise KeyboardInterrupt

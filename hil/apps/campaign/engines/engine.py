@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 from hil.apps.campaign.flight import Job, Outcome
@@ -50,25 +51,28 @@ class Engine(Protocol):
         ...
 
 
-def flown(engine: Engine, jobs: Iterable[Job]) -> Iterator[tuple[Job, Outcome]]:
-    """Make all jobs and yield their outcomes in the order of their ends. Raises HilError.
+def flown(engine: Engine, jobs: Iterable[Job]) -> Iterator[list[tuple[Job, Outcome]]]:
+    """Make all jobs, and yield those that ended since, with their outcomes, at least every WAIT_S. Raises HilError.
 
-    A job whose worker was lost is made again, up to ATTEMPTS times; then it is an ERROR.
+    The next job is taken while the workers fly. One whose worker was lost is made again, up to ATTEMPTS times; then it
+    is an ERROR.
     """
-    waiting, lost = deque(jobs), Counter[Job]()
-    while waiting or engine.busy:
-        while waiting and engine.busy < engine.capacity:
+    coming, waiting, lost = iter(jobs), deque[Job](), Counter[Job]()
+
+    def another() -> bool:
+        if not waiting:
+            waiting.extend(islice(coming, 1))
+        return bool(waiting)
+
+    while another() or engine.busy:
+        while another() and engine.busy < engine.capacity:
             engine.submit(waiting.popleft())
+        ended = []
         for job, outcome, how in engine.wait(WAIT_S):
-            if outcome is None:
-                lost[job] += 1
-                if lost[job] < ATTEMPTS:
-                    waiting.append(job)
-                    continue
-                outcome = worker_lost(how)
-            yield job, outcome
-
-
-def worker_lost(how: str) -> Outcome:
-    """Return the outcome of a case whose worker was lost ATTEMPTS times."""
-    return Outcome("ERROR", error_type="WorkerLost", error=f"{ATTEMPTS} times, at last {how}")
+            lost[job] += outcome is None
+            if outcome is None and lost[job] < ATTEMPTS:
+                waiting.append(job)
+            else:
+                text = f"{ATTEMPTS} times, at last {how}"
+                ended.append((job, outcome or Outcome("ERROR", error_type="WorkerLost", error=text)))
+        yield ended

@@ -7,6 +7,7 @@ import time
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -20,7 +21,8 @@ from hil.apps.campaign.find.trials import Trials
 from hil.apps.campaign.flight import Outcome
 from hil.apps.campaign.results import tables
 from hil.apps.campaign.results.again import run_command
-from hil.apps.campaign.spec.campaign_file import load_campaign
+from hil.apps.campaign.results.answers import LiveSummary
+from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.run.report.run_folder import run_folder
@@ -101,12 +103,13 @@ def search_failures(path: Path, options: SearchOptions, console: Console) -> int
     with run_folder(out), Store(out) as store, closing(engine):
         trials = Trials(store, engine, file.bench_path, out)
         with CampaignProgress(f"search {file.name}", options.trials, quiet=options.quiet) as progress:
-            search.show = lambda: progress.update(Progress("trials", search.tried, options.trials, search.tally))
+            live = LiveSummary(out, progress.update, lambda: _facts(file, options, search, time.monotonic() - began_s))
+            search.show = trials.show = lambda: live(Progress("trials", search.tried, options.trials, search.tally))
             try:
                 search.run(trials, store, count=options.trials, batch=options.batch, every=options.every)
             finally:
                 trials.end()
-                _write_tables(out, store, plan, search, time.monotonic() - began_s)
+                _write_tables(out, store, plan, search, _facts(file, options, search, time.monotonic() - began_s))
     _print_search(file.name, out, search, console)
     return search.tally.exit_status
 
@@ -192,14 +195,18 @@ def _print_shrunk(found: Shrunk, bench: Path | None, trials: Trials, path: Path,
     console.print(f"{shown_path(path)}")
 
 
-def _write_tables(out: Path, store: Store, plan: Plan, search: Search, wall_s: float) -> None:
-    tally = search.tally
-    names = sorted({limit.name for case in store.cases() for limit in case.outcome.limits})
-    tables.write_csv(out / tables.CSV_NAME, store.cases(), plan.axes, names)
-    tables.write_lines(out / tables.LINES_NAME, store.cases())
+def _facts(file: CampaignFile, options: SearchOptions, search: Search, wall_s: float) -> dict[str, Any]:
     first = None if search.first is None else {"trial": search.first[0] + 1, "case": search.first[1].case}
-    more = {"search": {"trials": search.tried, "first_failure": first}, "wall_s": wall_s}
-    tables.write_summary(out / tables.SUMMARY_NAME, tally, {**more, "exit_status": tally.exit_status})
+    told = {"trials": search.tried, "first_failure": first}
+    return {"name": file.name, "points": options.trials, "search": told, "wall_s": wall_s}
+
+
+def _write_tables(out: Path, store: Store, plan: Plan, search: Search, facts: dict[str, Any]) -> None:
+    names = sorted({limit.name for case in store.cases() for limit in case.outcome.limits})
+    rows, lines = tables.csv_rows(out / tables.CSV_NAME, plan.axes, names), tables.json_lines(out / tables.LINES_NAME)
+    tables.write_each(store.cases(), rows, lines)
+    ended = {"exit_status": search.tally.exit_status, "complete": search.ended, "doing": None, "stopped": None}
+    tables.write_summary(out / tables.SUMMARY_NAME, search.tally, {**facts, **ended})
 
 
 def _print_search(name: str, out: Path, search: Search, console: Console) -> None:

@@ -55,6 +55,7 @@ class Search:
         self.first: tuple[int, Trial] | None = None  # number and trial of the first failure
         self.smallest: Trial | None = None  # with the smallest objective
         self.tried = 0
+        self.ended = False  # by a failure or the number of trials
         self.tally = Tally()  # of the cases
         self.show: Callable[[], None] = lambda: None
 
@@ -64,6 +65,7 @@ class Search:
         while self.tried < count and (every or self.first is None):
             self._batch(trials, store, min(batch, count - self.tried))
             self.show()
+        self.ended = True
 
     def _batch(self, trials: Trials, store: Store, size: int) -> None:
         asked = [self._ask() for _ in range(size)]

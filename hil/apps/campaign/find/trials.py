@@ -34,7 +34,7 @@ class Trials:
         self._cases: dict[Texts, str | None] = {}
         self.asked: list[str] = []
         self.flown = 0
-        self.show: Callable[[], None] = lambda: None  # called after every flight
+        self.show: Callable[[], None] = lambda: None  # called after every flight, and while flights go on
 
     def bench(self, texts: Texts) -> Bench:
         """Return the bench with these settings. Raises ConfigError."""
@@ -59,7 +59,7 @@ class Trials:
         for case, texts in zip(cases, wanted, strict=True):
             if case is not None and self._store.status(case) in (None, "ERROR"):
                 jobs.setdefault(case, self._job(case, texts))
-        self._fly(list(jobs.values()))
+        self._fly(list(jobs.values()), store=True)
         trials = [self._trial(case, texts) for case, texts in zip(cases, wanted, strict=True)]
         self.asked += [trial.case for trial in trials]
         return trials
@@ -67,20 +67,23 @@ class Trials:
     def repeat(self, texts: Texts) -> Outcome:
         """Fly a case again, stored or not, and return its outcome without storing it. Raises HilError."""
         job = self._job(case_id(self.bench(texts)), texts)
-        outcome = next(outcome for _, outcome in flown(self._engine, [job]))
-        self.flown += 1
-        self.show()
-        return outcome
+        return self._fly([job], store=False)[job.case]
 
     def end(self) -> None:
         """Remove the files of the flights."""
         shutil.rmtree(self._out / WORK, ignore_errors=True)
 
-    def _fly(self, jobs: list[Job]) -> None:
-        for job, outcome in flown(self._engine, jobs):
-            self._store.put(job.case, outcome, job.texts)
-            self.flown += 1
+    def _fly(self, jobs: list[Job], *, store: bool) -> dict[str, Outcome]:
+        """Return the outcomes of flights by their cases, which are different."""
+        made = {}
+        for ended in flown(self._engine, jobs):
+            for job, outcome in ended:
+                made[job.case] = outcome
+                if store:
+                    self._store.put(job.case, outcome, job.texts)
+            self.flown += len(ended)
             self.show()
+        return made
 
     def _job(self, case: str, texts: Texts) -> Job:
         bench = None if self._bench is None else str(self._bench)

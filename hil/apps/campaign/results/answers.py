@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.identity import program_digest
 from hil.apps.campaign.results import tables
 from hil.apps.campaign.results.groups import groups_of
-from hil.apps.campaign.results.junit import JUNIT_NAME, write_junit
+from hil.apps.campaign.results.junit import JUNIT_NAME, junit_cases
 from hil.apps.campaign.results.page import Facts, write_page
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import Summary
@@ -19,10 +20,11 @@ _LIVE_PERIOD_S = 2.0  # between two campaign.json of a campaign that goes on
 
 
 class LiveSummary:
-    """Writes campaign.json every few seconds while a campaign goes on, and calls `show` after every flight."""
+    """Shows the progress of a campaign or a search, and writes it to campaign.json every few seconds."""
 
-    def __init__(self, campaign: Campaign, show: Callable[[Progress], None]) -> None:
-        self._campaign, self._show = campaign, show
+    def __init__(self, out: Path, show: Callable[[Progress], None], facts: Callable[[], Mapping[str, Any]]) -> None:
+        """`facts`: returns further keys of campaign.json."""
+        self._path, self._show, self._facts = out / tables.SUMMARY_NAME, show, facts
         self._next_s = 0.0
 
     def __call__(self, state: Progress) -> None:
@@ -30,31 +32,35 @@ class LiveSummary:
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + _LIVE_PERIOD_S
-            campaign, tally = self._campaign, state.tally
             doing = {"phase": state.phase, "done": state.done, "total": state.total}
-            more = {**_state(campaign, tally, now_s - campaign.began_s), "complete": False, "doing": doing}
-            tables.write_summary(campaign.out / tables.SUMMARY_NAME, tally, more)
+            more = {**self._facts(), "exit_status": state.tally.exit_status, "complete": False, "doing": doing}
+            tables.write_summary(self._path, state.tally, more)
 
 
-def write_results(campaign: Campaign, wall_s: float) -> Tally:
+def write_results(campaign: Campaign) -> Tally:
     """Write all tables and the page of a campaign, complete or not, and return its counts. Raises RecordingError."""
     store, out, file = campaign.store, campaign.out, campaign.file
     summary = Summary.of(groups_of(file.spec), store.cases())
     tally, name, bench = summary.tally, file.name, file.bench_path
     complete = not campaign.stopped and not campaign.unfinished
-    tables.write_csv(out / tables.CSV_NAME, store.cases(), campaign.plan.axes, sorted(summary.limits))
-    tables.write_lines(out / tables.LINES_NAME, store.cases())
-    write_junit(out / JUNIT_NAME, name, store.cases(), summary, bench)
+    tables.write_each(
+        store.cases(),
+        tables.csv_rows(out / tables.CSV_NAME, campaign.plan.axes, sorted(summary.limits)),
+        tables.json_lines(out / tables.LINES_NAME),
+        junit_cases(out / JUNIT_NAME, name, summary, bench),
+    )
     ended = {"complete": complete, "doing": None, "stopped": campaign.stopped or None}
-    more = {**_state(campaign, tally, wall_s), **ended, **summary.data()}
+    more = {**facts_of(campaign), "exit_status": tally.exit_status, **ended, **summary.data()}
     tables.write_summary(out / tables.SUMMARY_NAME, tally, more)
     points, flown, stopped = len(campaign.plan), campaign.flown, campaign.stopped
+    wall_s = time.monotonic() - campaign.began_s
     facts = Facts(name, file.spec.description, out, bench, points, stopped, complete, flown, wall_s)
     write_page(facts, summary)
     return tally
 
 
-def _state(campaign: Campaign, tally: Tally, wall_s: float) -> dict[str, Any]:
+def facts_of(campaign: Campaign) -> dict[str, Any]:
+    """Return keys of campaign.json that do not come from the outcomes."""
     bench = campaign.file.bench_path
     return {
         "name": campaign.file.name,
@@ -62,6 +68,5 @@ def _state(campaign: Campaign, tally: Tally, wall_s: float) -> dict[str, Any]:
         "program": program_digest(),
         "points": len(campaign.plan),
         "flown": campaign.flown,
-        "wall_s": wall_s,
-        "exit_status": tally.exit_status,
+        "wall_s": time.monotonic() - campaign.began_s,
     }

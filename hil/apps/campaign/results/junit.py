@@ -7,7 +7,8 @@ are failures, ERROR is an error.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import XMLGenerator
@@ -16,15 +17,19 @@ from xml.sax.xmlreader import AttributesImpl
 from hil.apps.campaign.results.again import run_command
 from hil.apps.campaign.results.groups import value_text
 from hil.apps.campaign.results.summary import Summary
-from hil.apps.campaign.results.tables import written
+from hil.apps.campaign.results.tables import Sink, written
 from hil.apps.campaign.store import Case
 
 JUNIT_NAME = "junit.xml"
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def write_junit(path: Path, name: str, cases: Iterable[Case], summary: Summary, bench: Path | None) -> None:
-    """Write junit.xml. `summary`: statistics of the same cases; `bench`: the base bench. Raises RecordingError."""
+@contextmanager
+def junit_cases(path: Path, name: str, summary: Summary, bench: Path | None) -> Iterator[Sink]:
+    """Return what writes a case into junit.xml. Raises RecordingError.
+
+    `summary`: statistics of the same cases; `bench`: the base bench.
+    """
     tally = summary.tally
     counts = {"tests": tally.cases, "failures": tally.failed + tally.flakes, "errors": tally.errors, "skipped": 0}
     total = {"name": name, **counts, "time": f"{summary.wall_s:.3f}"}
@@ -33,8 +38,7 @@ def write_junit(path: Path, name: str, cases: Iterable[Case], summary: Summary, 
         xml.startDocument()
         _start(xml, "testsuites", total)
         _start(xml, "testsuite", total)
-        for case in cases:
-            _testcase(xml, name, case, bench)
+        yield lambda case: _testcase(xml, name, case, bench)
         xml.endElement("testsuite")
         xml.endElement("testsuites")
         xml.endDocument()

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from io import TextIOWrapper
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from hil.run.report.run_json import write_run_json
 from signals.errors import RecordingError
 
 CSV_NAME, LINES_NAME, SUMMARY_NAME = "results.csv", "results.jsonl", "campaign.json"
+Sink = Callable[[Case], object]  # writes one case
 _FIRST, _LAST = ("case", "status"), ("margin", "worst_limit", "reason", "digest")
 
 
@@ -44,32 +45,45 @@ def _cell(value: Any) -> Any:
     return json.dumps(value, sort_keys=True) if isinstance(value, list | dict | bool) else value
 
 
-def write_csv(path: Path, cases: Iterable[Case], axes: Iterable[str], measurements: Iterable[str]) -> None:
-    """Write results.csv with one row for each case, in the order of `cases`. Raises RecordingError."""
+@contextmanager
+def csv_rows(path: Path, axes: Iterable[str], measurements: Iterable[str]) -> Iterator[Sink]:
+    """Return what writes a case as a row of results.csv. Raises RecordingError."""
     columns = [*_FIRST, *axes, *(name for name in measurements if name not in set(axes)), *_LAST]
     with written(path) as file:
         writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
         writer.writeheader()
-        writer.writerows(map(csv_row, cases))
+        yield lambda case: writer.writerow(csv_row(case))
 
 
-def write_lines(path: Path, cases: Iterable[Case]) -> None:
-    """Write results.jsonl: one JSON object for each case, with settings and all limits. Raises RecordingError."""
+@contextmanager
+def json_lines(path: Path) -> Iterator[Sink]:
+    """Return what writes a case as a line of results.jsonl, with settings and all limits. Raises RecordingError."""
     with written(path) as file:
+        yield lambda case: file.write(json.dumps(_line(case), ensure_ascii=False) + "\n")
+
+
+def _line(case: Case) -> dict[str, Any]:
+    outcome = case.outcome
+    return {
+        "case": case.id,
+        "status": case.status,
+        "axes": dict(case.axes),
+        "reason": case.reason,
+        "error": outcome.error or None,
+        "limits": [{**vars(limit), "margin": limit.margin} for limit in outcome.limits],
+        "digest": outcome.digest if outcome.repeatable else None,
+        "sim_s": outcome.sim_s,
+        "set": list(case.texts),
+    }
+
+
+def write_each(cases: Iterable[Case], *files: AbstractContextManager[Sink]) -> None:
+    """Write all cases into all files in one pass. Raises RecordingError."""
+    with ExitStack() as stack:
+        sinks = [stack.enter_context(file) for file in files]
         for case in cases:
-            outcome = case.outcome
-            line = {
-                "case": case.id,
-                "status": case.status,
-                "axes": dict(case.axes),
-                "reason": case.reason,
-                "error": outcome.error or None,
-                "limits": [{**vars(limit), "margin": limit.margin} for limit in outcome.limits],
-                "digest": outcome.digest if outcome.repeatable else None,
-                "sim_s": outcome.sim_s,
-                "set": list(case.texts),
-            }
-            file.write(json.dumps(line, ensure_ascii=False) + "\n")
+            for write in sinks:
+                write(case)
 
 
 def write_summary(path: Path, tally: Tally, more: Mapping[str, Any]) -> None:

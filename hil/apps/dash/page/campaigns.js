@@ -4,7 +4,7 @@ import { json } from "/page/runs.js";
 import { cell } from "/page/panes/tables.js";
 
 const PERIOD_MS = 2000;
-const SILENT_S = 60;  // without a new count for this long, the row says since when
+const SILENT_S = 60;  // a campaign that goes on is written every two seconds; older than this, the row says so
 
 export class Campaigns {
   constructor(card, list) {
@@ -53,7 +53,7 @@ function rowOf(campaign) {
 
 function stateOf({ doing, complete, stopped, age_s: age }) {
   if (doing) {
-    const silent = age > SILENT_S ? `; last result ${age > 7200 ? `${(age / 3600).toFixed(0)} h` : `${(age / 60).toFixed(0)} min`} ago` : "";
+    const silent = age > SILENT_S ? `; not updated for ${age > 7200 ? `${(age / 3600).toFixed(0)} h` : `${(age / 60).toFixed(0)} min`}` : "";
     return `${doing.phase}: ${doing.done.toLocaleString("en")} of ${doing.total.toLocaleString("en")}${silent}`;
   }
   if (complete) return "complete";

@@ -14,12 +14,13 @@ import yaml
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.results.again import replay_command, run_command
-from hil.apps.campaign.results.answers import LiveSummary, write_results
+from hil.apps.campaign.results.answers import LiveSummary, facts_of, write_results
 from hil.apps.campaign.results.groups import OTHERS, Groups, groups_of
-from hil.apps.campaign.results.junit import write_junit
+from hil.apps.campaign.results.junit import junit_cases
 from hil.apps.campaign.results.page import write_page
 from hil.apps.campaign.results.statistics import Tally, wilson
 from hil.apps.campaign.results.summary import MOST_LISTED, Summary, separation
+from hil.apps.campaign.results.tables import write_each
 from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Stop
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Case, Store
@@ -127,7 +128,7 @@ def test_the_planted_weakness_is_the_first_axis_and_pair(invented: tuple[Path, C
 def test_junit_has_a_testcase_for_every_case(invented: tuple[Path, CampaignFile, Store]) -> None:
     folder, file, store = invented
     summary = Summary.of(groups_of(file.spec), store.cases())
-    write_junit(folder / "junit.xml", file.name, store.cases(), summary, Path("my bench.yaml"))
+    write_each(store.cases(), junit_cases(folder / "junit.xml", file.name, summary, Path("my bench.yaml")))
     root = ET.parse(folder / "junit.xml").getroot()
     suite = root[0]
     tests = {test.find("properties/property[@name='case']").attrib["value"]: test for test in suite}  # type: ignore[union-attr]
@@ -153,7 +154,7 @@ def test_junit_has_a_testcase_for_every_case(invented: tuple[Path, CampaignFile,
 
 def test_junit_is_xml_whatever_an_error_says(tmp_path: Path) -> None:
     cases = [case("e", "ERROR", None)]
-    write_junit(tmp_path / "junit.xml", 'a "name" & <more>', cases, Summary.of([], cases), None)
+    write_each(cases, junit_cases(tmp_path / "junit.xml", 'a "name" & <more>', Summary.of([], cases), None))
     (error,) = ET.parse(tmp_path / "junit.xml").getroot().iter("error")
     assert error.attrib["message"] == "lost <a\ufffdb>"
 
@@ -194,12 +195,12 @@ def test_campaign_json_tells_of_a_campaign_that_goes_on(tmp_path: Path) -> None:
     with Store(tmp_path) as store:
         fill(store, file)
         campaign = Campaign(file, Plan(file), store, None, tmp_path, Stop())  # type: ignore[arg-type]
-        live = LiveSummary(campaign, states.append)
+        live = LiveSummary(tmp_path, states.append, lambda: facts_of(campaign))
         for done in range(3):
             live(Progress("flights", done, 8, Tally(passed=done)))
         going_on = json.loads((tmp_path / "campaign.json").read_text())
         campaign.unfinished = False
-        tally = write_results(campaign, 3.0)
+        tally = write_results(campaign)
     assert [state.done for state in states] == [0, 1, 2]
     assert going_on["complete"] is False
     assert going_on["doing"] == {"phase": "flights", "done": 0, "total": 8}  # the later ones came within the period

@@ -18,13 +18,15 @@ import pytest
 from rich.console import Console
 
 from hil.apps.campaign import command
+from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.command import CampaignOptions, run_campaign
 from hil.apps.campaign.engines.engine import Done
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.engines.numbers import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome
-from hil.apps.campaign.spec.campaign_file import load_campaign
+from hil.apps.campaign.spec.campaign_file import Stop, load_campaign
 from hil.apps.campaign.spec.plan import Plan
+from hil.apps.campaign.store import Store
 from signals.errors import ConfigError, RecordingError
 
 HEAD = """
@@ -217,6 +219,19 @@ def test_a_signal_leaves_tables_and_nothing_is_flown_twice(tmp_path: Path, engin
     assert campaign(tmp_path, "axes: {seed: [1, 2, 3, 4, 5]}", resume=True) == 0
     assert summary(tmp_path)["cases"] == 5
     assert set(engine.seen.values()) == {1}
+
+
+def test_progress_is_told_while_a_flight_goes_on(tmp_path: Path, engine: FakeEngine) -> None:
+    told: list[Progress] = []
+    short = engine.wait
+    waits = iter([False] * 5)
+    engine.wait = lambda timeout_s: short(timeout_s) if next(waits, True) else []  # type: ignore[method-assign]
+    path = tmp_path / "c.yaml"
+    path.write_text("settings: {seed: 2}\n")
+    file = load_campaign(path)
+    with Store(tmp_path / "out") as store:
+        Campaign(file, Plan(file), store, engine, tmp_path / "out", Stop(), told.append).run()
+    assert [(state.done, state.total) for state in told if state.phase == "flights"][-6:] == [(0, 1)] * 5 + [(1, 1)]
 
 
 def test_flights_of_one_machine_have_numbers_of_their_own() -> None:
