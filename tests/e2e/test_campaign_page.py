@@ -57,7 +57,7 @@ def make_campaign(folder: Path, samples: int) -> Campaign:
         (recorded / "report.html").write_text(
             "<title>one flight</title><link rel='icon' href='data:,'><p>one flight</p>"
         )
-        write_results(campaign, 60.0)
+        write_results(campaign)
     return campaign
 
 
@@ -78,6 +78,10 @@ def open_and_search(tab: Any, address: str) -> None:
     if folder:
         tab.screenshot(path=f"{folder}/campaign.png", full_page=True)
     assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    tab.set_viewport_size({"width": 390, "height": 844})  # a phone
+    outside = "e => !e.closest('.card, .scroll') && e.getBoundingClientRect().right > innerWidth"
+    assert tab.evaluate(f"[...document.querySelectorAll('body *')].filter({outside}).length") == 0
+    tab.set_viewport_size({"width": 1280, "height": 900})
     rows.first.locator("a").click()
     tab.wait_for_selector("text=one flight")
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
-from hil.apps.campaign.results.answers import LiveSummary, facts_of, write_results
+from hil.apps.campaign.results.answers import LiveSummary, facts_of, name_of, write_results
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
@@ -88,6 +88,10 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
     out = options.out or Path("campaigns") / file.name
     if (out / STORE_NAME).is_file() and not options.resume:
         raise RecordingError(f"{out}: holds a campaign; continue it with --resume, or name another folder with --out")
+    other = name_of(out)
+    if other not in (None, file.name):
+        hint = f"continue it with the file {other}.yaml, or name another folder with --out"
+        raise RecordingError(f"{out}: holds the campaign {other!r}, and this is {file.name!r}: {hint}")
     with closing(make_engine(options, file, workers)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
             campaign = Campaign(file, plan, store, engine, out, stop)
@@ -158,7 +162,7 @@ def print_plan(file: CampaignFile, plan: Plan, workers: int, console: Console) -
         job = Job("trial", None if bench is None else str(bench), texts, f"{folder}/run")
         fly(job)  # the first flight of a process loads the map
         outcome = fly(job)
-    total_s = outcome.wall_s * len(plan) * (1.0 + file.spec.recheck) / workers
+    total_s = outcome.wall_s * max(1.0, len(plan) * (1.0 + file.spec.recheck) / workers)
     skipped = " before skip" if file.spec.skip else ""
     console.print(f"{file.name}: {len(plan):,} points{skipped}, axes {', '.join(plan.axes) or 'none'}")
     console.print(f"one flight: {outcome.status}, {outcome.sim_s:.1f} s simulated, {outcome.wall_s:.2f} s wall clock")

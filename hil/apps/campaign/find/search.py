@@ -5,9 +5,9 @@ begins with the distribution of the file; values of a choice and of a crossed ax
 not apply. Trials are asked for and told in batches of a fixed size and in order, so a search repeats exactly for any
 number of workers.
 
-TPE is changed in two ways, because it otherwise stays for hundreds of trials near a small margin that leads to no
-failure: its model of good trials is made of the best two, and every second trial is random. So it needs at most about
-twice as many trials as random sampling, wherever the margins lead.
+A model alone stays for hundreds of trials near a small margin that leads to no failure: TPE with the best choice, GP at
+one point. So every second trial is random, and a search needs at most about twice as many trials as random sampling,
+wherever the margins lead. TPE's model of good trials is made of the best two.
 """
 
 from __future__ import annotations
@@ -136,18 +136,19 @@ def _samplers(optuna: Any, name: str, seed: int) -> list[Any]:
     of = optuna.samplers
     if name == "random":
         return [of.RandomSampler(seed=seed)]
+    anywhere = of.RandomSampler(seed=(seed + 1) % 2**32)
     if name == "tpe":
         model = of.TPESampler(
             seed=seed, multivariate=True, constant_liar=True, n_startup_trials=_STARTUP, gamma=lambda _: _GOOD
         )
-        return [of.RandomSampler(seed=(seed + 1) % 2**32), model]
+        return [anywhere, model]
     if name == "gp":
         try:
             import torch  # noqa: F401
         except ImportError as error:
             hint = "pip install torch, or use --sampler tpe"
             raise ConfigError([Problem("--sampler gp", f"needs PyTorch ({error})", hint)]) from None
-        return [of.GPSampler(seed=seed, deterministic_objective=True)]
+        return [anywhere, of.GPSampler(seed=seed, deterministic_objective=True)]
     raise ConfigError([Problem("--sampler", f"is unknown: {name!r}", ", ".join(SAMPLERS))])
 
 

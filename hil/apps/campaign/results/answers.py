@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -57,6 +58,14 @@ def write_results(campaign: Campaign) -> Tally:
     facts = Facts(name, file.spec.description, out, bench, points, stopped, complete, flown, wall_s)
     write_page(facts, summary)
     return tally
+
+
+def name_of(folder: Path) -> str | None:
+    """Return the name of the campaign whose campaign.json is in `folder`; None: there is none, or it does not tell."""
+    try:
+        return str(json.loads((folder / tables.SUMMARY_NAME).read_text(encoding="utf-8"))["name"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
 
 
 def facts_of(campaign: Campaign) -> dict[str, Any]:

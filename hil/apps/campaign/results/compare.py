@@ -180,8 +180,10 @@ def _by_values(folder: Path, axes: Sequence[str], left_out: Sequence[str]) -> di
     for flown in _cases(folder):
         key = tuple(_key(flown.axes.get(axis)) for axis in axes)
         if key in found:
-            text = f"has several cases with the same {', '.join(axes) or 'axes'}: {found[key].id} and {flown.id}"
-            hint = f"they differ in {', '.join(left_out)}, which has no value in common with the other folder"
+            text = "has several cases, and no axis with a value in common with the other folder: nothing makes pairs"
+            if axes:
+                text = f"has several cases with the same {', '.join(axes)}: {found[key].id} and {flown.id}"
+            hint = f"without a common value: {', '.join(left_out)}"
             raise ConfigError([Problem(str(folder), text, hint)])
         found[key] = flown
     return found

@@ -199,8 +199,9 @@ def _margins(facts: Facts, summary: Summary) -> str:
         )
     head = ("limit", "flights", "missed", "least", "5 %", "median", "95 %")
     most = max(of.count for of in summary.margins.values())
+    wide = f"<div class='scroll'>{table(rows, head)}</div>"
     note = f"<p class='soft'>Quantiles and histograms: of {SAMPLE:,} random flights.</p>" if most > SAMPLE else ""
-    return "".join(_figure(caption, path) for caption, path in pictures) + table(rows, head) + note
+    return "".join(_figure(caption, path) for caption, path in pictures) + wide + note
 
 
 def _figure(caption: str, path: Path) -> str:
@@ -299,6 +300,7 @@ SCRIPT_SOURCE = f"'sha256-{base64.b64encode(hashlib.sha256(SCRIPT.encode()).dige
 
 _CSS = """
 .soft{color:var(--soft)}
+.scroll{overflow-x:auto}
 .num{text-align:right;white-space:nowrap}
 h3{font-size:.92rem;margin:0 0 .4rem;overflow-wrap:anywhere}
 .counts{display:flex;flex-wrap:wrap;gap:.6rem;list-style:none;padding:0;margin:1rem 0}
@@ -330,5 +332,11 @@ details code{display:block;user-select:all;background:var(--card);padding:.4rem 
 summary{color:var(--soft);cursor:pointer;width:max-content}
 input[type=search]{font:inherit;padding:.35rem .6rem;width:min(100%,24rem)}
 a{color:inherit}
+@media(max-width:640px){
+.list table,.list tbody,.list tr,.list td:last-child{display:block}
+.list tr{padding:.5rem 0;border-bottom:1px solid var(--line)}
+.list tr:first-child{display:none}
+.list td{display:inline-block;border:0;padding:.1rem .5rem .1rem 0}
+}
 tr[hidden]{display:none}
 """

@@ -30,8 +30,8 @@ def csv_row(case: Case) -> dict[str, Any]:
     return {
         "case": case.id,
         "status": case.status,
-        **{axis: _cell(value) for axis, value in case.axes.items()},
         **{limit.name: _cell(limit.value) for limit in outcome.limits},
+        **{axis: _cell(value) for axis, value in case.axes.items()},  # an axis of the same name has the column
         "margin": _cell(None if worst is None else worst.margin),
         "worst_limit": "" if worst is None else worst.name,
         "reason": case.reason,

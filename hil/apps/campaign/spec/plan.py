@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Condition, Range
 from hil.apps.campaign.spec.sampling import MAX_HYPERCUBE, MAX_SOBOL_AXES, UnitSamples
-from hil.apps.campaign.spec.settings import label, texts_of, with_values
+from hil.apps.campaign.spec.settings import is_bundle, label, texts_of, with_values
 from signals.errors import ConfigError, Problem
 
 MAX_POINTS = 2**53
@@ -145,7 +145,11 @@ def _skip_problem(file: CampaignFile) -> Problem | None:
 
 
 def _name_problem(file: CampaignFile) -> Problem | None:
-    for axis in file.spec.axes:
+    for axis, values in file.spec.axes.items():
         if axis in COLUMNS:
             return file.problem(("axes", axis), "is the name of a column of results.csv; give the axis another name")
+        names = [] if isinstance(values, Range) else [value["label"] for value in values if is_bundle(value)]
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                return file.problem(("axes", axis), f"has two values with the label {name!r}")
     return None

@@ -103,6 +103,10 @@ def summary(folder: Path) -> dict[str, Any]:
         ("axes: {wind.steady_W_mps.7: [1]}", "entry 7 of a list with 3 entries"),
         ("axes: {limits.7: [1]}", "needs limits in the section settings"),
         ("axes: {seed: {count: 1000000000000}, map_seed: {count: 1000000000000}}", r"1e\+24 points; the most is"),
+        (
+            "axes: {load: [{label: a, settings: {seed: 1}}, {label: a, settings: {seed: 2}}]}",
+            "c.yaml:5: axes.load has two values with the label 'a'",
+        ),
         ("axes: {seed: [1, 2]}\nskip: [{seed: {above: 0}}]", "c.yaml:6: skip leaves no point"),
         ("axes: {seed: [1, 2]}\nskip: [{seed: {above: x}}]", r"c.yaml:6.*with numbers above and below"),
         ("axes: {seed: [1, 2]}\nskip: [{seed: {}}]", "with numbers above and below"),
@@ -167,6 +171,16 @@ def test_two_campaigns_in_one_folder(tmp_path: Path, engine: FakeEngine) -> None
 
     engine.wait = other_campaign  # type: ignore[method-assign]
     assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
+
+
+def test_another_file_does_not_continue_a_campaign(tmp_path: Path, engine: FakeEngine) -> None:
+    assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
+    other = tmp_path / "other.yaml"
+    other.write_text(HEAD + "axes: {seed: [3]}")
+    with pytest.raises(RecordingError, match=r"holds the campaign 'c', and this is 'other': .*c.yaml.*--out"):
+        run_campaign(other, CampaignOptions(out=tmp_path / "out", resume=True, quiet=True), Console(quiet=True))
+    assert summary(tmp_path)["cases"] == 2
+    assert campaign(tmp_path, "axes: {seed: [2, 3]}", resume=True) == 0
 
 
 def test_a_folder_that_cannot_be_used(tmp_path: Path, engine: FakeEngine) -> None:
