@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import re
+from ipaddress import ip_address
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.router.endpoint import Endpoint
+from firmware_bridge.transports.loopback_host import is_loopback
 from hil.config.vehicles.settings import Formation, Group, Offset
 from signals.documents.validate import Section
 from signals.time import NS_PER_S
@@ -176,6 +178,35 @@ class Manual(Section):
     rate_hz: Annotated[float, Field(ge=1, le=250)] = 25.0  # of simulated time
     neutral_s: Annotated[float, Field(ge=0, le=60)] = 0.5  # centred sticks are sent this long after release or loss
     needs_dead_man: bool = True  # false: accepts a gamepad mapping without a dead-man switch
+
+
+def _address(host: str) -> str:
+    if host != "localhost":
+        ip_address(host)
+    return host
+
+
+class Foxglove(Section):
+    """A run that Foxglove follows live (docs/foxglove.md)."""
+
+    port: Annotated[int, Field(ge=0, le=65535)] | None = None  # null: none is served; 0: any that is free
+    host: Annotated[str, AfterValidator(_address)] = "127.0.0.1"  # 0.0.0.0: other machines too, without a password
+    control: bool | None = None  # clients may pause, set the wind and inject faults; null: on loopback
+    paused: bool = False  # wait before the first tick until a client resumes
+    rate_hz: Annotated[float, Field(ge=1, le=60)] = 20.0  # wall clock, of updates
+    sensors: bool = False  # compute cameras, LiDARs and radars that only Foxglove shows
+    jpeg_quality: Annotated[int, Field(ge=10, le=100)] = 80  # of compressed pictures
+
+    @property
+    def may_control(self) -> bool:
+        """True if clients may pause, set the wind and inject faults."""
+        return is_loopback(self.host) if self.control is None else self.control
+
+    @model_validator(mode="after")
+    def _somebody_resumes(self) -> Foxglove:
+        if self.paused and not self.may_control:
+            raise ValueError("is paused, and nobody could resume the run: its clients have no control")
+        return self
 
 
 def _client_by_name(value: Any) -> Any:
@@ -411,6 +442,7 @@ class BenchConfig(Section):
     manual: Manual = Manual()
     companion: Companion = Companion()
     ros2: Ros2 = Ros2()
+    foxglove: Foxglove = Foxglove()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     start: Start = Start()
     physics: Physics = Physics()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil.config import Bench
 from hil.run.part import Part
-from hil.run.parts.catalog import parts_of
+from hil.run.parts.catalog import parts_of, shared_parts
 from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_folder import run_folder
 from hil.run.runs.vehicle_run import RunResult, VehicleRun
@@ -19,8 +19,15 @@ MoreParts = Callable[[str], Sequence[Part]]
 
 
 def _maker_of(more: Sequence[Part] | MoreParts, bench: Bench) -> MoreParts:
+    """Return the maker of the parts that come with those of each vehicle: the caller's, then those that all share."""
     first = next(iter(bench.vehicles), "")
-    return more if callable(more) else lambda vehicle: more if vehicle == first else ()
+    shared = shared_parts(bench)
+
+    def make(vehicle: str) -> list[Part]:
+        own = more(vehicle) if callable(more) else more if vehicle == first else ()
+        return [*own, *(part for maker in shared for part in maker(vehicle))]
+
+    return make
 
 
 def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Part] | MoreParts = ()) -> RunResult:

@@ -48,6 +48,7 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.config.missions.path import Leg, PlanPoint
+from hil.run.loop.by_hand import HandControl
 from hil.run.loop.scheduler import PHASES, CommandSource, Exchange, Scheduler
 from hil.run.loop.stages import StagePlan
 from hil.run.recorder.recorder import Recorder, Tap
@@ -197,6 +198,7 @@ class Part:
     name = ""
     injects = False  # True: may inject faults that the bench does not declare
     paused_s = 0.0  # wall-clock time for which this part has paused the run
+    hand_control: HandControl | None = None  # of a part that takes commands by hand
 
     def check(self) -> None:
         """Raise a HilError if the run cannot begin, such as a port that does not exist. Takes next to no time."""

@@ -472,6 +472,10 @@ class QuadrotorPhysics:
             self._wind_W = wind_W_mps
             self.body.set_wind(wind_W_mps, wind_W_mps)
 
+    def set_turbulence(self, wind_20ft_mps: float) -> None:
+        """Change the strength of the turbulence over a second, from the next tick on; see `WindAtVehicle`."""
+        self._wind.set_turbulence(wind_20ft_mps, self._tick)
+
     def inject(self, disturbance: RotorFault | GustEvent) -> None:
         """Add a fault or gust during the flight.
 

@@ -117,17 +117,24 @@ class WindAtVehicle:
     def __init__(self, wind: Wind, *, seed: int, tick_ns: int) -> None:
         self.wind = wind
         self.constant = wind.turbulence is None and not wind.gusts
-        self._tick_ns = tick_ns
+        self._seed, self._tick_ns = seed, tick_ns
         self._dryden: Dryden | None = None
+        self._dryden_mps = 0.0  # strength of `_dryden`; the turbulence is its output times `_share`
+        self._share = self._share_to = 1.0
+        self._share_step = 0.0  # a tick
         x, y, _ = wind.steady_W_mps
         speed = math.sqrt(x * x + y * y)
         # Direction of the turbulence's longitudinal axis.
         self._east, self._north = (x / speed, y / speed) if speed > 0.0 else (1.0, 0.0)
         if wind.turbulence is not None:
-            self._noise = NoiseStream(seed, "wind", lanes=_LANES)
-            self._dryden = Dryden(
-                normals=self._noise.normal(0), wind_20ft_mps=wind.turbulence.strength_mps, dt_s=tick_ns / NS_PER_S
-            )
+            self._start_dryden(wind.turbulence.strength_mps, 0)
+
+    def _start_dryden(self, strength_mps: float, tick: int) -> None:
+        self._noise = NoiseStream(self._seed, "wind", lanes=_LANES)
+        self._dryden_mps = strength_mps
+        self._dryden = Dryden(
+            normals=self._noise.normal(tick), wind_20ft_mps=strength_mps, dt_s=self._tick_ns / NS_PER_S
+        )
 
     def start(self, height_m: float) -> Vec3:
         """Return the wind at tick 0 [m/s in W]."""
@@ -143,11 +150,29 @@ class WindAtVehicle:
             # A NaN speed becomes the lower limit here; the range check of the state reports it.
             airspeed = airspeed if airspeed > _MIN_AIRSPEED_MPS else _MIN_AIRSPEED_MPS
             turbulence = self._dryden.step(height_m, airspeed, self._noise.normal(tick))
+            if self._share != 1.0 or self._share_to != 1.0:
+                along, left, up = turbulence
+                turbulence = (self._share * along, self._share * left, self._share * up)
+                change = self._share_to - self._share
+                most = self._share_step
+                self._share = self._share_to if abs(change) <= most else self._share + math.copysign(most, change)
         return self._sum(tick, turbulence)
 
     def set_steady(self, wind_W_mps: Vec3) -> None:
         """Set the steady wind from now on; the axis of the turbulence stays."""
         self.wind = self.wind.model_copy(update={"steady_W_mps": wind_W_mps})
+
+    def set_turbulence(self, wind_20ft_mps: float, tick: int) -> None:
+        """Change the strength of the turbulence evenly over a second from `tick` on; 0: none is left.
+
+        Its deviations are proportional to the wind at 20 ft, so the filters run on as they are.
+        """
+        if self._dryden is None or self._dryden_mps == 0.0:
+            self._start_dryden(max(wind_20ft_mps, 1.0), tick)
+            self._share = 0.0
+        self._share_to = wind_20ft_mps / self._dryden_mps
+        self._share_step = abs(self._share_to - self._share) * self._tick_ns / NS_PER_S
+        self.constant = False
 
     def add(self, gust: GustEvent) -> list[WindEvent]:
         """Add a gust that has not begun; return its events."""

@@ -56,6 +56,9 @@ class _Present(NamedTuple):
         controls = tuple(min(abs(speed) / most, 1.0) for speed in vehicle.truth.rotor_speed_radps)
         return ActuatorFrame(self.tick, self.t_ns, controls, flight is not None and flight.armed, 0)
 
+    def take_pace(self) -> float | None:
+        return None
+
 
 class ServedPage:
     """Follows the vehicles of one server for its page, all of them by name."""
@@ -96,6 +99,7 @@ class ServedPage:
             wind_W_mps=lambda: sim.world.wind_W_mps,
             slow_facts=lambda: {"told": {"drawings": dict(sim.drawings.counts)}, "skipped": []},
             inject=_refuse,
+            set_turbulence=_refuse,
             event=lambda *_: None,
             lockstep=False,
             views=dict,

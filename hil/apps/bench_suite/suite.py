@@ -26,6 +26,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: time per frame and errors of the labels"),
     "detect": ("hil.apps.bench_suite.data.detect", "Detector: loss of precision against time per picture"),
     "gym": ("hil.apps.bench_suite.gym.gym", "Gymnasium environment: integration error against time of a step"),
+    "foxglove": ("hil.apps.bench_suite.link.foxglove", "Foxglove: cost of a connected client for the run"),
     "lidar": ("hil.apps.bench_suite.sensors.lidar", "LiDAR: range error against time per sweep"),
     "lockstep": ("hil.apps.bench_suite.link.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.apps.bench_suite.link.link", "Links: lateness, message errors and flight errors against time"),

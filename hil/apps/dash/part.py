@@ -23,6 +23,7 @@ class DashboardPart(Part):
         """`name`: of the vehicle in a run of several; empty in a run of one."""
         self._live, self._vehicle = live, live.vehicle(name)
         self.sticks: ManualPart | None = None
+        self.hand_control = live.control
 
     @property
     def paused_s(self) -> float:  # type: ignore[override]
@@ -62,6 +63,7 @@ class DashboardPart(Part):
                 wind_W_mps=lambda: physics.wind_W_mps,
                 slow_facts=lambda: slow_facts(run),
                 inject=lambda fault: run.inject(fault, declared=False),
+                set_turbulence=physics.set_turbulence,
                 event=run.recorder.event,
                 lockstep=run.link.caps.lockstep,
                 views=lambda: {} if companion is None else companion.link.views.newest,

@@ -357,6 +357,12 @@ class Scheduler:
         for observe in self._observers:
             observe(truth)
 
+    def take_pace(self) -> float | None:
+        """Stop pacing the ticks and return the pace so far; None: there was none. Whoever calls it holds the ticks."""
+        pace = None if self._tick_wall_ns is None else self.tick_ns / self._tick_wall_ns
+        self._tick_wall_ns = None
+        return pace
+
     def fall(self, truth: TruthState) -> None:
         """Record one tick of a vehicle whose autopilot is lost. Its sensors are not sampled any more."""
         self.truth = truth

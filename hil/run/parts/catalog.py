@@ -56,6 +56,13 @@ def parts_of(bench: Bench, more: Sequence[Part] = (), *, judged: bool = True) ->
     return [*_make(inner, bench), *named, *more, *_make(_LINKS, bench)]
 
 
+def shared_parts(bench: Bench) -> list[Callable[[str], Sequence[Part]]]:
+    """Return the makers of parts that the vehicles of a run share; each makes the parts of a vehicle by its name."""
+    if bench.config.foxglove.port is None:
+        return []
+    return [import_module("hil.run.parts.links.foxglove.part").parts_maker(bench)]
+
+
 def link_parts(bench: Bench) -> list[Part]:
     """Return the parts that connect the autopilot, for a flight that something else than a run steps."""
     return _make(_LINKS, bench)

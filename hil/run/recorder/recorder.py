@@ -62,6 +62,14 @@ class Tap(Protocol):
     def detected(self, client: str, detections: Detections) -> None: ...
 
 
+class WireTap(Protocol):
+    """A tap that also takes MAVLink frames."""
+
+    def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None: ...
+
+    def received(self, t_ns: int, frames: Iterable[RawFrame]) -> None: ...
+
+
 class Album:
     """Selects one frame of each sensor for the report, in bounded memory for any length of flight.
 
@@ -134,6 +142,7 @@ class Recorder:
         self._mcap: McapSink | None = None
         self._mcap_recording: McapRecording | None = None
         self._sinks: list[McapSink | TlogSink] = []
+        self._wires: list[WireTap] = [tap for tap in taps if hasattr(tap, "sent")]  # type: ignore[misc]
         if mcap or tlog:
             out_dir.mkdir(parents=True, exist_ok=True)
         if mcap is True:
@@ -208,9 +217,9 @@ class Recorder:
         """Record the bytes sent to the autopilot in this tick, any number of frames."""
         del tick
         self._digest.sent(data)
-        if self._sinks and data:
+        if (self._sinks or self._wires) and data:
             pieces = [piece for piece in split_frames(data) if piece[0] != SETUP_SIGNING]  # contains the key
-            for sink in self._sinks:
+            for sink in (*self._sinks, *self._wires):
                 sink.sent(t_ns, pieces)
 
     def received(self, tick: int, t_ns: int, frames: Sequence[RawFrame]) -> None:
@@ -221,7 +230,7 @@ class Recorder:
 
     def routed(self, t_ns: int, frames: Sequence[RawFrame]) -> None:
         """Record frames that the router passed between its clients. They are not part of the digest."""
-        for sink in self._sinks:
+        for sink in (*self._sinks, *self._wires):
             sink.received(t_ns, frames)
 
     def actuators(self, frame: ActuatorFrame) -> None:

@@ -292,8 +292,8 @@ def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayR
     from hil.run.bench_run import run_bench
 
     def run_again(config: Path, folder: Path) -> None:
-        # Companions do not run again: their recorded answers are in the trace.
-        fresh = run_bench(load_bench(config, settings=_traces(run_dir)), folder)
+        # Companions do not run again: their recorded answers are in the trace. Nobody follows the fresh run.
+        fresh = run_bench(load_bench(config, settings=["foxglove.port=null", *_traces(run_dir)]), folder)
         if fresh.status == "ERROR":
             errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
 

@@ -5,35 +5,20 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from firmware_bridge.codecs.companion_view import View
 from hil.apps.dash.live.page_sticks import PageSticks
 from hil.apps.dash.views.companion_views import boxes_of, view_streams
 from hil.apps.dash.views.payloads import frame_streams, scalar_samples
+from hil.run.loop.by_hand import HandledVehicle, Present
 from signals.detections import Detections
-from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
+from signals.samples import Sample, Vec3
 
 _SLOW_NS = 500_000_000  # wall clock between two updates of slowly changing values
 _TRAIL_NS = 200_000_000  # simulated time between two points of the trail
 _TRAIL_POINTS = 1500  # beyond this every second point is dropped and the spacing doubles
 _EVENTS = 100  # in one update
-MAX_COMMANDS = 500  # of one run: limit of commands that alter it, and of recorded ones that do not
-
-
-class Present(Protocol):
-    """Present state of one vehicle: a run's scheduler, or a vehicle of `hil airsim`."""
-
-    @property
-    def tick(self) -> int: ...
-    @property
-    def tick_ns(self) -> int: ...
-    @property
-    def t_ns(self) -> int: ...
-    @property
-    def truth(self) -> TruthState | None: ...
-    @property
-    def actuators(self) -> ActuatorFrame: ...
 
 
 @dataclass(frozen=True)
@@ -47,6 +32,7 @@ class RunAccess:
     texts: Callable[[], Sequence[tuple[int, int, str]]]  # status texts of the autopilot so far: t_ns, severity, text
     slow_facts: Callable[[], dict[str, Any]]  # links, battery, skipped work: requested twice a second
     inject: Callable[[Any], None]  # a fault of a rotor, sensor or link, or a gust; ValueError if it does not fit
+    set_turbulence: Callable[[float], None]  # wind at 20 ft [m/s]
     event: Callable[[int, str, str], None]
     lockstep: bool  # the autopilot waits for the bench, so the run can be paused
     views: Callable[[], Mapping[str, View]]  # newest view of each companion, by client
@@ -55,16 +41,13 @@ class RunAccess:
     frames: Callable[[Sequence[str], dict[str, int]], dict[str, Any]] = lambda wanted, sent: {}  # noqa: ARG005
 
 
-class LiveVehicle:
+class LiveVehicle(HandledVehicle):
     """One vehicle, as the recorder and the page's commands change it. It is a tap of the recorder."""
 
     def __init__(self, name: str) -> None:
         """`name`: in a run of several vehicles; empty in a run of one."""
-        self.name = name
+        super().__init__(name)
         self.sticks = PageSticks()
-        self.commands: list[dict[str, Any]] = []  # commands that were carried out, for run.json
-        self.paused_s = 0.0  # wall clock, of pauses before a tick of this vehicle
-        self.altered = False  # a command changed what is simulated
         self._run: RunAccess | None = None
         self._latest: dict[str, Sample] = {}
         self._detected: dict[str, Detections] = {}  # newest, by topic
@@ -86,11 +69,7 @@ class LiveVehicle:
 
     @run.setter
     def run(self, run: RunAccess) -> None:
-        self._run = run
-
-    @property
-    def built(self) -> bool:
-        return self._run is not None
+        self._run = self._access = run
 
     def sample(self, port: str, sample: Sample) -> None:
         """Keep a released sample until the next one of its port."""
@@ -192,14 +171,6 @@ class LiveVehicle:
         """Forget what was sent of other streams: a pane opened again needs its frame, even if that is not new."""
         for stream in [s for s in self._streams_sent if s not in wanted]:
             del self._streams_sent[stream]
-
-    def record(self, text: str, *, alters: bool = False) -> None:
-        """Add a command that was carried out to the recording, the page's log and run.json."""
-        tick = self.run.scheduler.tick
-        self.altered = self.altered or alters
-        if len(self.commands) < MAX_COMMANDS or alters:
-            self.commands.append({"tick": tick, "what": text, "alters": alters})
-            self.run.event(self.run.scheduler.t_ns, "by_hand", f"before tick {tick}: {text}")
 
     def log(self, kind: str, text: str) -> None:
         """Add a line to the page's log; it is not recorded."""

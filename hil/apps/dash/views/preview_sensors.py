@@ -17,7 +17,7 @@ from signals.classes import Classes
 from signals.samples import TruthState
 
 if TYPE_CHECKING:
-    from hil.apps.dash.views.scene_mesh import Actors
+    from sim.frame.scene_mesh import Actors
 
 _SIZE = (320, 240)
 _FOV_DEG = 90.0
@@ -45,7 +45,8 @@ class PreviewSensors:
 
     def triangles(self) -> bytes:
         """Return the scene for the 3-D view. Raises HilError if the bench file or its scene cannot be loaded."""
-        from hil.apps.dash.views.scene_mesh import Actors, scene_triangles
+        from hil.apps.dash.views.scene_mesh import scene_triangles
+        from sim.frame.scene_mesh import Actors
 
         with self._lock:
             world = self._source("").world

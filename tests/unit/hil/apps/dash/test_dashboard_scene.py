@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from hil.apps.dash.views.scene_mesh import Actors, _colour, into_frame, scene_triangles
+from hil.apps.dash.views.scene_mesh import scene_triangles
 from hil.apps.view.command import load_frames
+from sim.frame.scene_mesh import Actors, _colour, into_frame
 
 CORNER = np.dtype([("at", "<f4", 3), ("colour", "u1", 4)])
 

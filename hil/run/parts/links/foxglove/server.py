@@ -1,0 +1,206 @@
+"""Foxglove's WebSocket server with the channels of a run. The SDK (package foxglove-sdk) does the protocol.
+
+The SDK has threads of its own and a queue of limited length for each client: a slow client loses the oldest messages,
+and the run never waits for one. Messages of topics without a subscriber are not encoded.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from types import ModuleType
+from typing import Any
+
+from hil.config.schema import Foxglove
+from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX, schema_text
+from hil.run.recorder.mcap.mcap_file import Block
+from signals.errors import ConfigError, LinkError, PortBusy, PortNotFound, Problem
+
+INSTALL = "pip install 'hil-bench[foxglove]'"
+_BACKLOG = 256  # messages that wait for one client, which then loses the oldest
+
+
+def installed_sdk() -> ModuleType:
+    """Return the module `foxglove`. Raises ConfigError where the package is not installed."""
+    try:
+        import foxglove
+        import foxglove.channels
+        import foxglove.websocket
+    except ImportError as error:
+        problem = Problem("foxglove.port", f"needs the package foxglove-sdk, which is not installed ({error})", INSTALL)
+        raise ConfigError([problem]) from error
+    logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # clients get these texts as status messages
+    return foxglove
+
+
+class Latched:
+    """Messages that a client gets when it subscribes, however late: the scene, mounts of sensors, the plan."""
+
+    def __init__(self) -> None:
+        self._messages: dict[str, dict[str, tuple[Any, int]]] = {}  # topic -> key -> message, time
+
+    def keep(self, topic: str, key: str, message: Any, t_ns: int) -> None:
+        self._messages.setdefault(topic, {})[key] = (message, t_ns)
+
+    def of(self, topic: str) -> list[tuple[Any, int]]:
+        return list(self._messages.get(topic, {}).values())
+
+    @property
+    def topics(self) -> frozenset[str]:
+        return frozenset(self._messages)
+
+
+class LiveServer:
+    """The server of one run. `log` and `publish` are called by one thread at a time."""
+
+    def __init__(self, settings: Foxglove) -> None:
+        self._settings = settings
+        self.sdk: Any = None
+        self._context: Any = None
+        self._server: Any = None
+        self._channels: dict[str, Any] = {}
+        self._by_id: dict[int, str] = {}
+        self._blocks: list[Any] = []  # channel of each number given to a series of the recorder
+        self.latched = Latched()
+        self._lock = threading.Lock()
+
+    # -- life -------------------------------------------------------------------------------------------------------
+
+    def prepare(self) -> None:
+        """Load the SDK, so that topics can be offered. Raises ConfigError where it is not installed."""
+        if self.sdk is None:
+            self.sdk = installed_sdk()
+            self._context = self.sdk.Context()
+
+    def start(
+        self, name: str, listener: Any, capabilities: Sequence[str], services: Sequence[Any], end_ns: int | None
+    ) -> None:
+        """Listen, once the first topics have been offered. Raises PortBusy or PortNotFound.
+
+        `capabilities`: names of `foxglove.websocket.Capability`. `end_ns`: latest end of the run, for playback control.
+        """
+        sdk = self.sdk
+        kinds = sdk.websocket.Capability
+        settings = self._settings
+        try:
+            self._server = sdk.start_server(
+                name=name,
+                host=settings.host,
+                port=settings.port,
+                capabilities=[getattr(kinds, each) for each in capabilities],
+                server_listener=listener,
+                supported_encodings=["json"],
+                services=list(services) or None,
+                context=self._context,
+                playback_time_range=None if end_ns is None else (0, end_ns),
+                message_backlog_size=_BACKLOG,
+            )
+        except RuntimeError as error:
+            raise _port_error(f"{settings.host}:{settings.port}", str(error)) from error
+
+    @property
+    def address(self) -> str:
+        """Address for Foxglove's dialog "Open connection"."""
+        host = self._settings.host
+        return f"ws://{f'[{host}]' if ':' in host else host}:{self._server.port}"
+
+    @property
+    def serves(self) -> bool:
+        return self._server is not None
+
+    def stop(self) -> None:
+        """Close all connections. Idempotent."""
+        with self._lock:
+            server, self._server = self._server, None
+        if server is not None:
+            with suppress(Exception):  # a run's end is not an error of the run
+                server.stop()
+            for channel in self._channels.values():
+                channel.close()
+
+    # -- messages ---------------------------------------------------------------------------------------------------
+
+    def declare(self, topic: str, type_name: str) -> None:
+        """Offer a topic of ROS 2 type "package/Name" with CDR messages."""
+        if topic not in self._channels:
+            schema = self.sdk.Schema(
+                name=type_name.replace("/", "/msg/"), encoding="ros2msg", data=schema_text(type_name).encode()
+            )
+            channel = self.sdk.Channel(topic, message_encoding="cdr", schema=schema, context=self._context)
+            self._channels[topic] = channel
+
+    def declare_typed(self, topic: str, message: str) -> None:
+        """Offer a topic of one of Foxglove's own messages, such as "SceneUpdate"."""
+        make = getattr(self.sdk.channels, f"{message}Channel")
+        self._channels[topic] = make(topic, context=self._context)
+
+    def wants(self, topic: str) -> bool:
+        """Return True if a client has subscribed to the topic."""
+        channel = self._channels.get(topic)
+        return channel is not None and channel.has_sinks()
+
+    def wanted(self) -> frozenset[str]:
+        """Return the topics that clients have subscribed to."""
+        return frozenset(topic for topic, channel in self._channels.items() if channel.has_sinks())
+
+    def log(self, topic: str, message: Any, t_ns: int, *, latch: str | None = None) -> None:
+        """Send bytes or a message of the SDK at a simulated time. `latch`: key under which later subscribers get it."""
+        if latch is not None:
+            self.latched.keep(topic, latch, message, t_ns)
+        channel = self._channels.get(topic)
+        if channel is not None:
+            channel.log(message, log_time=t_ns)
+
+    def repeat(self, topic: str, t_ns: int) -> None:
+        """Send the latched messages of a topic again, for a new subscriber."""
+        for message, _ in self.latched.of(topic):
+            self._channels[topic].log(message, log_time=t_ns)
+
+    def broadcast_time(self, t_ns: int) -> None:
+        if self._server is not None:
+            self._server.broadcast_time(t_ns)
+
+    def status(self, text: str, *, level: str = "Info") -> None:
+        """Show a text in all clients. `level`: Info, Warning or Error."""
+        if self._server is not None:
+            self._server.publish_status(text, getattr(self.sdk.StatusLevel, level))
+
+    def parameters(self, values: Sequence[Any]) -> None:
+        """Send changed parameters to the clients that subscribed to them."""
+        if self._server is not None:
+            self._server.publish_parameter_values(list(values))
+
+    def playback(self, state: Any) -> None:
+        if self._server is not None:
+            self._server.broadcast_playback_state(state)
+
+    # -- for the recorder's series: the methods of `McapFile` ---------------------------------------------------------
+
+    def frame(self, frame_id: str) -> str:
+        """Return the name of a coordinate frame."""
+        return frame_id
+
+    def channel(self, topic: str, type_name: str, schema_text: str) -> int:  # noqa: ARG002
+        """Offer a topic and return its number."""
+        self.declare(topic, type_name)
+        self._blocks.append(self._channels[topic])
+        return len(self._blocks) - 1
+
+    def publish(self, block: Block) -> None:
+        """Send the records of a block without their MCAP prefix."""
+        if not len(block.log_ns):
+            return
+        data = b"".join(block.parts)
+        ends = [*block.offsets.tolist()[1:], len(data)]
+        channel = self._blocks[block.channel]
+        for log_ns, begin, end in zip(block.log_ns.tolist(), block.offsets.tolist(), ends, strict=True):
+            channel.log(data[begin + MESSAGE_PREFIX.size : end], log_time=log_ns)
+
+
+def _port_error(name: str, reason: str) -> LinkError:
+    if "in use" in reason:
+        return PortBusy(name, "Foxglove's server cannot listen there: another program does; set foxglove.port")
+    reason = reason.rpartition("Failed to bind port: ")[2]
+    return PortNotFound(name, f"Foxglove's server cannot listen there ({reason}); set foxglove.host and foxglove.port")
