@@ -109,6 +109,11 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _checked(self, actions: Any) -> list[list[float] | None]:
         """Return the actions as lists, clipped to -1..1."""
+        if isinstance(actions, np.ndarray) and actions.shape == self.action_space.shape and actions.dtype.kind == "f":
+            values = actions.astype(np.float64)
+            if (np.abs(values) <= 1.0).all():
+                inside: list[list[float] | None] = values.tolist()
+                return inside
         if len(actions) != self.num_envs:
             raise ValueError(f"{self.batch.name}: {len(actions)} actions for {self.num_envs} environments")
         return [checked(action, self._shape, name) for action, name in zip(actions, self._names, strict=True)]
