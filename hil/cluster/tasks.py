@@ -19,6 +19,8 @@ from signals.errors import ConfigError, Problem, RecordingError
 
 _NODES_PERIOD_S = 2.0  # the nodes are counted this often
 _NO_NODE_S = 60.0  # without a node on which a task fits, then the work ends
+_NO_HEAD_S = 20.0  # without the head of the cluster; Ray itself would end the whole process after 60 s
+_CONNECT_S = 5.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,9 @@ class RayTasks:
         self._objects: dict[str, Any] = {}  # references by name
         self._running: dict[Any, Any] = {}  # keys by reference
         self._places: dict[str, int] = {}  # tasks that fit on each node
+        self._head = self._ray.get_runtime_context().gcs_address.rsplit(":", 1)
         self._counted_s, self._last_place_s = -_NODES_PERIOD_S, time.monotonic()
+        self._last_head_s = self._last_place_s
         self._count_nodes()
         if not self._places:
             self.close()
@@ -153,6 +157,8 @@ class RayTasks:
         if now_s - self._counted_s < _NODES_PERIOD_S:
             return
         self._counted_s = now_s
+        if not self._head_answers(now_s):
+            return
         with self._cluster():
             nodes = [node for node in self._ray.nodes() if node["Alive"]]
         needs = self._needs.by_name
@@ -169,15 +175,28 @@ class RayTasks:
                 "continue with --resume"
             )
 
+    def _head_answers(self, now_s: float) -> bool:
+        """Return True if something listens at the head's address. Raises RecordingError after a long time without."""
+        host, port = self._head
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), _CONNECT_S).close()
+        except OSError as error:
+            if now_s - self._last_head_s > _NO_HEAD_S:
+                raise _lost(f"its head at {host}:{port} does not answer: {error.strerror or error}") from error
+            return False
+        self._last_head_s = now_s
+        return True
+
     @contextmanager
     def _cluster(self) -> Iterator[None]:
         try:
             yield
         except (self._ray.exceptions.RayError, ConnectionError, RuntimeError, TimeoutError) as error:
-            text = str(error).strip().partition("\n")[0]
-            raise RecordingError(
-                f"the Ray cluster is lost ({text}). Everything stored so far is kept; continue with --resume"
-            ) from error
+            raise _lost(str(error).strip().partition("\n")[0]) from error
+
+
+def _lost(text: str) -> RecordingError:
+    return RecordingError(f"the Ray cluster is lost ({text}). Everything stored so far is kept; continue with --resume")
 
 
 def this_node() -> str:

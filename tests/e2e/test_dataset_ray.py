@@ -115,3 +115,19 @@ def test_a_node_is_killed(bench: Path, tree: dict[str, Any], tmp_path: Path, clu
     end(process)
     assert tree_of(out) == tree
     cluster.remove_node(node, allow_graceful=False)
+
+
+def test_the_head_of_a_cluster_is_killed(bench: Path, tree: dict[str, Any], tmp_path: Path) -> None:
+    require_ray()
+    from ray.cluster_utils import Cluster
+
+    out = tmp_path / "set"
+    lost = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    process = begin(bench, out, *on(lost), "--frames", "2000")
+    until(process, lambda: stored_batches(out) >= 1)
+    os.kill(lost.head_node.all_processes["gcs_server"][0].process.pid, signal.SIGKILL)
+    said, _ = process.communicate(timeout=WAIT_S)
+    assert process.returncode == 3, said
+    assert "the Ray cluster is lost (its head at" in said
+    lost.shutdown()
+    end(begin(bench, out, "--frames", "2010", "--resume"))
