@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Mapping, Sequence
 
 import numpy as np
@@ -23,15 +22,14 @@ from hil_companion.detections import Detections, Found
 from hil_companion.errors import CutError, OptionError
 from hil_companion.frame import Frame
 from hil_companion.link.protocol import Welcome
-from hil_companion.locate.existence import PERSON, sighting_evidence
+from hil_companion.locate.existence import LEAST_EVIDENCE, PERSON, RIVAL, WEAK, sighting_evidence
 from hil_companion.locate.geolocation import Camera, Geolocation, RadarView
 from hil_companion.locate.journal import Journal
 from hil_companion.locate.looks import look_of, object_pixels
 from hil_companion.locate.objects import Objects
 from hil_companion.locate.own_pose import TOPICS, OwnPose
 from hil_companion.locate.pictures import BoxPictures
-from hil_companion.locate.seats import SEATED_GAIN, SEATS, Seats, seated_gain
-from hil_companion.locate.tiles import has_rival, pieces, without_duplicates
+from hil_companion.locate.tiles import on_seat, pieces, rival_score, without_duplicates
 from hil_companion.locate.tracks import Sighting, Tracks
 from hil_companion.navigation.inertial import NavState
 from hil_companion.navigation.rotation import matrix_of
@@ -39,7 +37,6 @@ from hil_companion.navigation.rotation import matrix_of
 LOCALISERS = ("own", "truth", "none")
 TRUTH = "truth"
 _MAX_PIECES = 8  # along each side
-_WEAK_SHARE = 0.6  # of the threshold
 _TIMED_PICTURES = 50  # pictures between two updates of the computing time in the report
 
 
@@ -59,8 +56,6 @@ class DetectSettings:
     start: Sequence[float] = (0.0, 0.0, 0.23, 0.0)  # x, y, z [m] and yaw [rad] before take-off
     ground_z_m: float = 0.0  # height of the ground where there is no depth
     objects: Sequence[str] | None = ("person",)  # labels tracked through the world; None: all
-    least_sightings: int = 3  # sightings above the threshold from which a track is reported
-    weak_score: float | None = None  # weaker boxes extend tracks down to this score; None: 0.6 of the threshold
     out: str | None = None  # folder for pictures and the journal; None: the folder that the bench assigns
     picture_every_s: float = 1.0
 
@@ -76,11 +71,10 @@ class DetectSettings:
         for name, topic in (("camera", self.camera), ("depth", self.depth), ("radar", self.radar)):
             if topic is not None and (not isinstance(topic, str) or "/" not in topic):
                 raise OptionError(f"detect: {name} {topic!r}: a topic such as front/rgb is needed")
-        for name in ("ground_z_m", "least_sightings", "picture_every_s"):
+        for name in ("ground_z_m", "picture_every_s"):
             number("detect", name, getattr(self, name))
-        for name in ("threshold", "weak_score"):
-            if getattr(self, name) is not None:
-                number("detect", name, getattr(self, name))
+        if self.threshold is not None:
+            number("detect", "threshold", self.threshold)
 
 
 class Detect:
@@ -95,13 +89,9 @@ class Detect:
         self._folder = output_folder(s.out)
         self._detector = self._load(s.model, s.backend, s.threads)
         self._threshold = float(self._detector.model.score_threshold if s.threshold is None else s.threshold)
-        weak = _WEAK_SHARE * self._threshold if s.weak_score is None else float(s.weak_score)
-        if not 0.0 <= weak <= self._threshold <= 1.0:
-            raise OptionError(
-                f"detect: threshold {self._threshold!r}, weak_score {weak!r}: 0 <= weak_score <= threshold <= 1"
-            )
-        self._weak = weak
-        self._detector.threshold = max(0.0, weak - SEATED_GAIN)
+        if not 0.0 <= self._threshold <= 1.0:
+            raise OptionError(f"detect: threshold {self._threshold!r}: a number from 0 to 1 is needed")
+        self._detector.threshold = max(0.0, self._threshold - RIVAL)
         own_pose = TOPICS if s.localiser == "own" else ()
         truth = (TRUTH,) if s.localiser == TRUTH else ()
         self.topics = tuple(topic for topic in (s.camera, s.depth, s.radar, *own_pose, *truth) if topic)
@@ -122,8 +112,7 @@ class Detect:
 
     def _reset(self) -> None:
         self._tracks = Tracks()
-        self._seats = Seats()
-        self._objects = Objects(int(self._settings.least_sightings))
+        self._objects = Objects()
         self._reported: list[Found] = []
         self._detect_ms: list[float] = []  # computing time of each picture
         self._picture_count = self._box_count = self._boxes_without_place = 0
@@ -161,18 +150,13 @@ class Detect:
         self._detect_ms.append((time.perf_counter_ns() - begun_ns) * 1e-6)
         t_ns = picture.t_capture_ns
         depth_m = self._depth(frame, t_ns)
-        # A box below the threshold can extend a track, unless another label is more likely there.
-        seats = [d for d in found if d.score >= self._weak and d.label in SEATS]
-        self._seats.learn(rgb, seats)
-        found = [d for d in found if d.score >= self._threshold or (self._is_tracked(d) and not has_rival(d, found))]
+        candidates = found  # boxes below the threshold are sightings and rivals
+        found = [d for d in found if d.score >= self._threshold - (WEAK if self._is_tracked(d) else 0.0)]
         pose = self._pose(frame, t_ns)
         pixels = [object_pixels(rgb, d.box_px) if self._is_tracked(d) else None for d in found]
         found = self._geolocation.place(found, pose, depth_m, self._radar(frame), pixels)
         looks = [None if shown is None else look_of(shown, d.box_px) for d, shown in zip(found, pixels)]
-        shares = [
-            None if shown is None else self._seats.other_share(d, shown, seats) for d, shown in zip(found, pixels)
-        ]
-        objects = self._track(found, looks, shares, t_ns, pose, depth_m)
+        objects = self._track(found, looks, candidates, t_ns, pose, depth_m)
         height, width = rgb.shape[:2]
         boxes = [d for d in found if d.score >= self._threshold]
         self.detections = Detections(self._settings.camera, t_ns, (width, height), boxes, objects)
@@ -249,7 +233,7 @@ class Detect:
         self,
         found: Sequence[Any],
         looks: Sequence[np.ndarray | None],
-        seat_shares: Sequence[float | None],
+        candidates: Sequence[Any],
         t_ns: int,
         pose: NavState | None,
         depth_m: np.ndarray | None,
@@ -260,26 +244,30 @@ class Detect:
         own_m, yaw_rad = (
             (0.0, 0.0) if self._own_pose is None else (self._own_pose.sigma_m, self._own_pose.yaw_sigma_rad)
         )
-        for d, look, share in zip(found, looks, seat_shares):
-            over = d.score + (seated_gain(share) if d.label == PERSON else 0.0) - self._threshold
-            if over < self._weak - self._threshold:
-                continue
-            if d.p_W is None or pose is None or not self._is_tracked(d) or has_rival(d, found):
+        for d, look in zip(found, looks):
+            if d.p_W is None or pose is None or not self._is_tracked(d):
                 continue
             height_m = geolocation.height_m(d, pose)
-            by_depth = depth_m is not None
-            cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
-            evidence = sighting_evidence(over, *((height_m, share) if d.label == PERSON else (None, None)))
-            sightings.append(Sighting(d.label, d.p_W, cov, look, sure=over >= 0.0, evidence=evidence))
-        shows = None
-        if pose is not None and depth_m is not None:
-            shows = partial(geolocation.shows, pose=pose, depth_m=depth_m)
-        self._tracks.add(t_ns, sightings, shows)
+            evidence = self._evidence(d, candidates, height_m, geolocation.middle_m(d, pose, depth_m))
+            if evidence >= LEAST_EVIDENCE:
+                by_depth = depth_m is not None
+                cov = geolocation.covariance(d.p_W, pose, own_m, yaw_rad, by_depth=by_depth, height_m=height_m)
+                sightings.append(Sighting(d.label, d.p_W, cov, look, evidence))
+        self._tracks.add(t_ns, sightings)
         objects = self._objects.found(self._tracks.tracks)
         if objects == self._reported:
             return None
         self._reported = objects
         return objects
+
+    def _evidence(self, box: Any, candidates: Sequence[Any], height_m: float | None, middle_m: float | None) -> float:
+        over, rival = box.score - self._threshold, rival_score(box, candidates)
+        rival_over = None if rival is None else rival - self._threshold
+        if box.label != PERSON:
+            return sighting_evidence(over, rival_over)
+        return sighting_evidence(
+            over, rival_over, height_m, middle_m, on_seat=on_seat(box, candidates, self._threshold - WEAK)
+        )
 
     def _is_tracked(self, found: Any) -> bool:
         return self._labels is None or found.label in self._labels

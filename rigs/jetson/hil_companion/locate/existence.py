@@ -1,47 +1,59 @@
-"""Existence of a tracked object: evidence of its sightings, and of the pictures that should have shown it.
+"""Existence of a tracked object: evidence of its sightings.
 
-The log-odds of existence are a sum over pictures (binary Bayes filter; Thrun, Burgard and Fox 2005, Probabilistic
-Robotics, 4.2):
+The log-likelihood ratio of one box is linear in its features (logistic regression; Bishop 2006, Pattern Recognition and
+Machine Learning, 4.3.2), fitted to the boxes of flights over tuning maps with the scores of the shipped detector:
 
-    l = l_0 + sum ln p(z | person) / p(z | no person)
+    z = ln p(box | object) / p(box | something else) = w0 + sum w_i f_i
 
-z is a box with a score and a height, or no box where the picture should show the object. Pictures from nearly the same
-place show the same background and the same shadows, so they are not independent: each counts `_SHARE`.
+The score of another label at the same place counts against a person: bicycles and parasols have two scores. A person's
+box is as high as a person, and its middle is as high above the ground.
+
+Boxes of one object show the same clothes in front of the same background, so they are not independent. With the
+correlation rho between two of them, n count as n / (1 + (n - 1) rho) independent ones (design effect; Kish 1965, Survey
+Sampling, 5.4), and the log-odds of an object are
+
+    l = l_0 + sum z_i / (1 + (n - 1) rho)
 """
 
 from __future__ import annotations
 
-import math
-
 PERSON = "person"
-_PRIOR, _STILL = -2.0, -3.0  # l_0, and what is added to it for a person who never walked: posts do not walk
-_SHARE = 0.35
-_SEEN, _SEEN_FALSE = 0.72, 0.3  # probability of a box on a visible person, and on something that was once boxed
-_SLOPE, _EVEN, _MOST = 12.0, 0.04, 1.6  # scores: equally frequent `_EVEN` above the threshold
-# Heights of boxes on people: mean, deviation, ln of the densities' ratio at the mean, below and above. A tall box often
-# shows two people, one behind the other.
-_HEIGHT_M, _HEIGHT_SIGMA_M, _BEST, _LOW, _TALL = 1.65, 0.4, 0.9, -2.0, -0.7
-# Share of a box's own pixels that differ from the seat under it: people from 0.38 on, empty seats below.
-_SEAT_SLOPE, _SEAT_EVEN, _SEATED, _EMPTY = 12.0, 0.35, 1.0, -1.8
-MISS = _SHARE * math.log((1.0 - _SEEN) / (1.0 - _SEEN_FALSE))
+_PRIOR, _CORRELATION = -3.8, 0.1  # l_0 and rho
+WEAK = 0.12  # a score of so much less than the threshold can be a sighting
+RIVAL = 0.27  # a rival's score of so much less than the threshold, and those below it, say nothing
+LEAST_EVIDENCE = -2.0  # a box with less is no sighting
+_CONSTANT, _SCORE, _RIVAL_SCORE, _ON_SEAT = 2.9, 8.0, -6.65, 1.0
+_HEIGHT_M, _PER_M_LOW, _PER_M_HIGH, _MOST_M = 1.65, -3.0, -1.3, 1.0  # of the box
+_MIDDLE_M, _MIDDLE_LOW, _MIDDLE_HIGH, _MIDDLE_MOST_M = 0.8, -3.9, -5.2, 0.8  # of its middle above the ground
 
 
-def sighting_evidence(over_threshold: float, height_m: float | None, beside_seat: float | None = None) -> float:
-    """Return the log-likelihood ratio of a box by its score minus the threshold and by the height of its object.
+def sighting_evidence(
+    over_threshold: float,
+    rival_over_threshold: float | None,
+    height_m: float | None = None,
+    middle_m: float | None = None,
+    *,
+    on_seat: bool = False,
+) -> float:
+    """Return z of a box. None: unknown, or no rival.
 
-    `beside_seat`: `Seats.other_share` of the box.
+    `over_threshold`: its score minus the detection threshold, `rival_over_threshold`: that of the best box of another
+    label over it, `height_m`: of the box, `middle_m`: of the box's middle above the ground.
     """
-    by_score = max(-_MOST, min(_MOST, _SLOPE * (over_threshold - _EVEN)))
-    by_height = 0.0
+    z = _CONSTANT + _SCORE * over_threshold
+    if rival_over_threshold is not None:
+        z += _RIVAL_SCORE * max(0.0, rival_over_threshold + RIVAL)
     if height_m is not None:
-        lowest = _LOW if height_m < _HEIGHT_M else _TALL
-        by_height = max(lowest, _BEST - 0.5 * ((height_m - _HEIGHT_M) / _HEIGHT_SIGMA_M) ** 2)
-    by_seat = 0.0
-    if beside_seat is not None:
-        by_seat = max(_EMPTY, min(_SEATED, _SEAT_SLOPE * (beside_seat - _SEAT_EVEN)))
-    return _SHARE * (math.log(_SEEN / _SEEN_FALSE) + by_score + by_height + by_seat)
+        z += _off(height_m - _HEIGHT_M, _PER_M_LOW, _PER_M_HIGH, _MOST_M)
+    if middle_m is not None:
+        z += _off(middle_m - _MIDDLE_M, _MIDDLE_LOW, _MIDDLE_HIGH, _MIDDLE_MOST_M)
+    return z + (_ON_SEAT if on_seat else 0.0)
 
 
-def object_odds(evidence: float, *, still_person: bool) -> float:
-    """Return the log-odds of an object with this evidence of its sightings; it is reported from 0 on."""
-    return _PRIOR + (_STILL if still_person else 0.0) + evidence
+def _off(off_m: float, low: float, high: float, most_m: float) -> float:
+    return min(abs(off_m), most_m) * (low if off_m < 0.0 else high)
+
+
+def object_odds(evidence: float, sightings: int) -> float:
+    """Return the log-odds of an object with this sum of evidence; it is reported from 0 on."""
+    return _PRIOR + evidence / (1.0 + _CORRELATION * (sightings - 1))

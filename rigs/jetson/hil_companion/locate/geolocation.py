@@ -28,8 +28,7 @@ from hil_companion.navigation.rotation import matrix_of
 _DEPTH_SIGMA, _GROUND_SIGMA = (0.1, 0.0, 0.0004), (0.5, 0.06, 0.0)
 _ACROSS_SIGMA = (0.12, 0.004)
 _ONE_PERSON_M, _PER_EXCESS = 2.1, 2.0
-# A picture should show an object that is this high in it, this far inside its edges, and not this far behind its depth.
-_PERSON_M, _SHOWN_PX, _INSIDE_PX, _BEHIND_M, _AROUND_PX = 1.65, 22.0, 25.0, 1.0, 4
+_BELOW_SHARE, _BELOW_PX = 0.15, 4.0  # height of the strip below a box that shows the ground
 _MIDDLE_X, _MIDDLE_Y = (0.3, 0.7), (0.15, 0.75)  # part of the box that shows mostly the object
 _NEAR_SHARE, _OWN_SHARE, _CLUSTER_SHARE, _CLUSTER_M, _ROUNDS = 0.25, 0.4, 0.1, 0.6, 3
 _MIN_PIXELS, _OWN_PIXELS, _MAX_DEPTH_M = 4, 8, 1000.0
@@ -241,19 +240,24 @@ class Geolocation:
         top_m, bottom_m = (away_m * rays_W[:, 2] / level).tolist()
         return float(top_m - bottom_m)
 
-    def shows(self, p_W: Sequence[float], pose: NavState, depth_m: np.ndarray) -> bool:
-        """Return True if a picture taken at `pose` should show a person at a position: near, inside, not hidden."""
-        camera = self.camera
+    def middle_m(self, box: Any, pose: NavState | None, depth_m: np.ndarray | None) -> float | None:
+        """Return the height of an object's middle above the ground, the median of the points just below its box."""
+        if box.p_W is None or pose is None or depth_m is None:
+            return None
+        x0, y0, x1, y1 = box.box_px
+        height, width = depth_m.shape
+        top, left = min(int(y1), height - 1), max(0, int(x0))
+        rows = slice(top, min(height, int(y1 + max(_BELOW_PX, _BELOW_SHARE * (y1 - y0)))))
+        below_m = depth_m[rows, left : min(width, int(x1) + 1)]
+        ys, xs = np.nonzero(np.isfinite(below_m) & (below_m > 0.0))
+        if len(ys) < _MIN_PIXELS:
+            return None
         R_WB = matrix_of(pose.q)
-        p_C = (R_WB @ camera.R_BC).T @ (np.array(p_W) - np.array(pose.p) - R_WB @ camera.p_BC)
-        if p_C[2] <= 1.0 or camera.focal_px * _PERSON_M < _SHOWN_PX * float(np.linalg.norm(p_C)):
-            return False
-        width, height = camera.size_px
-        u, v = camera.pixels([p_C])[0].tolist()
-        if not (_INSIDE_PX < u < width - _INSIDE_PX and _INSIDE_PX < v < height - _INSIDE_PX):
-            return False
-        around = depth_m[int(v) - _AROUND_PX : int(v) + _AROUND_PX + 1, int(u) - _AROUND_PX : int(u) + _AROUND_PX + 1]
-        return bool(np.median(around) > p_C[2] - _BEHIND_M)
+        up_C = (R_WB @ self.camera.R_BC)[2]
+        rays_C = self.camera.rays_C(np.column_stack([xs + left + 0.5, ys + top + 0.5]))
+        above_m = (rays_C @ up_C) * below_m[ys, xs]
+        ground_m = pose.p[2] + float((R_WB @ self.camera.p_BC)[2]) + float(np.median(above_m))
+        return float(box.p_W[2] - ground_m)
 
     def _placed(
         self,

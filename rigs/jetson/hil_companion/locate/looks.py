@@ -6,7 +6,7 @@ backprojection, Swain and Ballard 1991, Color Indexing, used here for the surrou
 as with a green coat on a lawn, the middle of the box counts.
 
 A look is the median colour of the object's upper and lower part: six numbers, NaN where too few pixels show the part.
-Shade scales all three numbers of a colour about equally, so that L/3, 40 a / (L + 10) and 40 b / (L + 10) are compared.
+Two looks differ by the mean over their parts of the colours' distance dE = |(L, a, b)_1 - (L, a, b)_2| (CIE 1976).
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ _ACROSS = (0.15, 0.85)  # part of the box's width that is looked at
 _UP_PX = 4  # height of the surroundings above and below the box; beside it, they are as wide as the box
 _LEAST_AROUND, _LEAST_PIXELS, _LEAST_PART, _LEAST_HEIGHT_PX = 12, 6, 3, 12.0
 _PARTS = ((0.2, 0.45), (0.52, 0.82))  # upper and lower part, as shares of the box's height
-_LEAST_COMMON = 3  # colours that two looks must share to be compared: one part
 
 
 @dataclass(frozen=True)
@@ -93,13 +92,6 @@ def look_difference(a: np.ndarray | None, b: np.ndarray | None) -> float | None:
     """Return the difference of two looks in CIE units, of the parts that both show; None without such a part."""
     if a is None or b is None:
         return None
-    off = _compared(a) - _compared(b)
-    known = ~np.isnan(off)
-    if known.sum() < _LEAST_COMMON:
-        return None
-    return float(np.sqrt(np.mean(off[known] ** 2)))
-
-
-def _compared(look: np.ndarray) -> np.ndarray:
-    parts = look.reshape(-1, 3)
-    return np.column_stack([parts[:, 0] / 3.0, 40.0 * parts[:, 1:] / (parts[:, :1] + 10.0)]).ravel()
+    apart = np.sqrt(((a - b).reshape(-1, 3) ** 2).sum(axis=1))
+    known = ~np.isnan(apart)
+    return float(apart[known].mean()) if known.any() else None

@@ -21,19 +21,20 @@ from typing import Sequence, Tuple
 import numpy as np
 
 from hil_companion.detections import Found
-from hil_companion.locate.existence import PERSON, object_odds
+from hil_companion.locate.existence import object_odds
 from hil_companion.locate.looks import look_difference, median_look
 from hil_companion.locate.tracks import FIX_SIGMA_M, Track
 
 _PRIOR = -1.5  # about ten people may be the one who appears
 # ln of the densities' ratio of a difference of looks [CIE units], a line through those of people seen twice and of
 # different people, and its lowest value; the look of too small a box says nothing.
-_SAME_LOOK, _PER_UNIT, _LOWEST_LOOK, _NO_LOOK = 4.5, 0.5, -4.0, -1.0
+_SAME_LOOK, _PER_UNIT, _LOWEST_LOOK, _NO_LOOK = 5.0, 0.15, -3.0, -1.0
 _AREA_M2, _WALK_MPS = 3600.0, 1.7
 _STAYS_M2 = 0.15  # variance of the place of an object that stays, besides that of the tracks
 _SITS_DOWN = -4.0  # ln of the chance that one track stands and the other walks
 _LEAST_JOINED = 2  # sightings of a track that can be joined and reported
 _ONE_PLACE_M = 1.5
+_LONG = 0.5  # of the sightings of the longest track: those of a shorter one may be of another object
 
 Key = Tuple[Tuple[int, int], ...]
 
@@ -95,16 +96,15 @@ class Group:
                 best = max(best, place)
         return look + best + _PRIOR
 
-    def found(self, least: int) -> Found | None:
-        """Return the object; None without enough evidence. `least`: number of sightings at the threshold."""
-        first = self.tracks[0]
-        if object_odds(self.evidence, still_person=first.label == PERSON and not self.walks) < 0.0:
+    def found(self) -> Found | None:
+        """Return the object; None without enough evidence."""
+        first, sightings = self.tracks[0], sum(track.sightings for track in self.tracks)
+        if object_odds(self.evidence, sightings) < 0.0:
             return None
-        if sum(track.sure for track in self.tracks) < least:
-            return None
-        last = max(self.tracks, key=lambda t: (min(0.0, FIX_SIGMA_M - t.fix.sigma_m), t.fix.t_ns))
+        most = max(track.sightings for track in self.tracks)
+        long = [track for track in self.tracks if track.sightings >= _LONG * most]
+        last = max(long, key=lambda t: (min(0.0, FIX_SIGMA_M - t.fix.sigma_m), t.fix.t_ns))
         x, y, vx, vy = last.fix.state.tolist()
-        sightings = sum(track.sightings for track in self.tracks)
         place = (x, y, last.z_m)
         return Found(first.number, first.label, last.fix.t_ns, place, (vx, vy, 0.0), sightings, last.fix.sigma_m)
 
@@ -121,19 +121,15 @@ def _repeats(group: Group, obj: Found, known: Sequence[tuple[Group, Found]]) -> 
 
 
 class Objects:
-    """All objects. `least`: sightings of each at the threshold.
+    """All objects. The ratios of unchanged groups are kept from picture to picture."""
 
-    The ratios of unchanged groups are kept from picture to picture.
-    """
-
-    def __init__(self, least: int) -> None:
-        self._least = least
+    def __init__(self) -> None:
         self._groups: dict[Key, Group] = {}
         self._ratios: dict[tuple[Key, Key], float] = {}
 
     def found(self, tracks: Sequence[Track]) -> list[Found]:
         """Return the objects to report, by number."""
-        reported = [(group, group.found(self._least)) for group in self.groups(tracks)]
+        reported = [(group, group.found()) for group in self.groups(tracks)]
         known = [(group, obj) for group, obj in reported if obj is not None]
         return sorted((obj for group, obj in known if not _repeats(group, obj, known)), key=lambda obj: obj.number)
 

@@ -11,10 +11,10 @@ from typing import Any, Sequence, Tuple
 import numpy as np
 
 from hil_companion.detect.decode import overlaps
-from hil_companion.locate.seats import SEATS
 
 _OVERLAP = 0.25
-_SAME_IOU, _INSIDE_SHARE, _RIVAL_IOU = 0.45, 0.7, 0.4
+_SAME_IOU, _INSIDE_SHARE, _RIVAL_IOU, _ON_SEAT = 0.45, 0.7, 0.3, 0.2
+_SEATS = ("bench",)  # labels of objects that people sit on
 
 Piece = Tuple[int, int, int, int]  # x0, y0, x1, y1
 
@@ -40,21 +40,38 @@ def without_duplicates(found: Sequence[Any]) -> list[Any]:
     return kept
 
 
-def has_rival(box: Any, found: Sequence[Any]) -> bool:
-    """Return True if a higher-scoring box of another label, other than a seat, overlaps this box."""
+def rival_score(box: Any, found: Sequence[Any]) -> float | None:
+    """Return the highest score of the boxes of other labels, other than seats, that overlap this box; or None."""
+    return max(
+        (
+            other.score
+            for other in found
+            if other.label not in (box.label, *_SEATS) and _iou(box.box_px, other.box_px) > _RIVAL_IOU
+        ),
+        default=None,
+    )
+
+
+def on_seat(box: Any, found: Sequence[Any], least_score: float) -> bool:
+    """Return True if a seat of at least this score covers more than a fifth of the box."""
+    x0, y0, x1, y1 = box.box_px
     return any(
-        other.score > box.score
-        and other.label not in (box.label, *SEATS)
-        and _iou(box.box_px, other.box_px) > _RIVAL_IOU
+        other.label in _SEATS
+        and other.score >= least_score
+        and _shared(box.box_px, other.box_px) > _ON_SEAT * (x1 - x0) * (y1 - y0)
         for other in found
     )
 
 
 def _same(a: Sequence[float], b: Sequence[float]) -> bool:
-    first, second = np.asarray(a, float), np.asarray(b, float)
-    wide, high = np.maximum(np.minimum(first[2:], second[2:]) - np.maximum(first[:2], second[:2]), 0.0)
-    smaller_area = min(np.prod(first[2:] - first[:2]), np.prod(second[2:] - second[:2]))
-    return bool(_iou(a, b) > _SAME_IOU or wide * high > _INSIDE_SHARE * smaller_area)
+    smaller_area = min((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b))
+    return bool(_iou(a, b) > _SAME_IOU or _shared(a, b) > _INSIDE_SHARE * smaller_area)
+
+
+def _shared(a: Sequence[float], b: Sequence[float]) -> float:
+    """Return the area that two boxes share [px2]."""
+    wide, high = (min(a[i + 2], b[i + 2]) - max(a[i], b[i]) for i in (0, 1))
+    return max(0.0, wide) * max(0.0, high)
 
 
 def _iou(a: Sequence[float], b: Sequence[float]) -> float:

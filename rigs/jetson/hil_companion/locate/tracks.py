@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Callable, Sequence
+from typing import Sequence
 
 import numpy as np
 
-from hil_companion.locate.existence import MISS
 from hil_companion.locate.looks import look_difference, median_look
 
 _ACCEL, _STANDING_ACCEL, _STROLL = 0.35, 0.12, 0.08
@@ -32,12 +31,12 @@ _STAYS_MPS, _STAYS_M, _STANDS_M = 0.3, 1.0, 2.5  # an object that moved less tha
 _WALKS_MPS, _WALKED_M = 0.5, 2.0
 _GATE = 3.3
 _ABSENT_S, _AWAY_S = 1.6, 4.0
-_LOOK, _MAX_LOOK = 8.0, 16.0  # CIE units per unit of cost, and the largest difference of a sighting from its track
+_LOOK, _MAX_LOOK = 14.0, 28.0  # CIE units per unit of cost, and the largest difference of a sighting from its track
 _LOOKS_KEPT = 30  # sightings whose median look is the track's
-_ONE_PLACE_M, _ONE_LOOK = 1.0, 14.0
+_ONE_PLACE_M, _ONE_LOOK = 1.0, 24.0
 FIX_SIGMA_M = 0.5  # a position at least as sure as this is reported rather than an older, surer one
-_FIX_LOOK = 10.0  # a sighting with a greater difference of looks does not change the reported position
-_WEAK_S = 12.0  # a track of one sighting, or of none at the threshold, is dropped after this time
+_FIX_LOOK = 17.0  # a sighting with a greater difference of looks does not change the reported position
+_WEAK_S = 12.0  # a track of one sighting, or of unsure ones only, is dropped after this time
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,12 @@ class Sighting:
     p_W: tuple[float, float, float]
     cov: np.ndarray  # (2, 2) of x and y [m2]
     look: np.ndarray | None = None  # by `look_of`
-    sure: bool = True  # its score reaches the detection threshold
-    evidence: float = 0.0  # by `sighting_evidence`
+    evidence: float = 1.0  # by `sighting_evidence`
+
+    @property
+    def sure(self) -> bool:
+        """Return True if the box is rather of an object than of something else."""
+        return self.evidence >= 0.0
 
 
 @dataclass(frozen=True)
@@ -182,16 +185,8 @@ class Tracks:
         self._numbers = 0
         self._pictures = 0
 
-    def add(
-        self,
-        t_ns: int,
-        sightings: Sequence[Sighting],
-        shows: Callable[[tuple[float, float, float]], bool] | None = None,
-    ) -> None:
-        """Add the sightings of one picture; pictures come in the order of time.
-
-        `shows`: returns True for a position that the picture shows, in range and not hidden.
-        """
+    def add(self, t_ns: int, sightings: Sequence[Sighting]) -> None:
+        """Add the sightings of one picture; pictures come in the order of time."""
         self._pictures += 1
         pairs = [
             (track.cost(t_ns, seen), i, k) for i, track in enumerate(self.tracks) for k, seen in enumerate(sightings)
@@ -203,24 +198,12 @@ class Tracks:
                 assigned_tracks.add(i)
                 assigned.add(k)
                 self.tracks[i].update(t_ns, self._pictures, sightings[k])
-        if shows is not None:
-            for i, track in enumerate(self.tracks):
-                if i not in assigned_tracks:
-                    self._count_miss(track, t_ns, shows)
         for k, seen in enumerate(sightings):
             if k not in assigned:
                 self.tracks.append(Track(self._numbers, t_ns, self._pictures, seen))
                 self._numbers += 1
         self._merge(t_ns)
         self.tracks = [t for t in self.tracks if (t.sure and t.sightings > 1) or (t_ns - t.t_ns) * 1e-9 < _WEAK_S]
-
-    def _count_miss(self, track: Track, t_ns: int, shows: Callable[[tuple[float, float, float]], bool]) -> None:
-        """Count evidence against a track whose object this picture should show."""
-        state, cov = track.at(t_ns)
-        if cov[0, 0] + cov[1, 1] > 1.0:
-            return
-        if shows((float(state[0]), float(state[1]), track.z_m)):
-            track.evidence += MISS
 
     def _merge(self, t_ns: int) -> None:
         """Merge each track seen in this picture into an older one that is predicted at the same place."""

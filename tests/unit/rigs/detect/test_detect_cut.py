@@ -35,6 +35,7 @@ def frame(
     segmentation, instance = np.zeros(shape, np.uint8), np.zeros(shape, np.uint16)
     for one, (x0, y0, x1, y1) in people.items():
         place = np.s_[y0:y1, x0:x1]
+        depth[y1 : y1 + 8, x0:x1] = depth_m  # the ground under the feet
         rgb[place], depth[place], segmentation[place], instance[place] = (200, 40, 40), depth_m, PERSON, one
     arrays = {"rgb": rgb, "depth": depth, "segmentation": segmentation, "instance": instance}
     samples = {
@@ -50,17 +51,17 @@ def frame(
 def test_people_are_reported_with_range_place_and_number_and_saved(tmp_path: Path) -> None:
     cut = StandIn(depth="front/depth", localiser="truth", out=str(tmp_path / "left"))
     cut.start(welcome())
-    boxes = {7: (150, 90, 170, 140), 9: (40, 60, 60, 110)}
+    boxes = {7: (150, 110, 160, 140), 9: (40, 80, 50, 110)}
     told = []
     for k in range(12):
         assert cut(frame(k, boxes)) is None  # it commands nothing
         assert cut.detections is not None
         told.append(cut.detections)
     assert [(d.topic, d.t_capture_ns, d.size_px) for d in told][2] == ("front/rgb", 500_000_000, (WIDTH, HEIGHT))
-    assert {d.box_px for d in told[0].boxes} == {(150, 90, 170, 140), (40, 60, 60, 110)}
+    assert {d.box_px for d in told[0].boxes} == {(150, 110, 160, 140), (40, 80, 50, 110)}
     for one in told[0].boxes:
         assert one.range_m == pytest.approx(12.0 * np.linalg.norm(np.array([*_ray(one.box_px), 1.0])), rel=1e-6)
-    assert not any(d.objects for d in told[:2])  # no object is reported after fewer than three sightings
+    assert not told[0].objects  # no object is reported after one sighting
     assert told[11].objects is not None
     assert [one.sightings for one in told[11].objects] == [12, 12]
     assert told[11].as_map()["objects"][0][0] == 0
@@ -82,14 +83,14 @@ def _ray(box: tuple[float, float, float, float]) -> tuple[float, float]:
 def test_without_depth_ranges_come_from_the_ground_and_without_a_pose_there_are_no_places() -> None:
     by_ground = StandIn(localiser="truth")
     by_ground.start(welcome())
-    by_ground(frame(1, {7: (150, 90, 170, 140)}))
+    by_ground(frame(1, {7: (150, 110, 160, 140)}))
     assert by_ground.detections is not None
     (one,) = by_ground.detections.boxes
     assert one.p_W[2] == pytest.approx(0.0, abs=1e-6)
     assert by_ground.report["range_from"] == "ground"
     blind = StandIn(localiser="none", depth="front/depth")
     blind.start(welcome())
-    blind(frame(1, {7: (150, 90, 170, 140)}))
+    blind(frame(1, {7: (150, 110, 160, 140)}))
     assert blind.detections is not None
     (one,) = blind.detections.boxes
     assert one.p_W is None
@@ -101,7 +102,7 @@ def test_a_frame_without_a_picture_is_no_news_and_another_session_begins_anew() 
     cut = StandIn(localiser="truth", depth="front/depth")
     cut.start(welcome())
     for k in range(12):
-        cut(frame(k, {7: (150, 90, 170, 140)}))
+        cut(frame(k, {7: (150, 110, 160, 140)}))
     quiet = frame(12, {})
     del quiet.samples["front/rgb"]
     cut(quiet)
@@ -148,6 +149,7 @@ def test_a_wrong_depth_topic_and_a_missing_truth_are_named() -> None:
         ("tiles=[0, 2]", "tiles"),
         ("camera=front", "camera 'front'"),
         ("objects=person", "a list of labels"),
+        ("threshold=1.2", "threshold 1.2"),
         ("start=[0, 0]", "x, y, z and yaw"),
         ("camra=front/rgb", "did you mean 'camera'"),
     ],

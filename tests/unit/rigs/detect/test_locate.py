@@ -23,7 +23,7 @@ from hil_companion.locate.geolocation import (  # noqa: E402
 )
 from hil_companion.locate.looks import object_pixels  # noqa: E402
 from hil_companion.locate.own_pose import OwnPose  # noqa: E402
-from hil_companion.locate.tiles import has_rival, pieces, without_duplicates  # noqa: E402
+from hil_companion.locate.tiles import on_seat, pieces, rival_score, without_duplicates  # noqa: E402
 from hil_companion.navigation.inertial import NavState  # noqa: E402
 
 SECOND = 1_000_000_000
@@ -130,13 +130,16 @@ def test_pieces_cover_a_picture_and_doubles_go() -> None:
     assert without_duplicates([whole, near, car, cut]) == [cut, car, near]
 
 
-def test_a_box_under_a_surer_one_of_another_label_has_a_rival() -> None:
+def test_the_rival_of_a_box_is_the_best_one_of_another_label_over_it() -> None:
     person, bin_ = Detection("person", (10, 10, 30, 60), 0.5), Detection("bin", (11, 12, 31, 61), 0.6)
-    behind = Detection("house", (0, 0, 300, 200), 0.9)
-    assert has_rival(person, [person, bin_])
-    assert not has_rival(bin_, [person, bin_])
-    assert not has_rival(person, [person, behind])
-    assert not has_rival(person, [person, Detection("bench", (11, 12, 31, 61), 0.6)])
+    behind, bench = Detection("house", (0, 0, 300, 200), 0.9), Detection("bench", (11, 20, 31, 61), 0.7)
+    low = Detection("dog", (10, 10, 30, 60), 0.3)
+    assert rival_score(person, [person, behind, low, bin_, bench]) == 0.6
+    assert rival_score(bin_, [person, bin_, low]) == 0.5
+    assert rival_score(person, [person, behind, bench]) is None
+    assert on_seat(person, [person, bench], 0.7)
+    assert not on_seat(person, [person, bench], 0.71)
+    assert not on_seat(person, [Detection("bench", (27, 10, 90, 60), 0.7)], 0.4)  # beside it
 
 
 def test_the_depth_of_a_thin_object_is_that_of_its_own_pixels() -> None:
@@ -180,16 +183,18 @@ def _nose_down() -> tuple[float, float, float, float]:
     return (math.cos(half), 0.0, math.sin(half), 0.0)
 
 
-def test_a_picture_shows_what_is_near_inside_and_not_hidden() -> None:
-    place, at = Geolocation(Camera("front", calibration()), ground_z_m=0.0), pose(0.0, 0.0, 10.0, 0.0)
-    clear = np.full((HEIGHT, WIDTH), 60.0)
-    person = (10.0, 0.0, 0.9)
-    assert place.shows(person, at, clear)
-    assert place.shows(person, at, np.full((HEIGHT, WIDTH), np.inf))
-    assert not place.shows(person, at, np.full((HEIGHT, WIDTH), 6.0))  # behind a wall
-    assert not place.shows((-10.0, 0.0, 0.9), at, clear)  # behind the camera
-    assert not place.shows((10.0, 14.0, 0.9), at, clear)  # beside the picture
-    assert not place.shows((25.0, 0.0, 0.9), at, clear)  # too small: 200 px * 1.65 m / 26.6 m
+@pytest.mark.parametrize("ground_m", [0.0, 3.5])
+def test_the_height_of_a_box_above_the_ground_is_that_above_the_points_below_it(ground_m: float) -> None:
+    camera, at = Camera("front", calibration()), pose(0.0, 0.0, 10.0 + ground_m, 0.0)
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
+    down = -(camera.rays_C(np.column_stack([u.ravel() + 0.5, v.ravel() + 0.5])) @ camera.R_BC.T)[:, 2]
+    depth = np.where(down > 0.01, (10.0 + camera.p_BC[2]) / np.maximum(down, 0.01), np.inf).reshape(HEIGHT, WIDTH)
+    box = Detection("person", (150.0, 100.0, 160.0, 140.0), 0.9, p_W=(12.0, 0.0, ground_m + 0.85))
+    place = Geolocation(camera, ground_z_m=0.0)
+    assert place.middle_m(box, at, depth) == pytest.approx(0.85, abs=1e-6)
+    assert place.middle_m(box, at, None) is None
+    assert place.middle_m(box, None, depth) is None
+    assert place.middle_m(box, at, np.full((HEIGHT, WIDTH), np.nan)) is None
 
 
 def frame(t_ns: int, **topics: Any) -> Any:
