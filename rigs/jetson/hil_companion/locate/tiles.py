@@ -8,10 +8,6 @@ from __future__ import annotations
 
 from typing import Any, Sequence, Tuple
 
-import numpy as np
-
-from hil_companion.detect.decode import overlaps
-
 _OVERLAP = 0.25
 _SAME_IOU, _INSIDE_SHARE, _RIVAL_IOU, _ON_SEAT = 0.45, 0.7, 0.3, 0.2
 _SEATS = ("bench",)  # labels of objects that people sit on
@@ -75,4 +71,7 @@ def _shared(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def _iou(a: Sequence[float], b: Sequence[float]) -> float:
-    return float(overlaps(np.asarray(a, float), np.asarray([b], float))[0])
+    """Return intersection over union; without arrays, which take ten times as long for two boxes."""
+    shared = _shared(a, b)
+    union = sum((x1 - x0) * (y1 - y0) for x0, y0, x1, y1 in (a, b)) - shared
+    return shared / union if union > 0.0 else 0.0
