@@ -19,6 +19,7 @@ from rich.console import Console
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import NAME, unpack
+from hil.config import Bench
 from hil.run.companion.files import TRACE_NAME
 from hil.run.recorder.reading import RecordedMessage, Recording, causal_order
 from hil.run.recorder.recorder import MCAP_NAME
@@ -178,6 +179,16 @@ def _traces(run_dir: Path) -> list[str]:
     return [f"{place}companion.trace={trace.resolve()}" for place, trace in traces.items() if trace.is_file()]
 
 
+def _without_subscribers(bench: Bench) -> list[str]:
+    """Return the settings with which a run has no ROS 2 node, or waits for none if one may command the vehicle."""
+    places = {"": bench} | {f"vehicles.{name}.": vehicle for name, vehicle in bench.vehicles.items()}
+    return [
+        f"{place}ros2.wait_for=[]" if one.config.ros2.control else f"{place}ros2.domain=null"
+        for place, one in places.items()
+        if one.config.ros2.domain is not None
+    ]
+
+
 def _digest(recording: Recording) -> str | None:
     return recording.metadata.get("hil_result", {}).get("digest")
 
@@ -293,7 +304,8 @@ def fly_and_compare(run_dir: Path, out: Path | None, errors: Console) -> ReplayR
 
     def run_again(config: Path, folder: Path) -> None:
         # Companions do not run again: their recorded answers are in the trace. Nobody follows the fresh run.
-        fresh = run_bench(load_bench(config, settings=["foxglove.port=null", *_traces(run_dir)]), folder)
+        settings = ["foxglove.port=null", *_traces(run_dir), *_without_subscribers(load_bench(config))]
+        fresh = run_bench(load_bench(config, settings=settings), folder)
         if fresh.status == "ERROR":
             errors.print(f"the fresh run ended as an error: {fresh.run['error']['message']}", markup=False)
 

@@ -100,7 +100,7 @@ def listen(
         try:
             result = run_bench(load_bench(path), tmp_path / "run", quiet=True)
             assert result.run["error"] is None, result.run["error"]
-            output, _ = process.communicate(timeout=120)
+            output, _ = process.communicate(timeout=30)
         finally:
             process.kill()
     rows = [line.split() for line in output.splitlines() if line.startswith("/")]
@@ -146,6 +146,7 @@ def test_a_slow_subscriber_gets_every_picture(listener: Path, tmp_path: Path) ->
 
 def test_nothing_is_lost_in_real_time(listener: Path, tmp_path: Path) -> None:
     seconds = int(os.environ.get("HIL_ROS2_SECONDS", "10"))
+    measured = "HIL_ROS2_SECONDS" in os.environ  # on a quiet machine
     wait = "wait_for: [], wait_timeout_s: 60"
     result, tallies = listen(listener, tmp_path, seconds=seconds, pace=1, images="false", more=wait)
     assert result.run["error"] is None
@@ -157,6 +158,7 @@ def test_nothing_is_lost_in_real_time(listener: Path, tmp_path: Path) -> None:
         assert tally.last_ns >= (seconds - 0.11) * 1e9
         steps = {"/imu": (4, 4), "/front/rgb": (32, 36), "/lidar": (100, 100)}[name]
         assert (tally.least_step_ns, tally.most_step_ns) == (steps[0] * 10**6, steps[1] * 10**6)
+    assert not measured or result.run["ros2"]["tick_us"]["mean"] <= 60.0
 
 
 def test_a_subscriber_that_is_killed_while_it_is_waited_for_ends_the_run(listener: Path, tmp_path: Path) -> None:

@@ -90,6 +90,7 @@ class _Domains:
 
     def __init__(self) -> None:
         self._domains: dict[int, tuple[Domain, str | None, int]] = {}
+        self.clock_ns: dict[int, int] = {}  # newest time that a node of this process has sent, by domain
 
     def enter(self, number: int, interface: str | None) -> None:
         """Make the domain, or share it. Raises Ros2Error."""
@@ -112,6 +113,7 @@ class _Domains:
             self._domains[number] = (domain, interface, users - 1)
             return
         del self._domains[number]
+        self.clock_ns.pop(number, None)
         domain.__del__()
 
 
@@ -214,6 +216,13 @@ class Node:
         """Add a subscription."""
         self._subscriptions.append(Subscription(self, name, type_name))
         return self._subscriptions[-1]
+
+    def is_first_at(self, t_ns: int) -> bool:
+        """Return True for the first node of this process that asks about a time: it sends `/clock`."""
+        if _DOMAINS.clock_ns.get(self._domain, -1) >= t_ns:
+            return False
+        _DOMAINS.clock_ns[self._domain] = t_ns
+        return True
 
     def announce(self) -> None:
         """Tell the other nodes which endpoints this node has."""

@@ -185,8 +185,8 @@ class Ros2Part(Part):
         batch = []
         for topic, _, data in live.of_tick(truth, released, run.scheduler.actuators, run.physics.battery):
             name = topic.name
-            if name not in publishers:  # /tf_static comes unasked
-                continue
+            if name not in publishers or (name == CLOCK and not self._node.is_first_at(truth.t_ns)):
+                continue  # /tf_static comes unasked; one vehicle sends the clock of all
             batch.append((publishers[name].ref, name, bytes(data)))
             counts[name] = counts.get(name, 0) + 1
         if batch:

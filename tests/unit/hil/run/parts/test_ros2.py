@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
@@ -20,6 +21,7 @@ from hil.run.parts.catalog import parts_of
 from hil.run.parts.links.ros2 import part as ros2_part
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
 from hil.run.parts.links.ros2.type_hash import type_hash
+from hil.run.runs.replay import fly_and_compare
 from signals.errors import ConfigError
 from signals.samples import TruthState
 
@@ -172,6 +174,41 @@ def test_a_subscriber_gets_every_message_and_changes_nothing(tmp_path: Path, oth
     assert got["/clock"]
     assert watched.run["ros2"]["topics"]["/imu"] == 250
     assert watched.run["ros2"]["topics"]["/mag"] == 0  # nobody subscribes
+
+
+def test_vehicles_have_names_of_their_own_and_one_clock(tmp_path: Path, other: ros2.Node, domain: int) -> None:
+    got: dict[str, list[Any]] = {"/red/imu": [], "/blue/imu": [], "/clock": []}
+    types = ("sensor_msgs/Imu", "sensor_msgs/Imu", "rosgraph_msgs/Clock")
+    subscriptions = {name: _keep_all(other, name, kind) for name, kind in zip(got, types, strict=True)}
+
+    def take() -> None:
+        for name, reader in subscriptions.items():
+            got[name] += _valid(reader.take(N=1000))
+
+    path = tmp_path / "bench.yaml"
+    vehicles = (
+        f"vehicles:\n  red: {{ros2: {{domain: {domain}, control: true, wait_for: [/red/imu]}}}}\n"
+        f"  blue: {{start: {{p_W: [3, 0, 0]}}, ros2: {{domain: {domain}, control: true, wait_for: [/blue/imu]}}}}\n"
+    )
+    path.write_text(BENCH.format(ros2="{}", duration=0.4) + vehicles)
+    with _meanwhile(take):
+        result = run_bench(load_bench(path), tmp_path / "run", quiet=True)
+    assert result.run["error"] is None
+    assert len(got["/red/imu"]) == len(got["/blue/imu"]) == 100
+    assert got["/red/imu"][0].header.frame_id == "red/base_link"
+    times = [message.clock.sec * 10**9 + message.clock.nanosec for message in got["/clock"]]
+    assert len(times) > 20
+    assert times == sorted(set(times))
+
+
+def test_a_replay_waits_for_nobody(tmp_path: Path, other: ros2.Node, domain: int) -> None:
+    reader = _keep_all(other, "/imu", "sensor_msgs/Imu")
+    with _meanwhile(lambda: reader.take(N=1000)):
+        result = run(tmp_path, f"{{domain: {domain}, wait_for: [/imu], wait_timeout_s: 2}}", duration=0.4)
+    assert result.run["error"] is None
+    other.close()
+    replayed = fly_and_compare(tmp_path / "run", None, Console(stderr=True))
+    assert replayed.identical, str(replayed)
 
 
 def test_set_points_fly_the_vehicle_and_mark_the_run(tmp_path: Path, other: ros2.Node, domain: int) -> None:
