@@ -12,7 +12,7 @@ from rich.console import Console
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
-from hil.apps.campaign.results.answers import LiveSummary, facts_of, name_of, write_results
+from hil.apps.campaign.results.answers import LiveSummary, check_name, facts_of, write_results
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
@@ -88,10 +88,7 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
     out = options.out or Path("campaigns") / file.name
     if (out / STORE_NAME).is_file() and not options.resume:
         raise RecordingError(f"{out}: holds a campaign; continue it with --resume, or name another folder with --out")
-    other = name_of(out)
-    if other not in (None, file.name):
-        hint = f"continue it with the file {other}.yaml, or name another folder with --out"
-        raise RecordingError(f"{out}: holds the campaign {other!r}, and this is {file.name!r}: {hint}")
+    check_name(out, file.name)
     with closing(make_engine(options, file, workers)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
             campaign = Campaign(file, plan, store, engine, out, stop)

@@ -21,7 +21,7 @@ from hil.apps.campaign.find.trials import Trials
 from hil.apps.campaign.flight import Outcome
 from hil.apps.campaign.results import tables
 from hil.apps.campaign.results.again import run_command
-from hil.apps.campaign.results.answers import LiveSummary
+from hil.apps.campaign.results.answers import LiveSummary, check_name
 from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import STORE_NAME, Store
@@ -98,6 +98,7 @@ def search_failures(path: Path, options: SearchOptions, console: Console) -> int
     if (out / STORE_NAME).is_file() and not options.resume:
         text = f"{out}: holds a campaign or a search; repeat the search with --resume, which flies no stored case again"
         raise RecordingError(f"{text}, or name another folder with --out")
+    check_name(out, _search_name(file))
     workers, began_s = options.workers or max(1, usable_processors() // file.spec.cores), time.monotonic()
     engine = LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
     with run_folder(out), Store(out) as store, closing(engine):
@@ -195,10 +196,14 @@ def _print_shrunk(found: Shrunk, bench: Path | None, trials: Trials, path: Path,
     console.print(f"{shown_path(path)}")
 
 
+def _search_name(file: CampaignFile) -> str:
+    return f"{file.name}-search"
+
+
 def _facts(file: CampaignFile, options: SearchOptions, search: Search, wall_s: float) -> dict[str, Any]:
     first = None if search.first is None else {"trial": search.first[0] + 1, "case": search.first[1].case}
     told = {"trials": search.tried, "first_failure": first}
-    return {"name": file.name, "points": options.trials, "search": told, "wall_s": wall_s}
+    return {"name": _search_name(file), "points": options.trials, "search": told, "wall_s": wall_s}
 
 
 def _write_tables(out: Path, store: Store, plan: Plan, search: Search, facts: dict[str, Any]) -> None:

@@ -20,7 +20,7 @@ from hil.apps.campaign.results.junit import junit_cases
 from hil.apps.campaign.results.page import write_page
 from hil.apps.campaign.results.statistics import Tally, wilson
 from hil.apps.campaign.results.summary import MOST_LISTED, Summary, separation
-from hil.apps.campaign.results.tables import write_each
+from hil.apps.campaign.results.tables import csv_rows, write_each
 from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Stop
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Case, Store
@@ -150,6 +150,13 @@ def test_junit_has_a_testcase_for_every_case(invented: tuple[Path, CampaignFile,
             words = shlex.split((inner[0].text or "").splitlines()[-1])
             assert words[:3] == ["hil", "run", "my bench.yaml"]
             assert words[4::2] == list(found.texts)
+
+
+def test_an_axis_named_like_a_measurement_has_the_column(tmp_path: Path) -> None:
+    outcome = Outcome("PASS", limits=(Limit("gust_mps", 3.0, None, "m/s", None),))
+    cases = [Case("a", 0, {"gust_mps": "strong"}, outcome, ())]
+    write_each(cases, csv_rows(tmp_path / "results.csv", ["gust_mps"], ["gust_mps"]))
+    assert (tmp_path / "results.csv").read_text().splitlines()[1] == "a,PASS,strong,,,,"
 
 
 def test_junit_is_xml_whatever_an_error_says(tmp_path: Path) -> None:

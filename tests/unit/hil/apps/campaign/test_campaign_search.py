@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from hil.apps.campaign.command import CampaignOptions, run_campaign
 from hil.apps.campaign.find import command
 from hil.apps.campaign.find.command import SearchOptions, search_failures
 from hil.apps.campaign.find.search import objective
@@ -82,6 +83,8 @@ def test_the_same_search_for_any_number_of_workers(spec: Path, tmp_path: Path, e
 
     with pytest.raises(RecordingError, match="--resume"):
         search(spec, tmp_path / "1", trials=60)
+    with pytest.raises(RecordingError, match="holds 'small-search', and this is 'small'"):
+        run_campaign(spec, CampaignOptions(out=tmp_path / "1", resume=True, quiet=True), Console(quiet=True))
     assert search(spec, tmp_path / "1", workers=1, trials=60, seed=2, resume=True) == 1
     assert not engine[-1].flown, "nothing is flown twice"
 
