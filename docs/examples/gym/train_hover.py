@@ -119,13 +119,13 @@ def draw(rows: list[dict[str, float]], path: Path) -> None:
 
     figure = Figure(figsize=(7.0, 3.6), layout="constrained")
     ax = figure.subplots()
-    minutes = [row["cpu_s"] / 60.0 for row in rows]
-    ax.plot(minutes, [100.0 * row["success"] for row in rows], "o-", color="#1f6fb2", markersize=4)
-    ax.set(xlabel="processor time of the training [min]", ylim=(-3, 103))
+    cpu_s = [row["cpu_s"] for row in rows]
+    ax.plot(cpu_s, [100.0 * row["success"] for row in rows], "o-", color="#1f6fb2", markersize=4)
+    ax.set(xlabel="processor time of the training [s]", ylim=(-3, 103))
     ax.set_ylabel("successes [%]", color="#1f6fb2")
     ax.grid(True, color="#e6e9ed")
     right = ax.twinx()
-    right.plot(minutes, [row["distance_m"] for row in rows], "s--", color="#c8553b", markersize=3)
+    right.plot(cpu_s, [row["distance_m"] for row in rows], "s--", color="#c8553b", markersize=3)
     right.set_yscale("log")
     right.set_ylabel("median distance at the end [m]", color="#c8553b")
     steps = rows[-1]["steps"]
