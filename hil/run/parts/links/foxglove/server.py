@@ -19,6 +19,7 @@ from hil.run.recorder.mcap.mcap_file import Block
 from signals.errors import ConfigError, LinkError, PortBusy, PortNotFound, Problem
 
 INSTALL = "pip install 'hil-bench[foxglove]'"
+_STOP_S = 2.0  # longest wait for the server at the end
 _BACKLOG = 256  # messages that wait for one client, which then loses the oldest
 
 
@@ -115,10 +116,10 @@ class LiveServer:
         with self._lock:
             server, self._server = self._server, None
         if server is not None:
-            with suppress(Exception):  # a run's end is not an error of the run
-                server.stop()
-            for channel in self._channels.values():
-                channel.close()
+            # The SDK waits for clients that read nothing, without a limit.
+            stopping = threading.Thread(target=_stop, args=(server,), name="foxglove stop", daemon=True)
+            stopping.start()
+            stopping.join(_STOP_S)
 
     # -- messages ---------------------------------------------------------------------------------------------------
 
@@ -197,6 +198,11 @@ class LiveServer:
         channel = self._blocks[block.channel]
         for log_ns, begin, end in zip(block.log_ns.tolist(), block.offsets.tolist(), ends, strict=True):
             channel.log(data[begin + MESSAGE_PREFIX.size : end], log_time=log_ns)
+
+
+def _stop(server: Any) -> None:
+    with suppress(Exception):  # a run's end is not an error of the run
+        server.stop()
 
 
 def _port_error(name: str, reason: str) -> LinkError:
