@@ -1,7 +1,8 @@
 """Network ports of a flight, apart from those of the other flights on this machine.
 
 A simulated autopilot gets an instance of its own, and a companion that the bench starts any free port. Flight n adds
-n * s to the ports of the router, with s the smallest step that never gives two flights the same port.
+n * s to the ports of the router, with s the smallest step that never gives two flights the same port. Foxglove follows
+flight 0 alone.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from hil.config.schema import PROGRAM_KINDS, Router
 from signals.errors import ConfigError, Problem
 
 _MOST = 65535
+_MOST_INSTANCE = 99  # hil.config.schema.Autopilot
 
 
 def with_own_ports(bench: Bench, number: int) -> Bench:
@@ -26,6 +28,8 @@ def with_own_ports(bench: Bench, number: int) -> Bench:
     if ports and max(ports) + move > _MOST:
         text = f"port {max(ports)} leaves no room for flight {number} of this machine, which adds {move}"
         raise ConfigError([Problem("router", text, "lower ports, or fewer --workers")])
+    if number:
+        bench = _unfollowed(bench)
     moved = {name: _moved(each, number * len(flying), move) for name, each in bench.vehicles.items()}
     return replace(bench, vehicles=moved) if moved else _moved(bench, number, move)
 
@@ -45,11 +49,23 @@ def _addresses(router: Router) -> list[str]:
     return [address for address in named if address is not None]
 
 
+def _unfollowed(bench: Bench) -> Bench:
+    """Return `bench` without Foxglove. Raises ConfigError if it is a node of a ROS 2 graph."""
+    if any(each.config.ros2.domain is not None for each in (bench, *bench.vehicles.values())):
+        text = "the graph has another flight of this machine"
+        raise ConfigError([Problem("ros2.domain", text, "one flight at a time: --workers 1")])
+    config = bench.config
+    return replace(bench, config=config.model_copy(update={"foxglove": type(config.foxglove)()}))
+
+
 def _moved(bench: Bench, instances: int, move: int) -> Bench:
     config, update = bench.config, dict[str, Any]()
     companion, router = config.companion, config.router
     if config.autopilot.kind in PROGRAM_KINDS:
         instance = config.autopilot.instance + instances
+        if instance > _MOST_INSTANCE:
+            text = f"{instance} of this flight is above {_MOST_INSTANCE}"
+            raise ConfigError([Problem("autopilot.instance", text, "fewer --workers")])
         update["autopilot"] = config.autopilot.model_copy(update={"instance": instance})
     if companion.start and companion.clients <= len(companion.start):
         update["companion"] = companion.model_copy(update={"port": 0})

@@ -56,6 +56,17 @@ def test_what_cannot_fly_beside_another_is_refused() -> None:
     assert with_own_ports(awaited, 0).config.companion.port == awaited.config.companion.port
     with pytest.raises(ConfigError, match=r"companion.clients: awaits 1 clients.*--workers 1"):
         with_own_ports(awaited, 1)
+    with pytest.raises(ConfigError, match=r"ros2\.domain: the graph has another flight"):
+        with_own_ports(load_bench(None, settings=["ros2.domain=3"]), 1)
+    firmware = load_bench(None, settings=["rig=px4_sitl", "autopilot.start=false"])
+    assert with_own_ports(firmware, 99).config.autopilot.instance == 99
+    with pytest.raises(ConfigError, match=r"autopilot\.instance: 100 of this flight is above 99"):
+        with_own_ports(firmware, 100)
+
+
+def test_foxglove_follows_the_first_of_several_flights() -> None:
+    bench = load_bench(None, settings=["foxglove.port=8765"])
+    assert [with_own_ports(bench, number).config.foxglove.port for number in (0, 1)] == [8765, None]
 
 
 def test_two_flights_at_a_time_have_a_router_each(tmp_path: Path) -> None:
