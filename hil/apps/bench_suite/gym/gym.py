@@ -3,9 +3,8 @@
 The task is hover with an observation of the state, on one core, without pictures; the action is motor commands
 (Crazyflow: attitude and thrust, its environments have no motor commands; it is compared with this project's body rates
 and thrust). Every simulator flies at its own default rate of decisions or 100 Hz, and this project at the same rate on
-the x500. Steps are counted in processor time, in turns;
-resets between episodes are not counted. Vector environments with one world stand for a single environment where a
-simulator has no other.
+the x500. Steps are counted in processor time, in turns; resets between episodes are not counted. Vector environments
+with one world stand for a single environment where a simulator has no other.
 
 The error is the greatest error of position in 3 s of a commanded manoeuvre with body rates of about 10 rad/s
 (simulators/manoeuvre.py): each simulator is compared with a fine solution of its own equations and parameters, so it is

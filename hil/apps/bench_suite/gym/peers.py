@@ -108,7 +108,11 @@ class SimulatorProcess:
             line = ""
         if not line:
             raise SimulatorError(f"{self.simulator.name}: its process ended with status {process.wait()}")
-        answer: dict[str, Any] = json.loads(line)
+        try:
+            answer: dict[str, Any] = json.loads(line)
+        except ValueError:
+            text = f"{self._process.args[0]!r} answers {line.strip()!r}; give the Python that has it"  # type: ignore[index]
+            raise SimulatorError(f"{self.simulator.name}: {text}") from None
         if "failed" in answer:
             raise SimulatorError(f"{self.simulator.name}: {answer['failed']}")
         return answer

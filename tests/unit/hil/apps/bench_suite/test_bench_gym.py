@@ -54,6 +54,11 @@ def test_the_reference_solves_an_oscillator() -> None:
     assert len(flown) * 0.1 == pytest.approx(SECONDS)
 
 
+def test_an_interpreter_that_is_no_python_is_named() -> None:
+    with pytest.raises(SimulatorError, match=r"RotorPy: '/bin/echo' answers .*; give the Python that has it"):
+        SimulatorProcess(ROTORPY, worlds=1, python="/bin/echo")
+
+
 def test_a_flight_that_is_not_finite_has_an_infinite_error() -> None:
     exact = np.zeros((3, 3))
     assert greatest_error_m(np.tile([0.0, 3.0, 4.0], (3, 1)), exact) == 5.0
