@@ -50,7 +50,7 @@ def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
     """Return the values of an action, clipped to -1..1. Raises ValueError for a wrong shape or NaN."""
     try:
         array = np.asarray(action, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{name}: the action {action!r} is no array of numbers; its space is Box{shape}") from None
     if array.shape != shape:
         raise ValueError(

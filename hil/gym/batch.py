@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from hil.config import Bench
-from hil.config.load import load_bench
 from hil.gym.actions import action_space
 from hil.gym.flight import Flight, with_map_seed
-from hil.gym.options import read_options
+from hil.gym.options import read_bench, read_options
 from hil.gym.tasks.task import Ends, Rewards, Task
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -42,11 +40,7 @@ class Batch:
         """`bench`: a loaded bench or its file; None: that of the task. `settings`: texts as for --set."""
         self.name = f"hil/{task.title()}-v0"
         kind = task_class(task)
-        if not isinstance(bench, Bench):
-            default = _bench_file(kind.bench) if kind.bench is not None else None
-            bench = load_bench(default if bench is None else bench, settings=settings, flown=False)
-        elif settings:
-            raise ValueError(f"{self.name}: settings change a bench that is read from a file, not a loaded one")
+        bench = read_bench(bench, settings, self.name, None if kind.bench is None else _bench_file(kind.bench))
         if bench.vehicles:
             message = f"has {len(bench.vehicles)} vehicles, and this environment flies one"
             raise ConfigError([Problem(self.name, message, "use hil.gym.parallel_env, or a bench with one vehicle")])
@@ -59,31 +53,30 @@ class Batch:
         self.flights = [self._flight(bench) for _ in range(count)]
         self._map_seeds: list[int | None] = [bench.config.map_seed] * count
         self.task: Task = kind(self.flights, self.options, self.name)
-        self.random: list[np.random.Generator | None] = [None] * count
         self.steps: NDArray[np.int64] = np.zeros(count, np.int64)
 
     def _flight(self, bench: Bench) -> Flight:
         return Flight(bench, self.options, self._ports)
 
-    def reset(self, row: int, seed: int | None, options: Mapping[str, Any] | None) -> None:
+    def reset(self, row: int, random: np.random.Generator, options: Mapping[str, Any] | None = None) -> None:
         """Begin an episode. Options: `map_seed` makes a new map. Raises ValueError for other options."""
-        random = self.random[row]
-        if seed is not None or random is None:
-            random, _ = np_random(seed)
-            self.random[row] = random
-        if options:
-            self._change_map(row, dict(options))
+        if options is not None:
+            self._change_map(row, options)
         self.task.begin(row, self.flights[row], random)
         self.steps[row] = 0
 
-    def _change_map(self, row: int, options: dict[str, Any]) -> None:
-        map_seed = options.pop("map_seed", None)
-        if options:
-            raise ValueError(f"{self.name}: reset has no option {next(iter(options))!r}; the only one is 'map_seed'")
-        if map_seed is None or map_seed == self._map_seeds[row]:
+    def _change_map(self, row: int, options: Mapping[str, Any]) -> None:
+        if not isinstance(options, Mapping):
+            raise ValueError(f"{self.name}: options of reset must be a dictionary, not {options!r}")
+        if wrong := [key for key in options if key != "map_seed"]:
+            raise ValueError(f"{self.name}: reset has no option {wrong[0]!r}; the only one is 'map_seed'")
+        map_seed = options.get("map_seed")
+        if map_seed is None:
             return
         if not isinstance(map_seed, int | np.integer) or isinstance(map_seed, bool) or not 0 <= map_seed < 2**63:
             raise ValueError(f"{self.name}: map_seed must be a whole number from 0 on, not {map_seed!r}")
+        if map_seed == self._map_seeds[row]:
+            return
         try:
             bench = with_map_seed(self.bench, int(map_seed))
         except ValueError as error:

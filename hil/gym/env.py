@@ -11,6 +11,7 @@ import gymnasium
 from hil.config import Bench
 from hil.gym.actions import checked
 from hil.gym.batch import Batch
+from hil.gym.options import check_render_mode
 
 
 class FlightEnv(gymnasium.Env[Any, Any]):
@@ -30,8 +31,8 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         **options: Any,
     ) -> None:
         """`bench`: a bench file or a loaded bench. `settings`: texts as for --set, such as "tick_hz=500"."""
-        self.render_mode = render_mode
         self.batch = Batch(task, 1, bench, settings, options)
+        check_render_mode(render_mode, self.batch.name)
         self.action_space = self.batch.action_space
         self.observation_space = self.batch.task.observation_space
         shape = self.action_space.shape
@@ -54,10 +55,8 @@ class FlightEnv(gymnasium.Env[Any, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode. The same seed gives the same bits; without one the random numbers go on."""
         self._runs = False
-        self.batch.reset(0, seed, options)
-        random = self.batch.random[0]
-        assert random is not None
-        self._np_random = random
+        super().reset(seed=seed)
+        self.batch.reset(0, self.np_random, options)
         self._runs = True
         return self._one(self.batch.task.observe()), {}
 

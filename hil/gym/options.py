@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
+from hil.config import Bench
+from hil.config.load import load_bench
 from signals.documents.validate import StrictModel, validate
 from signals.errors import ConfigError, Problem
 from signals.time import NS_PER_S
@@ -32,25 +36,49 @@ class FlightOptions(StrictModel):
     extent_m: tuple[Length, Length, Length] = (10.0, 10.0, 5.0)  # of positions, around the origin of the episode
 
     @model_validator(mode="after")
-    def _rigs_fly_setpoints(self) -> FlightOptions:
+    def _fits_together(self) -> FlightOptions:
         if self.controller == "rig" and self.action not in ("velocity", "position"):
             raise ValueError(f"controller rig flies velocity or position, not {self.action}")
+        if self.episode_s < self.step_s:
+            raise ValueError(f"episode_s {self.episode_s:g} is shorter than step_s {self.step_s:g}")
         return self
 
     def ticks(self, tick_ns: int, name: str) -> int:
-        """Return the ticks of a step. Raises ValueError unless they are a whole number."""
+        """Return the ticks of a step. Raises ConfigError unless they are a whole number."""
         ticks = round(self.step_s * NS_PER_S / tick_ns)
         if ticks < 1 or abs(ticks * tick_ns - self.step_s * NS_PER_S) > 0.5:
             best = max(1, ticks) * tick_ns / NS_PER_S
-            raise ValueError(
-                f"{name}: step_s {self.step_s:g} is no whole number of the bench's ticks of {tick_ns / NS_PER_S:g} s; "
-                f"use {best:g}, or another tick_hz"
-            )
+            message = f"step_s {self.step_s:g} is no whole number of the bench's ticks of {tick_ns / NS_PER_S:g} s"
+            raise ConfigError([Problem(name, message, f"use {best:g}, or another tick_hz")])
         return ticks
 
     def steps(self) -> int:
         """Return the steps of an episode."""
-        return max(1, round(self.episode_s / self.step_s))
+        return round(self.episode_s / self.step_s)
+
+
+def read_bench(
+    bench: Bench | Path | str | None, settings: Sequence[str], name: str, default: Path | None = None
+) -> Bench:
+    """Return a loaded bench, or the one of a file with `settings`; None: that of `default`. Raises ConfigError."""
+    if not isinstance(settings, list | tuple) or not all(isinstance(text, str) for text in settings):
+        hint = 'such as settings=["tick_hz=500"]'
+        raise ConfigError([Problem(name, f"settings must be a list of texts, not {settings!r}", hint)])
+    if isinstance(bench, Bench):
+        if settings:
+            message = "settings change a bench that is read from a file, not a loaded one"
+            raise ConfigError([Problem(name, message, "give them to hil.config.load.load_bench")])
+        return bench
+    if bench is not None and not isinstance(bench, str | Path):
+        raise ConfigError([Problem(name, f"bench must be a file or a loaded bench, not {bench!r}")])
+    return load_bench(default if bench is None else bench, settings=settings, flown=False)
+
+
+def check_render_mode(render_mode: Any, name: str) -> None:
+    """Check that no picture of the environment itself is asked for. Raises ConfigError."""
+    if render_mode is not None:
+        hint = "leave it out, and observe a camera of the bench"
+        raise ConfigError([Problem(name, f"render_mode {render_mode!r} is unknown: nothing is drawn", hint)])
 
 
 class _Arguments:

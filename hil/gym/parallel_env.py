@@ -15,12 +15,11 @@ from gymnasium.spaces import Box, Dict
 from gymnasium.utils.seeding import np_random
 
 from hil.config import Bench
-from hil.config.load import load_bench
 from hil.config.schema import named_seed
 from hil.gym.actions import action_space, checked, make_driver
-from hil.gym.options import read_options
+from hil.gym.options import check_render_mode, read_bench, read_options
 from hil.gym.ports import Ports
-from hil.gym.tasks.bench import BenchOptions, function, number
+from hil.gym.tasks.bench import BenchOptions, flag, function, number
 from hil.gym.tasks.task import seed_of
 from hil.gym.tasks.transition import Transition
 from hil.run.sensors.frame_stages import available_ports
@@ -51,11 +50,8 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
         **options: Any,
     ) -> None:
         """Raises ConfigError for a wrong bench or options."""
-        self.render_mode = render_mode
-        if not isinstance(bench, Bench):
-            bench = load_bench(bench, settings=settings, flown=False)
-        elif settings:
-            raise ValueError(f"{_NAME}: settings change a bench that is read from a file, not a loaded one")
+        check_render_mode(render_mode, _NAME)
+        bench = read_bench(bench, settings, _NAME)
         if not bench.vehicles:
             hint = "use hil/Bench-v0, or a bench with a section `vehicles`"
             raise ConfigError([Problem(_NAME, "the bench has no section `vehicles`", hint)])
@@ -94,9 +90,14 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
     def reset(
         self,
         seed: int | None = None,
-        options: dict[str, Any] | None = None,  # noqa: ARG002 (PettingZoo's interface)
+        options: dict[str, Any] | None = None,
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Begin an episode at tick 0. The same seed gives the same bits. There are no options."""
+        """Begin an episode at tick 0. The same seed gives the same bits. Raises ValueError for the option `map_seed`.
+
+        Other options are ignored: PettingZoo's checker gives some.
+        """
+        if "map_seed" in (options or {}):
+            raise ValueError(f"{_NAME}: the map stays; for another one give settings=['map_seed=7'] to the environment")
         if seed is not None or self._random is None:
             self._random, _ = np_random(seed)
         seed = seed_of(self._random)
@@ -114,6 +115,8 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
         """Fly an action of every agent. Raises ValueError for wrong agents or actions."""
         agents = self.agents
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"{_NAME}: actions must be a dictionary by agent, not {actions!r}")
         if wrong := [name for name in [*actions, *agents] if name not in agents or name not in actions]:
             known = ", ".join(agents) or "none: call reset()"
             raise ValueError(f"{_NAME}: actions must be given for exactly the agents ({known}); see {wrong[0]!r}")
@@ -157,7 +160,7 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
             )
             member.before = after
             rewards[name] = 0.0 if self._reward is None else number(self._reward(step), f"{_NAME} of {name}")
-            ends[name] = name in departed or (self._end is not None and bool(self._end(step)))
+            ends[name] = name in departed or (self._end is not None and flag(self._end(step), f"{_NAME} of {name}"))
         late = self._steps >= self._most_steps
         infos: dict[str, Any] = {name: {"met": tuple(met[name])} for name in self.agents}
         truncated = dict.fromkeys(self.agents, late)

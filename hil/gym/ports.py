@@ -108,6 +108,7 @@ class Ports:
 
     def begin(self, seed: int, truth: TruthState) -> None:
         """Begin an episode: sensors with the noise of a seed, which take their first samples now."""
+        self.close()
         self._make(seed)
         for name, port in self._ports.items():
             port.value = self._zeros[name]

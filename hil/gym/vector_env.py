@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from numpy.typing import NDArray
 from hil.config import Bench
 from hil.gym.actions import checked
 from hil.gym.batch import Batch
+from hil.gym.options import check_render_mode
+from signals.errors import ConfigError, Problem
 
 
 class FlightVectorEnv(VectorEnv[Any, Any, Any]):
@@ -35,17 +38,17 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         render_mode: None = None,
         **options: Any,
     ) -> None:
-        """See `hil.gym.env.FlightEnv`. Raises ValueError for a number of environments below 1, or for a rig."""
+        """See `hil.gym.env.FlightEnv`. Raises ConfigError."""
         if not isinstance(num_envs, int) or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number of at least 1, not {num_envs!r}")
-        self.num_envs, self.render_mode = num_envs, render_mode
+            problem = Problem("hil.gym", f"num_envs must be a whole number of at least 1, not {num_envs!r}")
+            raise ConfigError([problem])
+        self.num_envs = num_envs
         self.batch = Batch(task, num_envs, bench, settings, options)
+        check_render_mode(render_mode, self.batch.name)
         if self.batch.options.controller == "rig":
             self.batch.close()
-            raise ValueError(
-                f"{self.batch.name}: one process flies without autopilots; for controller rig use "
-                'gymnasium.make_vec(..., vectorization_mode="async")'
-            )
+            hint = 'for controller rig use gymnasium.make_vec(..., vectorization_mode="async")'
+            raise ConfigError([Problem(self.batch.name, "one process flies without autopilots", hint)])
         self.single_action_space = self.batch.action_space
         self.single_observation_space = self.batch.task.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -54,6 +57,7 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         assert shape is not None
         self._shape: tuple[int, ...] = shape
         self._names = [f"{self.batch.name} of environment {row}" for row in range(num_envs)]
+        self._random = [np_random()[0] for _ in range(num_envs)]
         self._ended: NDArray[np.bool_] | None = None  # None: never reset
 
     def reset(
@@ -78,7 +82,9 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         if self._ended is None:
             mask = np.ones(self.num_envs, np.bool_)  # none has begun yet
         for row in np.flatnonzero(mask).tolist():
-            self.batch.reset(row, seeds[row], options)
+            if seeds[row] is not None:
+                self._random[row], _ = np_random(seeds[row])
+            self.batch.reset(row, self._random[row], options)
         if self._ended is None:
             self._ended = np.zeros(self.num_envs, np.bool_)
         self._ended[mask] = False
@@ -94,7 +100,7 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         ended = self._ended
         begun = np.flatnonzero(ended).tolist()
         for row in begun:
-            self.batch.reset(row, None, None)
+            self.batch.reset(row, self._random[row])
             values[row] = None
         observations, rewards, ends, late = self.batch.step(values)
         for row in begun:
@@ -114,8 +120,9 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
             if (np.abs(values) <= 1.0).all():
                 inside: list[list[float] | None] = values.tolist()
                 return inside
-        if len(actions) != self.num_envs:
-            raise ValueError(f"{self.batch.name}: {len(actions)} actions for {self.num_envs} environments")
+        count = len(actions) if np.ndim(actions) else 0
+        if count != self.num_envs:
+            raise ValueError(f"{self.batch.name}: {count} actions for {self.num_envs} environments")
         return [checked(action, self._shape, name) for action, name in zip(actions, self._names, strict=True)]
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ARG002 (the interface of VectorEnv)

@@ -78,7 +78,7 @@ class BenchTask(Task):
                 if self._reward is not None:
                     rewards[row] = number(self._reward(step), self._name)
                 if self._end is not None:
-                    ends[row] = departed or bool(self._end(step))
+                    ends[row] = departed or flag(self._end(step), self._name)
         return rewards, ends
 
 
@@ -86,11 +86,18 @@ def number(reward: Any, name: str) -> float:
     """Return a reward of the user's function. Raises ValueError unless it is a finite number."""
     try:
         value = float(reward)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         value = float("nan")
     if not isfinite(value):
         raise ValueError(f"{name}: reward returned {reward!r}; it has to return a finite number")
     return value
+
+
+def flag(end: Any, name: str) -> bool:
+    """Return an end of the user's function. Raises ValueError unless it is True or False."""
+    if isinstance(end, bool | np.bool_):
+        return bool(end)
+    raise ValueError(f"{name}: end returned {end!r}; it has to return True or False")
 
 
 def function(entry: str | Function | None, name: str, option: str) -> Function | None:
@@ -100,7 +107,7 @@ def function(entry: str | Function | None, name: str, option: str) -> Function |
     module, _, attribute = entry.partition(":")
     try:
         found = getattr(import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
         hint = 'write "module:function", with the module on the path of Python'
         raise ConfigError([Problem(name, f"{option} {entry!r} cannot be imported: {error}", hint)]) from None
     if not callable(found):

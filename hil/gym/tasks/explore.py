@@ -20,19 +20,21 @@ from typing import Annotated, Any
 import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hil.config import Bench
 from hil.gym.flight import Flight
 from hil.gym.options import ActionKind, FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude
 from hil.gym.tasks.task import Ends, Rewards, seed_of
+from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, HilError, Problem
-from signals.samples import Vec3
+from signals.samples import PointCloudSample, Vec3
 from sim.scene.solids import solid_tree
 from sim.world_loader import load_world
 
 _TRIES = 2000
+_PICTURES = ("/depth", "/range")
 _Metres = Annotated[float, Field(gt=0.0, le=10_000.0)]
 
 
@@ -54,6 +56,15 @@ class ExploreOptions(FlightOptions):
     ceiling_m: _Metres = 6.0
     range_m: _Metres = 50.0
 
+    @model_validator(mode="after")
+    def _episodes_can_succeed(self) -> ExploreOptions:
+        least, most = self.goal_m
+        if not self.reach_m < least <= most <= self.range_m:
+            raise ValueError("reach_m, goal_m[0], goal_m[1] and range_m must follow each other in size")
+        if self.height_m >= self.ceiling_m:
+            raise ValueError(f"height_m {self.height_m:g} must be below ceiling_m {self.ceiling_m:g}")
+        return self
+
 
 class ExploreTask(TargetTask):
     """Explore of a batch."""
@@ -62,22 +73,20 @@ class ExploreTask(TargetTask):
     bench = "gym_explore"
 
     @classmethod
-    def ports(cls, bench: Bench, options: ExploreOptions) -> tuple[str, ...]:  # noqa: ARG003 (the interface)
+    def ports(cls, bench: Bench, options: ExploreOptions) -> tuple[str, ...]:
+        port = available_ports(bench.config).get(options.port)
+        if port is not None and port.type is not PointCloudSample and not options.port.endswith(_PICTURES):
+            hint = "take a LiDAR, or the channel depth or range of a camera"
+            raise ConfigError([Problem("port", f"{options.port!r} shows no obstacles", hint)])
         return (options.port,)
 
     def __init__(self, flights: Sequence[Flight], options: ExploreOptions, name: str) -> None:
         self._o, self._port = options, options.port
-        self._depth = options.port.endswith(("/depth", "/range"))
+        self._depth = options.port.endswith(_PICTURES)
         super().__init__(flights, name, targets=1, range_m=options.range_m, more=0 if self._depth else options.sectors)
-        if flights[0].ports is None:
-            raise ValueError(f"{name}: the flights observe no port")
-        space = flights[0].ports.spaces[options.port]
         if self._depth:
-            self._picture = Box(0, 255, space.shape, np.uint8)
-            self.observation_space = Dict({"depth": self._picture, "state": self.observation_space})
-        elif len(space.shape) != 2:
-            hint = "take a LiDAR, or the channel depth or range of a camera"
-            raise ConfigError([Problem(name, f"port {options.port!r} shows no obstacles", hint)])
+            picture = Box(0, 255, self._value(0).shape, np.uint8)
+            self.observation_space = Dict({"depth": picture, "state": self.observation_space})
         self._solids: dict[int, Any] = {}  # by row, of the flight's map
         self._left_m = np.zeros(len(flights))
         self._floor_z = np.zeros(len(flights))

@@ -9,15 +9,17 @@ is_success   in `info` at the end: truncated, and within 0.25 m of the target fo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import hypot
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude, random_vector
 from hil.gym.tasks.task import Ends, Rewards, seed_of
+from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 
 NEAR_M, NEAR_S = 0.25, 2.0
@@ -32,6 +34,17 @@ class HoverOptions(FlightOptions):
     start_rate_radps: Annotated[float, Field(ge=0.0, le=20.0)] = 0.5  # greatest, on each axis
     start_tilt_deg: Annotated[float, Field(ge=0.0, le=180.0)] = 15.0
     range_m: Annotated[float, Field(gt=0.0, le=1000.0)] = 5.0
+
+    @property
+    def offset_m(self) -> Vec3:
+        """Greatest distance from the target at the start, on each axis; not below the ground."""
+        return self.start_offset_m, self.start_offset_m, min(self.start_offset_m, 0.5 * self.height_m)
+
+    @model_validator(mode="after")
+    def _begins_in_range(self) -> HoverOptions:
+        if (far_m := hypot(*self.offset_m)) > self.range_m:
+            raise ValueError(f"start_offset_m begins up to {far_m:.3g} m away, beyond range_m {self.range_m:g}")
+        return self
 
 
 class HoverTask(TargetTask):
@@ -52,9 +65,7 @@ class HoverTask(TargetTask):
         flight.restart(seed_of(random))
         x, y, z = flight.truth.p_WB
         target = x, y, z + o.height_m
-        dx, dy, dz = random_vector(
-            random, (o.start_offset_m, o.start_offset_m, min(o.start_offset_m, 0.5 * o.height_m))
-        )
+        dx, dy, dz = random_vector(random, o.offset_m)
         flight.vehicle.place(
             (target[0] + dx, target[1] + dy, target[2] + dz),
             random_attitude(random, o.start_tilt_deg * RAD_PER_DEG),

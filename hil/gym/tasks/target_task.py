@@ -15,9 +15,11 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from hil.gym.actions import RigDriver
 from hil.gym.flight import Flight
 from hil.gym.tasks.task import Task
 from signals._kernel import det_cos, det_sin
+from signals.errors import ConfigError, Problem
 from signals.samples import Quat, Vec3
 from sim._kernels import observe_flights
 
@@ -31,8 +33,9 @@ class TargetTask(Task):
 
     def __init__(self, flights: Sequence[Flight], name: str, *, targets: int, range_m: float, more: int = 0) -> None:
         """`targets`: number in the observation; `range_m`: the distance that is 1; `more`: further features."""
-        if not flights:
-            raise ValueError(f"{name}: a batch needs at least one vehicle")
+        if isinstance(flights[0].driver, RigDriver):
+            message = "begins in the air, and an autopilot boots on the ground"
+            raise ConfigError([Problem(name, message, "use controller rig with hil/Bench-v0")])
         self.name = name
         self.flights = list(flights)
         count, rotors = len(self.flights), len(self.flights[0].bench.vehicle.rotors)

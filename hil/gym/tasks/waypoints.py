@@ -12,10 +12,12 @@ A waypoint is reached within `reach_m`. Beyond the last waypoint the observation
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
+from math import dist, hypot
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
@@ -41,6 +43,16 @@ class WaypointsOptions(FlightOptions):
     next_count: Annotated[int, Field(ge=1, le=16)] = 2
     reach_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.5
     range_m: Annotated[float, Field(gt=0.0, le=10_000.0)] = 15.0
+
+    @model_validator(mode="after")
+    def _waypoints_are_in_range(self) -> WaypointsOptions:
+        way_m = hypot(*self.step_m)
+        if self.course_m is not None:
+            way_m = max(dist(*ends) for ends in pairwise(((0.0, 0.0, self.height_m), *self.course_m)))
+        if way_m > self.range_m:
+            text = f"a waypoint may be {way_m:.3g} m from the one before (the first from the start at height_m)"
+            raise ValueError(f"{text}, beyond range_m {self.range_m:g}")
+        return self
 
 
 class WaypointsTask(TargetTask):

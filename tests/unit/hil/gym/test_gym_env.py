@@ -179,12 +179,28 @@ def bad_options() -> list[tuple[str, dict[str, Any], str]]:
         ("hil/Hover-v0", {"action": "thrust"}, "must be"),
         ("hil/Hover-v0", {"range_m": float("nan")}, "finite"),
         ("hil/Hover-v0", {"controller": "rig"}, "velocity or position"),
+        ("hil/Hover-v0", {"controller": "rig", "action": "velocity"}, "begins in the air"),
+        ("hil/Hover-v0", {"step_s": 2.0, "episode_s": 1.0}, "episode_s 1 is shorter than step_s 2"),
         ("hil/Hover-v0", {"settings": ["tick_hzz=3"]}, "tick_hz"),
+        ("hil/Hover-v0", {"settings": "tick_hz=500"}, "settings must be a list of texts, not 'tick_hz=500'"),
+        ("hil/Hover-v0", {"bench": 3}, "bench must be a file or a loaded bench, not 3"),
+        ("hil/Hover-v0", {"step_s": 0.009}, r"hil/Hover-v0: step_s 0.009 .*use 0.008"),
+        ("hil/Hover-v0", {"range_m": 1.0}, r"begins up to 1.73 m away, beyond range_m 1"),
+        ("hil/Waypoints-v0", {"course_m": [[0, 0, 5], [20, 0, 5]]}, "may be 20 m from .*, beyond range_m 15"),
+        ("hil/Waypoints-v0", {"step_m": [50, 0, 0]}, "may be 50 m from .*, beyond range_m 15"),
+        ("hil/Explore-v0", {"goal_m": [35, 15]}, r"goal_m\[0\], goal_m\[1\] and range_m"),
+        ("hil/Explore-v0", {"height_m": 8.0}, "height_m 8 must be below ceiling_m 6"),
+        (
+            "hil/Explore-v0",
+            {"bench": "rigs/benches/radar_away.yaml", "port": "radar/range_doppler"},
+            "'radar/range_doppler' shows no obstacles",
+        ),
         ("hil/Hover-v0", {"height_m": len}, "takes no function"),
         ("hil/Hover-v0", {"height_m": np.float32(3)}, "numbers"),
         ("hil/Bench-v0", {"ports": ["imuu"]}, "did you mean 'imu'"),
         ("hil/Bench-v0", {"ports": []}, "at least 1"),
         ("hil/Bench-v0", {"reward": "no.such:thing"}, "cannot be imported"),
+        ("hil/Bench-v0", {"reward": ".:thing"}, "cannot be imported"),
         (
             "hil/Bench-v0",
             {"bench": "rigs/formation.yaml", "settings": ["scene=airfield"]},
@@ -199,9 +215,25 @@ def test_wrong_options_are_configuration_errors(name: str, options: dict[str, An
         gymnasium.make(name, **options)
 
 
-def test_a_step_is_a_whole_number_of_ticks() -> None:
-    with pytest.raises(ValueError, match=r"hil/Hover-v0: step_s 0.009 .* use 0.008"):
-        gymnasium.make("hil/Hover-v0", step_s=0.009)
+def test_a_render_mode_is_refused() -> None:
+    with pytest.raises(ConfigError, match="render_mode 'human' is unknown"):
+        hil.gym.FlightEnv("hover", render_mode="human")  # type: ignore[arg-type]
+
+
+def test_the_random_numbers_of_the_environment_are_those_of_gymnasium() -> None:
+    env = hil.gym.FlightEnv("hover")
+    first = env.reset(seed=7)[0]
+    assert env.np_random_seed == 7
+    env.np_random = np.random.Generator(np.random.PCG64(7))
+    assert flat(env.reset()[0]) == flat(first)
+
+
+@pytest.mark.parametrize("end", [lambda _: None, lambda _: np.array([True, False]), lambda _: float("nan")])
+def test_an_end_that_is_no_truth_value_is_named(end: Any) -> None:
+    env = hil.gym.FlightEnv("bench", ports=["truth"], end=end)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=r"hil/Bench-v0: end returned .*; it has to return True or False"):
+        env.step(np.zeros(4))
 
 
 @pytest.mark.parametrize(
@@ -213,6 +245,7 @@ def test_a_step_is_a_whole_number_of_ticks() -> None:
         (0.5, r"shape \(\)"),
         (None, "is no array of numbers|shape"),
         ("up", "is no array of numbers"),
+        ([10**400, 0, 0, 0], "is no array of numbers"),
     ],
 )
 def test_wrong_actions_name_environment_and_index(action: Any, message: str) -> None:
@@ -239,6 +272,10 @@ def test_resets_refuse_unknown_options_and_maps_without_a_seed() -> None:
         env.reset(options={"map_seed": 3})
     with pytest.raises(ValueError, match="whole number"):
         env.reset(options={"map_seed": -1})
+    with pytest.raises(ValueError, match="whole number"):
+        env.reset(options={"map_seed": np.array([1, 2])})
+    with pytest.raises(ValueError, match="must be a dictionary, not 'map_seed'"):
+        env.reset(options="map_seed")  # type: ignore[arg-type]
 
 
 def test_stepping_before_the_first_reset_says_so() -> None:

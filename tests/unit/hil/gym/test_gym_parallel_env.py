@@ -105,6 +105,14 @@ def test_wrong_actions_name_the_agent(bench: Path) -> None:
         env.step({"a": np.zeros(4), "b": [0, 0, np.nan, 0]})
     with pytest.raises(ValueError, match="see 'b'"):
         env.step({"a": np.zeros(4)})
+    with pytest.raises(ValueError, match="actions must be a dictionary by agent, not None"):
+        env.step(None)  # type: ignore[arg-type]
+
+
+def test_another_map_is_refused_and_not_ignored(bench: Path) -> None:
+    env = FlightParallelEnv(bench, ports=["truth"])
+    with pytest.raises(ValueError, match=r"the map stays; .* settings=\['map_seed=7'\]"):
+        env.reset(options={"map_seed": 7})
 
 
 def test_a_bench_with_one_vehicle_is_refused() -> None:

@@ -10,6 +10,7 @@ import pytest
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 
 import hil.gym
+from signals.errors import ConfigError
 
 COUNT = 4
 STILL: dict[str, Any] = {"action": "position", "start_offset_m": 0.0, "start_speed_mps": 0.0, "episode_s": 1.98}
@@ -85,6 +86,8 @@ def test_a_wrong_action_names_its_environment() -> None:
         envs.step(actions)
     with pytest.raises(ValueError, match="3 actions for 4 environments"):
         envs.step(np.zeros((3, 4)))
+    with pytest.raises(ValueError, match="0 actions for 4 environments"):
+        envs.step(None)
     with pytest.raises(ValueError, match="true or false for each of 4"):
         envs.reset(options={"reset_mask": [True, False]})
     with pytest.raises(ValueError, match="2 seeds for 4 environments"):
@@ -92,10 +95,10 @@ def test_a_wrong_action_names_its_environment() -> None:
 
 
 def test_wrong_batches_are_refused() -> None:
-    with pytest.raises(ValueError, match="at least 1"):
+    with pytest.raises(ConfigError, match="at least 1"):
         hil.gym.FlightVectorEnv("hover", 0)
-    with pytest.raises(ValueError, match="flies without autopilots"):
-        hil.gym.FlightVectorEnv("hover", 2, action="velocity", controller="rig")
+    with pytest.raises(ConfigError, match="flies without autopilots"):
+        hil.gym.FlightVectorEnv("bench", 2, action="velocity", controller="rig")
 
 
 def test_only_masked_environments_are_reset() -> None:
