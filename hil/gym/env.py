@@ -11,7 +11,6 @@ import gymnasium
 from hil.config import Bench
 from hil.gym.actions import checked
 from hil.gym.batch import Batch
-from hil.gym.options import check_render_mode
 
 
 class FlightEnv(gymnasium.Env[Any, Any]):
@@ -27,12 +26,15 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         task: str,
         bench: Bench | Path | str | None = None,
         settings: Sequence[str] = (),
-        render_mode: None = None,
+        render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """`bench`: a bench file or a loaded bench. `settings`: texts as for --set, such as "tick_hz=500"."""
+        """`bench`: a bench file or a loaded bench. `settings`: texts as for --set, such as "tick_hz=500".
+
+        `render_mode` has no effect; make_vec_env of stable-baselines3 gives one.
+        """
+        self.render_mode = render_mode
         self.batch = Batch(task, 1, bench, settings, options)
-        check_render_mode(render_mode, self.batch.name)
         self.action_space = self.batch.action_space
         self.observation_space = self.batch.task.observation_space
         shape = self.action_space.shape

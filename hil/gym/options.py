@@ -74,13 +74,6 @@ def read_bench(
     return load_bench(default if bench is None else bench, settings=settings, flown=False)
 
 
-def check_render_mode(render_mode: Any, name: str) -> None:
-    """Check that no picture of the environment itself is asked for. Raises ConfigError."""
-    if render_mode is not None:
-        hint = "leave it out, and observe a camera of the bench"
-        raise ConfigError([Problem(name, f"render_mode {render_mode!r} is unknown: nothing is drawn", hint)])
-
-
 class _Arguments:
     """Source of keyword arguments, for messages."""
 

@@ -17,7 +17,7 @@ from gymnasium.utils.seeding import np_random
 from hil.config import Bench
 from hil.config.schema import named_seed
 from hil.gym.actions import action_space, checked, make_driver
-from hil.gym.options import check_render_mode, read_bench, read_options
+from hil.gym.options import read_bench, read_options
 from hil.gym.ports import Ports
 from hil.gym.tasks.bench import BenchOptions, flag, function, number
 from hil.gym.tasks.task import seed_of
@@ -46,11 +46,11 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
         self,
         bench: Bench | Path | str | None = None,
         settings: Sequence[str] = (),
-        render_mode: None = None,
+        render_mode: str | None = None,
         **options: Any,
     ) -> None:
         """Raises ConfigError for a wrong bench or options."""
-        check_render_mode(render_mode, _NAME)
+        self.render_mode = render_mode
         bench = read_bench(bench, settings, _NAME)
         if not bench.vehicles:
             hint = "use hil/Bench-v0, or a bench with a section `vehicles`"

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from hil.config import Bench
 from hil.gym.actions import checked
 from hil.gym.batch import Batch
-from hil.gym.options import check_render_mode
 from signals.errors import ConfigError, Problem
 
 
@@ -35,16 +34,15 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         num_envs: int = 1,
         bench: Bench | Path | str | None = None,
         settings: Sequence[str] = (),
-        render_mode: None = None,
+        render_mode: str | None = None,
         **options: Any,
     ) -> None:
         """See `hil.gym.env.FlightEnv`. Raises ConfigError."""
         if not isinstance(num_envs, int) or num_envs < 1:
             problem = Problem("hil.gym", f"num_envs must be a whole number of at least 1, not {num_envs!r}")
             raise ConfigError([problem])
-        self.num_envs = num_envs
+        self.num_envs, self.render_mode = num_envs, render_mode
         self.batch = Batch(task, num_envs, bench, settings, options)
-        check_render_mode(render_mode, self.batch.name)
         if self.batch.options.controller == "rig":
             self.batch.close()
             hint = 'for controller rig use gymnasium.make_vec(..., vectorization_mode="async")'
