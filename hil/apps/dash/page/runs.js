@@ -16,8 +16,9 @@ export class Runs {
     const answer = await fetch("/api/runs");
     if (!answer.ok) return;
     const runs = await answer.json();
-    this.selected.clear();
-    this.compare.disabled = true;
+    const names = new Set(runs.map((run) => run.name));
+    this.selected = new Set([...this.selected].filter((name) => names.has(name)));
+    this.compare.disabled = this.selected.size !== 2;
     const head = document.createElement("tr");
     for (const text of ["", "run", "verdict", "rig", "scene", "mission", "seed", "simulated", "x real time", "digest"]) cell(head, text, { tag: "th" });
     const rows = runs.map((run) => this.row(run));
@@ -34,6 +35,7 @@ export class Runs {
     row.dataset.run = run.name;
     const tick = document.createElement("input");
     tick.type = "checkbox";
+    tick.checked = this.selected.has(run.name);
     tick.setAttribute("aria-label", `compare ${run.name}`);
     tick.onclick = (event) => event.stopPropagation();
     tick.onchange = () => {

@@ -37,6 +37,12 @@ def test_intervals_are_those_published(passed: int, trials: int, low: float, hig
     assert wilson(trials - passed, trials)[::2] == pytest.approx((1 - high, 1 - low), abs=5e-5)
 
 
+def test_the_interval_of_a_rate_of_one_or_zero_ends_there_exactly() -> None:
+    for trials in range(1, 1001):
+        assert wilson(trials, trials)[2] == 1.0
+        assert wilson(0, trials)[0] == 0.0
+
+
 def groups(**spec: object) -> Groups:
     return groups_of(CampaignSpec.model_validate(spec))[0]
 
