@@ -35,6 +35,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time per frame"),
     "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error, compared with MuJoCo's renderer"),
     "realism": ("hil.apps.bench_suite.realism.realism", "Realism: recall of networks trained on real photographs"),
+    "ros2": ("hil.apps.bench_suite.link.ros2", "ROS 2: cost of a node with subscribers for the run"),
     "skip": ("hil.apps.bench_suite.sensors.skip", "Skipping: time saved by each rule"),
     "slam": ("hil.apps.bench_suite.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
     "stability": (
