@@ -11,6 +11,7 @@ import pytest
 import hil.gym
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, HilError
+from sim.frame.source import SharedFrames
 from sim.scene.solids import solid_tree
 from sim.world_loader import load_world
 
@@ -83,6 +84,24 @@ def test_another_map_seed_is_another_map_and_repeats() -> None:
     assert again.tobytes() == other.tobytes()  # the map stays
     back, _ = env.reset(seed=1, options={"map_seed": 1})
     assert back.tobytes() == first.tobytes()
+
+
+def test_a_reset_releases_the_renderers_of_the_episode_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened, closed = [], []
+    native = SharedFrames.renderer
+
+    def renderer(self: Any, *arguments: Any, **options: Any) -> Any:
+        opened.append(self)
+        self._to_close.append(lambda: closed.append(self))
+        return native(self, *arguments, **options)
+
+    monkeypatch.setattr(SharedFrames, "renderer", renderer)
+    env = gymnasium.make("hil/Explore-v0", port="front/depth")
+    for seed in range(3):
+        env.reset(seed=seed)
+    assert len(opened) == len(closed) + 1 > 3
+    env.close()
+    assert len(opened) == len(closed)
 
 
 def test_explore_without_room_or_obstacles_says_so() -> None:
