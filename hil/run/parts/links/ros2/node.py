@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -34,6 +34,7 @@ _BUSY = (
     "ros2.domain {domain} has no free ports: other programs have all "
     f"{MAX_PARTICIPANTS} of this machine; end some, or take another domain"
 )
+_MOST_TAKEN = 64  # messages of one subscription in one tick
 _UNBLOCKED = duration(milliseconds=100)
 # On the loopback interface there is no multicast, so participants are looked for at the ports of this machine. The
 # limit of unacknowledged data is high: a history of a few messages bounds them, and a writer never waits for a reader.
@@ -94,7 +95,12 @@ class _Domains:
 
     def enter(self, number: int, interface: str | None) -> None:
         """Make the domain, or share it. Raises Ros2Error."""
-        domain, _, users = self._domains.get(number, (None, None, 0))
+        domain, used, users = self._domains.get(number, (None, interface, 0))
+        if interface != used:
+            raise Ros2Error(
+                f"ros2.interface: another vehicle of this run has domain {number} on {used}, this one on {interface}; "
+                "take one interface, or another domain"
+            )
         if domain is None:
             config = os.environ.get("CYCLONEDDS_URI") if interface is None else _config(interface)
             try:
@@ -183,9 +189,18 @@ class Subscription:
         self._reader = DataReader(node.participant, topic, _qos(DEFAULT, type_hash(type_name)))
         self.gid = self._reader.get_guid().bytes
 
-    def take(self) -> list[Any]:
-        """Return the messages since the last call."""
-        return [sample for sample in self._reader.take(N=64) if sample.sample_info.valid_data]
+    def take(self, refuse: Callable[[ValueError], None]) -> Iterator[Any]:
+        """Return the messages since the last call. `refuse` is called for one whose texts are no UTF-8."""
+        for _ in range(_MOST_TAKEN):
+            try:
+                taken = self._reader.take()
+            except UnicodeDecodeError as error:
+                refuse(error)
+                continue
+            if not taken:
+                return
+            if taken[0].sample_info.valid_data:
+                yield taken[0]
 
 
 class Node:

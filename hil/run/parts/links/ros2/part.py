@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -192,8 +193,14 @@ class Ros2Part(Part):
         if batch:
             self._send(batch)
         for subscription, convert in self._subscriptions:
-            for message in subscription.take():
-                self._set_point(subscription.name, message, truth, convert)
+            refuse = partial(self._refuse, subscription.name)
+            for message in subscription.take(refuse):
+                try:
+                    desired = convert(message, truth)
+                except ValueError as error:
+                    refuse(error)
+                    continue
+                self._set_point(subscription.name, desired, truth)
         cost_ns = time.thread_time_ns() - began_ns
         self._cost.add(cost_ns)
         self._cost_ns += cost_ns
@@ -236,19 +243,16 @@ class Ros2Part(Part):
         if not publisher.subscribers:
             raise Ros2Error(f"ros2.wait_for: the subscriber of {publisher.name} is gone, and every message is for it")
 
-    def _set_point(
-        self, name: str, message: Any, truth: TruthState, convert: Callable[[Any, TruthState], DesiredState]
-    ) -> None:
+    def _refuse(self, name: str, error: ValueError) -> None:
+        self._refused += 1
+        if self._refused == 1:
+            assert self._run is not None
+            self._run.event("warning", f"ros2: a set-point of {name} is refused, and so may be others: {error}")
+
+    def _set_point(self, name: str, desired: DesiredState, truth: TruthState) -> None:
         run, pilot = self._run, self._pilot
         assert run is not None
         assert pilot is not None
-        try:
-            desired = convert(message, truth)
-        except ValueError as error:
-            self._refused += 1
-            if self._refused == 1:
-                run.event("warning", f"ros2: a set-point of {name} is refused, and so may be others: {error}")
-            return
         self._set_points += 1
         if self._set_points == 1:
             run.event("ros2", f"first set-point, of {name}: the flight has an input from outside")

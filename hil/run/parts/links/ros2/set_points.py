@@ -16,6 +16,7 @@ from typing import Any
 from signals.desired import DesiredState
 from signals.samples import Quat, TruthState
 
+_LARGEST = 1e9  # m, m/s, ...: as for companions
 WORLD_FRAMES = ("", "world", "map", "odom")
 
 
@@ -26,11 +27,12 @@ def heading_of(q: Quat) -> float:
 
 
 def desired_velocity(message: Any, truth: TruthState, body_frame: str) -> DesiredState:
-    """Return the desired state of a TwistStamped. Raises ValueError for another frame, or numbers that are not finite.
+    """Return the desired state of a TwistStamped. Raises ValueError for another frame, or numbers out of range.
 
     `body_frame`: name of the vehicle's frame.
     """
     linear, angular, frame = message.twist.linear, message.twist.angular, message.header.frame_id
+    _check_numbers(linear.x, linear.y, linear.z, angular.z)
     vx, vy = linear.x, linear.y
     if frame == body_frame:
         c, s = cos(heading := heading_of(truth.q_WB)), sin(heading)
@@ -45,4 +47,10 @@ def desired_pose(message: Any) -> DesiredState:
     frame, p, q = message.header.frame_id, message.pose.position, message.pose.orientation
     if frame not in WORLD_FRAMES:
         raise ValueError(f"frame_id is {frame!r}; a position has to be in 'world'")
+    _check_numbers(p.x, p.y, p.z)
     return DesiredState(p_W=(p.x, p.y, p.z), q_WB=(q.w, q.x, q.y, q.z))
+
+
+def _check_numbers(*numbers: float) -> None:
+    if not all(abs(number) <= _LARGEST for number in numbers):  # also NaN
+        raise ValueError(f"it has {numbers}; every number has to be finite and within {_LARGEST:g}")

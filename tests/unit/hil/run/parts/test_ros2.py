@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -237,6 +238,29 @@ def test_set_points_fly_the_vehicle_and_mark_the_run(tmp_path: Path, other: ros2
     assert result.run["deterministic"] is False
 
 
+def test_a_frame_that_is_no_text_is_refused_and_the_run_goes_on(tmp_path: Path, other: ros2.Node, domain: int) -> None:
+    publisher = other.publisher("/cmd_vel", "geometry_msgs/TwistStamped")
+    bad = b"\0\1\0\0" + bytes(8) + struct.pack("<I4s", 4, b"\xff\xfe\xfd\0") + bytes(48)
+
+    def send() -> None:
+        if publisher.subscribers:
+            other.sender.send([(publisher.ref, "/cmd_vel", bad)])
+
+    settings = f"{{domain: {domain}, control: true, wait_for: [/imu]}}"
+    reader = _keep_all(other, "/imu", "sensor_msgs/Imu")
+    with _meanwhile(lambda: (send(), reader.take(N=1000))):
+        result = run(tmp_path, settings, duration=1.0)
+    assert result.run["error"] is None
+    assert result.run["ros2"]["set_points"] == 0
+    assert result.run["ros2"]["set_points_refused"] > 0
+    assert result.run["deterministic"]
+
+
+def test_vehicles_cannot_have_one_domain_on_two_interfaces(other: ros2.Node, domain: int) -> None:
+    with pytest.raises(ros2.Ros2Error, match=f"domain {domain} on lo, this one on eth7"):
+        ros2.Node(domain, "eth7")
+
+
 def test_velocities_turn_with_the_frame_and_bad_ones_are_refused() -> None:
     c = 0.5**0.5
     north = TruthState(0, 0, (0.0,) * 3, (c, 0.0, 0.0, c), *[(0.0,) * 3] * 4, (), False)
@@ -246,8 +270,11 @@ def test_velocities_turn_with_the_frame_and_bad_ones_are_refused() -> None:
     assert desired_velocity(_twist("", 2.0, 0.0, 0.5, 0.1), north, "base_link").v_W == (2.0, 0.0, 0.5)
     with pytest.raises(ValueError, match="frame_id is 'camera'"):
         desired_velocity(_twist("camera", 1.0, 0.0, 0.0, 0.0), north, "base_link")
-    with pytest.raises(ValueError, match="finite"):
-        desired_velocity(_twist("", float("nan"), 0.0, 0.0, 0.0), north, "base_link")
+    for number in (float("nan"), float("inf"), 1e308, -1e10):  # MAVLink has single precision
+        with pytest.raises(ValueError, match="finite and within 1e"):
+            desired_velocity(_twist("", 0.0, number, 0.0, 0.0), north, "base_link")
+        with pytest.raises(ValueError, match="finite and within 1e"):
+            desired_pose(_pose("", 0.0, 0.0, number))
     with pytest.raises(ValueError, match="frame_id is 'base_link'"):
         desired_pose(_pose("base_link", 0.0, 0.0, 1.0))
 
