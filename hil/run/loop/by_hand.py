@@ -113,6 +113,7 @@ class HandControl:
         self.serving: HandledVehicle | None = None
         self.paused = paused
         self.pace = pace
+        self.paces = False  # a command has taken over the pace from the vehicles' schedulers
         self.wind_W_mps: Vec3 = (0.0, 0.0, 0.0)  # set by hand, on top of the bench's own
         self.turbulence_mps: float | None = None  # set by hand, wind at 20 ft; None: the bench's own
         self.watchers: list[Callable[[], None]] = []  # called while ticks are held, about fifty times a second
@@ -201,7 +202,7 @@ class HandControl:
             self._alter(kind, vehicle, message)
         except Refused:
             raise
-        except (ValueError, KeyError, TypeError, pydantic.ValidationError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, pydantic.ValidationError) as error:
             raise Refused(f"{kind}: {_brief(error)}") from error
 
     def _control_time(self, kind: str, message: Mapping[str, Any]) -> None:
@@ -212,6 +213,7 @@ class HandControl:
         self._pace_from = None
         paces = [vehicle.access.scheduler.take_pace() for vehicle in self._vehicles.values()]
         self.pace = next((pace for pace in paces if pace is not None), self.pace)
+        self.paces = True
         if kind == "pace":
             pace = message.get("pace")
             is_number = isinstance(pace, int | float) and not isinstance(pace, bool)
@@ -234,7 +236,7 @@ class HandControl:
         """
         assert self.serving is not None
         scheduler = self.serving.access.scheduler
-        if sum(command["alters"] for command in vehicle.commands) >= MAX_COMMANDS:
+        if any(sum(row["alters"] for row in each.commands) >= MAX_COMMANDS for each in self._vehicles.values()):
             raise Refused(f"{kind}: no more than {MAX_COMMANDS} commands may alter one run; start a new run")
         flying = [v for v in self._vehicles.values() if v.access.scheduler.tick == scheduler.tick]
         at_s = scheduler.t_ns / 1e9

@@ -8,10 +8,10 @@ command has been carried out.
 from __future__ import annotations
 
 import json
-import math
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
+from reprlib import repr as shortened
 from typing import Any
 
 from hil.run.loop.by_hand import PACE_LIMITS, WIND_LIMIT_MPS, HandControl, HandledVehicle, Refused
@@ -62,7 +62,7 @@ class Commands:
             first = next(iter(vehicles.values()))
             try:
                 if vehicle is None and name:
-                    raise Refused(f"{command.kind}: no vehicle of this run is named {name!r}")
+                    raise Refused(f"{command.kind}: no vehicle of this run is named {shortened(name)}")
                 message = dict(command.message)
                 if command.kind == "wind":  # the wind by hand is on top of the bench's
                     wanted = message["velocity_W_mps"]
@@ -184,7 +184,7 @@ class Commands:
         """Carry out a service call. Raises ValueError, which the client gets as the call's failure."""
         try:
             request = json.loads(payload or b"{}")
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"{kind}: the request is no JSON: {error}") from None
         if not isinstance(request, dict):
             raise ValueError(f"{kind}: the request must be a JSON object")
@@ -217,7 +217,7 @@ def _parameter_command(name: str, value: Any) -> tuple[str, dict[str, Any], Any]
     """Return kind and message of the command that sets a parameter, and the value as shown. Raises Refused."""
     if name == PAUSED:
         if not isinstance(value, bool):
-            raise Refused(f"{name} must be true or false, not {value!r}")
+            raise Refused(f"{name} must be true or false, not {shortened(value)}")
         return ("pause" if value else "resume"), {}, value
     if name == PACE:
         pace = _number(name, value, 0.0, PACE_LIMITS[1], "times real time; 0: as fast as it goes")
@@ -225,19 +225,19 @@ def _parameter_command(name: str, value: Any) -> tuple[str, dict[str, Any], Any]
             raise Refused(f"{name} must be at least {PACE_LIMITS[0]:g} times real time, or 0: as fast as it goes")
         return "pace", {"pace": pace or None}, pace
     if name == STEADY:
-        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-            raise Refused(f"{name} must be three numbers (east, north, up) [m/s], not {value!r}")
+        if not isinstance(value, list | tuple) or len(value) != 3:
+            raise Refused(f"{name} must be three numbers (east, north, up) [m/s], not {shortened(value)}")
         limit = WIND_LIMIT_MPS
         velocity = [_number(name, v, -limit, limit, "m/s") for v in value]
         return "wind", {"velocity_W_mps": velocity}, velocity
     if name == TURBULENCE:
         strength = _number(name, value, 0.0, WIND_LIMIT_MPS, "m/s of wind at 20 ft")
         return "turbulence", {"wind_20ft_mps": strength}, strength
-    raise Refused(f"there is no parameter {name!r}")
+    raise Refused(f"there is no parameter {shortened(name)}")
 
 
 def _number(name: str, value: Any, least: float, most: float, unit: str) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not is_number or not least <= value <= most:
-        raise Refused(f"{name} must be from {least:g} to {most:g} {unit}, not {value!r}")
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not least <= value <= most:  # also NaN
+        raise Refused(f"{name} must be from {least:g} to {most:g} {unit}, not {shortened(value)}")
     return float(value)

@@ -72,6 +72,7 @@ class FoxgloveServer:
     """Server of one run, for all its vehicles."""
 
     def __init__(self, bench: Bench) -> None:
+        """Raise ConfigError where the SDK is not installed."""
         self._bench = bench
         self._settings = settings = bench.config.foxglove
         self._may_control = settings.may_control
@@ -94,10 +95,6 @@ class FoxgloveServer:
         """Return the vehicle of that name; empty in a run of one."""
         feed = VehicleFeed(self._server, name, self._settings.jpeg_quality)
         return self._vehicles.setdefault(name, FollowedVehicle(name, feed))
-
-    def prepare(self) -> None:
-        """Load the SDK. Raises ConfigError where it is not installed."""
-        self._server.prepare()
 
     def _open(self, run: RunContext) -> None:
         """Listen, once for all vehicles. Raises PortBusy or PortNotFound."""
@@ -128,6 +125,7 @@ class FoxgloveServer:
         dashboard = next((part.hand_control for part in run.parts if part.hand_control is not None), None)
         self._control.serving = vehicle
         if dashboard is not None:
+            dashboard.paused = dashboard.paused or self._own.paused
             self._control = dashboard
             self._control.watchers.append(self._look)
         wind: Wind | None = run.bench.config.wind
@@ -185,7 +183,7 @@ class FoxgloveServer:
         base_mps = 0.0 if turbulence is None else turbulence.strength_mps
         self._commands.show(
             {
-                PACE: float((bench.pace if control.pace is None else control.pace) or 0.0),
+                PACE: float((control.pace if control.paces or control.pace else bench.pace) or 0.0),
                 PAUSED: control.paused,
                 STEADY: [a + b for a, b in zip(by_hand, steady, strict=True)],
                 TURBULENCE: base_mps if control.turbulence_mps is None else control.turbulence_mps,
@@ -269,9 +267,6 @@ class FoxglovePart(Part):
     @property
     def paused_s(self) -> float:  # type: ignore[override]
         return self._vehicle.paused_s
-
-    def check(self) -> None:
-        self._server.prepare()
 
     def watched_ports(self) -> frozenset[str]:
         """Return the cameras, LiDARs and radars of the bench, if they are computed for the clients."""

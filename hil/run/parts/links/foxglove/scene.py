@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from hil.run.parts.links.foxglove.glb import glb
 from hil.run.parts.links.foxglove.server import LiveServer
+from hil.run.recorder.live.messages import Names
 from hil.run.recorder.mcap.topics import BODY, WORLD
 from signals.geodesy import LocalFrame
 from signals.samples import TruthState, Vec3
@@ -38,11 +39,11 @@ class Drone(NamedTuple):
     path_W: Sequence[Vec3]  # corners of the planned path
 
     def topic(self, path: str) -> str:
-        return f"/{self.name}{path}" if self.name else path
+        return Names(self.name).topic(path)
 
     @property
     def frame_id(self) -> str:
-        return f"{self.name}/{BODY}" if self.name else BODY
+        return Names(self.name).frame(BODY)
 
 
 class SceneView:

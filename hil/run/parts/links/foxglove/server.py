@@ -36,44 +36,22 @@ def installed_sdk() -> ModuleType:
     return foxglove
 
 
-class Latched:
-    """Messages that a client gets when it subscribes, however late: the scene, mounts of sensors, the plan."""
-
-    def __init__(self) -> None:
-        self._messages: dict[str, dict[str, tuple[Any, int]]] = {}  # topic -> key -> message, time
-
-    def keep(self, topic: str, key: str, message: Any, t_ns: int) -> None:
-        self._messages.setdefault(topic, {})[key] = (message, t_ns)
-
-    def of(self, topic: str) -> list[tuple[Any, int]]:
-        return list(self._messages.get(topic, {}).values())
-
-    @property
-    def topics(self) -> frozenset[str]:
-        return frozenset(self._messages)
-
-
 class LiveServer:
     """The server of one run. `log` and `publish` are called by one thread at a time."""
 
     def __init__(self, settings: Foxglove) -> None:
+        """Load the SDK. Raises ConfigError where it is not installed."""
         self._settings = settings
-        self.sdk: Any = None
-        self._context: Any = None
+        self.sdk: Any = installed_sdk()
+        self._context: Any = self.sdk.Context()
         self._server: Any = None
         self._channels: dict[str, Any] = {}
-        self._by_id: dict[int, str] = {}
         self._blocks: list[Any] = []  # channel of each number given to a series of the recorder
-        self.latched = Latched()
+        # Topic -> key -> newest message: for late subscribers, of the scene, mounts of sensors and the plan.
+        self._latched: dict[str, dict[str, Any]] = {}
         self._lock = threading.Lock()
 
     # -- life -------------------------------------------------------------------------------------------------------
-
-    def prepare(self) -> None:
-        """Load the SDK, so that topics can be offered. Raises ConfigError where it is not installed."""
-        if self.sdk is None:
-            self.sdk = installed_sdk()
-            self._context = self.sdk.Context()
 
     def start(
         self, name: str, listener: Any, capabilities: Sequence[str], services: Sequence[Any], end_ns: int | None
@@ -137,11 +115,6 @@ class LiveServer:
         make = getattr(self.sdk.channels, f"{message}Channel")
         self._channels[topic] = make(topic, context=self._context)
 
-    def wants(self, topic: str) -> bool:
-        """Return True if a client has subscribed to the topic."""
-        channel = self._channels.get(topic)
-        return channel is not None and channel.has_sinks()
-
     def wanted(self) -> frozenset[str]:
         """Return the topics that clients have subscribed to."""
         return frozenset(topic for topic, channel in self._channels.items() if channel.has_sinks())
@@ -149,14 +122,14 @@ class LiveServer:
     def log(self, topic: str, message: Any, t_ns: int, *, latch: str | None = None) -> None:
         """Send bytes or a message of the SDK at a simulated time. `latch`: key under which later subscribers get it."""
         if latch is not None:
-            self.latched.keep(topic, latch, message, t_ns)
+            self._latched.setdefault(topic, {})[latch] = message
         channel = self._channels.get(topic)
         if channel is not None:
             channel.log(message, log_time=t_ns)
 
     def repeat(self, topic: str, t_ns: int) -> None:
         """Send the latched messages of a topic again, for a new subscriber."""
-        for message, _ in self.latched.of(topic):
+        for message in self._latched.get(topic, {}).values():
             self._channels[topic].log(message, log_time=t_ns)
 
     def broadcast_time(self, t_ns: int) -> None:

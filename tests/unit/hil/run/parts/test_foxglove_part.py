@@ -61,16 +61,23 @@ def test_a_missing_package_is_one_message(monkeypatch: pytest.MonkeyPatch) -> No
         installed_sdk()
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1, True, "1", None, [1.0], 0.001, 1001])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1, True, "1", None, [1.0], 0.001, 1001, 10**400])
 def test_paces_that_are_refused(value: Any) -> None:
     with pytest.raises(Refused, match="pace must be"):
         _parameter_command("pace", value)
 
 
-@pytest.mark.parametrize("value", [[float("nan"), 0, 0], [0, 0], [0, 0, 31], "abc", 3.0, None, [0, 0, True]])
+@pytest.mark.parametrize("value", [[float("nan"), 0, 0], [0, 0], [0, 0, 31], "abc", b"abc", 3.0, None, [0, 0, True]])
 def test_winds_that_are_refused(value: Any) -> None:
     with pytest.raises(Refused, match=r"wind.steady_mps must be"):
         _parameter_command("wind.steady_mps", value)
+
+
+def test_a_refusal_repeats_no_long_value() -> None:
+    for name, value in (("pace", "x" * 10**6), ("wind.steady_mps", [1.0] * 10**5), ("x" * 10**6, 0.0)):
+        with pytest.raises(Refused) as refused:
+            _parameter_command(name, value)
+        assert len(str(refused.value)) < 200
 
 
 def _deviation(wind: WindAtVehicle, first: int, ticks: int) -> float:
@@ -108,6 +115,7 @@ def test_a_command_takes_over_the_pace_of_the_bench() -> None:
     control = HandControl({"": vehicle}, clock_ns=lambda: clock[0])
     control.serving = vehicle
     assert not control.holds
+    assert not control.paces
     control.carry_out("pause", {}, vehicle)
     assert (control.paused, control.pace) == (True, 2.0)
     polls: list[int] = []
@@ -129,3 +137,19 @@ def test_a_command_takes_over_the_pace_of_the_bench() -> None:
     assert (clock[0] - began) * 1e-6 == pytest.approx(20.0)
     assert [what["what"] for what in vehicle.commands] == ["pause", "resume"]
     assert len(events) == 2
+    control.carry_out("pace", {"pace": None}, vehicle)
+    assert (control.paces, control.pace) == (True, None)
+
+
+def test_a_fault_with_numbers_too_large_is_refused_and_not_an_error_of_the_run() -> None:
+    scheduler = SimpleNamespace(tick=5, tick_ns=4_000_000, t_ns=20_000_000)
+    vehicle = HandledVehicle("")
+    vehicle._access = SimpleNamespace(scheduler=scheduler, inject=lambda fault: None, event=lambda *e: None)  # type: ignore[assignment]
+    control = HandControl({"": vehicle})
+    control.serving = vehicle
+    for fault in ({"sensor": "gps", "kind": "dropout"}, {"link": "autopilot", "kind": "unplug"}):
+        with pytest.raises(Refused, match="too large"):
+            control.carry_out("inject", {"fault": fault | {"for_s": 10**400}}, vehicle)
+    with pytest.raises(Refused, match="for_s"):  # a fault of a rotor has no end
+        control.carry_out("inject", {"fault": {"rotor": 0, "kind": "stuck", "for_s": 5}}, vehicle)
+    assert not vehicle.commands
