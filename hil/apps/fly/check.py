@@ -6,6 +6,7 @@ from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
+from hil.run.parts.catalog import check_parts
 from hil.run.sensors.frame_stages import stage_specs
 from sim.world_loader import load_world
 
@@ -16,6 +17,7 @@ def check_bench(choice: BenchChoice) -> str:
     Raises ConfigError or WiringError.
     """
     bench = choice.load()
+    check_parts(bench)
     notes = [f"  note: {note}" for note in load_world(bench.scene).map.notes] if bench.scene.map is not None else []
     if not bench.vehicles:
         return "\n".join([f"ok: {_facts(bench)}", *notes])

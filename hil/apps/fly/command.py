@@ -54,5 +54,9 @@ def fly(
     except KeyboardInterrupt:
         if result is None:  # after the run Ctrl-C only ends the page
             raise
+    except ConfigError as error:  # of a part, such as a package that is not installed
+        with contextlib.suppress(HilError):
+            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+        raise
     assert result is not None
     return result.exit_status

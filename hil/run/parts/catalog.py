@@ -63,6 +63,13 @@ def shared_parts(bench: Bench) -> list[Callable[[str], Sequence[Part]]]:
     return [import_module("hil.run.parts.links.foxglove.part").parts_maker(bench)]
 
 
+def check_parts(bench: Bench) -> None:
+    """Raise ConfigError for settings that a part refuses, such as of a package that is not installed."""
+    for vehicle in bench.vehicles.values() or (bench,):
+        parts_of(vehicle)
+    shared_parts(bench)
+
+
 def link_parts(bench: Bench) -> list[Part]:
     """Return the parts that connect the autopilot, for a flight that something else than a run steps."""
     return _make(_LINKS, bench)

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from fnmatch import fnmatchcase
 from functools import partial
-from importlib.util import find_spec
+from importlib import import_module
 from typing import Any
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
@@ -265,8 +265,10 @@ class Ros2Part(Part):
 def _problems(bench: Bench, known: Sequence[str]) -> list[Problem]:
     problems = []
     settings = bench.config.ros2
-    if find_spec("cyclonedds") is None:
-        problems.append(Problem("ros2", "needs the package cyclonedds, which is not installed", INSTALL))
+    try:
+        import_module("cyclonedds.core")
+    except ImportError as error:
+        problems.append(Problem("ros2", f"needs the package cyclonedds, which is not installed ({error})", INSTALL))
     for name in settings.wait_for:
         if name not in known:
             problems.append(Problem("ros2.wait_for", f"names an unknown topic: {name!r}", nearest(name, known)))

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.parts.catalog import parts_of
-from hil.run.parts.links.ros2 import part as ros2_part
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
 from hil.run.parts.links.ros2.type_hash import type_hash
 from hil.run.runs.replay import fly_and_compare
@@ -319,6 +319,19 @@ def test_settings_out_of_range_are_refused(tmp_path: Path, settings: str, messag
         bench_of(tmp_path, settings)
 
 
+def test_hil_check_knows_the_topics_and_the_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_command_line(["check", "--set", "ros2.domain=1", "--set", "ros2.wait_for=[/imv]"]) == 2
+    monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
+    assert run_command_line(["check", "--set", "ros2.domain=1"]) == 2
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    assert run_command_line(["check", "--set", "foxglove.port=0"]) == 2
+    printed = capsys.readouterr().err
+    for text in ("unknown topic: '/imv'", "needs the package cyclonedds", "needs the package foxglove-sdk"):
+        assert text in printed
+
+
 def test_unknown_topics_and_a_missing_package_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = bench_of(tmp_path, "{domain: 1, wait_for: [/imv], topics: [/nothing*]}")
     with pytest.raises(ConfigError) as caught:
@@ -327,7 +340,7 @@ def test_unknown_topics_and_a_missing_package_are_refused(tmp_path: Path, monkey
         "ros2.wait_for: names an unknown topic: '/imv' (did you mean '/imu'?)"
     )
     assert "ros2.topics: fits no topic: '/nothing*'" in str(caught.value)
-    monkeypatch.setattr(ros2_part, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
     with pytest.raises(ConfigError, match=r"needs the package cyclonedds.*pip install 'hil-bench\[ros2\]'"):
         parts_of(bench_of(tmp_path, "{domain: 1}"))
 
