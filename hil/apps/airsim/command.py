@@ -113,6 +113,9 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
     """Return the simulation of a bench with the settings. Raises ConfigError."""
     scene = scene_name(choice.scene or settings.scene)
     bench = load_bench(choice.config, scene=scene or None, flown=False)
+    for key, served in (("foxglove.port", bench.config.foxglove.port), ("ros2.domain", bench.config.ros2.domain)):
+        if served is not None:
+            log(f"{key} is ignored: hil airsim serves AirSim's clients only")
 
     def rig(family: str) -> Bench:
         own = bench.config.autopilot.kind.startswith(family)

@@ -117,7 +117,10 @@ def campaign_problems(plan: Plan, file: CampaignFile) -> list[Problem]:
     problems: dict[tuple[str, str], Problem] = {}  # by what the bench says, so that each is told once
     for axis, point in plan.trials():
         try:
-            load_bench(file.bench_path, settings=point.texts)
+            bench = load_bench(file.bench_path, settings=point.texts)
+            if bench.config.foxglove.port is not None and bench.config.foxglove.paused:
+                text = "is true: each flight would wait for a client"
+                raise ConfigError([Problem("foxglove.paused", text, "set it to false")])
         except ConfigError as error:
             for problem in error.problems:
                 known = (problem.where, problem.message)

@@ -1,7 +1,7 @@
 """Identity of a case: a hash of the program, the resolved bench, the files that it names, and the firmware.
 
 Two flights with the same identity have the same conditions, so one result serves both. Left out is what changes no
-flight: recordings, pace, the number of a simulated autopilot's instance, and where files lie.
+flight: recordings, who follows it, pace, the number of a simulated autopilot's instance, and where files lie.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hil.cluster.program import source_digest
 from hil.config import Bench
 from hil.config.saved import resolved_data
 from hil.config.scenes import save_scene
-from hil.config.schema import Record
+from hil.config.schema import Foxglove, Record, Ros2
 
 _KERNELS = (signals._kernel, sim._kernels)
 _ID_BYTES = 10
@@ -49,6 +49,7 @@ def _add(digest: hashlib.blake2b, bench: Bench) -> None:
         path = bench.files["scene"]
         names["scene"] = _scene_content(bench, path)
     same: dict[str, Any] = {"autopilot": autopilot, "record": Record(), "pace": None, "vehicles": {}, **names}
+    same |= {"foxglove": Foxglove(), "ros2": config.ros2 if config.ros2.flies else Ros2()}
     digest.update(json.dumps(resolved_data(config.model_copy(update=same))).encode())
     if "plan" in bench.files:
         digest.update((_content(str(bench.files["plan"])) or "").encode())

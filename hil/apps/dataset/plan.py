@@ -230,6 +230,10 @@ def _flight_problems(config: BenchConfig, where: str) -> list[Problem]:
     if config.companion.on:
         hint = "remove the section `companion`"
         problems.append(Problem(where, "has companions, whose pictures are rendered in flight", hint))
+    for key, served in (("foxglove.port", config.foxglove.port), ("ros2.domain", config.ros2.domain)):
+        if served is not None:
+            message = f"has {key}, and nobody can follow the flights of a data set"
+            problems.append(Problem(where, message, f"--set {key}=null"))
     return problems
 
 

@@ -35,6 +35,16 @@ def test_a_radar_of_the_bench() -> None:
         table.call("getRadarData", ["rear"])
 
 
+def test_servers_of_the_bench_are_told_to_be_ignored(tmp_path: Path) -> None:
+    path, lines = tmp_path / "bench.yaml", list[str]()
+    path.write_text("scene: airfield\nfoxglove: {port: 8765}\nros2: {domain: 0}\n")
+    make_simulation(Choice(config=path), read_settings("{}", "settings.json"), lines.append).close()
+    assert lines == [
+        "foxglove.port is ignored: hil airsim serves AirSim's clients only",
+        "ros2.domain is ignored: hil airsim serves AirSim's clients only",
+    ]
+
+
 def test_a_bench_without_a_radar() -> None:
     simulation = make_simulation(Choice(scene="airfield"), read_settings("{}", "settings.json"), print)
     with pytest.raises(RpcError, match="add a radar to the sensors of the bench file"):

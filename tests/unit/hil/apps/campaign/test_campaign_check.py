@@ -29,6 +29,13 @@ def test_a_campaign_is_recognised_and_counted(tmp_path: Path, capsys: pytest.Cap
     assert (status, printed) == (0, "ok: campaign of 20 points, axes scene, wind.steady_W_mps.0\n")
 
 
+def test_flights_that_would_wait_for_a_client_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = GOOD.replace("rig: mock", "rig: mock, foxglove: {port: 8765, paused: true}")
+    status, printed = check(tmp_path, text, capsys)
+    assert status == 2
+    assert "foxglove.paused: is true: each flight would wait for a client" in printed
+
+
 def test_every_problem_has_its_file_and_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     axes = "axes:\n  scene: [airfield, city_parc]\n  seed: [1, -1]\n"
     status, printed = check(tmp_path, GOOD.replace("axes: {scene: [airfield, city_park]}\n", axes), capsys)

@@ -128,13 +128,14 @@ def test_many_points_need_a_yes(spec: Path, tmp_path: Path) -> None:
 
 def test_the_identity_follows_what_changes_a_flight_and_nothing_else() -> None:
     base = case_id(load_bench(None))
-    same = ["record.mcap=false", "pace=2", "autopilot.instance=3"]
+    same = ["record.mcap=false", "pace=2", "autopilot.instance=3", "foxglove.port=8765", "ros2.domain=0"]
     other = [
         "seed=2",
         "vehicle_settings.mass_kg=2.1",
         "scene=city_park",
         "mission=rigs/missions/survey.plan",
         "tick_hz=500",
+        "ros2={domain: 0, control: true}",
     ]
     assert {case_id(load_bench(None, settings=[text])) for text in same} == {base}
     identities = {case_id(load_bench(None, settings=[text])) for text in other}

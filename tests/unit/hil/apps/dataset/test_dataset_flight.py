@@ -26,7 +26,7 @@ from hil.apps.dataset.trajectory import course, waypoints_text
 from hil.config.missions import Geopoint, load_mission
 from hil.config.schema import Trajectory
 from hil.run.recorder.mcap.mcap_file import ChunkFacts
-from signals.errors import RecordingError
+from signals.errors import ConfigError, RecordingError
 from sim.scene.scene import Site
 from tests.worlds.small_dataset import journal_of, tiny_plan
 
@@ -200,6 +200,13 @@ def test_frames_are_those_of_the_camera_that_can_be_labelled(tmp_path: Path) -> 
     assert (plan.reference, plan.labelled) == ("front", None)
     none = ("sensors.front=null", "sensors.radar=null")
     assert tiny_plan(tmp_path, frames=3, settings=none).reference == "lidar"
+
+
+@pytest.mark.parametrize("setting", ["foxglove.port=0", "ros2.domain=0"])
+def test_nobody_follows_the_flights_of_a_data_set(tmp_path: Path, setting: str) -> None:
+    key = setting.partition("=")[0]
+    with pytest.raises(ConfigError, match=rf"has {key}, and nobody can follow .*--set {key}=null"):
+        tiny_plan(tmp_path, frames=3, settings=(setting,))
 
 
 @pytest.mark.parametrize("quality", ["low", "high", "cinematic"])
