@@ -52,6 +52,9 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     if config.ros2.flies and (config.companion.flies or config.manual.device is not None):
         other = "companion.control" if config.companion.flies else "manual.device"
         report(("ros2", "control"), f"is true, and so is {other}: both would command the vehicle", "leave one out")
+    if config.foxglove.port is not None and config.foxglove.paused and not config.autopilot.lockstep:
+        message = "is true, and this autopilot runs on wall-clock time: it cannot be held"
+        report(("foxglove", "paused"), message, "set it to false")
     if config.ros2.setpoint_hz > config.tick_hz:
         message = f"must be at most the tick's rate, {config.tick_hz} Hz, not {config.ros2.setpoint_hz:g} Hz"
         report(("ros2", "setpoint_hz"), message)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from hil.config import load_bench
 from hil.run.loop.by_hand import HandControl, HandledVehicle, Refused
 from hil.run.parts.links.foxglove.commands import _parameter_command
 from hil.run.parts.links.foxglove.feed import _SENT_TICKS, Tick, _selected
@@ -71,6 +72,13 @@ def test_paces_that_are_refused(value: Any) -> None:
 def test_winds_that_are_refused(value: Any) -> None:
     with pytest.raises(Refused, match=r"wind.steady_mps must be"):
         _parameter_command("wind.steady_mps", value)
+
+
+def test_an_autopilot_that_cannot_be_held_cannot_begin_paused() -> None:
+    settings = ["foxglove={port: 0, paused: true}"]
+    assert load_bench(None, rig="mock", settings=settings).config.foxglove.paused
+    with pytest.raises(ConfigError, match=r"foxglove.paused is true, and this autopilot runs on wall-clock time"):
+        load_bench(None, rig="mock_hitl", settings=settings)
 
 
 def test_a_refusal_repeats_no_long_value() -> None:
