@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,9 +55,12 @@ def test_the_reference_solves_an_oscillator() -> None:
     assert len(flown) * 0.1 == pytest.approx(SECONDS)
 
 
-def test_an_interpreter_that_is_no_python_is_named() -> None:
-    with pytest.raises(SimulatorError, match=r"RotorPy: '/bin/echo' answers .*; give the Python that has it"):
-        SimulatorProcess(ROTORPY, worlds=1, python="/bin/echo")
+def test_an_interpreter_that_is_no_python_is_named(tmp_path: Path) -> None:
+    program = tmp_path / "greeter"
+    program.write_text("#!/bin/sh\nread request\necho hello\n")
+    program.chmod(0o755)
+    with pytest.raises(SimulatorError, match=r"RotorPy: '.*greeter' answers 'hello'; give the Python that has it"):
+        SimulatorProcess(ROTORPY, worlds=1, python=str(program))
 
 
 def test_a_flight_that_is_not_finite_has_an_infinite_error() -> None:
