@@ -338,6 +338,14 @@ def test_vehicles_share_one_server(tmp_path: Path) -> None:
     assert run["deterministic"] is False
 
 
+def test_the_address_is_printed_once_for_all_vehicles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = BENCH.replace("rigs/", f"{ROOT}/rigs/") + "vehicles: {a: {}, b: {start: {p_W: [5, 0, 0]}}}\n"
+    (tmp_path / "bench.yaml").write_text(text)
+    bench = load_bench(tmp_path / "bench.yaml", settings=["foxglove.port=0", "duration_s=0.2"])
+    run_bench(bench, tmp_path / "out")
+    assert capsys.readouterr().out.count("foxglove: open ws://127.0.0.1:") == 1
+
+
 def command(folder: Path, *settings: str) -> list[str]:
     words = [sys.executable, "-m", "hil.cli", "run", "--quiet", "--out", str(folder)]
     return words + [word for setting in (*settings, "record.report=false") for word in ("--set", setting)]

@@ -124,7 +124,7 @@ class GroupRun:
         for name, vehicle in bench.vehicles.items():
             mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
             shared = Shared(mcap, partial(self._frames_of, name), scene)
-            self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=True, shared=shared)
+            self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=self._quiet, shared=shared)
             self._results[name] = self._runs[name].mark_unfinished()
         self._write(self._summary(KILLED))
 
