@@ -97,6 +97,7 @@ def test_the_page_of_ten_thousand_cases_is_small(tab: Any, tmp_path: Path) -> No
     assert (tmp_path / "many" / "report.html").stat().st_size < 1_000_000
 
 
+@pytest.mark.slow
 def test_the_dashboard_lists_campaigns_and_serves_their_pages(tab: Any, tmp_path: Path) -> None:
     make_campaign(tmp_path / "campaigns" / "wind", 60)
     live = tmp_path / "campaigns" / "live"

@@ -269,6 +269,7 @@ def test_a_client_that_reads_nothing_stops_neither_the_run_nor_the_others(tmp_pa
     stuck[0].close()
 
 
+@pytest.mark.slow
 def test_clients_of_a_server_without_control_only_watch(tmp_path: Path) -> None:
     def script(client: FoxgloveClient) -> None:
         assert client.until(lambda: client.messages["/truth/pose"])
@@ -359,6 +360,7 @@ def error_of(folder: Path, *settings: str) -> str:
     return str(json.loads((folder / "run.json").read_text())["error"]["message"])
 
 
+@pytest.mark.slow
 def test_a_busy_port_and_an_address_of_another_machine_are_named(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as held:
         port = held.getsockname()[1]

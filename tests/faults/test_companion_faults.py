@@ -118,7 +118,7 @@ def test_the_number_of_clients_and_of_pilots_is_limited() -> None:
         join(server, pilot, "pilot", control=True)
         with RawClient(server.endpoint) as third:
             third.hello("third")
-            server.poll(0.02)
+            until(server, lambda: not third.silent(0.0))
             assert third.expect("refused")["code"] == "full"
         pilot.say("bye", reason="")
         until(server, lambda: "pilot" in server.lost)
@@ -126,7 +126,7 @@ def test_the_number_of_clients_and_of_pilots_is_limited() -> None:
     with serving() as server, healthy(server), RawClient(server.endpoint) as one, RawClient(server.endpoint) as two:
         join(server, one, "one", control=True)
         two.hello("two", control=True)
-        server.poll(0.02)
+        until(server, lambda: not two.silent(0.0))
         assert two.expect("refused")["code"] == "control"
         until(server, lambda: "two" not in server.ready_names)
 
@@ -159,7 +159,7 @@ def test_invalid_answer_is_refused_and_the_valid_one_after_it_counts(change: dic
         server.send(frame_of(0))
         client.expect("frame")
         client.say(**{"kind": "done", **{k: v for k, v in DONE.items() if k != "k"}, **change})  # type: ignore[arg-type]
-        assert server.poll(0.02) == []
+        assert until(server, lambda: not client.silent(0.0)) == []
         assert client.expect("refused")["code"] == "malformed"
         assert [(c.name, c.credit) for c in server.clients] == [("cut", 1)]
         client.done(0)
@@ -176,11 +176,11 @@ def test_commands_need_control_and_credits_have_a_limit() -> None:
         server.send(frame_of(0))
         client.expect("frame")
         client.done(0, desired={"p_W": [0, 0, 1]})
-        assert server.poll(0.02) == []
+        assert until(server, lambda: not client.silent(0.0)) == []
         assert "no control" in client.expect("refused")["text"]
         for n in (6, 0, -3, 65, 2**40, None):
             client.say("credit", n=n)
-            server.poll(0.02)
+            until(server, lambda: not client.silent(0.0))
             assert client.expect("refused")["code"] == "malformed", n
         assert [(c.name, c.credit) for c in server.clients] == [("cut", 59)]
         client.say("credit", n=5)
@@ -221,12 +221,12 @@ def test_unknown_client_on_a_sensors_port_gets_nothing() -> None:
         port = client.expect("welcome")["ports"]["imu"]
         with RawClient(port) as imu, RawClient(port) as thief:
             thief.hello("thief", topics=["imu"])
-            server.poll(0.02)
+            until(server, lambda: not thief.silent(0.0))
             assert thief.expect("refused")["code"] == "name"
             imu.hello(topics=["imu"])
             until(server, lambda: server.ready_names == ("cut",))
             thief.hello(topics=["imu"])  # another's name
-            server.poll(0.02)
+            until(server, lambda: not thief.silent(0.0))
             assert thief.expect("refused")["code"] == "name"
             server.send(frame_of(0))
             assert imu.expect("frame")["frame"] == 0

@@ -23,6 +23,7 @@ def recording() -> Recording:
     return replace(two, adc=np.ascontiguousarray(two.adc[:, [0, 1, 1]]), rx_antennas=(1, 2, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "needs"),
     [

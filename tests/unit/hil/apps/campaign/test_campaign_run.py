@@ -93,6 +93,7 @@ def test_a_digest_that_differs_is_a_flake(spec: Path, tmp_path: Path) -> None:
     assert json.loads((out / "campaign.json").read_text())["flake"] == 1
 
 
+@pytest.mark.slow
 def test_stop_rules_give_the_same_part_of_the_plan(spec: Path, tmp_path: Path) -> None:
     spec.write_text(
         SPEC.replace("duration_s: [60, 8]", "duration_s: [60, 8, 9, 7]").replace("recheck: 1.0", "recheck: 0")

@@ -100,6 +100,7 @@ def test_lost_batches_are_made_again(plan: DatasetPlan, whole: Path, tmp_path: P
     assert tree_of(tmp_path / "set") == tree_of(whole)
 
 
+@pytest.mark.slow
 def test_a_batch_that_is_always_lost_ends_the_data_set_and_can_be_resumed(
     plan: DatasetPlan, whole: Path, tmp_path: Path
 ) -> None:
@@ -131,6 +132,7 @@ def test_a_full_disk_of_a_node_is_reported(plan: DatasetPlan, tmp_path: Path, mo
     assert not list((tmp_path / f"hil-{os.getuid()}" / "trees").iterdir())
 
 
+@pytest.mark.slow
 def test_a_full_disk_of_this_machine_is_reported(
     plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
