@@ -20,8 +20,8 @@ run: setup
 	$(HIL) run $(ARGS)
 
 # Tests share no state but the machine; each worker keeps the fixtures of its own files. Half of a worker's time is
-# waiting for other processes, so four workers are right for two cores.
-PARALLEL := -n 4 --dist worksteal
+# waiting for other processes, so five workers are right for two cores.
+PARALLEL := -n 5 --dist worksteal
 
 # Each of the hundreds of processes that the tests start would otherwise compile every module that it imports.
 unexport PYTHONDONTWRITEBYTECODE

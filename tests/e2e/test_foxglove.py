@@ -304,6 +304,7 @@ def test_a_paused_run_with_a_dashboard_waits_for_its_page_too(tmp_path: Path) ->
     assert (page.states[0]["tick"], page.states[0]["paused"]) == (0, True)
 
 
+@pytest.mark.slow
 def test_a_bench_with_a_pace_shows_that_it_goes_as_fast_as_it_can_once_asked_to(tmp_path: Path) -> None:
     def script(client: FoxgloveClient) -> None:
         client.ask_parameters()

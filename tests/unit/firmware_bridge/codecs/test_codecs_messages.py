@@ -48,7 +48,7 @@ def theirs(name: str, values):
     return dialect.mavlink_map[MSGID[name]](*as_theirs)
 
 
-@settings(max_examples=4)
+@settings(max_examples=3)
 @given(data=st.data())
 def check_both_ways(name, data):
     ours = message(data.draw, name)

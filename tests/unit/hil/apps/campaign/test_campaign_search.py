@@ -102,6 +102,7 @@ def test_all_trials_are_made_and_skipped_points_are_not_flown(
 
 
 @needs_optuna
+@pytest.mark.slow
 def test_the_search_gains_on_random_sampling(spec: Path, tmp_path: Path, engine: list[OracleEngine]) -> None:
     spec.write_text(SPEC.replace("[-8, 8]", "[-50, 8]").replace("choice: [[], ", "choice: [[], [], [], [], [], [], "))
     needed = {"tpe": 0, "random": 0}
