@@ -38,7 +38,7 @@ class Batch:
         options: Mapping[str, Any] | None = None,
     ) -> None:
         """`bench`: a loaded bench or its file; None: that of the task. `settings`: texts as for --set."""
-        self.name = f"hil/{task.title()}-v0"
+        self.name = environment_id(task)
         kind = task_class(task)
         bench = read_bench(bench, settings, self.name, None if kind.bench is None else _bench_file(kind.bench))
         if bench.vehicles:
@@ -101,6 +101,11 @@ class Batch:
         """End autopilots and release renderers."""
         for flight in self.flights:
             flight.close()
+
+
+def environment_id(task: str) -> str:
+    """Return the id of a task's environment in gymnasium's registry."""
+    return f"hil/{task.title()}-v0"
 
 
 def task_class(task: str) -> type[Task]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import gymnasium
 
-TASKS = {"hil/Hover-v0": "hover", "hil/Waypoints-v0": "waypoints", "hil/Explore-v0": "explore", "hil/Bench-v0": "bench"}
-IDS = tuple(TASKS)
+from hil.gym.batch import TASKS, environment_id
+
+IDS = tuple(environment_id(task) for task in TASKS)
 
 
 def register_all() -> None:
     """Register every id that is not registered yet. Episodes end by the environments' own option `episode_s`."""
-    for name, task in TASKS.items():
+    for name, task in zip(IDS, TASKS, strict=True):
         if name not in gymnasium.registry:
             gymnasium.register(
                 name,

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import zlib
@@ -22,6 +21,7 @@ from mcap.reader import make_reader
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
+from hil.run.parts.links.ros2.dds_ports import free_domain
 
 pytest.importorskip("cyclonedds", reason="needs CycloneDDS: pip install 'hil-bench[ros2]'")
 pytestmark = [
@@ -74,22 +74,18 @@ def listener(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return program
 
 
-def free_domain() -> int:
-    for domain in range(60, 100):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("0.0.0.0", 7410 + 250 * domain))
-            except OSError:
-                continue
-            return domain
-    raise AssertionError("no free domain")
+def unused_domain() -> int:
+    """Return a domain in which this machine has no participant."""
+    domain = free_domain(range(60, 100))
+    assert domain is not None
+    return domain
 
 
 def listen(
     listener: Path, tmp_path: Path, *options: str, best_effort: bool = False, **settings: object
 ) -> tuple[RunResult, dict[str, Tally]]:
     """Fly with a listener. Return the run and the listener's tallies."""
-    domain = free_domain()
+    domain = unused_domain()
     suffix = "=best_effort" if best_effort else ""
     topics = [f"{name}=sensor_msgs::msg::dds_::{kind}_{suffix}" for name, kind in TOPICS.items()]
     path = tmp_path / "bench.yaml"
@@ -162,7 +158,7 @@ def test_nothing_is_lost_in_real_time(listener: Path, tmp_path: Path) -> None:
 
 
 def test_a_subscriber_that_is_killed_while_it_is_waited_for_ends_the_run(listener: Path, tmp_path: Path) -> None:
-    domain = free_domain()
+    domain = unused_domain()
     path = tmp_path / "bench.yaml"
     more = "wait_for: [/imu], wait_timeout_s: 10"
     path.write_text(BENCH.format(domain=domain, seconds=60, pace="null", images="false", more=more))

@@ -9,7 +9,6 @@ run's own thread, 0 for the flight alone. `tests/e2e/ros2` shows that nothing is
 from __future__ import annotations
 
 import multiprocessing
-import socket
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
+from hil.run.parts.links.ros2.dds_ports import free_domain
 from signals.errors import ConfigError, HilError, Problem
 
 _TYPES = {"/imu": "sensor_msgs/Imu", "/front/rgb": "sensor_msgs/Image", "/lidar": "sensor_msgs/PointCloud2"}
@@ -84,7 +84,9 @@ def _fly(folder: Path, settings: list[str]) -> dict[str, Any]:
 def _fly_followed(folder: Path, settings: list[str]) -> dict[str, Any]:
     """Fly with subscribers; return run.json."""
     context = multiprocessing.get_context("spawn")
-    domain = _free_domain()
+    domain = free_domain(range(100, 200))
+    if domain is None:
+        raise HilError("every DDS domain from 100 to 199 is in use on this machine")
     ready, over = context.Event(), context.Event()
     subscriber = context.Process(target=subscribe, args=(domain, ready, over), daemon=True)
     subscriber.start()
@@ -108,15 +110,3 @@ def subscribe(domain: int, ready: Any, over: Any) -> None:
     ready.set()
     over.wait()
     node.close()
-
-
-def _free_domain() -> int:
-    """Return a domain without participants on this machine (its first port: DDSI-RTPS 9.6.2.3)."""
-    for domain in range(100, 200):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("127.0.0.1", 7410 + 250 * domain))
-            except OSError:
-                continue
-            return domain
-    raise HilError("every DDS domain from 100 to 199 is in use on this machine")

@@ -44,6 +44,7 @@ class Commands:
         self._values: dict[str, Any] = {PACE: 0.0, PAUSED: False, STEADY: [0.0, 0.0, 0.0], TURBULENCE: 0.0}
         self._closed = False
         self.playback_speed = 1.0
+        self._t_ns = 0  # simulated time as told last
 
     # -- by the run -------------------------------------------------------------------------------------------------
 
@@ -51,12 +52,10 @@ class Commands:
     def waiting(self) -> bool:
         return bool(self._queue)
 
-    def carry_out(self, control: HandControl, vehicles: Mapping[str, HandledVehicle], steady_W_mps: Vec3) -> bool:
-        """Carry out what has arrived. Return True if there was something."""
-        found = False
+    def carry_out(self, control: HandControl, vehicles: Mapping[str, HandledVehicle], steady_W_mps: Vec3) -> None:
+        """Carry out what has arrived."""
         while self._queue:
             command = self._queue.popleft()
-            found = True
             name = command.message.get("vehicle", "")
             vehicle = vehicles.get(name) if isinstance(name, str) else None
             first = next(iter(vehicles.values()))
@@ -74,7 +73,6 @@ class Commands:
             assert control.serving is not None
             command.tick = control.serving.access.scheduler.tick
             command.done.set()
-        return found
 
     def show(self, values: Mapping[str, Any]) -> None:
         """Set the parameters' values, and send those that changed to the clients."""
@@ -148,8 +146,6 @@ class Commands:
         states = websocket.PlaybackStatus
         status = states.Ended if ended else states.Paused if paused else states.Playing
         return websocket.PlaybackState(status, self._t_ns, self.playback_speed, False, request_id)
-
-    _t_ns = 0
 
     def services(self) -> list[Any]:
         """Return the services, which take and return JSON."""

@@ -13,7 +13,6 @@ import os
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 from cyclonedds.core import DDSException, Listener
@@ -24,12 +23,12 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
+from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, has_free_port
 from hil.run.parts.links.ros2.dds_types import GRAPH_HASH, Gid, NodeEntitiesInfo, ParticipantEntitiesInfo, dds_type
 from hil.run.parts.links.ros2.sender import Sender
 from hil.run.parts.links.ros2.type_hash import type_hash
 from signals.errors import HilError
 
-MAX_PARTICIPANTS = 32  # of one machine and domain, each with ports of its own
 _BUSY = (
     "ros2.domain {domain} has no free ports: other programs have all "
     f"{MAX_PARTICIPANTS} of this machine; end some, or take another domain"
@@ -106,7 +105,7 @@ class _Domains:
             try:
                 domain = Domain(number, config)
             except DDSException as error:
-                if not _has_free_port(number):
+                if not has_free_port(number):
                     raise Ros2Error(_BUSY.format(domain=number)) from error
                 where = "as CYCLONEDDS_URI says" if interface is None else f"on the interface {interface}"
                 raise Ros2Error(f"ros2.domain {number} cannot be opened {where}: {error}") from error
@@ -121,15 +120,6 @@ class _Domains:
         del self._domains[number]
         self.clock_ns.pop(number, None)
         domain.__del__()
-
-
-def _has_free_port(domain: int) -> bool:
-    """Return True if one of the ports of a domain's participants is free (DDSI-RTPS 9.6.2.3)."""
-    for index in range(MAX_PARTICIPANTS):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
-            probe.bind(("127.0.0.1", 7410 + 250 * domain + 2 * index))
-            return True
-    return False
 
 
 def _config(interface: str) -> str:

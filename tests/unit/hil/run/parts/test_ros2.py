@@ -20,6 +20,7 @@ from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.parts.catalog import parts_of
+from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, free_domain
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
 from hil.run.parts.links.ros2.type_hash import type_hash
 from hil.run.runs.replay import fly_and_compare
@@ -71,21 +72,16 @@ ros2: {ros2}
 """
 
 
-def free_domain() -> int:
+def unused_domain() -> int:
     """Return a domain in which this machine has no participant."""
-    for domain in range(20, 60):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            try:
-                probe.bind(("0.0.0.0", 7410 + 250 * domain))
-            except OSError:
-                continue
-            return domain
-    raise AssertionError("no free domain")
+    domain = free_domain(range(20, 60))
+    assert domain is not None
+    return domain
 
 
 @pytest.fixture
 def domain() -> int:
-    return free_domain()
+    return unused_domain()
 
 
 @pytest.fixture
@@ -350,7 +346,7 @@ def test_an_unknown_interface_and_busy_ports_are_errors(tmp_path: Path, domain: 
     assert "this machine has no network interface 'wlan9'" in result.run["error"]["message"]
     sockets = []
     try:
-        for index in range(ros2.MAX_PARTICIPANTS):
+        for index in range(MAX_PARTICIPANTS):
             busy = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             sockets.append(busy)
             busy.bind(("0.0.0.0", 7410 + 250 * domain + 2 * index))
