@@ -108,10 +108,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
 
 
 def _fly(bench: Bench, out: Path, live: LiveRun | None) -> dict[str, Any]:
-    flown = run_bench(bench, out, quiet=True, more=[] if live is None else [DashboardPart(live)]).run
-    if flown["error"] is not None:
-        raise HilError(f"the flight ended as ERROR: {flown['error']['message']}")
-    return flown
+    return run_bench(bench, out, quiet=True, more=[] if live is None else [DashboardPart(live)]).flown()
 
 
 def _fly_watched(bench: Bench, folder: Path, panes: Sequence[str]) -> tuple[dict[str, Any], LiveRun, float]:

@@ -25,7 +25,7 @@ from hil.run.report.run_json import write_run_json
 from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import UNJUDGED, Verdict
-from signals.errors import RecordingError
+from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
@@ -53,6 +53,12 @@ class RunResult:
     @property
     def exit_status(self) -> int:
         return {"PASS": 0, "FAIL": 1}.get(self.status, 3)
+
+    def flown(self) -> dict[str, Any]:
+        """Return the content of run.json of a run that flew to its end. Raises HilError if it ended as ERROR."""
+        if self.run["error"] is not None:
+            raise HilError(f"the flight ended as ERROR: {self.run['error']['message']}")
+        return self.run
 
 
 class VehicleRun:

@@ -24,7 +24,6 @@ from typing import Any
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
-from signals.errors import HilError
 
 _TOPICS = ("/front/rgb/compressed", "/down/rgb/compressed", "/lidar")
 _CAMERA = "kind: camera, resolution: [320, 240], fov_deg: 90, rate_hz: 25, channels: [rgb]"
@@ -97,19 +96,12 @@ def _fly(folder: Path, *, watched: bool, seconds: int) -> tuple[dict[str, Any], 
         port = free.getsockname()[1]
     settings = [*_SETTINGS, f"duration_s={seconds}"]
     if not watched:
-        run = run_bench(load_bench(settings=settings), folder / "alone", quiet=True).run
-        return _flown(run), ()
+        return run_bench(load_bench(settings=settings), folder / "alone", quiet=True).flown(), ()
     live = [f"foxglove.port={port}", "foxglove.paused=true"]
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         client = pool.submit(follow, port)
-        run = run_bench(load_bench(settings=[*settings, *live]), folder / "watched", quiet=True).run
-        return _flown(run), client.result()
-
-
-def _flown(run: dict[str, Any]) -> dict[str, Any]:
-    if run["error"] is not None:
-        raise HilError(f"the flight ended as ERROR: {run['error']['message']}")
-    return run
+        run = run_bench(load_bench(settings=[*settings, *live]), folder / "watched", quiet=True).flown()
+        return run, client.result()
 
 
 def follow(port: int) -> list[int]:

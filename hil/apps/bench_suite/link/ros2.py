@@ -75,10 +75,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
 
 
 def _fly(folder: Path, settings: list[str]) -> dict[str, Any]:
-    run = run_bench(load_bench(settings=[*_SETTINGS, *settings]), folder, quiet=True).run
-    if run["error"] is not None:
-        raise HilError(f"the flight ended as ERROR: {run['error']['message']}")
-    return run
+    return run_bench(load_bench(settings=[*_SETTINGS, *settings]), folder, quiet=True).flown()
 
 
 def _fly_followed(folder: Path, settings: list[str]) -> dict[str, Any]:
