@@ -13,10 +13,10 @@ from math import sqrt
 from signals._kernel import det_atan2, det_cos, det_sin
 from signals.rotation import cross, norm, unit
 from signals.samples import Vec3
-from sim import _kernels
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.vehicles import bicycle as city
 from sim.scene.maps.walk_path import WalkPath
+from sim.scene.maps.walker import MovingPerson, distance_m
 
 Row = list[float]
 
@@ -41,8 +41,8 @@ class Riding:
     legs: tuple[float, ...]
 
 
-class Cyclist(_kernels.Walker):
-    """`Actor` with one mocap body per limb. `crank_turns_per_m` and `path` are those of the bicycle."""
+class Cyclist(MovingPerson):
+    """A person on a bicycle. `crank_turns_per_m` and `path` are those of the bicycle."""
 
     def __init__(
         self,
@@ -55,28 +55,22 @@ class Cyclist(_kernels.Walker):
         ground_m: float,
         reach_m: Mapping[str, float],
     ) -> None:
-        self.name = name
-        self.figure = figure
-        self.path, self.max_speed_mps = path, path.max_speed_mps
-        self.ground_m = ground_m
-        self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
-        middle = riding.rows[0][2]
+        middle_m = riding.rows[0][2]
         super().__init__(
+            name,
+            figure,
+            path,
+            ground_m=ground_m,
+            middle_m=middle_m,
+            radius_m=_bound_radius(riding, middle_m, reach_m),
             seated=riding.rows,
             legs=riding.legs,
-            path=path,
             cycles_per_m=crank_turns_per_m,
-            ground_m=ground_m,
-            bound_z_m=ground_m + middle,
-            bound_radius_m=_bound_radius(riding, middle, reach_m),
         )
 
 
 def _bound_radius(riding: Riding, middle: float, reach_m: Mapping[str, float]) -> float:
-    reaches = [
-        reach_m[limb] + sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
-        for limb, row in zip(LIMBS[:9], riding.rows, strict=False)
-    ]
+    reaches = [reach_m[limb] + distance_m(row, middle) for limb, row in zip(LIMBS[:9], riding.rows, strict=False)]
     hip_x, _, y, axle_x, axle_z, crank, _ = riding.legs[-7:]
     thigh = riding.legs[0]
     knee = abs(hip_x) + thigh + y

@@ -12,14 +12,48 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import sqrt
+from typing import Any
 
 from sim import _kernels
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.walk_path import WalkPath
 
 
-class Walker(_kernels.Walker):
-    """`Actor` with one mocap body per limb."""
+class MovingPerson(_kernels.Walker):
+    """`Actor` of a person on a path, with one mocap body per limb."""
+
+    def __init__(
+        self,
+        name: str,
+        figure: Figure,
+        path: WalkPath,
+        *,
+        ground_m: float,
+        middle_m: float,
+        radius_m: float,
+        **posture: Any,
+    ) -> None:
+        """`ground_m`: height of the ground under the path. `posture`: how the limbs move, for the kernel.
+
+        A sphere of `radius_m`, `middle_m` above the ground, contains the person at all times.
+        """
+        self.name = name
+        self.figure = figure
+        self.path, self.max_speed_mps = path, path.max_speed_mps
+        self.ground_m = ground_m
+        self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
+        super().__init__(
+            path=path, ground_m=ground_m, bound_z_m=ground_m + middle_m, bound_radius_m=radius_m, **posture
+        )
+
+
+def distance_m(row: Sequence[float], middle_m: float) -> float:
+    """Return the distance of a limb's origin, the first numbers of its row, from a point above the path."""
+    return sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle_m) * (row[2] - middle_m))
+
+
+class Walker(MovingPerson):
+    """A person who walks."""
 
     def __init__(
         self,
@@ -31,37 +65,33 @@ class Walker(_kernels.Walker):
         reach_m: Mapping[str, float] | None = None,
     ) -> None:
         """`reach_m`: distance from each limb's origin to its farthest point; None: of the figure's shapes."""
-        self.name = name
-        self.figure = figure
-        self.path, self.max_speed_mps = path, path.max_speed_mps
-        self.ground_m = ground_m  # height of the ground under the path
         # A lap has a whole number of cycles, so that the feet do not jump at its end.
         natural_cycle_m = 1.346 * sqrt(path.speed_mps * figure.leg_m)  # two steps
         cycles = max(1, round(path.lap_m / natural_cycle_m))
         self.gait = _kernels.fit_gait(figure.lengths_m, path.speed_mps, path.lap_m / cycles)
         self.cycles_per_m = cycles / path.lap_m
-        self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
+        middle_m = 0.5 * figure.height_m
         super().__init__(
-            shape=self.gait,
-            path=path,
-            cycles_per_m=self.cycles_per_m,
+            name,
+            figure,
+            path,
             ground_m=ground_m,
-            bound_z_m=ground_m + 0.5 * figure.height_m,
-            bound_radius_m=self._bound_radius(reach_m or figure.reach_m()),
+            middle_m=middle_m,
+            radius_m=self._radius_m(middle_m, reach_m or figure.reach_m()),
+            shape=self.gait,
+            cycles_per_m=self.cycles_per_m,
         )
 
-    def _bound_radius(self, reach_m: Mapping[str, float]) -> float:
-        middle = 0.5 * self.figure.height_m
+    def _radius_m(self, middle_m: float, reach_m: Mapping[str, float]) -> float:
         radius = 0.0
         for i in range(64):
             for limb, row in zip(LIMBS, _kernels.gait_rows(self.gait, i / 64), strict=True):
-                distance = sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
-                radius = max(radius, distance + reach_m[limb])
+                radius = max(radius, distance_m(row, middle_m) + reach_m[limb])
         return radius + 0.02  # between the sampled phases
 
 
-class Roller(_kernels.Walker):
-    """`Actor` of a person on wheels; `rows` of the limbs as in sim/native/gait.hpp, without derivatives."""
+class Roller(MovingPerson):
+    """A person on wheels; `rows` of the limbs as in sim/native/gait.hpp, without derivatives."""
 
     def __init__(
         self,
@@ -73,20 +103,13 @@ class Roller(_kernels.Walker):
         ground_m: float,
         reach_m: Mapping[str, float],
     ) -> None:
-        self.name = name
-        self.figure = figure
-        self.path, self.max_speed_mps = path, path.max_speed_mps
-        self.ground_m = ground_m
-        self.bodies = tuple(f"{name}_{limb}" for limb in LIMBS)
-        middle = 0.5 * figure.height_m
-        reaches = [
-            reach_m[limb] + sqrt(row[0] * row[0] + row[1] * row[1] + (row[2] - middle) * (row[2] - middle))
-            for limb, row in zip(LIMBS, rows, strict=True)
-        ]
+        middle_m = 0.5 * figure.height_m
         super().__init__(
-            seated=[list(row) for row in rows],
-            path=path,
+            name,
+            figure,
+            path,
             ground_m=ground_m,
-            bound_z_m=ground_m + middle,
-            bound_radius_m=max(reaches),
+            middle_m=middle_m,
+            radius_m=max(reach_m[limb] + distance_m(row, middle_m) for limb, row in zip(LIMBS, rows, strict=True)),
+            seated=[list(row) for row in rows],
         )
