@@ -13,6 +13,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from hil.cli.status import ERROR_STATUS
+from hil.cli.streams import keep_streams
 
 
 class Stopped(KeyboardInterrupt):
@@ -45,8 +46,7 @@ def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
     # SIGINT needs a handler too, because a shell makes commands ignore it that a script starts in the background.
     _handle_signals(_stop)
-    with contextlib.suppress(AttributeError, ValueError):  # a name that is not UTF-8 can be printed
-        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    keep_streams()
     sys.unraisablehook = _raise_again
     # The bench does not render with MuJoCo. A MUJOCO_GL set for other programs could make the import of MuJoCo fail.
     os.environ["MUJOCO_GL"] = "disabled"
@@ -58,14 +58,11 @@ def main() -> None:
     except KeyboardInterrupt as stop:
         _end_at_signals(ERROR_STATUS)
         status = _print_error(str(stop) or "stopped from the keyboard", ERROR_STATUS)
-    except BrokenPipeError:
-        status = ERROR_STATUS  # standard output is closed, so there is no message
     except Exception as defect:
         if os.environ.get("HIL_TRACEBACK"):
             raise
         text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
         status = _print_error(text, ERROR_STATUS)
-    _replace_closed_streams()
     sys.exit(status)
 
 
@@ -79,24 +76,16 @@ def _end_at_signals(status: int) -> None:
     """Let a signal end the process at once with this status: the command is over, only the interpreter still exits."""
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        _replace_closed_streams()
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(RuntimeError):  # the signal came within a write to it
+                stream.flush()
         os._exit(status)
 
     _handle_signals(end)
 
 
-def _replace_closed_streams() -> None:
-    """Replace closed standard streams, because flushing them at exit would print a message and change the status."""
-    for name in ("stdout", "stderr"):
-        try:
-            getattr(sys, name).flush()
-        except (OSError, ValueError, AttributeError):
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (lives until the process ends)
-
-
 def _print_error(text: str, status: int) -> int:
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        sys.stderr.write(f"error: {text}\n")
+    sys.stderr.write(f"error: {text}\n")
     return status
 
 
