@@ -28,7 +28,7 @@ from hil.apps.airsim.simulation import RIGS, TICK_NS, Simulation
 from hil.config import Bench, load_bench
 from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
-from signals.errors import RecordingError
+from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.scene.placed.worlds import limit_mesh_cache
 
@@ -91,14 +91,11 @@ def serve_airsim(choice: Choice, console: Console) -> None:
     try:
         simulation.cameras.prepare()
         limit_mesh_cache()
-        if settings.recording.enabled:
-            simulation.recorder.start()
-        with _page(choice, simulation, console) as (page, folder):
+        with new_run_dir(choice.out, "airsim") as folder, _page(choice, simulation, console, folder) as page:
             server = asyncio.run(_serve(choice, simulation, console, page))
     finally:
         simulation.close()
     report = _report(choice, simulation, server, time.monotonic() - began_s)
-    folder = folder or new_run_dir(choice.out, "airsim")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -131,24 +128,23 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
 
 
 @contextlib.contextmanager
-def _page(choice: Choice, simulation: Simulation, console: Console) -> Iterator[tuple[ServedPage | None, Path | None]]:
-    """Serve the dashboard's page, if it is wanted; yield it and the folder of the results, which holds its scene."""
+def _page(choice: Choice, simulation: Simulation, console: Console, folder: Path) -> Iterator[ServedPage | None]:
+    """Serve the dashboard's page, if it is wanted; `folder`, that of the results, then holds the page's scene."""
     if not choice.dash:
-        yield None, None
+        yield None
         return
     from hil.apps.airsim.served_page import ServedPage
     from hil.apps.dash.command import dashboard_beside
 
-    folder = new_run_dir(choice.out, "airsim")
-    try:
-        save_bench(simulation.bench, folder)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written ({error.strerror or error})") from error
     runs = folder.resolve().parent
     with dashboard_beside(
         choice.config, console, host=choice.dash_host, port=choice.dash_port, runs=runs, lingers=False
     ) as live:
-        yield ServedPage(simulation, live, folder), folder
+        try:
+            save_bench(simulation.bench, folder)
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        yield ServedPage(simulation, live, folder)
 
 
 async def _serve(choice: Choice, simulation: Simulation, console: Console, page: ServedPage | None) -> RpcServer:
@@ -165,6 +161,8 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
     clock = CallsClock(simulation) if repeatable else WallClock(simulation, settings.clock_speed)
     truths = TruthDigest(simulation) if repeatable else None
     chosen = await server.start(host, port)
+    if settings.recording.enabled:
+        simulation.recorder.start()
     if not _is_loopback(host):
         console.print(
             f"warning: everybody who reaches {host}:{chosen} can fly these vehicles, because AirSim's protocol has no "
@@ -188,7 +186,10 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
         if task is not None and not task.done():
             task.cancel()
     if running.done() and not running.cancelled():
-        running.result()  # raises the error that ended the clock
+        try:
+            running.result()  # raises the error that ended the clock
+        except ConfigError as error:
+            raise HilError(str(error)) from error  # it has served: what it wrote stays
     if truths is not None and server.digest is not None:
         server.digest.update(truths.hexdigest().encode())
     return server

@@ -166,7 +166,7 @@ def _server_and_page(folder: Path, panes: Sequence[str]) -> Iterator[tuple[socke
     The page waits for its first update. It ends when the server ends, after the context.
     """
     connection, server_side = socket.socketpair()
-    with server_side, open_port("127.0.0.1", 0) as listening:
+    with server_side, open_port("127.0.0.1", 0, "--port") as listening:
         host = f"127.0.0.1:{listening.getsockname()[1]}"
         server = server_process(listening, server_side, config=None, runs=folder, token=None)
     with connection, ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:

@@ -31,32 +31,29 @@ def fly(
 ) -> int:
     """Fly and return the exit status of the run: 0 PASS, 1 FAIL, 3 ERROR.
 
-    The results go to `out`, by default to a new folder in `runs`; after a ConfigError too there is a run.json. Raises
-    HilError if no run could begin.
+    The results go to `out`, by default to a new folder in `runs`. Raises HilError if no run could begin; after a
+    ConfigError there is no folder that was not there before.
     """
     began_s = time.monotonic()
+    result: RunResult | None = None
     try:
         bench = choice.load()
-    except ConfigError as error:
-        with contextlib.suppress(HilError):  # the ConfigError matters more than a folder that cannot be made
-            folder = new_run_dir(out, choice.rig or "unknown", runs)
-            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
-        raise
-    from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
+        from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
 
-    result: RunResult | None = None
-    folder = new_run_dir(out, bench.config.rig, runs)
-    try:
-        with link.parts(choice.config, folder, console) as dashboard_parts:
+        with (
+            link.parts(choice.config, runs if out is None else out.parent, console) as dashboard_parts,
+            new_run_dir(out, bench.config.rig, runs) as folder,
+        ):
             result = run_bench(bench, folder, quiet=quiet, more=dashboard_parts)
-            with contextlib.suppress(OSError, ValueError):  # a closed pipe changes neither run.json nor the status
-                print_result(result.run, folder, time.monotonic() - began_s, console, errors)
+            if result.config_error is not None:
+                raise result.config_error
+            print_result(result.run, folder, time.monotonic() - began_s, console, errors)
     except KeyboardInterrupt:
         if result is None:  # after the run Ctrl-C only ends the page
             raise
-    except ConfigError as error:  # of a part, such as a package that is not installed
-        with contextlib.suppress(HilError):
-            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+    except ConfigError as error:
+        if out is not None and out.is_dir():  # an earlier result there must not pass for this run's
+            with contextlib.suppress(HilError):
+                write_config_error(error, out, rig=choice.rig, scene=choice.scene, seed=choice.seed)
         raise
-    assert result is not None
     return result.exit_status

@@ -7,9 +7,11 @@ import fcntl
 import json
 import os
 import re
+import shutil
 import stat
 import time
 from collections.abc import Iterable, Iterator
+from itertools import count
 from pathlib import Path
 
 from hil.run.report.run_json import write_run_json
@@ -95,37 +97,74 @@ def _remove_links(folder: Path, folders: frozenset[str] = _FOLDERS) -> None:
         raise RecordingError(f"{path}: a link where the run writes cannot be removed ({error.strerror})") from error
 
 
-def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
-    """Return `out`, or a new folder in `runs` to which `runs/latest` then points. Raises RecordingError."""
-    if out is not None:
-        return out
+@contextlib.contextmanager
+def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Iterator[Path]:
+    """Yield `out`, or a new folder in `runs` to which `runs/latest` points. Raises RecordingError.
+
+    A ConfigError in the block says that no run began: folders that were made for it are removed, and `runs/latest`
+    points to where it did.
+    """
+    wanted = out or runs
+    missing = [path for path in (wanted, *wanted.parents) if not os.path.lexists(path)]
+    latest, before = runs / "latest", None
+    folder = out or _make_folder(rig, runs)
+    if out is None:
+        missing.insert(0, folder)
+        before = _point(latest, folder.name)
+    try:
+        yield folder
+    except ConfigError:
+        if out is None and _target(latest) == folder.name:
+            _point(latest, before)
+        if folder in missing:
+            shutil.rmtree(folder, ignore_errors=True)
+        for parent in missing:
+            with contextlib.suppress(OSError):  # somebody else uses it
+                parent.rmdir()
+        raise
+
+
+def _make_folder(rig: str, runs: Path) -> Path:
+    """Make a folder in `runs`, named by time and rig. Raises RecordingError."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", Path(rig).stem) or "run"
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name[:80]}"
     try:
         runs.mkdir(parents=True, exist_ok=True)
-        for n in range(1000):
-            folder = runs / (stem if n == 0 else f"{stem}-{n}")
-            try:
+        for n in count():
+            folder = runs / (f"{stem}-{n}" if n else stem)
+            with contextlib.suppress(FileExistsError):
                 folder.mkdir()
-            except FileExistsError:
-                continue
-            latest = runs / "latest"
-            # The link is a convenience: a file system without links, or a folder of that name, does not stop a run.
-            with contextlib.suppress(OSError):
-                latest.unlink(missing_ok=True)
-                latest.symlink_to(folder.name)
-            return folder
+                break
     except OSError as error:
-        raise RecordingError(
-            f"{runs}: the folder of the run cannot be created ({error.strerror or error}); name another with --out"
-        ) from error
-    raise RecordingError(f"{runs}: all thousand names of this second are taken; name a folder with --out")
+        text = f"the folder of the run cannot be created ({error.strerror or error}); name another with --out"
+        raise RecordingError(f"{runs}: {text}") from error
+    return folder
+
+
+def _target(link: Path) -> str | None:
+    try:
+        return os.readlink(link)
+    except OSError:
+        return None
+
+
+def _point(link: Path, target: str | None) -> str | None:
+    """Let a link point to `target` (None: remove it), and return where it did.
+
+    The link is a convenience: a file system without links, or a folder of that name, does not stop a run.
+    """
+    before = _target(link)
+    with contextlib.suppress(OSError):
+        link.unlink(missing_ok=True)
+        if target is not None:
+            link.symlink_to(target)
+    return before
 
 
 def write_config_error(
     error: ConfigError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None
 ) -> None:
-    """Write the run.json of a run that never began because of a ConfigError, so that callers always find one.
+    """Write the run.json of a run that never began because of a ConfigError, over that of an earlier run.
 
     Raises RecordingError if that is not possible, or another run writes into the folder.
     """

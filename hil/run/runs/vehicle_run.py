@@ -25,7 +25,7 @@ from hil.run.report.run_json import write_run_json
 from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
-from signals.errors import HilError, RecordingError
+from signals.errors import ConfigError, HilError, Problem, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
@@ -49,6 +49,15 @@ class RunResult:
     status: str
     run: dict[str, Any]
     out: Path
+
+    @property
+    def config_error(self) -> ConfigError | None:
+        """The problems of a run that did not begin because of them: found only when its parts were opened."""
+        error = self.run["error"]
+        if error is None or error["type"] != ConfigError.__name__ or self.run["sim_s"] > 0.0:
+            return None
+        split = (line.partition(": ") for line in error["message"].splitlines())
+        return ConfigError([Problem(where, message) for where, _, message in split])
 
     @property
     def exit_status(self) -> int:

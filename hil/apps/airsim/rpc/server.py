@@ -7,7 +7,7 @@ import hashlib
 
 from hil.apps.airsim.rpc.connection import Connection, Log
 from hil.apps.airsim.rpc.methods import Caller, MethodTable
-from signals.errors import PortBusy
+from signals.errors import ConfigError, Problem
 
 MOST_CLIENTS = 256
 
@@ -25,13 +25,13 @@ class RpcServer:
         self._server: asyncio.Server | None = None
 
     async def start(self, host: str, port: int) -> int:
-        """Listen, and return the port. Raises PortBusy."""
+        """Listen, and return the port. Raises ConfigError."""
         loop = asyncio.get_running_loop()
         try:
             self._server = await loop.create_server(self._connection, host, port, backlog=128)
         except OSError as error:
             hint = "end the program that holds it, or choose another with --port"
-            raise PortBusy(f"{host}:{port}", f"cannot listen: {error.strerror or error} ({hint})") from None
+            raise ConfigError([Problem(f"{host}:{port}", f"cannot listen: {error.strerror or error}", hint)]) from None
         chosen: int = self._server.sockets[0].getsockname()[1]
         return chosen
 

@@ -165,7 +165,7 @@ def test_two_campaigns_in_one_folder(tmp_path: Path, engine: FakeEngine) -> None
         engine.wait = first  # type: ignore[method-assign]
         with pytest.raises(RecordingError, match="another run is writing here"):
             campaign(tmp_path, "axes: {seed: [1, 2]}", resume=True)
-        with pytest.raises(RecordingError, match="--resume"):
+        with pytest.raises(ConfigError, match="--resume"):
             campaign(tmp_path, "axes: {seed: [1, 2]}")
         return first(timeout_s)
 
@@ -177,7 +177,7 @@ def test_another_file_does_not_continue_a_campaign(tmp_path: Path, engine: FakeE
     assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
     other = tmp_path / "other.yaml"
     other.write_text(HEAD + "axes: {seed: [3]}")
-    with pytest.raises(RecordingError, match=r"holds 'c', and this is 'other': .*--out"):
+    with pytest.raises(ConfigError, match=r"holds 'c', and this is 'other': .*--out"):
         run_campaign(other, CampaignOptions(out=tmp_path / "out", resume=True, quiet=True), Console(quiet=True))
     assert summary(tmp_path)["cases"] == 2
     assert campaign(tmp_path, "axes: {seed: [2, 3]}", resume=True) == 0
