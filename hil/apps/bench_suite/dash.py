@@ -91,13 +91,14 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     two_panes = [method for method in _PANES if method.startswith("two")]
     different = {digest_alone}.union(*digests.values())
     result.checks += [
-        Check("updates a second with two panes", min(max(rates[m]) for m in two_panes), ">=", 20.0, "1/s"),
+        Check("updates a second with two panes", min(max(rates[m]) for m in two_panes), ">=", 20.0, "1/s", "speed"),
         Check(
             "cost of two panes: requests and updates in the run's thread",
             100.0 * max(min(costs[m]) for m in two_panes),
             "<=",
             5.0,
             "%",
+            "speed",
         ),
         Check("different digests, watched and not", len(different), "<=", 1, "digests"),
         Check(f"growth of the server over {updates} updates", growth, "<=", 4.0, "MiB"),

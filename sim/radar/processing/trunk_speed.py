@@ -35,7 +35,8 @@ class TrunkSpeed:
         """`sigma_mps`: deviation of one point's speed from that of the trunk."""
         cells = 2 * chirp.chirps
         self._step_mps = 2.0 * chirp.max_speed_mps / cells
-        self._offset_mps = (np.arange(cells) - cells // 2) * self._step_mps  # of the cells, from `_middle_mps`
+        # Of the cells, from `_middle_mps`.
+        self._offset_mps: Float64 = (np.arange(cells) - cells // 2) * self._step_mps
         self._width_mps = max(chirp.speed_resolution_mps, 0.5 * sigma_mps)
         self._middle_mps = speed_mps
         self._density = _peak(self._offset_mps / sigma_mps)

@@ -91,7 +91,9 @@ def _add(
 
 def _check(result: BenchmarkResult, rate: Rate, *, radar: bool) -> None:
     name = f"low quality, {'with' if radar else 'without'} radar, stored"
-    result.checks.append(Check(f"{name}: rate", rate.steady_frames_per_s, ">=", _MIN_FRAMES_PER_S[radar], "frames/s"))
+    result.checks.append(
+        Check(f"{name}: rate", rate.steady_frames_per_s, ">=", _MIN_FRAMES_PER_S[radar], "frames/s", "speed")
+    )
 
 
 def _errors(folder: Path, result: BenchmarkResult, status: ShowStatus) -> float:

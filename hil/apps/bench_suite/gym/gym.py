@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from typing import Any
 
 from hil.apps.bench_suite.gym.peers import (
@@ -78,6 +79,11 @@ class _Measured:
         if turn["cpu_s"] / steps < self.step_s:
             self.step_s = turn["cpu_s"] / steps
             self.details |= {"wall_s": turn["wall_s"] / steps, "reset_s": turn["reset_s"]}
+
+
+def missing() -> str:
+    """Return why this machine cannot run the benchmark, "" if it can."""
+    return "" if find_spec("gymnasium") else "needs the package gymnasium: pip install 'hil-bench[gym]'"
 
 
 def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | None = None) -> BenchmarkResult:
@@ -154,7 +160,9 @@ def _checks(single: Sequence[_Measured]) -> list[Check]:
     """Return a check of speed for each peer, in one world each, and checks of the errors."""
     peers = [each for each in single if not each.simulator.is_own]
     checks = [
-        Check(f"steps a second over those of {peer.simulator.name}, one world", peer.over(single), ">=", 1.0, "x")
+        Check(
+            f"steps a second over those of {peer.simulator.name}, one world", peer.over(single), ">=", 1.0, "x", "speed"
+        )
         for peer in peers
     ]
     worst_m = max(each.error_m for each in single if each.simulator.is_own)

@@ -57,7 +57,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     figures = {q: lateness.quantile_ns(v) / 1000 for q, v in (("p50_us", 0.5), ("p99_us", 0.99), ("p999_us", 0.999))}
     details = {**figures, "max_us": lateness.max_ns / 1000, "scheduling": scheduling}
     result.rows.append(Row("samples at 250 Hz", "own process", p999_ms, "ms late (p99.9)", cpu_s / seconds, details))
-    result.checks.append(Check("send lateness, p99.9", p999_ms, "<=", _LATENESS_LIMIT_MS, "ms"))
+    result.checks.append(Check("send lateness, p99.9", p999_ms, "<=", _LATENESS_LIMIT_MS, "ms", "speed"))
     status("messages")
     _measure_messages(result)
     with tempfile.TemporaryDirectory() as folder:
@@ -190,9 +190,9 @@ def _fly_hitl(result: BenchmarkResult, folder: Path, status: ShowStatus) -> None
     )
     result.rows.append(row)
     result.checks += [
-        Check("HITL flight: send lateness, p99.9", late_ms, "<=", _LATENESS_LIMIT_MS, "ms"),
-        Check("HITL flight: warnings about its timing", len(realtime["findings"]), "<=", 0, "warnings"),
-        Check("HITL flight: max cross-track error", run["mission"]["max_cross_track_m"], "<=", 1.5, "m"),
+        Check("HITL flight: send lateness, p99.9", late_ms, "<=", _LATENESS_LIMIT_MS, "ms", "speed"),
+        Check("HITL flight: warnings about its timing", len(realtime["findings"]), "<=", 0, "warnings", "speed"),
+        Check("HITL flight: max cross-track error", run["mission"]["max_cross_track_m"], "<=", 1.5, "m", "speed"),
     ]
 
 
@@ -204,12 +204,12 @@ def _fly_firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, 
     details = {"realtime_factor": factor, "own_us_p50": run["timing"]["own_us"]["p50"]}
     result.rows.append(Row("rectangle", rig, cross_m, "m", run["wall_s"] / run["sim_s"], details))
     result.checks += [
-        Check(f"{rig}: real-time factor", factor, ">=", _MIN_REALTIME_FACTOR[rig], "x"),
+        Check(f"{rig}: real-time factor", factor, ">=", _MIN_REALTIME_FACTOR[rig], "x", "speed"),
         Check(f"{rig}: max cross-track error", cross_m, "<=", 1.5, "m"),
     ]
     if rig == "px4_sitl":
         result.checks.append(
-            Check(f"{rig}: time per tick in the bench itself, median", details["own_us_p50"], "<=", 80.0, "us")
+            Check(f"{rig}: time per tick in the bench itself, median", details["own_us_p50"], "<=", 80.0, "us", "speed")
         )
         status("the default mission on px4_sitl, on processors of its own")
         run = _fly(rig, [*settings, "autopilot.share_processor=false"], folder)
@@ -217,4 +217,6 @@ def _fly_firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, 
         details = {"realtime_factor": run["realtime_factor"], "turnaround_us_p50": turnaround_us}
         cross_m, label = run["mission"]["max_cross_track_m"], f"{rig}, own processors"
         result.rows.append(Row("rectangle", label, cross_m, "m", run["wall_s"] / run["sim_s"], details))
-        result.checks.append(Check(f"{label}: from reply to next send, median", turnaround_us, "<=", 25.0, "us"))
+        result.checks.append(
+            Check(f"{label}: from reply to next send, median", turnaround_us, "<=", 25.0, "us", "speed")
+        )

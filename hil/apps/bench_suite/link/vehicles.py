@@ -41,7 +41,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
                 runs.setdefault((name, 1), alone)
                 ratio = run["vehicle_s_per_s"] / alone["vehicle_s_per_s"]
                 label = f"{size} vehicles, {name}: vehicle seconds per wall second over those of one"
-                result.checks.append(Check(label, ratio, ">=", _MIN_RATIO, ""))
+                result.checks.append(Check(label, ratio, ">=", _MIN_RATIO, "", "speed"))
     differing = 0
     for (name, size), run in sorted(runs.items(), key=lambda item: (item[0][0], item[0][1])):
         other = next(transport for transport in _TRANSPORTS if transport != name)

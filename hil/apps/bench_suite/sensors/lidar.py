@@ -105,7 +105,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     status("200 geoms in range, alone and among 20,000")
     slowdown = _out_of_range(result, rounds=5 if quick else 15)
     name = "time with 20,000 geoms, 200 in range, over time with those 200 alone"
-    result.checks.append(Check(name, slowdown, "<=", 2.0, "x"))
+    result.checks.append(Check(name, slowdown, "<=", 2.0, "x", "speed"))
     return result
 
 
@@ -217,7 +217,7 @@ def _checks(rows: dict[tuple[str, str], tuple[Row, Row]], disagreements: int) ->
         # Not checked with 100 shapes, where the fixed cost of a ray dominates (8.4 to 10.9 times faster).
         if pattern == "16x900" and own_row.details["geoms"] > 100:
             name = f"{scene_name}, 16 x 900: times faster than mj_multiRay"
-            checks.append(Check(name, mujoco_row.time_s / own_row.time_s, ">=", 15.0, "x"))
+            checks.append(Check(name, mujoco_row.time_s / own_row.time_s, ">=", 15.0, "x", "speed"))
     worst = max(own_row.error for own_row, _ in rows.values())
     checks.append(
         Check("range difference from mj_multiRay and mj_ray, all scenes and patterns", worst, "<=", 1e-5, "m")

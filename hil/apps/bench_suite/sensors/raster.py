@@ -161,7 +161,7 @@ def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResul
     result.checks += measurement.speed_checks()
     result.checks += _error_checks(scene_errors)
     result.checks.append(
-        Check("time with 20,000 geoms, 200 visible, over time with those 200 alone", slowdown, "<=", 2.0, "x")
+        Check("time with 20,000 geoms, 200 visible, over time with those 200 alone", slowdown, "<=", 2.0, "x", "speed")
     )
     return result
 
@@ -223,11 +223,13 @@ class _Measurement:
             times_s = self.times[park, f"colour + depth + segmentation{label}"]
             name = f"{park}, colour + depth + segmentation, {shadows}: times faster than MuJoCo's renderer"
             if self.with_mujoco:
-                checks.append(Check(name, times_s[MujocoRenderer.name] / times_s[ThisRaster.name], ">=", limit, "x"))
+                checks.append(
+                    Check(name, times_s[MujocoRenderer.name] / times_s[ThisRaster.name], ">=", limit, "x", "speed")
+                )
             else:
                 self.result.left_out.append(name)
         took_ms = 1e3 * self.times[park, "all channels"][ThisRaster.name]
-        return [*checks, Check(f"{park}, all channels, no shadows", took_ms, "<=", 2.0, "ms")]
+        return [*checks, Check(f"{park}, all channels, no shadows", took_ms, "<=", 2.0, "ms", "speed")]
 
     def _methods(self, case: Case, camera: CameraModel, channels: Sequence[str], *, shadows: bool) -> list[Method]:
         methods: list[Method] = [ThisRaster(case, camera, channels, shadows=shadows)]
