@@ -36,7 +36,7 @@ class TrunkSpeed:
         cells = 2 * chirp.chirps
         self._step_mps = 2.0 * chirp.max_speed_mps / cells
         # Of the cells, from `_middle_mps`.
-        self._offset_mps: Float64 = (np.arange(cells) - cells // 2) * self._step_mps
+        self._offset_mps = np.linspace(-chirp.max_speed_mps, chirp.max_speed_mps, cells, endpoint=False)
         self._width_mps = max(chirp.speed_resolution_mps, 0.5 * sigma_mps)
         self._middle_mps = speed_mps
         self._density = _peak(self._offset_mps / sigma_mps)
