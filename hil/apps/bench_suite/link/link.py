@@ -209,7 +209,7 @@ def _fly_firmware(result: BenchmarkResult, rig: str, binary: str, folder: Path, 
     ]
     if rig == "px4_sitl":
         result.checks.append(
-            Check(f"{rig}: time per tick in the bench itself, median", details["own_us_p50"], "<=", 80.0, "us", "speed")
+            Check(f"{rig}: processor time per tick in the bench itself, median", details["own_us_p50"], "<=", 80.0, "us", "speed")
         )
         status("the default mission on px4_sitl, on processors of its own")
         run = _fly(rig, [*settings, "autopilot.share_processor=false"], folder)
