@@ -86,16 +86,18 @@ def missing() -> str:
     return "" if find_spec("gymnasium") else "needs the package gymnasium: pip install 'hil-bench[gym]'"
 
 
-def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | None = None) -> BenchmarkResult:
+def measure(
+    *, quick: bool, status: ShowStatus, errors_only: bool = False, options: Mapping[str, str] | None = None
+) -> BenchmarkResult:
     """Measure every simulator that is installed. Raises SimulatorError if one that `options` names fails."""
     values = read_lists(options or {}, {peer.option: None for peer in PEERS})
     pythons = {name: texts[0] for name, texts in values.items() if texts}
     result = BenchmarkResult(time_label="processor time of a step [s]")
-    rounds = 2 if quick else 5
+    rounds = 1 if errors_only else 2 if quick else 5
     skipped = _SLOW if quick else ()
     with one_core():
         single = _measure([s for s in _SINGLE if s not in skipped], 1, rounds, pythons, result, status)
-        batched = [] if quick else _measure(_BATCHED, _WORLDS, rounds, pythons, result, status)
+        batched = [] if quick or errors_only else _measure(_BATCHED, _WORLDS, rounds, pythons, result, status)
     errors_m = {each.simulator: each.error_m for each in single}
     for each in batched:  # the same model and integrator as in one world
         each.error_m = errors_m.get(each.simulator, float("nan"))
