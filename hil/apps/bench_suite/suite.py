@@ -59,14 +59,20 @@ def run_benchmarks(
     console: Console,
     settings: Sequence[str] = (),
     errors_only: bool = False,
+    without: Sequence[str] = (),
 ) -> bool:
     """Run one benchmark or ALL that this machine can run, print the results and return True if all checks are met.
 
     With `json`, write the result to that file and its plot to a .png with the same name. `settings`: KEY=VALUE texts.
-    `errors_only` leaves out the checks of speed, which other load on the machine moves.
+    `errors_only` leaves out the checks of speed, which other load on the machine moves; `without` names benchmarks that
+    ALL leaves out.
 
     Raises ConfigError for an unknown name or setting, RecordingError if a file cannot be written.
     """
+    unknown = [each for each in (*without, *([] if name == ALL else [name])) if each not in BENCHMARKS]
+    if unknown:
+        known = f"use one of: {', '.join(BENCHMARKS)}, {ALL}"
+        raise ConfigError([Problem("hil bench", f"no benchmark {each!r}", known) for each in unknown])
     if name == ALL:
         if json is not None or settings:
             raise ConfigError([Problem("hil bench all", "takes neither --json nor --set", "name one benchmark")])
@@ -74,15 +80,14 @@ def run_benchmarks(
         for each in BENCHMARKS:
             console.rule(f"hil bench {each}", align="left")
             missing: Callable[[], str] = getattr(import_module(BENCHMARKS[each][0]), "missing", str)
-            reason = missing()
+            reason = "--without" if each in without else missing()
             if reason:
                 console.print(f"left out: {reason}")
             else:
                 met.append(_run(each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only))
         return bool(met) and all(met)
-    if name not in BENCHMARKS:
-        known = f"use one of: {', '.join(BENCHMARKS)}, {ALL}"
-        raise ConfigError([Problem("hil bench", f"no benchmark {name!r}", known)])
+    if without:
+        raise ConfigError([Problem("--without", "applies to 'hil bench all' alone")])
     return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only)
 
 

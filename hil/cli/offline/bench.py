@@ -17,6 +17,9 @@ def bench(
     errors_only: Annotated[
         bool, typer.Option("--errors-only", help="Leave out the checks of speed, which load on the machine moves.")
     ] = False,
+    without: Annotated[
+        list[str] | None, typer.Option(help="Benchmark that 'all' leaves out; may be repeated.", metavar="NAME")
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -29,6 +32,12 @@ def bench(
 
     with exit_on_error():
         met = run_benchmarks(
-            name, json=json, quick=quick, console=console, settings=settings or (), errors_only=errors_only
+            name,
+            json=json,
+            quick=quick,
+            console=console,
+            settings=settings or (),
+            errors_only=errors_only,
+            without=without or (),
         )
     raise typer.Exit(0 if met else 1)

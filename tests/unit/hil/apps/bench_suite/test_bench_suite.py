@@ -47,9 +47,9 @@ def with_checks(*checks: Check) -> SimpleNamespace:
     return SimpleNamespace(measure=lambda quick, status: BenchmarkResult([ROW], list(checks)))
 
 
-def run(name: str, *, errors_only: bool, out: Path | None = None) -> tuple[bool, str]:
+def run(name: str, *, errors_only: bool, out: Path | None = None, without: tuple[str, ...] = ()) -> tuple[bool, str]:
     console = Console(width=120, record=True, file=StringIO())
-    met = suite.run_benchmarks(name, json=out, quick=True, console=console, errors_only=errors_only)
+    met = suite.run_benchmarks(name, json=out, quick=True, console=console, errors_only=errors_only, without=without)
     return met, console.export_text()
 
 
@@ -81,6 +81,17 @@ def test_what_this_machine_cannot_run_is_named_and_left_out_of_all(benchmarks: d
     assert "left out: needs the package x" in text
     benchmarks["two"].missing = lambda: "needs the package y"
     assert not run("all", errors_only=True)[0], "nothing was run"
+
+
+def test_what_is_left_out_by_name_is_named(benchmarks: dict[str, SimpleNamespace]) -> None:
+    benchmarks |= {"one": with_checks(WRONG), "two": with_checks(EXACT)}
+    met, text = run("all", errors_only=True, without=("one",))
+    assert met
+    assert "left out: --without" in text
+    with pytest.raises(ConfigError, match="no benchmark 'three'"):
+        run("all", errors_only=True, without=("three",))
+    with pytest.raises(ConfigError, match="'hil bench all' alone"):
+        run("two", errors_only=True, without=("one",))
 
 
 def test_all_has_no_file_of_its_own(benchmarks: dict[str, SimpleNamespace], tmp_path: Path) -> None:
