@@ -6,8 +6,9 @@ that the server renders. The run is in this process; the server and the page hav
 soon as it has received one.
 
 In the table, the error is the share of watched flights whose digest differs from that of the flight alone. The cost is
-the processor time of the run's own thread for requests and updates, divided by that of the whole flight. The least of
-several flights counts. Updates are those a second of the processor time of run and server.
+the processor time of the run's own thread for requests and updates, at the rate of a run that nothing else slows down:
+pages ask in real time, so a flight on a busy machine answers more of them. The least of several flights counts. Updates
+are those a second of the processor time of run and server.
 
 Afterwards many updates are sent through the real server as fast as possible, and its memory is compared.
 """
@@ -33,7 +34,7 @@ from hil.apps.bench_suite.flight_cost import FlightCost
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import processor_s
 from hil.apps.dash.command import server_process
-from hil.apps.dash.live.live_run import LiveRun
+from hil.apps.dash.live.live_run import UPDATE_NS, LiveRun
 from hil.apps.dash.messages import Unpacker, packed
 from hil.apps.dash.part import DashboardPart
 from hil.apps.dash.server.serve import open_port
@@ -133,7 +134,8 @@ def _fly_watched(bench: Bench, folder: Path, panes: Sequence[str]) -> tuple[dict
         run = _fly(bench, folder / "watched", DashboardPart(live), cost)
         server_s = processor_s(pid) - began_s
         live.close()
-    return run, 1e-9 * live.service_ns / cost.thread_s, page.result() / (cost.process_s + server_s)
+    updates = page.result()
+    return run, live.service_ns / updates / UPDATE_NS, updates / (cost.process_s + server_s)
 
 
 def _measure_memory(folder: Path, updates: int, status: ShowStatus) -> tuple[tuple[float, float], float]:
