@@ -23,7 +23,7 @@ from signals.units import RAD_PER_DEG
 from sim.frame.quality import QualityName
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import Effects
+from sim.physics.forces.force import Effects
 from sim.randomize.settings import Randomize
 from sim.scene.weather import Weather
 from sim.scene.wind import Wind

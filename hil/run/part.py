@@ -60,7 +60,7 @@ from signals.desired import DesiredState
 from signals.detections import Detections
 from signals.samples import TruthState
 from sim.frame.source import FrameSource
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 
 
 class FlightEnded(Exception):
@@ -86,7 +86,7 @@ class RunContext:
     """The run that a part belongs to. Each field exists from the step named beside it on."""
 
     recorder: Recorder  # open
-    physics: QuadrotorPhysics  # open, once the vehicle has been opened
+    physics: VehiclePhysics  # open, once the vehicle has been opened
     plan: StagePlan  # build
     sensors: SensorSlots  # build, once the sensors have been built
     link: AutopilotLink  # begin

@@ -44,7 +44,7 @@ from hil.run.recorder.recorder import Recorder
 from signals.latency import LatencyHistogram
 from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
 from signals.time import RateAccumulator
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 
 _SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
 _HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
@@ -129,7 +129,7 @@ class ReleaseQueue:
 class Wiring:
     """The objects that a tick connects."""
 
-    physics: QuadrotorPhysics
+    physics: VehiclePhysics
     sensors: Sequence[SensorSlot]
     link: AutopilotLink
     ports: Mapping[str, str]  # kind -> port of the sensors whose samples go to the autopilot, an imu among them

@@ -30,7 +30,7 @@ from hil.run.runs.vehicle_run import VehicleRun
 from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.samples import TruthState
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 
 _SETPOINT_HZ = 50.0
 Log = Callable[[str], None]
@@ -39,7 +39,7 @@ Log = Callable[[str], None]
 class RigPilot:
     """Pilot of a vehicle. Making one starts the autopilot; `close` ends it. Both raise the errors of its link."""
 
-    def __init__(self, bench: Bench, physics: QuadrotorPhysics, log: Log) -> None:
+    def __init__(self, bench: Bench, physics: VehiclePhysics, log: Log) -> None:
         """`bench`: the rig; its tick must be that of `physics`."""
         config = bench.config
         if config.tick_ns != physics.tick_ns:
@@ -110,7 +110,7 @@ class _Vehicle(Part):
 
     name = "vehicle"
 
-    def __init__(self, physics: QuadrotorPhysics) -> None:
+    def __init__(self, physics: VehiclePhysics) -> None:
         self._physics = physics
 
     def open(self, run: RunContext) -> None:
@@ -122,7 +122,7 @@ class _Flight(Part):
 
     name = "flight"
 
-    def __init__(self, bench: Bench, physics: QuadrotorPhysics, log: Log) -> None:
+    def __init__(self, bench: Bench, physics: VehiclePhysics, log: Log) -> None:
         self._bench, self._physics, self._log = bench, physics, log
         self.pilot = self._make()
 

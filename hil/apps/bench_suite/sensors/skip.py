@@ -40,9 +40,10 @@ from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import Execution, FrameRenderer, RenderSkips
 from sim.frame.source import SharedFrames
+from sim.physics import multirotor
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.view_point import ViewPoint
 from sim.sensors.catalog import make_sensor
@@ -253,7 +254,7 @@ def contact_rule(seconds: float) -> Rule:
 
     def run(on: bool) -> Iterator[tuple[float, Outputs]]:
         vehicle = load_vehicle("x500")
-        physics = QuadrotorPhysics(
+        physics = VehiclePhysics(
             vehicle, load_scene("training_village"), _TICK_NS, integration=Integration(contact_skipping=on)
         )
         ticks = round(seconds * 250)
@@ -267,7 +268,7 @@ def contact_rule(seconds: float) -> Rule:
             wanted_m = top_m if elapsed < 0.6 else standing_m - 1.0
             # Climb and descend at up to 1 m/s; stop the rotors at the end.
             thrust = 1.0 + 0.5 * min(max(wanted_m - height_m, -1.0), 1.0) - 0.5 * climb_mps
-            control = vehicle.hover_control * min(max(thrust, 0.6), 1.4) * (elapsed < 0.9)
+            control = multirotor.hover_control(vehicle) * min(max(thrust, 0.6), 1.4) * (elapsed < 0.9)
             state = physics.advance(tick, (control,) * len(vehicle.rotors))
             height_m, climb_mps = state.p_WB[2], state.v_WB_W[2]
             flight.append(state)
