@@ -13,6 +13,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,6 +50,7 @@ class Choice:
     port: int | None = None  # None: ApiServerPort of the settings
     scene: str | None = None
     out: Path | None = None
+    files: Path | None = None  # folder of the files that clients have written; None: that of the results
     dash: bool = False  # serve a page that shows the scene, the vehicles and the drawings
     dash_host: str = "127.0.0.1"
     dash_port: int = 8710
@@ -86,6 +88,8 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         console.print(note, markup=False)
     console.print(f"settings: {source}", markup=False)
     began_s = time.monotonic()
+    results = cache(lambda: new_run_dir(choice.out, "airsim"))
+    simulation.files.folder = lambda: results() if choice.files is None else choice.files
     if not settings.recording.folder and choice.out is not None:
         simulation.recorder.folder = choice.out
     try:
@@ -93,12 +97,12 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         limit_mesh_cache()
         if settings.recording.enabled:
             simulation.recorder.start()
-        with _page(choice, simulation, console) as (page, folder):
+        with _page(choice, simulation, console, results) as page:
             server = asyncio.run(_serve(choice, simulation, console, page))
     finally:
         simulation.close()
     report = _report(choice, simulation, server, time.monotonic() - began_s)
-    folder = folder or new_run_dir(choice.out, "airsim")
+    folder = results()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -131,15 +135,17 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
 
 
 @contextlib.contextmanager
-def _page(choice: Choice, simulation: Simulation, console: Console) -> Iterator[tuple[ServedPage | None, Path | None]]:
-    """Serve the dashboard's page, if it is wanted; yield it and the folder of the results, which holds its scene."""
+def _page(
+    choice: Choice, simulation: Simulation, console: Console, results: Callable[[], Path]
+) -> Iterator[ServedPage | None]:
+    """Serve the dashboard's page, if it is wanted. The folder of the results holds its scene."""
     if not choice.dash:
-        yield None, None
+        yield None
         return
     from hil.apps.airsim.served_page import ServedPage
     from hil.apps.dash.command import dashboard_beside
 
-    folder = new_run_dir(choice.out, "airsim")
+    folder = results()
     try:
         save_bench(simulation.bench, folder)
     except OSError as error:
@@ -148,7 +154,7 @@ def _page(choice: Choice, simulation: Simulation, console: Console) -> Iterator[
     with dashboard_beside(
         choice.config, console, host=choice.dash_host, port=choice.dash_port, runs=runs, lingers=False
     ) as live:
-        yield ServedPage(simulation, live, folder), folder
+        yield ServedPage(simulation, live, folder)
 
 
 async def _serve(choice: Choice, simulation: Simulation, console: Console, page: ServedPage | None) -> RpcServer:
