@@ -79,9 +79,8 @@ class RpcServer:
         while sum(unanswered.values()) > MOST_UNANSWERED_BYTES:
             worst = max(unanswered, key=unanswered.__getitem__)
             del unanswered[worst]
-            self._drop(
-                worst, f"all clients have begun {MOST_UNANSWERED_BYTES} bytes of messages, and this one the most"
-            )
+            self._tell(f"all clients have begun {MOST_UNANSWERED_BYTES} bytes of messages: the largest are dropped")
+            self._drop(worst)
         while len(unread) > 1 and sum(unread.values()) > MOST_UNREAD_BYTES:
             worst = min(unread, key=lambda each: each.unread_since_s)
             del unread[worst]

@@ -146,6 +146,23 @@ def test_when_all_have_called_the_newest_is_dropped() -> None:
         assert Client(port).call("ping") is True
 
 
+def test_the_largest_halves_of_messages_are_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rpc_server, "MOST_UNANSWERED_BYTES", 8 * MIB)
+    with serving() as (server, port, log):
+        good = Client(port)
+        send(good, HEAD + b"\xc5\xff\xff" + bytes(1000))
+        bad = [Client(port) for _ in range(12)]
+        for client in bad:
+            send(client, HEAD + b"\xc6" + struct.pack(">I", 2 * MIB) + bytes(MIB))
+        until(lambda: log, "a dropped client")
+        assert Client(port).call("ping") is True
+        assert sum(each.unanswered_bytes for each in server._open) <= 8 * MIB
+        assert log == [f"all clients have begun {8 * MIB} bytes of messages: the largest are dropped"]
+        send(good, bytes(0xFFFF - 1000))
+        with pytest.raises(RpcFailed, match="could not find function 'count'"):
+            good.join(1)
+
+
 def test_replies_that_nobody_reads_take_a_limited_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rpc_server, "MOST_UNREAD_BYTES", 32 * MIB)
     with serving() as (server, port, log):
@@ -155,7 +172,7 @@ def test_replies_that_nobody_reads_take_a_limited_memory(monkeypatch: pytest.Mon
         good = Client(port)
         assert good.call("zeros", 30 * MIB) == bytes(30 * MIB)
         assert sum(each.unread_bytes for each in server._open) <= 32 * MIB
-        assert any("bytes of replies to read: the slowest readers are dropped" in line for line in log)
+        assert log == [f"all clients have {32 * MIB} bytes of replies to read: the slowest readers are dropped"]
         assert Client(port).call("ping") is True
 
 
