@@ -186,11 +186,19 @@ def _address(host: str) -> str:
     return host
 
 
+def _origin(text: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9+.-]*://[^/\s*,]*", text.lower()):
+        raise ValueError("must be the origin of a page as browsers name it, such as https://app.foxglove.dev")
+    return text.lower()
+
+
 class Foxglove(Section):
     """A run that Foxglove follows live (docs/foxglove.md)."""
 
     port: Annotated[int, Field(ge=0, le=65535)] | None = None  # null: none is served; 0: any that is free
     host: Annotated[str, AfterValidator(_address)] = "127.0.0.1"  # 0.0.0.0: other machines too, without a password
+    # Pages that may connect. Those of other sites are refused; programs that are no browsers name none.
+    origins: tuple[Annotated[str, AfterValidator(_origin)], ...] = ("https://app.foxglove.dev",)
     control: bool | None = None  # clients may pause, set the wind and inject faults; null: on loopback
     paused: bool = False  # wait before the first tick until a client resumes
     rate_hz: Annotated[float, Field(ge=1, le=60)] = 20.0  # wall clock, of updates
