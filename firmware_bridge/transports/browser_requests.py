@@ -1,4 +1,4 @@
-"""Which requests of browsers a server accepts.
+"""Rules for the requests of browsers that a server accepts.
 
 - Host. A site whose name resolves to this machine (DNS rebinding) has its own name in this header. A server on loopback
   therefore accepts loopback names only.

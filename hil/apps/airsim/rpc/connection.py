@@ -31,7 +31,7 @@ Log = Callable[[str], None]
 
 
 class Owner(Protocol):
-    """Who accepts connections (`hil.apps.airsim.rpc.server.RpcServer`)."""
+    """Server that accepts connections (`hil.apps.airsim.rpc.server.RpcServer`)."""
 
     def made(self, connection: Connection) -> None:
         """Called once, when the client is there."""
