@@ -52,7 +52,7 @@ class Gate:
         """`sites`: origins of the pages that may connect. Raises PortBusy or PortNotFound."""
         self._loopback_only, self._sites = loopback_only, frozenset(sites)
         self._inner: Address = ("", 0)
-        self._sockets: dict[socket.socket, None] = {}
+        self._sockets: set[socket.socket] = set()
         self._threads: list[threading.Thread] = []
         self._told: set[str] = set()
         self.refusals: deque[str] = deque()  # for people
@@ -107,17 +107,13 @@ class Gate:
             thread.start()
 
     def _serve(self, client: socket.socket) -> None:
-        self._sockets[client] = None
-        try:
-            with client, suppress(OSError):
-                head = self._admitted(client)
-                if head:
-                    with socket.create_connection(self._inner) as server:
-                        self._sockets[server] = None
-                        self._pass_on(client, server, head)
-                        del self._sockets[server]
-        finally:
-            del self._sockets[client]
+        self._sockets.add(client)
+        with client, suppress(OSError):
+            head = self._admitted(client)
+            if head:
+                with socket.create_connection(self._inner) as server:
+                    self._pass_on(client, server, head)
+        self._sockets.discard(client)
 
     def _admitted(self, client: socket.socket) -> bytes:
         """Return the first bytes of a client whose request is accepted; answer any other. Raises OSError."""
@@ -160,10 +156,12 @@ class Gate:
         for each in (client, server):
             each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         server.sendall(head)
+        self._sockets.add(server)
         back = threading.Thread(target=_copy, args=(server, client), name="foxglove gate", daemon=True)
         back.start()
         _copy(client, server)
         back.join()
+        self._sockets.discard(server)
 
 
 def _copy(source: socket.socket, target: socket.socket) -> None:

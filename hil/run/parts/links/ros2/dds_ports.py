@@ -37,8 +37,13 @@ def own_sockets(domain: int) -> Iterator[socket.socket]:
     """Return copies of this process' UDP sockets at the ports of a domain; close them."""
     first = _FIRST_PORT + _PORTS * domain
     for name in os.listdir("/proc/self/fd"):
-        with suppress(OSError):  # no socket, or closed since
-            copy = socket.socket(fileno=os.dup(int(name)))
+        with suppress(OSError):  # closed since
+            descriptor = os.dup(int(name))
+            try:
+                copy = socket.socket(fileno=descriptor)
+            except OSError:  # no socket
+                os.close(descriptor)
+                continue
             is_internet = copy.family in (socket.AF_INET, socket.AF_INET6) and copy.type == socket.SOCK_DGRAM
             if is_internet and first <= copy.getsockname()[1] < first + _PORTS:
                 yield copy
