@@ -85,7 +85,7 @@ def test_a_digest_that_differs_is_a_flake(spec: Path, tmp_path: Path) -> None:
         outcome = store.outcome(row["case"])
         assert outcome is not None
         store.put(row["case"], replace(outcome, digest="0" * 64), ())
-        store._do("DELETE FROM checked")
+        store._db.do("DELETE FROM checked")
     assert fly(spec, out, resume=True) == 1
     (row,) = rows(out)
     assert row["status"] == "FLAKE"
