@@ -6,6 +6,7 @@ It has few imports, so that an error in any other import ends in one message and
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
@@ -13,6 +14,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from hil.cli.status import ERROR_STATUS
+from signals.shortage import CRASHED, OUT_OF_MEMORY, has_memory, named
 
 
 class Stopped(KeyboardInterrupt):
@@ -20,6 +22,8 @@ class Stopped(KeyboardInterrupt):
 
 
 def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    if number == signal.SIGINT and not has_memory():
+        raise MemoryError("a library stopped the program, as OpenBLAS does when it gets no thread")
     raise Stopped(f"stopped by {signal.Signals(number).name}")
 
 
@@ -51,6 +55,7 @@ def main() -> None:
     # The bench does not render with MuJoCo. A MUJOCO_GL set for other programs could make the import of MuJoCo fail.
     os.environ["MUJOCO_GL"] = "disabled"
     try:
+        _guard_crashes()
         from hil.cli.app import run_command_line
 
         status = run_command_line(sys.argv[1:])
@@ -63,10 +68,27 @@ def main() -> None:
     except Exception as defect:
         if os.environ.get("HIL_TRACEBACK"):
             raise
-        text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
-        status = _print_error(text, ERROR_STATUS)
+        told = named(defect)
+        defect_text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
+        status = _print_error(defect_text if told is None else str(told), ERROR_STATUS)
     _replace_closed_streams()
+    _end_crashes(status)
     sys.exit(status)
+
+
+def _guard_crashes() -> None:
+    """Let a crash of a native library end with a message, run.json and the status of an ERROR."""
+    if not os.environ.get("HIL_TRACEBACK") and not faulthandler.is_enabled():
+        from signals._kernel import guard_crashes
+
+        guard_crashes(ERROR_STATUS, f"error: {CRASHED}\n", f"error: {OUT_OF_MEMORY}\n")
+
+
+def _end_crashes(status: int) -> None:
+    """Let nothing that a native library does at exit change the status."""
+    kernel = sys.modules.get("signals._kernel")
+    if kernel is not None:
+        kernel.guard_end(status)
 
 
 def _handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from signals.documents.validate import nearest, validate
 from signals.errors import ConfigError, Problem
+from signals.shortage import shortage
 from sim.scene import semantics
 from sim.scene.classes import MAX_CLASSES, class_table
 from sim.scene.compile_process import compile_with_limits
@@ -225,6 +226,8 @@ def compile_map(
         else:
             model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
+        if file is None and (ran_out := shortage(error)) is not None:
+            raise ran_out from None
         problem = file.problem(str(error)) if file is not None else None
         raise ConfigError(
             [problem or scene.file.problem(("map",), f"cannot be compiled: {' '.join(str(error).split())}")]

@@ -12,8 +12,9 @@ from rich.console import Console
 from hil.apps.fly.choice import BenchChoice
 from hil.apps.fly.dashboard import DashboardLink
 from hil.apps.fly.result_table import print_result
-from hil.run.report.run_folder import new_run_dir, write_config_error
+from hil.run.report.run_folder import guard_unbegun, new_run_dir, write_unbegun
 from signals.errors import ConfigError, HilError
+from signals.shortage import named
 
 if TYPE_CHECKING:
     from hil.run.bench_run import RunResult
@@ -35,13 +36,18 @@ def fly(
     HilError if no run could begin.
     """
     began_s = time.monotonic()
+    if out is not None:
+        guard_unbegun(out, rig=choice.rig, scene=choice.scene, seed=choice.seed)
     try:
         bench = choice.load()
-    except ConfigError as error:
-        with contextlib.suppress(HilError):  # the ConfigError matters more than a folder that cannot be made
+    except Exception as error:
+        told = named(error)
+        if told is None:
+            raise
+        with contextlib.suppress(HilError):  # the error matters more than a folder that cannot be made
             folder = new_run_dir(out, choice.rig or "unknown", runs)
-            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
-        raise
+            write_unbegun(told, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+        raise told from None
     from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
 
     result: RunResult | None = None
@@ -56,7 +62,7 @@ def fly(
             raise
     except ConfigError as error:  # of a part, such as a package that is not installed
         with contextlib.suppress(HilError):
-            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+            write_unbegun(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
         raise
     assert result is not None
     return result.exit_status

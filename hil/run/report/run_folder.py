@@ -11,9 +11,12 @@ import stat
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
-from hil.run.report.run_json import write_run_json
-from signals.errors import ConfigError, RecordingError
+from hil.run.report.run_json import run_json_text, write_run_json
+from signals._kernel import guard_file
+from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError
+from signals.shortage import CRASHED, OUT_OF_MEMORY
 
 # Files and folders that a run writes. A link in their place is removed first: writing would change what it points to.
 _SUFFIXES = (
@@ -122,18 +125,33 @@ def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
     raise RecordingError(f"{runs}: all thousand names of this second are taken; name a folder with --out")
 
 
-def write_config_error(
-    error: ConfigError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None
-) -> None:
-    """Write the run.json of a run that never began because of a ConfigError, so that callers always find one.
+def write_unbegun(error: HilError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None) -> None:
+    """Write the run.json of a run that never began because of an error, so that callers always find one.
 
     Raises RecordingError if that is not possible, or another run writes into the folder.
     """
+    kind = "ConfigError" if isinstance(error, ConfigError) else type(error).__name__
+    run = _unbegun(kind, str(error), rig=rig, scene=scene, seed=seed)
+    with run_folder(folder):
+        write_run_json(folder / "run.json", run)
+
+
+def guard_unbegun(folder: Path, *, rig: str | None, scene: str | None, seed: int | None) -> None:
+    """Let a native library that crashes before the run begins leave its run.json."""
+    crashed, no_memory = (
+        run_json_text(_unbegun(kind, text, rig=rig, scene=scene, seed=seed))
+        for kind, text in (("Crashed", CRASHED), (OutOfMemory.__name__, OUT_OF_MEMORY))
+    )
+    guard_file(str((folder / "run.json").absolute()), crashed, no_memory)
+
+
+def _unbegun(kind: str, message: str, *, rig: str | None, scene: str | None, seed: int | None) -> dict[str, Any]:
     unmeasured = {"p50": None, "p99": None, "max": None}
-    run = {
+    mission = {"completed": False, "waypoints": 0, "reached": 0, "max_cross_track_m": None, "final_error_m": None}
+    return {
         "schema": 1,
         "status": "ERROR",
-        "error": {"type": "ConfigError", "message": str(error)},
+        "error": {"type": kind, "message": message},
         "digest": "0" * 32,
         "deterministic": False,
         "seed": seed or 0,
@@ -142,16 +160,8 @@ def write_config_error(
         "sim_s": 0.0,
         "wall_s": 0.0,
         "realtime_factor": 0.0,
-        "mission": {
-            "completed": False,
-            "waypoints": 0,
-            "reached": 0,
-            "max_cross_track_m": None,
-            "final_error_m": None,
-        },
+        "mission": mission,
         "autopilot": {"kind": "", "steps": 0, "late": 0, "rtt_us": unmeasured},
         "sensors": {},
         "skipped": [],
     }
-    with run_folder(folder):
-        write_run_json(folder / "run.json", run)

@@ -24,11 +24,11 @@ from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.group_report import write_group_report
-from hil.run.report.run_json import write_run_json
+from hil.run.report.run_file import RunFile
 from hil.run.runs.failure import Failure
 from hil.run.runs.group_flight import for_each, group_of
 from hil.run.runs.lockstep import Lockstep
-from hil.run.runs.vehicle_run import KILLED, RUN_JSON_NAME, RunResult, Shared, VehicleRun
+from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
 from signals.errors import HilError, RecordingError
@@ -48,6 +48,7 @@ class GroupRun:
     def __init__(self, bench: Bench, out: Path, more: Callable[[str], Sequence[Part]], *, quiet: bool) -> None:
         """`more` makes the parts that the caller adds to a vehicle. Raises ConfigError for settings of parts."""
         self._bench, self._out, self._quiet = bench, out, quiet
+        self._file = RunFile(out)
         self._failure = Failure(out)
         self._parts = {name: parts_of(vehicle, more(name)) for name, vehicle in bench.vehicles.items()}
         self._recordings: list[McapRecording] = []  # empty until it exists
@@ -68,7 +69,7 @@ class GroupRun:
 
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report of every vehicle and of all together."""
-        self._write(self._summary(KILLED))
+        self._file.begin(self._summary(None))
         self._failure.guard(self._prepare_and_fly)
         self._results = {name: run.finish() for name, run in self._runs.items()}
         for recording in self._recordings:
@@ -77,8 +78,7 @@ class GroupRun:
         if self._bench.config.record.report and self._ticks():
             tracks = {name: run.context.recorder.track.arrays() for name, run in self._runs.items()}
             self._failure.guard(lambda: write_group_report(self._out, self._summary(self._failure.error), tracks))
-        run = self._summary(self._failure.error)
-        self._write(run)
+        run = self._file.end(self._summary(self._failure.error))
         for vehicle in self._runs.values():
             for part in vehicle.context.parts:
                 part.after_group(run)
@@ -86,6 +86,7 @@ class GroupRun:
 
     def _prepare_and_fly(self) -> None:
         try:
+            self._file.reserve()
             self._open_recording()
             with ExitStack() as stack:
                 for_each(self._runs, lambda run: run.prepare(stack))
@@ -126,7 +127,7 @@ class GroupRun:
             shared = Shared(mcap, partial(self._frames_of, name), scene)
             self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=self._quiet, shared=shared)
             self._results[name] = self._runs[name].mark_unfinished()
-        self._write(self._summary(KILLED))
+        self._file.begin(self._summary(None))
 
     def _frames_of(self, name: str) -> FrameSource:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
@@ -258,6 +259,3 @@ class GroupRun:
             **({"by_hand": by_hand} if by_hand else {}),
             "timing": {"setup_s": self._setup_s, "total_s": time.monotonic() - self._began_s},
         }
-
-    def _write(self, run: Mapping[str, Any]) -> None:
-        write_run_json(self._out / RUN_JSON_NAME, run)

@@ -21,7 +21,7 @@ from hil.run.loop.tick_loop import Flight, fly_ticks
 from hil.run.part import Part, Report, RunContext
 from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
-from hil.run.report.run_json import write_run_json
+from hil.run.report.run_file import RunFile
 from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import UNJUDGED, Verdict
@@ -29,8 +29,6 @@ from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
-RUN_JSON_NAME = "run.json"
-KILLED = {"type": "Killed", "message": "the run is still going on, or it was killed before it could write its result"}
 _NO_DIGEST = "0" * 32
 
 
@@ -74,6 +72,7 @@ class VehicleRun:
         self._out = out
         self._quiet = quiet
         self._shared = shared
+        self._file = RunFile(out)
         self.failure = Failure(out)
         self._timing_s: dict[str, float] = {}
         self._began_s = time.monotonic()
@@ -87,9 +86,7 @@ class VehicleRun:
 
     def mark_unfinished(self) -> RunResult:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
-        run = self._summary("ERROR", self._verdict(), KILLED)
-        self._write(run)
-        return RunResult("ERROR", run, self._out)
+        return RunResult("ERROR", self._file.begin(self._summary("ERROR", self._verdict(), None)), self._out)
 
     def finish(self) -> RunResult:
         """Judge, and write run.json and the report. Everything that the run opened is closed."""
@@ -106,10 +103,10 @@ class VehicleRun:
             self.failure.guard(lambda: self._write_report(run))
             status = self._status(verdict)
             run = self._summary(status, verdict, self.failure.error)
-        self._write(run)
+        run = self._file.end(run)
         for part in self._parts:
             part.after_run(run)
-        return RunResult(status, run, self._out)
+        return RunResult(run["status"], run, self._out)
 
     def build(self, stack: ExitStack, recorder: Recorder) -> None:
         """Open and build all parts; `stack` closes them."""
@@ -178,6 +175,7 @@ class VehicleRun:
         """Check, save the bench, open the recording and build all parts; `stack` closes them."""
         began_s = time.monotonic()
         context, config = self.context, self._config
+        self._file.reserve()
         for part in self._parts:
             part.check()
         try:
@@ -241,9 +239,6 @@ class VehicleRun:
         for part in self._parts:
             summary |= part.run_keys()
         return summary
-
-    def _write(self, run: Mapping[str, Any]) -> None:
-        write_run_json(self._out / RUN_JSON_NAME, run)
 
     def _write_report(self, run: Mapping[str, Any]) -> None:
         from hil.run.report import figures, page  # loads matplotlib, which takes half a second

@@ -22,7 +22,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from hil.apps.dataset.engines.jobs import Job, JobHandler, JobResult, handled
-from hil.run.runs.child_process import become_child
+from hil.run.runs.child_process import become_child, how_ended
 from signals.errors import RecordingError
 from sim.frame.path_traced import process as path_tracer
 
@@ -80,11 +80,8 @@ class LocalWorkers:
         pid, code = next(
             ((pid, code) for pid, code in codes.items() if code not in (0, -signal.SIGTERM)), next(iter(codes.items()))
         )
-        how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with status {code}"
-        if code == -signal.SIGKILL:
-            how += ", as the system does when memory runs out: use fewer --workers, or smaller pictures"
         return RecordingError(
-            f"a worker process (pid {pid}) {how}. Everything written so far is kept; continue with --resume"
+            f"a worker process (pid {pid}) {how_ended(code)}. Everything written so far is kept; continue with --resume"
         )
 
     def close(self) -> None:
