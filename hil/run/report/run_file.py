@@ -45,7 +45,7 @@ class RunFile:
         return killed
 
     def reserve(self) -> None:
-        """Take the space that the end of the run needs, so that its recordings cannot. Raises DiskFull."""
+        """Take the space that the end of the run needs, or what is left, so that no recording can. Raises DiskFull."""
         if self._reserve is None:
             try:
                 self._reserve = tempfile.TemporaryFile(dir=self._path.parent, buffering=0)  # noqa: SIM115

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import resource
 import sys
 import time
 from collections.abc import Sequence
@@ -19,8 +20,10 @@ from hil.apps.campaign.engines.engine import Done
 from hil.apps.campaign.engines.numbers import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome, Slot, fly
 from hil.run.runs.child_process import become_child, how_ended
-from signals.errors import RecordingError
+from signals.errors import OutOfFiles, RecordingError
 
+_WORKER_FILES = 4  # of this process for each worker: its number, its pipe, and two that tell its end
+_OTHER_FILES = 20  # of this process and of the server that forks the workers
 _END_S = 5.0  # a worker that is asked to end gets this long
 
 
@@ -30,6 +33,7 @@ class LocalEngine:
     def __init__(self, workers: int, *, cores: int = 1, timeout_s: float | None = None) -> None:
         """`cores`: processors of one flight; `timeout_s`: wall-clock time after which a flight is ended as ERROR."""
         self._timeout_s = timeout_s
+        _require_files(workers)
         context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
         if sys.platform == "linux":
             context.set_forkserver_preload(["hil.apps.campaign.engines.warm"])
@@ -141,6 +145,18 @@ class _Worker:
             reason = getattr(error, "strerror", None) or "the server of the workers has ended"
             text = f"{name} cannot be started ({reason}): use fewer --workers, or raise `ulimit -n`"
             raise RecordingError(f"{text}. Everything stored so far is kept; continue with --resume") from error
+
+
+def _require_files(workers: int) -> None:
+    """Raise the limit of open files to what the workers need, as far as the system lets. Raises OutOfFiles."""
+    needed = _OTHER_FILES + _WORKER_FILES * workers
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+        except (ValueError, OSError):
+            text = f"{workers} workers need {needed} file descriptors, the limit is {soft}"
+            raise OutOfFiles(f"{text}: use fewer --workers, or raise it with `ulimit -n {needed}`") from None
 
 
 def _share(number: int, cores: int) -> list[int]:

@@ -56,7 +56,10 @@ class Journal:
     """The database file, opened for writing by one process."""
 
     def __init__(self, path: Path) -> None:
-        """Open or create the file; one that is damaged or of another version is replaced. Raises RecordingError if it cannot be written."""
+        """Open or create the file; one that is damaged or of another version is replaced.
+
+        Raises RecordingError if it cannot be written.
+        """
         try:
             self._db = _opened(path)
         except UnusableDatabaseError:

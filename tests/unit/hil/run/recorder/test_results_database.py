@@ -54,7 +54,7 @@ def test_rows_come_back_and_replace_those_of_the_same_key(tmp_path: Path, shared
     assert rows_of(path) == [("a", float("inf"), ""), ("b", 1.5, "text")]
 
 
-@pytest.mark.parametrize("seed", range(150))
+@pytest.mark.parametrize("seed", range(100))
 def test_damage_anywhere_is_told_or_changes_no_row(tmp_path: Path, whole: Path, seed: int) -> None:
     """A byte, a page or the end of the file: what can be read is what was written, and the damage stays as it is."""
     numbers = random.Random(seed)
@@ -71,11 +71,16 @@ def test_damage_anywhere_is_told_or_changes_no_row(tmp_path: Path, whole: Path, 
     path = tmp_path / "results.sqlite"
     path.write_bytes(data)
     try:
-        assert rows_of(path) == ROWS
+        rows = rows_of(path)
     except UnusableDatabaseError as error:
-        assert str(path) in str(error)
-        assert "use another --out" in str(error)
+        told = str(error)
+        rows = None
+    if rows is None:
+        assert told.startswith(f"{path}: is ")
+        assert "use another --out" in told
         assert path.read_bytes() == data
+    else:
+        assert rows == ROWS
 
 
 @pytest.mark.parametrize("column", ["id = 'case 0999'", "value = value + 1e-12", "text = text || ' '"])
@@ -164,7 +169,6 @@ def test_a_full_disk_is_no_damage(tmp_path: Path) -> None:
     db = opened(path)
     db.do("PRAGMA max_page_count = 1")
     with pytest.raises(RecordingError, match=r"cannot be written \(database or disk is full\).*continue with --resume"):
-        for number in range(1000):
-            db.put("result", f"more {number}", 0.0, "x" * 1000)
+        db.put("result", "more", 0.0, "x" * 100_000)
     db.close()
     assert rows_of(path)[: len(ROWS)] == ROWS
