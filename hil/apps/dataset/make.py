@@ -119,9 +119,11 @@ class _DatasetMaker:
         files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
         factory = BatchMakerFactory(plan, plan.frames, plan.quality, tree, vehicle=plan.vehicle)
         _ = plan.world  # made before the workers are forked, which then share it
-        with closing(options.make_workers(options.workers or usable_processors(), factory)) as workers:
-            with FrameProgress(plan.frames, quiet=options.quiet) as progress:
-                return self._record(workers, files, progress)
+        with (
+            closing(options.make_workers(options.workers or usable_processors(), factory)) as workers,
+            FrameProgress(plan.frames, quiet=options.quiet) as progress,
+        ):
+            return self._record(workers, files, progress)
 
     def _record(self, workers: Workers, files: list[Written], progress: FrameProgress) -> DatasetResult:
         plan, root, world = self.plan, self.root, self.plan.world

@@ -24,7 +24,7 @@ CSV_NAME, LINES_NAME, SUMMARY_NAME = "results.csv", "results.jsonl", "campaign.j
 Sink = Callable[[Case], object]  # writes one case
 # A spreadsheet takes a cell that begins so for a formula (OWASP, CSV injection; the last four are full-width), but a
 # number for a number.
-_FORMULA = re.compile("[=+\\-@\\t\\r\\n\uff1d\uff0b\uff0d\uff20]")
+_FORMULA = re.compile("[=+\\-@\\t\\n\uff1d\uff0b\uff0d\uff20]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _FIRST, _LAST = ("case", "status"), ("margin", "worst_limit", "reason", "digest")
 
@@ -49,7 +49,8 @@ def _cell(value: Any) -> Any:
     if value is None:
         return ""
     if isinstance(value, str):
-        return f"'{value}" if _FORMULA.match(value) and not _NUMBER.fullmatch(value) else value
+        text = re.sub("\r\n?", "\n", value)  # the writer does not quote a return, which would begin another row
+        return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
     return json.dumps(value, sort_keys=True) if isinstance(value, list | dict | bool) else value
 
 
