@@ -161,13 +161,13 @@ class RunContext:
         if self._scheduler is not None:
             self._scheduler.flush()
 
-    def event(self, kind: str, text: str) -> None:
-        """Record an event at the present simulated time."""
-        self.recorder.event(self.now_ns(), kind, text)
+    def event(self, kind: str, text: str, t_ns: int | None = None) -> None:
+        """Record an event of the simulated time `t_ns`; None: now."""
+        self.recorder.event(self.now_ns() if t_ns is None else t_ns, kind, text)
 
-    def say(self, kind: str, text: str) -> None:
-        """Record an event, and print it on the console: the user should know it before the flight."""
-        self.event(kind, text)
+    def say(self, kind: str, text: str, t_ns: int | None = None) -> None:
+        """Record an event, and print it on the console: the user should know it before the run has ended."""
+        self.event(kind, text, t_ns)
         if not self._quiet:
             with suppress(OSError, ValueError):  # the terminal or pipe was closed; the flight goes on
                 print(f"{kind}: {text}", flush=True)  # noqa: T201
@@ -186,6 +186,10 @@ class RunContext:
         phase = next((phase for part in self.parts if (phase := part.phase())), "serving")
         counts = next((counts for part in self.parts if (counts := part.waypoints())), (0, 0))
         return FlightStatus(phase, *counts)
+
+    def may_arm(self) -> bool:
+        """Return True once every part agrees that the vehicle may be armed."""
+        return all(part.may_arm() for part in self.parts)
 
     def texts(self) -> list[tuple[int, int, str]]:
         """Return the autopilot's status texts so far: time [ns], MAV_SEVERITY, text."""
@@ -290,6 +294,10 @@ class Part:
     def texts(self) -> Sequence[tuple[int, int, str]]:
         """Return status texts of the autopilot: time [ns], MAV_SEVERITY, text."""
         return ()
+
+    def may_arm(self) -> bool:
+        """Return False while the vehicle must not be armed yet, because what this part checks is not known."""
+        return True
 
     def link_waits(self) -> None:
         """Called about four times a second while the link waits long for its autopilot; may raise, to end the run."""

@@ -239,7 +239,7 @@ class Simulation:
         def controls(truth: TruthState) -> Sequence[float]:
             try:
                 return flight.controls(truth)
-            except LinkError as error:
+            except (ConfigError, LinkError) as error:
                 self.log(f"{name}: its autopilot is lost and its rotors stop: {error}")
                 flight.close()
                 flight.cancel()

@@ -39,6 +39,7 @@ _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("links.ros2.part", lambda bench: bench.config.ros2.domain is not None),
 )
 _LINKS: tuple[tuple[str, Condition], ...] = (
+    ("links.parameters", lambda bench: bool(bench.config.autopilot.params or bench.config.autopilot.airframe)),
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
     ("links.router", lambda bench: bool(bench.config.router.endpoints())),
     ("links.autopilot", _always),

@@ -25,7 +25,7 @@ from hil.run.report.run_json import write_run_json
 from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import UNJUDGED, Verdict
-from signals.errors import HilError, RecordingError
+from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
@@ -52,6 +52,8 @@ class RunResult:
 
     @property
     def exit_status(self) -> int:
+        if self.run["error"] is not None and self.run["error"]["type"] == ConfigError.__name__:
+            return 2  # a setting that only the autopilot could tell to be wrong
         return {"PASS": 0, "FAIL": 1}.get(self.status, 3)
 
     def flown(self) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class RigPilot:
             out = Path(self._stack.enter_context(TemporaryDirectory(prefix="hil-rig-", ignore_cleanup_errors=True)))
             parts = [_Vehicle(physics), _sensors(self._bench), self._flight, *link_parts(self._bench)]
             run = VehicleRun(self._bench, out, parts, quiet=True)
-            run.context.event = lambda kind, text: log(f"{kind}: {text}")  # type: ignore[method-assign]
+            run.context.event = lambda kind, text, t_ns=None: log(f"{kind}: {text}")  # type: ignore[method-assign]  # noqa: ARG005
             for part in parts:
                 part.check()
             run.build(self._stack, NoRecorder(config.tick_ns))
@@ -124,7 +124,11 @@ class _Flight(Part):
 
     def __init__(self, bench: Bench, physics: QuadrotorPhysics, log: Log) -> None:
         self._bench, self._physics, self._log = bench, physics, log
+        self._run: RunContext | None = None
         self.pilot = self._make()
+
+    def build(self, run: RunContext) -> None:
+        self._run = run
 
     def renew(self) -> None:
         """Begin a new flight."""
@@ -141,6 +145,7 @@ class _Flight(Part):
             grid_ns=grid_ns(self._bench),
             needs_estimator=needs_estimator(self._bench),
             on_event=lambda _t_ns, kind, text: self._log(f"{kind}: {text}"),
+            may_arm=lambda: self._run is None or self._run.may_arm(),
         )
 
     def command_sources(self) -> list[CommandSource]:

@@ -30,6 +30,7 @@ class ScriptPart(Part):
             target_sysid=None,
             first_item=1 if config.autopilot.kind.startswith("ardupilot") else 0,
             on_event=run.recorder.event,
+            may_begin=run.may_arm,
         )
 
     def command_sources(self) -> list[ActionSource]:

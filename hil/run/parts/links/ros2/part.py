@@ -110,6 +110,7 @@ class Ros2Part(Part):
                 grid_ns=grid_ns(self._bench),
                 needs_estimator=needs_estimator(self._bench),
                 on_event=run.recorder.event,
+                may_arm=run.may_arm,
             )
 
     def begin(self, run: RunContext) -> None:

@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[5]
 SHORT = ["autopilot.transport=loopback", "record.mcap=false", "record.tlog=false", "record.report=false"]
 BENCHES = {
     "default": ["duration_s=1"],
+    "parameters": ["autopilot.params.MPC_XY_P=0.9"],
     "companion": ["companion.clients=1", "companion.control=true"],
     "router and manual": ["router.gcs=udp:127.0.0.1:14550", "manual.device=keyboard"],
     "explore": [],
@@ -62,7 +63,7 @@ def test_a_part_that_was_never_opened_still_answers_and_closes(parts: dict[str, 
 @EVERY_PART
 def test_no_part_overrides_what_does_not_exist(parts: dict[str, Part], name: str) -> None:
     public = {method for method in vars(type(parts[name])) if not method.startswith("_")}
-    own = {"scene", "samples_due", "can_have_faults", "flying", "autopilot_signing", "link", "reached"}
+    own = {"scene", "samples_due", "can_have_faults", "flying", "autopilot_signing", "link", "reached", "step"}
     assert public - set(dir(Part)) <= own
 
 
