@@ -14,10 +14,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.ground_station.modes import WORDS as MODE_WORDS
+from firmware_bridge.ground_station.modes import plain_word
 from firmware_bridge.router.endpoint import Endpoint
 from firmware_bridge.transports.loopback_host import is_loopback
 from hil.config.vehicles.settings import Formation, Group, Offset
-from signals.documents.validate import Section
+from signals.documents.validate import Section, nearest
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.frame.quality import QualityName
@@ -344,6 +346,40 @@ class Crash(Section):
     rest_s: Annotated[float, Field(gt=0)] | None = 10.0
 
 
+class FailsafeExpected(Section):
+    """A failsafe that the flight is to have, or may have. Any other one makes the flight a FAIL."""
+
+    required: bool = True  # false: it may come, and need not
+    mode: str | None = None  # mode word of the vehicle after it (docs/mission-scripts.md); null: any
+    from_s: Annotated[float, Field(ge=0, le=86_400)] | None = None  # earliest; null: at any time
+    to_s: Annotated[float, Field(ge=0, le=86_400)] | None = None  # latest
+
+    @field_validator("mode")
+    @classmethod
+    def _known_mode(cls, word: str | None) -> str | None:
+        if word is not None and word not in MODE_WORDS:
+            raise ValueError(f"no mode {word!r} ({nearest(word, MODE_WORDS)})")
+        return word
+
+    @model_validator(mode="after")
+    def _window(self) -> FailsafeExpected:
+        if self.from_s is not None and self.to_s is not None and not self.to_s > self.from_s:
+            raise ValueError(f"to_s {self.to_s:g} must come after from_s {self.from_s:g}")
+        return self
+
+    def covers(self, t_s: float, mode: str) -> bool:
+        """Return True if this declares a failsafe at `t_s` that entered the mode of this word."""
+        in_time = (self.from_s is None or t_s >= self.from_s) and (self.to_s is None or t_s <= self.to_s)
+        return in_time and (self.mode is None or plain_word(self.mode) == mode)
+
+    @property
+    def text(self) -> str:
+        """The mode and the time for messages, such as " with mode LAND from 45 s to 60 s"."""
+        words = [f" with mode {self.mode}"] if self.mode is not None else []
+        words += [f" {word} {t:g} s" for word, t in (("from", self.from_s), ("to", self.to_s)) if t is not None]
+        return "".join(words)
+
+
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 
@@ -454,6 +490,7 @@ class BenchConfig(Section):
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
     crash: Crash | None = Crash()  # null: a crash does not end the flight
+    failsafe: FailsafeExpected | None = None  # null: the flight is to have none
     goal: Goal | None = None  # null: not judged
     search: Search | None = None  # null: not judged
     parts: dict[str, Any] = Field(default_factory=dict)  # further parts of a run, each with settings of its own

@@ -191,6 +191,7 @@ class Script(StrictModel):
     outcome: Literal["complete", "aborted", "any"] = "complete"  # required end of the plan
     actions: tuple[ActionSpec, ...] = ()
     limits: dict[str, Any] = Field(default_factory=dict)  # merged over those of the bench
+    failsafe: dict[str, Any] | None = None  # replaces that of the bench
     expect: tuple[Expectation, ...] = ()
 
     @field_validator("expect")

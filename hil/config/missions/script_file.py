@@ -154,6 +154,8 @@ def merge_script(settings: Settings, script: MissionScript) -> None:
         place: Place = ("limits", key)
         if not settings.where(place).startswith(COMMAND_LINE):
             settings.set(place, value, where(place))
+    if script.script.failsafe is not None and not settings.where(("failsafe",)).startswith(COMMAND_LINE):
+        settings.set(("failsafe",), script.script.failsafe, where(("failsafe",)))
     for index, spec in enumerate(script.script.actions):
         if spec.fault is None or spec.at_s is None:
             continue

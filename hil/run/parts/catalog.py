@@ -42,6 +42,7 @@ _LINKS: tuple[tuple[str, Condition], ...] = (
     ("links.parameters", lambda bench: bool(bench.config.autopilot.params or bench.config.autopilot.airframe)),
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
     ("links.router", lambda bench: bool(bench.config.router.endpoints())),
+    ("links.failsafe", _always),
     ("links.autopilot", _always),
 )
 
