@@ -490,6 +490,8 @@ class BenchConfig(Section):
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
     crash: Crash | None = Crash()  # null: a crash does not end the flight
+    # Distance from start, plan and goal at which the flight ends as FAIL; null: it never does.
+    fly_away_m: Annotated[float, Field(gt=0, le=1e6)] | None = 500.0
     failsafe: FailsafeExpected | None = None  # null: the flight is to have none
     goal: Goal | None = None  # null: not judged
     search: Search | None = None  # null: not judged

@@ -28,6 +28,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
 _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.flight", _always),
     ("judges.crash", lambda bench: bench.config.crash is not None),
+    ("judges.fly_away", lambda bench: bench.config.fly_away_m is not None),
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
 )
