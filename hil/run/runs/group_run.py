@@ -234,6 +234,7 @@ class GroupRun:
             }
             | {"completed": bool(runs) and all(run["mission"]["completed"] for run in runs.values())},
             "verdict": {"reasons": reasons, "rows": [row.as_map() for row in rows]},
+            "warnings": [{**row, "vehicle": name} for name, run in runs.items() for row in run["warnings"]],
             "contacts": [contact._asdict() for contact in self._measured.contacts],
             "vehicles": {
                 name: {

@@ -232,6 +232,7 @@ class VehicleRun:
             "wall_s": wall_s,
             "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
             "skipped": [row for part in self._parts for row in part.skipped(ticks)],
+            "warnings": self._warnings([*verdict.reasons, self.failure.text]),
             "verdict": {"reasons": list(verdict.reasons), "rows": [row.as_map() for row in verdict.rows]},
             "actions": [],
             "timing": {
@@ -243,6 +244,15 @@ class VehicleRun:
         for part in self._parts:
             summary |= part.run_keys()
         return summary
+
+    def _warnings(self, said: Sequence[str]) -> list[dict[str, Any]]:
+        """Return the warnings of bench and autopilot by time, without those that `said` contains already."""
+        events = [event for recorder in self._recorders for event in recorder.warnings]
+        return [
+            {"t_s": event.t_ns / NS_PER_S, "level": event.kind, "text": event.text}
+            for event in sorted(events, key=lambda event: event.t_ns)
+            if not any(event.text.strip() in text for text in said)
+        ]
 
     def _write(self, run: Mapping[str, Any]) -> None:
         write_run_json(self._out / RUN_JSON_NAME, run)
