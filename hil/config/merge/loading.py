@@ -16,7 +16,7 @@ from hil.config.checks import radar_checks
 from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
-from hil.config.checks.part_settings import resolve_parts
+from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
 from hil.config.files import available, find, is_bare
 from hil.config.merge.layers import Settings, SettingsPart, merge_options, parse_setting
@@ -249,7 +249,7 @@ class BenchLoading:
         self.problems += config_problems + sensor_problems
         if config is not None:
             parts, part_problems = resolve_parts(config.parts, self.settings)
-            config = config.model_copy(update={"sensors": sensors, "parts": parts})
+            config = without_unset_limits(config.model_copy(update={"sensors": sensors, "parts": parts}))
             self.problems += part_problems
             for check in (cross_problems, autopilot_problems, noise_problems, intake_problems):
                 self.problems += check(config, self.settings)
