@@ -138,7 +138,7 @@ def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterat
         if not fields:
             yield index, "kind", f"does not act on frames: the frames of {fault.sensor!r} can only freeze or drop out"
             continue
-        name = fault.field or next(iter(fields))
+        name = acted_field(fault, kind)
         if name not in fields:
             yield index, "field", f"is unknown: {name!r} (fields of {fault.sensor!r}: {', '.join(fields)})"
             continue
@@ -146,6 +146,11 @@ def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterat
         if fault.axis is not None and fault.axis not in axes:
             have = f"only {', '.join(axes)}" if axes else "no axes"
             yield index, "axis", f"is {fault.axis!r}, but {name!r} of {fault.sensor!r} has {have}"
+
+
+def acted_field(fault: Any, sample_type: type) -> str | None:
+    """Return the field of the sample on which a fault acts; None: the whole sample."""
+    return (fault.field or next(iter(FAULT_FIELDS[sample_type]), None)) if isinstance(fault, _ValueFault) else None
 
 
 EventSink = Callable[[int, str, str], None]  # t_ns, kind, text: `Recorder.event` fits
@@ -205,7 +210,8 @@ class FaultySensor:
         return faulty
 
     def _changed(self, values: tuple[Any, ...], fault: Any, since_s: float) -> tuple[Any, ...]:
-        name = fault.field or next(iter(FAULT_FIELDS[self.sample_type]))
+        name = acted_field(fault, self.sample_type)
+        assert name is not None
         at = self.sample_type._fields.index(name) - _STAMPS  # type: ignore[attr-defined]
         step = self.resolution.get(name, 1.0)
         old = values[at]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hil.apps.fly.choice import BenchChoice
 from hil.config import Bench
+from hil.config.checks.intake_checks import intake_notes
 from hil.config.missions.path import planned_path, waypoint_legs
 from hil.run.loop.stages import plan_stages
 from hil.run.parts.catalog import check_parts
@@ -20,8 +21,10 @@ def check_bench(choice: BenchChoice) -> str:
     check_parts(bench)
     notes = [f"  note: {note}" for note in load_world(bench.scene).map.notes] if bench.scene.map is not None else []
     if not bench.vehicles:
+        notes += [f"  note: {note}" for note in intake_notes(bench.config)]
         return "\n".join([f"ok: {_facts(bench)}", *notes])
     lines = [f"  {name}: {_facts(vehicle)}" for name, vehicle in bench.vehicles.items()]
+    notes += [f"  note: {name}: {note}" for name, each in bench.vehicles.items() for note in intake_notes(each.config)]
     return "\n".join([f"ok: {len(lines)} vehicle{'s' if len(lines) > 1 else ''} in one world", *lines, *notes])
 
 

@@ -6,13 +6,13 @@ import math
 
 from hil.config.merge.layers import Settings
 from hil.config.schema import BenchConfig
+from hil.config.sensors.resolve import sample_types
 from signals.documents.document import Place
 from signals.documents.validate import at, nearest
 from signals.errors import Problem
 from sim.physics.faults import misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
-from sim.sensors.catalog import KINDS
 from sim.sensors.faults import fault_problems
 from sim.sensors.magnetometer import magnetic_field_W_tesla
 
@@ -46,8 +46,7 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
             report(place, message, "an imu is read at every tick: leave rate_hz out")
         elif message := rate_problem(sensor.rate_hz, config):
             report(place, message)
-    sample_types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
-    for index, key, message in fault_problems(config.faults.sensors, sample_types):
+    for index, key, message in fault_problems(config.faults.sensors, sample_types(config)):
         report(("faults", "sensors", index, key), message)
     if config.ros2.flies and (config.companion.flies or config.manual.device is not None):
         other = "companion.control" if config.companion.flies else "manual.device"
@@ -75,8 +74,6 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
             cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
             hint = nearest(config.search.camera, cameras) or f"cameras: {', '.join(cameras) or 'none'}"
             report(("search", "camera"), f"is no camera of this bench: {config.search.camera!r}", hint)
-    if config.faults.links and config.autopilot.kind == "ardupilot_sitl":
-        report(("faults", "links"), "cannot be applied to ArduPilot SITL", "see faults.sensors and faults.rotors")
     if not config.autopilot.lockstep and config.pace not in (None, 1.0):
         report(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
     return problems

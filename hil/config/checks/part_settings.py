@@ -2,6 +2,7 @@
 
 A name without a dot is a module of `hil.run.parts`; one with a dot is a module of the user, importable from
 the working directory. The module has a model `Settings` (a `Section`) and a function `make(bench, settings) -> Part`.
+With `JUDGES_ALONE = True` in it, limits and a section `crash` that the bench does not set itself are none.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.config.merge.layers import Settings as MergedSettings
+from hil.config.schema import BenchConfig, Limits
 from signals.documents.validate import at, nearest, validate
 from signals.errors import Problem
 
@@ -49,3 +51,15 @@ def resolve_parts(parts: dict[str, Any], settings: MergedSettings) -> tuple[dict
         if model is not None:
             models[name] = model
     return models, problems
+
+
+def without_unset_limits(config: BenchConfig) -> BenchConfig:
+    """Return the bench without limits that it does not set itself, if one of its parts judges the flight alone.
+
+    The parts must have been resolved.
+    """
+    if not any(getattr(part_module(name), "JUDGES_ALONE", False) for name in config.parts):
+        return config
+    unset = dict.fromkeys(set(Limits.model_fields) - config.limits.model_fields_set)
+    crash = config.crash if "crash" in config.model_fields_set else None
+    return config.model_copy(update={"limits": config.limits.model_copy(update=unset), "crash": crash})

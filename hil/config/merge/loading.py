@@ -15,7 +15,8 @@ from hil.config.bench import Bench, site_of
 from hil.config.checks import radar_checks
 from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
-from hil.config.checks.part_settings import resolve_parts
+from hil.config.checks.intake_checks import intake_problems, script_intake_problems
+from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
 from hil.config.files import available, find, is_bare
 from hil.config.merge.layers import Settings, SettingsPart, merge_options, parse_setting
@@ -33,7 +34,7 @@ from hil.config.missions.script_file import (
 from hil.config.scenes import read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
 from hil.config.sensors.noise import noise_problems
-from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors
+from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors, sample_types
 from hil.config.vehicles.formation import shifted_mission
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
@@ -42,7 +43,6 @@ from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import in_weather, randomized
 from sim.scene.scene import Scene, has_own_site
-from sim.sensors.catalog import KINDS
 
 
 class BenchLoading:
@@ -249,9 +249,9 @@ class BenchLoading:
         self.problems += config_problems + sensor_problems
         if config is not None:
             parts, part_problems = resolve_parts(config.parts, self.settings)
-            config = config.model_copy(update={"sensors": sensors, "parts": parts})
+            config = without_unset_limits(config.model_copy(update={"sensors": sensors, "parts": parts}))
             self.problems += part_problems
-            for check in (cross_problems, autopilot_problems, noise_problems):
+            for check in (cross_problems, autopilot_problems, noise_problems, intake_problems):
                 self.problems += check(config, self.settings)
             if config.companion.on or config.companion.control:
                 from hil.config.checks.companion_checks import companion_problems  # loads ZeroMQ
@@ -274,8 +274,8 @@ class BenchLoading:
         if script is not None:
             self.problems += mission_problems(script, mission)
             if config is not None and vehicle is not None:
-                types = {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
-                self.problems += bench_problems(script, sensors=types, vehicle=vehicle)
+                self.problems += bench_problems(script, sensors=sample_types(config), vehicle=vehicle)
+                self.problems += script_intake_problems(config, script)
             if config is not None and scene is not None and not self.complete:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not sensor_problems:

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, create_model
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config.checks.radar_checks import frame_problems, rate_problems
 from hil.config.merge.layers import Settings
-from hil.config.schema import SensorConfig
+from hil.config.schema import BenchConfig, SensorConfig
 from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
 from signals.documents.document import Place
 from signals.documents.validate import at, nearest, shown, validate
@@ -22,7 +23,7 @@ from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS
 from sim.sensors.radar_parameters import VIEW_KEYS, RadarParameters
 
-AUTOPILOT_KINDS = ("imu", "magnetometer", "barometer", "gps", "range_finder", "optical_flow")
+AUTOPILOT_KINDS = frozenset(kind for profile in PROFILES.values() for kind in profile.sensors)  # some autopilot's
 FLIGHT_KINDS = ("gps", "barometer", "magnetometer")  # needed, besides the imu, to fly a mission
 # Names of the bench's own ports and of topics of the recording.
 _RESERVED_NAMES = frozenset(
@@ -63,6 +64,11 @@ def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[
     chosen = _mark_autopilot_sensors(resolved, broken_kinds, settings, problems)
     problems += frame_problems(chosen, broken, settings)
     return chosen, problems
+
+
+def sample_types(config: BenchConfig) -> dict[str, type]:
+    """Return the type of the samples of each sensor, by its name."""
+    return {name: KINDS[sensor.kind].sample_type for name, sensor in config.sensors.items()}
 
 
 def _resolve(

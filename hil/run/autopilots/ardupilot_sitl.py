@@ -10,6 +10,7 @@ from firmware_bridge.links.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.links.ardupilot.sitl import TCP_PORT, ardupilot_sitl, copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.config import Bench
+from hil.config.checks.intake_checks import intake_parameters
 from hil.config.checks.rotor_checks import ardupilot_frame
 from hil.run.autopilots.surroundings import WORK_FOLDER, Surroundings, firmware_build, timeouts
 from signals.errors import LinkError
@@ -47,13 +48,13 @@ def mavlink_address(bench: Bench) -> str:
 
 
 def vehicle_parameters(bench: Bench) -> dict[str, float]:
-    """Return the parameters of this vehicle and tick, with `autopilot.params` over them."""
+    """Return the parameters of this vehicle, its sensors and the tick, with `autopilot.params` over them."""
     vehicle = bench.vehicle
     return copter_parameters(
         hover_control=vehicle.hover_control,
         thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
         tick_hz=bench.config.tick_hz,
-        more=frame_parameters(vehicle) | bench.config.autopilot.params,
+        more=frame_parameters(vehicle) | intake_parameters(bench.config) | bench.config.autopilot.params,
     )
 
 

@@ -6,10 +6,15 @@ it waits for the autopilot, and ends when the suite does. The suite's environmen
 HIL_MODEL      `--model` of ArduPilot
 HIL_HOME       latitude, longitude [deg], altitude [m MSL] and heading [deg from north] of the start, with commas
 HIL_DEFAULTS   file with ArduPilot's parameters for this vehicle and tick, to be loaded after the suite's own
+
+The suite alone decides: some of its tests crash, drift off or land hard on purpose. Limits and crashes are judged only
+if the bench sets them itself. A suite may not notice a hard impact, though, so each one is a warning.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,15 +23,21 @@ from pydantic import Field
 from firmware_bridge.links.ardupilot.home_check import home_text
 from firmware_bridge.links.child_process import ChildProcess
 from hil.config import Bench
+from hil.config.schema import Crash
 from hil.run.autopilots.ardupilot_sitl import vehicle_parameters
 from hil.run.autopilots.surroundings import home_of
 from hil.run.part import FlightEnded, Part, RunContext
 from hil.run.verdict.verdict import Row, Verdict
 from signals.documents.validate import Section
 from signals.errors import LinkClosed
+from signals.samples import TruthState
+from signals.time import NS_PER_S
 
+JUDGES_ALONE = True  # see hil.config.checks.part_settings
 LOG_NAME = "test_suite.log"
 _DEFAULTS_NAME = "vehicle.parm"
+_IMPACT_MPS = Crash().impact_mps or math.inf  # where a crash would be judged
+_STEP_M = 1.0  # longer than any tick's way: the vehicle was put back to its start
 
 
 class Settings(Section):
@@ -43,8 +54,11 @@ class TestSuitePart(Part):
         self._flies = self._ended = False
         self._end_text = ""
         self._status: int | None = None
+        self._previous: TruthState | None = None
+        self._impacts: list[dict[str, float]] = []
 
     def open(self, run: RunContext) -> None:
+        self._run = run
         bench, out = self._bench, run.out.resolve()
         env = {"HIL_HOME": home_text(home_of(bench.scene.site, run.physics.state))}
         if bench.config.autopilot.kind == "ardupilot_sitl":
@@ -64,6 +78,20 @@ class TestSuitePart(Part):
 
     def begin(self, run: RunContext) -> None:  # noqa: ARG002
         self._flies = True
+
+    def observers(self) -> list[Callable[[TruthState], None]]:
+        return [self._watch] if self._bench.config.crash is None else []
+
+    def _watch(self, truth: TruthState) -> None:
+        """Warn of an impact that nobody judges."""
+        previous, self._previous = self._previous, truth
+        if previous is None or previous.in_contact or not truth.in_contact:
+            return
+        speed_mps = math.hypot(*previous.v_WB_W)
+        if speed_mps > _IMPACT_MPS and math.dist(previous.p_WB, truth.p_WB) < _STEP_M:
+            t_s = truth.t_ns / NS_PER_S
+            self._impacts.append({"t_s": t_s, "speed_mps": speed_mps})
+            self._run.say("warning", f"impact at {speed_mps:.1f} m/s, {t_s:.2f} s after the start: the suite judges it")
 
     def ended(self) -> bool:
         return self._has_ended()
@@ -105,7 +133,8 @@ class TestSuitePart(Part):
         return verdict.with_rows([Row("suite_exit_status", value, 0.0, "", ok)], reasons)
 
     def run_keys(self) -> dict[str, Any]:
-        return {"test_suite": {"command": list(self._settings.command), "exit_status": self._status}}
+        suite = {"command": list(self._settings.command), "exit_status": self._status, "impacts": self._impacts}
+        return {"test_suite": suite}
 
 
 def make(bench: Bench, settings: Settings) -> Part:

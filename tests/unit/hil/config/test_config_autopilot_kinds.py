@@ -114,7 +114,7 @@ def test_settings_that_do_not_fit_the_kind_are_named_with_their_line(rig: str, l
         ("rig: mock_hitl\npace: 2\n",
          "b.yaml:2: pace must be 1 or null, not 2: a free-running autopilot keeps wall-clock time"),
         ("rig: ardupilot_sitl\nautopilot: {start: false}\nfaults:\n  links:\n    - {kind: drop, at_s: 1, rate: 1}\n",
-         "b.yaml:4: faults.links cannot be applied to ArduPilot SITL (see faults.sensors and faults.rotors)"),
+         "b.yaml:4: faults.links cannot be applied to ardupilot_sitl (see faults.sensors and faults.rotors)"),
     ],
 )  # fmt: skip
 def test_settings_that_do_not_fit_the_rest_of_the_bench(text: str, says: str) -> None:

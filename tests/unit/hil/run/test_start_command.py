@@ -38,6 +38,13 @@ def test_ardupilot_gets_home_defaults_and_ports(tmp_path: Path) -> None:
         assert f"\n{name}" in text
 
 
+def test_ardupilot_uses_the_range_finder_of_the_bench(tmp_path: Path) -> None:
+    text = RIG + "autopilot: {start: false}\nmission: null\nsensors: {imu: {preset: icm20689}"
+    for sensors, used in ((", down: {preset: tfmini, rate_hz: 50}}\n", True), ("}\n", False)):
+        start_command(load(text + sensors), tmp_path)
+        assert ("\nRNGFND1_TYPE 100" in (tmp_path / "bench.parm").read_text()) == used
+
+
 def test_ardupilot_with_another_port_instance_and_build(tmp_path: Path) -> None:
     keys = "{start: false, instance: 3, mavlink_port: 'udp:14999', binary: /opt/copter}"
     line = start_command(load(RIG + f"autopilot: {keys}\n"), tmp_path)

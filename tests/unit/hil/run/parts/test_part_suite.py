@@ -27,10 +27,13 @@ for count in range(100):
 print("the last words")
 sys.exit(int(sys.argv[1]))
 """
+# The motors at full thrust for 0.7 s, then off: the vehicle falls from some metres.
+HARD_LANDING = SUITE.replace("range(100)", "range(1200)").replace(
+    "16 * [1000]", "16 * [2000 if 4 < count < 284 else 1000]"
+)
 BENCH = """rig: ardupilot_sitl
 mission: null
 start: {yaw_deg: 180}
-crash: null
 autopilot: {start: false, instance: 67, mavlink_port: none, on_restart: reset}
 record: {mcap: false, tlog: false, report: false}
 parts:
@@ -68,6 +71,25 @@ def test_a_suite_that_ends_before_its_autopilot_came_is_named_at_once(tmp_path: 
     assert "ended before an autopilot came" in run["error"]["message"]
     assert "no module named MAVProxy" in run["error"]["message"]
     assert run["wall_s"] < 20.0
+
+
+def test_a_suite_that_passes_decides_alone_and_a_hard_landing_is_a_warning(tmp_path: Path) -> None:
+    run = run_suite(0, tmp_path / "out", HARD_LANDING)
+    assert run["mission"]["landing_speed_mps"] > 6.0
+    assert (run["status"], run["verdict"]["reasons"]) == ("PASS", [])
+    assert run["test_suite"]["impacts"][0]["speed_mps"] == pytest.approx(run["mission"]["landing_speed_mps"], rel=0.01)
+    assert all(row["limit"] is None for row in run["verdict"]["rows"] if row["name"] != "suite_exit_status")
+
+
+def test_limits_and_crashes_that_the_bench_sets_itself_are_judged(tmp_path: Path) -> None:
+    Path("suite.py").write_text(HARD_LANDING, encoding="utf-8")
+    text = BENCH % (sys.executable, 0) + "limits: {landing_speed_mps: 2.5}\n"
+    (reason,) = run_bench(load(text), tmp_path / "out", quiet=True).run["verdict"]["reasons"]
+    assert "more than the 2.5 m/s allowed" in reason
+    config = load(text + "crash: {tilt_deg: 80}\n").config
+    assert config.crash is not None
+    assert config.limits.final_error_m is None
+    assert load(BENCH % (sys.executable, 0)).config.crash is None
 
 
 class Stop(Part):

@@ -1,0 +1,1 @@
+"""Facts about each autopilot, as data in a folder of its own."""

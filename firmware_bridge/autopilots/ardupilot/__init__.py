@@ -1,0 +1,1 @@
+"""ArduPilot, in SITL and on a board."""

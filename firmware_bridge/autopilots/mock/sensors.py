@@ -1,0 +1,12 @@
+"""Sensors that the mock Pixhawk takes, from HIL_SENSOR and HIL_GPS. It has no range finder and no flow sensor."""
+
+from __future__ import annotations
+
+from firmware_bridge.autopilots.intake import Intake, Samples
+
+SENSORS: dict[str, Intake] = {
+    "imu": Samples(("accel_mps2", "gyro_radps")),
+    "magnetometer": Samples(("field_tesla",)),
+    "barometer": Samples(("pressure_pa",)),
+    "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
+}

@@ -1,0 +1,1 @@
+"""PX4, in SITL and on a board."""

@@ -1,0 +1,17 @@
+"""Sensors that PX4 takes, from HIL_SENSOR, HIL_GPS, DISTANCE_SENSOR and HIL_OPTICAL_FLOW.
+
+The temperature in HIL_SENSOR is the barometer's.
+"""
+
+from __future__ import annotations
+
+from firmware_bridge.autopilots.intake import Intake, Samples
+
+SENSORS: dict[str, Intake] = {
+    "imu": Samples(("accel_mps2", "gyro_radps")),
+    "magnetometer": Samples(("field_tesla",)),
+    "barometer": Samples(("pressure_pa", "temperature_degc")),
+    "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
+    "range_finder": Samples(("distance_m",)),
+    "optical_flow": Samples(("flow_rad", "gyro_rad", "distance_m")),
+}

@@ -1,0 +1,129 @@
+"""Checks that the autopilot takes what a bench gives it: its sensors, and the faults declared for them.
+
+What each autopilot takes is data in `firmware_bridge.autopilots`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
+from hil.config.merge.layers import Settings
+from hil.config.missions.script import MissionScript, SensorFault, injected_at
+from hil.config.schema import BenchConfig
+from hil.config.sensors.resolve import sample_types
+from signals.documents.validate import at
+from signals.errors import Problem
+from sim.sensors.catalog import KINDS
+from sim.sensors.faults import acted_field, fault_problems
+
+_NO_MAVLINK = "none"
+
+
+def intake_of(config: BenchConfig, name: str) -> Intake | None:
+    """Return what the autopilot takes of a sensor that feeds it; None: nothing."""
+    return PROFILES[config.autopilot.kind].sensors.get(config.sensors[name].kind)
+
+
+def untaken_sensors(config: BenchConfig) -> list[str]:
+    """Describe each sensor that is there for an autopilot that takes nothing of it."""
+    kind = config.autopilot.kind
+    return [
+        f"sensor {name}: {kind} takes no {sensor.kind}: its samples go only to the recording and to companions "
+        "(with autopilot: false beside it this is not told again)"
+        for name, sensor in config.sensors.items()
+        if sensor.autopilot and intake_of(config, name) is None
+    ]
+
+
+def intake_notes(config: BenchConfig) -> list[str]:
+    """Describe the sensors of which the autopilot takes nothing, or that its firmware simulates itself."""
+    simulated = simulated_sensors(config)
+    if not simulated:
+        return untaken_sensors(config)
+    own = (
+        f"{config.autopilot.kind} simulates {', '.join(simulated)} itself, with parameters of its own: settings and "
+        "noise of the bench do not reach it; faults of these sensors are made by its parameters"
+    )
+    return [*untaken_sensors(config), own]
+
+
+def intake_parameters(config: BenchConfig) -> dict[str, float]:
+    """Return the parameters without which the firmware would not use the sensors that feed the autopilot."""
+    parameters: dict[str, float] = {}
+    for name, sensor in config.sensors.items():
+        intake = intake_of(config, name) if sensor.autopilot else None
+        if isinstance(intake, Samples):
+            parameters |= intake.parameters
+    return parameters
+
+
+def simulated_sensors(config: BenchConfig) -> list[str]:
+    """Return the names of the sensors that feed the autopilot and that its firmware simulates itself."""
+    fed = [name for name, sensor in config.sensors.items() if sensor.autopilot]
+    return [name for name in fed if isinstance(intake_of(config, name), Simulated)]
+
+
+def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
+    """Return key, message and remedy if a fault of a sensor cannot reach the autopilot that the sensor feeds.
+
+    The fault must fit its sensor (`sim.sensors.faults.fault_problems`).
+    """
+    sensor = config.sensors[fault.sensor]
+    if not sensor.autopilot:
+        return None  # it is for companions and the recording
+    autopilot, intake = config.autopilot, intake_of(config, fault.sensor)
+    field = acted_field(fault, KINDS[sensor.kind].sample_type)
+    key = "kind" if field is None or intake is None or not fault.field else "field"
+    what = fault.kind if field is None else f"{fault.kind} of {field}"
+    others = [
+        kind
+        for kind, profile in PROFILES.items()
+        if (other := profile.sensors.get(sensor.kind)) is not None and other.takes(fault.kind, field)
+    ]
+    reaches = f"; this one reaches {', '.join(others)}" if others else ""
+    if intake is None:
+        hint = f"with autopilot: false beside {fault.sensor!r} it is for companions and the recording{reaches}"
+        return "sensor", f"is {fault.sensor!r}, and {autopilot.kind} takes no {sensor.kind}", hint
+    if not intake.takes(fault.kind, field):
+        hint = f"{fault.sensor!r} can have here: {intake.faults()}{reaches}"
+        own = f", which simulates its {sensor.kind} itself" if isinstance(intake, Simulated) else ""
+        return key, f"cannot be {what}: it would not reach {autopilot.kind}{own}", hint
+    if isinstance(intake, Simulated) and autopilot.mavlink_port == _NO_MAVLINK:
+        message = (
+            f"cannot be {what}: {autopilot.kind} simulates its {sensor.kind}, so the fault is made by parameters of "
+            "the firmware, and autopilot.mavlink_port is none"
+        )
+        return "kind", message, "give autopilot.mavlink_port an address, or let the program that speaks MAVLink set it"
+    return None
+
+
+def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """Report declared faults of sensors and of the link that cannot reach the autopilot."""
+    unfit = {index for index, _, _ in fault_problems(config.faults.sensors, sample_types(config))}
+    problems: list[Problem] = []
+    if config.faults.links and not PROFILES[config.autopilot.kind].link_faults:
+        message, hint = f"cannot be applied to {config.autopilot.kind}", "see faults.sensors and faults.rotors"
+        problems.append(at(settings, ("faults", "links"), message, hint))
+    for index, fault in enumerate(config.faults.sensors):
+        found = None if index in unfit else refusal(config, fault)
+        if found is not None:
+            key, message, hint = found
+            problems.append(at(settings, ("faults", "sensors", index, key), message, hint))
+    return problems
+
+
+def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[Problem]:
+    """Report faults of a script that wait for an event and cannot reach the autopilot."""
+    types = sample_types(config)
+    problems: list[Problem] = []
+    for index, spec in enumerate(script.script.actions):
+        fault = None if spec.fault is None or spec.in_settings else injected_at(spec, 0.0)
+        if not isinstance(fault, SensorFault) or any(fault_problems([fault], types)):
+            continue
+        found = refusal(config, fault)
+        if found is not None:
+            key, message, hint = found
+            problems.append(at(script.document, ("actions", index, "fault", key), message, hint))
+    return problems
