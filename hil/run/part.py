@@ -20,8 +20,8 @@ composition root (`hil.run.runs.vehicle_run`) calls them in the order of `hil.ru
     conclude(run)         the flight ended without an error, and everything is still open
     close()               always, in the reverse order of the parts; also where `open` or `build` failed
     finish(run)           last events into the recording
-    verdict(verdict)      add rows and reasons to the verdict
-    run_keys()            keys of run.json
+    verdict()             the part's own rows and reasons, which the run adds to those of all others
+    run_keys()            keys of run.json that neither the run nor another part writes
     skipped(ticks)        rows of run.json's list of what was not computed
     report(run)           pictures and sections of the report page
     after_run(run)        run.json is written
@@ -257,8 +257,8 @@ class Part:
 
     def finish(self, run: RunContext) -> None: ...
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict
+    def verdict(self) -> Verdict:
+        return Verdict()
 
     def run_keys(self) -> Mapping[str, Any]:
         return {}

@@ -55,6 +55,7 @@ class GroupRun:
         self._runs: dict[str, VehicleRun] = {}
         self._flights: dict[str, Flight] = {}
         self._results: dict[str, RunResult] = {}
+        self._lost_with: dict[str, Sequence[str]] = {}  # causes of a FAIL when each lost vehicle was lost
         self._began_s = time.monotonic()
         self._setup_s = self._wall_s = 0.0
         formation = bench.config.formation
@@ -159,6 +160,9 @@ class GroupRun:
                 frames.place(name, truth)
 
     def _measure(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
+        for name, flight in self._flights.items():
+            if flight.lost and name not in self._lost_with:
+                self._lost_with[name] = self._runs[name].causes()
         self._measured.add(truths, [flight.over for flight in self._flights.values()])
         self._record_contacts(contacts)
 
@@ -188,16 +192,17 @@ class GroupRun:
     def _verdict(self) -> tuple[list[Row], list[str]]:
         """Return the measurements of the group, and the reasons for a FAIL of all vehicles but expendable ones.
 
-        If every vehicle is lost, none was expendable.
+        If every vehicle is lost, none was expendable. A vehicle that had crashed before it was lost is a FAIL as well.
         """
         formation = self._bench.config.formation
-        lost = {name for name, flight in self._flights.items() if flight.lost}
+        lost = self._lost_with
         rows, reasons = self._measured.verdict(
             self._bench.config.group, None if formation is None else formation.max_error_m, lost
         )
         for name, result in self._results.items():
-            if name not in lost or len(lost) == len(self._results):
-                reasons += [f"{name}: {reason}" for reason in result.run["verdict"]["reasons"]]
+            expendable = name in lost and len(lost) < len(self._results)
+            why = self._lost_with[name] if expendable else result.run["verdict"]["reasons"]
+            reasons += [f"{name}: {reason}" for reason in why]
         return rows, reasons
 
     def _status(self) -> str:
@@ -239,7 +244,7 @@ class GroupRun:
             "vehicles": {
                 name: {
                     "status": run["status"],
-                    "lost": name in self._flights and self._flights[name].lost,
+                    "lost": name in self._lost_with,
                     "error": run["error"],
                     "digest": run["digest"],
                     "rig": run["rig"],

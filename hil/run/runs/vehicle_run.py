@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +24,7 @@ from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_json import write_run_json
 from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
-from hil.run.verdict.verdict import UNJUDGED, Verdict
+from hil.run.verdict.verdict import Verdict
 from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
@@ -84,12 +84,13 @@ class VehicleRun:
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report."""
         self.mark_unfinished()
-        self.failure.guard(self._prepare_and_fly)
+        if self.failure.error is None:
+            self.failure.guard(self._prepare_and_fly)
         return self.finish()
 
     def mark_unfinished(self) -> RunResult:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
-        run = self._summary("ERROR", self._verdict(), KILLED)
+        run = self._summary(self._verdict(), KILLED)
         self._write(run)
         return RunResult("ERROR", run, self._out)
 
@@ -98,20 +99,18 @@ class VehicleRun:
         for recorder in self._recorders:
             self.failure.guard(lambda: self._finish_recording(recorder))  # noqa: B023 (called at once)
         verdict = self._verdict()
-        status = self._status(verdict)
         for recorder in self._recorders:
+            status = verdict.status if self.failure.error is None else "ERROR"
             self.failure.guard(lambda: recorder.close(status))  # noqa: B023 (called at once)
-            status = self._status(verdict)
         self._timing_s["total"] = time.monotonic() - self._began_s
-        run = self._summary(status, verdict, self.failure.error)
+        run = self._summary(verdict)
         if self._config.record.report and self._recorders and self.context.ticks:
             self.failure.guard(lambda: self._write_report(run))
-            status = self._status(verdict)
-            run = self._summary(status, verdict, self.failure.error)
+            run = self._summary(verdict)
         self._write(run)
         for part in self._parts:
             part.after_run(run)
-        return RunResult(status, run, self._out)
+        return RunResult(run["status"], run, self._out)
 
     def build(self, stack: ExitStack, recorder: Recorder) -> None:
         """Open and build all parts; `stack` closes them."""
@@ -155,6 +154,15 @@ class VehicleRun:
             fly_ticks([Flight(self.context)], quiet=self._quiet)
         finally:
             self.flown(time.monotonic() - began_s - self.paused_s)
+
+    def causes(self) -> Sequence[str]:
+        """Return what makes the flight a FAIL whatever else is judged, such as a crash, so far."""
+        return self._verdict().causes
+
+    def raise_causes(self) -> None:
+        """Raise HilError for a crash in a flight without a result."""
+        for cause in self.causes():
+            raise HilError(f"{cause} (`crash: null` records it all the same)")
 
     @property
     def paused_s(self) -> float:
@@ -208,20 +216,29 @@ class VehicleRun:
             recorder.event(self.context.now_ns(), "error", self.failure.text)
 
     def _verdict(self) -> Verdict:
-        return reduce(lambda verdict, part: part.verdict(verdict), self._parts, UNJUDGED)
+        """Return the verdicts of all parts together. One that a part fails to give makes the run an ERROR."""
+        verdict = Verdict()
 
-    def _status(self, verdict: Verdict) -> str:
-        return "ERROR" if self.failure.error is not None else verdict.status
+        def add(part: Part) -> None:
+            nonlocal verdict
+            verdict = Verdict.together([verdict, part.verdict()])
 
-    def _summary(self, status: str, verdict: Verdict, error: Mapping[str, str] | None) -> dict[str, Any]:
-        """Return the content of run.json: the keys of every run first, then those of the parts."""
+        for part in self._parts:
+            self.failure.guard(partial(add, part))
+        return verdict
+
+    def _summary(self, verdict: Verdict, error: Mapping[str, str] | None = None) -> dict[str, Any]:
+        """Return the content of run.json: the keys of every run first, then those of the parts.
+
+        `error` stands in place of the run's first one.
+        """
         context, config = self.context, self._config
         ticks, wall_s = context.ticks, self._timing_s.get("flight", 0.0)
         sim_s = ticks * config.tick_ns / NS_PER_S
         summary: dict[str, Any] = {
             "schema": 1,
-            "status": status,
-            "error": error,
+            "status": "",
+            "error": None,
             "digest": self._recorders[0].digest if self._recorders else _NO_DIGEST,
             "deterministic": not context.stopped_by_hand and all(part.repeatable() for part in self._parts),
             "seed": config.seed,
@@ -234,7 +251,6 @@ class VehicleRun:
             "skipped": [row for part in self._parts for row in part.skipped(ticks)],
             "warnings": self._warnings([*verdict.reasons, self.failure.text]),
             "verdict": {"reasons": list(verdict.reasons), "rows": [row.as_map() for row in verdict.rows]},
-            "actions": [],
             "timing": {
                 "setup_s": self._timing_s.get("setup", 0.0),
                 "total_s": self._timing_s.get("total", 0.0),
@@ -242,7 +258,10 @@ class VehicleRun:
             },
         }
         for part in self._parts:
-            summary |= part.run_keys()
+            self.failure.guard(partial(_add_keys, summary, part))
+        error = error or self.failure.error
+        summary |= {"status": verdict.status if error is None else "ERROR", "error": error}
+        summary.setdefault("actions", [])
         return summary
 
     def _warnings(self, said: Sequence[str]) -> list[dict[str, Any]]:
@@ -269,3 +288,12 @@ class VehicleRun:
         except OSError as error:
             text = f"{self._out}: the report cannot be written ({error.strerror or error})"
             raise RecordingError(text) from error
+
+
+def _add_keys(summary: dict[str, Any], part: Part) -> None:
+    """Add a part's keys to run.json. Raises HilError for a key that the run or another part has written."""
+    keys = part.run_keys()
+    for key in keys:
+        if key in summary:
+            raise HilError(f"the part {part.name!r} returns the key {key!r}, which run.json already has: rename it")
+    summary |= keys

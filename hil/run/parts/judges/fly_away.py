@@ -55,8 +55,8 @@ class FlyAwayPart(Part):
     def ended(self) -> bool:
         return self._reason is not None
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict if self._reason is None else verdict.with_cause(self._reason)
+    def verdict(self) -> Verdict:
+        return Verdict(causes=[] if self._reason is None else [self._reason])
 
 
 def distance_m(p_W: Vec3, starts_W: NDArray[np.float64], ends_W: NDArray[np.float64]) -> float:

@@ -64,17 +64,16 @@ class FailsafePart(Part):
     def _is_expected(self, failsafe: Failsafe) -> bool:
         return self._expected is not None and self._expected.covers(failsafe.t_ns / NS_PER_S, failsafe.mode)
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        reasons = [line for failsafe, line in self._told if not self._is_expected(failsafe)]
+    def verdict(self) -> Verdict:
+        unexpected = [line for failsafe, line in self._told if not self._is_expected(failsafe)]
         needed = self._expected is not None and self._expected.required
         missed = needed and not any(self._is_expected(failsafe) for failsafe, _ in self._told)
-        for line in reversed(reasons):
-            verdict = verdict.with_cause(line)  # limits that are missed follow from it
         if not (self._told or missed):
-            return verdict
-        row = Row("failsafes", float(len(self._told)), None if self._expected else 0.0, "", not (reasons or missed))
+            return Verdict()
+        ok = not (unexpected or missed)
+        row = Row("failsafes", float(len(self._told)), None if self._expected else 0.0, "", ok)
         why = [f"no failsafe came{self._expected.text}, and the flight needs one"] if missed and self._expected else []
-        return verdict.with_rows([row], why)
+        return Verdict([row], why, causes=unexpected)  # limits that are missed follow from a failsafe
 
     def run_keys(self) -> dict[str, Any]:
         return {
