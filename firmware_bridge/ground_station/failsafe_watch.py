@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.modes import mode_word
 from firmware_bridge.ground_station.vehicle_link import VehicleLink, enum_name
-from firmware_bridge.links.firmware import Firmware
 from signals.time import NS_PER_S
 
 _SAFETY_ARMED = 0x80

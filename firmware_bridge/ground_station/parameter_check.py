@@ -13,10 +13,10 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.vehicle_link import VehicleLink, param_as_held, param_as_read
-from firmware_bridge.links.firmware import Firmware
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, HandshakeError, Problem
 from signals.time import NS_PER_S
@@ -24,7 +24,7 @@ from signals.time import NS_PER_S
 _RequestRead = message_class("PARAM_REQUEST_READ")
 _RequestList = message_class("PARAM_REQUEST_LIST")
 
-_COMPID = 26  # MAV_COMP_ID_USER2, which ground stations and SDKs do not use
+_COMPID = 27  # MAV_COMP_ID_USER3, which ground stations and SDKs do not use
 _TRIES = 5
 _RETRY_NS = NS_PER_S
 _AT_ONCE = 10  # ArduPilot queues 20 requests and drops the others

@@ -5,7 +5,6 @@ from __future__ import annotations
 from firmware_bridge.codecs.ardupilot_json import PwmRange
 from firmware_bridge.links.ardupilot.eahrs_sitl import HeldPty, arducopter_on_ptys, sitl_parameters
 from firmware_bridge.links.ardupilot.external_ahrs import ExternalAhrsLink
-from firmware_bridge.links.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.links.ardupilot.vectornav_stream import InsErrors
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.transports.serial import SerialTransport
@@ -15,8 +14,6 @@ from hil.run.autopilots.ardupilot_sitl import frame_parameters
 from hil.run.autopilots.surroundings import Surroundings, firmware_build, free_running_settings, serial_path
 from signals.errors import PortNotFound
 from signals.geodesy import LocalFrame
-
-FIRMWARE = ARDUPILOT
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:

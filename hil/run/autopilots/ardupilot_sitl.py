@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from firmware_bridge.links.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.links.ardupilot.sitl import TCP_PORT, ardupilot_sitl, copter_parameters
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from hil.config import Bench
@@ -15,8 +14,6 @@ from hil.config.checks.rotor_checks import ardupilot_frame
 from hil.run.autopilots.surroundings import WORK_FOLDER, Surroundings, firmware_build, timeouts
 from signals.errors import LinkError
 from sim.physics.vehicle import Vehicle
-
-FIRMWARE = ARDUPILOT
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.links.firmware import Firmware
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.faults import Died, parse_fault
@@ -20,12 +19,6 @@ from hil.run.autopilots.rotor_parameters import BASE_AIRFRAME, matching_airframe
 from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, serial_path, timeouts
 
 MOCK_BOOT_SENSORS = 20
-FIRMWARE = Firmware(
-    name="mock",
-    # Other texts of its failsafes come with MAV_STATE_CRITICAL.
-    failsafe_texts=(r"^failsafe", r"^flight termination"),
-    bytewise_params=True,
-)
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:

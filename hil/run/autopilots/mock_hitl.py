@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from hil.run.autopilots.mock import FIRMWARE
 from hil.run.autopilots.px4_hitl import make_link
 
-__all__ = ["FIRMWARE", "make_link"]
+__all__ = ["make_link"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
-from firmware_bridge.links.px4.firmware import PX4
 from firmware_bridge.links.px4.free_running import FreeRunningLink
 from firmware_bridge.transports.serial import SerialTransport
 from firmware_bridge.transports.transport import Transport
@@ -11,8 +10,6 @@ from hil.config import Bench
 from hil.run.autopilots.mock import mock_on_a_pty
 from hil.run.autopilots.rotor_parameters import px4_parameters
 from hil.run.autopilots.surroundings import Surroundings, free_running_settings, serial_path
-
-FIRMWARE = PX4
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.links.px4.firmware import PX4
 from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
 from hil.config import Bench
 from hil.run.autopilots.rotor_parameters import matching_airframe, px4_parameters
 from hil.run.autopilots.surroundings import Surroundings, firmware_build, timeouts
 
-FIRMWARE = PX4
 EXTERNAL_AIRFRAME = "none_iris"
 
 

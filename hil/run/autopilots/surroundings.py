@@ -16,7 +16,6 @@ from firmware_bridge.devices.inventory import find_devices, port_hint
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkTimeouts
 from firmware_bridge.links.child_process import FirmwareBuild
-from firmware_bridge.links.firmware import Firmware
 from firmware_bridge.transports.serial import check_port
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
@@ -50,12 +49,6 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
     """
     link: AutopilotLink = import_module(f"hil.run.autopilots.{bench.config.autopilot.kind}").make_link(bench, around)
     return link
-
-
-def firmware_of(bench: Bench) -> Firmware:
-    """Return the facts about the firmware of this bench's autopilot, FIRMWARE of the module named after its kind."""
-    firmware: Firmware = import_module(f"hil.run.autopilots.{bench.config.autopilot.kind}").FIRMWARE
-    return firmware
 
 
 def check_ports(bench: Bench) -> None:

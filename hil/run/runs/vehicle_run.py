@@ -160,9 +160,9 @@ class VehicleRun:
         return self._verdict().causes
 
     def raise_causes(self) -> None:
-        """Raise HilError for a crash in a flight without a result."""
+        """Raise HilError for a crash or a failsafe in a flight without a result."""
         for cause in self.causes():
-            raise HilError(f"{cause} (`crash: null` records it all the same)")
+            raise HilError(f"{cause} (`crash: null` and `failsafe: {{required: false}}` record it all the same)")
 
     @property
     def paused_s(self) -> float:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.ground_station.failsafe_watch import Failsafe, FailsafeWatch
-from firmware_bridge.links.firmware import Firmware
 from hil.config import Bench
 from hil.config.schema import FailsafeExpected
-from hil.run.autopilots.surroundings import firmware_of
 from hil.run.part import Part, RunContext
 from hil.run.recorder.recorder import Event
 from hil.run.verdict.verdict import Row, Verdict
@@ -27,8 +27,9 @@ _ENDINGS = (" ended", " is over")
 class FailsafePart(Part):
     name = "failsafe"
 
-    def __init__(self, firmware: Firmware, expected: FailsafeExpected | None) -> None:
-        self._firmware, self._expected = firmware, expected
+    def __init__(self, firmware: Firmware, expected: FailsafeExpected | None, *, judged: bool = True) -> None:
+        """`judged`: False for a flight that is to crash, which failsafes precede."""
+        self._firmware, self._expected, self._judged = firmware, expected, judged
         self._watch = FailsafeWatch(firmware)
         self._run: RunContext | None = None
         self._told: list[tuple[Failsafe, str]] = []  # with its line for the user
@@ -65,13 +66,13 @@ class FailsafePart(Part):
         return self._expected is not None and self._expected.covers(failsafe.t_ns / NS_PER_S, failsafe.mode)
 
     def verdict(self) -> Verdict:
-        unexpected = [line for failsafe, line in self._told if not self._is_expected(failsafe)]
+        unexpected = [line for failsafe, line in self._told if self._judged and not self._is_expected(failsafe)]
         needed = self._expected is not None and self._expected.required
         missed = needed and not any(self._is_expected(failsafe) for failsafe, _ in self._told)
         if not (self._told or missed):
             return Verdict()
         ok = not (unexpected or missed)
-        row = Row("failsafes", float(len(self._told)), None if self._expected else 0.0, "", ok)
+        row = Row("failsafes", float(len(self._told)), 0.0 if self._judged and self._expected is None else None, "", ok)
         why = [f"no failsafe came{self._expected.text}, and the flight needs one"] if missed and self._expected else []
         return Verdict([row], why, causes=unexpected)  # limits that are missed follow from a failsafe
 
@@ -109,4 +110,5 @@ def cause_of(t_ns: int, events: Sequence[Event]) -> str:
 
 
 def make(bench: Bench) -> Part:
-    return FailsafePart(firmware_of(bench), bench.config.failsafe)
+    config = bench.config
+    return FailsafePart(PROFILES[config.autopilot.kind].firmware, config.failsafe, judged=bench.outcome != "crashed")

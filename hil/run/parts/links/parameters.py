@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.ground_station.parameter_check import ParameterCheck
 from hil.config import Bench
-from hil.run.autopilots.surroundings import firmware_of
 from hil.run.part import Part, RunContext
 
 
@@ -26,7 +26,8 @@ class ParametersPart(Part):
 
 
 def make(bench: Bench) -> Part:
-    autopilot, firmware = bench.config.autopilot, firmware_of(bench)
+    autopilot = bench.config.autopilot
+    firmware = PROFILES[autopilot.kind].firmware
     wanted = dict(autopilot.params)
     number = autopilot.airframe
     if firmware.airframe_parameter and number is not None and number.isdigit():

@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
+from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
+from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import message_class, pack
 from firmware_bridge.ground_station.failsafe_watch import FailsafeWatch
 from firmware_bridge.ground_station.modes import ARDUPILOT as ARDUPILOT_ID
 from firmware_bridge.ground_station.modes import PX4 as PX4_ID
 from firmware_bridge.ground_station.modes import mode_number
-from firmware_bridge.links.ardupilot.firmware import ARDUPILOT
-from firmware_bridge.links.firmware import Firmware
-from firmware_bridge.links.px4.firmware import PX4
 
 Heartbeat = message_class("HEARTBEAT")
 Text = message_class("STATUSTEXT")

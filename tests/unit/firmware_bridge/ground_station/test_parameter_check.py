@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
+from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
+from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.parameter_check import ParameterCheck, Reported, same_value
-from firmware_bridge.links.ardupilot.firmware import ARDUPILOT
-from firmware_bridge.links.firmware import Firmware
-from firmware_bridge.links.px4.firmware import PX4
 from signals.errors import ConfigError, HandshakeError
 
 Heartbeat = message_class("HEARTBEAT")

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from firmware_bridge.autopilots.mock.firmware import MOCK
+from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
+from firmware_bridge.codecs.messages import message_class, pack
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from hil.run.parts.links.failsafe import cause_of
+from hil.run.parts.links.failsafe import FailsafePart, cause_of
 from hil.run.recorder.recorder import Event
 from signals.errors import ConfigError
 
 S = 1_000_000_000
+Heartbeat, Text = message_class("HEARTBEAT"), message_class("STATUSTEXT")
 # Up, 60 m north, down.
 PLAN = """QGC WPL 110
 0	1	0	16	0	0	0	0	47.39774200	8.54559400	488.0	1
@@ -79,6 +84,21 @@ def test_a_failsafe_that_is_needed_must_come(tmp_path: Path) -> None:
     script = NO_GPS.replace("{at_s: 8, fault: {sensor: gps, kind: dropout}}", "{at_s: 8, set_mode: LAND}")
     result = fly(tmp_path, f"{script}failsafe: {{}}\n", "record.report=false")
     assert result.run["verdict"]["reasons"] == ["no failsafe came, and the flight needs one"]
+
+
+def test_a_flight_that_is_to_crash_may_have_failsafes() -> None:
+    encoder, run = FrameEncoder(1, 1), SimpleNamespace(say=lambda *_: None, recorder=SimpleNamespace(events=[]))
+    for judged, status in ((True, "FAIL"), (False, "PASS")):
+        part = FailsafePart(MOCK, None, judged=judged)
+        part.build(cast("Any", run))
+        for message in (
+            Heartbeat(2, 12, 0x81, 0, 4, 3),
+            Text(2, "Failsafe activated"),
+            Heartbeat(2, 12, 0x81, 0, 5, 3),
+        ):
+            part.step(0, FrameParser().feed(encoder.frame(message.MSGID, pack(message))))
+        assert part.verdict().status == status
+        assert len(part.run_keys()["failsafes"]) == 1
 
 
 def test_mistakes_are_told_with_their_line(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Firmware:
-    """Facts about one firmware. Each link's folder has those of its own."""
+    """Facts about one firmware."""
 
     name: str  # for messages to the user
     failsafe_texts: Sequence[str]  # regular expressions; a STATUSTEXT that one matches, in flight, is a failsafe

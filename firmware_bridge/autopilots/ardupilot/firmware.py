@@ -8,7 +8,7 @@ HEARTBEAT has MAV_STATE_CRITICAL (`any_failsafe_triggered`).
 
 from __future__ import annotations
 
-from firmware_bridge.links.firmware import Firmware
+from firmware_bridge.autopilots.firmware import Firmware
 
 ARDUPILOT = Firmware(
     name="ArduPilot",

@@ -7,7 +7,7 @@ EVENTs are not read: their texts lie in a file of each build.
 
 from __future__ import annotations
 
-from firmware_bridge.links.firmware import Firmware
+from firmware_bridge.autopilots.firmware import Firmware
 
 PX4 = Firmware(
     name="PX4",
