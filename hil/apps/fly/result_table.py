@@ -44,6 +44,9 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
         errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}", markup=True)
     for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
         console.print(f"  {reason}", markup=False)
+    for failsafe in run.get("failsafes", ()):
+        if failsafe["expected"] or run["status"] != "FAIL":  # else it is a reason
+            console.print(f"  {failsafe['line']}{' (expected)' if failsafe['expected'] else ''}", markup=False)
     print_warnings(run, console)
     console.print(table, markup=False)
     # Unbroken lines, so that they can be copied, compared and searched for.

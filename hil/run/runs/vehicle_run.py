@@ -267,10 +267,11 @@ class VehicleRun:
     def _warnings(self, said: Sequence[str]) -> list[dict[str, Any]]:
         """Return the warnings of bench and autopilot by time, without those that `said` contains already."""
         events = [event for recorder in self._recorders for event in recorder.warnings]
+        told = [event.text for recorder in self._recorders for event in recorder.events if event.kind == "failsafe"]
         return [
-            {"t_s": event.t_ns / NS_PER_S, "level": event.kind, "text": event.text}
+            {"t_s": event.t_ns / NS_PER_S, "level": event.kind, "text": event.text.strip()}
             for event in sorted(events, key=lambda event: event.t_ns)
-            if not any(event.text.strip() in text for text in said)
+            if not any(event.text.strip() in text for text in (*said, *told))
         ]
 
     def _write(self, run: Mapping[str, Any]) -> None:

@@ -57,6 +57,15 @@ def test_warnings_stand_with_a_pass_too_each_text_once(tmp_path: Path) -> None:
     assert "and 10 more warnings, in run.json" in text
 
 
+def test_a_failsafe_that_is_no_reason_is_told_too(tmp_path: Path) -> None:
+    failsafe = {"line": "PX4: Failsafe activated at 50.2 s, mode LAND", "expected": True}
+    assert f"{failsafe['line']} (expected)" in printed(tmp_path, run("PASS", []) | {"failsafes": [failsafe]})
+    lost = run("ERROR", []) | {"failsafes": [failsafe | {"expected": False}]}
+    assert f"  {failsafe['line']}\n" in printed(tmp_path, lost)
+    failed = run("FAIL", []) | {"failsafes": [failsafe | {"expected": False}]}
+    assert failsafe["line"] not in printed(tmp_path, failed)  # it is among the reasons
+
+
 def test_only_files_that_exist_are_named(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
     assert "(run.json; 61.0 s in all)" in printed(tmp_path, run("PASS", []))
