@@ -96,3 +96,19 @@ class HandshakeError(LinkError):
 
 class RecordingError(HilError):
     """Recording that cannot be written or read."""
+
+
+class Shortage(HilError):
+    """Resource of the system that ran out. `signals.shortage` recognises it in the errors of libraries."""
+
+
+class OutOfMemory(Shortage):
+    """No memory, or no thread, is left for this process."""
+
+
+class OutOfFiles(Shortage):
+    """No file descriptor is left."""
+
+
+class DiskFull(Shortage):
+    """No space is left in a file system, a quota or a limit on the size of files."""

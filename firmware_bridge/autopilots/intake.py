@@ -16,6 +16,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from firmware_bridge.autopilots.firmware import Firmware
+
 _OF_FIELDS = ("offset", "drift", "stuck_bit")
 _AXES = "xyz"
 
@@ -96,6 +98,7 @@ Intake = Samples | Simulated
 class Profile:
     """Facts about an autopilot: the things of a bench that it takes."""
 
+    firmware: Firmware
     sensors: Mapping[str, Intake]  # by kind of sensor
     link_faults: bool = True  # False: faults.links cannot be applied to its link
 

@@ -120,7 +120,7 @@ class ActionSource:
     """Carries out `actions`. A required one that is refused ends the run with a HandshakeError that names it.
 
     `first_item` is the autopilot's number of the mission's first item (1 where home is item 0).
-    `on_event(t_ns, kind, text)` gets the begin of each action, and refusals.
+    `on_event(t_ns, kind, text)` gets the begin of each action, and refusals. Requests wait until `may_begin` is True.
     """
 
     def __init__(
@@ -130,12 +130,14 @@ class ActionSource:
         target_sysid: int | None = 1,
         first_item: int = 0,
         on_event: Callable[[int, str, str], None] | None = None,
+        may_begin: Callable[[], bool] = lambda: True,
     ) -> None:
         self._actions = tuple(actions)
         self._link = VehicleLink(target_sysid=target_sysid, compid=SCRIPT_COMPID)
         self._commands = Commands(self._link)
         self._first_item = first_item
         self._on_event = on_event
+        self._may_begin = may_begin
         self._due: list[tuple[int, int]] = []
         self._waiting: dict[VehicleEvent, list[int]] = {}
         for index, action in enumerate(self._actions):
@@ -201,6 +203,8 @@ class ActionSource:
                 self._queue.popleft()
                 self._refuse(index, t_ns, "the vehicle has sent no heartbeat, so there is no autopilot to send it to")
                 return True
+            if not self._may_begin():
+                return False
             self._queue.popleft()
             self._running = index
             self._begin(index, t_ns)

@@ -152,7 +152,7 @@ class OffboardPilot(PhasedFlight):
         self._enter(Phase.PREFLIGHT, t_ns)
 
     def _preflight(self, t_ns: int) -> None:
-        healthy = self._health.ready(t_ns)
+        healthy = self._health.ready(t_ns) and self.may_arm()
         if not (healthy and self._place_known(t_ns)):
             if self._not_ready_since_ns is None:
                 self._not_ready_since_ns = t_ns

@@ -79,12 +79,14 @@ class Heartbeats:
         self.due_ns = 0
         self.connected = False
         self.armed = False
+        self.has_armed = False  # once
         self.autopilot = 0  # MAV_AUTOPILOT
         self.custom_mode = 0
 
     def on_heartbeat(self, message: Any) -> None:
         self.connected = True
         self.armed = bool(message.base_mode & _SAFETY_ARMED)
+        self.has_armed |= self.armed
         self.autopilot = message.autopilot
         self.custom_mode = message.custom_mode
 
@@ -136,7 +138,6 @@ class Health:
     """The pre-arm bit of SYS_STATUS: PX4 sets it when every arming check passes. With `estimator`, that one too."""
 
     def __init__(self, estimator: Estimator | None = None) -> None:
-        self.passed = False  # once
         self._estimator = estimator
         self._reported = False
         self._healthy = False
@@ -146,7 +147,6 @@ class Health:
     def on_sys_status(self, message: Any) -> None:
         self._reported = bool(message.onboard_control_sensors_present & _PREARM_CHECK)
         self._healthy = bool(message.onboard_control_sensors_health & _PREARM_CHECK)
-        self.passed |= self._healthy
         self._sensors_bad = (
             message.onboard_control_sensors_enabled & ~message.onboard_control_sensors_health & ~_PREARM_CHECK
         )
@@ -274,7 +274,7 @@ class PhasedFlight:
 
     A HandshakeError names the request and the answer. With `grid_ns`, decisions fall on its multiples only,
     independently of when the frames for them came. With `needs_estimator` the vehicle is ready only once its estimator
-    has converged (PX4's ESTIMATOR_STATUS).
+    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True.
     """
 
     # (message, interval [us]): the telemetry that the phases wait for.
@@ -290,6 +290,7 @@ class PhasedFlight:
         takeoff_limit_s: float = 60.0,
         grid_ns: int = 0,
         needs_estimator: bool = False,
+        may_arm: Callable[[], bool] = lambda: True,
     ) -> None:
         self._link = VehicleLink(target_sysid=target_sysid)
         self._heartbeat_limit_ns = round(heartbeat_limit_s * NS_PER_S)
@@ -304,6 +305,7 @@ class PhasedFlight:
         self._requests = RequestSequence(self._commands, self._heartbeats, self._texts)
         self._grid_ns = grid_ns
         self._grid_cell = -1  # of the last decision
+        self.may_arm = may_arm
         self.phase = Phase.CONNECTING
         self._phase_since_ns = 0
         self._retry_ns: int | None = None  # when the phase is due again
@@ -323,8 +325,7 @@ class PhasedFlight:
             self._handlers[MSGID["ESTIMATOR_STATUS"]] = estimator.on_status
 
     def _on_statustext(self, message: Any) -> None:
-        starting = not (self._health.passed or self._heartbeats.armed)
-        self._texts.on_statustext(self._t_ns, message, starting=starting)
+        self._texts.on_statustext(self._t_ns, message, starting=not self._heartbeats.has_armed)
 
     @property
     def statustexts(self) -> list[tuple[int, int, str]]:

@@ -96,7 +96,7 @@ class GroundStation(PhasedFlight):
     def _preflight(self, t_ns: int) -> None:
         if self._progress.current > 0 and self._heartbeats.autopilot != ARDUPILOT:
             self._go_to_first_item(t_ns)
-        elif self._health.ready(t_ns):
+        elif self._health.ready(t_ns) and self.may_arm():
             self._enter(Phase.ARMING, t_ns)
             steps = start_steps(self._heartbeats.autopilot)
             self._requests.begin(self._preflight_since_ns, steps, self._preflight_limit_ns)

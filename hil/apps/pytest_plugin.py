@@ -8,8 +8,9 @@
         assert run.max_cross_track_m < 1.0
 
 A test fails, even if its own assertions hold, if one of its flights was not clean: a CRC error, bytes that belong to no
-frame, a dropped frame, a late sample, or an estimator reset in the air. A flight that ends as ERROR raises `BenchError`
-at once. `@pytest.mark.hil_allow("late")` declares what a test expects; the names are those of `HEALTH`.
+frame, a dropped frame, a late sample, an estimator reset in the air, or a crash at which the test did not look. A
+flight that ends as ERROR raises `BenchError` at once. `@pytest.mark.hil_allow("late")` declares what a test expects;
+the names are those of `HEALTH`.
 
 The files of a flight (run.json, recordings, and a bench.yaml that repeats it) are kept under `--hil-artifacts` if the
 test failed, and removed if it passed. JUnit files contain each flight's digest, rig, seed and verdict.
@@ -28,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from hil.apps.fly.flown_run import HEALTH, BenchError, Run, health
+from hil.apps.fly.flown_run import HEALTH, BenchError, Run, health, unseen_crashes
 
 if TYPE_CHECKING:
     from firmware_bridge.devices.mock_bus import MockDesk, MockHid, MockSerialPorts, MockUsbBus
@@ -95,7 +96,7 @@ class Rig:
         self.runs.append(run)
         if (run.json["error"] or {}).get("type") == "Interrupted":
             raise KeyboardInterrupt  # the bench has closed its recordings, so pytest may stop now
-        if run.status == "ERROR" and "error" not in self.allowed:
+        if result.status == "ERROR" and "error" not in self.allowed:
             raise BenchError(run)
         return run
 
@@ -104,9 +105,11 @@ class Rig:
         lines = []
         for number, run in enumerate(self.runs, start=1):
             prefix = f"run {number}: " if len(self.runs) > 1 else ""
-            flights = {f"{name}: ": flight for name, flight in run.vehicles.items()} or {"": run}
-            for name, flight in flights.items():
-                for fault, count in health(flight).items():
+            # A lost vehicle may crash in a group that passes, so the group tells its crashes itself.
+            found = {f"{name}: ": health(vehicle) | {"crash": 0} for name, vehicle in run.vehicles.items()}
+            found[""] = {"crash": unseen_crashes(run)} if found else health(run)
+            for name, counts in found.items():
+                for fault, count in counts.items():
                     if count and fault not in self.allowed:
                         lines.append(f"{prefix}{name}{fault}: {count} ({HEALTH[fault]})")
         return lines
@@ -178,7 +181,7 @@ def pytest_runtest_makereport(
     if report.failed:
         item.stash[_FAILED] = True
         if rig.runs:
-            lines = [f"{run.status}  digest {run.digest}  {run.out}" for run in rig.runs]
+            lines = [f"{run.json['status']}  digest {run.digest}  {run.out}" for run in rig.runs]
             command = f"again, with a report: hil run {rig.runs[-1].out}/bench.yaml"
             report.sections.append(("hil runs", "\n".join([*lines, command])))
     if call.when == "teardown" and not item.stash.get(_FAILED, False) and not item.config.getoption("--hil-keep"):
@@ -194,7 +197,7 @@ def _properties(runs: Sequence[Run]) -> list[tuple[str, object]]:
             "digest": run.digest,
             "rig": run.json["rig"],
             "seed": run.json["seed"],
-            "verdict": run.status,
+            "verdict": run.json["status"],
             "out": str(run.out),
         }
         suffix = "" if number == 1 else f"_{number}"

@@ -24,7 +24,6 @@ def exit_on_error(status: int = ERROR_STATUS) -> Iterator[None]:
         yield
     except HilError as error:
         lines = [str(p) for p in error.problems] if isinstance(error, ConfigError) else [str(error)]
-        with contextlib.suppress(OSError, ValueError):  # a closed pipe: the exit status still says what happened
-            for line in lines:
-                error_console.print(f"[bold red]error:[/] {escape(line)}", markup=True)
+        for line in lines:
+            error_console.print(f"[bold red]error:[/] {escape(line)}", markup=True)
         raise typer.Exit(CONFIG_STATUS if isinstance(error, ConfigError) else status) from None

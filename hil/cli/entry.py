@@ -6,6 +6,7 @@ It has few imports, so that an error in any other import ends in one message and
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
@@ -13,6 +14,8 @@ from collections.abc import Callable
 from types import FrameType
 
 from hil.cli.status import ERROR_STATUS
+from hil.cli.streams import keep_streams
+from signals.shortage import CRASHED, OUT_OF_MEMORY, has_memory, named
 
 
 class Stopped(KeyboardInterrupt):
@@ -20,6 +23,8 @@ class Stopped(KeyboardInterrupt):
 
 
 def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
+    if number == signal.SIGINT and not has_memory():
+        raise MemoryError("a library stopped the program, as OpenBLAS does when it gets no thread")
     raise Stopped(f"stopped by {signal.Signals(number).name}")
 
 
@@ -45,12 +50,12 @@ def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
     # SIGINT needs a handler too, because a shell makes commands ignore it that a script starts in the background.
     _handle_signals(_stop)
-    with contextlib.suppress(AttributeError, ValueError):  # a name that is not UTF-8 can be printed
-        sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    keep_streams()
     sys.unraisablehook = _raise_again
     # The bench does not render with MuJoCo. A MUJOCO_GL set for other programs could make the import of MuJoCo fail.
     os.environ["MUJOCO_GL"] = "disabled"
     try:
+        _guard_crashes()
         from hil.cli.app import run_command_line
 
         status = run_command_line(sys.argv[1:])
@@ -58,15 +63,29 @@ def main() -> None:
     except KeyboardInterrupt as stop:
         _end_at_signals(ERROR_STATUS)
         status = _print_error(str(stop) or "stopped from the keyboard", ERROR_STATUS)
-    except BrokenPipeError:
-        status = ERROR_STATUS  # standard output is closed, so there is no message
     except Exception as defect:
         if os.environ.get("HIL_TRACEBACK"):
             raise
-        text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
-        status = _print_error(text, ERROR_STATUS)
-    _replace_closed_streams()
+        told = named(defect)
+        defect_text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
+        status = _print_error(defect_text if told is None else str(told), ERROR_STATUS)
+    _end_crashes(status)
     sys.exit(status)
+
+
+def _guard_crashes() -> None:
+    """Let a crash of a native library end with a message, run.json and the status of an ERROR."""
+    if not os.environ.get("HIL_TRACEBACK") and not faulthandler.is_enabled():
+        from signals._kernel import guard_crashes
+
+        guard_crashes(ERROR_STATUS, f"error: {CRASHED}\n", f"error: {OUT_OF_MEMORY}\n")
+
+
+def _end_crashes(status: int) -> None:
+    """Let nothing that a native library does at exit change the status."""
+    kernel = sys.modules.get("signals._kernel")
+    if kernel is not None:
+        kernel.guard_end(status)
 
 
 def _handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:
@@ -79,24 +98,16 @@ def _end_at_signals(status: int) -> None:
     """Let a signal end the process at once with this status: the command is over, only the interpreter still exits."""
 
     def end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-        _replace_closed_streams()
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(RuntimeError):  # the signal came within a write to it
+                stream.flush()
         os._exit(status)
 
     _handle_signals(end)
 
 
-def _replace_closed_streams() -> None:
-    """Replace closed standard streams, because flushing them at exit would print a message and change the status."""
-    for name in ("stdout", "stderr"):
-        try:
-            getattr(sys, name).flush()
-        except (OSError, ValueError, AttributeError):
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (lives until the process ends)
-
-
 def _print_error(text: str, status: int) -> int:
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        sys.stderr.write(f"error: {text}\n")
+    sys.stderr.write(f"error: {text}\n")
     return status
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.config.missions import Geopoint, Mission
-from hil.config.missions.script import MissionScript
+from hil.config.missions.script import MissionScript, Outcome
 from hil.config.schema import BenchConfig
 from hil.config.sensors.noise import noise_factors, scaled_parameters
 from sim.physics.vehicle import Vehicle
@@ -34,6 +34,11 @@ class Bench:
     files: Mapping[str, Path]
     script: MissionScript | None = None
     vehicles: Mapping[str, Bench] = field(default_factory=dict)
+
+    @property
+    def outcome(self) -> Outcome:
+        """Required end of the flight."""
+        return "complete" if self.script is None else self.script.script.outcome
 
     def sensor_parameters(self, name: str) -> Any:
         """Return the parameters of a sensor, with its noise scaled by the factor drawn from the seed."""

@@ -11,7 +11,7 @@ from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import Vehicle
-from sim.scene.imports.sources import import_source
+from sim.scene.imports.sources import files_root, import_source, named_file
 from sim.scene.map_file import read_map_file
 from sim.scene.map_section import MjcfMap
 from sim.scene.scene import Scene, is_map_file, scene_of_map
@@ -71,7 +71,8 @@ def save_scene(scene: Scene, source: Path, folder: Path) -> str:
         names = imported.save(map_folder)
     else:
         assert isinstance(scene.map, MjcfMap)
-        map_file = read_map_file((scene.file.folder / scene.map.mjcf).expanduser())
+        path = named_file(scene, "mjcf", scene.map.mjcf)
+        map_file = read_map_file(path, root=files_root(scene, path))
         (map_folder / "map.xml").write_text(map_file.text, encoding="utf-8")
         for name, data in map_file.assets.items():
             (map_folder / name).write_bytes(data)

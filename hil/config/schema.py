@@ -14,16 +14,18 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.ground_station.modes import WORDS as MODE_WORDS
+from firmware_bridge.ground_station.modes import plain_word
 from firmware_bridge.router.endpoint import Endpoint
 from firmware_bridge.transports.loopback_host import is_loopback
 from hil.config.vehicles.settings import Formation, Group, Offset
-from signals.documents.validate import Section
+from signals.documents.validate import Section, nearest
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
 from sim.frame.quality import QualityName
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import Effects
+from sim.physics.forces.force import Effects
 from sim.randomize.settings import Randomize
 from sim.scene.weather import Weather
 from sim.scene.wind import Wind
@@ -186,11 +188,19 @@ def _address(host: str) -> str:
     return host
 
 
+def _origin(text: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9+.-]*://[^/\s*,]*", text.lower()):
+        raise ValueError("must be the origin of a page as browsers name it, such as https://app.foxglove.dev")
+    return text.lower()
+
+
 class Foxglove(Section):
     """A run that Foxglove follows live (docs/foxglove.md)."""
 
     port: Annotated[int, Field(ge=0, le=65535)] | None = None  # null: none is served; 0: any that is free
     host: Annotated[str, AfterValidator(_address)] = "127.0.0.1"  # 0.0.0.0: other machines too, without a password
+    # Pages that may connect. Those of other sites are refused; programs that are no browsers name none.
+    origins: tuple[Annotated[str, AfterValidator(_origin)], ...] = ("https://app.foxglove.dev",)
     control: bool | None = None  # clients may pause, set the wind and inject faults; null: on loopback
     paused: bool = False  # wait before the first tick until a client resumes
     rate_hz: Annotated[float, Field(ge=1, le=60)] = 20.0  # wall clock, of updates
@@ -344,6 +354,40 @@ class Crash(Section):
     rest_s: Annotated[float, Field(gt=0)] | None = 10.0
 
 
+class FailsafeExpected(Section):
+    """A failsafe that the flight is to have, or may have. Any other one makes the flight a FAIL."""
+
+    required: bool = True  # false: it may come, and need not
+    mode: str | None = None  # mode word of the vehicle after it (docs/mission-scripts.md); null: any
+    from_s: Annotated[float, Field(ge=0, le=86_400)] | None = None  # earliest; null: at any time
+    to_s: Annotated[float, Field(ge=0, le=86_400)] | None = None  # latest
+
+    @field_validator("mode")
+    @classmethod
+    def _known_mode(cls, word: str | None) -> str | None:
+        if word is not None and word not in MODE_WORDS:
+            raise ValueError(f"no mode {word!r} ({nearest(word, MODE_WORDS)})")
+        return word
+
+    @model_validator(mode="after")
+    def _window(self) -> FailsafeExpected:
+        if self.from_s is not None and self.to_s is not None and not self.to_s > self.from_s:
+            raise ValueError(f"to_s {self.to_s:g} must come after from_s {self.from_s:g}")
+        return self
+
+    def covers(self, t_s: float, mode: str) -> bool:
+        """Return True if this declares a failsafe at `t_s` that entered the mode of this word."""
+        in_time = (self.from_s is None or t_s >= self.from_s) and (self.to_s is None or t_s <= self.to_s)
+        return in_time and (self.mode is None or plain_word(self.mode) == mode)
+
+    @property
+    def text(self) -> str:
+        """The mode and the time for messages, such as " with mode LAND from 45 s to 60 s"."""
+        words = [f" with mode {self.mode}"] if self.mode is not None else []
+        words += [f" {word} {t:g} s" for word, t in (("from", self.from_s), ("to", self.to_s)) if t is not None]
+        return "".join(words)
+
+
 Coordinate = Annotated[float, Field(ge=-1e5, le=1e5)]
 
 
@@ -454,6 +498,9 @@ class BenchConfig(Section):
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
     crash: Crash | None = Crash()  # null: a crash does not end the flight
+    # Distance from start, plan and goal at which the flight ends as FAIL; null: it never does.
+    fly_away_m: Annotated[float, Field(gt=0, le=1e6)] | None = 500.0
+    failsafe: FailsafeExpected | None = None  # null: the flight is to have none
     goal: Goal | None = None  # null: not judged
     search: Search | None = None  # null: not judged
     parts: dict[str, Any] = Field(default_factory=dict)  # further parts of a run, each with settings of its own

@@ -49,9 +49,11 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
 def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:
     """Fly `bench` into `recorder`, without run.json, report and saved bench; `part` ends the flight.
 
-    Nothing is measured or judged. Raises HilError, whatever `recorder` and `part` raise, and KeyboardInterrupt.
+    Nothing is measured or judged but crashes. Raises HilError, also for a crash, whatever `recorder` and `part` raise,
+    and KeyboardInterrupt.
     """
     run = VehicleRun(bench, out, parts_of(bench, [part], judged=False), quiet=True)
     with ExitStack() as stack:
         run.build(stack, recorder)
         run.fly()
+    run.raise_causes()

@@ -20,8 +20,8 @@ composition root (`hil.run.runs.vehicle_run`) calls them in the order of `hil.ru
     conclude(run)         the flight ended without an error, and everything is still open
     close()               always, in the reverse order of the parts; also where `open` or `build` failed
     finish(run)           last events into the recording
-    verdict(verdict)      add rows and reasons to the verdict
-    run_keys()            keys of run.json
+    verdict()             the part's own rows and reasons, which the run adds to those of all others
+    run_keys()            keys of run.json that neither the run nor another part writes
     skipped(ticks)        rows of run.json's list of what was not computed
     report(run)           pictures and sections of the report page
     after_run(run)        run.json is written
@@ -60,7 +60,7 @@ from signals.desired import DesiredState
 from signals.detections import Detections
 from signals.samples import TruthState
 from sim.frame.source import FrameSource
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 
 
 class FlightEnded(Exception):
@@ -86,7 +86,7 @@ class RunContext:
     """The run that a part belongs to. Each field exists from the step named beside it on."""
 
     recorder: Recorder  # open
-    physics: QuadrotorPhysics  # open, once the vehicle has been opened
+    physics: VehiclePhysics  # open, once the vehicle has been opened
     plan: StagePlan  # build
     sensors: SensorSlots  # build, once the sensors have been built
     link: AutopilotLink  # begin
@@ -161,13 +161,13 @@ class RunContext:
         if self._scheduler is not None:
             self._scheduler.flush()
 
-    def event(self, kind: str, text: str) -> None:
-        """Record an event at the present simulated time."""
-        self.recorder.event(self.now_ns(), kind, text)
+    def event(self, kind: str, text: str, t_ns: int | None = None) -> None:
+        """Record an event of the simulated time `t_ns`; None: now."""
+        self.recorder.event(self.now_ns() if t_ns is None else t_ns, kind, text)
 
-    def say(self, kind: str, text: str) -> None:
-        """Record an event, and print it on the console: the user should know it before the flight."""
-        self.event(kind, text)
+    def say(self, kind: str, text: str, t_ns: int | None = None) -> None:
+        """Record an event, and print it on the console: the user should know it before the run has ended."""
+        self.event(kind, text, t_ns)
         if not self._quiet:
             with suppress(OSError, ValueError):  # the terminal or pipe was closed; the flight goes on
                 print(f"{kind}: {text}", flush=True)  # noqa: T201
@@ -186,6 +186,10 @@ class RunContext:
         phase = next((phase for part in self.parts if (phase := part.phase())), "serving")
         counts = next((counts for part in self.parts if (counts := part.waypoints())), (0, 0))
         return FlightStatus(phase, *counts)
+
+    def may_arm(self) -> bool:
+        """Return True once every part agrees that the vehicle may be armed."""
+        return all(part.may_arm() for part in self.parts)
 
     def texts(self) -> list[tuple[int, int, str]]:
         """Return the autopilot's status texts so far: time [ns], MAV_SEVERITY, text."""
@@ -253,8 +257,8 @@ class Part:
 
     def finish(self, run: RunContext) -> None: ...
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict
+    def verdict(self) -> Verdict:
+        return Verdict()
 
     def run_keys(self) -> Mapping[str, Any]:
         return {}
@@ -290,6 +294,10 @@ class Part:
     def texts(self) -> Sequence[tuple[int, int, str]]:
         """Return status texts of the autopilot: time [ns], MAV_SEVERITY, text."""
         return ()
+
+    def may_arm(self) -> bool:
+        """Return False while the vehicle must not be armed yet, because what this part checks is not known."""
+        return True
 
     def link_waits(self) -> None:
         """Called about four times a second while the link waits long for its autopilot; may raise, to end the run."""

@@ -13,6 +13,7 @@ from signals.documents.document import Document, Place, read_text, shown_path
 from signals.errors import ConfigError, Problem
 
 _LIMIT_BYTES = 64_000_000
+_LIMIT_VALUES = 5_000_000  # a value takes some 100 bytes; a mission of 65,535 items has a million
 _MAX_DUPLICATES = 20  # duplicate keys that are located, each by a pass over the whole text
 _LEXEME = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|[^\s{}\[\],:"]+')
 
@@ -95,6 +96,10 @@ def parse_json(text: str, source: str, *, repeated: list[Problem] | None = None)
 
     if not text.strip():
         raise ConfigError([Problem(source, "is empty")])
+    values = text.count(",") + text.count("[") + text.count("{")
+    if values > _LIMIT_VALUES:
+        message = f"holds {values:,} values; {_LIMIT_VALUES:,} are read"
+        raise ConfigError([Problem(source, message, "is it the file you meant?")])
     try:
         data = json.loads(text, object_pairs_hook=pairs)
     except json.JSONDecodeError as error:

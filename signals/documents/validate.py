@@ -33,7 +33,7 @@ COMMAND_LINE = "--"  # prefix of an origin that is a command-line option, not a 
 _UNITS = {
     "_radps": "rad/s", "_mps2": "m/s2", "_degc": "degC", "_tesla": "T", "_mps": "m/s", "_deg": "deg", "_rad": "rad",
     "_n_per_radps2": "N/(rad/s)2", "_n_per_m2ps2": "N/(m/s)2", "_n_per_mps": "N/(m/s)", "_kg_per_rad": "kg/rad",
-    "_kgm2": "kg m2", "_px": "px", "_s_per_m": "S/m", "_per_m": "per m",
+    "_kgm2": "kg m2", "_m3": "m3", "_px": "px", "_s_per_m": "S/m", "_per_m": "per m",
     "_pa": "Pa", "_ns": "ns", "_us": "us", "_ms": "ms", "_hz": "Hz", "_kg": "kg", "_nm": "N m",
     "_m": "m", "_s": "s", "_n": "N",
 }  # fmt: skip

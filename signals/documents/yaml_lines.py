@@ -51,6 +51,19 @@ class _CoreSchemaLoader(yaml.SafeLoader):
     """PyYAML's parser with the plain scalars of YAML 1.2 instead of those of 1.1."""
 
     yaml_implicit_resolvers = {}  # noqa: RUF012  (PyYAML's own name; filled below)
+    nodes = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Compose one node, of a limited number: a node takes some 2 kB."""
+        self.nodes += 1
+        if self.nodes > _LIMIT_VALUES:
+            raise _TooManyNodes
+        node: yaml.Node | None = super().compose_node(parent, index)
+        return node
+
+
+class _TooManyNodes(Exception):
+    """The text holds more keys and values than are read."""
 
 
 class _Dumper(yaml.SafeDumper):
@@ -224,6 +237,9 @@ def parse_yaml(text: str, source: str) -> Document:
         raise ConfigError([Problem(f"{source}:{line}", message)]) from None
     except yaml.MarkedYAMLError as error:
         raise ConfigError([_syntax_problem(error, text, source)]) from None
+    except _TooManyNodes:
+        message = f"holds more than {_LIMIT_VALUES} keys and values"
+        raise ConfigError([Problem(source, message, "is it the file you meant?")]) from None
     except RecursionError:
         raise ConfigError([_find_too_deep(text, source)]) from None
     if node is None:

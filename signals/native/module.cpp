@@ -7,8 +7,10 @@
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
+#include "crash_guard.hpp"
 #include "detmath.hpp"
 #include "geodesy.hpp"
 #include "noise_stream.hpp"
@@ -97,4 +99,18 @@ NB_MODULE(_kernel, m) {
     m.def("tangent_ned", &tangent_ned, "origin"_a, "place"_a,
           "Return the NED position [m] of a place relative to an origin, both (latitude, longitude [deg], altitude [m]): "
           "north and east are exact on WGS-84, down is the difference of altitudes.");
+    m.def("guard_crashes",
+          [](int status, const std::string &crashed, const std::string &no_memory) {
+              hil::crash_guard::arm(status, {crashed, no_memory});
+          },
+          "status"_a, "crashed"_a, "no_memory"_a,
+          "End with `status` and one of two messages where a native library ends the process (crash_guard.hpp).");
+    m.def("unguard_crashes", &hil::crash_guard::disarm, "Leave crashes to the system, in a child process.");
+    m.def("guard_end", &hil::crash_guard::end, "status"_a, "Let nothing change the exit status any more.");
+    m.def("guard_file",
+          [](const std::string &path, const std::string &crashed, const std::string &no_memory) {
+              hil::crash_guard::keep(path, {crashed, no_memory});
+          },
+          "path"_a, "crashed"_a, "no_memory"_a,
+          "Write one of two contents to a file when the process crashes; empty contents: leave it.");
 }

@@ -18,19 +18,19 @@
 // Deterministic: + - * / sqrt and detmath.hpp only.
 #pragma once
 
-#include "rigid_body.hpp"
-
 namespace hil::sim {
 
 struct Jet {
     double origin_W[3];
     double axis_W[3];      // unit vector
     double velocity_W[3];  // 2 v_i, along -F
-    double b0_m;           // 0: no jet
+    double b0_m;
 };
 
-// Jet of the vehicle in `state` (with rotor speeds), in the wind `wind_W`.
-Jet jet_of(const RigidBodyParams &params, const double *state, const double *wind_W);
+// Writes the jet of `discs` rotors of this radius that push the vehicle with `force_B`, in the wind `wind_W`. `s`: p, q, v,
+// w of the vehicle; `induced2_per_n` = 1 / (2 rho pi R^2). Returns false if there is none.
+bool jet_of(const double *s, const double *force_B, double induced2_per_n, double radius_m, int discs,
+            const double *wind_W, Jet &out);
 
 // Adds the jet's wind at `p_W` to `wind_W`.
 void add_jet(const Jet &jet, const double *p_W, double *wind_W);

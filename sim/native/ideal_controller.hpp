@@ -5,7 +5,7 @@
 // No allocation.
 #pragma once
 
-#include "rigid_body.hpp"
+#include "forces/rotor_air.hpp"
 
 namespace hil::sim {
 

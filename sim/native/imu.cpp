@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "detmath.hpp"
-#include "rigid_body.hpp"
+#include "body.hpp"
 #include "rotation.hpp"
 
 namespace hil::sim {

@@ -4,6 +4,7 @@
 namespace nb = nanobind;
 
 void bind_actors(nb::module_ &m);
+void bind_body(nb::module_ &m);
 void bind_dataset_pictures(nb::module_ &m);
 void bind_dryden(nb::module_ &m);
 void bind_extinction(nb::module_ &m);
@@ -18,12 +19,12 @@ void bind_radar_receiver(nb::module_ &m);
 void bind_radar_synthesis(nb::module_ &m);
 void bind_ray(nb::module_ &m);
 void bind_ray_cast(nb::module_ &m);
-void bind_rigid_body(nb::module_ &m);
 void bind_sweep_rays(nb::module_ &m);
 
 NB_MODULE(_kernels, m) {
     m.doc() = "Simulation kernels: plain views in, caller-owned arrays out; long calls release the GIL.";
     bind_actors(m);
+    bind_body(m);
     bind_dataset_pictures(m);
     bind_dryden(m);
     bind_extinction(m);
@@ -38,6 +39,5 @@ NB_MODULE(_kernels, m) {
     bind_radar_synthesis(m);
     bind_ray(m);
     bind_ray_cast(m);
-    bind_rigid_body(m);
     bind_sweep_rays(m);
 }

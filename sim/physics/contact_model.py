@@ -25,8 +25,11 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
+from signals.errors import ConfigError, Problem
 from signals.samples import Vec3
 from sim.physics.vehicle import Vehicle
+from sim.scene.budget import Budget
+from sim.scene.compile_process import compile_mjcf
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_geoms
 from sim.scene.world import VEHICLE, World
@@ -194,15 +197,24 @@ _models: OrderedDict[tuple[int, str, float], tuple[World, mujoco.MjModel]] = Ord
 
 
 def build_model(scene: Scene, *vehicles: Vehicle, contact_step_s: float) -> mujoco.MjModel:
-    """Return a compiled model that belongs to the caller: nq 7, nv 6 for each vehicle."""
+    """Return a compiled model that belongs to the caller: nq 7, nv 6 for each vehicle.
+
+    Raises ConfigError if a user's map cannot be compiled, or not within its limits.
+    """
     if scene.has_only_boxes:
-        return mujoco.MjModel.from_xml_string(mjcf_text(scene, *vehicles, contact_step_s=contact_step_s))
+        return compile_mjcf(mjcf_text(scene, *vehicles, contact_step_s=contact_step_s), {})
     world = load_world(scene)
     types = " ".join(vehicle.model_dump_json() for vehicle in vehicles)
     parameters = f"{scene.gravity_mps2!r} {scene.ground_friction!r} {types}"
     key = (id(world.model), parameters, contact_step_s)
     if key not in _models:
-        model = mujoco.MjModel.from_xml_string(mjcf_text(scene, *vehicles, contact_step_s=contact_step_s))
+        text = mjcf_text(scene, *vehicles, contact_step_s=contact_step_s)
+        where = scene.file.document.where(("map",))
+        try:
+            model = compile_mjcf(text, {}, Budget(where) if world.map.from_file else None)
+        except ValueError as error:
+            message = f"has no model of contact that MuJoCo can compile: {' '.join(str(error).split())}"
+            raise ConfigError([Problem(where, message)]) from None
         for field in range(model.nhfield):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_HFIELD, field)
             source = int(name.removeprefix("hfield_"))

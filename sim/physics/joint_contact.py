@@ -19,8 +19,8 @@ import mujoco
 from signals.samples import Vec3
 from sim.physics.actors import Actors
 from sim.physics.contact_model import ROTOR_HALF_THICKNESS_M, build_model, soften_contact
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.maps.scene_map import Actor
 from sim.world_loader import load_world
 
@@ -55,7 +55,7 @@ def reach_m(vehicle: Vehicle) -> float:
 class JointContact:
     """Contact model of a number of vehicles of given types; serves any vehicles of these types, one tick at a time."""
 
-    def __init__(self, members: Sequence[QuadrotorPhysics]) -> None:
+    def __init__(self, members: Sequence[VehiclePhysics]) -> None:
         first, vehicles = members[0], [member.vehicle for member in members]
         self._tick_ns = first.tick_ns
         self._step_s = [first.tick_ns / 1e9 / count for count in first.contact_substeps]
@@ -78,7 +78,7 @@ class JointContact:
         if self._actors is not None:
             self._actors.changed(actor, t_ns)
 
-    def touch(self, members: Sequence[QuadrotorPhysics]) -> bool:
+    def touch(self, members: Sequence[VehiclePhysics]) -> bool:
         """Return True if any two members touch each other on their ways since the last tick."""
         model, data = self._model, self._data
         travelled_m = sum(member.body.moved_m() for member in members)
@@ -101,7 +101,7 @@ class JointContact:
 
     def step(
         self,
-        members: Sequence[QuadrotorPhysics],
+        members: Sequence[VehiclePhysics],
         t_ns: int,
         *,
         hard: bool,

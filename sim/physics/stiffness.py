@@ -51,7 +51,7 @@ def too_strong(vehicle: Vehicle, steps: TickSteps, most_mps: float, most_radps: 
     """Return which figure takes the vehicle from rest beyond these speeds within one tick; None if no figure does."""
     c, n, (x, y, z) = vehicle.rotor_constants, len(vehicle.rotors), vehicle.inertia_kgm2
     thrust = n * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
-    arm = max(math.hypot(*rotor.position_m[:2]) for rotor in vehicle.rotors)
+    arm = max((math.hypot(*rotor.position_m[:2]) for rotor in vehicle.rotors), default=0.0)
     lag_s = min(c.time_constant_up_s, c.time_constant_down_s)
     turns = [
         (thrust * arm / min(x, y), "thrust_coefficient_n_per_radps2", c.thrust_coefficient_n_per_radps2),

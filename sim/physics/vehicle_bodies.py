@@ -30,7 +30,8 @@ from signals.time import NS_PER_S
 from signals.units import TURN_RAD
 from sim import _kernels
 from sim.frame.source import VEHICLE_CLASS
-from sim.physics.vehicle import ContactSphere, Rotor, Vehicle
+from sim.physics.forces.rotors import Rotor
+from sim.physics.vehicle import ContactSphere, Vehicle
 from sim.scene.maps import surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.world import World

@@ -2,7 +2,8 @@
 
 One tick:
 
-1. alone     Every vehicle flies the tick as if it were alone (sim.physics.quadrotor), contact with the scene included.
+1. alone     Every vehicle flies the tick as if it were alone (sim.physics.vehicle_physics), contact with the
+             scene included.
 2. nearness  Pairs whose bounding spheres cannot have met are left as they are: one native call for all pairs.
 3. query     Near pairs are posed along their ways and MuJoCo looks for contacts between them. If there are none, the
              results of 1 stand. Vehicles that touch, directly or through others, form a cluster.
@@ -28,8 +29,8 @@ from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_MS
 from sim._kernels import near_pairs, write_downwash
 from sim.physics.joint_contact import JointContact, Outcome, Touch, reach_m
-from sim.physics.quadrotor import HARD_LANDING_MPS, QuadrotorPhysics
 from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle_physics import HARD_LANDING_MPS, VehiclePhysics
 from sim.scene.maps.scene_map import Actor
 
 IMPACT_NS = 20 * NS_PER_MS  # a longer contact is a rest: only this much of its impulse is counted
@@ -67,7 +68,7 @@ class VehicleGroup:
     Raises ValueError unless the vehicles have the same scene and tick.
     """
 
-    def __init__(self, vehicles: Mapping[str, QuadrotorPhysics], *, downwash: bool = False) -> None:
+    def __init__(self, vehicles: Mapping[str, VehiclePhysics], *, downwash: bool = False) -> None:
         if not vehicles:
             raise ValueError("a group needs a vehicle")
         self._names = list(vehicles)
@@ -89,7 +90,7 @@ class VehicleGroup:
     def advance(self, tick: int, controls: Sequence[Sequence[float]]) -> list[TruthState]:
         """Advance all vehicles to tick `tick`, and return their states; both in the mapping's order.
 
-        See `QuadrotorPhysics.advance`. A ModelRangeError names its vehicle.
+        See `VehiclePhysics.advance`. A ModelRangeError names its vehicle.
         """
         if self._downwash_W is not None:
             self._blow(self._downwash_W)
@@ -220,10 +221,10 @@ class VehicleGroup:
     def _by_name(self, indices: Iterable[int]) -> tuple[int, ...]:
         return tuple(sorted(indices, key=self._names.__getitem__))
 
-    def _members(self, indices: Iterable[int]) -> list[QuadrotorPhysics]:
+    def _members(self, indices: Iterable[int]) -> list[VehiclePhysics]:
         return [self._vehicles[index] for index in self._by_name(indices)]
 
-    def _joint_contact(self, members: Sequence[QuadrotorPhysics]) -> JointContact:
+    def _joint_contact(self, members: Sequence[VehiclePhysics]) -> JointContact:
         """Return the model for vehicles of these types."""
         types = [member.vehicle for member in members]
         for known, joint in self._joint:

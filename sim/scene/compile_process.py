@@ -1,72 +1,71 @@
-"""Compiles an MJCF text in a process of its own, with limits of time and memory.
+"""Compiles an MJCF text with MuJoCo: in a process with limits if it holds what a user's file describes.
 
-MuJoCo's compiler cannot be interrupted. The process can: a signal to the bench ends it at once.
+The rule: a map that the bench makes itself, of its own generators and of boxes, is compiled in the bench; it is small,
+and its text is known. Every text that holds a user's map is not (`SceneMap.from_file`): the map, the map with objects,
+people and vehicles added, and the model of its contact.
 """
 
 from __future__ import annotations
 
-import contextlib
-import resource
-import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
 
-MAX_COMPILE_S = 120  # of processor time
-_MAX_MEMORY_BYTES = 8 << 30
-_TEXT, _ASSETS, _MODEL, _ERROR = "map.xml", "assets", "map.mjb", "error.txt"
+from sim.scene.budget import Budget
+from sim.scene.limited_process import limited
+
+_COMPILING = "MuJoCo's compiler"
+_DRAWN_BYTES = 300  # per triangle, for the search of rays in meshes and height fields
 
 
-def compile_with_limits(mjcf: str, assets: Mapping[str, bytes]) -> mujoco.MjModel:
-    """Return the compiled model. Raises ValueError with MuJoCo's message, or one that names the limit."""
-    with tempfile.TemporaryDirectory(prefix="hil-map-") as name:
-        folder = Path(name)
-        (folder / _TEXT).write_text(mjcf, encoding="utf-8")
-        (folder / _ASSETS).mkdir()
-        for asset, data in assets.items():
-            (folder / _ASSETS / asset).write_bytes(data)
-        with subprocess.Popen(
-            [sys.executable, "-m", __name__, name],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C reaches the bench only, which then ends this process
-        ) as process:
-            try:
-                status = process.wait()
-            except BaseException:
-                process.kill()
-                raise
-        if status == 0:
-            return mujoco.MjModel.from_binary_path(str(folder / _MODEL))
-        with contextlib.suppress(OSError):
-            raise ValueError((folder / _ERROR).read_text(encoding="utf-8"))
-        raise ValueError(
-            f"MuJoCo's compiler ended with status {status}: the map needs more than {MAX_COMPILE_S} s of processor "
-            f"time or {_MAX_MEMORY_BYTES >> 30} GB of memory, or it crashes the compiler"
-        )
+def compile_mjcf(mjcf: str, assets: Mapping[str, bytes], budget: Budget | None = None) -> mujoco.MjModel:
+    """Return the compiled model; in a process of its own with the limits of `budget`, if there is one.
+
+    Raises ValueError with MuJoCo's message; ConfigError if a limit is exceeded.
+    """
+    if budget is None:
+        model, error = _compiled(mjcf, dict(assets))
+    else:
+        with tempfile.TemporaryDirectory(prefix="hil-map-") as folder:
+            binary = str(Path(folder) / "map.mjb")
+            arguments = (mjcf, dict(assets), binary, budget)
+            error = limited(f"{__name__}:compile_to_file", *arguments, budget=budget, what=_COMPILING)
+            model = None if error else mujoco.MjModel.from_binary_path(binary)
+    if model is None:
+        raise ValueError(error)
+    return model
 
 
-def main() -> int:
-    """Compile the map in the folder that is the only argument."""
-    folder = Path(sys.argv[1])
-    resource.setrlimit(resource.RLIMIT_CPU, (MAX_COMPILE_S, MAX_COMPILE_S))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with contextlib.suppress(ValueError, OSError):  # macOS has no such limit
-        resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
-    assets = {path.name: path.read_bytes() for path in (folder / _ASSETS).iterdir()}
-    mujoco.set_mju_user_warning(lambda _: None)  # by default MuJoCo writes a log file into the working directory
+def _compiled(mjcf: str, assets: dict[str, bytes]) -> tuple[mujoco.MjModel | None, str]:
+    """Return the model, or None and MuJoCo's message."""
+    mujoco.set_mju_user_warning(_ignore)  # by default MuJoCo writes a log file into the working directory
     try:
-        model = mujoco.MjModel.from_xml_string((folder / _TEXT).read_text(encoding="utf-8"), assets)
-    except (ValueError, mujoco.FatalError, UnicodeError, MemoryError) as error:
-        (folder / _ERROR).write_text(str(error) or type(error).__name__, encoding="utf-8")
-        return 1
-    mujoco.mj_saveModel(model, str(folder / _MODEL))
-    return 0
+        return mujoco.MjModel.from_xml_string(mjcf, assets), ""
+    except (ValueError, mujoco.FatalError, UnicodeError) as error:
+        if "alloc" in str(error).lower():
+            raise MemoryError from None
+        return None, str(error)
+    finally:
+        mujoco.set_mju_user_warning(None)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def compile_to_file(mjcf: str, assets: dict[str, bytes], binary: str, budget: Budget) -> str:
+    """Write the model to a file, and return MuJoCo's message: "" if there is none.
+
+    Raises ConfigError if the bench could not hold the model and its state.
+    """
+    model, error = _compiled(mjcf, assets)
+    if model is not None:
+        data = mujoco.MjData(model)
+        state_bytes = data.nbuffer + data.narena
+        budget.at_once(state_bytes, "MuJoCo's state: sensors, user data and its stack")
+        triangles = model.nmeshface + 2 * model.nhfielddata
+        budget.memory(mujoco.mj_sizeModel(model) + state_bytes + _DRAWN_BYTES * triangles, "the compiled model")
+        mujoco.mj_saveModel(model, binary)
+    return error
+
+
+def _ignore(_warning: str) -> None:
+    """Ignore a warning of MuJoCo: a map that compiles only has warnings about its dynamics, which are not used."""

@@ -17,9 +17,10 @@ from xml.sax.saxutils import quoteattr
 
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
+from sim.scene.budget import Budget
+from sim.scene.files_below import file_below
 
 MAX_XML_BYTES = 64_000_000
-MAX_ASSET_BYTES = 1_000_000_000
 MAX_DEPTH = 200
 
 _DIRS = {"mesh": "meshdir", "hfield": "meshdir", "skin": "meshdir", "texture": "texturedir"}
@@ -30,6 +31,10 @@ _TEXT_KEYS = frozenset(
 _LENGTH_KEYS = frozenset(("pos", "size", "fromto"))
 _NOT_FINITE = re.compile(r"(?<![\w.])[+-]?(?:nan|inf|infinity)(?![\w.])", re.IGNORECASE)
 MAX_LENGTH_M = 1.0e5
+_ASSET_NAME = re.compile(r'"(\d{4,}_[A-Za-z0-9_.-]*)"')  # as `_asset` makes them
+_COPIES_OF_ASSET = 2
+_COPIES_OF_TEXT = 8  # of a file, until MuJoCo has read it
+_ELEMENT_BYTES = 1000
 _COMPILER_PATHS = ("meshdir", "texturedir", "assetdir", "strippath")
 
 
@@ -89,12 +94,18 @@ class MapFile:
         return Problem(element.where, f"MuJoCo cannot compile this map: {message}")
 
 
-def read_map_file(path: Path, *, inside: tuple[Path, ...] = ()) -> MapFile:
-    """Read a map. `inside`: the files that contain this one as a sub-model. Raises ConfigError with every problem."""
-    return _MapReader(path, inside).read()
+def read_map_file(
+    path: Path, *, root: Path | None = None, budget: Budget | None = None, inside: tuple[Path, ...] = ()
+) -> MapFile:
+    """Read a map. Raises ConfigError with every problem.
+
+    `root`: the folder that holds all its files, by default that of the map. `budget`: charged with what is read.
+    `inside`: the files that contain this one as a sub-model.
+    """
+    return _MapReader(path, root or path.parent, budget or Budget(shown_path(path)), inside).read()
 
 
-def parse_xml(path: Path, where: str = "") -> Element:
+def parse_xml(path: Path, budget: Budget, where: str = "") -> Element:
     """Parse an XML file. Raises ConfigError, at `where` if the file cannot be read."""
     source = shown_path(path)
     try:
@@ -104,6 +115,7 @@ def parse_xml(path: Path, where: str = "") -> Element:
             raise ConfigError([Problem(where or source, f"{source} is not a regular file")])
         if path.stat().st_size > MAX_XML_BYTES:
             raise ConfigError([Problem(source, f"is longer than the {MAX_XML_BYTES / 1e6:g} MB that are read")])
+        budget.memory(_COPIES_OF_TEXT * path.stat().st_size, source)
         data = path.read_bytes()
     except (OSError, ValueError) as error:
         raise ConfigError([Problem(where or source, f"{source} cannot be read: {error}")]) from None
@@ -113,7 +125,15 @@ def parse_xml(path: Path, where: str = "") -> Element:
     open_elements: list[Element] = []
     roots: list[Element] = []
 
+    def entity(name: str, *_: object) -> None:
+        where = f"{source}:{parser.CurrentLineNumber}"
+        message = f"declares the entity {name[:40]!r}, which could expand to any size"
+        raise ConfigError([Problem(where, message, "write its text where it is used")])
+
     def start(tag: str, attributes: dict[str, str]) -> None:
+        place = f"the elements up to {source}:{parser.CurrentLineNumber}"
+        budget.objects(1, place)
+        budget.memory(_ELEMENT_BYTES, place)
         element = Element(tag, attributes, source, parser.CurrentLineNumber)
         if len(open_elements) > MAX_DEPTH:
             raise ConfigError([Problem(element.where, f"is nested too deeply: more than {MAX_DEPTH} elements")])
@@ -125,6 +145,7 @@ def parse_xml(path: Path, where: str = "") -> Element:
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
+    parser.EntityDeclHandler = entity
     try:
         parser.Parse(data, True)
     except xml.parsers.expat.ExpatError as error:
@@ -145,17 +166,16 @@ def _as_numbers(text: str) -> list[float]:
 class _MapReader:
     """State while one file is read."""
 
-    def __init__(self, path: Path, inside: tuple[Path, ...]) -> None:
-        self._path = path
+    def __init__(self, path: Path, root: Path, budget: Budget, inside: tuple[Path, ...]) -> None:
+        self._path, self._root, self._budget = path, root, budget
         self._inside = (*inside, path.resolve())
         self._problems: list[Problem] = []
         self._assets: dict[str, bytes] = {}
         self._asset_names: dict[Path, str] = {}
         self._asset_elements: dict[str, Element] = {}
-        self._size = 0
 
     def read(self) -> MapFile:
-        root = parse_xml(self._path)
+        root = parse_xml(self._path, self._budget)
         if root.tag == "robot":
             raise ConfigError([Problem(root.where, "is URDF, not MJCF", "MuJoCo's own `compile` turns it into MJCF")])
         if root.tag != "mujoco":
@@ -190,11 +210,10 @@ class _MapReader:
             if not name:
                 self._problems.append(Problem(child.where, "<include> names no file"))
                 continue
-            file = next((p for p in (self._path.parent / name, path.parent / name) if p.is_file()), None)
-            if file is None:
-                self._problems.append(Problem(child.where, f"<include> names a file that does not exist: {name}"))
+            found = self._named(child, [self._path.parent, path.parent], name)
+            if found is None:
                 continue
-            resolved = file.resolve()
+            file, resolved = found
             if resolved in inside:
                 self._problems.append(Problem(child.where, f"<include> of {name}, which includes this file itself"))
                 continue
@@ -203,7 +222,7 @@ class _MapReader:
                 continue
             seen.add(resolved)
             try:
-                included = parse_xml(file, child.where)
+                included = parse_xml(file, self._budget, child.where)
             except ConfigError as error:
                 self._problems += error.problems
                 continue
@@ -235,62 +254,75 @@ class _MapReader:
                     name = re.split(r"[/\\]", name)[-1]
                 if key == "file" and tag != "skin":
                     element.attributes.setdefault("name", Path(name).stem)
-                element.attributes[key] = self._asset(element, self._path.parent / folder / name, name)
+                element.attributes[key] = self._asset(element, folder, name)
         elif tag == "model" and "file" in element.attributes:
-            name = element.attributes["file"]
-            self._sub_model(element, self._path.parent / name, name)
+            self._sub_model(element, element.attributes["file"])
         elif tag in ("flexcomp", "flex"):
             message = f"<{tag}> bends by itself, which the bench does not simulate"
             self._problems.append(Problem(element.where, message, "leave it out"))
 
-    def _asset(self, element: Element, path: Path, name: str) -> str:
+    def _named(self, element: Element, folders: list[Path], name: str) -> tuple[Path, Path] | None:
+        """Return a file of the map, as it is named and its real path; None after a problem."""
+        message, hint = "", ""
+        for folder in folders:
+            try:
+                real = file_below(self._root, folder, name)
+                if real.is_file():
+                    return folder / name, real
+                message, hint = f"does not exist: {name[:200]}", f"looked for {shown_path(folder / name)}"
+            except (ValueError, OSError) as error:
+                if not message:
+                    hint = f"copy it below {shown_path(self._root)}, or write a scene file in a folder above both"
+                    message = str(error)
+        self._problems.append(Problem(element.where, f"<{element.tag}> names a file that {message}", hint))
+        return None
+
+    def _asset(self, element: Element, folder: str, name: str) -> str:
         """Return the name of a file in `assets`; each file is read once."""
-        cached_name = self._asset_names.get(path)
+        # As MuJoCo joins them: an absolute name stands alone.
+        found = self._named(element, [self._path.parent], str(Path(folder, name)))
+        if found is None:
+            return name
+        path, real = found
+        cached_name = self._asset_names.get(real)
         if cached_name is not None:
             return cached_name
         tag = f"<{element.tag}>"
         try:
-            if not path.is_file():
-                message = f"{tag} names a file that does not exist: {name}"
-                self._problems.append(Problem(element.where, message, f"looked for {shown_path(path)}"))
-                return name
-            self._size += path.stat().st_size
-            if self._size > MAX_ASSET_BYTES:
-                limit = f"more than {MAX_ASSET_BYTES / 1e9:g} GB of files"
-                raise ConfigError([*self._problems, Problem(element.where, f"{tag}: {limit}")])
-            data = path.read_bytes()
+            self._budget.memory(_COPIES_OF_ASSET * real.stat().st_size, f"{tag} {name}")
+            data = real.read_bytes()
         except (OSError, ValueError) as error:
             self._problems.append(Problem(element.where, f"{tag}: {name!r} cannot be read: {error}"))
             return name
         if not data:
             self._problems.append(Problem(element.where, f"{tag} names a file that is empty: {name}"))
         asset_name = f"{len(self._assets):04d}_{re.sub(r'[^A-Za-z0-9_.-]', '_', path.name)}"
-        self._asset_names[path] = asset_name
+        self._asset_names[real] = asset_name
         self._assets[asset_name] = data
         self._asset_elements[asset_name] = Element(element.tag, {"file": name}, element.source, element.line)
         return asset_name
 
-    def _sub_model(self, element: Element, path: Path, name: str) -> None:
-        if path.resolve() in self._inside:
+    def _sub_model(self, element: Element, name: str) -> None:
+        found = self._named(element, [self._path.parent], name)
+        if found is None:
+            return
+        path, real = found
+        if real in self._inside:
             self._problems.append(Problem(element.where, f"<model> of {name}, which contains this file"))
             return
         try:
-            sub = read_map_file(path, inside=self._inside) if path.is_file() else None
+            sub = read_map_file(path, root=self._root, budget=self._budget, inside=self._inside)
         except ConfigError as error:
             self._problems += error.problems
             return
-        if sub is None:
-            self._problems.append(Problem(element.where, f"<model> names a file that does not exist: {name}"))
-            return
         number = len(self._assets)
-        text = sub.text
         for asset_name, data in sub.assets.items():
             renamed = f"{number:04d}_{asset_name}"
-            text = text.replace(f'"{asset_name}"', f'"{renamed}"')
             self._assets[renamed] = data
             self._asset_elements[renamed] = sub.asset_elements[asset_name]
+        text = _ASSET_NAME.sub(lambda m: f'"{number:04d}_{m[1]}"' if m[1] in sub.assets else m[0], sub.text)
         element.attributes.setdefault("name", sub.root.attributes.get("model", path.stem))
-        asset_name = f"{number:04d}_{path.stem}.xml"
+        asset_name = f"{number:04d}_{re.sub(r'[^A-Za-z0-9_.-]', '_', path.stem)}.xml"
         self._assets[asset_name] = text.encode()
         self._asset_elements[asset_name] = Element(element.tag, {"file": name}, element.source, element.line)
         element.attributes["file"] = asset_name

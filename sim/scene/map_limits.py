@@ -5,34 +5,28 @@ from __future__ import annotations
 import math
 
 from signals.errors import Problem
+from sim.scene.budget import map_limits, raise_hint
 from sim.scene.map_file import Element
 
 MAX_COPIES = 10_000  # elements made by <replicate> and <composite>; MuJoCo's time grows with their square
-MAX_ELEMENTS = 200_000
 MAX_CELLS = 1 << 24  # of a height field
 MAX_TEXELS = 1 << 26  # of a texture made by MuJoCo
 MAX_USER_VALUES = 1000
 MAX_MESH_PARAMETER = 100
-# Elements whose cost does not show in the length of the file.
-_COSTLY = frozenset({"replicate", "composite", "hfield", "mesh", "skin", "texture", "model", "attach", "size"})
-_QUICK_ELEMENTS = 2000
-
-
-def needs_limits(root: Element) -> bool:
-    """Return True for a map that may take MuJoCo more than a moment to compile."""
-    elements = list(root.walk())
-    return len(elements) > _QUICK_ELEMENTS or any(element.tag in _COSTLY for element in elements)
+_MOST = 10**12  # that is told of a count
 
 
 def size_problems(root: Element) -> list[Problem]:
     """Return every element that asks for more than the bench compiles."""
     problems: list[Problem] = []
     total, copies = _count(root, 1, problems)
+    allowed = int(map_limits().objects)
     if copies > MAX_COPIES:
         message = f"holds {copies} copies made by <replicate> and <composite>; {MAX_COPIES} are allowed"
         problems.append(Problem(root.source, message, "use fewer copies, or one mesh"))
-    elif total > MAX_ELEMENTS:
-        problems.append(Problem(root.source, f"holds {total} elements; {MAX_ELEMENTS} are allowed", "use meshes"))
+    elif total > allowed:
+        hint = f"use meshes; {raise_hint('objects', total)}"
+        problems.append(Problem(root.source, f"holds {total} elements; {allowed} are allowed", hint))
     return problems
 
 
@@ -41,7 +35,7 @@ def _count(element: Element, copies: int, problems: list[Problem]) -> tuple[int,
     tag = element.tag
     own = copies
     if tag == "replicate":
-        own, copies = 0, copies * max(1, int(min(_product(element, "count"), 1e12)))
+        own, copies = 0, copies * max(1, _product(element, "count"))
     elif tag == "hfield":
         _limit(element, "nrow x ncol", _product(element, "nrow", "ncol"), MAX_CELLS, problems)
     elif tag == "texture":
@@ -49,13 +43,15 @@ def _count(element: Element, copies: int, problems: list[Problem]) -> tuple[int,
         _limit(element, "texels", sides * _product(element, "width", "height"), MAX_TEXELS, problems)
     elif tag == "mesh" and "builtin" in element.attributes:
         _limit(element, "params", _largest(element, "params"), MAX_MESH_PARAMETER, problems)
+    elif tag == "user":
+        _limit(element, "dim", _largest(element, "dim"), MAX_USER_VALUES, problems)
     elif tag == "size":
         for key in element.attributes:
             if key.startswith("nuser_"):
                 _limit(element, key, _largest(element, key), MAX_USER_VALUES, problems)
     total, copied = own, own if own > 1 else 0
     if tag == "composite":
-        made = copies * int(min(_product(element, "count"), 1e12))
+        made = copies * _product(element, "count")
         total, copied = total + made, copied + made
     for child in element.children:
         below, copied_below = _count(child, copies, problems)
@@ -63,23 +59,25 @@ def _count(element: Element, copies: int, problems: list[Problem]) -> tuple[int,
     return total, copied
 
 
-def _limit(element: Element, name: str, value: float, limit: int, problems: list[Problem]) -> None:
+def _limit(element: Element, name: str, value: int, limit: int, problems: list[Problem]) -> None:
     if value > limit:
-        message = f"<{element.tag}> {name} is {value:.6g}; {limit} is allowed"
+        message = f"<{element.tag}> {name} is {float(value):.6g}; {limit} is allowed"
         problems.append(Problem(element.where, message, "make it smaller"))
 
 
-def _numbers(element: Element, key: str) -> list[float]:
+def _numbers(element: Element, key: str) -> list[int]:
+    """Return the numbers of an attribute as whole numbers, limited to 0 .. `_MOST`."""
     try:
-        return [float(word) for word in element.attributes.get(key, "").split()]
+        numbers = [float(word) for word in element.attributes.get(key, "").split()]
     except ValueError:
         return []  # MuJoCo reports it
+    return [int(min(max(0.0, number), _MOST)) for number in numbers]
 
 
-def _product(element: Element, *keys: str) -> float:
+def _product(element: Element, *keys: str) -> int:
     """Return the product of all numbers of these attributes; missing ones count as 1."""
-    return math.prod(number for key in keys for number in _numbers(element, key))
+    return min(math.prod(number for key in keys for number in _numbers(element, key)), _MOST)
 
 
-def _largest(element: Element, key: str) -> float:
-    return max(_numbers(element, key), default=0.0)
+def _largest(element: Element, key: str) -> int:
+    return max(_numbers(element, key), default=0)

@@ -17,7 +17,9 @@ from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, load_model
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.scene.appearance import Appearance
+from sim.scene.budget import Budget
 from sim.scene.light import Light, time_of
+from sim.scene.limited_process import limited
 from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.scene_file import SceneFile
 from sim.scene.sun_position import sun_position_deg
@@ -171,13 +173,10 @@ def scene_of_map(path: Path) -> Scene:
     if kind == "gltf":
         section = GltfMap(gltf=path.name)
     elif kind == "osm":
-        # Imported here because few flights need the reader.
-        from sim.scene.imports.osm_file import read_osm
-        from sim.scene.imports.osm_map import take_off_place
-
         section = OsmMap(osm=path.name)
-        data = file.cache["osm"] = read_osm(path)
-        latitude_deg, longitude_deg = take_off_place(data, section.radius_m)
+        arguments = (path, section.radius_m, budget := Budget(file.document.source))
+        place = limited("sim.scene.imports.osm_import:free_place", *arguments, budget=budget, what="finding its ground")
+        latitude_deg, longitude_deg = place
         site = Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=0.0)
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",

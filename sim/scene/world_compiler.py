@@ -18,14 +18,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.documents.document import shown_path
 from signals.documents.validate import nearest, validate
 from signals.errors import ConfigError, Problem
+from signals.shortage import shortage
 from sim.scene import semantics
+from sim.scene.budget import Budget
 from sim.scene.classes import MAX_CLASSES, class_table
-from sim.scene.compile_process import compile_with_limits
-from sim.scene.imports.sources import ImportSource, import_source, named_file
+from sim.scene.compile_process import compile_mjcf
+from sim.scene.imports.sources import ImportSource, files_root, import_source, named_file
 from sim.scene.map_file import MapFile, read_map_file
-from sim.scene.map_limits import needs_limits, size_problems
+from sim.scene.map_limits import size_problems
 from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.scene import Box, Scene
@@ -48,6 +51,7 @@ class MapSource:
     file: MapFile | None = None
     text: str = ""
     imported: ImportSource | None = None
+    budget: Budget | None = None  # of a map from a file
 
     def key(self, scene: Scene) -> str:
         """Return a hash of everything that the compiled map depends on."""
@@ -67,9 +71,12 @@ def map_source(scene: Scene) -> MapSource:
     """Return the source of a scene's map; its files are read. Raises ConfigError if they cannot be used."""
     section = scene.map
     if not isinstance(section, MjcfMap):
-        return MapSource(section, imported=import_source(scene))
-    file = read_map_file(named_file(scene, "mjcf", section.mjcf))
-    return MapSource(section, file, file.text)
+        imported = import_source(scene)
+        return MapSource(section, imported=imported, budget=imported.budget if imported is not None else None)
+    path = named_file(scene, "mjcf", section.mjcf)
+    budget = Budget(shown_path(path))
+    file = read_map_file(path, root=files_root(scene, path), budget=budget)
+    return MapSource(section, file, file.text, budget=budget)
 
 
 def compile_source(scene: Scene, source: MapSource) -> World:
@@ -82,7 +89,7 @@ def compile_source(scene: Scene, source: MapSource) -> World:
         return compile_map(scene, scene_map, class_table(new_classes))
     if isinstance(section, MjcfMap):
         assert source.file is not None
-        return _from_file(scene, section, source.file)
+        return _from_file(scene, section, source.file, source.budget)
     if section is not None:
         assert source.imported is not None
         return _imported(scene, section, source.imported)
@@ -109,7 +116,7 @@ def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
         raise ConfigError([scene.file.problem(("map",), message)]) from None
 
 
-def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
+def _from_file(scene: Scene, section: MjcfMap, file: MapFile, budget: Budget | None) -> World:
     class_colours, surfaces, problems = _names(scene, section)
     problems += size_problems(file.root)
     for element in file.root.walk():
@@ -124,8 +131,9 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile) -> World:
     text = file.text
     if section.ground:
         text = _insert(text, _GROUND)
-    scene_map = SceneMap(_with_boxes(text, scene.boxes), file.assets, section.classes, surfaces, ())
-    return compile_map(scene, scene_map, class_colours, file)
+    text = _with_boxes(text, scene.boxes)
+    scene_map = SceneMap(text, file.assets, section.classes, surfaces, (), from_file=True)
+    return compile_map(scene, scene_map, class_colours, file, budget)
 
 
 def _imported(scene: Scene, section: GltfMap | OsmMap, source: ImportSource) -> World:
@@ -143,8 +151,8 @@ def _imported(scene: Scene, section: GltfMap | OsmMap, source: ImportSource) -> 
         problems.append(scene.file.problem(("map", "surfaces", name), message, nearest(name, made.names, listed=False)))
     if problems:
         raise ConfigError(problems)
-    scene_map = replace(made.scene_map, mjcf=_with_boxes(made.scene_map.mjcf, scene.boxes))
-    return compile_map(scene, scene_map, class_colours, limited=isinstance(section, GltfMap))
+    scene_map = replace(made.scene_map, mjcf=_with_boxes(made.scene_map.mjcf, scene.boxes), from_file=True)
+    return compile_map(scene, scene_map, class_colours, budget=source.budget)
 
 
 def _names(
@@ -210,27 +218,24 @@ def compile_map(
     scene_map: SceneMap,
     class_colours: Mapping[str, tuple[int, int, int]],
     file: MapFile | None = None,
-    *,
-    limited: bool = False,
+    budget: Budget | None = None,
 ) -> World:
     """Compile a map and number its classes, instances and surfaces; raises ConfigError.
 
     `class_colours`: class -> colour, in the order of class ids. `file`: the user's MJCF file, for its line numbers.
-    `limited`: compile in a process of its own.
+    `budget`: what reading the map has left of it, for a map from a file.
     """
-    mujoco.set_mju_user_warning(_ignore)  # by default MuJoCo writes a log file into the working directory
+    if scene_map.from_file and budget is None:
+        budget = Budget(scene.file.document.where(("map",)))
     try:
-        if limited or (file is not None and needs_limits(file.root)):
-            model = compile_with_limits(scene_map.mjcf, scene_map.assets)
-        else:
-            model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
+        model = compile_mjcf(scene_map.mjcf, scene_map.assets, budget if scene_map.from_file else None)
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
+        if file is None and (ran_out := shortage(error)) is not None:
+            raise ran_out from None
         problem = file.problem(str(error)) if file is not None else None
         raise ConfigError(
             [problem or scene.file.problem(("map",), f"cannot be compiled: {' '.join(str(error).split())}")]
         ) from None
-    finally:
-        mujoco.set_mju_user_warning(None)
     names = semantics.Names.of(model)
     class_ids = {name: number for number, name in enumerate(class_colours)}
     problems = []
@@ -269,10 +274,6 @@ def compile_map(
         read_only(geom_surface),
         read_only(semantics.visible(model)),
     )
-
-
-def _ignore(_warning: str) -> None:
-    """Ignore a warning of MuJoCo: a map that compiles only has warnings about its dynamics, which are not used."""
 
 
 def _unsupported_parts(model: mujoco.MjModel, names: semantics.Names, file: MapFile) -> list[Problem]:

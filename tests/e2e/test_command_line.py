@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -101,18 +100,49 @@ def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_
     assert (done.returncode, done.stderr) == (3, "error: stopped by SIGTERM\n")
 
 
-def test_an_unread_output_does_not_end_a_flight(tmp_path: Path) -> None:
-    with open("/dev/full", "w") as full:
-        done = hil("run", "--out", str(tmp_path / "full"), *SHORT, stdout=full)
-    assert done.returncode == 1  # 1 s is not enough to fly the mission: FAIL
-    assert status_of(tmp_path / "full") == "FAIL"
-    reader, writer = os.pipe()
-    os.close(reader)
-    done = hil("run", "--out", str(tmp_path / "pipe"), *SHORT, stdout=writer)
-    os.close(writer)
-    assert done.returncode == 1
-    assert status_of(tmp_path / "pipe") == "FAIL"
-    assert "Traceback" not in done.stderr
+PASSES = ["run", "--set", "mission=", "--set", "duration_s=0.1", "--set", "record.report=false"]
+PASSES += ["--set", "autopilot.transport=loopback"]
+
+
+@pytest.mark.parametrize(
+    ("broken", "arguments", "status"),
+    [
+        *((broken, PASSES, 0) for broken in ("reader gone", "full", "closed")),
+        ("reader gone", ["check"], 0),
+        ("full", ["check", "--rig", "mok"], 2),
+        ("reader gone", ["--help"], 0),
+    ],
+)
+def test_an_output_that_nobody_receives_changes_no_status(
+    broken: str, arguments: list[str], status: int, tmp_path: Path
+) -> None:
+    if arguments is PASSES:
+        arguments = [*arguments, "--out", str(tmp_path)]
+    shell = {
+        "reader gone": '"$@" 2>&1 | true; exit ${PIPESTATUS[0]}',
+        "full": '"$@" >/dev/full 2>/dev/full',
+        "closed": '"$@" <&- >&- 2>&-',
+    }
+    program = [sys.executable, "-m", "hil.cli.entry", *arguments]
+    done = subprocess.run(
+        ["bash", "-c", shell[broken], "hil", *program],
+        cwd=ROOT, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (status, "")
+    if arguments[0] == "run":
+        assert status_of(tmp_path) == "PASS"
+
+
+def test_a_command_that_only_prints_ends_with_its_reader() -> None:
+    command = [sys.executable, "-m", "hil.cli.entry", "devices", "--watch", "--json"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as watching:
+        try:
+            assert watching.stdout is not None
+            assert watching.stdout.readline().startswith("{")
+            watching.stdout.close()
+            assert watching.wait(60) == 0
+        finally:
+            watching.kill()
 
 
 def test_the_digest_is_printed_whole_in_plain_ascii(tmp_path: Path) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
+import subprocess
 import sys
 import types
 from pathlib import Path
 from typing import Any
 
+import nanobind
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -20,7 +23,7 @@ from hil.run.bench_run import run_bench
 from sim.sensors.kinds import KINDS
 
 TEXT = (Path(__file__).resolve().parents[2] / "CONTRIBUTING.md").read_text()
-BLOCKS = re.findall(r"```(?:python|yaml)\n# (\S+)\n(.*?)```", TEXT, re.DOTALL)
+BLOCKS = re.findall(r"```(?:python|yaml|cpp)\n(?:#|//) (\S+)\n(.*?)```", TEXT, re.DOTALL)
 SHORT = ["autopilot.transport=loopback", "record.tlog=false", "record.report=false"]
 
 
@@ -53,6 +56,68 @@ def test_a_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         values = [message.value for _, _, _, message in messages]
     assert len(values) == 100
     assert values[0] != 0.0
+
+
+_CMAKE = """
+cmake_minimum_required(VERSION 3.20)
+project(tether LANGUAGES CXX)
+set(CMAKE_CXX_STANDARD 20)
+find_package(Python 3.11 REQUIRED COMPONENTS Interpreter Development.Module)
+find_package(nanobind CONFIG REQUIRED)
+nanobind_add_module(tether_kernel STABLE_ABI NB_STATIC module.cpp tether.cpp)
+target_include_directories(tether_kernel PRIVATE ROOT/sim/native ROOT/sim/native/forces ROOT/signals/native)
+"""
+_MODULE = """
+#include "force_binding.hpp"
+NB_MODULE(tether_kernel, m) {
+    nb::module_::import_("sim._kernels");
+    for (const ForceBinding *force = ForceBinding::first; force; force = force->next) force->bind(m);
+}
+"""
+_HUNG = """
+import sys
+sys.path.append(sys.argv[1])
+from sim import _kernels
+from sim.physics import forces
+from tether_kernel import Tether
+_kernels.Tether = Tether
+forces.__path__.append(sys.argv[1] + "/forces")
+from sim.physics.flight_start import FlightStart
+from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
+from sim.scene.scene import load_scene
+vehicle = load_vehicle(sys.argv[1] + "/hung.yaml")
+bare = vehicle.model_copy(update={"rotors": (), "body_drag_linear_n_per_mps": (5.0, 5.0, 5.0)})
+physics = VehiclePhysics(bare, load_scene("airfield"), 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 6.0)))
+for tick in range(5001):
+    physics.advance(tick, ())
+print(6.0 - physics.truth.p_WB[2], 2.0 + bare.mass_kg * physics.scene.gravity_mps2 / 50.0)
+"""
+
+
+@pytest.mark.slow
+def test_a_force(tmp_path: Path) -> None:
+    """Build the example beside the kernels, and hang a body without rotors from its line: it rests at l + m g / k."""
+    root, build = Path(__file__).resolve().parents[2], tmp_path / "build"
+    (tmp_path / "forces").mkdir()
+    sources = dict(BLOCKS)
+    (tmp_path / "tether.cpp").write_text(sources["sim/native/forces/tether.cpp"])
+    (tmp_path / "forces" / "tether.py").write_text(sources["sim/physics/forces/tether.py"])
+    hung = sources["vehicle.yaml"].replace("[0, 0, 0]", "[0, 0, 6]")
+    (tmp_path / "hung.yaml").write_text((root / "rigs/vehicles/x500.yaml").read_text() + hung)
+    (tmp_path / "CMakeLists.txt").write_text(_CMAKE.replace("ROOT", str(root)))
+    (tmp_path / "module.cpp").write_text(_MODULE)
+    tools = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    configure = ["cmake", "-G", "Ninja", "-S", str(tmp_path), "-B", str(build), f"-DPython_EXECUTABLE={sys.executable}"]
+    configure.append(f"-Dnanobind_DIR={nanobind.cmake_dir()}")
+    for command in (configure, ["cmake", "--build", str(build)]):
+        subprocess.run(command, env=tools, check=True, capture_output=True, text=True)
+    (built,) = build.glob("tether_kernel*.so")
+    shutil.copy(built, tmp_path)
+    command = [sys.executable, "-c", _HUNG, str(tmp_path)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    sunk_m, expected_m = (float(word) for word in done.stdout.split())
+    assert sunk_m == pytest.approx(expected_m, rel=1e-6)
 
 
 def test_a_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

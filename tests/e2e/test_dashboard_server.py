@@ -161,6 +161,6 @@ def test_a_busy_port_is_a_plain_error(tmp_path: Path) -> None:
             timeout=60,
             check=False,
         )
-    assert ended.returncode == 3
+    assert ended.returncode == 2
     assert "--port" in ended.stderr
     assert "Traceback" not in ended.stderr

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 import trimesh
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from websockets.exceptions import InvalidStatus
 
 from hil.apps.dash.part import DashboardPart
 from hil.config import load_bench
@@ -54,7 +55,12 @@ Script = Callable[[FoxgloveClient], None]
 
 
 def flown(
-    folder: Path, *settings: str, text: str = BENCH, script: Script | None = None, wanted: Any = None
+    folder: Path,
+    *settings: str,
+    text: str = BENCH,
+    script: Script | None = None,
+    wanted: Any = None,
+    quiet: bool = True,
 ) -> tuple[dict[str, Any], FoxgloveClient | None]:
     """Fly a bench; with a script, a client subscribes before the first tick and the script then resumes the run."""
     folder.mkdir(exist_ok=True)
@@ -84,7 +90,7 @@ def flown(
     thread = None if script is None else threading.Thread(target=follow, args=(script,), daemon=True)
     if thread is not None:
         thread.start()
-    run = run_bench(load_bench(file, settings=[*live, *settings]), folder / "out", quiet=True).run
+    run = run_bench(load_bench(file, settings=[*live, *settings]), folder / "out", quiet=quiet).run
     if thread is not None:
         thread.join(30.0)
         assert clients[0].join()
@@ -137,6 +143,26 @@ def test_the_topics_and_bytes_are_those_of_the_recording(watched: Any) -> None:
             same = {data[start:] for data in recorded[topic]}
             for _, data in client.messages[topic]:
                 assert data[start:] in same, topic
+
+
+def test_a_web_page_cannot_alter_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    attempts: list[int] = []
+
+    def attack(client: FoxgloveClient) -> None:
+        for origin, host in (("https://evil.example", "127.0.0.1"), ("null", "localhost"), (None, "evil.example")):
+            with pytest.raises(InvalidStatus) as refused:
+                FoxgloveClient(client.port, origin=origin, host=host).set("wind.steady_mps", [9.0, 0.0, 0.0])
+            attempts.append(refused.value.response.status_code)
+        FoxgloveClient(client.port, origin="https://app.foxglove.dev", host="localhost").set("paused", False)
+
+    run, _ = flown(tmp_path / "attacked", script=attack, quiet=False)
+    alone, _ = flown(tmp_path / "alone")
+    assert attempts == [403, 403, 403]
+    assert run["digest"] == alone["digest"]
+    assert [command["what"] for command in run["by_hand"]] == ["resume"]
+    shown = capsys.readouterr().out
+    assert "foxglove: a page of 'https://evil.example' was refused: no requests from pages of other sites" in shown
+    assert "foxglove.origins names the pages that may connect" in shown
 
 
 def topics_of(path: Path) -> dict[str, tuple[str, str]]:

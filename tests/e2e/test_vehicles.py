@@ -132,6 +132,15 @@ def test_an_expendable_vehicle_falls_and_the_others_fly_on(tmp_path):
     assert b["verdict"]["reasons"][0].startswith("crashed: impact at ")
 
 
+def test_a_vehicle_that_had_crashed_before_it_was_lost_is_not_expendable(tmp_path):
+    text = LOSS.replace("{faults: {die_at_s: 11}}", "{on_loss: go_on, faults: {die_at_s: 8.5}}")
+    stops = "vehicles.b.faults.rotors=[{kind: stuck, rotor: 0, at_s: 6, speed_radps: 0}]"
+    result = fly(tmp_path, text, settings=(stops,))
+    assert result.run["vehicles"]["b"]["lost"]
+    assert result.status == "FAIL"
+    assert any(reason.startswith("b: crashed: ") for reason in result.run["verdict"]["reasons"])
+
+
 def test_if_every_vehicle_is_lost_the_run_fails(tmp_path):
     text = "vehicles: {a: {}, b: {}}\nformation: {shape: line, spacing_m: 9}\n"
     result = fly(tmp_path, text, settings=("autopilot.on_loss=go_on", "autopilot.faults.die_at_s=11"))

@@ -28,7 +28,7 @@ from hil.run.loop.scheduler import Scheduler, SensorSlot, Wiring
 from hil.run.verdict.verdict import FlightMeasurement, judge
 from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
 from signals.time import NS_PER_S, RateAccumulator
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
 from tests.worlds.hop_flights import HOP
@@ -84,7 +84,7 @@ class Flight:
             start_process=(lambda: ChildProcess(mock_command(pty.far_path, boot_sensors=BOOT))) if process else None,
             timeouts=LinkTimeouts(reply_limit_s, connect_s=10.0 if process else 1.0),
         )
-        self.physics = QuadrotorPhysics(self.bench.vehicle, self.bench.scene, TICK_NS)
+        self.physics = VehiclePhysics(self.bench.vehicle, self.bench.scene, TICK_NS)
         x, y, z = self.physics.state[:3].tolist()
         self.station = GroundStation(self.bench.mission.items)
         self.measurement = FlightMeasurement(

@@ -26,7 +26,7 @@ from firmware_bridge.transports.transport import Transport
 from hil.apps.devices.command import check_board
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from signals.errors import HandshakeError, LinkClosed, LinkError
+from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError
 from signals.samples import RangeSample
 from tests.worlds.hitl_board import HitlBoard
 from tests.worlds.resting_vehicle import GPS, IMU, Drive
@@ -292,10 +292,12 @@ def test_refused_and_unknown_parameters_are_named(setup: Setup, monkeypatch: pyt
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.3)
     _, asked = setup()
     assert asked.problems() == []
-    with pytest.raises(HandshakeError, match="does not accept HIL_ACT_FUNC1 = 5000"):
-        asked.set({"HIL_ACT_FUNC1": 5000.0})
-    with pytest.raises(HandshakeError, match="does not answer for the parameter NOT_A_PARAM"):
-        asked.set({"NOT_A_PARAM": 1.0})
+    with pytest.raises(ConfigError) as caught:
+        asked.set({"HIL_ACT_FUNC1": 5000.0, "MPC_XY_CRUSE": 1.0, "COM_RC_IN_MODE": 1.5})
+    told = str(caught.value).splitlines()
+    assert "HIL_ACT_FUNC1: is 101 on the board, not 5000" in told[0]
+    assert "COM_RC_IN_MODE: is 3 on the board, not 1.5 (it is a whole number)" in told[1]
+    assert "MPC_XY_CRUSE: is unknown to the board (did you mean 'MPC_XY_CRUISE'?)" in told[2]
 
 
 def test_a_lost_answer_is_not_taken_for_a_missing_parameter(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:

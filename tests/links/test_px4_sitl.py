@@ -22,7 +22,7 @@ from firmware_bridge.links.px4 import ground_channel, lockstep
 from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
-from signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
+from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
 from tests.worlds.fake_px4_sitl import FakePx4
 from tests.worlds.resting_vehicle import Drive
 
@@ -138,6 +138,46 @@ def test_a_mission_with_a_px4_that_the_bench_starts(fly: Flights, tmp_path: Path
     assert result.run["autopilot"]["link"]["bad_crc"] == 0
 
 
+def test_a_misspelt_parameter_ends_the_run_before_take_off_and_the_nearest_is_named(fly: Flights) -> None:
+    result = fly("autopilot.params.MPC_XY_CRUSE=2", "autopilot.params.MPC_XY_P=0.9")
+    assert (result.status, result.exit_status) == ("ERROR", 2)
+    assert result.run["error"]["type"] == "ConfigError"
+    assert result.run["error"]["message"] == (
+        "autopilot.params.MPC_XY_CRUSE: is unknown to PX4 (did you mean 'MPC_XY_CRUISE'?)"
+    )
+    assert result.run["mission"]["reached"] == 0
+    assert result.run["sim_s"] < 30.0
+
+
+def test_a_value_that_px4_does_not_take_ends_the_run_too(fly: Flights) -> None:
+    result = fly("autopilot.params.MPC_XY_CRUISE=2000", mission=None)
+    assert result.exit_status == 2
+    assert "autopilot.params.MPC_XY_CRUISE: is 5 on PX4, not 2000" in result.run["error"]["message"]
+
+
+def test_a_run_that_ends_before_the_parameters_are_read_does_not_pass(fly: Flights) -> None:
+    result = fly("autopilot.params.MPC_XY_CRUSE=2", "duration_s=2", mission=None)
+    assert (result.status, result.run["error"]["type"]) == ("ERROR", "HandshakeError")
+    assert "MPC_XY_CRUSE" in result.run["error"]["message"]
+
+
+def test_an_unknown_airframe_is_told_by_the_check(build: Path, tmp_path: Path) -> None:
+    (tmp_path / "bench.yaml").write_text("")
+
+    def check(airframe: str) -> None:
+        settings = [f"autopilot.binary='{build}'", f"autopilot.airframe='{airframe}'"]
+        load_bench(tmp_path / "bench.yaml", rig="px4_sitl", settings=settings)
+
+    check("none_iris")
+    check("4001")
+    with pytest.raises(
+        ConfigError, match=r"airframe: is unknown to this PX4: 'none_irsi' \(did you mean 'none_iris'\?"
+    ):
+        check("none_irsi")
+    with pytest.raises(ConfigError, match="is unknown to this PX4: '9999'"):
+        check("9999")
+
+
 def test_a_px4_that_the_user_starts(fly: Flights, instance: int, tmp_path: Path) -> None:
     px4 = FakePx4(instance)
     thread = threading.Thread(target=px4.serve, daemon=True)
@@ -186,7 +226,7 @@ def test_a_fast_tick_raises_the_rate_at_which_px4_integrates(build: Path, tmp_pa
 def test_an_invalid_build_is_refused_before_the_start(build: Path, tmp_path: Path) -> None:
     with pytest.raises(PortNotFound, match=r"does not exist; set autopilot\.binary"):
         process(tmp_path / "nothing", tmp_path / "w")
-    with pytest.raises(PortNotFound, match=r"no airframe 'none_hexa'; .*it has: 10016 none_iris$"):
+    with pytest.raises(ConfigError, match=r"is unknown to this PX4: 'none_hexa' .*it has: 10016 none_iris\)$"):
         process(build, tmp_path / "w", airframe="none_hexa")
     lone = tmp_path / "px4"
     lone.write_text("")

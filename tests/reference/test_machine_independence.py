@@ -10,11 +10,12 @@ from tests.worlds.cpu_masks import output_of
 # Gusts, turbulence, battery, faults, hard landings.
 FLIGHT = """
 import hashlib
-from sim.physics.vehicle import Effects
+from sim.physics import multirotor
+from sim.physics.forces.force import Effects
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind
@@ -25,9 +26,9 @@ faults = [RotorFault(kind="lost_blade", rotor=1, at_s=1.0, imbalance_gcm=12.0),
           RotorFault(kind="stuck", rotor=2, at_s=1.2, speed_radps=100.0)]
 digest = hashlib.sha256()
 for name in ("x500", "racer"):
-    physics = QuadrotorPhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, effects=Effects(battery=True),
+    physics = VehiclePhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, effects=Effects(battery=True),
                                disturbances=Disturbances(wind, 3, faults), start=FlightStart(yaw_rad=0.4))
-    h = physics.vehicle.hover_control
+    h = multirotor.hover_control(physics.vehicle)
     for tick in range(800):
         truth = physics.advance(tick, (1.15 * h,) * 4 if tick < 400 else (0.0,) * 4)
         digest.update(repr((truth, physics.wind_W_mps, physics.battery)).encode())
@@ -38,8 +39,9 @@ print(digest.hexdigest())
 # Vehicles of different types that meet in the air, fall on each other, and blow at each other.
 GROUP = """
 import hashlib
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_group import VehicleGroup
 from sim.scene.scene import load_scene
@@ -48,10 +50,10 @@ vehicles = {}
 for index, name in enumerate(("x500", "racer", "hexa_x", "y6")):
     x_m, y_m = 1.2 * (index % 2), 1.2 * (index // 2)
     start = FlightStart(p_WB=(x_m, y_m, 1.5 + 0.1 * index), yaw_rad=0.3 * index)
-    vehicles[name] = physics = QuadrotorPhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, start=start)
+    vehicles[name] = physics = VehiclePhysics(load_vehicle(name), load_scene("airfield"), 4_000_000, start=start)
     physics.state[7:13] = (2.0 * (0.6 - x_m), 2.0 * (0.6 - y_m), 0.0, 1.0, -2.0, 0.5)
 group, digest = VehicleGroup(vehicles, downwash=True), hashlib.sha256()
-controls = [(0.6 * v.vehicle.hover_control,) * len(v.vehicle.rotors) for v in vehicles.values()]
+controls = [(0.6 * multirotor.hover_control(v.vehicle),) * len(v.vehicle.rotors) for v in vehicles.values()]
 for tick in range(300):
     digest.update(repr(group.advance(tick, controls)).encode())
 contacts = group.take_contacts(last=True)
@@ -68,7 +70,7 @@ from hil.apps.airsim.flight.spot import Land, RotateToYaw
 from hil.apps.airsim.flight.timed import move_by_roll_pitch_yaw_z, move_by_velocity_body_frame
 from hil.apps.airsim.flight.yaw import YawMode
 from sim.physics.disturbances import Disturbances
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.wind import Turbulence, Wind
 from tests.worlds.airsim_flight import AIRFIELD, TICK_NS, Pilot
@@ -76,7 +78,7 @@ from tests.worlds.airsim_flight import AIRFIELD, TICK_NS, Pilot
 wind = Wind(steady_W_mps=(3.0, 1.0, 0.0), turbulence=Turbulence(level="moderate"))
 digest = hashlib.sha256()
 for name in ("iris", "y6"):
-    physics = QuadrotorPhysics(load_vehicle(name), AIRFIELD, TICK_NS, disturbances=Disturbances(wind=wind, seed=3))
+    physics = VehiclePhysics(load_vehicle(name), AIRFIELD, TICK_NS, disturbances=Disturbances(wind=wind, seed=3))
     pilot = Pilot(physics)
     for move in (
         TakeOff(20.0),
@@ -136,8 +138,9 @@ import hashlib, struct
 import numpy as np
 from sim.frame.channels import CHANNELS
 from sim.frame.source import SharedFrames
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import load_scene
 from sim.world_loader import load_world
@@ -168,7 +171,7 @@ FAULTS = [
     {"kind": "freeze", "at_s": 0.8, "until_s": 0.9},
 ]
 scene, tick_ns = load_scene("airfield"), 4_000_000
-physics = QuadrotorPhysics(load_vehicle("x500"), scene, tick_ns, start=FlightStart(yaw_rad=0.4))
+physics = VehiclePhysics(load_vehicle("x500"), scene, tick_ns, start=FlightStart(yaw_rad=0.4))
 frames = SharedFrames(load_world(load_scene("radar_range")))
 sensors = []
 for name in sorted(PRESETS.keys() - LEFT_OUT):
@@ -188,7 +191,7 @@ for name in sorted(PRESETS.keys() - LEFT_OUT):
     faults = FAULT_LIST.validate_python([f | {"sensor": name} for f in FAULTS])
     again = make_sensor(installation, preset=name)
     sensors.append((FaultySensor(again, faults), every, 0))
-h, digest = physics.vehicle.hover_control, hashlib.sha256()
+h, digest = multirotor.hover_control(physics.vehicle), hashlib.sha256()
 
 def feed(value):
     if isinstance(value, np.ndarray):
@@ -222,6 +225,7 @@ from sim.radar.chirp import Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.processing.parameters import Processing
 from sim.radar.processing.processor import Processor
+from sim.physics import multirotor
 from sim.radar.synthesis import Synthesizer
 
 RX = ((0.0, 0.0025, 0.0), (0.0, 0.0, 0.0025), (0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.02, 0.0))

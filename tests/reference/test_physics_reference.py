@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
+from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Vehicle, load_vehicle, vehicle_names
+from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind
 from tests.reference.multirotor_reference import Inputs, attitude_error_rad, fly
@@ -33,8 +35,8 @@ def hard_commands(vehicle: Vehicle, seconds: float, tick_ns: int = TICK_NS) -> F
         [0.035 * np.sin(6.9 * t), 0.03 * np.sin(8.2 * t + 1), 0.05 * np.sin(2.5 * t)],
         axis=1,
     )
-    signs = np.sign(np.round(vehicle.effectiveness[3:], 9))
-    return vehicle.hover_control * (1 + 0.12 * np.sin(5.7 * t)[:, None] + axes @ signs)
+    signs = np.sign(np.round(multirotor.effectiveness(vehicle)[3:], 9))
+    return multirotor.hover_control(vehicle) * (1 + 0.12 * np.sin(5.7 * t)[:, None] + axes @ signs)
 
 
 def slow_motors(vehicle: Vehicle) -> Vehicle:
@@ -57,8 +59,8 @@ class Flown:
         **options: Any,
     ) -> None:
         scene = load_scene("airfield")
-        physics = QuadrotorPhysics(vehicle, scene, tick_ns, **options, start=FlightStart(p_WB=(0.0, 0.0, height_m)))
-        physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
+        physics = VehiclePhysics(vehicle, scene, tick_ns, **options, start=FlightStart(p_WB=(0.0, 0.0, height_m)))
+        physics.state[13:] = multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle))
         for place, value in (start or {}).items():
             physics.state[place] = value
         physics.advance(0, commands[0].tolist())
@@ -139,16 +141,16 @@ SWITCHES = ("all stop for 0.1 s", "one stops for 0.1 s", "all switch at 2.5 Hz",
 def switched_commands(vehicle: Vehicle, case: str) -> Float64:
     """Rotors that stop and start again in a descent: their speed crosses the vortex ring state within a step."""
     t, rotors = np.arange(1250) * 0.004, len(vehicle.rotors)
-    commands = np.full((len(t), rotors), vehicle.hover_control)
+    commands = np.full((len(t), rotors), multirotor.hover_control(vehicle))
     if case == "all stop for 0.1 s":
         commands[(t >= 1.0) & (t < 1.1)] = 0.0
     elif case == "one stops for 0.1 s":
         commands[(t >= 1.0) & (t < 1.1), 0] = 0.0
     elif case == "all switch at 2.5 Hz":
-        commands[:] = (np.floor(5.0 * t) % 2)[:, None] * 2.0 * vehicle.hover_control
+        commands[:] = (np.floor(5.0 * t) % 2)[:, None] * 2.0 * multirotor.hover_control(vehicle)
     else:
         random = np.random.default_rng(3).integers(0, 2, (50, rotors))
-        commands = np.repeat(random, 25, axis=0) * (2.0 * vehicle.hover_control)
+        commands = np.repeat(random, 25, axis=0) * (2.0 * multirotor.hover_control(vehicle))
     return np.clip(commands, 0.0, 1.0)
 
 
@@ -196,7 +198,7 @@ def test_default_method_is_of_order_eight() -> None:
 
 def test_ground_effect_near_the_ground() -> None:
     vehicle = load_vehicle("x500")
-    commands = np.tile(vehicle.hover_control * np.array([0.992, 0.990, 0.991, 0.991]), (100, 1))
+    commands = np.tile(multirotor.hover_control(vehicle) * np.array([0.992, 0.990, 0.991, 0.991]), (100, 1))
     # The feet are 0.23 m below.
     flown = Flown(vehicle, commands, height_m=0.3)
     assert flown.states[:, 2].max() < 0.31
@@ -209,7 +211,7 @@ def test_ground_effect_near_the_ground() -> None:
 
 def test_descent_through_the_vortex_ring_state() -> None:
     vehicle = load_vehicle("x500")
-    commands = np.full((250, 4), 0.8 * vehicle.hover_control)
+    commands = np.full((250, 4), 0.8 * multirotor.hover_control(vehicle))
     flown = Flown(vehicle, commands, start={9: -5.0, 7: 1.0})
     position, _, _ = flown.errors()
     assert position < 1e-9

@@ -10,9 +10,9 @@ import pytest
 from hil.apps.bench_suite.physics.flight_cases import torque_free
 from sim.physics import contact_model
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import ContactSphere, Vehicle, load_vehicle
 from sim.physics.vehicle_group import VehicleGroup
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from tests.reference.contact_reference import Body, Float64, collide
 
@@ -54,7 +54,7 @@ def flown(step_ns: int, monkeypatch: pytest.MonkeyPatch) -> Float64:
     monkeypatch.setattr(contact_model, "_CONTACT_STEPS", TIME_CONSTANT_S / (step_ns / 1e9))
     group = {}
     for name, vehicle, start in zip("ab", VEHICLES, STARTS, strict=True):
-        group[name] = QuadrotorPhysics(vehicle, SPACE, step_ns, start=FlightStart(p_WB=tuple(start[:3].tolist())))
+        group[name] = VehiclePhysics(vehicle, SPACE, step_ns, start=FlightStart(p_WB=tuple(start[:3].tolist())))
         group[name].state[:13] = start
     together = VehicleGroup(group)
     for tick in range(round(SECONDS * 1e9 / step_ns) + 1):

@@ -1,4 +1,4 @@
-"""Rules that keep the product readable: entries of a folder, parameters of a function, beginnings of docstrings."""
+"""Rules that keep the product readable: parameters of a function, beginnings of docstrings."""
 
 from __future__ import annotations
 
@@ -12,18 +12,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "tools")
-MOST_ENTRIES = 12
 MOST_PARAMETERS = 8
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 HOLDS_STATEMENTS = (ast.stmt, ast.ExceptHandler, ast.match_case)  # an expression holds no definition
 QUESTION = re.compile(r"(What|Of|Those|Whether|How|Who|Which|Where|When|Why)\b")
 IN_QUOTES = re.compile(r"[\"'][\\\s]*" + QUESTION.pattern)
-
-
-def entries(folder: Path) -> list[str]:
-    """Return the files and folders that a reader sees side by side, without what only makes a package of them."""
-    ignored = {"__init__.py", "__main__.py", "__pycache__"}
-    return sorted(p.name for p in folder.iterdir() if p.name not in ignored and not p.name.startswith("."))
 
 
 @cache
@@ -47,13 +40,6 @@ def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
     names = [a.arg for a in arguments.posonlyargs + arguments.args + arguments.kwonlyargs]
     bound = names[:1] in (["self"], ["cls"])
     return len(names) - bound + (arguments.vararg is not None) + (arguments.kwarg is not None)
-
-
-def test_no_folder_of_hil_is_crowded() -> None:
-    folders = [ROOT / "hil", *(p for p in (ROOT / "hil").rglob("*") if p.is_dir() and p.name != "__pycache__")]
-    assert len(folders) > 10
-    crowded = {str(f.relative_to(ROOT)): len(entries(f)) for f in folders if len(entries(f)) > MOST_ENTRIES}
-    assert not crowded, f"more than {MOST_ENTRIES} entries side by side: {crowded}"
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -12,10 +12,12 @@ from hil.run.stepped.setpoint import Setpoint
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
+from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Vehicle, load_vehicle
+from sim.physics.forces.force import Effects
+from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Box, Scene, load_scene
 from sim.scene.wind import Wind
 
@@ -42,11 +44,13 @@ def airborne(
     scene: Scene = AIRFIELD,
     effects: Effects = Effects(),  # noqa: B008 (frozen)
     disturbances: Disturbances = Disturbances(),  # noqa: B008 (frozen)
-) -> QuadrotorPhysics:
+) -> VehiclePhysics:
     """Return the physics of a vehicle in the air, its rotors at the speed of hovering."""
     start = FlightStart(p_WB=p_W)
-    physics = QuadrotorPhysics(vehicle, scene, tick_ns, start=start, effects=effects, disturbances=disturbances)
-    lift = sum(share * rotor.axis[2] for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True))
+    physics = VehiclePhysics(vehicle, scene, tick_ns, start=start, effects=effects, disturbances=disturbances)
+    lift = sum(
+        share * rotor.axis[2] for share, rotor in zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)
+    )
     k = vehicle.rotor_constants.thrust_coefficient_n_per_radps2
     physics.state[13:] = sqrt(vehicle.mass_kg * GRAVITY_MPS2 / (lift * k))
     return physics
@@ -55,7 +59,7 @@ def airborne(
 class Flown:
     """Vehicle under the ideal controller; `log` holds the states since it was last cleared."""
 
-    def __init__(self, physics: QuadrotorPhysics) -> None:
+    def __init__(self, physics: VehiclePhysics) -> None:
         self.physics = physics
         self.controller = IdealController(physics.vehicle, physics.tick_ns, GRAVITY_MPS2)
         self.truth = physics.advance(0, ())
@@ -73,9 +77,9 @@ class Flown:
 class Pilot:
     """Vehicle under `simple_flight`, with API control and armed. Its NED frame begins where it starts."""
 
-    def __init__(self, physics: QuadrotorPhysics | None = None, *, vehicle: str = "iris") -> None:
+    def __init__(self, physics: VehiclePhysics | None = None, *, vehicle: str = "iris") -> None:
         if physics is None:
-            physics = QuadrotorPhysics(load_vehicle(vehicle), AIRFIELD, TICK_NS)
+            physics = VehiclePhysics(load_vehicle(vehicle), AIRFIELD, TICK_NS)
         self.physics = physics
         self.truth = physics.advance(0, ())
         self.start_W = self.truth.p_WB

@@ -21,6 +21,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser, FrameSplitter, message_id
@@ -38,8 +39,20 @@ SLOW_S = 2.0
 class FakePx4:
     """`order` lists its inputs in order of arrival: ("sensor", time_usec) and ("command", MAV_CMD)."""
 
-    def __init__(self, instance: int, *, airframe: str = "iris", boot_sensors: int = 17, script: str = "") -> None:
+    def __init__(
+        self,
+        instance: int,
+        *,
+        airframe: str = "iris",
+        boot_sensors: int = 17,
+        script: str = "",
+        params: Mapping[str, str] | None = None,
+    ) -> None:
         self.mock = MockPixhawk(airframe=airframe, boot_sensors=boot_sensors)
+        for name, value in (params or {}).items():  # as PX4's start script sets them
+            refusal = self.mock.params.set(name, float(value))
+            if refusal:
+                print(f"ERROR [parameters] Parameter {name} not found: {refusal}", flush=True)
         self.encoder = FrameEncoder(1, 1)
         kind, _, at = script.partition("@")
         self.kind, self.at = kind, int(at or 0)
@@ -185,7 +198,8 @@ def main() -> None:
     Path("started.json").write_text(json.dumps(told))
     print(f"INFO  [fake] airframe {os.environ.get('PX4_SYS_AUTOSTART')}", flush=True)
     airframe = os.environ.get("PX4_SIM_MODEL", "none_iris").removeprefix("none_")
-    FakePx4(arguments.i, airframe=airframe, script=os.environ.get("FAKE_PX4", "")).serve()
+    params = {name[10:]: value for name, value in os.environ.items() if name.startswith("PX4_PARAM_")}
+    FakePx4(arguments.i, airframe=airframe, script=os.environ.get("FAKE_PX4", ""), params=params).serve()
 
 
 if __name__ == "__main__":

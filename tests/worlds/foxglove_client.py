@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import socket
 import struct
 import threading
 import time
@@ -14,7 +15,7 @@ from typing import Any
 
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
+from websockets.typing import Origin, Subprotocol
 
 PROTOCOL = "foxglove.sdk.v1"
 PARAMETERS = ["pace", "paused", "wind.steady_mps", "wind.turbulence_mps"]
@@ -25,9 +26,21 @@ _SERVICE_REQUEST, _PLAYBACK_REQUEST, _PLAYBACK_STATE = 2, 3, 5
 class FoxgloveClient:
     """Connects, subscribes to topics as they are advertised, and keeps what it gets."""
 
-    def __init__(self, port: int, wanted: Callable[[str], bool] = lambda topic: True, *, keep: int = 400) -> None:
-        """`wanted`: topics to subscribe to. `keep`: newest messages of each topic."""
-        self._wanted, self._keep = wanted, keep
+    def __init__(
+        self,
+        port: int,
+        wanted: Callable[[str], bool] = lambda topic: True,
+        *,
+        keep: int = 400,
+        origin: str | None = None,
+        host: str = "127.0.0.1",
+        at: str = "127.0.0.1",
+    ) -> None:
+        """`wanted`: topics to subscribe to. `keep`: newest messages of each topic. `origin`: of a page in a browser.
+
+        `host`: name that the client uses for the machine at the address `at`.
+        """
+        self.port, self._wanted, self._keep = port, wanted, keep
         self.server: dict[str, Any] = {}
         self.channels: dict[str, dict[str, Any]] = {}  # by topic
         self.services: dict[str, dict[str, Any]] = {}
@@ -43,7 +56,15 @@ class FoxgloveClient:
         self._topics: dict[int, str] = {}  # by subscription
         self._stack = ExitStack()
         self._socket: ClientConnection = self._stack.enter_context(
-            connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None)
+            connect(
+                f"ws://{host}:{port}",
+                subprotocols=[Subprotocol(PROTOCOL)],
+                max_size=None,
+                compression=None,
+                proxy=None,
+                origin=None if origin is None else Origin(origin),
+                sock=socket.create_connection((at, port)),
+            )
         )
         assert self._socket.subprotocol == PROTOCOL
         self._thread = threading.Thread(target=self._read, daemon=True)

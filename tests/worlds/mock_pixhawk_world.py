@@ -10,8 +10,8 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParse
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from signals.time import RateAccumulator
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
@@ -26,7 +26,7 @@ class World:
 
     def __init__(self, *, seed: int = 1, gps: bool = True, vehicle: str = "x500", **autopilot: Any) -> None:
         scene = load_scene("airfield")
-        self.physics = QuadrotorPhysics(load_vehicle(vehicle), scene, TICK_NS)
+        self.physics = VehiclePhysics(load_vehicle(vehicle), scene, TICK_NS)
 
         def sensor(name: str, preset: str, rate_hz: float) -> Any:
             return make_sensor(

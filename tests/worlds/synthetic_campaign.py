@@ -37,14 +37,14 @@ def campaign_file(folder: Path, samples: int) -> CampaignFile:
 def fill(store: Store, file: CampaignFile, *, lenient: float = 0.0) -> None:
     """Store an outcome for every point. `lenient`: wind [m/s] that firmware b stands beyond its usual."""
     store.begin_plan()
-    store._do("BEGIN")  # one transaction: a synthetic store needs no safety from power cuts
+    store._db.do("BEGIN")  # one transaction: a synthetic store needs no safety from power cuts
     for point in Plan(file):
         case = hashlib.blake2b(repr(point.texts).encode(), digest_size=10).hexdigest()
         store.add_point(point.number, case, point.values)
         store.put(case, outcome(point.values, case, lenient), point.texts)
         if point.number % 100 == 7:
             store.put_check(case, "0" * 64, "tick 3, port imu: differs" if point.number % 1000 == 7 else "")
-    store._do("COMMIT")
+    store._db.do("COMMIT")
 
 
 def outcome(axes, case: str, lenient: float) -> Outcome:  # type: ignore[no-untyped-def]

@@ -15,6 +15,7 @@ from typing import Any
 from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
+from firmware_bridge.ground_station.parameter_check import Reported, parameter_problem
 from firmware_bridge.ground_station.vehicle_link import (
     GCS_COMPID,
     GCS_SYSID,
@@ -23,11 +24,12 @@ from firmware_bridge.ground_station.vehicle_link import (
     param_as_sent,
 )
 from firmware_bridge.transports.transport import Transport
-from signals.errors import HandshakeError
+from signals.errors import ConfigError, HandshakeError, Problem
 
 _PARAM_VALUE = MSGID["PARAM_VALUE"]
 _HEARTBEAT = MSGID["HEARTBEAT"]
 _ParamRequestRead = message_class("PARAM_REQUEST_READ")
+_ParamRequestList = message_class("PARAM_REQUEST_LIST")
 _ParamSet = message_class("PARAM_SET")
 _CommandLong = message_class("COMMAND_LONG")
 _Heartbeat = message_class("HEARTBEAT")
@@ -36,9 +38,11 @@ _GCS_BEAT = _Heartbeat(6, 8, 0, 0, 4, 3)  # a ground station, no autopilot, acti
 REBOOT = 246  # MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 _TRIES, _TRY_S = 5, 1.0
 _TRIES_OF_A_KNOWN = 3  # if the board has answered for other parameters: it lacks this one, or an answer was lost
+_LIST_GAP_S, _LIST_LIMIT_S = 2.0, 30.0
 _LISTEN_S = 3.0
 _SILENT_S = 1.5  # without a heartbeat (1 Hz): the port may be the wrong one
 _SLICE_S = 0.05
+_BOARD = "the board"
 
 
 @dataclass(frozen=True)
@@ -138,17 +142,51 @@ class HitlSetup:
         return False
 
     def set(self, params: Mapping[str, float]) -> None:
-        """Set parameters. HandshakeError names the first one that the board does not have or does not take."""
+        """Set parameters. ConfigError names those that the board does not have or does not take.
+
+        HandshakeError if it answers for none.
+        """
+        problems: list[Problem] = []
+        missing: list[str] = []
         for name, value in params.items():
             # PX4 takes a value only in the parameter's own type, which is known from reading it.
-            if name not in self._types and self._read(name) is None:
+            found = self._read(name)
+            if found is None:
+                missing.append(name)
+                continue
+            kind = self._types[name]
+            held = param_as_held(value, kind)
+            if held is not None:
+                found = self._set(name, held)
+            if found is None:
+                raise HandshakeError(self._transport.name, f"does not answer that {name} has been set to {value:g}")
+            if found != held:
+                problems.append(parameter_problem(name, value, {name: Reported(found, kind)}, _BOARD))
+        if missing:
+            known = self._names()
+            if not known:
                 raise HandshakeError(
-                    self._transport.name, f"does not answer for the parameter {name}; does this firmware have it?"
+                    self._transport.name, f"does not answer for the parameters {', '.join(missing)}, nor for any other"
                 )
-            if self._set(name, value) != param_as_held(value, self._types[name]):
-                raise HandshakeError(
-                    self._transport.name, f"does not accept {name} = {value:g}; is it within the parameter's range?"
-                )
+            problems += [parameter_problem(name, params[name], known, _BOARD) for name in missing]
+        if problems:
+            raise ConfigError(problems)
+
+    def _names(self) -> dict[str, Reported]:
+        """Return every parameter of the board, as far as they come."""
+        found: dict[str, Reported] = {}
+        self.send(_ParamRequestList(self.sysid, 1))
+        began = came = time.monotonic()
+        while time.monotonic() - came < _LIST_GAP_S and time.monotonic() - began < _LIST_LIMIT_S:
+            for frame in self.listen(_SLICE_S):
+                if frame.msgid == _PARAM_VALUE and frame.sysid == self.sysid:
+                    message: Any = unpack(frame)
+                    value = param_as_read(message.param_value, message.param_type)
+                    found[message.param_id] = Reported(value, message.param_type)
+                    came = time.monotonic()
+                    if len(found) >= message.param_count:
+                        return found
+        return found
 
     def command(self, command: int, *params: float) -> None:
         """Send COMMAND_LONG with these parameters, the others 0."""

@@ -19,7 +19,8 @@ from firmware_bridge.links.px4.ground_channel import GroundChannel
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.tcp import TcpServer
 from firmware_bridge.transports.transport import Transport
-from signals.errors import PortNotFound
+from signals.documents.validate import nearest
+from signals.errors import ConfigError, PortNotFound, Problem
 
 # From this tick on PX4 answers one to one only if it integrates the IMU at the tick's rate and writes no log.
 _FAST_TICK_HZ = 400
@@ -45,7 +46,7 @@ def px4_sitl_process(
 ) -> ChildProcess:
     """Return PX4, not yet started. `airframe` is a name ("none_iris") or a number ("10016").
 
-    PortNotFound if there is no such program, no start scripts beside it, or no such airframe among them.
+    PortNotFound if there is no such program, or no start scripts beside it; ConfigError if it has no such airframe.
     """
     binary = build.binary.expanduser().resolve()
     if not binary.is_file():
@@ -110,14 +111,35 @@ def _data_folder(binary: Path) -> Path:
 
 
 def _airframe(data: Path, airframe: str) -> tuple[str, str]:
-    """Return (number, name) of the airframe, found by its number or its name."""
+    """Return (number, name) of the airframe, found by its number or its name. ConfigError if there is none."""
+    known = _airframes(data)
+    for number, name in known.items():
+        if airframe in (number, name):
+            return number, name
+    raise ConfigError([Problem("autopilot.airframe", *_unknown_airframe(known, airframe))])
+
+
+def _airframes(data: Path) -> dict[str, str]:
+    """Return the airframes in PX4's start scripts, number -> name."""
     known: dict[str, str] = {}
     for path in sorted((data / "init.d-posix" / "airframes").glob("*")):
         match = re.fullmatch(r"(\d+)_([A-Za-z0-9_]+)", path.name)
         if match:
             known[match[1]] = match[2]
-    for number, name in known.items():
-        if airframe in (number, name):
-            return number, name
-    near = ", ".join(f"{number} {name}" for number, name in known.items() if name.startswith("none_"))
-    raise PortNotFound(str(data), f"PX4 has no airframe {airframe!r}; for external simulators it has: {near or 'none'}")
+    return known
+
+
+def _unknown_airframe(known: Mapping[str, str], airframe: str) -> tuple[str, str]:
+    near = nearest(airframe, known if airframe.isdigit() else known.values(), listed=False)
+    external = ", ".join(f"{number} {name}" for number, name in known.items() if name.startswith("none_"))
+    hint = f"for external simulators it has: {external or 'none'}"
+    return f"is unknown to this PX4: {airframe!r}", f"{near} {hint}" if near else hint
+
+
+def airframe_problem(binary: Path, airframe: str) -> tuple[str, str] | None:
+    """Return what is wrong with the airframe for this build and what to do; None if it has it, or has no scripts."""
+    try:
+        known = _airframes(_data_folder(binary.expanduser().resolve()))
+    except PortNotFound:
+        return None  # the run tells
+    return None if airframe in (*known, *known.values()) else _unknown_airframe(known, airframe)

@@ -13,6 +13,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ from hil.apps.airsim.simulation import RIGS, TICK_NS, Simulation
 from hil.config import Bench, load_bench
 from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
-from signals.errors import RecordingError
+from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.scene.placed.worlds import limit_mesh_cache
 
@@ -49,6 +50,7 @@ class Choice:
     port: int | None = None  # None: ApiServerPort of the settings
     scene: str | None = None
     out: Path | None = None
+    files: Path | None = None  # folder of the files that clients have written; None: that of the results
     dash: bool = False  # serve a page that shows the scene, the vehicles and the drawings
     dash_host: str = "127.0.0.1"
     dash_port: int = 8710
@@ -86,19 +88,22 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         console.print(note, markup=False)
     console.print(f"settings: {source}", markup=False)
     began_s = time.monotonic()
-    if not settings.recording.folder and choice.out is not None:
-        simulation.recorder.folder = choice.out
-    try:
-        simulation.cameras.prepare()
-        limit_mesh_cache()
-        if settings.recording.enabled:
-            simulation.recorder.start()
-        with _page(choice, simulation, console) as (page, folder):
-            server = asyncio.run(_serve(choice, simulation, console, page))
-    finally:
-        simulation.close()
+    with contextlib.ExitStack() as stack:
+        results = cache(lambda: stack.enter_context(new_run_dir(choice.out, "airsim")))
+        simulation.files.folder = lambda: results() if choice.files is None else choice.files
+        if not settings.recording.folder and choice.out is not None:
+            simulation.recorder.folder = choice.out
+        try:
+            simulation.cameras.prepare()
+            limit_mesh_cache()
+            if settings.recording.enabled:
+                simulation.recorder.start()
+            with _page(choice, simulation, console, results) as page:
+                server = asyncio.run(_serve(choice, simulation, console, page))
+        finally:
+            simulation.close()
+        folder = results()
     report = _report(choice, simulation, server, time.monotonic() - began_s)
-    folder = folder or new_run_dir(choice.out, "airsim")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
@@ -131,24 +136,26 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
 
 
 @contextlib.contextmanager
-def _page(choice: Choice, simulation: Simulation, console: Console) -> Iterator[tuple[ServedPage | None, Path | None]]:
-    """Serve the dashboard's page, if it is wanted; yield it and the folder of the results, which holds its scene."""
+def _page(
+    choice: Choice, simulation: Simulation, console: Console, results: Callable[[], Path]
+) -> Iterator[ServedPage | None]:
+    """Serve the dashboard's page, if it is wanted. The folder of the results holds its scene."""
     if not choice.dash:
-        yield None, None
+        yield None
         return
     from hil.apps.airsim.served_page import ServedPage
     from hil.apps.dash.command import dashboard_beside
 
-    folder = new_run_dir(choice.out, "airsim")
-    try:
-        save_bench(simulation.bench, folder)
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be written ({error.strerror or error})") from error
+    folder = results()
     runs = folder.resolve().parent
     with dashboard_beside(
         choice.config, console, host=choice.dash_host, port=choice.dash_port, runs=runs, lingers=False
     ) as live:
-        yield ServedPage(simulation, live, folder), folder
+        try:
+            save_bench(simulation.bench, folder)
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be written ({error.strerror or error})") from error
+        yield ServedPage(simulation, live, folder)
 
 
 async def _serve(choice: Choice, simulation: Simulation, console: Console, page: ServedPage | None) -> RpcServer:
@@ -165,6 +172,8 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
     clock = CallsClock(simulation) if repeatable else WallClock(simulation, settings.clock_speed)
     truths = TruthDigest(simulation) if repeatable else None
     chosen = await server.start(host, port)
+    if settings.recording.enabled:
+        simulation.recorder.start()
     if not _is_loopback(host):
         console.print(
             f"warning: everybody who reaches {host}:{chosen} can fly these vehicles, because AirSim's protocol has no "
@@ -188,7 +197,10 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
         if task is not None and not task.done():
             task.cancel()
     if running.done() and not running.cancelled():
-        running.result()  # raises the error that ended the clock
+        try:
+            running.result()  # raises the error that ended the clock
+        except ConfigError as error:
+            raise HilError(str(error)) from error  # it has served: what it wrote stays
     if truths is not None and server.digest is not None:
         server.digest.update(truths.hexdigest().encode())
     return server

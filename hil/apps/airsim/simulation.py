@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
+from hil.apps.airsim.client_files import ClientFiles
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.recording import Recorder
@@ -36,6 +38,7 @@ from signals.time import NS_PER_S
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
 CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` begin here, so that they repeat
+MOST_VEHICLES = 200  # after which clients cannot add any
 _SETTLED_M = 1e-3  # a vehicle that stands this near the place in its settings is at 0, 0, 0
 
 RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
@@ -80,6 +83,7 @@ class Simulation:
         self.recorder = Recorder(
             settings.recording, self.cameras, self.drones, default=settings.default_vehicle, log=log
         )
+        self.files = ClientFiles(lambda: Path("runs"))
         self._starts = Starts(self.scene, self.frame, self.present, on_ground=self.flies)
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
@@ -200,6 +204,8 @@ class Simulation:
         """Add a vehicle that a client asked for. Raises RpcError."""
         if settings.name in self.drones:
             raise RpcError(f"there is a vehicle '{settings.name}' already; choose another name")
+        if len(self.drones) >= MOST_VEHICLES:
+            raise RpcError(f"there are {MOST_VEHICLES} vehicles, as many as there may be")
         return self._add(settings.name, self._starts.beside_others(settings, self.model))
 
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
@@ -239,7 +245,7 @@ class Simulation:
         def controls(truth: TruthState) -> Sequence[float]:
             try:
                 return flight.controls(truth)
-            except LinkError as error:
+            except (ConfigError, LinkError) as error:
                 self.log(f"{name}: its autopilot is lost and its rotors stop: {error}")
                 flight.close()
                 flight.cancel()

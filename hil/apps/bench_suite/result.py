@@ -35,13 +35,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Check:
-    """A value and its limit. NaN meets no limit."""
+    """A value and its limit. NaN meets no limit.
+
+    `measures`: "speed" if other load on the machine moves the value (a time, a rate, a flight in real time); "error" if
+    only the program and its inputs do.
+    """
 
     name: str
     value: float
     sense: Literal["<=", ">="]
     limit: float
     unit: str
+    measures: Literal["error", "speed"] = "error"
 
     @property
     def ok(self) -> bool:
@@ -67,6 +72,16 @@ class BenchmarkResult:
     left_out: list[str] = field(default_factory=list)
     time_label: str = "wall time [s]"
     tables: list[TextTable] = field(default_factory=list)
+
+    @property
+    def met(self) -> bool:
+        """True if every check is met; a result without checks has shown nothing."""
+        return bool(self.checks) and all(check.ok for check in self.checks)
+
+    def keep_errors(self) -> None:
+        """Remove the checks of speed."""
+        self.checks = [check for check in self.checks if check.measures == "error"]
+        self.left_out.append("checks of speed")
 
     def as_json(self, name: str) -> dict[str, Any]:
         """Return the JSON object of `hil bench --json`, whose keys are part of the command-line contract."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -18,8 +19,9 @@ from hil.run.report.run_json import finite
 from signals.errors import ConfigError, Problem, RecordingError
 
 # Name -> (module, title of the plot). The module has a function `measure(*, quick, status) -> BenchmarkResult`, which
-# takes `options` too if `hil bench --set` applies to it, and optionally `plot(result, title, path)`, which replaces the
-# plot of error against time and returns the paths of further files.
+# takes `options` too if `hil bench --set` applies to it, and `errors_only` if it then has less to do. It may have
+# `missing() -> str`, the reason why this machine cannot run it ("" if it can), which leaves it out of ALL, and
+# `plot(result, title, path)`, which replaces the plot of error against time and returns the paths of further files.
 BENCHMARKS: dict[str, tuple[str, str]] = {
     "airsim": ("hil.apps.bench_suite.link.airsim", "Server of AirSim's API: time of its calls"),
     "dash": ("hil.apps.bench_suite.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
@@ -46,24 +48,66 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
 }
 
 
-def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console, settings: Sequence[str] = ()) -> bool:
-    """Run one benchmark, print its result and return True if all checks are met.
+ALL = "all"
+
+
+def run_benchmarks(
+    name: str,
+    *,
+    json: Path | None,
+    quick: bool,
+    console: Console,
+    settings: Sequence[str] = (),
+    errors_only: bool = False,
+    without: Sequence[str] = (),
+) -> bool:
+    """Run one benchmark or ALL that this machine can run, print the results and return True if all checks are met.
 
     With `json`, write the result to that file and its plot to a .png with the same name. `settings`: KEY=VALUE texts.
+    `errors_only` leaves out the checks of speed, which other load on the machine moves; `without` names benchmarks that
+    ALL leaves out.
 
     Raises ConfigError for an unknown name or setting, RecordingError if a file cannot be written.
     """
-    if name not in BENCHMARKS:
-        raise ConfigError([Problem("hil bench", f"no benchmark {name!r}", f"use one of: {', '.join(BENCHMARKS)}")])
+    unknown = [each for each in (*without, *([] if name == ALL else [name])) if each not in BENCHMARKS]
+    if unknown:
+        known = f"use one of: {', '.join(BENCHMARKS)}, {ALL}"
+        raise ConfigError([Problem("hil bench", f"no benchmark {each!r}", known) for each in unknown])
+    if name == ALL:
+        if json is not None or settings:
+            raise ConfigError([Problem("hil bench all", "takes neither --json nor --set", "name one benchmark")])
+        met = []
+        for each in BENCHMARKS:
+            console.rule(f"hil bench {each}", align="left")
+            missing: Callable[[], str] = getattr(import_module(BENCHMARKS[each][0]), "missing", str)
+            reason = "--without" if each in without else missing()
+            if reason:
+                console.print(f"left out: {reason}")
+            else:
+                met.append(_run(each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only))
+        return bool(met) and all(met)
+    if without:
+        raise ConfigError([Problem("--without", "applies to 'hil bench all' alone")])
+    return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only)
+
+
+def _run(
+    name: str, *, json: Path | None, quick: bool, console: Console, settings: Sequence[str], errors_only: bool
+) -> bool:
     module, title = BENCHMARKS[name]
     benchmark = import_module(module)
     measure: Callable[..., BenchmarkResult] = benchmark.measure
     draw: Callable[[BenchmarkResult, str, Path], list[Path] | None] = getattr(benchmark, "plot", work_precision_plot)
-    options = {"options": split_settings(settings)} if settings else {}
-    if options and "options" not in signature(measure).parameters:
+    takes = signature(measure).parameters
+    options: dict[str, Any] = {"options": split_settings(settings)} if settings else {}
+    if options and "options" not in takes:
         raise ConfigError([Problem("--set", f"does not apply to the benchmark {name!r}")])
+    if errors_only and "errors_only" in takes:
+        options["errors_only"] = True
     with console.status(f"hil bench {name}") as line:
         result = measure(quick=quick, status=lambda text: line.update(f"hil bench {name}: {text}"), **options)
+    if errors_only:
+        result.keep_errors()
     _print(result, console)
     if json is not None:
         try:
@@ -74,7 +118,7 @@ def run_benchmark(name: str, *, json: Path | None, quick: bool, console: Console
         plot = json.with_suffix(".png")
         further = draw(result, title, plot) or []
         console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
-    return all(check.ok for check in result.checks)
+    return result.met
 
 
 def _print(result: BenchmarkResult, console: Console) -> None:

@@ -1,4 +1,8 @@
-"""Timing of benchmarks on one core: the methods run in turn, and each counts with its best time."""
+"""Timing of benchmarks: processor time, methods in turn, and each counts with its best time.
+
+On a busy machine the wall-clock time of a method is mostly that of other programs. Its processor time still grows by
+what they leave in the caches and on the other half of a core, which the best of several turns shows least.
+"""
 
 from __future__ import annotations
 
@@ -37,10 +41,10 @@ def best_times(
     once_above_s: float = float("inf"),
     prepare: Callable[[str], None] = lambda _name: None,
 ) -> dict[str, float]:
-    """Return the best time [s] of each method over `rounds`; a method that takes over `once_above_s` runs only once.
+    """Return the best processor time [s], of all threads, of each method over `rounds`.
 
-    A round runs every method, so that other load on the machine affects all of them. `prepare` is called with a
-    method's name before each of its runs and is not timed.
+    A method that takes over `once_above_s` runs only once. A round runs every method, so that other load on the machine
+    affects all of them. `prepare` is called with a method's name before each of its runs and is not timed.
     """
     best: dict[str, float] = {}
     for _ in range(rounds):
@@ -48,11 +52,19 @@ def best_times(
             if best.get(name, 0.0) > once_above_s:
                 continue
             prepare(name)
-            began = time.perf_counter()
+            began = time.process_time()
             method()
-            took = time.perf_counter() - began
+            took = time.process_time() - began
             best[name] = min(took, best.get(name, took))
     return best
+
+
+def processor_s(pid: int) -> float:
+    """Return the processor time of all threads of a process [s]; NaN where the system does not tell."""
+    try:
+        return time.clock_gettime((~pid << 3) | 2)  # Linux: the processor clock of that process
+    except (AttributeError, OSError, OverflowError):
+        return float("nan")
 
 
 def load_reference(name: str) -> ModuleType:

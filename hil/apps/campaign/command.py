@@ -23,7 +23,7 @@ from hil.config import load_bench
 from hil.run.loop.progress import CountProgress, minutes
 from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
-from signals.errors import ConfigError, Problem, RecordingError
+from signals.errors import ConfigError, Problem
 from signals.processors import usable_processors
 
 _LONG_S = 2 * 86_400.0
@@ -87,7 +87,8 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
         raise ConfigError([Problem(file.document.source, text)])
     out = options.out or Path("campaigns") / file.name
     if (out / STORE_NAME).is_file() and not options.resume:
-        raise RecordingError(f"{out}: holds a campaign; continue it with --resume, or name another folder with --out")
+        hint = "continue it with --resume, or name another folder with --out"
+        raise ConfigError([Problem(str(out), "holds a campaign", hint)])
     check_name(out, file.name)
     with closing(make_engine(options, file, workers)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:

@@ -10,7 +10,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from signals.errors import ConfigError, HilError
+from signals.errors import ConfigError
+from signals.shortage import named
 
 # none: no recording. messages: run.mcap without pictures, for the comparison of two flights. all: also pictures, tlog
 # and report. The choice changes no digest, except that `all` draws pictures which nobody else may have asked for.
@@ -130,13 +131,13 @@ def fly(job: Job, slot: Slot = ONLY) -> Outcome:
     folder = Path(job.folder)
     try:
         outcome = _flown(job, slot, folder)
-    except HilError as error:
-        kind = "ConfigError" if isinstance(error, ConfigError) else type(error).__name__
-        outcome = Outcome("ERROR", error_type=kind, error=str(error))
-    except MemoryError:
-        outcome = Outcome("ERROR", error_type="MemoryError", error="no memory is left: use fewer --workers")
-    except Exception as defect:  # noqa: BLE001 (one flight must not end a campaign)
-        outcome = Outcome("ERROR", error_type=type(defect).__name__, error=f"{defect} (a defect of the bench)")
+    except Exception as error:  # noqa: BLE001 (one flight must not end a campaign)
+        told = named(error)
+        if told is None:
+            outcome = Outcome("ERROR", error_type=type(error).__name__, error=f"{error} (a defect of the bench)")
+        else:
+            kind = "ConfigError" if isinstance(told, ConfigError) else type(told).__name__
+            outcome = Outcome("ERROR", error_type=kind, error=str(told))
     if job.recording == "none" or (not job.keep and outcome.status == "PASS"):
         shutil.rmtree(folder, ignore_errors=True)
     wall_s, cpu_s = time.monotonic() - began_s, time.process_time() - began_cpu_s

@@ -7,26 +7,23 @@ flown before. Only the process of the campaign writes.
 from __future__ import annotations
 
 import json
-import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from hil.apps.campaign.flight import Outcome
+from hil.run.recorder.database import Database
 from signals.errors import RecordingError
 
 STORE_NAME = "campaign.sqlite"
-_VERSION = 1  # of the tables below
-_SCHEMA = f"""
-PRAGMA user_version = {_VERSION};
-CREATE TABLE IF NOT EXISTS flown
-    (id TEXT PRIMARY KEY, status TEXT NOT NULL, outcome TEXT NOT NULL, texts TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS checked (id TEXT PRIMARY KEY, digest TEXT NOT NULL, difference TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS point (number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, axes TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS base (bench TEXT, texts TEXT NOT NULL);
-"""
+_VERSION = 2  # of the tables below
+_TABLES = {
+    "flown": "id TEXT PRIMARY KEY, status TEXT NOT NULL, outcome TEXT NOT NULL, texts TEXT NOT NULL",
+    "checked": "id TEXT PRIMARY KEY, digest TEXT NOT NULL, difference TEXT NOT NULL",
+    "point": "number INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, axes TEXT NOT NULL",
+    "base": "bench TEXT, texts TEXT NOT NULL",
+}
 # The points of the plan with their outcomes and, where they were flown twice, the second digests.
 _ROWS = """
 SELECT p.id, p.number, p.axes, f.outcome, f.texts, c.digest, c.difference
@@ -63,20 +60,11 @@ class Store:
     """The results in a folder. Use as a context manager. Every method raises RecordingError."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / STORE_NAME
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._db = sqlite3.connect(self._path, isolation_level=None)
-            self._db.execute("PRAGMA journal_mode=WAL")
-            self._db.execute("PRAGMA synchronous=NORMAL")  # safe against a killed process without a wait at each case
-            ((version,),) = self._db.execute("PRAGMA user_version").fetchall()
-            if version not in (0, _VERSION):
-                self._db.close()
-                text = f"is of version {version} of the results, this hil-bench reads {_VERSION}; name another --out"
-                raise RecordingError(f"{self._path}: {text}")
-            self._db.executescript(_SCHEMA)
-        except (OSError, sqlite3.Error) as error:
-            raise RecordingError(f"{self._path}: cannot be used as the results of a campaign ({error})") from error
+        except OSError as error:
+            raise RecordingError(f"{folder}: cannot be made ({error.strerror or error})") from error
+        self._db = Database(folder / STORE_NAME, _TABLES, version=_VERSION, shared=True)
 
     def __enter__(self) -> Self:
         return self
@@ -89,73 +77,57 @@ class Store:
 
         `bench` is the file of the base bench, `texts` the settings of all points as texts of `--set`.
         """
-        self._do("DELETE FROM point")
-        self._do("DELETE FROM base")
-        self._do("INSERT INTO base VALUES (?, ?)", None if bench is None else str(bench.resolve()), json.dumps(texts))
+        self._db.do("DELETE FROM point")
+        self._db.do("DELETE FROM base")
+        self._db.put("base", None if bench is None else str(bench.resolve()), json.dumps(texts))
 
     def base(self) -> tuple[Path | None, tuple[str, ...]] | None:
         """Return the file of the base bench and the settings of all points; None: the folder never had a plan."""
-        found = self._do("SELECT bench, texts FROM base")
+        found = self._db.do("SELECT bench, texts FROM base")
         return (Path(found[0][0]) if found[0][0] else None, tuple(json.loads(found[0][1]))) if found else None
 
     def flown(self, prefix: str) -> list[tuple[str, Outcome, tuple[str, ...]]]:
         """Return identity, outcome and settings of all flown cases, of the plan or not, that begin with `prefix`."""
-        rows = self._do("SELECT id, outcome, texts FROM flown WHERE substr(id, 1, ?) = ?", len(prefix), prefix)
+        rows = self._db.do("SELECT id, outcome, texts FROM flown WHERE substr(id, 1, ?) = ?", len(prefix), prefix)
         return [(case, Outcome.from_data(json.loads(data)), tuple(json.loads(texts))) for case, data, texts in rows]
 
     def add_point(self, number: int, case: str, axes: Mapping[str, Any]) -> bool:
         """Add a point of the plan. Returns False if the plan has a point of this case already."""
-        if self._do("SELECT 1 FROM point WHERE id = ?", case):
+        if self._db.do("SELECT 1 FROM point WHERE id = ?", case):
             return False
-        self._do("INSERT INTO point VALUES (?, ?, ?)", number, case, json.dumps(dict(axes)))
+        self._db.put("point", number, case, json.dumps(dict(axes)))
         return True
 
     def cut(self, number: int) -> None:
         """Take all points after `number` out of the plan; their results stay."""
-        self._do("DELETE FROM point WHERE number > ?", number)
+        self._db.do("DELETE FROM point WHERE number > ?", number)
 
     def outcome(self, case: str) -> Outcome | None:
         """Return the outcome of a case, None if it was never flown."""
-        found = self._do("SELECT outcome FROM flown WHERE id = ?", case)
+        found = self._db.do("SELECT outcome FROM flown WHERE id = ?", case)
         return Outcome.from_data(json.loads(found[0][0])) if found else None
 
     def status(self, case: str) -> str | None:
         """Return the status of a case's first flight, None if it was never flown."""
-        found = self._do("SELECT status FROM flown WHERE id = ?", case)
+        found = self._db.do("SELECT status FROM flown WHERE id = ?", case)
         return found[0][0] if found else None
 
     def put(self, case: str, outcome: Outcome, texts: tuple[str, ...]) -> None:
         """Store the outcome of a case, in place of an earlier one."""
-        values = case, outcome.status, json.dumps(outcome.data()), json.dumps(texts)
-        self._do("INSERT OR REPLACE INTO flown VALUES (?, ?, ?, ?)", *values)
+        self._db.put("flown", case, outcome.status, json.dumps(outcome.data()), json.dumps(texts))
 
     def put_check(self, case: str, digest: str, difference: str) -> None:
         """Store the digest of a second flight, and its first difference, empty if there is none."""
-        self._do("INSERT OR REPLACE INTO checked VALUES (?, ?, ?)", case, digest, difference)
+        self._db.put("checked", case, digest, difference)
 
     def difference(self, case: str) -> str:
         """Return the first difference of a case's two flights; empty if there is none, or no second flight."""
-        found = self._do("SELECT difference FROM checked WHERE id = ?", case)
+        found = self._db.do("SELECT difference FROM checked WHERE id = ?", case)
         return found[0][0] if found else ""
 
     def cases(self, *, by_plan: bool = False) -> Iterator[Case]:
         """Return the flown cases of the plan one by one, sorted by case, or in the order of the plan."""
         order = "p.number" if by_plan else "p.id"
-        with closing(self._db.cursor()) as cursor, self._told():
-            for case, number, axes, outcome, texts, second, difference in cursor.execute(_ROWS.format(order=order)):
-                flown, settings = Outcome.from_data(json.loads(outcome)), tuple(json.loads(texts))
-                yield Case(case, number, json.loads(axes), flown, settings, second, difference or "")
-
-    def _do(self, statement: str, *values: Any) -> list[Any]:
-        with self._told():
-            return self._db.execute(statement, values).fetchall()
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Raise RecordingError for an error of SQLite."""
-        try:
-            yield
-        except sqlite3.Error as error:
-            raise RecordingError(
-                f"{self._path}: {error}. Everything stored so far is kept; continue with --resume"
-            ) from error
+        for case, number, axes, outcome, texts, second, difference in self._db.each(_ROWS.format(order=order)):
+            flown, settings = Outcome.from_data(json.loads(outcome)), tuple(json.loads(texts))
+            yield Case(case, number, json.loads(axes), flown, settings, second, difference or "")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def serve_dashboard(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> None:
-    """Serve the page until Ctrl-C. Raises ConfigError, PortBusy or PortNotFound."""
+    """Serve the page until Ctrl-C. Raises ConfigError."""
     from hil.apps.dash.server.app import Dashboard
     from hil.apps.dash.server.serve import address_of, new_token, open_port, serve
 
@@ -29,7 +29,7 @@ def serve_dashboard(config: Path | None, console: Console, *, host: str, port: i
             [Problem(str(config), "does not exist", "give the path of a bench file, or none for ./hil.yaml")]
         )
     token = new_token(host)
-    listening = open_port(host, port)
+    listening = open_port(host, port, "--port")
     dashboard = Dashboard(config=config, runs=runs)
     console.print(f"dashboard: {address_of(listening, token)}   (Ctrl-C ends it)", markup=False)
     with contextlib.suppress(KeyboardInterrupt):
@@ -77,7 +77,7 @@ def dashboard_beside(
 
     token = new_token(host)
     config = config or default_bench()
-    with open_port(host, port) as listening:
+    with open_port(host, port, "--dash-port") as listening:
         run_end, server_end = socket.socketpair()
         with server_end:
             server = server_process(listening, server_end, config=config, runs=runs, token=token)

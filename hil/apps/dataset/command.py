@@ -42,7 +42,7 @@ def run_dataset(
         plan = plan_in(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-dataset-"))))
         if on_ray:
             options = _with_ray(options, plan, address, stack)
-        out = new_run_dir(out, "dataset")
+        out = stack.enter_context(new_run_dir(out, "dataset"))
         try:
             result = make_dataset(plan, out, options)
         except KeyboardInterrupt as interrupt:

@@ -114,14 +114,16 @@ class _DatasetMaker:
         """Write the files that workers need, start the workers and record."""
         plan, root, options = self.plan, self.root, self.options
         tree = TreeWriter(root)
+        write_manifest(tree, initial_manifest(self.made_from))  # first: it makes the folder one that can be resumed
         # Written before the workers start, because a spawned worker reads them.
         files = [tree.write(name, data) for name, data in sorted(self.bench_files.items())]
         factory = BatchMakerFactory(plan, plan.frames, plan.quality, tree, vehicle=plan.vehicle)
         _ = plan.world  # made before the workers are forked, which then share it
-        with closing(options.make_workers(options.workers or usable_processors(), factory)) as workers:
-            write_manifest(tree, initial_manifest(self.made_from))
-            with FrameProgress(plan.frames, quiet=options.quiet) as progress:
-                return self._record(workers, files, progress)
+        with (
+            closing(options.make_workers(options.workers or usable_processors(), factory)) as workers,
+            FrameProgress(plan.frames, quiet=options.quiet) as progress,
+        ):
+            return self._record(workers, files, progress)
 
     def _record(self, workers: Workers, files: list[Written], progress: FrameProgress) -> DatasetResult:
         plan, root, world = self.plan, self.root, self.plan.world

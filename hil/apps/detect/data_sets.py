@@ -107,11 +107,12 @@ def make_data_sets(
 ) -> list[Path]:
     """Make those data sets of `series` that are not yet complete in `out`, and return the folders of all.
 
-    `jobs` data sets are made at a time, by default one per core. Raises RecordingError with the first data set that
-    could not be made.
+    `jobs` data sets are made at a time, by default one per core. Raises ConfigError for a scene that does not
+    exist, RecordingError with the first data set that could not be made.
     """
     plans, people = series.plans(), series.people
     people_setting = [] if people is None else [f"randomize.people.count=[{people[0]}, {people[1]}]"]
+    settings = [[*plan.settings(), *people_setting] for plan in plans]  # names a wrong scene before a folder is made
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -120,7 +121,10 @@ def make_data_sets(
     with Progress(*columns, console=console, disable=quiet) as progress:
         task = progress.add_task("", total=len(plans))
         with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
-            futures = [pool.submit(_make, p, out / p.name, series.frames, people_setting) for p in plans]
+            futures = [
+                pool.submit(_make, plan, out / plan.name, series.frames, texts)
+                for plan, texts in zip(plans, settings, strict=True)
+            ]
             for future in futures:
                 try:
                     future.result()
@@ -137,7 +141,7 @@ def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str])
     command = [sys.executable, "-m", "hil.cli", "dataset", str(BENCH), "--quiet", "--workers", "1"]
     command += ["--frames", str(frames), "--out", str(folder)]
     command += ["--seed", str(plan.seed), "--quality", plan.quality]
-    for setting in [*plan.settings(), *settings]:
+    for setting in settings:
         command += ["--set", setting]
     if folder.is_dir():
         command.append("--resume")

@@ -45,8 +45,9 @@ def print_devices(
     watch: bool = False,
     find: Callable[[], Devices] = find_devices,
     wait: Callable[[float], None] = time.sleep,
+    ended: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Print the inventory and, with `watch`, every change until Ctrl-C.
+    """Print the inventory and, with `watch`, every change until Ctrl-C, or until `ended` returns True.
 
     `as_json` prints the inventory as one object and each change as one object on a line.
     """
@@ -61,7 +62,7 @@ def print_devices(
     if not as_json:
         console.print("\nwatching for changes; Ctrl-C ends")
     try:
-        while True:
+        while not ended():
             wait(_POLL_S)
             for event in watcher.poll():
                 _print_event(console, event, as_json=as_json)

@@ -12,10 +12,12 @@ from rich.console import Console
 from hil.apps.fly.choice import BenchChoice
 from hil.apps.fly.dashboard import DashboardLink
 from hil.apps.fly.result_table import print_result
-from hil.run.report.run_folder import new_run_dir, write_config_error
+from hil.run.report.run_folder import guard_unbegun, new_run_dir, write_unbegun
 from signals.errors import ConfigError, HilError
+from signals.shortage import named
 
 if TYPE_CHECKING:
+    from hil.config import Bench
     from hil.run.bench_run import RunResult
 
 
@@ -31,32 +33,44 @@ def fly(
 ) -> int:
     """Fly and return the exit status of the run: 0 PASS, 1 FAIL, 3 ERROR.
 
-    The results go to `out`, by default to a new folder in `runs`; after a ConfigError too there is a run.json. Raises
-    HilError if no run could begin.
+    The results go to `out`, by default to a new folder in `runs`. Raises HilError if no run could begin; after a
+    ConfigError there is no folder that was not there before.
     """
     began_s = time.monotonic()
-    try:
-        bench = choice.load()
-    except ConfigError as error:
-        with contextlib.suppress(HilError):  # the ConfigError matters more than a folder that cannot be made
-            folder = new_run_dir(out, choice.rig or "unknown", runs)
-            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
-        raise
-    from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
-
     result: RunResult | None = None
-    folder = new_run_dir(out, bench.config.rig, runs)
+    if out is not None:
+        guard_unbegun(out, rig=choice.rig, scene=choice.scene, seed=choice.seed)
     try:
-        with link.parts(choice.config, folder, console) as dashboard_parts:
+        bench = _load(choice, out, runs)
+        from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
+
+        with (
+            link.parts(choice.config, runs if out is None else out.parent, console) as dashboard_parts,
+            new_run_dir(out, bench.config.rig, runs) as folder,
+        ):
             result = run_bench(bench, folder, quiet=quiet, more=dashboard_parts)
-            with contextlib.suppress(OSError, ValueError):  # a closed pipe changes neither run.json nor the status
-                print_result(result.run, folder, time.monotonic() - began_s, console, errors)
+            if result.config_error is not None:
+                raise result.config_error
+            print_result(result.run, folder, time.monotonic() - began_s, console, errors)
     except KeyboardInterrupt:
         if result is None:  # after the run Ctrl-C only ends the page
             raise
-    except ConfigError as error:  # of a part, such as a package that is not installed
-        with contextlib.suppress(HilError):
-            write_config_error(error, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+    except ConfigError as error:
+        if out is not None and out.is_dir():  # an earlier result there must not pass for this run's
+            with contextlib.suppress(HilError):
+                write_unbegun(error, out, rig=choice.rig, scene=choice.scene, seed=choice.seed)
         raise
-    assert result is not None
     return result.exit_status
+
+
+def _load(choice: BenchChoice, out: Path | None, runs: Path) -> Bench:
+    """Load the bench. A resource that ran out leaves a folder with a run.json that names it. Raises HilError."""
+    try:
+        return choice.load()
+    except Exception as error:
+        told = named(error)
+        if told is None or isinstance(told, ConfigError):
+            raise
+        with contextlib.suppress(HilError), new_run_dir(out, choice.rig or "unknown", runs) as folder:
+            write_unbegun(told, folder, rig=choice.rig, scene=choice.scene, seed=choice.seed)
+        raise told from None

@@ -30,14 +30,16 @@ class DashboardLink:
     paused: bool = False
 
     @contextlib.contextmanager
-    def parts(self, config: Path | None, folder: Path, console: Console) -> Iterator[MoreParts]:
-        """Open the run's side of the connection and yield the maker of its parts. Raises ConfigError, PortBusy."""
+    def parts(self, config: Path | None, runs: Path, console: Console) -> Iterator[MoreParts]:
+        """Open the run's side of the connection and yield the maker of its parts. Raises ConfigError.
+
+        `runs`: folder of the runs that the page lists.
+        """
         if self.serve:
             from hil.apps.dash.command import dashboard_beside
             from hil.apps.dash.part import DashboardPart
 
-            runs = folder.resolve().parent
-            with dashboard_beside(config, console, host=self.host, port=self.port, runs=runs) as live:
+            with dashboard_beside(config, console, host=self.host, port=self.port, runs=runs.resolve()) as live:
                 yield lambda vehicle: [DashboardPart(live, vehicle)]
         elif self.fd is not None:
             from hil.apps.dash.command import live_on_fd

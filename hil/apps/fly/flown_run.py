@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ HEALTH = {
     "lost_frames": "frames of the autopilot that never arrived",
     "late": "samples or replies that came too late",
     "estimator_reset": "resets of the autopilot's estimator in the air",
+    "crash": "a crash that the test did not look at, by run.passed, run.status or run.reasons",
     "error": "an ERROR: the bench could not finish the flight",
 }
 _GROUND_STATION = 255
@@ -38,13 +39,15 @@ class Run:
 
     json: dict[str, Any]
     out: Path
+    looked_at: list[str] = field(default_factory=list, compare=False)  # what the test has asked of the verdict
 
     def __repr__(self) -> str:
-        return f"<Run {self.status}, seed {self.seed}, digest {self.digest[:8]}, {self.out}>"
+        return f"<Run {self.json['status']}, seed {self.seed}, digest {self.digest[:8]}, {self.out}>"
 
     @property
     def status(self) -> str:
         """PASS, FAIL or ERROR."""
+        self.looked_at.append("status")
         return str(self.json["status"])
 
     @property
@@ -55,6 +58,7 @@ class Run:
     @property
     def reasons(self) -> list[str]:
         """The limits that were not met, in words; empty for a PASS."""
+        self.looked_at.append("reasons")
         return list(self.json["verdict"]["reasons"])
 
     @property
@@ -76,29 +80,37 @@ class Run:
     def vehicles(self) -> dict[str, Run]:
         """The flights of the vehicles by name; empty for a bench without the section `vehicles`."""
         folders = {name: self.out / vehicle["folder"] for name, vehicle in self.json.get("vehicles", {}).items()}
-        return {name: Run(json.loads((out / "run.json").read_text()), out) for name, out in folders.items()}
+        return {
+            name: Run(json.loads((out / "run.json").read_text()), out, self.looked_at) for name, out in folders.items()
+        }
 
     def __getattr__(self, name: str) -> Any:
         """Return a measurement or an entry of run.json's mission, such as `run.max_cross_track_m` or `run.completed`.
 
         Raises AttributeError for an unknown name, AssertionError if the flight did not yield it.
         """
-        if name.startswith("__") or name in ("json", "out"):
+        if name.startswith("__") or name in ("json", "out", "looked_at"):
             raise AttributeError(name)
         values = self.measurements | self.json["mission"]
         if name not in values:
             raise AttributeError(f"a run has no {name!r}; it has: {', '.join(sorted(values))}")
         if values[name] is None:
-            why = "; ".join(self.reasons) or "the flight never reached that part"
+            why = "; ".join(self.json["verdict"]["reasons"]) or "the flight never reached that part"
             raise AssertionError(f"{name} was never measured: {why}")
         return values[name]
 
 
+def unseen_crashes(run: Run) -> int:
+    """Return the number of crashes among the reasons of a FAIL, 0 if the test has looked at the verdict."""
+    return 0 if run.looked_at else sum("crashed: " in reason for reason in run.json["verdict"]["reasons"])
+
+
 def health(run: Run) -> dict[str, int]:
     """Return the number of occurrences of each item of `HEALTH` in a flight, of all vehicles together."""
+    own = {"crash": unseen_crashes(run), "error": int(run.json["status"] == "ERROR")}
     if "vehicles" in run.json:
         found = [health(vehicle) for vehicle in run.vehicles.values()]
-        return {name: sum(counts[name] for counts in found) for name in HEALTH} | {"error": int(run.status == "ERROR")}
+        return {name: sum(counts[name] for counts in found) for name in HEALTH} | own
     link = run.json["autopilot"].get("link") or {}
     timing = run.json.get("timing") or {}
     return {
@@ -107,7 +119,7 @@ def health(run: Run) -> dict[str, int]:
         "lost_frames": link.get("lost_frames", 0),
         "late": run.json["autopilot"]["late"] + timing.get("paced_ticks_late", 0),
         "estimator_reset": _estimator_resets(run.out / "flight.tlog"),
-        "error": int(run.status == "ERROR"),
+        **own,
     }
 
 

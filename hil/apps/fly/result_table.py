@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+_WARNINGS_SHOWN = 12  # different ones
+
 
 def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Console, errors: Console) -> None:
     """Print the results of a run: status, measurements with their limits, digest, folder. `run` is its run.json."""
@@ -42,7 +44,10 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
         errors.print(f"[bold red]error:[/] {escape(error['type'])}: {escape(error['message'])}", markup=True)
     for reason in verdict["reasons"] if run["status"] == "FAIL" else []:
         console.print(f"  {reason}", markup=False)
-    print_timing(run, console)
+    for failsafe in run.get("failsafes", ()):
+        if failsafe["expected"] or run["status"] != "FAIL":  # else it is a reason
+            console.print(f"  {failsafe['line']}{' (expected)' if failsafe['expected'] else ''}", markup=False)
+    print_warnings(run, console)
     console.print(table, markup=False)
     # Unbroken lines, so that they can be copied, compared and searched for.
     console.print(f"digest   {run['digest']}{digest_note}", markup=False)
@@ -50,13 +55,15 @@ def print_result(run: dict[str, Any], folder: Path, took_s: float, console: Cons
     console.print(f"results  {folder}/  ({names}; {took_s:.1f} s in all)", markup=False)
 
 
-def print_timing(run: dict[str, Any], console: Console) -> None:
-    """Print the findings about the timing of a run by the wall clock: each may be the cause of a FAIL."""
-    findings = (run.get("autopilot", {}).get("realtime") or {}).get("findings") or []
-    if not findings:
-        return
-    failed = run["status"] == "FAIL"
-    console.print("  The timing may be the cause:" if failed else "  The timing was not good:", markup=False)
-    for finding in findings:
-        colour = "red" if finding["level"] == "error" else "yellow"
-        console.print(f"    [{colour}]{finding['level']}:[/] {escape(finding['text'])}", markup=True)
+def print_warnings(run: dict[str, Any], console: Console) -> None:
+    """Print the warnings of a run, each text once: any may be the cause of a FAIL."""
+    texts: dict[tuple[str, str], list[float]] = {}
+    for row in run["warnings"]:
+        owner = f"{row['vehicle']}: " if "vehicle" in row else ""
+        texts.setdefault((row["level"], f"{owner}{row['text']}"), []).append(row["t_s"])
+    for (level, text), times_s in list(texts.items())[:_WARNINGS_SHOWN]:
+        colour = "red" if level == "error" else "yellow"
+        more = f", {len(times_s)} times" if len(times_s) > 1 else ""
+        console.print(f"  [{colour}]{level}:[/] {escape(text)} (at {times_s[0]:.1f} s{more})", markup=True)
+    if len(texts) > _WARNINGS_SHOWN:
+        console.print(f"  and {len(texts) - _WARNINGS_SHOWN} more warnings, in run.json", markup=False)

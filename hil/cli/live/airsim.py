@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -40,6 +41,13 @@ class AirSimOptions:
     ] = None
     scene: SceneOption = None
     out: OutOption = None
+    files: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder below which clients may have files written (voxel grids); default: that of the results.",
+            metavar="FOLDER",
+        ),
+    ] = None
     dash: Annotated[
         bool, typer.Option("--dash", help="Serve a page in the browser: scene, vehicles, cameras, drawings.")
     ] = False

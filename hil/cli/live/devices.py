@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from hil.cli.console import console, exit_on_error
+from hil.cli.streams import nobody_reads
 
 
 def devices(
@@ -36,7 +37,7 @@ def devices(
     from hil.apps.devices.command import check_board, print_devices
 
     if check is None:
-        print_devices(console, as_json=json, watch=watch)
+        print_devices(console, as_json=json, watch=watch, ended=nobody_reads)
         return
     with exit_on_error():
         ready = check_board(console, check, baud=baud, fix=fix)

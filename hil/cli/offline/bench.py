@@ -11,9 +11,15 @@ from hil.cli.console import console, exit_on_error
 
 
 def bench(
-    name: Annotated[str, typer.Argument(help="Name of the benchmark.", metavar="NAME")],
+    name: Annotated[str, typer.Argument(help="Name of the benchmark, or all.", metavar="NAME")],
     json: Annotated[Path | None, typer.Option(help="Write rows and checks to this file, and a plot beside it.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Run for at most 60 s, and list the omitted checks.")] = False,
+    errors_only: Annotated[
+        bool, typer.Option("--errors-only", help="Leave out the checks of speed, which load on the machine moves.")
+    ] = False,
+    without: Annotated[
+        list[str] | None, typer.Option(help="Benchmark that 'all' leaves out; may be repeated.", metavar="NAME")
+    ] = None,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -22,8 +28,16 @@ def bench(
     ] = None,
 ) -> None:
     """Measure speed together with error. Exit with status 1 if a check is not met."""
-    from hil.apps.bench_suite.suite import run_benchmark
+    from hil.apps.bench_suite.suite import run_benchmarks
 
     with exit_on_error():
-        met = run_benchmark(name, json=json, quick=quick, console=console, settings=settings or ())
+        met = run_benchmarks(
+            name,
+            json=json,
+            quick=quick,
+            console=console,
+            settings=settings or (),
+            errors_only=errors_only,
+            without=without or (),
+        )
     raise typer.Exit(0 if met else 1)

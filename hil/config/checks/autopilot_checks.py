@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
+from firmware_bridge.links.px4.sitl import airframe_problem
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from hil.config.checks.program_checks import program_problem
 from hil.config.merge.layers import Settings
@@ -20,12 +21,17 @@ _KEYS_OF_KINDS = {
     "env": {"px4_sitl"},
     "port": {"px4_hitl", "ardupilot_eahrs"},
     "mavlink_port": {"ardupilot_sitl", "ardupilot_eahrs"},
+    "airframe": {"px4_sitl", "px4_hitl"},
 }
 # How to make the program that each kind starts.
 _PROGRAM_MAKES = {
     "px4_sitl": "`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4",
     "ardupilot_sitl": "`./waf configure --board sitl && ./waf copter` in ardupilot makes build/sitl/bin/arducopter",
 }
+# Kind whose builds come with a list of their airframes -> what is wrong with a name or number, and what to do.
+_AIRFRAME_CHECKS: dict[str, Callable[[Path, str], tuple[str, str] | None]] = {"px4_sitl": airframe_problem}
+# Kinds of boards, which report only the number of their airframe.
+_AIRFRAME_NUMBERS = frozenset({"px4_hitl"})
 _PROGRAM_MAKES["ardupilot_eahrs"] = _PROGRAM_MAKES["ardupilot_sitl"]
 
 
@@ -72,6 +78,17 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
         problem = program_problem(Path(str(autopilot.binary)).expanduser(), autopilot.kind)
         if problem is not None:
             report("binary", problem, _PROGRAM_MAKES[autopilot.kind])
+    if autopilot.airframe is not None:
+        check = _AIRFRAME_CHECKS.get(autopilot.kind)
+        if (
+            check is not None
+            and autopilot.binary is not None
+            and (found := check(Path(autopilot.binary), autopilot.airframe))
+        ):
+            report("airframe", *found)
+        if autopilot.kind in _AIRFRAME_NUMBERS and not autopilot.airframe.isdigit():
+            message = f"must be a number, not {autopilot.airframe!r}: it is compared with the board's SYS_AUTOSTART"
+            report("airframe", message, "choose the airframe in the ground station")
     if autopilot.mavlink_port == "none" and config.mission is not None:
         report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
     return problems

@@ -9,6 +9,7 @@ from firmware_bridge.links.ardupilot.frames import Frame, frame_names, frame_of
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 _AXES = ("roll", "pitch", "yaw", "thrust")
@@ -17,8 +18,11 @@ _LEAST_UPRIGHT = 0.9  # vertical part of an axis: the rotors of ArduPilot's fram
 
 
 def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
-    """Report a vehicle whose rotors cannot give roll, pitch, yaw and thrust independently of each other."""
-    effect = vehicle.effectiveness[[3, 4, 5, 2]]
+    """Report a vehicle whose rotors cannot lift it, or cannot give roll, pitch, yaw and thrust independently."""
+    unfit = multirotor.unfit(vehicle)
+    if unfit is not None:
+        return [at(file, (unfit[0],), unfit[1])]
+    effect = multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
     greatest = np.max(np.abs(effect), axis=1, keepdims=True)
     rows = np.where(greatest > 1e-9, effect / np.maximum(greatest, 1e-9), 0.0)
     rank = _rank(rows)

@@ -273,6 +273,9 @@ class BenchLoading:
             mission = shifted_mission(mission, config.mission_offset_m, scene)
         if script is not None:
             self.problems += mission_problems(script, mission)
+            if config is not None and config.crash is None and script.script.outcome == "crashed":
+                message = "expects a crash, but crashes are not judged (crash: null)"
+                self.problems.append(at(script.document, ("outcome",), message))
             if config is not None and vehicle is not None:
                 self.problems += bench_problems(script, sensors=sample_types(config), vehicle=vehicle)
                 self.problems += script_intake_problems(config, script)

@@ -19,6 +19,7 @@ from pydantic import Field, field_validator, model_validator
 from firmware_bridge.ground_station.actions import Action, Effect, RunCommand, SetMode, SetParam, VehicleEvent
 from firmware_bridge.ground_station.modes import WORDS, plain_word
 from hil.config.missions.mission import Mission
+from hil.config.schema import Limits
 from signals.documents.document import Document
 from signals.documents.validate import StrictModel, nearest, unit_of
 from signals.time import NS_PER_S
@@ -183,14 +184,18 @@ class Expectation(StrictModel):
         return "deg/s" if self.measure == "max_rate_degps" else unit_of(self.measure).strip()
 
 
+Outcome = Literal["complete", "aborted", "any", "crashed"]
+
+
 class Script(StrictModel):
     """The contents of a script file."""
 
     description: str = ""
     plan: str | None = None  # a .plan or .waypoints file beside the script; null: only actions
-    outcome: Literal["complete", "aborted", "any"] = "complete"  # required end of the plan
+    outcome: Outcome = "complete"  # required end of the flight
     actions: tuple[ActionSpec, ...] = ()
     limits: dict[str, Any] = Field(default_factory=dict)  # merged over those of the bench
+    failsafe: dict[str, Any] | None = None  # replaces that of the bench
     expect: tuple[Expectation, ...] = ()
 
     @field_validator("expect")
@@ -200,6 +205,9 @@ class Script(StrictModel):
         repeated = next((label for label in labels if labels.count(label) > 1), None)
         if repeated is not None:
             raise ValueError(f"two measurements are called {repeated!r}: give one of them another name")
+        limit = next((label for label in labels if label in Limits.model_fields), None)
+        if limit is not None:
+            raise ValueError(f"a measurement is called {limit!r}, as a limit of every flight: give it another name")
         return expect
 
 

@@ -62,6 +62,10 @@ def read_script(path: Path) -> MissionScript:
             problems.append(at(document, ("plan",), f"must be a {' or '.join(PLAN_SUFFIXES)} file, not {script.plan}"))
     elif not script.actions and not problems:
         problems.append(Problem(document.where(()), "has neither a plan nor actions"))
+    if script.outcome == "crashed":
+        judged = [name for name, limit in script.limits.items() if limit is not None]
+        hint = "leave it out; write measurements of the fall under expect"
+        problems += [at(document, ("limits", name), "is not judged with outcome: crashed", hint) for name in judged]
     if problems:
         raise ConfigError(problems)
     return MissionScript(path, script, plan_path, document)
@@ -154,6 +158,8 @@ def merge_script(settings: Settings, script: MissionScript) -> None:
         place: Place = ("limits", key)
         if not settings.where(place).startswith(COMMAND_LINE):
             settings.set(place, value, where(place))
+    if script.script.failsafe is not None and not settings.where(("failsafe",)).startswith(COMMAND_LINE):
+        settings.set(("failsafe",), script.script.failsafe, where(("failsafe",)))
     for index, spec in enumerate(script.script.actions):
         if spec.fault is None or spec.at_s is None:
             continue

@@ -14,6 +14,7 @@ from hil.run.autopilots.ardupilot_sitl import frame_parameters
 from hil.run.autopilots.surroundings import Surroundings, firmware_build, free_running_settings, serial_path
 from signals.errors import PortNotFound
 from signals.geodesy import LocalFrame
+from sim.physics import multirotor
 
 
 def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
@@ -32,7 +33,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
             home=around.home,
             instance=autopilot.instance,
             parameters=sitl_parameters(
-                hover_control=vehicle.hover_control,
+                hover_control=multirotor.hover_control(vehicle),
                 thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
                 tick_hz=config.tick_hz,
                 more=frame_parameters(vehicle) | autopilot.params,

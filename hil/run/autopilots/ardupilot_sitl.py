@@ -13,6 +13,7 @@ from hil.config.checks.intake_checks import intake_parameters
 from hil.config.checks.rotor_checks import ardupilot_frame
 from hil.run.autopilots.surroundings import WORK_FOLDER, Surroundings, firmware_build, timeouts
 from signals.errors import LinkError
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 
@@ -48,7 +49,7 @@ def vehicle_parameters(bench: Bench) -> dict[str, float]:
     """Return the parameters of this vehicle, its sensors and the tick, with `autopilot.params` over them."""
     vehicle = bench.vehicle
     return copter_parameters(
-        hover_control=vehicle.hover_control,
+        hover_control=multirotor.hover_control(vehicle),
         thrust_model_factor=vehicle.rotor_constants.thrust_model_factor,
         tick_hz=bench.config.tick_hz,
         more=frame_parameters(vehicle) | intake_parameters(bench.config) | bench.config.autopilot.params,

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
 from hil.config import Bench
 from hil.run.autopilots.rotor_parameters import matching_airframe, px4_parameters
-from hil.run.autopilots.surroundings import LOG_NAME, Surroundings, firmware_build, timeouts
+from hil.run.autopilots.surroundings import Surroundings, firmware_build, timeouts
 
 EXTERNAL_AIRFRAME = "none_iris"
 
@@ -45,13 +43,3 @@ def airframe_and_params(bench: Bench) -> tuple[str, dict[str, float]]:
         return autopilot.airframe, autopilot.params
     rotors = {} if matching_airframe(bench.vehicle) == "iris" else px4_parameters(bench.vehicle)
     return EXTERNAL_AIRFRAME, rotors | autopilot.params
-
-
-def unknown_parameters(bench: Bench, out: Path) -> list[str]:
-    """Return the names in `autopilot.params` that PX4 does not have, according to its log."""
-    autopilot = bench.config.autopilot
-    log = out / LOG_NAME
-    if autopilot.kind != "px4_sitl" or not autopilot.params or not log.is_file():
-        return []
-    text = log.read_text(errors="replace")
-    return [name for name in autopilot.params if f"Parameter {name} not found" in text]

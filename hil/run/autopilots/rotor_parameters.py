@@ -17,6 +17,7 @@ import numpy as np
 
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes
 from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
@@ -39,7 +40,7 @@ class Authority(NamedTuple):
 def authority(vehicle: Vehicle) -> Authority:
     """Return what a full demand gives, scaled as the allocation scales it."""
     c, n = vehicle.rotor_constants, len(vehicle.rotors)
-    E = vehicle.effectiveness[[3, 4, 5, 2]] * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
+    E = multirotor.effectiveness(vehicle)[[3, 4, 5, 2]] * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
     mix = np.linalg.pinv(E)
     squares = np.sum(mix[:, :2] ** 2, axis=0)
     tilt = float(np.sqrt(max(squares) / (0.5 * n)))
@@ -49,7 +50,7 @@ def authority(vehicle: Vehicle) -> Authority:
 def geometry_parameters(vehicle: Vehicle) -> dict[str, float]:
     """Return CA_ROTOR*: positions and axes in FRD, thrust coefficients, moments per thrust."""
     values: dict[str, float] = {"CA_ROTOR_COUNT": len(vehicle.rotors)}
-    for i, (share, rotor) in enumerate(zip(vehicle.thrust_shares, vehicle.rotors, strict=True)):
+    for i, (share, rotor) in enumerate(zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)):
         (x, y, z), (ax, ay, az) = rotor.position_m, rotor.axis
         km = rotor.spin.sign * vehicle.rotor_constants.moment_ratio_m / share
         place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": _CT * share, "KM": km}

@@ -9,16 +9,16 @@ from hil.config import Bench
 from signals.samples import TruthState
 from sim.physics.disturbances import Disturbances
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import PhysicsEvent, QuadrotorPhysics
+from sim.physics.vehicle_physics import PhysicsEvent, VehiclePhysics
 
 
 class RestartablePhysics:
-    """Wraps a `QuadrotorPhysics` from `make`, and replaces it by a new one at the tick after `restart`.
+    """Wraps a `VehiclePhysics` from `make`, and replaces it by a new one at the tick after `restart`.
 
     Wind and declared faults follow the time since the restart, so they happen again.
     """
 
-    def __init__(self, make: Callable[[], QuadrotorPhysics], *, tick_ns: int) -> None:
+    def __init__(self, make: Callable[[], VehiclePhysics], *, tick_ns: int) -> None:
         self._make = make
         self._tick_ns = tick_ns
         self._physics = make()
@@ -33,7 +33,7 @@ class RestartablePhysics:
         self._first_tick = None
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
-        """Advance to `tick` with these controls; see `QuadrotorPhysics.advance`. Returns truth in the bench's time."""
+        """Advance to `tick` with these controls; see `VehiclePhysics.advance`. Returns truth in the bench's time."""
         if self._first_tick is None:
             self._first_tick = tick
             self._physics.start_ns = tick * self._tick_ns  # people in the scene keep walking
@@ -47,11 +47,11 @@ class RestartablePhysics:
 
 
 def make_physics(bench: Bench) -> Any:
-    """Return the bench's vehicle: a `QuadrotorPhysics`, or a `RestartablePhysics` where the autopilot may reboot."""
+    """Return the bench's vehicle: a `VehiclePhysics`, or a `RestartablePhysics` where the autopilot may reboot."""
     config = bench.config
 
-    def make() -> QuadrotorPhysics:
-        return QuadrotorPhysics(
+    def make() -> VehiclePhysics:
+        return VehiclePhysics(
             bench.vehicle,
             bench.scene,
             config.tick_ns,

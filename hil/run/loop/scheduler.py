@@ -44,7 +44,7 @@ from hil.run.recorder.recorder import Recorder
 from signals.latency import LatencyHistogram
 from signals.samples import ActuatorFrame, Sample, TruthState, Vec3
 from signals.time import RateAccumulator
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 
 _SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
 _HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
@@ -129,7 +129,7 @@ class ReleaseQueue:
 class Wiring:
     """The objects that a tick connects."""
 
-    physics: QuadrotorPhysics
+    physics: VehiclePhysics
     sensors: Sequence[SensorSlot]
     link: AutopilotLink
     ports: Mapping[str, str]  # kind -> port of the sensors whose samples go to the autopilot, an imu among them
@@ -159,7 +159,7 @@ class Scheduler:
         self.tick = 0  # the next tick to run
         self.late = 0  # ticks that began after their wall-clock deadline (paced runs only)
         self.phase_ns = {name: LatencyHistogram() for name in PHASES}
-        self.own_ns = LatencyHistogram()  # per tick, without the wait
+        self.own_ns = LatencyHistogram()  # processor time of a tick in this thread
         self.step_ns = LatencyHistogram()  # per tick, without pacing
         self.turnaround_ns = LatencyHistogram()  # from a reply to the next send (lockstep, not paced)
         self._histograms = (self.own_ns, self.step_ns, *(self.phase_ns[name] for name in PHASES))
@@ -173,8 +173,6 @@ class Scheduler:
         self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
         self._wind_at = wind_at
         self.record_first = False  # set while bench and autopilot share one processor
-        # A busy autopilot may preempt the bench, so only processor time measures the bench's own work.
-        self._own_clock = time.thread_time_ns if link.caps.busy_processors > 1 else time.perf_counter_ns
         self._kinds = {port: kind for kind, port in wiring.ports.items()}
         self._commands = tuple(wiring.commands)
         self._recorder = recorder
@@ -223,7 +221,8 @@ class Scheduler:
                 self._latched = self._command
         elif self._tick_wall_ns is not None:
             self._wait_for_deadline(self._tick_wall_ns)
-        self._own_start_ns = self._own_clock()
+        # Other programs may preempt the bench, so only processor time measures its own work.
+        self._own_start_ns = time.thread_time_ns()
         return self._latched.controls
 
     def send(self, truth: TruthState, began_ns: int) -> None:
@@ -281,7 +280,7 @@ class Scheduler:
         tick = self.tick
         t0, t1, t2, t3, send_start, t4 = self._marks_ns
         t5 = clock()
-        own_end_ns = self._own_clock()
+        own_ns = time.thread_time_ns() - self._own_start_ns
         actuators = None
         try:
             actuators = self._link.wait(tick, tick * self.tick_ns)
@@ -295,9 +294,7 @@ class Scheduler:
             self._latched = actuators
         self.tick = tick + 1
 
-        # The wait for a companion is not the bench's own work. Processor time leaves it out already.
         frames_ns, companion_ns = self._frames_ns, self._companion_ns
-        own_ns = own_end_ns - self._own_start_ns - (companion_ns if self._own_clock is clock else 0)
         record_ns = t5 - t4 + send_start - t3 - frames_ns - companion_ns
         phases_ns = (t1 - t0, t2 - t1, t3 - t2, t4 - send_start, frames_ns, record_ns, companion_ns, t6 - t5)
         self._uncounted = (own_ns, t6 - t0, *phases_ns)

@@ -26,9 +26,11 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("simulated.sensors", _always),
     ("links.faults", _always),
 )
+_CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
     ("judges.flight", _always),
-    ("judges.crash", lambda bench: bench.config.crash is not None),
+    *_CRASH,
+    ("judges.fly_away", lambda bench: bench.config.fly_away_m is not None),
     ("judges.goal", lambda bench: bench.config.goal is not None),
     ("judges.search", lambda bench: bench.config.search is not None),
 )
@@ -40,8 +42,10 @@ _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("links.ros2.part", lambda bench: bench.config.ros2.domain is not None),
 )
 _LINKS: tuple[tuple[str, Condition], ...] = (
+    ("links.parameters", lambda bench: bool(bench.config.autopilot.params or bench.config.autopilot.airframe)),
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
     ("links.router", lambda bench: bool(bench.config.router.endpoints())),
+    ("links.failsafe", _always),
     ("links.autopilot", _always),
 )
 
@@ -50,9 +54,9 @@ def parts_of(bench: Bench, more: Sequence[Part] = (), *, judged: bool = True) ->
     """Return the parts of a run of `bench`, not yet opened. `more`: parts that the caller of the run adds.
 
     Parts of the section `parts` and those of the caller come before the links to the outside, so that their commands
-    are signed too. `judged`: False leaves out the parts that measure and judge the flight.
+    are signed too. `judged`: False leaves out the parts that measure and judge the flight, but for crashes.
     """
-    inner = [*_VEHICLE, *(_JUDGES if judged else ()), *_PILOTS]
+    inner = [*_VEHICLE, *(_JUDGES if judged else _CRASH), *_PILOTS]
     named = [part_module(name).make(bench, settings) for name, settings in bench.config.parts.items()]
     return [*_make(inner, bench), *named, *more, *_make(_LINKS, bench)]
 

@@ -123,14 +123,14 @@ class TestSuitePart(Part):
     def phase(self) -> str:
         return "test suite"
 
-    def verdict(self, verdict: Verdict) -> Verdict:
+    def verdict(self) -> Verdict:
         ok = self._status == 0
         reasons = []
         if not ok:
             how = self._end_text or "it had not ended when the run was stopped or reached duration_s"
             reasons = [f"the test suite failed: {how} ({LOG_NAME})"]
         value = None if self._status is None else float(self._status)
-        return verdict.with_rows([Row("suite_exit_status", value, 0.0, "", ok)], reasons)
+        return Verdict([Row("suite_exit_status", value, 0.0, "", ok)], reasons)
 
     def run_keys(self) -> dict[str, Any]:
         suite = {"command": list(self._settings.command), "exit_status": self._status, "impacts": self._impacts}

@@ -41,6 +41,7 @@ _FLUSH_NS = NS_PER_S  # flush after this much simulated time, the most that is l
 _FLUSH_TICKS = 512  # flush after this many ticks, on benches with a higher tick rate
 _FLUSH_FRAMES = 4096  # flush after this many MAVLink frames, at most 280 bytes each: about 1 MiB of memory
 _FLUSH_BYTES = 16 << 20  # flush after this much memory in pictures and point clouds
+_WARNING_KINDS = frozenset({"warning", "error"})
 _MAX_EVENTS = 2000  # in memory for the report; the recording has all
 
 
@@ -135,6 +136,7 @@ class Recorder:
         self.track = Track(tick_ns)
         self.album = Album()
         self.events: list[Event] = []
+        self.warnings: list[Event] = []  # events of these kinds, also those that `events` has no more room for
         self._tick = 0
         self._closed = False
         self._taps = tuple(taps)
@@ -243,6 +245,8 @@ class Recorder:
         """Record an event: a phase, a status text, a fault."""
         if len(self.events) < _MAX_EVENTS:
             self.events.append(Event(t_ns, kind, text))
+        if kind in _WARNING_KINDS and len(self.warnings) < _MAX_EVENTS:
+            self.warnings.append(Event(t_ns, kind, text))
         if self._mcap:
             self._mcap.event(t_ns, kind, text)
         for tap in self._taps:

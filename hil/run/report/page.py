@@ -57,7 +57,7 @@ def _page(run: Mapping[str, Any], events: Sequence[Event], report: Report, title
 <div class="columns"><section><h2>Summary</h2>{table(_headline_rows(run))}</section>
 <section><h2>Verdict</h2>{_verdict(run)}<h2>Sensors</h2>{_sensors(run)}
 <h2>Not computed</h2>{_skipped(run)}</section></div>
-{sections}
+{_warnings(run)}{sections}
 <section><h2>Events</h2>{_events(events)}</section>
 <footer>digest <code>{escape(str(run.get("digest", "")))}</code><br>
 The recording run.mcap opens in Foxglove and with ros2 bag, flight.tlog in QGroundControl.</footer>
@@ -125,6 +125,15 @@ def _verdict(run: Mapping[str, Any]) -> str:
     return reasons + (table(rows, ("measured", "value", "limit")) if rows else "<p>Nothing was judged.</p>")
 
 
+def _warnings(run: Mapping[str, Any]) -> str:
+    """Return a section with the warnings of the run; empty if there are none."""
+    warnings = run.get("warnings") or []
+    if not warnings:
+        return ""
+    rows = [(f"{w['t_s']:.3f}", w.get("vehicle", ""), w["level"], w["text"]) for w in warnings[:_EVENTS_SHOWN]]
+    return f"<section><h2>Warnings</h2>{table(rows, ('t [s]', 'vehicle', 'level', 'text'))}</section>\n"
+
+
 def _sensors(run: Mapping[str, Any]) -> str:
     sensors = run.get("sensors") or {}
     rows = [
@@ -151,7 +160,8 @@ def _skipped(run: Mapping[str, Any]) -> str:
 def _events(events: Sequence[Event]) -> str:
     if not events:
         return "<p>None.</p>"
-    rows = [(f"{e.t_ns / NS_PER_S:.3f}", e.kind, e.text) for e in events[:_EVENTS_SHOWN]]
+    by_time = sorted(events, key=lambda event: event.t_ns)  # texts of the autopilot are recorded last
+    rows = [(f"{e.t_ns / NS_PER_S:.3f}", e.kind, e.text) for e in by_time[:_EVENTS_SHOWN]]
     more = len(events) - len(rows)
     note = f"<p>and {more} more, in run.mcap</p>" if more > 0 else ""
     return table(rows, ("t [s]", "kind", "text")) + note

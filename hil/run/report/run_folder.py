@@ -7,13 +7,18 @@ import fcntl
 import json
 import os
 import re
+import shutil
 import stat
 import time
 from collections.abc import Iterable, Iterator
+from itertools import count
 from pathlib import Path
+from typing import Any
 
-from hil.run.report.run_json import write_run_json
-from signals.errors import ConfigError, RecordingError
+from hil.run.report.run_json import run_json_text, write_run_json
+from signals._kernel import guard_file
+from signals.errors import ConfigError, HilError, OutOfMemory, RecordingError
+from signals.shortage import CRASHED, OUT_OF_MEMORY
 
 # Files and folders that a run writes. A link in their place is removed first: writing would change what it points to.
 _SUFFIXES = (
@@ -95,45 +100,97 @@ def _remove_links(folder: Path, folders: frozenset[str] = _FOLDERS) -> None:
         raise RecordingError(f"{path}: a link where the run writes cannot be removed ({error.strerror})") from error
 
 
-def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Path:
-    """Return `out`, or a new folder in `runs` to which `runs/latest` then points. Raises RecordingError."""
-    if out is not None:
-        return out
+@contextlib.contextmanager
+def new_run_dir(out: Path | None, rig: str, runs: Path = Path("runs")) -> Iterator[Path]:
+    """Yield `out`, or a new folder in `runs` to which `runs/latest` points. Raises RecordingError.
+
+    A ConfigError in the block says that no run began: folders that were made for it are removed, and `runs/latest`
+    points to where it did.
+    """
+    wanted = out or runs
+    missing = [path for path in (wanted, *wanted.parents) if not os.path.lexists(path)]
+    latest, before = runs / "latest", None
+    folder = out or _make_folder(rig, runs)
+    if out is None:
+        missing.insert(0, folder)
+        before = _point(latest, folder.name)
+    try:
+        yield folder
+    except ConfigError:
+        if out is None and _target(latest) == folder.name:
+            _point(latest, before)
+        if folder in missing:
+            shutil.rmtree(folder, ignore_errors=True)
+        for parent in missing:
+            with contextlib.suppress(OSError):  # somebody else uses it
+                parent.rmdir()
+        raise
+
+
+def _make_folder(rig: str, runs: Path) -> Path:
+    """Make a folder in `runs`, named by time and rig. Raises RecordingError."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "-", Path(rig).stem) or "run"
     stem = f"{time.strftime('%Y%m%d-%H%M%S')}-{name[:80]}"
     try:
         runs.mkdir(parents=True, exist_ok=True)
-        for n in range(1000):
-            folder = runs / (stem if n == 0 else f"{stem}-{n}")
-            try:
+        for n in count():
+            folder = runs / (f"{stem}-{n}" if n else stem)
+            with contextlib.suppress(FileExistsError):
                 folder.mkdir()
-            except FileExistsError:
-                continue
-            latest = runs / "latest"
-            # The link is a convenience: a file system without links, or a folder of that name, does not stop a run.
-            with contextlib.suppress(OSError):
-                latest.unlink(missing_ok=True)
-                latest.symlink_to(folder.name)
-            return folder
+                break
     except OSError as error:
-        raise RecordingError(
-            f"{runs}: the folder of the run cannot be created ({error.strerror or error}); name another with --out"
-        ) from error
-    raise RecordingError(f"{runs}: all thousand names of this second are taken; name a folder with --out")
+        text = f"the folder of the run cannot be created ({error.strerror or error}); name another with --out"
+        raise RecordingError(f"{runs}: {text}") from error
+    return folder
 
 
-def write_config_error(
-    error: ConfigError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None
-) -> None:
-    """Write the run.json of a run that never began because of a ConfigError, so that callers always find one.
+def _target(link: Path) -> str | None:
+    try:
+        return os.readlink(link)
+    except OSError:
+        return None
+
+
+def _point(link: Path, target: str | None) -> str | None:
+    """Let a link point to `target` (None: remove it), and return where it did.
+
+    The link is a convenience: a file system without links, or a folder of that name, does not stop a run.
+    """
+    before = _target(link)
+    with contextlib.suppress(OSError):
+        link.unlink(missing_ok=True)
+        if target is not None:
+            link.symlink_to(target)
+    return before
+
+
+def write_unbegun(error: HilError, folder: Path, *, rig: str | None, scene: str | None, seed: int | None) -> None:
+    """Write the run.json of a run that never began because of an error, over that of an earlier run.
 
     Raises RecordingError if that is not possible, or another run writes into the folder.
     """
+    kind = "ConfigError" if isinstance(error, ConfigError) else type(error).__name__
+    run = _unbegun(kind, str(error), rig=rig, scene=scene, seed=seed)
+    with run_folder(folder):
+        write_run_json(folder / "run.json", run)
+
+
+def guard_unbegun(folder: Path, *, rig: str | None, scene: str | None, seed: int | None) -> None:
+    """Let a native library that crashes before the run begins leave its run.json."""
+    crashed, no_memory = (
+        run_json_text(_unbegun(kind, text, rig=rig, scene=scene, seed=seed))
+        for kind, text in (("Crashed", CRASHED), (OutOfMemory.__name__, OUT_OF_MEMORY))
+    )
+    guard_file(str((folder / "run.json").absolute()), crashed, no_memory)
+
+
+def _unbegun(kind: str, message: str, *, rig: str | None, scene: str | None, seed: int | None) -> dict[str, Any]:
     unmeasured = {"p50": None, "p99": None, "max": None}
-    run = {
+    mission = {"completed": False, "waypoints": 0, "reached": 0, "max_cross_track_m": None, "final_error_m": None}
+    return {
         "schema": 1,
         "status": "ERROR",
-        "error": {"type": "ConfigError", "message": str(error)},
+        "error": {"type": kind, "message": message},
         "digest": "0" * 32,
         "deterministic": False,
         "seed": seed or 0,
@@ -142,16 +199,8 @@ def write_config_error(
         "sim_s": 0.0,
         "wall_s": 0.0,
         "realtime_factor": 0.0,
-        "mission": {
-            "completed": False,
-            "waypoints": 0,
-            "reached": 0,
-            "max_cross_track_m": None,
-            "final_error_m": None,
-        },
+        "mission": mission,
         "autopilot": {"kind": "", "steps": 0, "late": 0, "rtt_us": unmeasured},
         "sensors": {},
         "skipped": [],
     }
-    with run_folder(folder):
-        write_run_json(folder / "run.json", run)

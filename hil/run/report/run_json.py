@@ -34,12 +34,17 @@ def finite(value: Any) -> Any:
     raise TypeError(f"run.json cannot hold a {type(value).__name__}: {value!r}")
 
 
+def run_json_text(run: Mapping[str, Any]) -> str:
+    """Return the content of a run.json. Keys keep their order."""
+    return json.dumps(finite(run), indent=2, allow_nan=False) + "\n"
+
+
 def write_run_json(path: Path, run: Mapping[str, Any]) -> None:
     """Write `run` to `path` atomically: a reader sees the old file or the whole new one.
 
-    Keys keep their order. Raises RecordingError if the file cannot be written.
+    Raises RecordingError if the file cannot be written.
     """
-    text = json.dumps(finite(run), indent=2, allow_nan=False) + "\n"
+    text = run_json_text(run)
     temporary: str | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

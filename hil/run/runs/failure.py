@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from signals.errors import HilError
+from signals.shortage import named
 
 _TRACEBACK_NAME = "traceback.txt"
 
@@ -41,9 +41,10 @@ class Failure:
 
     def note(self, error: BaseException, where: str = "") -> None:
         """Keep this error if it is the run's first. `where` is put before its message, as in 'lead: '."""
-        if isinstance(error, HilError):
-            cause = getattr(error, "cause", "")
-            self._keep(type(error).__name__, f"{where}{error}", **({"cause": cause} if cause else {}))
+        told = named(error)
+        if told is not None:
+            cause = getattr(told, "cause", "")
+            self._keep(type(told).__name__, f"{where}{told}", **({"cause": cause} if cause else {}))
         elif isinstance(error, KeyboardInterrupt):
             self._keep("Interrupted", str(error) or "stopped from the keyboard")
         else:

@@ -1,4 +1,4 @@
-"""A flight of several vehicles without a result: nothing is judged, and one vehicle is recorded."""
+"""A flight of several vehicles without a result: nothing but crashes is judged, and one vehicle is recorded."""
 
 from __future__ import annotations
 
@@ -82,3 +82,4 @@ class GroupFlight:
             lambda _truths, _contacts: None,
         )
         fly_ticks(flights, quiet=True, step=lockstep.step)
+        for_each({flight.name: runs[flight.name] for flight in flights if not flight.lost}, VehicleRun.raise_causes)

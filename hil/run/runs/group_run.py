@@ -24,11 +24,11 @@ from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.group_report import write_group_report
-from hil.run.report.run_json import write_run_json
+from hil.run.report.run_file import RunFile
 from hil.run.runs.failure import Failure
 from hil.run.runs.group_flight import for_each, group_of
 from hil.run.runs.lockstep import Lockstep
-from hil.run.runs.vehicle_run import KILLED, RUN_JSON_NAME, RunResult, Shared, VehicleRun
+from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
 from signals.errors import HilError, RecordingError
@@ -48,6 +48,7 @@ class GroupRun:
     def __init__(self, bench: Bench, out: Path, more: Callable[[str], Sequence[Part]], *, quiet: bool) -> None:
         """`more` makes the parts that the caller adds to a vehicle. Raises ConfigError for settings of parts."""
         self._bench, self._out, self._quiet = bench, out, quiet
+        self._file = RunFile(out)
         self._failure = Failure(out)
         self._parts = {name: parts_of(vehicle, more(name)) for name, vehicle in bench.vehicles.items()}
         self._recordings: list[McapRecording] = []  # empty until it exists
@@ -55,6 +56,7 @@ class GroupRun:
         self._runs: dict[str, VehicleRun] = {}
         self._flights: dict[str, Flight] = {}
         self._results: dict[str, RunResult] = {}
+        self._lost_with: dict[str, Sequence[str]] = {}  # causes of a FAIL when each lost vehicle was lost
         self._began_s = time.monotonic()
         self._setup_s = self._wall_s = 0.0
         formation = bench.config.formation
@@ -68,7 +70,7 @@ class GroupRun:
 
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report of every vehicle and of all together."""
-        self._write(self._summary(KILLED))
+        self._file.begin(self._summary(None))
         self._failure.guard(self._prepare_and_fly)
         self._results = {name: run.finish() for name, run in self._runs.items()}
         for recording in self._recordings:
@@ -77,8 +79,7 @@ class GroupRun:
         if self._bench.config.record.report and self._ticks():
             tracks = {name: run.context.recorder.track.arrays() for name, run in self._runs.items()}
             self._failure.guard(lambda: write_group_report(self._out, self._summary(self._failure.error), tracks))
-        run = self._summary(self._failure.error)
-        self._write(run)
+        run = self._file.end(self._summary(self._failure.error))
         for vehicle in self._runs.values():
             for part in vehicle.context.parts:
                 part.after_group(run)
@@ -86,6 +87,7 @@ class GroupRun:
 
     def _prepare_and_fly(self) -> None:
         try:
+            self._file.reserve()
             self._open_recording()
             with ExitStack() as stack:
                 for_each(self._runs, lambda run: run.prepare(stack))
@@ -126,7 +128,7 @@ class GroupRun:
             shared = Shared(mcap, partial(self._frames_of, name), scene)
             self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=self._quiet, shared=shared)
             self._results[name] = self._runs[name].mark_unfinished()
-        self._write(self._summary(KILLED))
+        self._file.begin(self._summary(None))
 
     def _frames_of(self, name: str) -> FrameSource:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
@@ -159,6 +161,9 @@ class GroupRun:
                 frames.place(name, truth)
 
     def _measure(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
+        for name, flight in self._flights.items():
+            if flight.lost and name not in self._lost_with:
+                self._lost_with[name] = self._runs[name].causes()
         self._measured.add(truths, [flight.over for flight in self._flights.values()])
         self._record_contacts(contacts)
 
@@ -188,16 +193,17 @@ class GroupRun:
     def _verdict(self) -> tuple[list[Row], list[str]]:
         """Return the measurements of the group, and the reasons for a FAIL of all vehicles but expendable ones.
 
-        If every vehicle is lost, none was expendable.
+        If every vehicle is lost, none was expendable. A vehicle that had crashed before it was lost is a FAIL as well.
         """
         formation = self._bench.config.formation
-        lost = {name for name, flight in self._flights.items() if flight.lost}
+        lost = self._lost_with
         rows, reasons = self._measured.verdict(
             self._bench.config.group, None if formation is None else formation.max_error_m, lost
         )
         for name, result in self._results.items():
-            if name not in lost or len(lost) == len(self._results):
-                reasons += [f"{name}: {reason}" for reason in result.run["verdict"]["reasons"]]
+            expendable = name in lost and len(lost) < len(self._results)
+            why = self._lost_with[name] if expendable else result.run["verdict"]["reasons"]
+            reasons += [f"{name}: {reason}" for reason in why]
         return rows, reasons
 
     def _status(self) -> str:
@@ -234,11 +240,12 @@ class GroupRun:
             }
             | {"completed": bool(runs) and all(run["mission"]["completed"] for run in runs.values())},
             "verdict": {"reasons": reasons, "rows": [row.as_map() for row in rows]},
+            "warnings": [{**row, "vehicle": name} for name, run in runs.items() for row in run["warnings"]],
             "contacts": [contact._asdict() for contact in self._measured.contacts],
             "vehicles": {
                 name: {
                     "status": run["status"],
-                    "lost": name in self._flights and self._flights[name].lost,
+                    "lost": name in self._lost_with,
                     "error": run["error"],
                     "digest": run["digest"],
                     "rig": run["rig"],
@@ -258,6 +265,3 @@ class GroupRun:
             **({"by_hand": by_hand} if by_hand else {}),
             "timing": {"setup_s": self._setup_s, "total_s": time.monotonic() - self._began_s},
         }
-
-    def _write(self, run: Mapping[str, Any]) -> None:
-        write_run_json(self._out / RUN_JSON_NAME, run)

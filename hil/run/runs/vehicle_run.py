@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,16 +21,14 @@ from hil.run.loop.tick_loop import Flight, fly_ticks
 from hil.run.part import Part, Report, RunContext
 from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
-from hil.run.report.run_json import write_run_json
+from hil.run.report.run_file import RunFile
 from hil.run.runs.failure import Failure
 from hil.run.sensors.frame_stages import stage_specs
-from hil.run.verdict.verdict import UNJUDGED, Verdict
-from signals.errors import HilError, RecordingError
+from hil.run.verdict.verdict import Verdict
+from signals.errors import ConfigError, HilError, Problem, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
-RUN_JSON_NAME = "run.json"
-KILLED = {"type": "Killed", "message": "the run is still going on, or it was killed before it could write its result"}
 _NO_DIGEST = "0" * 32
 
 
@@ -51,7 +49,18 @@ class RunResult:
     out: Path
 
     @property
+    def config_error(self) -> ConfigError | None:
+        """The problems of a run that did not begin because of them: found only when its parts were opened."""
+        error = self.run["error"]
+        if error is None or error["type"] != ConfigError.__name__ or self.run["sim_s"] > 0.0:
+            return None
+        split = (line.partition(": ") for line in error["message"].splitlines())
+        return ConfigError([Problem(where, message) for where, _, message in split])
+
+    @property
     def exit_status(self) -> int:
+        if self.run["error"] is not None and self.run["error"]["type"] == ConfigError.__name__:
+            return 2  # a setting that only the autopilot could tell to be wrong
         return {"PASS": 0, "FAIL": 1}.get(self.status, 3)
 
     def flown(self) -> dict[str, Any]:
@@ -74,6 +83,7 @@ class VehicleRun:
         self._out = out
         self._quiet = quiet
         self._shared = shared
+        self._file = RunFile(out)
         self.failure = Failure(out)
         self._timing_s: dict[str, float] = {}
         self._began_s = time.monotonic()
@@ -82,34 +92,31 @@ class VehicleRun:
     def result(self) -> RunResult:
         """Fly, judge, and write run.json and the report."""
         self.mark_unfinished()
-        self.failure.guard(self._prepare_and_fly)
+        if self.failure.error is None:
+            self.failure.guard(self._prepare_and_fly)
         return self.finish()
 
     def mark_unfinished(self) -> RunResult:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
-        run = self._summary("ERROR", self._verdict(), KILLED)
-        self._write(run)
-        return RunResult("ERROR", run, self._out)
+        return RunResult("ERROR", self._file.begin(self._summary(self._verdict())), self._out)
 
     def finish(self) -> RunResult:
         """Judge, and write run.json and the report. Everything that the run opened is closed."""
         for recorder in self._recorders:
             self.failure.guard(lambda: self._finish_recording(recorder))  # noqa: B023 (called at once)
         verdict = self._verdict()
-        status = self._status(verdict)
         for recorder in self._recorders:
+            status = verdict.status if self.failure.error is None else "ERROR"
             self.failure.guard(lambda: recorder.close(status))  # noqa: B023 (called at once)
-            status = self._status(verdict)
         self._timing_s["total"] = time.monotonic() - self._began_s
-        run = self._summary(status, verdict, self.failure.error)
+        run = self._summary(verdict)
         if self._config.record.report and self._recorders and self.context.ticks:
             self.failure.guard(lambda: self._write_report(run))
-            status = self._status(verdict)
-            run = self._summary(status, verdict, self.failure.error)
-        self._write(run)
+            run = self._summary(verdict)
+        run = self._file.end(run)
         for part in self._parts:
             part.after_run(run)
-        return RunResult(status, run, self._out)
+        return RunResult(run["status"], run, self._out)
 
     def build(self, stack: ExitStack, recorder: Recorder) -> None:
         """Open and build all parts; `stack` closes them."""
@@ -154,6 +161,15 @@ class VehicleRun:
         finally:
             self.flown(time.monotonic() - began_s - self.paused_s)
 
+    def causes(self) -> Sequence[str]:
+        """Return what makes the flight a FAIL whatever else is judged, such as a crash, so far."""
+        return self._verdict().causes
+
+    def raise_causes(self) -> None:
+        """Raise HilError for a crash or a failsafe in a flight without a result."""
+        for cause in self.causes():
+            raise HilError(f"{cause} (`crash: null` and `failsafe: {{required: false}}` record it all the same)")
+
     @property
     def paused_s(self) -> float:
         """Wall-clock time for which parts of this vehicle have paused the run."""
@@ -178,6 +194,7 @@ class VehicleRun:
         """Check, save the bench, open the recording and build all parts; `stack` closes them."""
         began_s = time.monotonic()
         context, config = self.context, self._config
+        self._file.reserve()
         for part in self._parts:
             part.check()
         try:
@@ -206,20 +223,26 @@ class VehicleRun:
             recorder.event(self.context.now_ns(), "error", self.failure.text)
 
     def _verdict(self) -> Verdict:
-        return reduce(lambda verdict, part: part.verdict(verdict), self._parts, UNJUDGED)
+        """Return the verdicts of all parts together. One that a part fails to give makes the run an ERROR."""
+        verdict = Verdict()
 
-    def _status(self, verdict: Verdict) -> str:
-        return "ERROR" if self.failure.error is not None else verdict.status
+        def add(part: Part) -> None:
+            nonlocal verdict
+            verdict = Verdict.together([verdict, part.verdict()])
 
-    def _summary(self, status: str, verdict: Verdict, error: Mapping[str, str] | None) -> dict[str, Any]:
+        for part in self._parts:
+            self.failure.guard(partial(add, part))
+        return verdict
+
+    def _summary(self, verdict: Verdict) -> dict[str, Any]:
         """Return the content of run.json: the keys of every run first, then those of the parts."""
         context, config = self.context, self._config
         ticks, wall_s = context.ticks, self._timing_s.get("flight", 0.0)
         sim_s = ticks * config.tick_ns / NS_PER_S
         summary: dict[str, Any] = {
             "schema": 1,
-            "status": status,
-            "error": error,
+            "status": "",
+            "error": None,
             "digest": self._recorders[0].digest if self._recorders else _NO_DIGEST,
             "deterministic": not context.stopped_by_hand and all(part.repeatable() for part in self._parts),
             "seed": config.seed,
@@ -230,8 +253,8 @@ class VehicleRun:
             "wall_s": wall_s,
             "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
             "skipped": [row for part in self._parts for row in part.skipped(ticks)],
+            "warnings": self._warnings([*verdict.reasons, self.failure.text]),
             "verdict": {"reasons": list(verdict.reasons), "rows": [row.as_map() for row in verdict.rows]},
-            "actions": [],
             "timing": {
                 "setup_s": self._timing_s.get("setup", 0.0),
                 "total_s": self._timing_s.get("total", 0.0),
@@ -239,11 +262,21 @@ class VehicleRun:
             },
         }
         for part in self._parts:
-            summary |= part.run_keys()
+            self.failure.guard(partial(_add_keys, summary, part))
+        error = self.failure.error
+        summary |= {"status": verdict.status if error is None else "ERROR", "error": error}
+        summary.setdefault("actions", [])
         return summary
 
-    def _write(self, run: Mapping[str, Any]) -> None:
-        write_run_json(self._out / RUN_JSON_NAME, run)
+    def _warnings(self, said: Sequence[str]) -> list[dict[str, Any]]:
+        """Return the warnings of bench and autopilot by time, without those that `said` contains already."""
+        events = [event for recorder in self._recorders for event in recorder.warnings]
+        told = [event.text for recorder in self._recorders for event in recorder.events if event.kind == "failsafe"]
+        return [
+            {"t_s": event.t_ns / NS_PER_S, "level": event.kind, "text": event.text.strip()}
+            for event in sorted(events, key=lambda event: event.t_ns)
+            if not any(event.text.strip() in text for text in (*said, *told))
+        ]
 
     def _write_report(self, run: Mapping[str, Any]) -> None:
         from hil.run.report import figures, page  # loads matplotlib, which takes half a second
@@ -257,3 +290,12 @@ class VehicleRun:
         except OSError as error:
             text = f"{self._out}: the report cannot be written ({error.strerror or error})"
             raise RecordingError(text) from error
+
+
+def _add_keys(summary: dict[str, Any], part: Part) -> None:
+    """Add a part's keys to run.json. Raises HilError for a key that the run or another part has written."""
+    keys = part.run_keys()
+    for key in keys:
+        if key in summary:
+            raise HilError(f"the part {part.name!r} returns the key {key!r}, which run.json already has: rename it")
+    summary |= keys

@@ -3,7 +3,8 @@
     T = M (tau_x, tau_y, tau_z, F),   M = B^T (B B^T)^-1
 
 T_i = k O_i^2 is the thrust of rotor i alone, B the rows roll, pitch, yaw torque and thrust along z of
-`Vehicle.effectiveness`. Where a rotor would leave its range, with r_i the part of roll and pitch and y_i that of yaw:
+`multirotor.effectiveness`. Where a rotor would leave its range, with r_i the part of roll and pitch and y_i that of
+yaw:
 
     1. r is scaled down only if it does not fit into the range by itself, or not at the collective thrust F or
        `raised_n`, whichever is more
@@ -22,6 +23,7 @@ from math import inf
 import numpy as np
 
 from sim._kernels import allocate
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 ROLL, PITCH, YAW, THRUST = range(4)
@@ -33,7 +35,7 @@ class Allocation:
 
     def __init__(self, vehicle: Vehicle, *, least_n: float) -> None:
         k, top = vehicle.rotor_constants.thrust_coefficient_n_per_radps2, vehicle.rotor_constants.max_speed_radps
-        effect = vehicle.effectiveness
+        effect = multirotor.effectiveness(vehicle)
         self.rows = [[float(value) for value in effect[row]] for row in (3, 4, 5, 2)]  # per newton of T, by axis
         self.columns = list(zip(*self.rows, strict=True))  # by rotor
         self.least_n, self.most_n = least_n, k * top * top

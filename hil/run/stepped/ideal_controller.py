@@ -38,6 +38,7 @@ from signals._kernel import det_exp
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 from sim import _kernels
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 POSITION, VELOCITY, ATTITUDE, RATES = range(4)  # horizontal part of a set-point, for `kernel.aim`
@@ -71,7 +72,7 @@ class IdealController:
         dt = tick_ns / NS_PER_S
         weight_n = vehicle.mass_kg * gravity_mps2
         k, inertia = c.thrust_coefficient_n_per_radps2, vehicle.inertia_kgm2
-        idle_radps = vehicle.speed_radps(IDLE_COMMAND)
+        idle_radps = multirotor.speed_radps(vehicle, IDLE_COMMAND)
         allocation = Allocation(vehicle, least_n=k * idle_radps * idle_radps)
         hover_n = weight_n / allocation.lift  # of one rotor
         usual_n = max(hover_n, 0.05 * allocation.most_n)  # without gravity a rotor hardly turns

@@ -30,7 +30,7 @@ from hil.run.runs.vehicle_run import VehicleRun
 from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.samples import TruthState
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 
 _SETPOINT_HZ = 50.0
 Log = Callable[[str], None]
@@ -39,7 +39,7 @@ Log = Callable[[str], None]
 class RigPilot:
     """Pilot of a vehicle. Making one starts the autopilot; `close` ends it. Both raise the errors of its link."""
 
-    def __init__(self, bench: Bench, physics: QuadrotorPhysics, log: Log) -> None:
+    def __init__(self, bench: Bench, physics: VehiclePhysics, log: Log) -> None:
         """`bench`: the rig; its tick must be that of `physics`."""
         config = bench.config
         if config.tick_ns != physics.tick_ns:
@@ -54,7 +54,7 @@ class RigPilot:
             out = Path(self._stack.enter_context(TemporaryDirectory(prefix="hil-rig-", ignore_cleanup_errors=True)))
             parts = [_Vehicle(physics), _sensors(self._bench), self._flight, *link_parts(self._bench)]
             run = VehicleRun(self._bench, out, parts, quiet=True)
-            run.context.event = lambda kind, text: log(f"{kind}: {text}")  # type: ignore[method-assign]
+            run.context.event = lambda kind, text, t_ns=None: log(f"{kind}: {text}")  # type: ignore[method-assign]  # noqa: ARG005
             for part in parts:
                 part.check()
             run.build(self._stack, NoRecorder(config.tick_ns))
@@ -110,7 +110,7 @@ class _Vehicle(Part):
 
     name = "vehicle"
 
-    def __init__(self, physics: QuadrotorPhysics) -> None:
+    def __init__(self, physics: VehiclePhysics) -> None:
         self._physics = physics
 
     def open(self, run: RunContext) -> None:
@@ -122,9 +122,13 @@ class _Flight(Part):
 
     name = "flight"
 
-    def __init__(self, bench: Bench, physics: QuadrotorPhysics, log: Log) -> None:
+    def __init__(self, bench: Bench, physics: VehiclePhysics, log: Log) -> None:
         self._bench, self._physics, self._log = bench, physics, log
+        self._run: RunContext | None = None
         self.pilot = self._make()
+
+    def build(self, run: RunContext) -> None:
+        self._run = run
 
     def renew(self) -> None:
         """Begin a new flight."""
@@ -141,6 +145,7 @@ class _Flight(Part):
             grid_ns=grid_ns(self._bench),
             needs_estimator=needs_estimator(self._bench),
             on_event=lambda _t_ns, kind, text: self._log(f"{kind}: {text}"),
+            may_arm=lambda: self._run is None or self._run.may_arm(),
         )
 
     def command_sources(self) -> list[CommandSource]:

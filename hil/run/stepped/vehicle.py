@@ -11,9 +11,9 @@ from signals.rotation import NO_TURN
 from signals.samples import Quat, TruthState, Vec3
 from sim._kernels import IdealController as Kernel
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import NO_MOTION, QuadrotorPhysics, check_motion
 from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle_physics import NO_MOTION, VehiclePhysics, check_motion
 from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 
@@ -28,15 +28,15 @@ class SteppedVehicle:
         name: str,
         vehicle: Vehicle,
         start: TruthState,
-        physics: QuadrotorPhysics | None,
-        make_physics: Callable[[], QuadrotorPhysics],
+        physics: VehiclePhysics | None,
+        make_physics: Callable[[], VehiclePhysics],
     ) -> None:
         """`make_physics`: makes the model that finds contacts of a vehicle without physics."""
         self.name = name
         self.vehicle = vehicle
         self.physics = physics
         self._make_physics = make_physics
-        self._contact_model: QuadrotorPhysics | None = None
+        self._contact_model: VehiclePhysics | None = None
         self.start = start
         self._truth: TruthState | None = start
         self.pilot: Pilot | None = None  # None: the rotors stand still
@@ -87,7 +87,7 @@ class SteppedVehicle:
         w_WB_B: Vec3 = NO_MOTION,
         rotor_speed_radps: Sequence[float] | None = None,
     ) -> None:
-        """Put the vehicle elsewhere; see `QuadrotorPhysics.place`. Raises ValueError."""
+        """Put the vehicle elsewhere; see `VehiclePhysics.place`. Raises ValueError."""
         if self.physics is not None:
             self.truth = self.physics.place(p_WB, q_WB, v_WB_W, w_WB_B, rotor_speed_radps)
         else:

@@ -19,9 +19,10 @@ from sim._kernels import IdealController as Kernel
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Vehicle
+from sim.physics.forces.force import Effects
+from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 from sim.scene.wind import Wind
@@ -77,8 +78,8 @@ class SteppedWorld:
         if name in self.vehicles:
             raise ValueError(f"there is a vehicle {name!r} already")
 
-        def make_physics() -> QuadrotorPhysics:
-            return QuadrotorPhysics(
+        def make_physics() -> VehiclePhysics:
+            return VehiclePhysics(
                 vehicle,
                 self.scene,
                 self.tick_ns,

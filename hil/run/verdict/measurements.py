@@ -21,18 +21,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from firmware_bridge.ground_station.actions import Record
-from hil.config.missions.script import Expectation, Script
-from hil.config.schema import Limits
-from hil.run.verdict.verdict import AIRBORNE_M, Measurements, Row, Verdict, judge
+from hil.config.missions.script import Expectation
+from hil.run.verdict.verdict import AIRBORNE_M, Row, Verdict
 from signals.rotation import cos_tilt_of, norm
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 
 _NEVER_NS = 1 << 62
+_NOT_DONE = {
+    "waiting": "never ran, its condition was never met",
+    "running": "not acknowledged before the run ended",
+}
 
 
 class Measured(NamedTuple):
@@ -137,41 +139,17 @@ _MEASURES: dict[str, Callable[[TruthState, Vec3], float]] = {
 }
 
 
-def judge_scripted(
-    measured: Measurements,
-    limits: Limits,
-    script: Script,
-    declared: Sequence[Measured],
-    records: Sequence[Record] = (),
-) -> Verdict:
-    """Return the verdict on a scripted flight: on its plan, and on the script's measurements and actions.
-
-    With `outcome: aborted` the plan must not have been completed, with `any` it may have been. In both cases the
-    plan's limits are judged only if their values were measured. A required action that never ran fails.
-    """
-    if script.outcome != "complete":
-        verdict = judge(replace(measured, called_for=frozenset()), limits)
-        verdict = replace(verdict, measurements=measured)
-    else:
-        verdict = judge(measured, limits)
-    reasons, rows = list(verdict.reasons), list(verdict.rows)
-    if script.outcome == "aborted" and measured.completed:
-        reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
+def judge_script(declared: Sequence[Measured], records: Sequence[Record] = ()) -> Verdict:
+    """Return the verdict on the measurements and actions of a script. A required action that never ran fails."""
+    rows: list[Row] = []
+    reasons: list[str] = []
     for expectation, value in declared:
         row, row_reasons = _row_and_reasons(expectation, value)
         rows.append(row)
         reasons += row_reasons
-    reasons += [
-        f"{record.name}: never ran, its condition was never met"
-        for record in records
-        if record.required and record.outcome == "waiting"
-    ]
-    reasons += [
-        f"{record.name}: not acknowledged before the run ended"
-        for record in records
-        if record.required and record.outcome == "running"
-    ]
-    return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)
+    for outcome, text in _NOT_DONE.items():
+        reasons += [f"{record.name}: {text}" for record in records if record.required and record.outcome == outcome]
+    return Verdict(rows, reasons)
 
 
 def _row_and_reasons(e: Expectation, value: float | None) -> tuple[Row, list[str]]:

@@ -27,13 +27,16 @@ A limit fails if its value is NaN, or if the plan calls for the measurement and 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from hil.config.missions.path import Leg, LegKind, waypoint_legs
+from hil.config.missions.script import Outcome
 from hil.config.schema import Limits
 from signals.documents.validate import unit_of
+from signals.errors import HilError
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 
@@ -313,24 +316,50 @@ def rows_within(*measured: tuple[str, float | None, float | None, str, bool]) ->
 
 @dataclass(frozen=True)
 class Verdict:
-    """Result of a flight: PASS, or FAIL with every reason."""
+    """Result of one judge of a flight, or of several together: PASS, or FAIL with every reason.
 
-    status: Literal["PASS", "FAIL"]
-    reasons: tuple[str, ...]
-    rows: tuple[Row, ...]
-    measurements: Measurements
+    Judges never see each other's verdicts, and `together` keeps whatever each of them says, so none can take away what
+    another found. A row that is not ok is a reason, too, where its judge names none.
+    """
 
-    def with_rows(self, rows: Sequence[Row], reasons: Sequence[str]) -> Verdict:
-        """Return this verdict with further rows; any reason makes it a FAIL."""
-        reasons = (*self.reasons, *reasons)
-        return replace(self, status="FAIL" if reasons else "PASS", reasons=reasons, rows=(*self.rows, *rows))
+    rows: Sequence[Row] = ()
+    reasons: Sequence[str] = ()
+    causes: Sequence[str] = ()  # reasons from which those of all judges follow, such as a crash
 
-    def with_cause(self, reason: str) -> Verdict:
-        """Return this verdict as a FAIL with `reason` before all others, which follow from it."""
-        return replace(self, status="FAIL", reasons=(reason, *self.reasons))
+    def __post_init__(self) -> None:
+        reasons = (*self.causes, *(reason for reason in self.reasons if reason not in self.causes))
+        if not reasons:
+            reasons = tuple(f"{row.name} is {_value_text(row)}: not ok" for row in self.rows if not row.ok)
+        object.__setattr__(self, "rows", tuple(self.rows))
+        object.__setattr__(self, "reasons", reasons)
+        object.__setattr__(self, "causes", tuple(self.causes))
+
+    @property
+    def status(self) -> Literal["PASS", "FAIL"]:
+        """FAIL if there is any reason."""
+        return "FAIL" if self.reasons else "PASS"
+
+    @staticmethod
+    def together(verdicts: Iterable[Verdict]) -> Verdict:
+        """Return the rows and reasons of all verdicts in their order, the causes before all other reasons.
+
+        Raises HilError for two rows of one name, of which readers by name would see only one.
+        """
+        all_of = tuple(verdicts)
+        rows = tuple(row for verdict in all_of for row in verdict.rows)
+        repeated = next((name for name, count in Counter(row.name for row in rows).items() if count > 1), None)
+        if repeated is not None:
+            raise HilError(f"two measurements of the verdict are called {repeated!r}: give one of them another name")
+        return Verdict(
+            rows,
+            tuple(reason for verdict in all_of for reason in verdict.reasons),
+            tuple(cause for verdict in all_of for cause in verdict.causes),
+        )
 
 
-UNJUDGED = Verdict("PASS", (), (), FlightMeasurement(()).result())  # of a flight without any measurement
+def _value_text(row: Row) -> str:
+    return "not measured" if row.value is None else f"{row.value:.3g} {row.unit}".rstrip()
+
 
 _WHY_NOT_MEASURED = {
     "max_cross_track_m": "the vehicle flew no leg between waypoints",
@@ -341,27 +370,35 @@ _WHY_NOT_MEASURED = {
 }
 
 
-def judge(measured: Measurements, limits: Limits) -> Verdict:
-    """Return the verdict on a flight under these limits."""
+def judge(measured: Measurements, limits: Limits, *, outcome: Outcome = "complete") -> Verdict:
+    """Return the verdict on how a plan was flown under these limits.
+
+    `outcome`: required end of the flight. If the plan need not be completed, a limit without a measurement is not
+    judged; of a flight that shall crash, no limit is: the fall misses them all.
+    """
+    called_for = measured.called_for if outcome == "complete" else frozenset[str]()
     reasons: list[str] = []
-    if measured.called_for and not measured.completed:
+    if called_for and not measured.completed:
         if measured.endless_item is not None:
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif measured.reached < measured.waypoints:
             reasons.append(f"reached {measured.reached} of {measured.waypoints} waypoints")
-        elif not measured.landed:
+        else:
             reasons.append("the mission was not finished: the vehicle did not end on the ground")
+    if outcome == "aborted" and measured.completed:
+        reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []
     for name in Limits.model_fields:
-        value, limit = getattr(measured, name), getattr(limits, name)
+        value = getattr(measured, name)
+        limit = None if outcome == "crashed" else getattr(limits, name)
         unit = unit_of(name).strip()
         ok = True
         if limit is not None and value is not None:
             ok = value <= limit  # False for NaN
             if not ok:
                 reasons.append(f"{name} is {value:.3g} {unit}, more than the {limit:g} {unit} allowed")
-        elif limit is not None and name in measured.called_for:
+        elif limit is not None and name in called_for:
             ok = False
             reasons.append(f"{name} has a limit of {limit:g} {unit} but was never measured: {_WHY_NOT_MEASURED[name]}")
         rows.append(Row(name, value, limit, unit, ok))
-    return Verdict("FAIL" if reasons else "PASS", tuple(reasons), tuple(rows), measured)
+    return Verdict(rows, reasons)

@@ -11,8 +11,7 @@ Steps of a frame:
 1. Predict all tracks.
 2. Cluster points that are near one another in range, speed and direction. A chain of neighbours is one cluster.
 3. Assign each cluster to the nearest track within the gate. The track is updated with the mean range and direction of
-   its points, weighted by amplitude, and with their median speed, weighted by power and by the closeness to the
-   expected speed (the trunk of a walker is the strongest ridge, with limbs on both sides).
+   its points, weighted by amplitude, and with the speed that the trunk of a walker most likely has (trunk_speed.py).
 4. Start tracks from the moving clusters that belong to no track.
 
 A track is confirmed, and gets an identity, once it was seen in `confirm_hits` of its first `confirm_frames` frames. It
@@ -32,6 +31,7 @@ from numpy.typing import NDArray
 from signals._kernel import det_asin, det_atan2, det_cos, det_exp, det_sin
 from sim.radar.chirp import Chirp
 from sim.radar.processing.parameters import Processing
+from sim.radar.processing.trunk_speed import TrunkSpeed
 
 TRACK_DTYPE = np.dtype(
     [
@@ -56,12 +56,6 @@ _FIRST_RATE_SIGMA = 0.3  # of a direction sine, 1/s
 _ROUNDING_S = 1e-6  # rounding error of summed times
 _MIN_FORWARD_SINE = 0.05  # lower limit of d_x in the deviations of angles
 _MAX_UINT16 = 65535  # limit of identities and ages
-
-# Points this far from the expected speed of a track have a quarter of the weight: the trunk changes its speed slowly,
-# while a limb passes the trunk's speed within a few frames.
-_TRUNK_MPS = 0.6
-# The speed of a track is the mean of points within this distance of the median, which alone would jump between points.
-_RIDGE_MPS = 0.25
 
 Float64 = NDArray[np.float64]
 
@@ -104,6 +98,7 @@ class _Filter:
 @dataclass
 class _Track:
     range: _Filter
+    speed: TrunkSpeed
     y: _Filter
     z: _Filter
     id: int = 0  # 0 until confirmed
@@ -146,6 +141,7 @@ class Tracker:
 
     def __init__(self, chirp: Chirp, processing: Processing) -> None:
         self._p = processing.tracker
+        self._chirp = chirp
         self._whole_speed_mps = 2.0 * chirp.max_speed_mps
         self._max_tracks = processing.max_tracks
         self.reset()
@@ -203,6 +199,7 @@ class Tracker:
         if track.unseen_s > 0.0:  # it has probably stopped
             track.range.rate /= 1.0 + dt_s / self._p.pause_s
         track.range.predict(dt_s, self._p.acceleration_mps2)
+        track.speed.predict(dt_s, self._p.acceleration_mps2)
         track.y.predict(dt_s, self._p.sine_acceleration_ps2)
         track.z.predict(dt_s, self._p.sine_acceleration_ps2)
         track.unseen_s += dt_s
@@ -250,21 +247,13 @@ class Tracker:
                 nearest, cluster.track = distance, track
 
     def _update(self, track: _Track, points: _Points, members: NDArray[np.bool_]) -> None:
-        dv = self._fold(points.speed - track.range.rate)
-        members = members & (np.abs(dv) <= self._speed_gate(track))
-        if not members.any():
-            return
-        weight, dv = points.weight[members], dv[members]
+        weight = points.weight[members]
         total = weight.sum()
-        closeness = 1.0 / (1.0 + dv * dv / (_TRUNK_MPS * _TRUNK_MPS))
-        power = points.power[members] * closeness * closeness
-        order = np.argsort(dv, kind="stable")
-        median = dv[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
-        ridge = np.abs(dv - median) <= _RIDGE_MPS
-        speed = track.range.rate + (power[ridge] * dv[ridge]).sum() / power[ridge].sum()
         p = self._p
+        track.speed.update(points.speed[members], points.power[members])
+        track.range.update_rate(track.speed.mean_mps, p.speed_sigma_mps)
         track.range.update_value(float((weight * points.range[members]).sum() / total), p.range_sigma_m)
-        track.range.update_rate(float(speed), p.speed_sigma_mps)
+        track.range.rate = track.speed.mean_mps  # the density has weighed the frames already
         track.y.update_value(float((weight * points.y[members]).sum() / total), p.sine_sigma)
         track.z.update_value(float((weight * points.z[members]).sum() / total), p.sine_sigma)
         track.unseen_s = 0.0
@@ -303,6 +292,7 @@ class Tracker:
         self._tracks.append(
             _Track(
                 _Filter(cluster.range, cluster.speed, p.range_sigma_m**2, 0.0, p.speed_sigma_mps**2),
+                TrunkSpeed(self._chirp, cluster.speed, sigma_mps=p.speed_sigma_mps),
                 _Filter(cluster.y, 0.0, sine2, 0.0, rate2),
                 _Filter(cluster.z, 0.0, sine2, 0.0, rate2),
             )

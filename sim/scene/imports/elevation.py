@@ -19,9 +19,11 @@ from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
 from signals.geodesy import E2, FLATTENING, SEMI_MAJOR_M, LocalFrame, Site
 from signals.units import RAD_PER_DEG
+from sim.scene.budget import Budget
 
 Float64 = NDArray[np.float64]
 MAX_BYTES = 300_000_000
+_HEIGHT_BYTES = 30  # of a height while it is read
 MAX_CELLS = 160  # of the terrain along a side
 _LEAST_CELL_M = 2.0
 _PIXEL_SCALE, _TIE_POINT, _TRANSFORM, _KEYS, _NODATA = 33550, 33922, 34264, 34735, 42113
@@ -56,7 +58,6 @@ class GeoTiff:
     """Heights of a file: pixel (row, column) of a place is `to_pixel` applied to its coordinates in `epsg`."""
 
     source: str
-    data: bytes
     heights: Float64  # NaN: unknown
     epsg: int
     origin: tuple[float, float]  # of the centre of the first pixel
@@ -83,7 +84,7 @@ class GeoTiff:
 _GEOGRAPHIC = (4326, 4258, 4979, 4269)
 
 
-def read_geotiff(path: Path) -> GeoTiff:
+def read_geotiff(path: Path, budget: Budget | None = None) -> GeoTiff:
     """Read a GeoTIFF. Raises ConfigError."""
     source = shown_path(path)
 
@@ -102,13 +103,19 @@ def read_geotiff(path: Path) -> GeoTiff:
         raise wrong(
             "is not a TIFF file, or it is cut off", "a BigTIFF is not read: gdal_translate -co BIGTIFF=NO"
         ) from None
-    width, height = (int(tags.get(key, (0,))[0]) for key in (256, 257))
-    if not 0 < width * height <= 1 << 26:
-        raise wrong(f"has {width} x {height} heights; {1 << 26} are allowed", "cut out the district")
-    scale, tie = tags.get(_PIXEL_SCALE), tags.get(_TIE_POINT)
-    if _TRANSFORM in tags or scale is None or tie is None or len(scale) < 2 or len(tie) < 6:
+    width, height = (_whole(tags.get(key)) for key in (256, 257))
+    if width <= 0 or height <= 0:
+        raise wrong(f"has {width} x {height} heights")
+    budget = budget or Budget(source)
+    budget.pixels(width * height, f"{source}, {width} x {height} heights")
+    budget.memory(_HEIGHT_BYTES * width * height, f"{source}, {width} x {height} heights")
+    scale, tie = _numbers(tags.get(_PIXEL_SCALE)), _numbers(tags.get(_TIE_POINT))
+    if _TRANSFORM in tags or len(scale) < 2 or len(tie) < 6:
         raise wrong("has no place on Earth, or one that is turned", "gdalwarp -t_srs EPSG:4326 IN.tif OUT.tif")
-    epsg, pixel_is_point = _system(tags.get(_KEYS, ()))
+    numbers = np.array([*scale[:2], *tie[:6]], float)
+    if not np.isfinite(numbers).all() or not (numbers[:2] > 0.0).all():
+        raise wrong(f"has a damaged place on Earth: scale {scale[:2]}, tie point {tie[:6]}", "write the file again")
+    epsg, pixel_is_point = _system(_numbers(tags.get(_KEYS)))
     if epsg not in _GEOGRAPHIC and epsg // 100 not in (326, 327, 258):
         message = f"is in EPSG:{epsg}, which is not read" if epsg else "does not state its coordinate system"
         raise wrong(message, "gdalwarp -t_srs EPSG:4326 IN.tif OUT.tif")
@@ -128,7 +135,7 @@ def read_geotiff(path: Path) -> GeoTiff:
             heights[np.isclose(heights, float(nodata))] = np.nan
     shift = 0.0 if pixel_is_point else 0.5
     origin = (tie[3] + (shift - tie[0]) * scale[0], tie[4] - (shift - tie[1]) * scale[1])
-    return GeoTiff(source, data, heights, epsg, origin, (scale[0], -scale[1]))
+    return GeoTiff(source, heights, epsg, origin, (scale[0], -scale[1]))
 
 
 def _tags(data: bytes) -> dict:
@@ -153,6 +160,15 @@ def _tags(data: bytes) -> dict:
         elif kind in _FORMATS:
             tags[tag] = struct.unpack(f"{order}{n}{_FORMATS[kind]}", raw)
     return tags
+
+
+def _numbers(value: object) -> tuple:
+    """Return the numbers of a tag; () for text and without the tag."""
+    return value if isinstance(value, tuple) else ()
+
+
+def _whole(value: object) -> int:
+    return int(value[0]) if isinstance(value, tuple) and value and isinstance(value[0], int) else 0
 
 
 def _system(keys: tuple[int, ...]) -> tuple[int, bool]:

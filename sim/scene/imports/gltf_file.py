@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import hashlib
 import json
 import struct
 import urllib.parse
@@ -20,11 +21,12 @@ from numpy.typing import NDArray
 
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
+from sim.scene.budget import Budget
+from sim.scene.files_below import file_below
 from sim.scene.imports.gltf_schema import COMPONENT_TYPES, COMPONENTS, Accessor, Gltf
 
-MAX_FILE_BYTES = 1_000_000_000  # of the file and of everything that it names
 MAX_JSON_BYTES = 64_000_000
-MAX_TRIANGLES = 5_000_000
+_OBJECT_BYTES, _VALUE_BYTES = 1000, 100  # of the JSON text, once it is checked
 MAX_NODES = 65_000
 _GLB, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _MAX_PROBLEMS = 8
@@ -47,12 +49,22 @@ class GltfFile:
     raw: dict[str, Any]
     buffers: tuple[bytes, ...]
     images: dict[int, bytes]  # of those that a URI names
+    budget: Budget
+    means: dict[int, NDArray] = field(default_factory=dict, repr=False)  # colours of images, as they are found
     _arrays: dict[int, NDArray] = field(default_factory=dict, repr=False)
 
     def error(self, part: str, message: str, hint: str = "") -> ConfigError:
         return ConfigError([Problem(self.source, f"{part} {message}" if part else message, hint)])
 
-    def view(self, index: int, part: str) -> bytes:
+    def key(self) -> str:
+        """Return a hash of the file and of everything that it names."""
+        state = hashlib.sha256(json.dumps(self.raw).encode())
+        for data in (*self.buffers, *self.images.values()):
+            state.update(len(data).to_bytes(8, "little"))
+            state.update(data)
+        return state.hexdigest()
+
+    def view(self, index: int, part: str) -> memoryview:
         """Return the bytes of a buffer view."""
         if index >= len(self.gltf.bufferViews):
             raise self.error(part, f"names bufferViews[{index}], which does not exist")
@@ -61,9 +73,9 @@ class GltfFile:
         if view.byteOffset + view.byteLength > len(data):
             message = f"ends at byte {view.byteOffset + view.byteLength} of a buffer of {len(data)} bytes"
             raise self.error(f"bufferViews[{index}]", message, "the file is cut off, or its buffer is another one")
-        return data[view.byteOffset : view.byteOffset + view.byteLength]
+        return memoryview(data)[view.byteOffset : view.byteOffset + view.byteLength]
 
-    def image(self, index: int) -> bytes:
+    def image(self, index: int) -> bytes | memoryview:
         """Return the file of an image."""
         part = f"images[{index}]"
         if index >= len(self.gltf.images):
@@ -110,7 +122,7 @@ class GltfFile:
         return raw.astype(np.int64)
 
     def _rows(
-        self, data: bytes, offset: int, count: int, width: int, kind: np.dtype, stride: int, part: str
+        self, data: memoryview, offset: int, count: int, width: int, kind: np.dtype, stride: int, part: str
     ) -> NDArray:
         row = kind.itemsize * width
         end = offset + (count - 1) * stride + row
@@ -151,16 +163,15 @@ def _mime_type(image: bytes) -> str:
     return "image/webp" if image[:4] == b"RIFF" and image[8:12] == b"WEBP" else "image/jpeg"
 
 
-def read_gltf(path: Path) -> GltfFile:
+def read_gltf(path: Path, budget: Budget | None = None) -> GltfFile:
     """Read and check a .gltf or .glb file. Raises ConfigError with what is wrong, and where."""
-    return _Reader(path).read()
+    return _Reader(path, budget or Budget(shown_path(path))).read()
 
 
 class _Reader:
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, budget: Budget) -> None:
+        self._path, self._budget = path, budget
         self._source = shown_path(path)
-        self._size = 0
 
     def _error(self, message: str, hint: str = "", *, line: int = 0) -> ConfigError:
         return ConfigError([Problem(f"{self._source}:{line}" if line else self._source, message, hint)])
@@ -182,7 +193,7 @@ class _Reader:
         for i, image in enumerate(gltf.images):
             if image.uri is not None:
                 images[i] = self._uri(image.uri, f"images[{i}]")
-        file = GltfFile(self._source, gltf, raw, buffers, images)
+        file = GltfFile(self._source, gltf, raw, buffers, images, self._budget)
         self._check_sizes(file)
         return file
 
@@ -191,10 +202,7 @@ class _Reader:
         try:
             if not path.is_file():
                 raise self._error(f"{name}does not exist: {shown_path(path)}" if part else "is not a file")
-            self._size += path.stat().st_size
-            if self._size > MAX_FILE_BYTES:
-                message = f"is longer than the {MAX_FILE_BYTES / 1e9:g} GB that are read: {self._size / 1e9:.3g} GB"
-                raise self._error(f"{part} {message}" if part else message, "simplify the meshes, or split the place")
+            self._budget.memory(path.stat().st_size, part or "the file itself")
             return path.read_bytes()
         except (OSError, ValueError) as error:
             raise self._error(f"{name or 'it '}cannot be read: {error}") from None
@@ -226,6 +234,8 @@ class _Reader:
         if len(text) > MAX_JSON_BYTES:
             message = f"has more than {MAX_JSON_BYTES / 1e6:g} MB of JSON"
             raise self._error(message, "keep vertices in a buffer file or as GLB, not as data: URIs")
+        objects, values = text.count(b"{") + text.count(b"["), text.count(b",")
+        self._budget.memory(_OBJECT_BYTES * objects + _VALUE_BYTES * values, "its JSON")
 
         def no_constant(name: str) -> None:
             raise ValueError(f"{name} is not a number of JSON")
@@ -266,9 +276,6 @@ class _Reader:
 
     def _buffer(self, gltf: Gltf, index: int, binary: bytes | None) -> bytes:
         part, buffer = f"buffers[{index}]", gltf.buffers[index]
-        if buffer.byteLength > MAX_FILE_BYTES:
-            message = f"{part} is longer than the {MAX_FILE_BYTES / 1e9:g} GB that are read"
-            raise self._error(message, "simplify the meshes, or split the place")
         if buffer.uri is not None:
             data = self._uri(buffer.uri, part)
         elif index == 0 and binary is not None:
@@ -285,15 +292,20 @@ class _Reader:
     def _uri(self, uri: str, part: str) -> bytes:
         if uri.startswith("data:"):
             head, _, body = uri.partition(",")
+            self._budget.memory(len(body), part)
             try:
                 if head.endswith(";base64"):
                     return base64.b64decode(body, validate=True)
                 return urllib.parse.unquote_to_bytes(body)
             except (binascii.Error, ValueError) as error:
                 raise self._error(f"{part} has a data: URI that cannot be decoded: {error}") from None
-        if "://" in uri[:20]:
-            raise self._error(f"{part} is at {uri[:80]}: only files beside this one are read", "download it")
-        return self._file(self._path.parent / urllib.parse.unquote(uri), part)
+        folder = self._path.parent
+        try:
+            path = file_below(folder, folder, urllib.parse.unquote(uri))
+        except ValueError as error:
+            hint = f"copy it to {shown_path(folder)}, and name it without a path"
+            raise self._error(f"{part} {error}", hint) from None
+        return self._file(path, part)
 
     def _check_sizes(self, file: GltfFile) -> None:
         gltf = file.gltf
@@ -302,6 +314,8 @@ class _Reader:
         for i, view in enumerate(gltf.bufferViews):
             if view.buffer >= len(gltf.buffers):
                 raise self._error(f"bufferViews[{i}] names buffers[{view.buffer}], which does not exist")
-        for i, accessor in enumerate(gltf.accessors):
-            if accessor.count > 3 * MAX_TRIANGLES:
-                raise self._error(f"accessors[{i}] has {accessor.count} values; {3 * MAX_TRIANGLES} are allowed")
+        needed = 0
+        for accessor in gltf.accessors:
+            stored_bytes = np.dtype(COMPONENT_TYPES[accessor.componentType]).itemsize
+            needed += accessor.count * COMPONENTS[accessor.type] * (stored_bytes + 8)
+        self._budget.memory(needed, f"the values of accessors[0] to accessors[{len(gltf.accessors) - 1}]")

@@ -13,13 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.imports.gltf_file import MAX_NODES, MAX_TRIANGLES, GltfFile
+from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_schema import Node, Primitive
 
 Float64 = NDArray[np.float64]
 _A = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _A4 = np.block([[_A, np.zeros((3, 1))], [np.zeros((1, 3)), np.ones((1, 1))]])
 _MAX_DEPTH = 200
+_MAX_ENTRY = 1e12  # of a matrix: products of two are far from overflow
+_INSTANCE_BYTES = 2000  # of a place until it is an element of the map
+_TRIANGLE_BYTES = 200  # of its corners and normals while its mesh is read
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def placed_meshes(file: GltfFile, scale: float, turn: Float64, notes: Notes) -> 
             raise file.error(f"nodes[{index}]", "is below itself, has two parents, or is nested too deeply")
         seen.add(index)
         node = gltf.nodes[index]
-        M = above @ _matrix(node)
+        M = above @ _matrix(node, file, f"nodes[{index}]")
         pending += [(child, M, depth + 1) for child in reversed(node.children)]
         if node.mesh is None:
             continue
@@ -80,7 +83,7 @@ def placed_meshes(file: GltfFile, scale: float, turn: Float64, notes: Notes) -> 
         notes.skinned += node.skin is not None
         name = node.name or gltf.meshes[node.mesh].name or f"node_{index}"
         for own in _instances(file, node, f"nodes[{index}]"):
-            yield _placed(name, node.mesh, M @ own)
+            yield _placed(name, node.mesh, M @ own, file, f"nodes[{index}]")
 
 
 def _roots(file: GltfFile) -> list[int]:
@@ -94,7 +97,15 @@ def _roots(file: GltfFile) -> list[int]:
     return [index for index in range(len(gltf.nodes)) if index not in children]
 
 
-def _matrix(node: Node) -> Float64:
+def _matrix(node: Node, file: GltfFile, part: str) -> Float64:
+    """Return the matrix of a node; it is affine, and within what a map can hold."""
+    M = _local(node)
+    if not np.abs(M).max() <= _MAX_ENTRY or np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-6:
+        raise file.error(part, "has a transform that is no rotation, scale and translation", "export the file again")
+    return M
+
+
+def _local(node: Node) -> Float64:
     if node.matrix is not None:
         return np.array(node.matrix).reshape(4, 4).T
     return _transform(np.array(node.translation), np.array(node.rotation), np.array(node.scale))
@@ -130,14 +141,16 @@ def _instances(file: GltfFile, node: Node, part: str) -> list[Float64]:
             if arrays[key].shape[1] != width or not np.isfinite(arrays[key]).all():
                 raise file.error(part, f"has instances whose {key} is wrong")
     count = min((len(array) for array in arrays.values()), default=0)
-    if count > MAX_NODES:
-        raise file.error(part, f"has {count} instances; {MAX_NODES} are allowed")
+    file.budget.objects(count, part)
+    file.budget.memory(_INSTANCE_BYTES * count, part)
     still, none, one = np.zeros((count, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)), np.ones((count, 3))
     rows = zip(arrays.get("TRANSLATION", still), arrays.get("ROTATION", none), arrays.get("SCALE", one), strict=False)
     return [_transform(*row) for row in rows]
 
 
-def _placed(name: str, mesh: int, M: Float64) -> Placed:
+def _placed(name: str, mesh: int, M: Float64, file: GltfFile, part: str) -> Placed:
+    if not np.abs(M).max() <= _MAX_ENTRY:  # NaN is none
+        raise file.error(part, "has a transform with numbers that are too large or none", "export the file again")
     linear = M[:3, :3] @ _A.T
     s = np.sqrt((linear * linear).sum(axis=0))
     R = linear / np.where(s > 0.0, s, 1.0)
@@ -157,8 +170,8 @@ def surfaces_of(file: GltfFile, mesh: int, notes: Notes) -> list[Surfaces]:
             notes.lines += 1
             continue
         if "KHR_draco_mesh_compression" in primitive.extensions:
-            accessor = file.gltf.accessors[primitive.attributes["POSITION"]] if file.gltf.accessors else None
-            if accessor is None or accessor.bufferView is None:
+            index = primitive.attributes["POSITION"]
+            if index >= len(file.gltf.accessors) or file.gltf.accessors[index].bufferView is None:
                 raise file.error(
                     part, "needs KHR_draco_mesh_compression, which is not read", "export without compression"
                 )
@@ -171,7 +184,7 @@ def _surfaces(file: GltfFile, primitive: Primitive, part: str, notes: Notes) -> 
         index = primitive.attributes.get(key)
         if index is None:
             return None
-        values = file.array(index, f"{part}.{key}").astype(np.float64)
+        values = file.array(index, f"{part}.{key}").astype(np.float64, copy=False)
         if values.shape[1] not in widths:
             raise file.error(f"{part}.{key}", f"has {values.shape[1]} numbers for each vertex")
         bad = int((~np.isfinite(values)).any(axis=1).sum())
@@ -196,8 +209,8 @@ def _surfaces(file: GltfFile, primitive: Primitive, part: str, notes: Notes) -> 
         if len(index) and not 0 <= int(index.min()) <= int(index.max()) < n:
             raise file.error(f"{part}.indices", f"name vertex {int(index.max())} of {n}")
     triangle = _triangles(index, primitive.mode)
-    if len(triangle) > MAX_TRIANGLES:
-        raise file.error(part, f"has {len(triangle)} triangles; {MAX_TRIANGLES} are allowed", "simplify the mesh")
+    file.budget.triangles(len(triangle), part)
+    file.budget.memory(_TRIANGLE_BYTES * len(triangle), part)
     corners = vertex[triangle]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = max(float(np.ptp(vertex, axis=0).max(initial=0.0)), 1e-12)

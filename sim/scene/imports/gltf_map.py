@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from signals._kernel import det_cos, det_sin
 from signals.samples import Quat
 from signals.units import RAD_PER_DEG
+from sim.scene.budget import Budget
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.contact_pieces import Pieces, contact_pieces
-from sim.scene.imports.gltf_file import MAX_TRIANGLES, GltfFile
+from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_geometry import Notes, Placed, Surfaces, placed_meshes, surfaces_of
 from sim.scene.imports.gltf_materials import Look, decoded, look_of, png_of, srgb_of
 from sim.scene.imports.imported_map import ImportedMap
@@ -33,6 +34,7 @@ Float64 = NDArray[np.float64]
 MAX_PIECES = 16_000  # solid pieces of a map
 _MAX_MESH_PIECES, _MIN_MESH_PIECES = 8_000, 12
 MAX_EXTENT_M = 50_000.0
+_DRAWN_BYTES = 150  # of a triangle in MuJoCo's format
 _MAX_COLOURS = 48  # of the vertices of one primitive
 _ROUND_ORIGIN_M = np.array([(x, y) for x in (-3.0, 0.0, 3.0) for y in (-3.0, 0.0, 3.0)])
 _TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # y up to z up
@@ -56,10 +58,22 @@ def map_of_gltf(file: GltfFile, options: GltfOptions) -> ImportedMap:
     return _MapMaker(file, options).make()
 
 
+class _Builder(MapBuilder):
+    """A builder that charges a budget for every geom."""
+
+    def __init__(self, budget: Budget) -> None:
+        super().__init__("gltf", flat_meshes=True)
+        self._budget = budget
+
+    def claim_geom(self, name: str) -> None:
+        self._budget.objects(1, f"geom {name[:80]!r}")
+        super().claim_geom(name)
+
+
 class _MapMaker:
     def __init__(self, file: GltfFile, options: GltfOptions) -> None:
         self._file, self._options = file, options
-        self._builder = MapBuilder("gltf", flat_meshes=True)
+        self._builder = _Builder(file.budget)
         self._notes = Notes()
         self._surfaces: dict[int, list[Surfaces]] = {}
         self._looks: dict[int | None, Look] = {}
@@ -84,9 +98,6 @@ class _MapMaker:
         placed = list(placed_meshes(self._file, options.scale, turn, self._notes))
         if not placed:
             raise self._file.error("", "shows no mesh: its scene has no node with a mesh")
-        triangles = sum(sum(len(s.triangle) for s in self._of(mesh)) for mesh in {p.mesh for p in placed})
-        if triangles > MAX_TRIANGLES:
-            raise self._file.error("", f"has {triangles} triangles; {MAX_TRIANGLES} are allowed", "simplify the meshes")
         self._budget = min(max(MAX_PIECES // len(placed), _MIN_MESH_PIECES), _MAX_MESH_PIECES)
         for one in placed:
             self._add(one)
@@ -141,7 +152,7 @@ class _MapMaker:
         mesh_name = self._file.gltf.meshes[placed.mesh].name
         position = placed.position - np.array(self._options.origin_m)
         reach = np.abs(placed.scales) @ np.abs(np.concatenate([s.vertex for s in shown])).max(axis=0)[[0, 2, 1]]
-        if not np.isfinite(reach).all() or np.abs(position).max() + np.linalg.norm(reach) > MAX_EXTENT_M:
+        if not np.abs(position).max() + np.linalg.norm(reach) <= MAX_EXTENT_M:  # NaN is none
             message = f"goes beyond {MAX_EXTENT_M / 1000:g} km from the take-off place"
             raise self._file.error(f"node {placed.name[:60]!r}", message, "set map.scale and map.origin_m")
         by_class: dict[str, list[Surfaces]] = {}
@@ -194,11 +205,12 @@ class _MapMaker:
 
     def _add_meshes(self, part: Surfaces, scales: Float64) -> list[tuple[str, str, tuple[float, float, float], str]]:
         look = self._look(part.material)
+        self._file.budget.memory(_DRAWN_BYTES * len(part.triangle), "a mesh at one of its scales")
         linear = scales @ _TURN
         vertex = part.vertex @ linear.T
         triangle = part.triangle if np.linalg.det(scales) > 0.0 else part.triangle[:, ::-1]
         normal = None
-        if part.normal is not None:
+        if part.normal is not None and np.linalg.det(scales) != 0.0:
             normal = part.normal @ np.linalg.inv(linear)
             length = np.linalg.norm(normal, axis=1, keepdims=True)
             normal = None if (length < 1e-12).any() else normal / length

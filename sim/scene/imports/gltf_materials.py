@@ -11,7 +11,6 @@ for LiDAR and radar follows from whole words in the material's name, else from i
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,12 +21,13 @@ from numpy.typing import NDArray
 from signals._kernel import det_pow
 from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_schema import Material, TextureInfo
+from sim.scene.imports.pictures import decoded_picture
 from sim.scene.maps.scene_map import Surface
 from sim.scene.maps.texture_tools import encoded_png
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 
-MAX_PIXELS = 1 << 27
 MAX_EDGE = 2048  # of a texture; larger ones are made smaller
+_MAX_UV = 1e9  # of what moves texture coordinates
 _INVISIBLE = 0.05  # alpha below which a blended material is not there
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")  # of a name such as RoofTiles_01
 _WORDS = {  # in this order; "tiles" counts as "tile"
@@ -76,7 +76,7 @@ def look_of(file: GltfFile, index: int | None) -> Look:
     elif pbr.metallicRoughnessTexture is not None:
         image = _image_of(file, pbr.metallicRoughnessTexture)
         if image is not None:
-            mean = decoded(file, image)[:, :, :3].reshape(-1, 3).mean(axis=0) / 255.0  # B, G, R
+            mean = _mean_colour(file, image)
             metal, rough = metal * float(mean[0]), rough * float(mean[1])
     if index is None:
         metal = 0.0
@@ -93,15 +93,15 @@ def look_of(file: GltfFile, index: int | None) -> Look:
     gloss = 1.0 - rough
     transform = colour_map.extensions.get("KHR_texture_transform") if colour_map is not None else None
     uv_set = colour_map.texCoord if colour_map is not None else 0
-    if isinstance(transform, dict) and isinstance(transform.get("texCoord"), int):
-        uv_set = transform["texCoord"]
+    if isinstance(transform, dict) and transform.get("texCoord") in (0, 1):
+        uv_set = int(transform["texCoord"])
     return Look(
         name,
         (_srgb(factor[0]), _srgb(factor[1]), _srgb(factor[2])),
         texture,
         holes,
         uv_set,
-        _uv_transform(transform),
+        _uv_transform(file, transform, f"materials[{index}]"),
         0.5 * gloss * (1.0 + metal),
         gloss,
         _surface(name, metal, material.alphaMode == "BLEND" and factor[3] < 0.8),
@@ -126,7 +126,7 @@ def _image_of(file: GltfFile, info: TextureInfo) -> int | None:
         raise file.error("a material", f"names textures[{info.index}], which does not exist")
     texture = file.gltf.textures[info.index]
     webp = texture.extensions.get("EXT_texture_webp")
-    if isinstance(webp, dict) and isinstance(webp.get("source"), int):
+    if isinstance(webp, dict) and isinstance(webp.get("source"), int) and webp["source"] >= 0:
         return int(webp["source"])
     if texture.source is None and "KHR_texture_basisu" in texture.extensions:
         raise file.error(f"textures[{info.index}]", "needs KHR_texture_basisu, which is not read", "write it as PNG")
@@ -155,18 +155,28 @@ def _surface(name: str, metal: float, see_through: bool) -> Surface:
     return SURFACES["metal"] if metal > 0.5 else DEFAULT_SURFACE
 
 
-def _uv_transform(transform: object) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def _uv_transform(file: GltfFile, transform: object, part: str) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """Return the function of KHR_texture_transform: uv' = offset + R(rotation) (scale uv)."""
     if not isinstance(transform, dict):
         return lambda uv: uv
-    offset = np.array(transform.get("offset", (0.0, 0.0)), float)
-    scale = np.array(transform.get("scale", (1.0, 1.0)), float)
-    angle = float(transform.get("rotation", 0.0))
+    try:
+        offset = np.array(transform.get("offset", (0.0, 0.0)), float)
+        scale = np.array(transform.get("scale", (1.0, 1.0)), float)
+        angle = float(transform.get("rotation", 0.0))
+    except (TypeError, ValueError, OverflowError):
+        offset, scale, angle = np.empty(0), np.empty(0), 0.0
+    if offset.shape != (2,) or scale.shape != (2,) or not (np.abs([*offset, *scale, angle]) < _MAX_UV).all():
+        raise file.error(part, "has a wrong KHR_texture_transform: offset and scale are two numbers, rotation is one")
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, s], [-s, c]])
-    if offset.shape != (2,) or scale.shape != (2,) or not np.isfinite([*offset, *scale, angle]).all():
-        return lambda uv: uv
     return lambda uv: (uv * scale) @ turn.T + offset
+
+
+def _mean_colour(file: GltfFile, index: int) -> NDArray[np.float64]:
+    """Return the mean of an image, 0..1: blue, green, red. Many materials may share one."""
+    if index not in file.means:
+        file.means[index] = decoded(file, index)[:, :, :3].reshape(-1, 3).mean(axis=0) / 255.0
+    return file.means[index]
 
 
 def decoded(file: GltfFile, index: int) -> NDArray[np.uint8]:
@@ -175,17 +185,11 @@ def decoded(file: GltfFile, index: int) -> NDArray[np.uint8]:
     part = f"images[{index}]"
     if file.gltf.images[index].name:
         part += f" ({file.gltf.images[index].name[:60]!r})"
-    size = _size_of(data)
-    if size is not None and size[0] * size[1] > MAX_PIXELS:
-        raise file.error(part, f"is {size[0]} x {size[1]} pixels; {MAX_PIXELS} are allowed", "make it smaller")
-    try:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        image = None
+    image = decoded_picture(data, file.budget, part)
     if image is None:
         raise file.error(part, "cannot be decoded", "it must be a whole PNG, JPEG or WebP file")
-    if image.dtype != np.uint8:
-        image = (image / 257.0 if image.dtype == np.uint16 else image * 255.0).clip(0, 255).astype(np.uint8)
+    if image.dtype == np.uint16:
+        image = np.floor_divide(image, 257, out=image).astype(np.uint8)
     if image.ndim == 2:
         image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
     edge = max(image.shape[:2])
@@ -202,18 +206,3 @@ def png_of(image: NDArray[np.uint8], holes: float | None) -> tuple[bytes, bool]:
         if not alpha.all():
             return encoded_png(np.dstack([image[:, :, :3], alpha])), True
     return encoded_png(image[:, :, :3]), False
-
-
-def _size_of(data: bytes) -> tuple[int, int] | None:
-    """Return width and height from the head of a PNG or JPEG file."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
-        width, height = struct.unpack(">II", data[16:24])
-        return width, height
-    at = 2
-    while data[:2] == b"\xff\xd8" and at + 9 < len(data) and data[at] == 0xFF:
-        kind, length = data[at + 1], struct.unpack(">H", data[at + 2 : at + 4])[0]
-        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
-            height, width = struct.unpack(">HH", data[at + 5 : at + 9])
-            return width, height
-        at += 2 + length
-    return None

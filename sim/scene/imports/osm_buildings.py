@@ -330,6 +330,14 @@ def _slabs(outline: Float64, roof: Roof) -> list[Float64]:
     return found
 
 
+def draw_facades() -> None:
+    """Draw the textures of walls; they are kept in memory."""
+    for style in STYLES:
+        upper_png(style)
+        for shops in (False, True):
+            ground_png(style, shops=shops)
+
+
 def footprint_of(key: str, tags: Tags, polygon: Any) -> tuple[Footprint, bool, bool]:
     """Return a building's measures, True if its height is stated, and True if its roof is as stated."""
     area = float(polygon.area)

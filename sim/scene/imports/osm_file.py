@@ -8,13 +8,18 @@ from __future__ import annotations
 import xml.parsers.expat
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
+from sim.scene.budget import Budget
 
 MAX_BYTES = 300_000_000
 MAX_OBJECTS = 3_000_000
+MAX_WAY_NODES = 2000  # OpenStreetMap's own limit
+MAX_TEXT = 10_000  # characters of a tag; OpenStreetMap allows 255
+_CHUNK_BYTES = 1 << 16  # of the file at a time: no element is longer
+_OBJECT_BYTES, _TAG_BYTES, _REFERENCE_BYTES = 500, 300, 60
 Tags = dict[str, str]
 Node = tuple[float, float]  # latitude, longitude [deg]
 
@@ -51,15 +56,22 @@ class OsmData:
         return 0.5 * (south + north), 0.5 * (west + east)
 
 
-def read_osm(path: Path) -> OsmData:
+def read_osm(path: Path, budget: Budget | None = None) -> OsmData:
     """Read an extract. Raises ConfigError with what is wrong, and the line where there is one."""
     source = shown_path(path)
+    budget = budget or Budget(source)
     try:
         size = path.stat().st_size
+        if not path.is_file():
+            raise ConfigError([Problem(source, "is not a regular file")])
         if size > MAX_BYTES:
             message = f"is longer than the {MAX_BYTES / 1e6:g} MB that are read: {size / 1e6:.4g} MB"
             raise ConfigError([Problem(source, message, "cut out a district: osmium extract --bbox W,S,E,N")])
-        data = _pbf(path, source) if path.suffix.lower() == ".pbf" else _xml(path.read_bytes(), source)
+        if path.suffix.lower() == ".pbf":
+            data = _pbf(path, source, budget)
+        else:
+            with path.open("rb") as file:
+                data = _xml(file, source, budget)
     except OSError as error:
         raise ConfigError([Problem(source, f"cannot be read: {error.strerror or error}")]) from None
     if not data.nodes:
@@ -71,7 +83,7 @@ class _Refused(Exception):
     """A part of an XML file that is not accepted."""
 
 
-def _xml(text: bytes, source: str) -> OsmData:
+def _xml(file: BinaryIO, source: str, budget: Budget) -> OsmData:
     data = OsmData(source)
     parser = xml.parsers.expat.ParserCreate()
     tags: Tags = {}
@@ -83,13 +95,21 @@ def _xml(text: bytes, source: str) -> OsmData:
     def start(tag: str, a: dict[str, str]) -> None:
         nonlocal tags, refs, members, count, root
         if tag == "tag":
+            budget.memory(_TAG_BYTES, "its objects")
+            if len(a["k"]) + len(a["v"]) > MAX_TEXT:
+                raise _Refused(f"a tag of {len(a['k']) + len(a['v'])} characters; {MAX_TEXT} are allowed")
             tags[a["k"]] = a["v"]
         elif tag == "nd":
+            budget.memory(_REFERENCE_BYTES, "its objects")
             refs.append(int(a["ref"]))
+            if len(refs) > MAX_WAY_NODES:
+                raise _Refused(f"a way of more than {MAX_WAY_NODES} nodes, as many as OpenStreetMap allows")
         elif tag == "member":
+            budget.memory(_TAG_BYTES, "its objects")
             members.append((a["type"], int(a["ref"]), a.get("role", "")))
         elif tag in ("node", "way", "relation"):
             tags, refs, members = {}, [], []
+            budget.memory(_OBJECT_BYTES, "its objects")
             count += 1
             if count > MAX_OBJECTS:
                 raise _Refused(f"holds more than {MAX_OBJECTS} objects: cut out a district")
@@ -105,7 +125,10 @@ def _xml(text: bytes, source: str) -> OsmData:
             elif tag == "relation" and a.get("action") != "delete" and a.get("visible") != "false":
                 open_relation.append(int(a["id"]))
         elif tag == "bounds" and data.bounds is None:
-            data.bounds = (float(a["minlat"]), float(a["minlon"]), float(a["maxlat"]), float(a["maxlon"]))
+            south, west, north, east = (float(a[key]) for key in ("minlat", "minlon", "maxlat", "maxlon"))
+            if not (-90.0 <= south <= north <= 90.0 and -180.0 <= west <= east <= 180.0):
+                raise _Refused(f"bounds that are not on Earth: {south:g}, {west:g}, {north:g}, {east:g}")
+            data.bounds = (south, west, north, east)
         elif not root:
             root = tag
             if tag != "osm":
@@ -126,10 +149,18 @@ def _xml(text: bytes, source: str) -> OsmData:
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype
-    if not text.strip():
-        raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
+    fed = 0
     try:
-        parser.Parse(text, True)
+        while chunk := file.read(_CHUNK_BYTES):
+            if not fed and not chunk.strip():
+                raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
+            parser.Parse(chunk, False)
+            fed += len(chunk)
+            if fed - max(parser.CurrentByteIndex, 0) > 2 * _CHUNK_BYTES:
+                raise _Refused(f"an element or a text of more than {_CHUNK_BYTES} bytes")
+        if not fed:
+            raise ConfigError([Problem(source, "is empty", "an OpenStreetMap file begins with <osm>")])
+        parser.Parse(b"", True)
     except xml.parsers.expat.ExpatError as error:
         message = xml.parsers.expat.ErrorString(error.code)
         raise ConfigError([Problem(f"{source}:{error.lineno}", f"is not valid XML: {message}")]) from None
@@ -144,7 +175,7 @@ def _xml(text: bytes, source: str) -> OsmData:
     return data
 
 
-def _pbf(path: Path, source: str) -> OsmData:
+def _pbf(path: Path, source: str, budget: Budget) -> OsmData:
     try:
         import osmium
     except ImportError:
@@ -159,13 +190,19 @@ def _pbf(path: Path, source: str) -> OsmData:
                 message = f"holds more than {MAX_OBJECTS} objects"
                 raise ConfigError([Problem(source, message, "cut out a district: osmium extract --bbox W,S,E,N")])
             tags = {tag.k: tag.v for tag in item.tags}
+            budget.memory(_OBJECT_BYTES + _TAG_BYTES * len(tags), "its objects")
             if item.is_node():
                 data.nodes[item.id] = (item.lat, item.lon)
                 if tags:
                     data.node_tags[item.id] = tags
             elif item.is_way():
+                budget.memory(_REFERENCE_BYTES * len(item.nodes), "its ways")
+                if len(item.nodes) > MAX_WAY_NODES:
+                    message = f"way {item.id} has {len(item.nodes)} nodes; OpenStreetMap allows {MAX_WAY_NODES}"
+                    raise ConfigError([Problem(source, message)])
                 data.ways[item.id] = Way(tuple(node.ref for node in item.nodes), tags)
             elif item.is_relation():
+                budget.memory(_TAG_BYTES * len(item.members), "its relations")
                 members = tuple((_KINDS[m.type], m.ref, m.role) for m in item.members)
                 data.relations[item.id] = Relation(members, tags)
         reader = osmium.io.Reader(str(path))

@@ -18,12 +18,13 @@ from signals.geodesy import Site
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from signals.units import RAD_PER_DEG
+from sim.scene.budget import Budget
 from sim.scene.imports import osm_tags
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
 from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.msh import msh
-from sim.scene.imports.osm_buildings import BuildingMaker, Footprint, footprint_of
+from sim.scene.imports.osm_buildings import BuildingMaker, Footprint, draw_facades, footprint_of
 from sim.scene.imports.osm_file import OsmData, Tags
 from sim.scene.imports.osm_shapes import Shapes, Spot, shapes_of
 from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, triangles, union
@@ -50,7 +51,6 @@ _TILES_M = {
 }
 _FREE_M = 6.0  # radius of the free ground where the vehicle takes off
 _WOOD_STEP_M, _ROW_STEP_M = 6.0, 8.0
-_MAX_GEOMS = 60_000
 _SMALL_NODES = {  # key, value -> class, height [m], radius [m], material
     ("man_made", "flagpole"): ("pole", 8.0, 0.06), ("man_made", "mast"): ("pole", 20.0, 0.2),
     ("man_made", "chimney"): ("tower", 20.0, 1.0), ("man_made", "water_tower"): ("tower", 25.0, 3.0),
@@ -73,11 +73,15 @@ class OsmOptions:
 
 
 class _Builder(MapBuilder):
-    """A builder whose objects stand on the terrain."""
+    """A builder whose objects stand on the terrain; every geom is charged to a budget."""
 
-    def __init__(self, terrain: Terrain | None) -> None:
+    def __init__(self, terrain: Terrain | None, budget: Budget) -> None:
         super().__init__("osm", flat_meshes=True)
-        self._terrain = terrain
+        self._terrain, self._budget = terrain, budget
+
+    def claim_geom(self, name: str) -> None:
+        self._budget.objects(1, f"geom {name[:80]!r}")
+        super().claim_geom(name)
 
     def z(self, x: float, y: float) -> float:
         return 0.0 if self._terrain is None else float(self._terrain.height(np.array([[x, y]]))[0])
@@ -87,7 +91,9 @@ class _Builder(MapBuilder):
         return super().body(kind, (x, y, z + self.z(x, y)), quat)
 
 
-def map_of_osm(data: OsmData, site: Site, options: OsmOptions, terrain: Terrain | None) -> ImportedMap:
+def map_of_osm(
+    data: OsmData, site: Site, options: OsmOptions, terrain: Terrain | None, budget: Budget | None = None
+) -> ImportedMap:
     """Return the map of an extract round a site. Raises ConfigError."""
     need_shapely(data.source)
     shapes = shapes_of(data, site, options.radius_m)
@@ -96,7 +102,7 @@ def map_of_osm(data: OsmData, site: Site, options: OsmOptions, terrain: Terrain 
         message = f"has nothing within {options.radius_m:g} m of the site"
         hint = f"its middle is at latitude_deg: {latitude:.6f}, longitude_deg: {longitude:.6f}"
         raise ConfigError([Problem(data.source, message, hint)])
-    return _District(data.source, shapes, options, terrain).make()
+    return _District(data.source, shapes, options, terrain, budget or Budget(data.source)).make()
 
 
 def take_off_place(data: OsmData, radius_m: float) -> tuple[float, float]:
@@ -123,6 +129,12 @@ def take_off_place(data: OsmData, radius_m: float) -> tuple[float, float]:
                 lat, lon, _ = frame.geodetic_from_enu((x, y, 0.0))
                 return round(lat, 7), round(lon, 7)
     return latitude, longitude
+
+
+def draw_textures() -> None:
+    """Draw the textures of districts; they are kept in memory."""
+    _District("", Shapes(), OsmOptions(), None, Budget("textures"))._materials()
+    draw_facades()
 
 
 @dataclass(frozen=True)
@@ -155,9 +167,11 @@ def _stands(tags: Tags) -> bool:
 
 
 class _District:
-    def __init__(self, source: str, shapes: Shapes, options: OsmOptions, terrain: Terrain | None) -> None:
+    def __init__(
+        self, source: str, shapes: Shapes, options: OsmOptions, terrain: Terrain | None, budget: Budget
+    ) -> None:
         self._source, self._shapes, self._options, self._terrain = source, shapes, options, terrain
-        self._builder = _Builder(terrain)
+        self._builder = _Builder(terrain, budget)
         self._notes: Counter[str] = shapes.notes
         self._patterns = ClassPatterns(options.classes)
         self._names: set[str] = set()

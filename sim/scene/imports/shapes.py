@@ -38,7 +38,10 @@ def parts(shape: Any) -> list[Any]:
 
 
 def rounded(shape: Any) -> Any:
-    return shapely.set_precision(shape, _GRID_M)
+    try:
+        return shapely.set_precision(shape, _GRID_M)
+    except shapely.errors.GEOSException:  # a sliver that the grid folds over itself
+        return shapely.make_valid(shapely.set_precision(shape, _GRID_M, mode="pointwise"))
 
 
 def polygons_of_ring(points: Sequence[tuple[float, float]]) -> tuple[list[Any], bool]:

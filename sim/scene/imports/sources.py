@@ -1,32 +1,40 @@
-"""Files of other programs as sources of a scene's map: read them, make the map, and copy them to a run."""
+"""Files of other programs as sources of a scene's map: make the map of them, and copy them to a run.
+
+All reading and making is done in a process with limits (sim/scene/limited_process.py): GEOS, OpenCV and Python's own
+containers can need any memory and time for a file that was made for it.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import json
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-from signals.errors import ConfigError
+from signals.documents.document import shown_path
+from signals.errors import ConfigError, Problem
+from sim.scene.budget import Budget
 from sim.scene.imports.imported_map import ImportedMap
+from sim.scene.limited_process import limited
 from sim.scene.map_section import GltfMap, OsmMap
 from sim.scene.maps.scene_map import Surface
 from sim.scene.scene import Scene, Site
 
-if TYPE_CHECKING:
-    from sim.scene.imports.elevation import GeoTiff
-    from sim.scene.imports.gltf_file import GltfFile
-    from sim.scene.imports.osm_file import OsmData
-
-# The readers are imported where they are used, because most flights need none of them.
+# Modules with what is done in the process; the bench itself does not import the readers.
+_GLTF, _OSM = "sim.scene.imports.gltf_import", "sim.scene.imports.osm_import"
 
 
 class ImportSource(Protocol):
     """The files of one imported map."""
 
+    @property
+    def budget(self) -> Budget:
+        """Rest of the limits of the map, after what was made so far."""
+        ...
+
     def key(self) -> str:
-        """Return a hash of the files."""
+        """Return a hash of the files. Raises ConfigError."""
         ...
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
@@ -42,28 +50,23 @@ class ImportSource(Protocol):
 class GltfSource:
     """A glTF file."""
 
-    file: GltfFile
+    path: Path
     section: GltfMap
+    budget: Budget
+    _key: list[str] = field(default_factory=list)
 
     def key(self) -> str:
-        state = hashlib.sha256(json.dumps(self.file.raw).encode())
-        for data in (*self.file.buffers, *self.file.images.values()):
-            state.update(len(data).to_bytes(8, "little"))
-            state.update(data)
-        return state.hexdigest()
+        if not self._key:
+            self._key.append(limited(f"{_GLTF}:key", self.path, self.budget, budget=self.budget, what="reading it"))
+        return self._key[0]
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:
-        from sim.scene.imports.gltf_map import GltfOptions, map_of_gltf
-
-        section = self.section
-        options = GltfOptions(
-            section.scale, section.yaw_deg, section.origin_m, section.ground, section.classes, surfaces,
-            section.contact_error_m,
-        )  # fmt: skip
-        return map_of_gltf(self.file, options)
+        arguments = (self.path, self.section, surfaces, self.budget)
+        return limited(f"{_GLTF}:made", *arguments, budget=self.budget, what="making its map")
 
     def save(self, folder: Path) -> dict[str, Any]:
-        (folder / "map.glb").write_bytes(self.file.packed())
+        arguments = (self.path, (folder / "map.glb").absolute(), self.budget)
+        limited(f"{_GLTF}:pack", *arguments, budget=self.budget, what="copying it")
         return {"gltf": "map.glb"}
 
 
@@ -72,54 +75,51 @@ class OsmSource:
     """An OpenStreetMap extract, with heights if the section names them."""
 
     path: Path
-    data: OsmData
-    heights: GeoTiff | None
+    elevation: Path | None
     section: OsmMap
     site: Site
+    budget: Budget
 
     def key(self) -> str:
-        state = hashlib.sha256(self.path.read_bytes())
-        state.update(self.heights.data if self.heights is not None else b"")
-        state.update(self.site.model_dump_json().encode())
+        state = hashlib.sha256(self.site.model_dump_json().encode())
+        for path in (self.path, self.elevation):
+            if path is not None:
+                state.update(_digest(path))
         return state.hexdigest()
 
     def make(self, surfaces: dict[str, Surface]) -> ImportedMap:  # noqa: ARG002
-        from sim.scene.imports.elevation import make_terrain
-        from sim.scene.imports.osm_map import OsmOptions, map_of_osm
-
-        section = self.section
-        terrain = make_terrain(self.heights, self.site, section.radius_m) if self.heights is not None else None
-        options = OsmOptions(section.radius_m, section.seed, section.ground, section.max_trees, section.classes)
-        return map_of_osm(self.data, self.site, options, terrain)
+        arguments = (self.path, self.elevation, self.section, self.site, self.budget)
+        return limited(f"{_OSM}:made", *arguments, budget=self.budget, what="making its map")
 
     def save(self, folder: Path) -> dict[str, Any]:
-        name = "map.osm.pbf" if self.path.suffix == ".pbf" else "map.osm"
-        (folder / name).write_bytes(self.path.read_bytes())
-        if self.heights is None:
-            return {"osm": name}
-        (folder / "elevation.tif").write_bytes(self.heights.data)
-        return {"osm": name, "elevation": "elevation.tif"}
+        names = {"osm": "map.osm.pbf" if self.path.suffix == ".pbf" else "map.osm"}
+        shutil.copyfile(self.path, folder / names["osm"])
+        if self.elevation is not None:
+            names["elevation"] = "elevation.tif"
+            shutil.copyfile(self.elevation, folder / names["elevation"])
+        return names
+
+
+def _digest(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError as error:
+        raise ConfigError([Problem(shown_path(path), f"cannot be read: {error.strerror or error}")]) from None
 
 
 def import_source(scene: Scene) -> ImportSource | None:
-    """Read the files of a scene's map; None for a map that is not imported. Raises ConfigError."""
+    """Return the files of a scene's map; None for a map that is not imported. Raises ConfigError."""
     section = scene.map
     if isinstance(section, GltfMap):
-        from sim.scene.imports.gltf_file import read_gltf
-
-        return GltfSource(read_gltf(named_file(scene, "gltf", section.gltf)), section)
+        path = named_file(scene, "gltf", section.gltf)
+        return GltfSource(path, section, Budget(shown_path(path)))
     if isinstance(section, OsmMap):
-        from sim.scene.imports.elevation import read_geotiff
-        from sim.scene.imports.osm_file import read_osm
-
         path = named_file(scene, "osm", section.osm)
-        data = scene.file.cache.get("osm")
-        if data is None:
-            data = scene.file.cache["osm"] = read_osm(path)
-        heights = None
+        elevation = None
         if section.elevation is not None:
-            heights = read_geotiff(named_file(scene, "elevation", section.elevation))
-        return OsmSource(path, data, heights, section, scene.site)
+            elevation = named_file(scene, "elevation", section.elevation)
+        return OsmSource(path, elevation, section, scene.site, Budget(shown_path(path)))
     return None
 
 
@@ -135,3 +135,9 @@ def named_file(scene: Scene, key: str, name: str) -> Path:
         message = f"names a file that does not exist: {name}"
         raise ConfigError([scene.file.problem(("map", key), message, f"looked beside {scene.file.document.source}")])
     return path
+
+
+def files_root(scene: Scene, path: Path) -> Path:
+    """Return the folder that holds all files of an MJCF map: that of the scene's file if it lies above the map."""
+    folder = scene.file.folder
+    return folder if path.resolve().is_relative_to(folder.resolve()) else path.parent

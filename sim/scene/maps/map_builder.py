@@ -170,6 +170,7 @@ class MapBuilder:
         self._meshes: set[str] = set()
         self._hfields: set[str] = set()
         self._bodies: set[str] = set()
+        self._last_body = ""
         self._geoms: set[str] = set()
         self._classes: dict[str, tuple[str, ...]] = {}
         self._actors: list[Actor] = []
@@ -305,7 +306,7 @@ class MapBuilder:
     @property
     def last_body(self) -> str:
         """Name of the child body of the world that was added last."""
-        return str(self._world.findall("body")[-1].get("name"))
+        return self._last_body
 
     def body(self, kind: str, pos: Vec3 = (0.0, 0.0, 0.0), quat: Quat = NO_TURN) -> Body:
         """Add an object of class `kind`, numbered in the order of adding."""
@@ -326,6 +327,7 @@ class MapBuilder:
         if name in self._bodies:
             raise ValueError(f"two bodies named {name}")
         self._bodies.add(name)
+        self._last_body = name
         attributes = {"name": name}
         if pos != (0.0, 0.0, 0.0):
             attributes["pos"] = numbers(pos)

@@ -79,3 +79,4 @@ class SceneMap:
     actors: tuple[Actor, ...]
     corners: tuple[CornerReflector, ...] = ()  # of plates in the MJCF
     notes: tuple[str, ...] = ()  # what an imported map leaves out or simplifies
+    from_file: bool = False  # it holds what a user's file describes, and compiles in a process with limits

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache, partial
 
-import mujoco
-
+from sim.scene.compile_process import compile_mjcf
 from sim.scene.maps import military, surfaces
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.meshes import revolve
@@ -47,7 +46,7 @@ def asset(name: str) -> Template | None:
         class_name, add = _OBJECTS[name]
         add(builder)
     scene_map = builder.build()
-    model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
+    model = compile_mjcf(scene_map.mjcf, scene_map.assets)
     return template_of(f"asset:{name}", class_name, model, 0, materials_of(scene_map, f"asset:{name}:"))
 
 

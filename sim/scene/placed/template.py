@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from signals.rotation import matrix_of, product
 from signals.samples import Quat, Vec3
+from sim.scene.budget import Budget
+from sim.scene.compile_process import compile_mjcf
 from sim.scene.maps.map_builder import numbers
 from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.placed.actor import FixedBody
@@ -64,6 +66,7 @@ class Template:
     model: mujoco.MjModel
     parts: tuple[Part, ...]
     materials: Materials = Materials()
+    from_file: bool = False  # as that of a SceneMap
     checked: set[Vec3] = field(default_factory=set)  # scales of copies that were compiled
 
     def geoms(self, name: str, scale: Vec3) -> tuple[list[ET.Element], list[ET.Element], dict[str, bytes]]:
@@ -99,7 +102,7 @@ class Template:
         return geoms, meshes, files
 
     def check(self, scale: Vec3) -> None:
-        """Raise ValueError if a copy of this scale cannot be compiled."""
+        """Raise ValueError if a copy of this scale cannot be compiled, ConfigError if that exceeds a limit."""
         if scale in self.checked:
             return
         geoms, meshes, files = self.geoms("copy", scale)
@@ -110,7 +113,8 @@ class Template:
         for geom in geoms:
             geom.attrib.pop("material", None)
         ET.SubElement(world, "body", name="copy", mocap="true").extend(geoms)
-        mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"), files)
+        budget = Budget(self.key) if self.from_file else None
+        compile_mjcf(ET.tostring(root, encoding="unicode"), files, budget)
         self.checked.add(scale)
 
     def radius_m(self, scale: Vec3) -> float:
@@ -124,7 +128,9 @@ class Template:
         return max(scale) * greatest * 1.0001 + 1e-6
 
 
-def template_of(key: str, class_name: str, model: mujoco.MjModel, top: int, materials: Materials) -> Template | None:
+def template_of(
+    key: str, class_name: str, model: mujoco.MjModel, top: int, materials: Materials, *, from_file: bool = False
+) -> Template | None:
     """Return the template of a body and its descendants; None if it holds a plane or a height field, or nothing."""
     parts = []
     for body, (p_TB, q_TB) in poses_below(model, top).items():
@@ -137,7 +143,7 @@ def template_of(key: str, class_name: str, model: mujoco.MjModel, top: int, mate
             q: Quat = product(q_TB, tuple(model.geom_quat[geom].tolist()))
             R = np.array(matrix_of(q)).reshape(3, 3)
             parts.append(Part(geom, kind, _rotated(R_TB, model.geom_pos[geom]) + np.array(p_TB), R, q))
-    return Template(key, class_name, model, tuple(parts), materials) if parts else None
+    return Template(key, class_name, model, tuple(parts), materials, from_file) if parts else None
 
 
 def poses_below(model: mujoco.MjModel, top: int) -> dict[int, tuple[Vec3, Quat]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 from hil.apps.airsim.api.session import VEHICLE, geo_point
@@ -131,13 +130,10 @@ def methods(simulation: Simulation) -> list[Method]:
             )
         if not file.lower().endswith(".binvox"):
             raise RpcError(f"'{file[:80]}' does not end with .binvox, the format of a voxel grid")
+        sim.files.place(file)  # a mistake is told before the work
         middle_W, _ = in_W(Pose(position))
         cells = occupied(sim.frames.seen_by(), middle_W, (east, north, up), edge_m)
-        try:
-            Path(file).write_bytes(binvox(cells.transpose(1, 0, 2), size_m))
-        except (OSError, ValueError) as error:
-            sim.log(f"simCreateVoxelGrid: {file[:80]} cannot be written ({getattr(error, 'strerror', '') or error})")
-            return False
+        sim.files.write(file, binvox(cells.transpose(1, 0, 2), size_m))
         return True
 
     def not_here(name: str, reason: str, result: Any) -> Any:

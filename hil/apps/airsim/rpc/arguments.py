@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from reprlib import Repr
 from typing import Any, NamedTuple
 
 _MOST_FLOAT32 = 3.4028234663852886e38
@@ -24,9 +25,13 @@ class Type(NamedTuple):
     convert: Callable[[Any], Any]
 
 
+_REPR = Repr()  # of values that may be large or deep
+_REPR.maxstring = _REPR.maxother = _REPR.maxlong = 60
+
+
 def shown(value: Any) -> str:
     """Return a short text of a value for a message."""
-    text = repr(value)
+    text = _REPR.repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -13,47 +13,56 @@ import asyncio
 import socket
 import time
 from collections.abc import Callable
-from typing import Any
+from math import inf
+from typing import Any, Protocol
 
 import msgpack
 
+from hil.apps.airsim.rpc.framing import Framer, TooLarge
 from hil.apps.airsim.rpc.methods import Caller, MethodTable, Pending, RpcError, refused
 from hil.apps.airsim.rpc.packing import pack
 
-MOST_BYTES = 8 << 20  # of one message: a path of 90 000 points
-_MOST_ITEMS = 1 << 20  # of one array or map
 _MOST_UNANSWERED = 1000
 _TURN_NS = 1_000_000  # of one client, before others are served
+_FEW_BYTES = 1 << 16  # that a connection keeps without asking if they are too many together with others'
 _REQUEST, _REPLY, _NOTIFICATION = 0, 1, 2
 
 Log = Callable[[str], None]
-Observer = Callable[[Caller, str, bytes], None]  # (client, method, packed reply) in the order of the replies
+
+
+class Owner(Protocol):
+    """Server that accepts connections (`hil.apps.airsim.rpc.server.RpcServer`)."""
+
+    def made(self, connection: Connection) -> None:
+        """Called once, when the client is there."""
+        ...
+
+    def grown(self) -> None:
+        """Called when a connection keeps more bytes than before."""
+        ...
+
+    def replied(self, caller: Caller, name: str, body: bytes) -> None:
+        """Called with (client, method, packed reply) in the order of the replies."""
+        ...
+
+    def gone(self, connection: Connection) -> None:
+        """Called once, when the connection is over."""
+        ...
 
 
 class Connection(asyncio.Protocol):
-    """One client of a server. `gone` is called once, when the connection is over."""
+    """One client of a server."""
 
-    def __init__(
-        self, number: int, methods: MethodTable, log: Log, *, replied: Observer, gone: Callable[[Connection], None]
-    ) -> None:
+    def __init__(self, number: int, methods: MethodTable, log: Log, owner: Owner) -> None:
         self.caller = Caller(number, "?")
-        self._methods, self._log, self._replied, self._gone = methods, log, replied, gone
-        self._unpacker = msgpack.Unpacker(
-            raw=False,
-            strict_map_key=False,
-            unicode_errors="surrogateescape",
-            max_buffer_size=MOST_BYTES,
-            max_array_len=_MOST_ITEMS,
-            max_map_len=_MOST_ITEMS,
-            max_str_len=MOST_BYTES,
-            max_bin_len=MOST_BYTES,
-            max_ext_len=0,
-        )
+        self.has_called = False
+        self._methods, self._log, self._owner = methods, log, owner
+        self._framer = Framer()
         self._transport: asyncio.Transport | None = None
         self._unanswered = 0
-        self._waits = False  # the client does not read its replies
+        self.unread_since_s = inf  # until then the client has read its replies
         self._drains = False  # messages are left for the next turn of the loop
-        self._held: Any = None  # message that waits for the world
+        self._held: bytes | None = None  # message that waits for the world
         self._told: set[str] = set()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -65,51 +74,65 @@ class Connection(asyncio.Protocol):
         endpoint = transport.get_extra_info("socket")
         if endpoint is not None and endpoint.family in (socket.AF_INET, socket.AF_INET6):
             endpoint.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._owner.made(self)
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
         """Forget the client; its pending calls go on without it."""
         self._transport = None
-        self._gone(self)
+        self._framer = Framer()
+        self._held = None
+        self._owner.gone(self)
 
     def pause_writing(self) -> None:
         """Read nothing more from a client that does not read its replies."""
-        self._waits = True
+        self.unread_since_s = time.monotonic()
         self._set_reading()
 
     def resume_writing(self) -> None:
         """Read again."""
-        self._waits = False
+        self.unread_since_s = inf
         self._drain()
 
     def data_received(self, data: bytes) -> None:
         """Answer all complete messages, others' in between if it takes long."""
-        try:
-            self._unpacker.feed(data)
-        except (msgpack.BufferFull, MemoryError):
-            self._close(f"a message of more than {MOST_BYTES} bytes")
-        else:
-            if not self._drains and self._held is None:
-                self._drain()
+        self._framer.feed(data)
+        if not self._drains and self._held is None:
+            self._drain()
+        if len(self._framer) > _FEW_BYTES:
+            self._owner.grown()
+
+    @property
+    def unanswered_bytes(self) -> int:
+        """Bytes of messages that are not complete or wait for their turn."""
+        return len(self._framer) + (0 if self._held is None else len(self._held))
+
+    @property
+    def unread_bytes(self) -> int:
+        """Bytes of replies that the client has not read."""
+        return 0 if self._transport is None else self._transport.get_write_buffer_size()
 
     def _drain(self) -> None:
         self._drains = False
         held, self._held = self._held, None
         end_ns = time.perf_counter_ns() + _TURN_NS
         try:
-            while not self._waits and self._transport is not None and not self._transport.is_closing():
-                try:
-                    message = self._unpacker.unpack() if held is None else held
-                except msgpack.OutOfData:
-                    break
+            while self.unread_since_s == inf and self._transport is not None and not self._transport.is_closing():
+                data = self._framer.next() if held is None else held
                 held = None
+                if data is None:
+                    break
+                message = _unpacked(data)
                 if self._must_wait(message):
-                    self._held = message
+                    self._held = data
                     break
                 self._answer(message)
+                del message  # it may need a hundred times the bytes
                 if time.perf_counter_ns() > end_ns:
                     self._drains = True
                     asyncio.get_running_loop().call_soon(self._drain)
                     break
+        except TooLarge as error:
+            self._close(str(error))
         except (msgpack.UnpackException, ValueError, TypeError, OverflowError, MemoryError, RecursionError) as error:
             self._close(f"bytes that are no MessagePack-RPC ({str(error)[:100] or type(error).__name__})")
         self._set_reading()
@@ -119,7 +142,7 @@ class Connection(asyncio.Protocol):
         transport = self._transport
         if transport is None or transport.is_closing():
             return
-        if self._waits or self._drains or self._held is not None:
+        if self.unread_since_s < inf or self._drains or self._held is not None:
             transport.pause_reading()
         else:
             transport.resume_reading()
@@ -128,6 +151,11 @@ class Connection(asyncio.Protocol):
         """Close the connection after the replies written so far."""
         if self._transport is not None:
             self._transport.close()
+
+    def drop(self) -> None:
+        """Close the connection at once."""
+        if self._transport is not None:
+            self._transport.abort()
 
     def _close(self, reason: str) -> None:
         self._log(f"{self.caller.address}: {reason}; the connection was closed")
@@ -170,6 +198,7 @@ class Connection(asyncio.Protocol):
         self._call(request if wants_reply else None, name, values)
 
     def _call(self, request: int | None, name: str, values: list[Any]) -> None:
+        self.has_called = True
         try:
             if self._unanswered >= _MOST_UNANSWERED:
                 raise RpcError(
@@ -212,6 +241,12 @@ class Connection(asyncio.Protocol):
             text = f"rpclib: function '{name}' returned what no reply can hold: {defect} (a defect of the server)"
             self._log(text)
             body = pack(text) + pack(None)
-        self._replied(self.caller, name, body)
+        self._owner.replied(self.caller, name, body)
         if request is not None and self._transport is not None and not self._transport.is_closing():
             self._transport.write(b"\x94\x01" + pack(request) + body)
+            if self._transport.get_write_buffer_size() > _FEW_BYTES:
+                self._owner.grown()
+
+
+def _unpacked(data: bytes) -> Any:
+    return msgpack.unpackb(data, raw=False, strict_map_key=False, unicode_errors="surrogateescape", max_ext_len=0)

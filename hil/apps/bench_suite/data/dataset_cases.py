@@ -43,12 +43,17 @@ class Rate:
     """Speed at which a data set was made.
 
     `wall_s`: time from the start of the command (without storage, of the flight) to its end. The steady rate counts
-    from the first finished batch on.
+    from the first finished batch on. `processor_s`: of the command and its workers.
     """
 
     frames: int
     wall_s: float
     steady_frames_per_s: float
+    processor_s: float = float("nan")
+
+    def per_processor_s(self, shorter: Rate) -> float:
+        """Return the frames a second of undisturbed processors, for the frames that a shorter set does not have."""
+        return usable_processors() * (self.frames - shorter.frames) / (self.processor_s - shorter.processor_s)
 
 
 @contextmanager
@@ -63,7 +68,7 @@ def measure_stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rat
     """Measure `hil dataset` itself, in its own process and with everything written. Raises RecordingError."""
     arguments = ["--quality", quality, "--frames", str(frames), "--out", str(root), "--quiet"]
     arguments += [] if radar else ["--set", f"sensors.{RADAR}=null"]
-    began_s = time.monotonic()
+    began_s, began_processor_s = time.monotonic(), _processor_s_of_children()
     process = subprocess.run(
         [sys.executable, "-m", "hil.cli", "dataset", *arguments], capture_output=True, text=True, check=False
     )
@@ -71,7 +76,12 @@ def measure_stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rat
     steady = re.search(r"([0-9.]+) frames/s after the first batch", process.stdout)
     if process.returncode != 0 or steady is None:
         raise RecordingError(f"hil dataset {' '.join(arguments)}: status {process.returncode}\n{process.stderr}")
-    return Rate(frames, wall_s, float(steady[1]))
+    return Rate(frames, wall_s, float(steady[1]), _processor_s_of_children() - began_processor_s)
+
+
+def _processor_s_of_children() -> float:
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 class SampleOnly(BatchMaker):

@@ -15,6 +15,7 @@ from typing import Any
 
 import msgpack
 
+from hil.apps.bench_suite.timing import processor_s
 from signals.errors import HilError
 
 _ADDRESS = re.compile(r"airsim: 127\.0\.0\.1:(\d+)")
@@ -106,10 +107,7 @@ class BenchServer:
 
     def processor_s(self) -> float:
         """Return the processor time of all its threads [s]; NaN where the system does not tell."""
-        try:
-            return time.clock_gettime((~self._process.pid << 3) | 2)  # Linux: the processor clock of that process
-        except (AttributeError, OSError, OverflowError):
-            return float("nan")
+        return processor_s(self._process.pid)
 
     def resident_mib(self) -> float:
         """Return its resident memory [MiB]; NaN where the system does not tell."""

@@ -82,8 +82,17 @@ def measure_flights(result: BenchmarkResult, folder: Path, status: ShowStatus, *
         }
         result.rows.append(Row(CASE, arrangement, differing + client["dropped"], "arrays", 1.0 / fps, details))
         result.checks += [
-            Check(f"companion, {arrangement}: frames per second, rendering included", fps, ">=", _MIN_RATE_HZ, "1/s"),
-            Check(f"companion, {arrangement}: link overhead, p99", overhead["p99"], "<=", _MAX_OVERHEAD_MS, "ms"),
+            Check(
+                f"companion, {arrangement}: frames per second, rendering included",
+                fps,
+                ">=",
+                _MIN_RATE_HZ,
+                "1/s",
+                "speed",
+            ),
+            Check(
+                f"companion, {arrangement}: link overhead, p99", overhead["p99"], "<=", _MAX_OVERHEAD_MS, "ms", "speed"
+            ),
             Check(f"companion, {arrangement}: frames dropped", client["dropped"], "<=", 0, "frames"),
         ]
     result.checks.append(Check("companion: arrays that differ from the recording", differing, "<=", 0, "arrays"))

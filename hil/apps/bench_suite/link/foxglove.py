@@ -2,9 +2,9 @@
 
 A flight is made in turns alone and with a client in a process of its own, which subscribes to two compressed cameras
 and a LiDAR. All three have new frames for every update. In the table, the error is the share of watched flights whose
-digest differs from that of the flight alone; the time is the flight's wall time, of which the least of several flights
-counts, because other load on the machine can only add to it. On a busy machine the processor times in the JSON file say
-more: of the run's thread, which flies, and of the process with the threads that encode and send.
+digest differs from that of the flight alone; the time is the processor time of the run's thread, which flies, of which
+the least of several flights counts. Wall times and the processor time of the whole process, with the threads that
+encode and send, are in the JSON file.
 """
 
 from __future__ import annotations
@@ -18,9 +18,11 @@ import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from hil.apps.bench_suite.flight_cost import FlightCost
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
@@ -41,26 +43,31 @@ _CONNECT_S = 60.0
 _MESSAGE = struct.Struct("<BI")
 
 
+def missing() -> str:
+    """Return why this machine cannot run the benchmark, "" if it can."""
+    return "" if find_spec("foxglove") else "needs the package foxglove-sdk: pip install 'hil-bench[foxglove]'"
+
+
 def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Fly with and without a client in turns. Raises HilError if a flight fails."""
-    result = BenchmarkResult(time_label="wall time of the flight [s]")
+    result = BenchmarkResult(time_label="processor time of the flight [s]")
     rounds, seconds = (2, 6) if quick else (5, 30)
     walls: dict[bool, list[float]] = {False: [], True: []}
-    processor: dict[bool, list[list[float]]] = {False: [], True: []}  # of the run's thread, and of the process
+    costs: dict[bool, list[FlightCost]] = {False: [], True: []}
     digests: dict[bool, set[str]] = {False: set(), True: set()}
     rates: list[float] = []
     with tempfile.TemporaryDirectory() as name:
         for k in range(rounds):
             for watched in (False, True):
                 status(f"{'with a client' if watched else 'alone'}, flight {k + 1} of {rounds}")
-                began_s = time.thread_time(), time.process_time()
-                run, counts = _fly(Path(name), watched=watched, seconds=seconds)
-                processor[watched].append([time.thread_time() - began_s[0], time.process_time() - began_s[1]])
+                costs[watched].append(FlightCost())
+                run, counts = _fly(Path(name), costs[watched][-1], watched=watched, seconds=seconds)
                 walls[watched].append(run["wall_s"])
                 digests[watched].add(run["digest"])
                 if watched:
-                    rates.append(min(counts) / run["wall_s"])
-    alone_s, watched_s = min(walls[False]), min(walls[True])
+                    rates.append(min(counts) / costs[True][-1].process_s)
+    alone_s, watched_s = (min(cost.thread_s for cost in costs[watched]) for watched in (False, True))
+    cpu_s = {watched: [(cost.thread_s, cost.process_s) for cost in costs[watched]] for watched in costs}
     differing = len(digests[True] - digests[False]) / rounds
     result.rows += [
         Row(
@@ -69,7 +76,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
             0.0,
             "digests that differ",
             alone_s,
-            {"wall_s": walls[False], "cpu_s": processor[False]},
+            {"wall_s": walls[False], "cpu_s": cpu_s[False]},
         ),
         Row(
             "flight in city_park",
@@ -77,12 +84,23 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
             differing,
             "digests that differ",
             watched_s,
-            {"wall_s": walls[True], "cpu_s": processor[True], "updates_per_s": rates},
+            {
+                "wall_s": walls[True],
+                "cpu_s": [(cost.thread_s, cost.process_s) for cost in costs[True]],
+                "updates_per_s": rates,
+            },
         ),
     ]
     result.checks += [
-        Check("updates a second of each camera and the LiDAR", max(rates), ">=", 18.0, "1/s"),
-        Check("cost of the client, of the flight's wall time", 100.0 * (watched_s / alone_s - 1.0), "<=", 5.0, "%"),
+        Check("updates a second of processor time", max(rates), ">=", 18.0, "1/s", "speed"),
+        Check(
+            "cost of the client, of the flight's processor time",
+            100.0 * (watched_s / alone_s - 1.0),
+            "<=",
+            5.0,
+            "%",
+            "speed",
+        ),
         Check("different digests, watched and not", len(digests[False] | digests[True]), "<=", 1, "digests"),
     ]
     if quick:
@@ -90,17 +108,17 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     return result
 
 
-def _fly(folder: Path, *, watched: bool, seconds: int) -> tuple[dict[str, Any], Sequence[int]]:
+def _fly(folder: Path, cost: FlightCost, *, watched: bool, seconds: int) -> tuple[dict[str, Any], Sequence[int]]:
     """Fly; return run.json and the messages that the client got of each topic."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     settings = [*_SETTINGS, f"duration_s={seconds}"]
     if not watched:
-        return run_bench(load_bench(settings=settings), folder / "alone", quiet=True).flown(), ()
+        return run_bench(load_bench(settings=settings), folder / "alone", quiet=True, more=[cost]).flown(), ()
     live = [f"foxglove.port={port}", "foxglove.paused=true"]
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         client = pool.submit(follow, port)
-        run = run_bench(load_bench(settings=[*settings, *live]), folder / "watched", quiet=True).flown()
+        run = run_bench(load_bench(settings=[*settings, *live]), folder / "watched", quiet=True, more=[cost]).flown()
         return run, client.result()
 
 

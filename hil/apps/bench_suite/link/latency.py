@@ -61,7 +61,9 @@ def latency_rows(status: ShowStatus) -> tuple[list[Row], list[Check]]:
             case = f"companion that takes {ms}"
             rows.append(Row(case, "latency_true", distance_m, "m from the flight in real time", lockstep_s))
             rows.append(Row(case, "realtime", _distance_m(first, second), "m from a second flight", realtime_s))
-            checks.append(Check(f"{case}: distance of latency_true from real time", distance_m, "<=", _LIMIT_M, "m"))
+            checks.append(
+                Check(f"{case}: distance of latency_true from real time", distance_m, "<=", _LIMIT_M, "m", "speed")
+            )
             checks.append(
                 Check(
                     f"{case}: digests that differ when repeated from the trace",

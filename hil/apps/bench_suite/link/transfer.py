@@ -93,7 +93,7 @@ def _measure(result: BenchmarkResult, transfer: Transfer, arrangement: str, seco
             }
             result.rows.append(Row(f"{case}, {mode}", method, error, "arrays", frame_s, details))
         name = f"{case}, {arrangement}, {mode}: rate relative to the bare socket"
-        result.checks.append(Check(name, rates.relative_rate, ">=", _MIN_RELATIVE_RATE, "1"))
+        result.checks.append(Check(name, rates.relative_rate, ">=", _MIN_RELATIVE_RATE, "1", "speed"))
     result.checks.append(Check(f"{case}, {arrangement}: arrays that differ", differing_count, "<=", 0, "arrays"))
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 _FREQUENCY_RADPS, _DAMPING = 8.0, 0.8  # of the attitude loop at gain 1
@@ -36,11 +37,11 @@ class AttitudeLoop:
     """Controller of a quadrotor with rotors in X order. Without a circle it only levels the vehicle."""
 
     def __init__(self, vehicle: Vehicle, *, gain: float, circle: Circle | None = None) -> None:
-        self.hover = vehicle.hover_control
+        self.hover = multirotor.hover_control(vehicle)
         self._points = circle.points() if circle is not None else []
         self._tick = 0
         c = vehicle.rotor_constants
-        speed = vehicle.speed_radps(self.hover)
+        speed = multirotor.speed_radps(vehicle, self.hover)
         # dT/du at hover, for a thrust that is quadratic in the command [N].
         slope = 2.0 * c.thrust_coefficient_n_per_radps2 * speed * speed / self.hover
         x, y = abs(vehicle.rotors[0].position_m[0]), abs(vehicle.rotors[0].position_m[1])

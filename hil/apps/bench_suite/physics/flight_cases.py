@@ -15,6 +15,7 @@ import ctypes
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -23,12 +24,15 @@ from numpy.typing import NDArray
 
 from signals.rotation import matrix_of
 from signals.samples import Vec3
+from sim.physics import multirotor
 from sim.physics.contact_model import mjcf_text
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
+from sim.physics.forces.force import Effects
+from sim.physics.forces.rotors import Rotor
 from sim.physics.integration import Integration, TickSteps
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Rotor, Vehicle, load_vehicle, rigid_body
+from sim.physics.vehicle import Vehicle, load_vehicle, rigid_body
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 from sim.scene.wind import Wind
 
@@ -85,7 +89,7 @@ class Flight:
 def vigorous(seconds: float = 5.0, *, tick_ns: int = TICK_NS, vehicle: Vehicle | None = None) -> Flight:
     """Return a flight that climbs, rolls, pitches and yaws at about 1 Hz, to 10 rad/s, 24 m/s and past 90 degrees."""
     vehicle = vehicle or bench_vehicle()
-    hover = vehicle.hover_control
+    hover = multirotor.hover_control(vehicle)
     t = np.arange(round(seconds * 1e9 / tick_ns)) * (tick_ns / 1e9)
     axes = np.stack(
         [
@@ -95,7 +99,7 @@ def vigorous(seconds: float = 5.0, *, tick_ns: int = TICK_NS, vehicle: Vehicle |
         ],
         axis=1,
     )
-    signs = np.sign(np.round(vehicle.effectiveness[3:], 9))  # of roll, pitch and yaw by each rotor
+    signs = np.sign(np.round(multirotor.effectiveness(vehicle)[3:], 9))  # of roll, pitch and yaw by each rotor
     commands = hover * (1 + 0.12 * np.sin(2 * np.pi * 0.9 * t)[:, None] + axes @ signs)
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), np.clip(commands, 0.0, 1.0), tick_ns=tick_ns)
 
@@ -117,14 +121,16 @@ def of_shipped_vehicle(name: str, *, tilt_deg: float = 0.0) -> Flight:
 def hover(seconds: float = 5.0) -> Flight:
     """Return a flight with hover commands that differ slightly between the rotors."""
     vehicle = bench_vehicle()
-    commands = np.tile(vehicle.hover_control * np.array([1.0, 1.0002, 1.0001, 1.0]), (round(seconds / TICK_S), 1))
+    commands = np.tile(
+        multirotor.hover_control(vehicle) * np.array([1.0, 1.0002, 1.0001, 1.0]), (round(seconds / TICK_S), 1)
+    )
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands)
 
 
 def gust(seconds: float = 3.0) -> Flight:
     """Return a hover in a wind of 12 m/s that starts suddenly."""
     vehicle = bench_vehicle()
-    commands = np.full((round(seconds / TICK_S), 4), vehicle.hover_control)
+    commands = np.full((round(seconds / TICK_S), 4), multirotor.hover_control(vehicle))
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
 
 
@@ -134,7 +140,7 @@ def switching(seconds: float = 5.0) -> Flight:
     ticks = round(seconds / TICK_S)
     running = np.random.default_rng(3).integers(0, 2, (-(-ticks // 25), len(vehicle.rotors)))
     commands: Float64 = np.repeat(running.astype(np.float64), 25, axis=0)[:ticks]
-    commands *= min(1.0, 2.0 * vehicle.hover_control)
+    commands *= min(1.0, 2.0 * multirotor.hover_control(vehicle))
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, effects=Effects())
 
 
@@ -161,7 +167,7 @@ def landing(height_m: float = 0.25, seconds: float = 2.0) -> Flight:
 
 def start_state(vehicle: Vehicle) -> Float64:
     """Return the initial state: level, at rest, 300 m up, rotors at hover speed."""
-    speed = vehicle.speed_radps(vehicle.hover_control)
+    speed = multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle))
     return np.array([0, 0, 300.0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, *([speed] * len(vehicle.rotors))])
 
 
@@ -185,7 +191,7 @@ class _TickByTick:
 
 
 class ThisProject(_TickByTick):
-    """QuadrotorPhysics with its Python layer, as the bench runs it."""
+    """VehiclePhysics with its Python layer, as the bench runs it."""
 
     def __init__(self, step_ms: float, *, method: Any = "order8") -> None:
         self.step_ns = round(step_ms * 1e6)
@@ -199,7 +205,7 @@ class ThisProject(_TickByTick):
 
 class _ProjectStepper:
     def __init__(self, flight: Flight, method: Any, step_ns: int) -> None:
-        physics = self.physics = QuadrotorPhysics(
+        physics = self.physics = VehiclePhysics(
             flight.vehicle,
             flight.scene,
             flight.tick_ns,
@@ -250,7 +256,7 @@ class _MujocoStepper:
         self._body = rigid_body(
             flight.vehicle,
             np.concatenate([flight.start, np.zeros(6)]),
-            effects=flight.effects,
+            forces=flight.vehicle.make_forces(flight.effects),
             gravity_mps2=flight.scene.gravity_mps2,
             wind_W_mps=flight.wind_W_mps,
             steps=TickSteps(tick_s=flight.tick_ns / 1e9, free=1),
@@ -262,7 +268,7 @@ class _MujocoStepper:
         mujoco.set_mjcb_control(signature(self._body.mujoco_callback()))
         # Without a handler, MuJoCo writes its warnings to a log file in the working directory.
         mujoco.set_mju_user_warning(lambda _text: None)
-        self._speed = flight.vehicle.speed_radps
+        self._speed = partial(multirotor.speed_radps, flight.vehicle)
 
     @property
     def state(self) -> Float64:

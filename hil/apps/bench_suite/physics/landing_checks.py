@@ -10,10 +10,11 @@ from hil.apps.bench_suite.physics.flight_cases import Float64
 from hil.apps.bench_suite.result import Check, ShowStatus
 from signals.rotation import matrix_of
 from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 _REST_SPEED = 1e-3  # m/s and rad/s
@@ -38,7 +39,7 @@ def drop(
     v_W: tuple[float, float, float] = (0, 0, 0),
 ) -> Landed:
     """Drop a vehicle with its motors off from `height_m` above standing height, with initial velocity `v_W` [m/s]."""
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         vehicle,
         load_scene("airfield"),
         tick_ns,
@@ -84,10 +85,10 @@ def skipping_difference_m() -> float:
     """Return the greatest position difference [m] between a flight with and without contact skipping."""
     tracks = []
     for skipping in (True, False):
-        physics = QuadrotorPhysics(
+        physics = VehiclePhysics(
             load_vehicle("x500"), load_scene("airfield"), 4_000_000, integration=Integration(contact_skipping=skipping)
         )
-        h = physics.vehicle.hover_control
+        h = multirotor.hover_control(physics.vehicle)
         phases = [(25, 0.0), (220, 1.04), (20, 1.0), (100, 0.97), (250, 0.95), (200, 0.0)]  # ticks, control over hover
         track, tick = [physics.advance(0, (0.0,) * 4).p_WB], 0
         for ticks, level in phases:

@@ -47,6 +47,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, save_figure
 from signals.errors import ModelRangeError
 from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics import multirotor
 from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import Box
 
@@ -199,7 +200,7 @@ def _cells() -> list[Cell]:
         cells.append(_compared_with_reference("wind", wind, "m/s", flight, "position"))
     for ratio in (1.0, 0.1, 0.01, 0.001):
         light = bench_vehicle().model_copy(update={"mass_kg": x500.mass_kg * ratio})
-        commands = np.full((500, 4), 0.7 * x500.hover_control * ratio**0.5)
+        commands = np.full((500, 4), 0.7 * multirotor.hover_control(x500) * ratio**0.5)
         start = start_state(light.model_copy(update={"mass_kg": x500.mass_kg}))
         start[13:] *= ratio**0.5
         flight = Flight(light, hover().scene, start, commands, wind_W_mps=(20.0, -15.0, 0.0))

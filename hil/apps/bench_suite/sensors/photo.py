@@ -25,15 +25,28 @@ from numpy.typing import NDArray
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, TextTable
 from hil.apps.bench_suite.sensors.photo_colour import LEVELS, measure_colour
 from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, scene_case
+from signals.processors import usable_processors
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry
+from sim.frame.path_traced.errors import PathTracerError
 from sim.frame.path_traced.renderer import DEFAULT_SAMPLES, PathTracedRenderer, PathTracer, tracer_of
 from sim.frame.renderer import FrameRenderer
+from sim.scene.scene import load_scene
+from sim.world_loader import load_world
 
 _FOV_DEG = 90.0
 _SIZES = ((320, 240), (640, 480))
 _TIME_LIMITS_S = {320: 3.0, 640: 7.0}
 _SHIFT_PX, _NEAR_M = 0.1, 60.0
+
+
+def missing() -> str:
+    """Return why this machine cannot run the benchmark, "" if it can."""
+    try:
+        tracer_of(FrameGeometry(load_world(load_scene("airfield")))).close()
+    except PathTracerError as error:
+        return str(error)
+    return ""
 
 
 def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResult:
@@ -54,7 +67,7 @@ def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResul
                 status(f"{name}: {width} x {height}")
                 took_s, cpu_s = _times(case, geometry, tracer, camera)
                 share, depth_m = _errors(case, geometry, tracer, camera)
-                times_s[width].append(took_s)
+                times_s[width].append(cpu_s / usable_processors())
                 off = max(off, share)
                 depths_m.append(depth_m)
                 details = {"cpu_s": cpu_s, "depth_p99_m": depth_m, "samples": DEFAULT_SAMPLES}
@@ -69,8 +82,8 @@ def measure(*, quick: bool, status: ShowStatus, seed: int = 1) -> BenchmarkResul
     result.rows += colour_rows
     result.tables += [geometry_table, table]
     for width, height in _SIZES:
-        what = f"time of a picture of {width} x {height}, worst scene"
-        result.checks.append(Check(what, max(times_s[width]), "<=", _TIME_LIMITS_S[width], "s"))
+        what = f"processor time of a picture of {width} x {height} over the number of cores, worst scene"
+        result.checks.append(Check(what, max(times_s[width]), "<=", _TIME_LIMITS_S[width], "s", "speed"))
     result.checks.append(Check("ids within 0.1 px of the raster's, worst scene", 100.0 - 100.0 * off, ">=", 99.99, "%"))
     result.checks.append(Check("depth error, 99th percentile, worst scene", max(depths_m), "<=", 1e-3, "m"))
     errors = {(row.case, row.method): row.error for row in colour_rows}

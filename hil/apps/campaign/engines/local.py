@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
+import resource
 import sys
 import time
 from collections.abc import Sequence
@@ -19,8 +19,11 @@ from typing import Any
 from hil.apps.campaign.engines.engine import Done
 from hil.apps.campaign.engines.numbers import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome, Slot, fly
-from signals.errors import RecordingError
+from hil.run.runs.child_process import become_child, how_ended
+from signals.errors import OutOfFiles, RecordingError
 
+_WORKER_FILES = 4  # of this process for each worker: its number, its pipe, and two that tell its end
+_OTHER_FILES = 20  # of this process and of the server that forks the workers
 _END_S = 5.0  # a worker that is asked to end gets this long
 
 
@@ -30,6 +33,7 @@ class LocalEngine:
     def __init__(self, workers: int, *, cores: int = 1, timeout_s: float | None = None) -> None:
         """`cores`: processors of one flight; `timeout_s`: wall-clock time after which a flight is ended as ERROR."""
         self._timeout_s = timeout_s
+        _require_files(workers)
         context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
         if sys.platform == "linux":
             context.set_forkserver_preload(["hil.apps.campaign.engines.warm"])
@@ -115,8 +119,7 @@ class _Worker:
             self._process.join(_END_S)
             code = self._process.exitcode
             self.kill()
-            lost = f"was ended by {signal.Signals(-code).name}" if code and code < 0 else f"ended with status {code}"
-            return Done(job, None, f"worker {self._number} {lost}")
+            return Done(job, None, f"worker {self._number} {how_ended(code)}")
         self.job = None
         return Done(job, outcome)
 
@@ -130,16 +133,30 @@ class _Worker:
         self._process, self._connection, self.job = None, None, None
 
     def _start(self) -> None:
-        self._connection, theirs = self._context.Pipe()
         name = f"worker {self._number}"
-        self._process = self._context.Process(
-            target=_serve, args=(theirs, self._number, tuple(self._processors)), name=name
-        )
         try:
-            self._process.start()
-        except OSError as error:
-            raise RecordingError(f"{name} cannot be started ({error.strerror}): use fewer --workers") from error
-        theirs.close()
+            self._connection, theirs = self._context.Pipe()
+            with theirs:
+                self._process = self._context.Process(
+                    target=_serve, args=(theirs, self._number, tuple(self._processors)), name=name
+                )
+                self._process.start()
+        except (OSError, EOFError) as error:  # EOFError: the server that forks workers has ended
+            reason = getattr(error, "strerror", None) or "the server of the workers has ended"
+            text = f"{name} cannot be started ({reason}): use fewer --workers, or raise `ulimit -n`"
+            raise RecordingError(f"{text}. Everything stored so far is kept; continue with --resume") from error
+
+
+def _require_files(workers: int) -> None:
+    """Raise the limit of open files to what the workers need, as far as the system lets. Raises OutOfFiles."""
+    needed = _OTHER_FILES + _WORKER_FILES * workers
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        try:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+        except (ValueError, OSError):
+            text = f"{workers} workers need {needed} file descriptors, the limit is {soft}"
+            raise OutOfFiles(f"{text}: use fewer --workers, or raise it with `ulimit -n {needed}`") from None
 
 
 def _share(number: int, cores: int) -> list[int]:
@@ -152,8 +169,6 @@ def _share(number: int, cores: int) -> list[int]:
 
 def _serve(connection: Connection, number: int, processors: Sequence[int]) -> None:
     """Make flights until the campaign closes the connection. Runs in the worker."""
-    from hil.run.runs.child_process import become_child
-
     become_child()
     slot = Slot(number, tuple(processors), f"worker {number}")
     while True:

@@ -96,8 +96,8 @@ def search_failures(path: Path, options: SearchOptions, console: Console) -> int
     search = Search(file, plan, options.sampler, seed % 2**32)
     out = options.out or CAMPAIGNS / f"{file.name}-search"
     if (out / STORE_NAME).is_file() and not options.resume:
-        text = f"{out}: holds a campaign or a search; repeat the search with --resume, which flies no stored case again"
-        raise RecordingError(f"{text}, or name another folder with --out")
+        hint = "repeat the search with --resume, which flies no stored case again, or name another folder with --out"
+        raise ConfigError([Problem(str(out), "holds a campaign or a search", hint)])
     check_name(out, _search_name(file))
     workers, began_s = options.workers or max(1, usable_processors() // file.spec.cores), time.monotonic()
     engine = LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)

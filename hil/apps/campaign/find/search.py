@@ -24,7 +24,7 @@ from hil.apps.campaign.spec.campaign_file import CampaignFile, Range
 from hil.apps.campaign.spec.distributions import Distribution
 from hil.apps.campaign.spec.plan import Plan, Point
 from hil.apps.campaign.store import Store
-from signals.errors import ConfigError, Problem
+from signals.errors import ConfigError, HilError, Problem
 
 INSTALL = "pip install 'hil-bench[campaign]'"
 UNJUDGED = 1.0  # objective of a PASS in which nothing was judged: as far from a limit as can be
@@ -77,7 +77,7 @@ class Search:
         self.tried += size
         judged = [trial for trial in made.values() if trial.outcome.status != "ERROR"]
         if made and not judged:
-            raise ConfigError([_all_errors([trial.outcome for trial in made.values()])])
+            raise _all_errors([trial.outcome for trial in made.values()])
 
     def _ask(self) -> Any:
         self._study.sampler = next(self._samplers)
@@ -179,7 +179,7 @@ def _value(distribution: Distribution, proposed: Any) -> Any:
     return distribution.value(min(max(proposed, _INSIDE), 1.0 - _INSIDE))
 
 
-def _all_errors(outcomes: Sequence[Outcome]) -> Problem:
+def _all_errors(outcomes: Sequence[Outcome]) -> HilError:
     first = outcomes[0]
-    text = f"ends: all {len(outcomes)} flights of a batch are an ERROR, the first: {first.error_type}: {first.error}"
-    return Problem("hil campaign search", text, "try the bench with `hil run`")
+    text = f"all {len(outcomes)} flights of a batch are an ERROR, the first: {first.error_type}: {first.error}"
+    return HilError(f"the search ends: {text} (try the bench with `hil run`)")

@@ -16,7 +16,7 @@ from hil.apps.campaign.results.junit import JUNIT_NAME, junit_cases
 from hil.apps.campaign.results.page import Facts, write_page
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import Summary
-from signals.errors import RecordingError
+from signals.errors import ConfigError, Problem
 
 _LIVE_PERIOD_S = 2.0  # between two campaign.json of a campaign that goes on
 
@@ -62,14 +62,14 @@ def write_results(campaign: Campaign) -> Tally:
 
 
 def check_name(folder: Path, name: str) -> None:
-    """Check that a folder holds no campaign or search of another name. Raises RecordingError."""
+    """Check that a folder holds no campaign or search of another name. Raises ConfigError."""
     try:
         other = json.loads((folder / tables.SUMMARY_NAME).read_text(encoding="utf-8"))["name"]
     except (OSError, ValueError, LookupError, TypeError):
         return  # the folder is new, or was left before anything was written
     if other != name:
-        text = f"{folder}: holds {other!r}, and this is {name!r}: a file of that name continues it"
-        raise RecordingError(f"{text}; name another folder with --out")
+        message = f"holds {other!r}, and this is {name!r}: a file of that name continues it"
+        raise ConfigError([Problem(str(folder), message, "name another folder with --out")])
 
 
 def facts_of(campaign: Campaign) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from io import TextIOWrapper
@@ -21,6 +22,10 @@ from signals.errors import RecordingError
 
 CSV_NAME, LINES_NAME, SUMMARY_NAME = "results.csv", "results.jsonl", "campaign.json"
 Sink = Callable[[Case], object]  # writes one case
+# A spreadsheet takes a cell that begins so for a formula (OWASP, CSV injection; the last four are full-width), but a
+# number for a number.
+_FORMULA = re.compile("[=+\\-@\\t\\n\uff1d\uff0b\uff0d\uff20]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _FIRST, _LAST = ("case", "status"), ("margin", "worst_limit", "reason", "digest")
 
 
@@ -33,15 +38,19 @@ def csv_row(case: Case) -> dict[str, Any]:
         **{limit.name: _cell(limit.value) for limit in outcome.limits},
         **{axis: _cell(value) for axis, value in case.axes.items()},  # an axis of the same name has the column
         "margin": _cell(None if worst is None else worst.margin),
-        "worst_limit": "" if worst is None else worst.name,
-        "reason": case.reason,
+        "worst_limit": _cell(None if worst is None else worst.name),
+        "reason": _cell(case.reason),
         "digest": outcome.digest if outcome.repeatable else "",
     }
 
 
 def _cell(value: Any) -> Any:
+    """Return a value as a cell; a text that a spreadsheet would run gets an apostrophe before it."""
     if value is None:
         return ""
+    if isinstance(value, str):
+        text = re.sub("\r\n?", "\n", value)  # the writer does not quote a return, which would begin another row
+        return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
     return json.dumps(value, sort_keys=True) if isinstance(value, list | dict | bool) else value
 
 
@@ -51,7 +60,7 @@ def csv_rows(path: Path, axes: Iterable[str], measurements: Iterable[str]) -> It
     columns = [*_FIRST, *axes, *(name for name in measurements if name not in set(axes)), *_LAST]
     with written(path) as file:
         writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
-        writer.writeheader()
+        writer.writerow({column: _cell(column) for column in columns})
         yield lambda case: writer.writerow(csv_row(case))
 
 

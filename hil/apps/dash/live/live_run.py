@@ -22,7 +22,7 @@ from hil.run.loop.by_hand import HandControl, Refused
 
 _POLL_NS = 12_000_000  # wall clock between two polls of the connection
 _BUSY_POLL_NS = 4_000_000  # between two polls while an update is partly unsent
-_UPDATE_NS = 46_000_000  # between two updates, on average
+UPDATE_NS = 46_000_000  # between two updates, on average
 _LAST_MESSAGE_S = 2.0  # time limit for sending it
 
 
@@ -165,7 +165,7 @@ class LiveRun:
         idle = not connection.busy and not connection.lost
         if self._requested is not None and idle and now_ns >= self._update_ns:
             # A late update, such as after a rendered frame, does not delay the updates after it.
-            self._update_ns = max(self._update_ns + _UPDATE_NS, now_ns + _UPDATE_NS // 2)
+            self._update_ns = max(self._update_ns + UPDATE_NS, now_ns + UPDATE_NS // 2)
             connection.write(self._state(now_ns))
 
     # -- updates --------------------------------------------------------------------------------------------------

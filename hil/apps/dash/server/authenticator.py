@@ -1,8 +1,6 @@
 """Access control of the page's server, applied before the body of a request is read.
 
-- Host. A site whose name resolves to this machine (DNS rebinding) has its own name in this header. A server on loopback
-  therefore accepts loopback names only.
-- Origin. Browsers name the site that a request comes from. Requests and sockets of other sites are refused.
+- Host and Origin, by the rules of `firmware_bridge.transports.browser_requests`.
 - Token. If other machines can reach the port, every request needs the token: first in the address, then as a cookie. No
   other site can send this cookie (SameSite=Strict), and no script can read it (HttpOnly).
 """
@@ -17,8 +15,9 @@ from starlette.requests import HTTPConnection
 from starlette.responses import PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from firmware_bridge.transports.browser_requests import refusal
+
 COOKIE = "hil_dash"
-_LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 # No content of other sites, no frames, no inline scripts. Pictures made in the page are blobs.
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
@@ -66,17 +65,11 @@ class Authenticator:
         await reply(scope, receive, with_headers)
 
     def _refusal(self, request: HTTPConnection) -> tuple[int, str] | None:
-        hosts, origins = request.headers.getlist("host"), request.headers.getlist("origin")
-        if len(hosts) != 1 or len(origins) > 1:
-            return 400, "a request needs one Host header and at most one Origin header"
-        host = hosts[0].lower()
-        if self._token is None and _host_name(host) not in _LOOPBACK_NAMES:
-            return 403, "this page is served to this machine only, as localhost or 127.0.0.1"
-        if origins:
-            scheme, _, netloc = origins[0].lower().partition("://")
-            if scheme not in ("http", "https") or netloc != host:
-                return 403, "no requests from pages of other sites"
-        elif request.scope["type"] == "http" and request.scope["method"] not in ("GET", "HEAD"):
+        origins = request.headers.getlist("origin")
+        refused = refusal(request.headers.getlist("host"), origins, loopback_only=self._token is None)
+        if refused is not None:
+            return refused
+        if not origins and request.scope["type"] == "http" and request.scope["method"] not in ("GET", "HEAD"):
             return 403, "a request that changes something needs an Origin header"
         fetched = request.headers.get("sec-fetch-site", "none")
         if fetched not in ("same-origin", "none") and request.scope.get("path") != "/":
@@ -97,10 +90,3 @@ class Authenticator:
         redirect = RedirectResponse(path, 303)
         redirect.set_cookie(COOKIE, token, httponly=True, samesite="strict")
         return redirect
-
-
-def _host_name(host: str) -> str:
-    """Return the name in 'name:port' or '[::1]:port'."""
-    if host.startswith("["):
-        return host[1:].partition("]")[0]
-    return host.partition(":")[0]

@@ -9,7 +9,8 @@ from typing import NamedTuple, Protocol
 
 from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.storage.journal import BatchRecord
-from signals.errors import HilError, RecordingError
+from signals.errors import RecordingError, Shortage
+from signals.shortage import named
 
 
 class Job(NamedTuple):
@@ -60,11 +61,10 @@ def handled(make_handler: Callable[[], JobHandler], job: Job) -> JobResult:
     """Make a handler and do a job with it, in a worker. Raises RecordingError for any error."""
     try:
         return make_handler()(job)
-    except HilError as error:
-        raise RecordingError(str(error)) from None
-    except MemoryError:
-        raise RecordingError("a worker process has no memory left: use fewer --workers, or smaller pictures") from None
     except Exception as defect:  # noqa: BLE001 (a defect of the bench must reach the person, not end in silence)
+        told = named(defect)
+        if told is not None:
+            raise RecordingError(f"a worker process: {told}" if isinstance(told, Shortage) else str(told)) from None
         text = "".join(traceback.format_exception(defect)) if os.environ.get("HIL_TRACEBACK") else ""
         raise RecordingError(
             f"{type(defect).__name__}: {defect} (a defect of the bench, in a worker; HIL_TRACEBACK=1 shows where)"

@@ -22,8 +22,9 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from hil.apps.dataset.engines.jobs import Job, JobHandler, JobResult, handled
-from hil.run.runs.child_process import become_child
+from hil.run.runs.child_process import become_child, how_ended
 from signals.errors import RecordingError
+from signals.shortage import shortage
 from sim.frame.path_traced import process as path_tracer
 
 JOBS_PER_WORKER = 2
@@ -38,15 +39,27 @@ class LocalWorkers:
         if self._forked:
             gc.collect()
             gc.freeze()  # keeps shared pages shared: the collector neither writes to nor scans what exists now
-        context: Any = mp.get_context("fork" if self._forked else "spawn")
-        self._pool = ProcessPoolExecutor(count, context, _initialise_worker, (make_handler, count))
         self.capacity = JOBS_PER_WORKER * count
         self._pending: set[Future[JobResult]] = set()
+        try:
+            self._pool = self._started(count, make_handler)
+        except BaseException as error:
+            self._unfreeze()
+            if not isinstance(error, OSError):
+                raise
+            raise shortage(error) or RecordingError(
+                f"the worker processes cannot be started ({error.strerror or error}): they need a writable /dev/shm"
+            ) from error
+        self._processes = set(mp.active_children())
+
+    def _started(self, count: int, make_handler: Callable[[], JobHandler]) -> ProcessPoolExecutor:
+        context: Any = mp.get_context("fork" if self._forked else "spawn")
+        pool = ProcessPoolExecutor(count, context, _initialise_worker, (make_handler, count))
         with warnings.catch_warnings():
             # Newer Pythons count native threads too and warn, but numpy's BLAS ends its threads before a fork.
             warnings.simplefilter("ignore", DeprecationWarning)
-            self._pool.submit(os.getpid)  # forks all workers now, before the flight starts threads
-        self._processes = set(mp.active_children())
+            pool.submit(os.getpid)  # forks all workers now, before the flight starts threads
+        return pool
 
     @property
     def busy(self) -> int:
@@ -80,16 +93,16 @@ class LocalWorkers:
         pid, code = next(
             ((pid, code) for pid, code in codes.items() if code not in (0, -signal.SIGTERM)), next(iter(codes.items()))
         )
-        how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with status {code}"
-        if code == -signal.SIGKILL:
-            how += ", as the system does when memory runs out: use fewer --workers, or smaller pictures"
         return RecordingError(
-            f"a worker process (pid {pid}) {how}. Everything written so far is kept; continue with --resume"
+            f"a worker process (pid {pid}) {how_ended(code)}. Everything written so far is kept; continue with --resume"
         )
 
     def close(self) -> None:
         """End all workers, dropping queued batches. Idempotent."""
         self._pool.shutdown(cancel_futures=True)
+        self._unfreeze()
+
+    def _unfreeze(self) -> None:
         if self._forked:
             self._forked = False
             gc.unfreeze()

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import io
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import torch
@@ -36,9 +38,11 @@ from hil.apps.detect.training.start_weights import (
     set_statistics,
     with_heads_of,
 )
+from hil.run.recorder.database import require_plain
 from signals.errors import ConfigError, Problem, RecordingError
 
 CHECKPOINT = "last.pt"
+_DIGEST = "digest"  # key of a checkpoint: of all others
 _MAX_VALIDATION_PICTURES = 400  # during training; the whole set is evaluated at the end
 _VALIDATION_SCORE = 0.05
 _WARM_UP_STEPS = 200
@@ -55,6 +59,27 @@ class Epoch:
     loss_boxes: float
     learning_rate: float
     evaluation: Evaluation | None
+
+
+def digest_of(value: Any) -> str:
+    """Return the SHA-256 of the content of a checkpoint: mappings, sequences, tensors and plain values."""
+    checksum = hashlib.sha256()
+
+    def add(item: Any) -> None:
+        if isinstance(item, torch.Tensor):
+            checksum.update(f"{item.dtype} {tuple(item.shape)}".encode())
+            checksum.update(item.detach().cpu().contiguous().reshape(-1).view(torch.uint8).numpy())
+        elif isinstance(item, Mapping):
+            add(list(item.items()))
+        elif isinstance(item, list | tuple):
+            checksum.update(f"[{len(item)}".encode())
+            for part in item:
+                add(part)
+        else:
+            checksum.update(f"{type(item).__name__} {item!r};".encode())
+
+    add(value)
+    return checksum.hexdigest()
 
 
 class WeightAverage:
@@ -167,7 +192,11 @@ class Training:
         path = self.out / CHECKPOINT
         if not path.is_file():
             return False
-        data = read_tensors(path)
+        require_plain(path)
+        data = dict(read_tensors(path))
+        if data.pop(_DIGEST, None) != digest_of(data):
+            hint = "choose another folder, or leave out --resume"
+            raise ConfigError([Problem(str(path), "is damaged, or of an earlier hil-bench", hint)])
         expected = {"settings": asdict(self.settings), "classes": list(self.classes)}
         for key, value in expected.items():
             if data.get(key) != value:
@@ -258,9 +287,15 @@ class Training:
             "optimiser": self._optimiser.state_dict(),
         }
         path = self.out / CHECKPOINT
+        new, content = path.with_suffix(".new"), io.BytesIO()
+        for file in (path, new):
+            require_plain(file)
+        # Not into the file: PyTorch has no name for a full disk, and does not check what it reads back.
+        torch.save({**data, _DIGEST: digest_of(data)}, content)
         try:
             self.out.mkdir(parents=True, exist_ok=True)
-            torch.save(data, path.with_suffix(".new"))
-            path.with_suffix(".new").replace(path)  # atomic
+            new.write_bytes(content.getbuffer())
+            new.replace(path)  # atomic
         except OSError as error:
-            raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
+            text = f"{path}: cannot be written ({error.strerror or error}); the epochs before are kept"
+            raise RecordingError(f"{text}. Free some space, then continue with --resume") from error

@@ -1,5 +1,7 @@
 """Ends a flight that has crashed, as FAIL, instead of flying on to its time limit. Judged from ground truth.
 
+Only a script with `outcome: crashed` wants the crash: its flight is a FAIL without one.
+
 A vehicle has crashed when
 
 impact   it has been in the air and touches something at more than `impact_mps` (speed of the tick before)
@@ -17,7 +19,7 @@ import math
 from hil.config import Bench
 from hil.config.schema import Crash
 from hil.run.part import Part, RunContext
-from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Verdict
+from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Row, Verdict
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
@@ -31,8 +33,9 @@ _AFTERMATH_NS = NS_PER_S
 class CrashPart(Part):
     name = "crash"
 
-    def __init__(self, limits: Crash) -> None:
-        self._limits = limits
+    def __init__(self, limits: Crash, *, wanted: bool = False) -> None:
+        """`wanted`: the script of the flight demands the crash (`outcome: crashed`)."""
+        self._limits, self._wanted = limits, wanted
         self._min_cos_tilt = -2.0 if limits.tilt_deg is None else math.cos(math.radians(limits.tilt_deg))
         self._rest_ns = None if limits.rest_s is None else round(limits.rest_s * NS_PER_S)
         self._allowed_W: list[Vec3] = []  # places of rest
@@ -45,6 +48,7 @@ class CrashPart(Part):
         self._resting_ns: int | None = None  # since then at rest and armed
         self._ends_ns: int | None = None
         self._reason: str | None = None
+        self._crashed_s: float | None = None  # since the start
 
     def begin(self, run: RunContext) -> None:
         self._run = run
@@ -102,20 +106,22 @@ class CrashPart(Part):
             return
         x, y, z = truth.p_WB
         tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, cos_tilt_of(truth.q_WB)))))
+        self._crashed_s = truth.t_ns / NS_PER_S
         self._reason = (
-            f"crashed: {how}, {truth.t_ns / NS_PER_S:.2f} s after the start at ({x:.1f}, {y:.1f}, {z:.1f}) m, "
+            f"crashed: {how}, {self._crashed_s:.2f} s after the start at ({x:.1f}, {y:.1f}, {z:.1f}) m, "
             f"speed {speed_mps:.1f} m/s, tilt {tilt_deg:.0f} deg"
         )
         self._ends_ns = truth.t_ns + _AFTERMATH_NS
-        self._run.event("error", self._reason)
+        self._run.event("status" if self._wanted else "error", self._reason)
 
     def ended(self) -> bool:
         return self._ends_ns is not None and self._run.now_ns() >= self._ends_ns
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        if self._reason is None:
-            return verdict
-        return verdict.with_cause(self._reason)
+    def verdict(self) -> Verdict:
+        if not self._wanted:
+            return Verdict(causes=[] if self._reason is None else [self._reason])
+        row = Row("crashed_after_s", self._crashed_s, None, "s", self._reason is not None)
+        return Verdict([row], [] if row.ok else ["the flight ended without the crash that its script expects"])
 
 
 def _speed_mps(truth: TruthState) -> float:
@@ -124,4 +130,4 @@ def _speed_mps(truth: TruthState) -> float:
 
 def make(bench: Bench) -> Part:
     assert bench.config.crash is not None
-    return CrashPart(bench.config.crash)
+    return CrashPart(bench.config.crash, wanted=bench.outcome == "crashed")

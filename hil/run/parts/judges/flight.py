@@ -22,6 +22,7 @@ class FlightPart(Part):
 
     def __init__(self, bench: Bench) -> None:
         self._config = bench.config
+        self._outcome = bench.outcome
         self._measured = FlightMeasurement(())
 
     def open(self, run: RunContext) -> None:
@@ -37,8 +38,8 @@ class FlightPart(Part):
     def waypoints(self) -> tuple[int, int]:
         return self._measured.counts
 
-    def verdict(self, verdict: Verdict) -> Verdict:  # noqa: ARG002 (no part judges before this one)
-        return judge(self._measured.result(), self._config.limits)
+    def verdict(self) -> Verdict:
+        return judge(self._measured.result(), self._config.limits, outcome=self._outcome)
 
     def run_keys(self) -> dict[str, Any]:
         measured = self._measured.result()

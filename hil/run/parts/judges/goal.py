@@ -39,8 +39,8 @@ class GoalPart(Part):
     def conclude(self, run: RunContext) -> None:
         self._measured.conclude(run.part("sensors").scene(run).geometry)
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict.with_rows(*self._measured.verdict_rows())
+    def verdict(self) -> Verdict:
+        return Verdict(*self._measured.verdict_rows())
 
     def run_keys(self) -> dict[str, Any]:
         return {"goal": self._measured.result.as_map()}

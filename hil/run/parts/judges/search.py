@@ -31,8 +31,8 @@ class SearchPart(Part):
         self._measured.conclude(frames, frames.geometry.world)
         self._measured.write(run.out)
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        return verdict.with_rows(*self._measured.verdict_rows())
+    def verdict(self) -> Verdict:
+        return Verdict(*self._measured.verdict_rows())
 
     def run_keys(self) -> dict[str, Any]:
         return {"search": self._measured.result.as_map()}

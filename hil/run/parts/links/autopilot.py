@@ -12,7 +12,6 @@ from firmware_bridge.links.realtime.link import RealtimeLink
 from firmware_bridge.links.realtime.processor import LockstepProcessors, RealtimeProducer
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
-from hil.run.autopilots.px4_sitl import unknown_parameters
 from hil.run.autopilots.surroundings import Surroundings, check_ports, home_of, make_link
 from hil.run.part import Part, Report, RunContext
 from hil.run.report.quantiles import quantiles_us
@@ -101,8 +100,6 @@ class AutopilotPart(Part):
             self._link.close()
 
     def finish(self, run: RunContext) -> None:
-        for name in unknown_parameters(self._bench, run.out):
-            run.event("warning", f"the firmware has no parameter {name}: autopilot.params has set nothing")
         if isinstance(self._link, RealtimeLink):
             for finding in self._link.findings():
                 run.event(finding.level, finding.text)

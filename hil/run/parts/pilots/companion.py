@@ -67,6 +67,7 @@ class CompanionPart(Part):
             grid_ns=grid_ns(self._bench),
             needs_estimator=needs_estimator(self._bench),
             on_event=run.recorder.event,
+            may_arm=run.may_arm,
         )
 
     def command_sources(self) -> list[CommandSource]:

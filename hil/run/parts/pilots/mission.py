@@ -21,6 +21,10 @@ class MissionPart(Part):
         """`flies`: the station follows the flight and ends the run; False: it only sends heartbeats."""
         self._station, self._flies = station, flies
 
+    def build(self, run: RunContext) -> None:
+        if self._station is not None:
+            self._station.may_arm = run.may_arm
+
     def command_sources(self) -> list[GroundStation]:
         return [] if self._station is None else [self._station]
 

@@ -9,7 +9,7 @@ from firmware_bridge.ground_station.actions import ActionSource
 from hil.config import Bench
 from hil.config.missions.script import MissionScript, flight_actions
 from hil.run.part import Part, RunContext
-from hil.run.verdict.measurements import DeclaredMeasurements, judge_scripted
+from hil.run.verdict.measurements import DeclaredMeasurements, judge_script
 from hil.run.verdict.verdict import Verdict
 from signals.samples import TruthState
 from signals.time import NS_PER_S
@@ -30,6 +30,7 @@ class ScriptPart(Part):
             target_sysid=None,
             first_item=1 if config.autopilot.kind.startswith("ardupilot") else 0,
             on_event=run.recorder.event,
+            may_begin=run.may_arm,
         )
 
     def command_sources(self) -> list[ActionSource]:
@@ -38,10 +39,8 @@ class ScriptPart(Part):
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add]
 
-    def verdict(self, verdict: Verdict) -> Verdict:
-        records = () if self._actions is None else tuple(self._actions.records)
-        limits, expected = self._bench.config.limits, self._measured.results()
-        return judge_scripted(verdict.measurements, limits, self._script.script, expected, records)
+    def verdict(self) -> Verdict:
+        return judge_script(self._measured.results(), () if self._actions is None else self._actions.records)
 
     def run_keys(self) -> dict[str, Any]:
         records = () if self._actions is None else self._actions.records

@@ -8,7 +8,7 @@ from hil.config import Bench
 from hil.run.loop.restartable_physics import make_physics
 from hil.run.part import Part, RunContext
 from sim.physics.faults import RotorFault
-from sim.physics.quadrotor import QuadrotorPhysics
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.wind import GustEvent
 
 
@@ -16,7 +16,7 @@ class VehiclePart(Part):
     name = "vehicle"
 
     def __init__(self) -> None:
-        self._physics: QuadrotorPhysics | None = None
+        self._physics: VehiclePhysics | None = None
 
     def open(self, run: RunContext) -> None:
         self._physics = run.physics = make_physics(run.bench)

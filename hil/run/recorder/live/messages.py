@@ -34,7 +34,7 @@ from hil.run.recorder.mcap.topics import (
 from hil.run.sensors.frame_stages import output_ports
 from signals.samples import FRAME_SAMPLES, ActuatorFrame, FrameSample, ImageSample, RadarSample, Sample, TruthState
 from signals.time import NS_PER_S
-from sim.physics.vehicle import BatteryState
+from sim.physics.battery import BatteryState
 from sim.sensors.catalog import KINDS
 
 _RADAR_TYPES = {"raw": "hil_msgs/RadarFrame", "range_doppler": "sensor_msgs/Image"}

@@ -29,7 +29,7 @@ from signals.samples import (
     TruthState,
 )
 from signals.time import NS_PER_S
-from sim.physics.vehicle import BatteryState
+from sim.physics.battery import BatteryState
 
 Columns = dict[str, NDArray[Any]]
 

@@ -143,6 +143,27 @@ def test_a_flight_that_is_not_clean_fails_unless_that_is_declared(project: pytes
     assert kept(project) == ["run-1", "run-1"]
 
 
+def test_a_crash_that_the_test_does_not_look_at_fails_it(project: pytest.Pytester) -> None:
+    test = """
+    def fall(rig):
+        stops = "faults.rotors=[{kind: stuck, rotor: 0, at_s: 8, speed_radps: 0}]"
+        return rig.fly("square.waypoints", settings=["duration_s=20", "tick_hz=250", stops])
+
+    def test_not_looked_at(rig):
+        assert fall(rig).json["sim_s"] > 1.0
+
+    def test_looked_at(rig):
+        assert fall(rig).reasons[0].startswith("crashed: ")
+
+    @pytest.mark.hil_allow("crash")
+    def test_allowed(rig):
+        fall(rig)
+    """
+    result = fly(project, dedent(test))
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(["*crash: 1 (a crash that the test did not look at*"])
+
+
 def test_a_run_that_breaks_is_an_error_of_the_bench(project: pytest.Pytester) -> None:
     test = """
     from hil.apps.pytest_plugin import BenchError

@@ -47,6 +47,21 @@ def test_three_rotors_are_too_few() -> None:
     assert refused("vehicle: ./mine.yaml\n")[0].startswith(f"mine.yaml:{line}: rotors cannot control the vehicle: ")
 
 
+def test_fewer_rotors_are_a_vehicle_but_not_a_multirotor() -> None:
+    rotor = r"  - \{position_m: \[-?0.174, -0.174, 0.058131\], spin: \w+\}\n"
+    line = write_vehicle("x500", (rotor, ""))
+    assert len(load_vehicle("mine.yaml").rotors) == 2
+    assert refused("vehicle: ./mine.yaml\n") == [
+        f"mine.yaml:{line}: rotors holds 2 rotors, and a multirotor's controller needs at least 3"
+    ]
+
+
+def test_a_vehicle_too_heavy_to_hover_is_named() -> None:
+    write_vehicle("x500", ("thrust_coefficient_n_per_radps2: 8.54858e-06", "thrust_coefficient_n_per_radps2: 4.0e-06"))
+    (found,) = refused("vehicle: ./mine.yaml\n")
+    assert "mass_kg makes it hover at 1.12 of full command: raise the thrust or lower the mass" in found
+
+
 def test_an_airframe_of_four_rotors_does_not_fit_six() -> None:
     assert refused("vehicle: hexa_x\nautopilot: {airframe: x500}\n") == [
         "b.yaml:2: autopilot.airframe is 'x500', a quadrotor, but the vehicle 'hexa_x' has 6 rotors (leave it out: the "

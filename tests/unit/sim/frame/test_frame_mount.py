@@ -10,9 +10,10 @@ import pytest
 from signals.rotation import matrix_of
 from signals.samples import TruthState
 from sim.frame.mount import Mount, moved
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 ZERO = (0.0, 0.0, 0.0)
@@ -66,10 +67,10 @@ def test_pose_and_velocity_are_those_of_the_place_on_the_vehicle() -> None:
 
 def test_the_pose_between_ticks_is_as_exact_as_it_says() -> None:
     tick_ns = 4_000_000
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         load_vehicle("x500"), load_scene("airfield"), tick_ns, start=FlightStart(p_WB=(0.0, 0.0, 300.0))
     )
-    h = physics.vehicle.hover_control
+    h = multirotor.hover_control(physics.vehicle)
     states = [physics.advance(0, (h,) * 4)]
     for k in range(1, 300):
         s = 0.1 * math.sin(0.05 * k)

@@ -9,23 +9,24 @@ import pytest
 
 from signals.errors import ModelRangeError
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Vehicle, load_vehicle
+from sim.physics.forces.force import Effects
+from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 TICK_NS = 4_000_000
 ON = Effects(battery=True)
 
 
-def powered(vehicle: Vehicle, **battery: Any) -> QuadrotorPhysics:
+def powered(vehicle: Vehicle, **battery: Any) -> VehiclePhysics:
     assert vehicle.battery is not None
     vehicle = vehicle.model_copy(update={"battery": vehicle.battery.model_copy(update=battery)})
-    return QuadrotorPhysics(
+    return VehiclePhysics(
         vehicle, load_scene("airfield"), TICK_NS, effects=ON, start=FlightStart(p_WB=(0.0, 0.0, 500.0))
     )
 
 
-def fly_on(physics: QuadrotorPhysics, control: float) -> None:
+def fly_on(physics: VehiclePhysics, control: float) -> None:
     for tick in range(1, 100):
         physics.advance(tick, (control,) * 4)
 
@@ -110,7 +111,7 @@ def test_a_pack_too_weak_ends_the_run_by_name() -> None:
 
 
 def test_without_the_switch_there_is_none() -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), load_scene("airfield"), TICK_NS)
+    physics = VehiclePhysics(load_vehicle("x500"), load_scene("airfield"), TICK_NS)
     assert physics.battery is None
     with pytest.raises(ValueError, match="'iris' has no battery"):
-        QuadrotorPhysics(load_vehicle("iris"), load_scene("airfield"), TICK_NS, effects=ON)
+        VehiclePhysics(load_vehicle("iris"), load_scene("airfield"), TICK_NS, effects=ON)

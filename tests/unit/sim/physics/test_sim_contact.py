@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from signals.samples import TruthState
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Spin, load_vehicle, vehicle_names
+from sim.physics.forces.rotors import Spin
+from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 
 TICK_NS = 4_000_000
@@ -28,7 +30,7 @@ def upright(truth: TruthState) -> float:
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_stands_still(name: str, airfield: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle(name), airfield, TICK_NS, start=FlightStart(yaw_rad=0.7))
+    physics = VehiclePhysics(load_vehicle(name), airfield, TICK_NS, start=FlightStart(yaw_rad=0.7))
     start = physics.advance(0, OFF)
     assert start.in_contact
     for tick in range(1, 1251):
@@ -42,9 +44,9 @@ def test_stands_still(name: str, airfield: Scene) -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 def test_idling_rotors_do_not_walk_it(name: str, airfield: Scene) -> None:
     """Half the hover thrust with a yaw torque: the feet hold it."""
-    physics = QuadrotorPhysics(load_vehicle(name), airfield, TICK_NS)
+    physics = VehiclePhysics(load_vehicle(name), airfield, TICK_NS)
     start = physics.advance(0, OFF)
-    hover = physics.vehicle.hover_control
+    hover = multirotor.hover_control(physics.vehicle)
     controls = [hover * (0.5 if rotor.spin is Spin.CCW else 0.4) for rotor in physics.vehicle.rotors]
     for tick in range(1, 1251):
         truth = physics.advance(tick, controls)
@@ -53,7 +55,7 @@ def test_idling_rotors_do_not_walk_it(name: str, airfield: Scene) -> None:
 
 
 def test_upside_down_rests_on_its_hull(airfield: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 0.2)))
+    physics = VehiclePhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 0.2)))
     physics.state[3:7] = (0.0, 1.0, 0.0, 0.0)
     physics.advance(0, OFF)
     for tick in range(1, 501):

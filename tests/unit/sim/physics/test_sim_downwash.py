@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from signals.samples import Vec3
 from sim._kernels import write_downwash
+from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_group import VehicleGroup
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import Wind
 
@@ -29,23 +30,23 @@ B0_M = math.sqrt(DISCS_M2 / math.pi)
 HEIGHT_M = 100.0
 
 
-def hovering(p_W: Vec3, wind_W_mps: Vec3 = (0.0, 0.0, 0.0), kind: str = "x500") -> QuadrotorPhysics:
+def hovering(p_W: Vec3, wind_W_mps: Vec3 = (0.0, 0.0, 0.0), kind: str = "x500") -> VehiclePhysics:
     """Return a vehicle in the air with its rotors at hover speed."""
     vehicle = load_vehicle(kind)
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         vehicle,
         AIRFIELD,
         TICK_NS,
         start=FlightStart(p_WB=(p_W[0], p_W[1], p_W[2] + HEIGHT_M)),
         disturbances=Disturbances(wind=Wind(steady_W_mps=wind_W_mps)),
     )
-    physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
+    physics.state[13:] = multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle))
     return physics
 
 
-def wind_below(upper: QuadrotorPhysics, offset_W: Vec3) -> NDArray[np.float64]:
+def wind_below(upper: VehiclePhysics, offset_W: Vec3) -> NDArray[np.float64]:
     """Return the wind of the upper vehicle's wake at an offset from it."""
-    probe = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, HEIGHT_M)))
+    probe = VehiclePhysics(X500, AIRFIELD, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, HEIGHT_M)))
     probe.state[:3] = upper.state[:3] + offset_W
     wind_W = np.zeros((2, 3))
     write_downwash([upper.body, probe.body], wind_W)
@@ -108,9 +109,9 @@ def test_a_coaxial_pair_has_one_disc() -> None:
 
 
 def test_in_a_group_the_lower_vehicle_is_pushed_down() -> None:
-    hover = (X500.hover_control,) * 4
+    hover = (multirotor.hover_control(X500),) * 4
 
-    def end(*, downwash: bool, apart_m: float = 0.0) -> list[QuadrotorPhysics]:
+    def end(*, downwash: bool, apart_m: float = 0.0) -> list[VehiclePhysics]:
         vehicles = [hovering((0.0, 0.0, 0.0)), hovering((apart_m, 0.0, -1.5))]
         group = VehicleGroup(dict(zip("ab", vehicles, strict=True)), downwash=downwash)
         for tick in range(126):

@@ -8,31 +8,32 @@ import pydantic
 import pytest
 
 from signals.samples import TruthState
+from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, misfits
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 TICK_NS = 4_000_000
 
 
-def hovering(*faults: RotorFault, tick_ns: int = TICK_NS) -> QuadrotorPhysics:
+def hovering(*faults: RotorFault, tick_ns: int = TICK_NS) -> VehiclePhysics:
     vehicle = load_vehicle("x500")
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         vehicle,
         load_scene("airfield"),
         tick_ns,
         start=FlightStart(p_WB=(0.0, 0.0, 500.0)),
         disturbances=Disturbances(faults=faults),
     )
-    physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
+    physics.state[13:] = multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle))
     return physics
 
 
-def fly(physics: QuadrotorPhysics, ticks: int) -> list[TruthState]:
-    controls = (physics.vehicle.hover_control,) * 4
+def fly(physics: VehiclePhysics, ticks: int) -> list[TruthState]:
+    controls = (multirotor.hover_control(physics.vehicle),) * 4
     return [physics.advance(tick, controls) for tick in range(ticks + 1)]
 
 
@@ -73,7 +74,7 @@ def test_a_later_fault_replaces_the_earlier_and_all_are_reported() -> None:
     )
     told = []
     for tick in range(10):
-        physics.advance(tick, (physics.vehicle.hover_control,) * 4)
+        physics.advance(tick, (multirotor.hover_control(physics.vehicle),) * 4)
         told += [(tick, event) for event in physics.take_events()]
     assert [(tick, event.t_ns, event.kind) for tick, event in told] == [
         (3, 12_000_000, "fault"),

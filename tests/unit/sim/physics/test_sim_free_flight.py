@@ -8,9 +8,10 @@ import pytest
 
 from signals.errors import ModelRangeError
 from signals.samples import TruthState
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 from tests.worlds.rotation_matrices import rotation
 
@@ -25,12 +26,12 @@ def airfield() -> Scene:
     return load_scene("airfield")
 
 
-def spin_rotors(physics: QuadrotorPhysics, control: float) -> None:
+def spin_rotors(physics: VehiclePhysics, control: float) -> None:
     """Start with the rotors already at the speed of `control`."""
-    physics.state[13:] = physics.vehicle.speed_radps(control)
+    physics.state[13:] = multirotor.speed_radps(physics.vehicle, control)
 
 
-def fly(physics: QuadrotorPhysics, controls: tuple[float, ...], ticks: int) -> TruthState:
+def fly(physics: VehiclePhysics, controls: tuple[float, ...], ticks: int) -> TruthState:
     truth = physics.advance(0, controls)
     for tick in range(1, ticks + 1):
         truth = physics.advance(tick, controls)
@@ -40,15 +41,15 @@ def fly(physics: QuadrotorPhysics, controls: tuple[float, ...], ticks: int) -> T
 @pytest.mark.parametrize("name", VEHICLES)
 def test_hover_control_holds_the_weight(name: str, airfield: Scene) -> None:
     vehicle = load_vehicle(name)
-    physics = QuadrotorPhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
-    spin_rotors(physics, vehicle.hover_control)
-    truth = fly(physics, (vehicle.hover_control,) * len(vehicle.rotors), 250)
+    physics = VehiclePhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
+    spin_rotors(physics, multirotor.hover_control(vehicle))
+    truth = fly(physics, (multirotor.hover_control(vehicle),) * len(vehicle.rotors), 250)
     assert truth.v_WB_W == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
     assert truth.p_WB == pytest.approx(HIGH, abs=1e-9)
 
 
 def test_iris_hovers_where_px4_was_measured_to() -> None:
-    assert load_vehicle("iris").hover_control == pytest.approx(0.598, abs=1e-3)
+    assert multirotor.hover_control(load_vehicle("iris")) == pytest.approx(0.598, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -61,8 +62,8 @@ def test_each_rotor_turns_the_body_the_right_way(name: str, rotor: int, airfield
         pytest.skip("no such rotor")
     x, y, _ = vehicle.rotors[rotor].position_m
     expected = [0.0 if value == 0.0 else math.copysign(1.0, value) for value in (y, -x)]
-    physics = QuadrotorPhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
-    hover = vehicle.hover_control
+    physics = VehiclePhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
+    hover = multirotor.hover_control(vehicle)
     spin_rotors(physics, hover)
     controls = [hover] * len(vehicle.rotors)
     physics.advance(0, controls)
@@ -84,7 +85,7 @@ def test_autopilot_table_in_frd(name: str) -> None:
 def test_rotor_lag_is_exponential_with_its_own_constant_each_way(airfield: Scene) -> None:
     vehicle = load_vehicle("x500")
     c = vehicle.rotor_constants
-    physics = QuadrotorPhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
+    physics = VehiclePhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
     spin_rotors(physics, 0.5)
     truth = fly(physics, (0.8, 0.2, 0.5, 2.0), 5)
     t = 5 * TICK_S
@@ -98,7 +99,7 @@ def test_rotor_lag_is_exponential_with_its_own_constant_each_way(airfield: Scene
 
 
 def test_mean_accelerations_are_exact_differences(airfield: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle("iris"), airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
+    physics = VehiclePhysics(load_vehicle("iris"), airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
     controls = (0.7, 0.6, 0.5, 0.65)
     before = physics.advance(0, controls)
     after = physics.advance(1, controls)
@@ -108,7 +109,7 @@ def test_mean_accelerations_are_exact_differences(airfield: Scene) -> None:
 
 
 def test_initial_yaw_turns_counter_clockwise_from_east(airfield: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(yaw_rad=math.pi / 2))
+    physics = VehiclePhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(yaw_rad=math.pi / 2))
     forward = rotation(physics.advance(0, (0.0,) * 4).q_WB)[:, 0]
     assert forward == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
 
@@ -118,7 +119,7 @@ def test_initial_yaw_turns_counter_clockwise_from_east(airfield: Scene) -> None:
     [(7, 300.0, "speed_mps"), (10, 250.0, "body_rate_radps"), (0, 6e4, "distance_from_site_m"), (8, math.nan, "state")],
 )
 def test_leaving_the_range_is_named(place: int, value: float, variable: str, airfield: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
+    physics = VehiclePhysics(load_vehicle("x500"), airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
     physics.state[place] = value
     physics.advance(0, (0.0,) * 4)
     with pytest.raises(ModelRangeError) as caught:
@@ -128,7 +129,7 @@ def test_leaving_the_range_is_named(place: int, value: float, variable: str, air
 
 
 def test_commands_are_checked(airfield: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), airfield, TICK_NS)
+    physics = VehiclePhysics(load_vehicle("x500"), airfield, TICK_NS)
     physics.advance(0, (0.0,) * 4)
     with pytest.raises(ModelRangeError, match=r"controls\[2\]"):
         physics.advance(1, (0.0, 0.0, math.nan, 0.0))

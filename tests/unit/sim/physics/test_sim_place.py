@@ -12,10 +12,11 @@ import pytest
 from signals.samples import Quat, TruthState, Vec3
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
+from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, load_vehicle
+from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_group import VehicleGroup
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Box, Scene, load_scene
 from sim.scene.wind import Wind
 from sim.world_loader import load_world
@@ -31,14 +32,14 @@ def unit(q: Quat) -> Quat:
     return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 
-def flight(physics: QuadrotorPhysics, first: int, ticks: int, controls: Sequence[float]) -> list[TruthState]:
+def flight(physics: VehiclePhysics, first: int, ticks: int, controls: Sequence[float]) -> list[TruthState]:
     """Return the states of the next ticks, numbered from 1."""
     states = [physics.advance(first + k, controls) for k in range(ticks)]
     return [state._replace(tick=k + 1, t_ns=(k + 1) * TICK_NS) for k, state in enumerate(states)]
 
 
-def new(scene: Scene, p_W: Vec3, **options: bool) -> QuadrotorPhysics:
-    physics = QuadrotorPhysics(X500, scene, TICK_NS, start=FlightStart(p_WB=p_W), integration=Integration(**options))
+def new(scene: Scene, p_W: Vec3, **options: bool) -> VehiclePhysics:
+    physics = VehiclePhysics(X500, scene, TICK_NS, start=FlightStart(p_WB=p_W), integration=Integration(**options))
     physics.advance(0, ())
     return physics
 
@@ -47,7 +48,7 @@ def new(scene: Scene, p_W: Vec3, **options: bool) -> QuadrotorPhysics:
 @pytest.mark.parametrize("skipping", [True, False])
 def test_the_flight_after_place_has_the_bits_of_a_new_one(height_m: float, skipping: bool) -> None:
     p_W, v_W, w_B = (3.0, -2.0, height_m), (1.5, 0.5, -1.0), (0.3, -0.2, 0.1)
-    flown = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, integration=Integration(contact_skipping=skipping))
+    flown = VehiclePhysics(X500, AIRFIELD, TICK_NS, integration=Integration(contact_skipping=skipping))
     flight(flown, 0, 300, (0.9, 0.2, 0.9, 0.3))  # tumbles into the ground
     placed = flown.place(p_W, TILTED, v_W, w_B)
     fresh = new(AIRFIELD, p_W, contact_skipping=skipping)
@@ -60,7 +61,7 @@ def test_the_flight_after_place_has_the_bits_of_a_new_one(height_m: float, skipp
 
 
 def test_rotor_speeds_may_be_given() -> None:
-    flown, fresh = QuadrotorPhysics(X500, AIRFIELD, TICK_NS), new(AIRFIELD, (0.0, 0.0, 5.0))
+    flown, fresh = VehiclePhysics(X500, AIRFIELD, TICK_NS), new(AIRFIELD, (0.0, 0.0, 5.0))
     flight(flown, 0, 20, (0.5,) * 4)
     speeds = (500.0, 510.0, 490.0, 505.0)
     assert flown.place((0.0, 0.0, 5.0), rotor_speed_radps=speeds).rotor_speed_radps == speeds
@@ -70,8 +71,8 @@ def test_rotor_speeds_may_be_given() -> None:
 
 @pytest.mark.parametrize("start", [FlightStart(), FlightStart(ground_W=(4.0, 1.0, 0.0), yaw_rad=1.0)])
 def test_reset_returns_to_the_start(start: FlightStart) -> None:
-    flown = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=start, effects=Effects(battery=True))
-    fresh = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=start, effects=Effects(battery=True))
+    flown = VehiclePhysics(X500, AIRFIELD, TICK_NS, start=start, effects=Effects(battery=True))
+    fresh = VehiclePhysics(X500, AIRFIELD, TICK_NS, start=start, effects=Effects(battery=True))
     first = fresh.advance(0, ())
     flight(flown, 0, 300, (0.8, 0.7, 0.8, 0.7))
     assert flown.reset()[2:] == first[2:]
@@ -80,7 +81,7 @@ def test_reset_returns_to_the_start(start: FlightStart) -> None:
 
 
 def test_a_thousand_resets_leave_no_trace() -> None:
-    physics = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    physics = VehiclePhysics(X500, AIRFIELD, TICK_NS)
     tick, ends = 0, set()
     for _ in range(1000):
         ends.add(flight(physics, tick, 6, (0.9, 0.9, 0.9, 0.8))[-1].p_WB if tick else None)
@@ -93,7 +94,7 @@ def test_a_thousand_resets_leave_no_trace() -> None:
 
 def test_wind_goes_on() -> None:
     wind = Wind(steady_W_mps=(3.0, 0.0, 0.0))
-    flown = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, disturbances=Disturbances(wind=wind))
+    flown = VehiclePhysics(X500, AIRFIELD, TICK_NS, disturbances=Disturbances(wind=wind))
     flight(flown, 0, 10, (0.6,) * 4)
     flown.place((0.0, 0.0, 50.0))
     assert flown.wind_W_mps == (3.0, 0.0, 0.0)
@@ -116,7 +117,7 @@ def test_wind_goes_on() -> None:
     ],
 )
 def test_a_state_beyond_the_model_is_refused_and_changes_nothing(arguments: tuple[object, ...], named: str) -> None:
-    physics = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    physics = VehiclePhysics(X500, AIRFIELD, TICK_NS)
     before = physics.advance(0, ())
     with pytest.raises(ValueError, match=f"^{named}"):
         physics.place(*arguments)  # type: ignore[arg-type]
@@ -124,10 +125,10 @@ def test_a_state_beyond_the_model_is_refused_and_changes_nothing(arguments: tupl
 
 
 def test_a_vehicle_joins_a_group_that_flies() -> None:
-    a, b = QuadrotorPhysics(X500, AIRFIELD, TICK_NS), new(AIRFIELD, (9.0, 0.0, 3.0))
+    a, b = VehiclePhysics(X500, AIRFIELD, TICK_NS), new(AIRFIELD, (9.0, 0.0, 3.0))
     for tick in range(5):
         a.advance(tick, (0.0,) * 4)
-    joined = QuadrotorPhysics(X500, AIRFIELD, TICK_NS, start=FlightStart(p_WB=(9.0, 0.0, 3.0)))
+    joined = VehiclePhysics(X500, AIRFIELD, TICK_NS, start=FlightStart(p_WB=(9.0, 0.0, 3.0)))
     assert joined.join(4).p_WB == (9.0, 0.0, 3.0)
     group = VehicleGroup({"a": a, "b": joined})
     states = [group.advance(tick, [(0.0,) * 4, (0.4,) * 4])[1] for tick in range(5, 55)]
@@ -138,7 +139,7 @@ def test_a_vehicle_joins_a_group_that_flies() -> None:
 
 
 def test_the_contact_of_a_vehicle_on_the_ground() -> None:
-    physics = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    physics = VehiclePhysics(X500, AIRFIELD, TICK_NS)
     flight(physics, 0, 5, (0.0,) * 4)
     contact = physics.contact()
     assert contact is not None
@@ -150,7 +151,7 @@ def test_the_contact_of_a_vehicle_on_the_ground() -> None:
 
 def test_the_contact_names_the_box_that_a_vehicle_hits() -> None:
     tower = Box(name="tower", center_m=(5.0, 0.0, 2.0), size_m=(2.0, 2.0, 4.0))
-    physics = QuadrotorPhysics(X500, AIRFIELD.model_copy(update={"boxes": (tower,)}), TICK_NS)
+    physics = VehiclePhysics(X500, AIRFIELD.model_copy(update={"boxes": (tower,)}), TICK_NS)
     physics.advance(0, ())
     physics.place((5.0, 0.0, 4.5))
     assert physics.touch(0) is None
@@ -171,7 +172,7 @@ def test_the_contact_names_the_box_that_a_vehicle_hits() -> None:
 
 def test_the_contact_names_a_geom_of_a_map() -> None:
     scene = load_scene("training_village")
-    physics = QuadrotorPhysics(X500, scene, TICK_NS)
+    physics = VehiclePhysics(X500, scene, TICK_NS)
     world = load_world(scene)
     solid = {mujoco.mj_id2name(world.model, mujoco.mjtObj.mjOBJ_GEOM, i) for i in np.flatnonzero(world.geom_solid)}
     bodies = {world.model.body(i).name for i in range(world.model.nbody)}
@@ -189,7 +190,7 @@ def test_the_contact_names_a_geom_of_a_map() -> None:
 
 def test_place_takes_less_than_half_a_dozen_ticks() -> None:
     scene = load_scene("training_village")
-    physics = QuadrotorPhysics(X500, scene, TICK_NS)
+    physics = VehiclePhysics(X500, scene, TICK_NS)
     flight(physics, 0, 50, (0.0,) * 4)
     began = time.process_time()
     for _ in range(200):

@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
+from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, Vehicle, load_vehicle
+from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 
 TICK_NS = 100_000  # short: accelerations are those of the start
@@ -44,10 +46,10 @@ def thrust_ratio(
 ) -> float:
     """Thrust at hover command over the weight, level, hubs at `hub_m` above the ground."""
     height = hub_m - vehicle.rotors[0].position_m[2]
-    physics = QuadrotorPhysics(vehicle, scene, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, height)))
-    h = vehicle.hover_control
+    physics = VehiclePhysics(vehicle, scene, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, height)))
+    h = multirotor.hover_control(vehicle)
     physics.state[7:10] = v
-    physics.state[13:] = vehicle.speed_radps(h)
+    physics.state[13:] = multirotor.speed_radps(vehicle, h)
     physics.advance(0, (h,) * 4)
     truth = physics.advance(1, (h,) * 4)
     assert not truth.in_contact
@@ -104,9 +106,7 @@ def test_switches_leave_exactly_the_bare_model(airfield: Scene) -> None:
     stripped = full.model_copy(update={"rotor_constants": constants})
     tracks = []
     for vehicle, effects in ((full, off), (stripped, Effects()), (full, Effects())):
-        physics = QuadrotorPhysics(
-            vehicle, airfield, 4_000_000, effects=effects, start=FlightStart(p_WB=(0.0, 0.0, 1.0))
-        )
+        physics = VehiclePhysics(vehicle, airfield, 4_000_000, effects=effects, start=FlightStart(p_WB=(0.0, 0.0, 1.0)))
         physics.state[9] = -0.5
         tracks.append([physics.advance(tick, (0.7, 0.71, 0.7, 0.7)) for tick in range(40)])
     assert tracks[0] == tracks[1]
@@ -115,4 +115,4 @@ def test_switches_leave_exactly_the_bare_model(airfield: Scene) -> None:
 
 def test_step_must_divide_the_tick(airfield: Scene) -> None:
     with pytest.raises(ValueError, match=r"step_ns 3000000 does not divide the tick of 4000000 ns"):
-        QuadrotorPhysics(load_vehicle("x500"), airfield, 4_000_000, integration=Integration(step_ns=3_000_000))
+        VehiclePhysics(load_vehicle("x500"), airfield, 4_000_000, integration=Integration(step_ns=3_000_000))

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from signals.errors import ConfigError
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import VEHICLE_DIR, Rotor, Vehicle, load_vehicle, vehicle_names
+from sim.physics.forces.rotors import Rotor
+from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle, vehicle_names
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 
 TICK_NS = 100_000  # short: accelerations are those of the start
@@ -35,7 +37,7 @@ def with_axes(name: str, axes: dict[int, tuple[float, float, float]]) -> Vehicle
 
 def wrench(vehicle: Vehicle, scene: Scene, speeds: list[float], **state: tuple[float, ...]) -> np.ndarray:
     """Force and torque on the level vehicle high above the ground, with rotors that keep these speeds."""
-    physics = QuadrotorPhysics(vehicle, scene, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 500.0)))
+    physics = VehiclePhysics(vehicle, scene, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 500.0)))
     physics.state[7:10], physics.state[10:13] = state.get("v", (0.0,) * 3), state.get("w", (0.0,) * 3)
     physics.state[13:] = speeds
     c = vehicle.rotor_constants
@@ -117,7 +119,7 @@ def test_a_coaxial_pair_hovers_with_its_loss(name: str, airfield: Scene) -> None
     assert (lift["lower"], lift["upper"]) == pytest.approx((one_n, one_n), rel=1e-6)
     pairs = len(vehicle.rotors) / 2
     share = vehicle.mass_kg * G / (pairs * (1.0 + t) * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2)
-    assert vehicle.hover_control == pytest.approx(math.sqrt(share), rel=1e-12)
+    assert multirotor.hover_control(vehicle) == pytest.approx(math.sqrt(share), rel=1e-12)
     balanced = wrench(vehicle, airfield, [400.0] * len(vehicle.rotors))
     assert balanced == pytest.approx([0.0, 0.0, pairs * (1.0 + t) * one_n, 0.0, 0.0, 0.0], abs=1e-6)
 
@@ -126,11 +128,14 @@ def test_a_coaxial_pair_hovers_with_its_loss(name: str, airfield: Scene) -> None
 def test_effectiveness_is_the_slope_of_the_wrench(name: str, airfield: Scene) -> None:
     """Change of force and torque with k O^2 of each rotor, about hover, by differences of the flown physics."""
     vehicle = load_vehicle(name)
-    k, hover = vehicle.rotor_constants.thrust_coefficient_n_per_radps2, vehicle.speed_radps(vehicle.hover_control)
+    k, hover = (
+        vehicle.rotor_constants.thrust_coefficient_n_per_radps2,
+        multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle)),
+    )
     for i in range(len(vehicle.rotors)):
         low, high = ([hover + d * (j == i) for j in range(len(vehicle.rotors))] for d in (-0.5, 0.5))
         change = wrench(vehicle, airfield, high) - wrench(vehicle, airfield, low)
-        assert change / (k * 2.0 * hover) == pytest.approx(vehicle.effectiveness[:, i], abs=1e-4)
+        assert change / (k * 2.0 * hover) == pytest.approx(multirotor.effectiveness(vehicle)[:, i], abs=1e-4)
 
 
 def test_a_symmetric_hexa_has_no_torque_at_equal_speeds(airfield: Scene) -> None:

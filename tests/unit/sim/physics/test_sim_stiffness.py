@@ -8,15 +8,15 @@ import pytest
 
 from signals.errors import ModelRangeError
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 X500 = load_vehicle("x500")
 
 
 def fly(vehicle: Vehicle, control: float) -> None:
-    physics = QuadrotorPhysics(vehicle, load_scene("airfield"), 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 1000.0)))
+    physics = VehiclePhysics(vehicle, load_scene("airfield"), 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 1000.0)))
     for tick in range(1500):
         physics.advance(tick, (control, control, control * 1.01, control))
 
@@ -44,7 +44,7 @@ def test_the_cause_is_named(figures: dict[str, Any], cause: str) -> None:
 
 
 def test_an_ordinary_vehicle_that_is_too_fast_has_no_such_cause() -> None:
-    physics = QuadrotorPhysics(X500, load_scene("airfield"), 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 1000.0)))
+    physics = VehiclePhysics(X500, load_scene("airfield"), 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 1000.0)))
     physics.state[7] = 250.0
     physics.advance(0, (0.5,) * 4)
     with pytest.raises(ModelRangeError, match=r"speed_mps = .* \(<= 200 m/s\)$"):

@@ -17,9 +17,9 @@ from signals.samples import TruthState, Vec3
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_group import VehicleGroup
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 TICK_NS = 4_000_000
@@ -31,15 +31,15 @@ STACKED_M = 0.292  # between the origins of two x500, the upper one's feet on th
 FLOATING = torque_free(load_vehicle("x500"))  # no forces but those of contact
 
 
-def floating(p_W: Vec3, v_W: Vec3, *, vehicle: Vehicle = FLOATING, **options: bool) -> QuadrotorPhysics:
+def floating(p_W: Vec3, v_W: Vec3, *, vehicle: Vehicle = FLOATING, **options: bool) -> VehiclePhysics:
     """Return a vehicle in space at `p_W` above HEIGHT_M."""
     start = FlightStart(p_WB=(p_W[0], p_W[1], p_W[2] + HEIGHT_M))
-    physics = QuadrotorPhysics(vehicle, SPACE, TICK_NS, start=start, integration=Integration(**options))
+    physics = VehiclePhysics(vehicle, SPACE, TICK_NS, start=start, integration=Integration(**options))
     physics.state[7:10] = v_W
     return physics
 
 
-def fly(vehicles: Mapping[str, QuadrotorPhysics], ticks: int, controls: Sequence[float] = OFF) -> VehicleGroup:
+def fly(vehicles: Mapping[str, VehiclePhysics], ticks: int, controls: Sequence[float] = OFF) -> VehicleGroup:
     """Fly all vehicles with the same commands."""
     group = VehicleGroup(vehicles)
     for tick in range(ticks + 1):
@@ -47,7 +47,7 @@ def fly(vehicles: Mapping[str, QuadrotorPhysics], ticks: int, controls: Sequence
     return group
 
 
-def moments(vehicles: Sequence[QuadrotorPhysics]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def moments(vehicles: Sequence[VehiclePhysics]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Return momentum, angular momentum about (0, 0, HEIGHT_M) in W, and kinetic energy."""
     linear, angular, energy = np.zeros(3), np.zeros(3), 0.0
     for physics in vehicles:
@@ -103,9 +103,9 @@ def test_one_lands_on_another(upper: str, offset_m: float, height_m: float) -> N
     lower, other = load_vehicle(upper), load_vehicle(upper)
     top_m = lower.rotors[0].position_m[2] + 0.005
     stacked_m = top_m + other.standing_height_m
-    a = QuadrotorPhysics(lower, AIRFIELD, TICK_NS)
+    a = VehiclePhysics(lower, AIRFIELD, TICK_NS)
     start = FlightStart(p_WB=(offset_m, 0.0, lower.standing_height_m + stacked_m + height_m))
-    b = QuadrotorPhysics(other, AIRFIELD, TICK_NS, start=start)
+    b = VehiclePhysics(other, AIRFIELD, TICK_NS, start=start)
     group = VehicleGroup({"a": a, "b": b})
     for tick in range(500):
         states = group.advance(tick, [OFF, OFF])
@@ -139,20 +139,20 @@ def test_three_in_a_row() -> None:
 def course(seed: int, *, skipping: bool = True, reverse: bool = False, far: bool = False) -> dict[str, str]:
     """Return a digest of the states of each of six vehicles that tumble together onto the ground."""
     random = np.random.default_rng(seed)
-    vehicles: dict[str, QuadrotorPhysics] = {}
+    vehicles: dict[str, VehiclePhysics] = {}
     integration = Integration(contact_skipping=skipping)
     for name, kind in zip("abcdef", ("x500", "racer", "iris", "x500", "racer", "x500"), strict=True):
         away = random.normal(size=3)
         away *= random.uniform(1.0, 2.0) / np.linalg.norm(away)
         p_W = tuple((away + np.array([0.0, 0.0, 2.5])).tolist())
-        physics = QuadrotorPhysics(
+        physics = VehiclePhysics(
             load_vehicle(kind), AIRFIELD, TICK_NS, start=FlightStart(p_WB=p_W), integration=integration
         )
         physics.state[7:10], physics.state[10:13] = -3.0 * away, random.uniform(-4.0, 4.0, 3)
         vehicles[name] = physics
     if far:
         start = FlightStart(p_WB=(100.0, 0.0, 50.0))
-        vehicles = {"0": QuadrotorPhysics(load_vehicle("x500"), AIRFIELD, TICK_NS, start=start)} | vehicles
+        vehicles = {"0": VehiclePhysics(load_vehicle("x500"), AIRFIELD, TICK_NS, start=start)} | vehicles
     if reverse:
         vehicles = dict(reversed(vehicles.items()))
     levels = {name: float(random.uniform(0.0, 0.8)) for name in "abcdef"} | {"0": 0.5}
@@ -177,8 +177,8 @@ def test_bits_do_not_depend_on_skipping_order_or_a_far_vehicle(seed: int) -> Non
 
 
 def test_vehicles_apart_fly_as_if_alone() -> None:
-    def make(x_m: float) -> QuadrotorPhysics:
-        return QuadrotorPhysics(load_vehicle("x500"), AIRFIELD, TICK_NS, start=FlightStart(p_WB=(x_m, 0.0, 0.5)))
+    def make(x_m: float) -> VehiclePhysics:
+        return VehiclePhysics(load_vehicle("x500"), AIRFIELD, TICK_NS, start=FlightStart(p_WB=(x_m, 0.0, 0.5)))
 
     alone: list[list[TruthState]] = []
     for x_m in (0.0, 1.0):
@@ -192,10 +192,10 @@ def test_vehicles_apart_fly_as_if_alone() -> None:
 
 def test_a_rest_is_reported_once() -> None:
     """The upper vehicle is set down gently; the impulse counts 20 ms."""
-    lower = QuadrotorPhysics(load_vehicle("x500"), AIRFIELD, TICK_NS)
+    lower = VehiclePhysics(load_vehicle("x500"), AIRFIELD, TICK_NS)
     x, y, z = lower.state[:3].tolist()
     start = FlightStart(p_WB=(x, y, z + STACKED_M + 1e-4))
-    group = fly({"lower": lower, "upper": QuadrotorPhysics(load_vehicle("x500"), AIRFIELD, TICK_NS, start=start)}, 400)
+    group = fly({"lower": lower, "upper": VehiclePhysics(load_vehicle("x500"), AIRFIELD, TICK_NS, start=start)}, 400)
     (contact,) = group.take_contacts(last=True)
     assert contact.closing_mps < 0.1
     assert contact.impulse_ns < 2.5 * 0.02 * lower.vehicle.mass_kg * STANDARD_GRAVITY_MPS2
@@ -220,6 +220,6 @@ def test_errors_name_the_controls() -> None:
 def test_vehicles_of_a_group_share_scene_and_tick() -> None:
     here = floating((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="'b' has another scene or tick than 'a'"):
-        VehicleGroup({"a": here, "b": QuadrotorPhysics(FLOATING, SPACE, 2_000_000)})
+        VehicleGroup({"a": here, "b": VehiclePhysics(FLOATING, SPACE, 2_000_000)})
     with pytest.raises(ValueError, match="a group needs a vehicle"):
         VehicleGroup({})

@@ -84,6 +84,19 @@ def test_limbs_do_not_pull_the_trunk() -> None:
         assert t["range_m"][0] == pytest.approx(away(i)[0], abs=0.12)
 
 
+def test_a_trunk_that_fades_is_not_replaced_by_a_limb() -> None:
+    frames = []
+    for i in range(100):
+        r, v, azimuth, _ = away(i)
+        arm = (r - 0.1, v - 0.4, azimuth, 18.0)
+        # For two of ten frames the arm alone is seen, then trunk and arm, equally strong, half a cell apart.
+        faded = {0: [arm], 1: [arm], 2: [arm, (r, v, azimuth, 18.0)]}
+        frames.append(faded.get(i % 10, [(r, v, azimuth, 34.0), arm]))
+    for t in run(frames)[5:]:
+        assert t["id"].tolist() == [1]
+        assert t["speed_mps"][0] == pytest.approx(1.2, abs=0.1)
+
+
 def test_a_short_pause_keeps_the_track_where_it_stopped() -> None:
     walk = [[away(i)] for i in range(20)]
     stop = away(19)[0]

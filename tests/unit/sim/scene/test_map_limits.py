@@ -14,7 +14,8 @@ import pytest
 
 from hil.config.scenes import read_scene
 from signals.errors import ConfigError
-from sim.scene.compile_process import compile_with_limits
+from sim.scene.budget import Budget
+from sim.scene.compile_process import compile_mjcf
 from sim.world_loader import load_world
 
 SCENE = """name: odd
@@ -59,7 +60,7 @@ def test_a_map_that_asks_for_too_much_is_refused_at_once(mjcf: str, message: str
 
 def test_a_process_of_its_own_compiles_the_same_model() -> None:
     text = f'<mujoco><worldbody><replicate count="9" offset="3 0 0">{SPHERE}</replicate></worldbody></mujoco>'
-    ours, direct = compile_with_limits(text, {}), mujoco.MjModel.from_xml_string(text)
+    ours, direct = compile_mjcf(text, {}, Budget("map.xml")), mujoco.MjModel.from_xml_string(text)
     size = mujoco.mj_sizeModel(direct)
     buffers = [np.empty(size, np.uint8) for _ in range(2)]
     for model, buffer in zip((ours, direct), buffers, strict=True):

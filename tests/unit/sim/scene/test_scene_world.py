@@ -15,8 +15,8 @@ from sim.frame.camera_pose import CameraPose
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import FrameRenderer
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.classes import CLASS_COLOURS, MAX_CLASSES, class_table
 from sim.scene.maps import catalog
 from sim.scene.scene import Box, Scene, load_scene, scene_names
@@ -219,9 +219,7 @@ def test_a_saved_bench_keeps_its_map(tmp_path: Path) -> None:
         world = bench.world
         assert classes_of(world) == {"floor": "ground", "house": "building"}
         assert world.model.ntex == 1
-        physics = QuadrotorPhysics(
-            load_vehicle("x500"), bench.scene, 4_000_000, start=FlightStart(p_WB=(9.0, 0.0, 3.0))
-        )
+        physics = VehiclePhysics(load_vehicle("x500"), bench.scene, 4_000_000, start=FlightStart(p_WB=(9.0, 0.0, 3.0)))
         flown.append([physics.advance(tick, (0.0,) * 4) for tick in range(200)])
     assert flown[0] == flown[1]
     assert any(s.in_contact for s in flown[0])
@@ -257,7 +255,7 @@ def test_joints_of_a_map_stand_still(tmp_path: Path) -> None:
         '<joint axis="0 0 1"/><geom type="box" size="0.1 1 1" pos="0.5 0 0"/></body></worldbody></mujoco>'
     )
     scene = load_scene(tmp_path / "m.xml")
-    physics = QuadrotorPhysics(load_vehicle("x500"), scene, 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 1.0)))
+    physics = VehiclePhysics(load_vehicle("x500"), scene, 4_000_000, start=FlightStart(p_WB=(0.0, 0.0, 1.0)))
     physics.state[7] = 8.0
     states = [physics.advance(tick, (0.6,) * 4) for tick in range(150)]
     assert 2.0 < max(s.p_WB[0] for s in states) < 2.4  # the leaf is at x = 3 - 0.5, 0.1 m thick on each side

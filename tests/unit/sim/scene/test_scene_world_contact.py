@@ -11,11 +11,12 @@ import pytest
 
 from signals.samples import TruthState
 from sim._kernels import SolidTree
+from sim.physics import multirotor
 from sim.physics.contact_model import build_model
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.maps import catalog
 from sim.scene.scene import Scene, load_scene
 from sim.scene.solids import solid_tree
@@ -62,15 +63,15 @@ def walked_yard() -> Scene:
 
 def fly(
     scene: Scene, start: tuple[float, ...], velocity: tuple[float, ...], ticks: int = 250, *, skipping: bool = True
-) -> tuple[list[TruthState], QuadrotorPhysics]:
+) -> tuple[list[TruthState], VehiclePhysics]:
     """Thrown from `start` with the rotors at hover."""
     vehicle = load_vehicle("x500")
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         vehicle, scene, TICK_NS, start=FlightStart(p_WB=start), integration=Integration(contact_skipping=skipping)
     )  # type: ignore[arg-type]
     physics.state[7:10] = velocity
-    physics.state[13:17] = vehicle.speed_radps(vehicle.hover_control)
-    controls = (vehicle.hover_control,) * 4
+    physics.state[13:17] = multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle))
+    controls = (multirotor.hover_control(vehicle),) * 4
     return [physics.advance(tick, controls) for tick in range(ticks + 1)], physics
 
 
@@ -137,7 +138,7 @@ def test_a_person_walks_into_a_vehicle_that_stands(walked: Pacer) -> None:
     for skipping in (True, False):
         walked._y0 = 0.0
         vehicle = load_vehicle("x500")
-        physics = QuadrotorPhysics(
+        physics = VehiclePhysics(
             vehicle,
             walked_yard(),
             TICK_NS,
@@ -154,7 +155,7 @@ def test_time_of_the_scene_may_begin_later(walked: Pacer) -> None:
     """At 2 s the person passes x = 0: a vehicle that appears there touches him then, and not at 0 s."""
     touched = {}
     for start_ns in (0, 2_000_000_000):
-        physics = QuadrotorPhysics(
+        physics = VehiclePhysics(
             load_vehicle("x500"), walked_yard(), TICK_NS, start=FlightStart(p_WB=(0.0, 2.0, 1.0), t_ns=start_ns)
         )
         touched[start_ns] = any(physics.advance(tick, OFF).in_contact for tick in range(4))
@@ -261,7 +262,7 @@ def test_contact_model_of_a_map_holds_only_what_is_solid(walls: Scene) -> None:
     ],
 )
 def test_range_finder_sees_what_is_drawn(over: tuple[float, float], height: float, walls: Scene) -> None:
-    physics = QuadrotorPhysics(load_vehicle("x500"), walls, TICK_NS, start=FlightStart(p_WB=(*over, 30.0)))
+    physics = VehiclePhysics(load_vehicle("x500"), walls, TICK_NS, start=FlightStart(p_WB=(*over, 30.0)))
     truth = physics.advance(0, OFF)
     seen = GroundRange(physics.scene, (0.0, 0.0, 0.0)).distance_m(truth)
     assert seen == pytest.approx(30.0 - height, abs=1e-6)

@@ -106,7 +106,7 @@ MAPS = {
         "<!DOCTYPE m [<!ENTITY a '" + "a" * 100 + "'>"
         + "".join(f"<!ENTITY {b} '{f'&{a};' * 100}'>" for a, b in zip("abcde", "bcdef", strict=True))
         + "]><mujoco model='&f;'/>",
-        1, "amplification",
+        1, "declares the entity 'a'",
     ),
     "missing mesh": ('<asset><mesh name="a" file="no.obj"/></asset>', 8, "names a file that does not exist: no.obj"),
     "missing texture": ('<asset><texture type="2d" file="no.png"/></asset>', 8, "<texture> names a file"),

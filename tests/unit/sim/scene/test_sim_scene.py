@@ -114,7 +114,6 @@ def test_vehicle_file_errors_come_all_at_once_with_lines(tmp_path: Path) -> None
     ("old", "new", "says"),
     [
         ("[0.023891, 0.023891, 0.044000]", "[0.02, 0.02, 0.05]", "sum of the other two"),
-        ("thrust_coefficient_n_per_radps2: 8.54858e-06", "thrust_coefficient_n_per_radps2: 4.0e-06", "hovers at"),
         ("mass_kg: 2.064307692307692", "mass_kg: .nan", "finite"),
         ("spin: ccw", "spin: left", "ccw"),
         ("name: foot_rear_left", "name: foot_front_right", "different names"),

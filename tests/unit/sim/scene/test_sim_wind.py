@@ -9,10 +9,11 @@ import pydantic
 import pytest
 
 from sim._kernels import dryden_scale
+from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind, WindAtVehicle
 
@@ -107,17 +108,17 @@ def test_gust_is_one_minus_cosine() -> None:
 def test_gust_reaches_the_vehicle_and_the_events() -> None:
     wind = Wind(gusts=(GustEvent(at_s=0.1, velocity_W_mps=(10.0, 0.0, 0.0), rise_s=0.2, fall_s=0.1),))
     vehicle = load_vehicle("x500")
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         vehicle,
         load_scene("airfield"),
         TICK_NS,
         start=FlightStart(p_WB=(0.0, 0.0, 100.0)),
         disturbances=Disturbances(wind=wind),
     )
-    physics.state[13:] = vehicle.speed_radps(vehicle.hover_control)
+    physics.state[13:] = multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle))
     happened = []
     for tick in range(150):
-        truth = physics.advance(tick, (vehicle.hover_control,) * 4)
+        truth = physics.advance(tick, (multirotor.hover_control(vehicle),) * 4)
         happened += physics.take_events()
         if tick <= 25:
             assert truth.v_WB_W == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)

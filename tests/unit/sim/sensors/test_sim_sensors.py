@@ -13,9 +13,10 @@ from signals.errors import ModelRangeError
 from signals.geodesy import LocalFrame
 from signals.samples import TruthState
 from sim._kernels import ideal_imu
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.atmosphere import geopotential_m, pressure_pa
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
@@ -110,8 +111,8 @@ def test_imu_in_free_fall_feels_nothing() -> None:
 
 def test_imu_integrates_back_to_the_motion() -> None:
     """Strapdown integration of noise-free samples follows the truth: means are taken and turned rightly."""
-    physics = QuadrotorPhysics(load_vehicle("x500"), SCENE, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 300.0)))
-    h = physics.vehicle.hover_control
+    physics = VehiclePhysics(load_vehicle("x500"), SCENE, TICK_NS, start=FlightStart(p_WB=(0.0, 0.0, 300.0)))
+    h = multirotor.hover_control(physics.vehicle)
     truth = physics.advance(0, (h,) * 4)
     v, q = np.array(truth.v_WB_W), np.array(truth.q_WB)
     dt, fastest = TICK_NS * 1e-9, 0.0

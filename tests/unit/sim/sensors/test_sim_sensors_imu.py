@@ -11,9 +11,10 @@ import pytest
 
 from signals.noise import NoiseStream
 from signals.samples import TruthState
+from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
 from sim.sensors.sensor import Installation
@@ -89,11 +90,11 @@ def test_the_gyro_is_the_mean_rate_over_the_tick() -> None:
     """Against the mean (Simpson) of a flight in ticks 40 times shorter, jerked by motors of 12.5 ms."""
     vehicle, finer = load_vehicle("x500"), 40
     start = FlightStart(p_WB=(0.0, 0.0, 300.0))
-    flight = QuadrotorPhysics(vehicle, SCENE, TICK_NS, start=start)
-    fine = QuadrotorPhysics(vehicle, SCENE, TICK_NS // finer, start=start)
+    flight = VehiclePhysics(vehicle, SCENE, TICK_NS, start=start)
+    fine = VehiclePhysics(vehicle, SCENE, TICK_NS // finer, start=start)
     roll, pitch = (np.array([sign * np.sign(r.position_m[i]) for r in vehicle.rotors]) for i, sign in ((1, 1), (0, -1)))
     weights = np.array([1.0, *[4.0, 2.0] * (finer // 2 - 1), 4.0, 1.0]) / (3.0 * finer)
-    gyro, hover = imu(), vehicle.hover_control
+    gyro, hover = imu(), multirotor.hover_control(vehicle)
     truth, rate = flight.advance(0, (hover,) * 4), fine.advance(0, (hover,) * 4).w_WB_B
     gyro.sample(truth, 0)
     errors, of_the_ends = [], []

@@ -14,6 +14,7 @@ from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.world.ned import unit_rotation
 from hil.apps.airsim.world.objects.present_world import PresentWorld
 from hil.apps.airsim.world.objects.scene_object import UNSCALED, SceneObject, scene_objects
+from signals.errors import ConfigError
 from signals.samples import Quat, Vec3
 from sim.frame.source import VEHICLE_CLASS
 from sim.scene.placed.actor import FixedBody, ObjectActor
@@ -151,7 +152,8 @@ class Objects:
             return found.template
         base = self._world.base
         class_name = base.class_names[int(base.geom_class[int(base.model.body_geomadr[found.body])])]
-        return template_of(f"body_{found.body}", class_name, base.model, found.body, Materials())
+        key, from_file = f"body_{found.body}", base.map.from_file
+        return template_of(key, class_name, base.model, found.body, Materials(), from_file=from_file)
 
     def _free_name(self, name: str) -> str:
         """Return a name that no object has, as AirSim does: with the greatest number of similar names, plus 1."""
@@ -193,7 +195,7 @@ class Objects:
         """Return a copy that can be compiled. Raises RpcError."""
         try:
             template.check(scale)
-        except ValueError as error:
+        except (ValueError, ConfigError) as error:
             raise RpcError(f"{name} cannot have the scale {scale}: {' '.join(str(error).split())}") from None
         self._copies_made += 1
         actor = ObjectActor(name, [FixedBody(f"placed_object_{self._copies_made}")], template.radius_m(scale))

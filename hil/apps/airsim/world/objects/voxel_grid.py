@@ -16,6 +16,7 @@ from sim.frame.source import VEHICLE_CLASS, SharedFrames
 
 _STEP_M = 1e-4  # past a hit
 _MOST_HITS = 200  # along one line
+_LINES_AT_ONCE = 1 << 17  # a flat grid has millions, of some hundred bytes each while they are cast
 
 
 def occupied(frames: SharedFrames, middle_W: Vec3, counts: tuple[int, int, int], edge_m: float) -> NDArray[np.bool_]:
@@ -31,18 +32,20 @@ def occupied(frames: SharedFrames, middle_W: Vec3, counts: tuple[int, int, int],
     middles = [middle_W[a] + edge_m * (np.arange(n) - n // 2) for a, n in enumerate(counts)]
     for axis in range(3):
         a, b = (k for k in range(3) if k != axis)
-        grid = np.stack(np.meshgrid(middles[a], middles[b], indexing="ij"), axis=-1).reshape(-1, 2)
         begin = middles[axis][0] - 0.5 * edge_m
         length_m = counts[axis] * edge_m
-        origins = np.empty((len(grid), 3))
-        origins[:, a], origins[:, b], origins[:, axis] = grid[:, 0], grid[:, 1], begin
-        lines = np.moveaxis(cells, axis, 2).reshape(len(grid), counts[axis])  # a copy
-        for row, geom, near, far in _spans(geometry, origins, axis, length_m):
-            if is_vehicle[geom]:
-                continue
-            first = min(max(int(near / edge_m), 0), counts[axis] - 1)
-            last = min(max(int(far / edge_m), 0), counts[axis] - 1)
-            lines[row, first : last + 1] = True
+        lines = np.moveaxis(cells, axis, 2).reshape(-1, counts[axis])  # a copy
+        for start in range(0, len(lines), _LINES_AT_ONCE):
+            numbers = np.arange(start, min(start + _LINES_AT_ONCE, len(lines)))
+            origins = np.empty((len(numbers), 3))
+            origins[:, a], origins[:, b] = middles[a][numbers // counts[b]], middles[b][numbers % counts[b]]
+            origins[:, axis] = begin
+            for row, geom, near, far in _spans(geometry, origins, axis, length_m):
+                if is_vehicle[geom]:
+                    continue
+                first = min(max(int(near / edge_m), 0), counts[axis] - 1)
+                last = min(max(int(far / edge_m), 0), counts[axis] - 1)
+                lines[start + row, first : last + 1] = True
         shape = (counts[a], counts[b], counts[axis])
         cells |= np.moveaxis(lines.reshape(shape), 2, axis)
     return cells

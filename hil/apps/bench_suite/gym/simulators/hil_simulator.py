@@ -14,6 +14,7 @@ import numpy as np
 import hil.gym  # noqa: F401 (registers the environments)
 from hil.apps.bench_suite.gym.simulators.manoeuvre import decisions, greatest_error_m, thrusts_n
 from hil.apps.bench_suite.timing import load_reference
+from sim.physics import multirotor
 
 _TASK = "hil/Hover-v0"
 _make: Any = gymnasium.make
@@ -37,12 +38,12 @@ class Simulator:
         }
         if worlds == 1:
             self._env: Any = _make(_TASK, **self._options, **_AT_REST)
-            hover = self._env.unwrapped.bench.vehicle.hover_control
+            hover = multirotor.hover_control(self._env.unwrapped.bench.vehicle)
         else:
             make_vec: Any = gymnasium.make_vec
             options = self._options | _AT_REST
             self._env = make_vec(_TASK, num_envs=worlds, vectorization_mode="vector_entry_point", **options)
-            hover = self._env.unwrapped.batch.flights[0].bench.vehicle.hover_control
+            hover = multirotor.hover_control(self._env.unwrapped.batch.flights[0].bench.vehicle)
         action = np.full(4, 2.0 * hover - 1.0 if action_kind == "motors" else 0.0, np.float32)
         self._action = action if worlds == 1 else np.tile(action, (worlds, 1))
         self._single = worlds == 1
@@ -72,7 +73,7 @@ class Simulator:
                     t,
                     weight_n=vehicle.mass_kg * bench.scene.gravity_mps2,
                     inertia_kgm2=np.array(vehicle.inertia_kgm2),
-                    effectiveness=vehicle.effectiveness[2:],
+                    effectiveness=multirotor.effectiveness(vehicle)[2:],
                 )
                 / most_n
             )

@@ -25,7 +25,7 @@ from hil.run.recorder.mcap.mcap_file import COMMON_TOPICS
 from hil.run.recorder.mcap.mcap_sink import EventSeries, MavlinkSeries
 from signals.detections import Detections
 from signals.samples import FRAME_SAMPLES, ActuatorFrame, ImageSample, Sample, TruthState
-from sim.physics.vehicle import BatteryState
+from sim.physics.battery import BatteryState
 from sim.sensors.catalog import KINDS
 
 COMPRESSED = "/compressed"

@@ -90,6 +90,7 @@ class FoxgloveServer:
         self._defect = ""
         self._thread: threading.Thread | None = None
         self._steady_W_mps: Vec3 = (0.0, 0.0, 0.0)
+        self._say: Callable[[str, str], None] = lambda *_: None
 
     def vehicle(self, name: str) -> FollowedVehicle:
         """Return the vehicle of that name; empty in a run of one."""
@@ -109,6 +110,7 @@ class FoxgloveServer:
         # Made before the run confines itself to one processor, so that it has all of them.
         self._thread = threading.Thread(target=self._work, name="foxglove", daemon=True)
         self._thread.start()
+        self._say = run.say
         run.say("foxglove", f"open {self._server.address} in Foxglove{self._warning()}")
 
     def _warning(self) -> str:
@@ -172,6 +174,8 @@ class FoxgloveServer:
             # A late update does not delay the updates after it.
             self._update_ns = max(self._update_ns + self._period_ns, now_ns + self._period_ns // 2)
             self._update()
+            for text in self._server.refusals():
+                self._say("foxglove", text)
 
     def _show(self) -> None:
         """Tell the clients pace, pause and wind as they are now."""

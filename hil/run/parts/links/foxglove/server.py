@@ -13,10 +13,12 @@ from contextlib import suppress
 from types import ModuleType
 from typing import Any
 
+from firmware_bridge.transports.loopback_host import is_loopback
 from hil.config.schema import Foxglove
+from hil.run.parts.links.foxglove.gate import Gate, inner_addresses
 from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX, schema_text
 from hil.run.recorder.mcap.mcap_file import Block
-from signals.errors import ConfigError, LinkError, PortBusy, PortNotFound, Problem
+from signals.errors import ConfigError, LinkError, Problem
 
 INSTALL = "pip install 'hil-bench[foxglove]'"
 _STOP_S = 2.0  # longest wait for the server at the end
@@ -45,6 +47,7 @@ class LiveServer:
         self.sdk: Any = installed_sdk()
         self._context: Any = self.sdk.Context()
         self._server: Any = None
+        self._gate: Gate | None = None
         self._channels: dict[str, Any] = {}
         self._blocks: list[Any] = []  # channel of each number given to a series of the recorder
         # Topic -> key -> newest message: for late subscribers, of the scene, mounts of sensors and the plan.
@@ -62,28 +65,42 @@ class LiveServer:
         """
         sdk = self.sdk
         kinds = sdk.websocket.Capability
-        settings = self._settings
-        try:
-            self._server = sdk.start_server(
-                name=name,
-                host=settings.host,
-                port=settings.port,
-                capabilities=[getattr(kinds, each) for each in capabilities],
-                server_listener=listener,
-                supported_encodings=["json"],
-                services=list(services) or None,
-                context=self._context,
-                playback_time_range=None if end_ns is None else (0, end_ns),
-                message_backlog_size=_BACKLOG,
-            )
-        except RuntimeError as error:
-            raise _port_error(f"{settings.host}:{settings.port}", str(error)) from error
+        host, port = self._settings.host, self._settings.port
+        assert port is not None  # without it nothing is served
+        gate = Gate(host, port, loopback_only=is_loopback(host), sites=self._settings.origins)
+        reason: Exception | None = None
+        for inner in inner_addresses():
+            try:
+                self._server = sdk.start_server(
+                    name=name,
+                    host=inner[0],
+                    port=inner[1],
+                    capabilities=[getattr(kinds, each) for each in capabilities],
+                    server_listener=listener,
+                    supported_encodings=["json"],
+                    services=list(services) or None,
+                    context=self._context,
+                    playback_time_range=None if end_ns is None else (0, end_ns),
+                    message_backlog_size=_BACKLOG,
+                )
+            except RuntimeError as error:  # of the port
+                reason = error
+                continue
+            self._gate = gate
+            gate.start(inner)
+            return
+        gate.close(0.0)
+        raise LinkError("Foxglove's server", f"has no address behind its gate: {reason}") from reason
 
     @property
     def address(self) -> str:
         """Address for Foxglove's dialog "Open connection"."""
         host = self._settings.host
-        return f"ws://{f'[{host}]' if ':' in host else host}:{self._server.port}"
+        return f"ws://{f'[{host}]' if ':' in host else host}:{self._gate.port if self._gate else 0}"
+
+    def refusals(self) -> list[str]:
+        """Return what the gate has refused since the last call, for people."""
+        return [self._gate.refusals.popleft() for _ in range(len(self._gate.refusals))] if self._gate else []
 
     @property
     def serves(self) -> bool:
@@ -98,6 +115,8 @@ class LiveServer:
             stopping = threading.Thread(target=_stop, args=(server,), name="foxglove stop", daemon=True)
             stopping.start()
             stopping.join(_STOP_S)
+        if self._gate is not None:
+            self._gate.close(_STOP_S)
 
     # -- messages ---------------------------------------------------------------------------------------------------
 
@@ -176,10 +195,3 @@ class LiveServer:
 def _stop(server: Any) -> None:
     with suppress(Exception):  # a run's end is not an error of the run
         server.stop()
-
-
-def _port_error(name: str, reason: str) -> LinkError:
-    if "in use" in reason:
-        return PortBusy(name, "Foxglove's server cannot listen there: another program does; set foxglove.port")
-    reason = reason.rpartition("Failed to bind port: ")[2]
-    return PortNotFound(name, f"Foxglove's server cannot listen there ({reason}); set foxglove.host and foxglove.port")

@@ -23,7 +23,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, has_free_port
+from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, has_free_port, receive_on
 from hil.run.parts.links.ros2.dds_types import GRAPH_HASH, Gid, NodeEntitiesInfo, ParticipantEntitiesInfo, dds_type
 from hil.run.parts.links.ros2.sender import Sender
 from hil.run.parts.links.ros2.type_hash import type_hash
@@ -33,6 +33,7 @@ _BUSY = (
     "ros2.domain {domain} has no free ports: other programs have all "
     f"{MAX_PARTICIPANTS} of this machine; end some, or take another domain"
 )
+LOOPBACK = "lo"
 _MOST_TAKEN = 64  # messages of one subscription in one tick
 _UNBLOCKED = duration(milliseconds=100)
 # On the loopback interface there is no multicast, so participants are looked for at the ports of this machine. The
@@ -90,6 +91,7 @@ class _Domains:
 
     def __init__(self) -> None:
         self._domains: dict[int, tuple[Domain, str | None, int]] = {}
+        self.unconfined: dict[int, str] = {}  # why other machines reach the ports of a domain on loopback
         self.clock_ns: dict[int, int] = {}  # newest time that a node of this process has sent, by domain
 
     def enter(self, number: int, interface: str | None) -> None:
@@ -109,6 +111,11 @@ class _Domains:
                     raise Ros2Error(_BUSY.format(domain=number)) from error
                 where = "as CYCLONEDDS_URI says" if interface is None else f"on the interface {interface}"
                 raise Ros2Error(f"ros2.domain {number} cannot be opened {where}: {error}") from error
+            if interface == LOOPBACK:
+                try:
+                    receive_on(LOOPBACK, number)
+                except OSError as error:
+                    self.unconfined[number] = error.strerror or str(error)
         self._domains[number] = (domain, interface, users + 1)
 
     def leave(self, number: int) -> None:
@@ -119,6 +126,7 @@ class _Domains:
             return
         del self._domains[number]
         self.clock_ns.pop(number, None)
+        self.unconfined.pop(number, None)
         domain.__del__()
 
 
@@ -127,7 +135,7 @@ def _config(interface: str) -> str:
     if interface not in names:
         known = ", ".join(names)
         raise Ros2Error(f"ros2.interface: this machine has no network interface {interface!r} (it has {known})")
-    loopback = interface == "lo"
+    loopback = interface == LOOPBACK
     return _CONFIG.format(
         interface=interface,
         general=_LOOPBACK_GENERAL if loopback else "",
@@ -208,6 +216,7 @@ class Node:
             _DOMAINS.leave(domain)
             raise Ros2Error(f"ros2.domain {domain} cannot be joined: {error}") from error
         self._open = True
+        self.unconfined = _DOMAINS.unconfined.get(domain, "")  # why other machines reach its ports, on loopback
         self.sender = Sender()
         graph = Topic(self.participant, "ros_discovery_info", ParticipantEntitiesInfo)
         self._graph = DataWriter(self.participant, graph, _qos(Profile(1, transient_local=True), GRAPH_HASH))

@@ -110,9 +110,16 @@ class Ros2Part(Part):
                 grid_ns=grid_ns(self._bench),
                 needs_estimator=needs_estimator(self._bench),
                 on_event=run.recorder.event,
+                may_arm=run.may_arm,
             )
 
     def begin(self, run: RunContext) -> None:
+        if self._node.unconfined:
+            run.say(
+                "ros2",
+                "warning: other machines reach the UDP ports of this node, because this system does not confine them "
+                f"to the loopback interface ({self._node.unconfined}); use a firewall",
+            )
         if self._awaited:
             run.say("ros2", f"waiting for subscribers of {', '.join(self._settings.wait_for)}")
             for publisher in self._awaited:

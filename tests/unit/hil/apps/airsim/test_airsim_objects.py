@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from hil.apps.airsim.world.objects import present_world, registry
+from hil.apps.airsim.world.objects import present_world, registry, voxel_grid
 from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
 from sim.scene.placed.worlds import limit_mesh_cache
@@ -295,9 +296,65 @@ def test_far_changes_cost_a_vehicle_nothing_until_it_comes_near(client: Client, 
     assert name in world.scene.file.cache["world"].instance_names
 
 
-def test_a_voxel_grid_holds_the_ground_and_what_stands_on_it(client: Client, tmp_path: Path) -> None:
+@pytest.fixture
+def files(blocks: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the files that clients have written."""
+    folder = tmp_path / "files"
+    monkeypatch.setattr(blocks.simulation.files, "folder", lambda: folder)
+    return folder
+
+
+GRID = ("simCreateVoxelGrid", vector(0.0, 0.0, 0.0), 2, 2, 2, 1.0)
+
+
+def test_clients_have_files_written_below_one_folder(client: Client, files: Path) -> None:
+    for name in ("new.binvox", str(files / "own.BINVOX"), "../files/new.binvox"):
+        assert client.call(*GRID, name) is True
+    (files / "inside").mkdir()
+    (files / "link").symlink_to(files / "inside")
+    assert client.call(*GRID, "link/third.binvox") is True
+    written = sorted(str(path.relative_to(files)) for path in files.rglob("*.*"))
+    assert written == ["inside/third.binvox", "new.binvox", "own.BINVOX"]
+
+
+def test_no_other_file_is_written(client: Client, files: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "outside.binvox"
+    outside.write_text("mine")
+    files.mkdir()
+    (files / "link.binvox").symlink_to(outside)
+    (files / "new_link.binvox").symlink_to(tmp_path / "new.binvox")
+    (files / "hard.binvox").hardlink_to(outside)
+    (files / "elsewhere").symlink_to(tmp_path)
+    (files / "folder.binvox").mkdir()
+    os.mkfifo(files / "pipe.binvox")
+    before = sorted(tmp_path.rglob("*"))
+    for name, told in (
+        (str(outside), f"written below {files} alone"),
+        ("../outside.binvox", "--files FOLDER"),
+        ("elsewhere/outside.binvox", "is elsewhere"),
+        ("/dev/null/a.binvox", "is elsewhere"),
+        ("link.binvox", "it is a link"),
+        ("new_link.binvox", "it is a link"),
+        ("hard.binvox", "it is a link"),
+        ("folder.binvox", "it is a link, a folder"),
+        ("pipe.binvox", "or a device"),
+        ("none/a.binvox", "there is no folder"),
+        ("a\0.binvox", "cannot be written"),
+        ("a" * 300 + ".binvox", "cannot be written"),
+    ):
+        with pytest.raises(RpcFailed, match="simCreateVoxelGrid") as refused:
+            client.call(*GRID, name)
+        assert told in str(refused.value)
+    assert sorted(tmp_path.rglob("*")) == before
+    assert outside.read_text() == "mine"
+
+
+def test_a_voxel_grid_holds_the_ground_and_what_stands_on_it(
+    client: Client, files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(voxel_grid, "_LINES_AT_ONCE", 50)
     spawn(client, "spawned_cube", "Cube", pose(2.0, -3.0, -2.0), (2.0, 2.0, 2.0))
-    file = tmp_path / "map.binvox"
+    file = files / "map.binvox"
     assert client.call("simCreateVoxelGrid", vector(0.0, 0.0, -2.0), 12, 10, 8, 0.5, str(file)) is True
     header, _, data = file.read_bytes().partition(b"data\n")
     assert b"dim 24 16 20" in header

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hil.apps.airsim.rpc.arguments import Pose, Vector
-from hil.apps.airsim.rpc.connection import MOST_BYTES
+from hil.apps.airsim.rpc.framing import MOST_BYTES
 from hil.apps.airsim.rpc.packing import Double, pack
 from tests.worlds.airsim_server import Client, RpcFailed, Served, served
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.apps.airsim import simulation
 from hil.apps.airsim.settings.sensors import Lidar
 from hil.apps.airsim.world.sensors.lidar import in_view, with_range_noise
 from sim.physics.vehicle import load_vehicle
@@ -178,6 +179,15 @@ def test_a_client_may_add_a_vehicle() -> None:
         assert position(client, "Near") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert xyz(client.call("simGetVehiclePose", "Near")["position"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert not client.call("simGetCollisionInfo", "Near")["has_collided"]
+
+
+def test_there_is_a_limit_of_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(simulation, "MOST_VEHICLES", 2)
+    with served() as world:
+        client = world.client()
+        assert client.call("simAddVehicle", "New", "simpleflight", pose(3.0, 1.0, 0.0), "") is True
+        with pytest.raises(RpcFailed, match="there are 2 vehicles, as many as there may be"):
+            client.call("simAddVehicle", "Third", "simpleflight", pose(9.0, 1.0, 0.0), "")
 
 
 def test_a_vehicle_stands_on_the_ground_below_its_start() -> None:

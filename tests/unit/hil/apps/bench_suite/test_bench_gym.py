@@ -22,6 +22,7 @@ from hil.apps.bench_suite.gym.peers import (
 from hil.apps.bench_suite.gym.simulators.hil_simulator import Simulator as OwnSimulator
 from hil.apps.bench_suite.gym.simulators.manoeuvre import SECONDS, decisions, greatest_error_m, solve, thrusts_n, wanted
 from signals.errors import ConfigError
+from sim.physics import multirotor
 from sim.physics.vehicle import load_vehicle
 
 
@@ -31,7 +32,7 @@ def measured(simulator: Simulator, step_s: float, error_m: float, decision_s: fl
 
 def test_thrusts_give_the_wanted_accelerations() -> None:
     vehicle = load_vehicle("x500")
-    effectiveness, inertia = vehicle.effectiveness[2:], np.array(vehicle.inertia_kgm2)
+    effectiveness, inertia = multirotor.effectiveness(vehicle)[2:], np.array(vehicle.inertia_kgm2)
     weight_n = 9.81 * vehicle.mass_kg
     for t in decisions(0.1):
         thrusts = thrusts_n(t, weight_n=weight_n, inertia_kgm2=inertia, effectiveness=effectiveness)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from io import StringIO
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
 from hil.apps.bench_suite import suite
-from hil.apps.bench_suite.result import BenchmarkResult
+from hil.apps.bench_suite.result import BenchmarkResult, Check, Row
 from signals.errors import ConfigError
 
 
@@ -22,4 +25,75 @@ def test_a_part_that_was_not_run_is_not_blamed_on_quick() -> None:
 
 def test_an_unknown_benchmark_names_the_known_ones() -> None:
     with pytest.raises(ConfigError, match="use one of: airsim, dash"):
-        suite.run_benchmark("nonsense", json=None, quick=True, console=Console(quiet=True))
+        suite.run_benchmarks("nonsense", json=None, quick=True, console=Console(quiet=True))
+
+
+ROW = Row("case", "method", 1.0, "m", 1.0)
+SLOW = Check("time", 9.0, "<=", 1.0, "s", "speed")
+EXACT = Check("error", 0.0, "<=", 1.0, "m")
+WRONG = Check("error", 2.0, "<=", 1.0, "m")
+
+
+@pytest.fixture
+def benchmarks(monkeypatch: pytest.MonkeyPatch) -> dict[str, SimpleNamespace]:
+    """Benchmarks that a test defines: modules by name, in place of the real ones."""
+    modules: dict[str, SimpleNamespace] = {}
+    monkeypatch.setattr(suite, "import_module", modules.__getitem__)
+    monkeypatch.setattr(suite, "BENCHMARKS", {name: (name, "") for name in ("one", "two")})
+    return modules
+
+
+def with_checks(*checks: Check) -> SimpleNamespace:
+    return SimpleNamespace(measure=lambda quick, status: BenchmarkResult([ROW], list(checks)))
+
+
+def run(name: str, *, errors_only: bool, out: Path | None = None, without: tuple[str, ...] = ()) -> tuple[bool, str]:
+    console = Console(width=120, record=True, file=StringIO())
+    met = suite.run_benchmarks(name, json=out, quick=True, console=console, errors_only=errors_only, without=without)
+    return met, console.export_text()
+
+
+def test_a_slow_machine_fails_no_check_of_error(benchmarks: dict[str, SimpleNamespace], tmp_path: Path) -> None:
+    benchmarks["one"] = with_checks(SLOW, EXACT)
+    assert not run("one", errors_only=False)[0]
+    met, text = run("one", errors_only=True, out=tmp_path / "one.json")
+    assert met
+    assert "left out: checks of speed" in text
+    (check,) = json.loads((tmp_path / "one.json").read_text())["checks"]
+    assert check == vars(EXACT) | {"ok": True}
+
+
+def test_errors_fail_wherever_they_are(benchmarks: dict[str, SimpleNamespace]) -> None:
+    benchmarks |= {"one": with_checks(WRONG), "two": with_checks(EXACT)}
+    assert not run("one", errors_only=True)[0]
+    assert not run("all", errors_only=True)[0]
+    benchmarks["one"] = with_checks(EXACT)
+    assert run("all", errors_only=True)[0]
+    benchmarks["one"] = with_checks(SLOW)
+    assert not run("one", errors_only=True)[0], "nothing was checked"
+
+
+def test_what_this_machine_cannot_run_is_named_and_left_out_of_all(benchmarks: dict[str, SimpleNamespace]) -> None:
+    benchmarks |= {"one": with_checks(WRONG), "two": with_checks(EXACT)}
+    benchmarks["one"].missing = lambda: "needs the package x"
+    met, text = run("all", errors_only=True)
+    assert met
+    assert "left out: needs the package x" in text
+    benchmarks["two"].missing = lambda: "needs the package y"
+    assert not run("all", errors_only=True)[0], "nothing was run"
+
+
+def test_what_is_left_out_by_name_is_named(benchmarks: dict[str, SimpleNamespace]) -> None:
+    benchmarks |= {"one": with_checks(WRONG), "two": with_checks(EXACT)}
+    met, text = run("all", errors_only=True, without=("one",))
+    assert met
+    assert "left out: --without" in text
+    with pytest.raises(ConfigError, match="no benchmark 'three'"):
+        run("all", errors_only=True, without=("three",))
+    with pytest.raises(ConfigError, match="'hil bench all' alone"):
+        run("two", errors_only=True, without=("one",))
+
+
+def test_all_has_no_file_of_its_own(benchmarks: dict[str, SimpleNamespace], tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="neither --json nor --set"):
+        run("all", errors_only=True, out=tmp_path / "all.json")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shlex
 import xml.etree.ElementTree as ET
@@ -163,6 +164,40 @@ def test_an_axis_named_like_a_measurement_has_the_column(tmp_path: Path) -> None
     cases = [Case("a", 0, {"gust_mps": "strong"}, outcome, ())]
     write_each(cases, csv_rows(tmp_path / "results.csv", ["gust_mps"], ["gust_mps"]))
     assert (tmp_path / "results.csv").read_text().splitlines()[1] == "a,PASS,strong,,,,"
+
+
+def test_a_spreadsheet_runs_no_cell(tmp_path: Path) -> None:
+    """Texts that begin as formulas do get an apostrophe; numbers stay numbers, also those given as text."""
+    formulas = ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(1)", "\t=1", "\r=1", "-", "+", "\uff1d1", "-inf", "-1e5x"]
+    plain = [
+        "a\r=1",
+        "-3",
+        "+4.5",
+        "-.5e-3",
+        "-1.",
+        "2",
+        "wind",
+        "",
+        "a=1",
+        "'quoted",
+        -7,
+        -2.5e-9,
+        None,
+        True,
+        [-1, 2],
+    ]
+    axes = {f"=axis{number}": value for number, value in enumerate([*formulas, *plain])}
+    error = Outcome("ERROR", error_type="=HYPERLINK(1)", limits=(Limit("@name", -1.0, None, "m", None),))
+    write_each([Case("a", 0, axes, error, ())], csv_rows(tmp_path / "results.csv", axes, ["@name"]))
+    with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as file:
+        header, row = csv.reader(file)
+    cells = dict(zip(header, row, strict=True))
+    assert [cells[f"'=axis{number}"] for number in range(len(formulas))] == [
+        "'" + text.replace("\r", "\n") for text in formulas
+    ]
+    texts = ["a\n=1", *map(str, plain[1:-3]), "", "true", "[-1, 2]"]
+    assert [cells[f"'=axis{number + len(formulas)}"] for number in range(len(plain))] == texts
+    assert (cells["reason"], cells["'@name"]) == ("'=HYPERLINK(1)", "-1.0")
 
 
 def test_junit_is_xml_whatever_an_error_says(tmp_path: Path) -> None:

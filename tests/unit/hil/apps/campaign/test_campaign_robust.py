@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import resource
+import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
 from collections import deque
+from contextlib import suppress
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 from rich.console import Console
 
-from hil.apps.campaign import command
+from hil.apps.campaign import command, flight
 from hil.apps.campaign.campaign import Campaign, Progress
 from hil.apps.campaign.command import CampaignOptions, run_campaign
+from hil.apps.campaign.engines import local
 from hil.apps.campaign.engines.engine import Done
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.engines.numbers import FlightNumber
@@ -27,7 +32,7 @@ from hil.apps.campaign.flight import Job, Outcome
 from hil.apps.campaign.spec.campaign_file import Stop, load_campaign
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Store
-from signals.errors import ConfigError, RecordingError
+from signals.errors import ConfigError, OutOfFiles, RecordingError
 
 HEAD = """
 settings: {mission: rigs/missions/short.waypoints, autopilot: {transport: loopback}, wind: {steady_W_mps: [0, 0, 0]}}
@@ -165,7 +170,7 @@ def test_two_campaigns_in_one_folder(tmp_path: Path, engine: FakeEngine) -> None
         engine.wait = first  # type: ignore[method-assign]
         with pytest.raises(RecordingError, match="another run is writing here"):
             campaign(tmp_path, "axes: {seed: [1, 2]}", resume=True)
-        with pytest.raises(RecordingError, match="--resume"):
+        with pytest.raises(ConfigError, match="--resume"):
             campaign(tmp_path, "axes: {seed: [1, 2]}")
         return first(timeout_s)
 
@@ -177,7 +182,7 @@ def test_another_file_does_not_continue_a_campaign(tmp_path: Path, engine: FakeE
     assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
     other = tmp_path / "other.yaml"
     other.write_text(HEAD + "axes: {seed: [3]}")
-    with pytest.raises(RecordingError, match=r"holds 'c', and this is 'other': .*--out"):
+    with pytest.raises(ConfigError, match=r"holds 'c', and this is 'other': .*--out"):
         run_campaign(other, CampaignOptions(out=tmp_path / "out", resume=True, quiet=True), Console(quiet=True))
     assert summary(tmp_path)["cases"] == 2
     assert campaign(tmp_path, "axes: {seed: [2, 3]}", resume=True) == 0
@@ -196,6 +201,57 @@ def test_a_folder_that_cannot_be_used(tmp_path: Path, engine: FakeEngine) -> Non
         database.execute("PRAGMA user_version = 7")
     with pytest.raises(RecordingError, match="is of version 7"):
         campaign(tmp_path, "axes: {seed: [1]}", resume=True)
+
+
+DAMAGED_JSON = [
+    *("", "{", "null", "[]", "7", '"text"', "{}", "nan", "[" * 100_000, "\ufeff{}", "{'status': 'PASS'}"),
+    *('{"status": "PASS"}', '{"status": "PASS", "limits": 1}', '{"status": "PASS", "limits": [1]}'),
+    *('{"status": "PASS", "limits": [{}]}', '{"status": 1}', '{"more": 1}', "\x00", '{"status": "FAIL"}}'),
+]
+
+
+def test_a_damaged_result_is_told_and_nothing_is_lost(tmp_path: Path, engine: FakeEngine) -> None:
+    assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
+    out = tmp_path / "out"
+    whole = (out / "campaign.sqlite").read_bytes()
+    for number, (text, column) in enumerate(product(DAMAGED_JSON, ("outcome", "texts", "status", "id"))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "campaign.sqlite").write_bytes(whole)
+        with sqlite3.connect(folder / "campaign.sqlite") as database:
+            database.execute(f"UPDATE flown SET {column} = ? WHERE rowid = 1", (text,))
+        database.close()
+        with pytest.raises(RecordingError, match=r"campaign.sqlite: is damaged .*use another --out"):
+            Store(folder)
+    shutil.copy(folder / "campaign.sqlite", out)
+    before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    with pytest.raises(RecordingError, match=r"campaign.sqlite: is damaged .*use another --out"):
+        campaign(tmp_path, "axes: {seed: [1, 2, 3]}", resume=True)
+    assert {name: (out / name).read_bytes() for name in before} == before
+    assert sum(engine.seen.values()) == 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_flipped_bit_never_changes_a_table(tmp_path: Path, engine: FakeEngine, seed: int) -> None:
+    assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
+    out, numbers = tmp_path / "out", random.Random(seed)
+    table, data = (out / "results.csv").read_bytes(), bytearray((out / "campaign.sqlite").read_bytes())
+    data[numbers.choice([at for at, byte in enumerate(data) if byte])] ^= 1 << numbers.randrange(8)
+    (out / "campaign.sqlite").write_bytes(data)
+    with suppress(RecordingError):
+        assert campaign(tmp_path, "axes: {seed: [1, 2]}", resume=True) == 0
+    assert (out / "results.csv").read_bytes() == table
+
+
+def test_results_through_a_link_are_refused(tmp_path: Path, engine: FakeEngine) -> None:
+    assert campaign(tmp_path, "axes: {seed: [1]}") == 0
+    mine, other = tmp_path / "out" / "campaign.sqlite", tmp_path / "other"
+    mine.rename(other)
+    before = other.read_bytes()
+    mine.symlink_to(other)
+    with pytest.raises(RecordingError, match=r"campaign.sqlite: is a link, not a file of its own"):
+        campaign(tmp_path, "axes: {seed: [2]}", resume=True)
+    assert other.read_bytes() == before
 
 
 def test_a_disk_that_fills_keeps_what_was_stored(tmp_path: Path, engine: FakeEngine) -> None:
@@ -272,6 +328,58 @@ def test_a_ray_that_is_missing_or_cannot_be_reached(tmp_path: Path, monkeypatch:
     with pytest.raises(RecordingError, match=r"no Ray cluster answers at 127\.0\.0\.1:1 "):
         campaign(tmp_path, "axes: {seed: [1]}", engine="ray", address="127.0.0.1:1")
     assert not (tmp_path / "out").exists()
+
+
+def test_workers_get_their_descriptors_or_say_what_they_need() -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (150, hard))
+        LocalEngine(40).close()
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] >= 180, "the limit is raised where that is allowed"
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(local.resource, "getrlimit", lambda _: (64, 64))
+        patch.setattr(local.resource, "setrlimit", _not_allowed)
+        with pytest.raises(OutOfFiles, match="40 workers need 180 file descriptors, the limit is 64: use fewer"):
+            LocalEngine(40)
+
+
+def _not_allowed(*_: object) -> None:
+    raise ValueError("not allowed to raise maximum limit")
+
+
+@pytest.mark.parametrize("error", [EOFError(), OSError(24, "Too many open files")])
+def test_a_worker_that_cannot_be_started_is_told(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def start(_: object) -> None:
+        raise error
+
+    engine = LocalEngine(1)
+    monkeypatch.setattr(engine._context.Process, "start", start)
+    try:
+        with pytest.raises(RecordingError, match=r"worker \d+ cannot be started \(.*\): use fewer --workers.*--resume"):
+            engine.submit(Job("a", None, (), "run"))
+    finally:
+        engine.close()
+
+
+@pytest.mark.parametrize(
+    ("error", "kind"),
+    [
+        (MemoryError(), "OutOfMemory"),
+        (ImportError("x.so: failed to map segment"), "OutOfMemory"),
+        (KeyError(), "KeyError"),
+    ],
+)
+def test_a_flight_without_memory_is_an_error_of_that_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, kind: str
+) -> None:
+    def flown(*_: object) -> Outcome:
+        raise error
+
+    monkeypatch.setattr(flight, "_flown", flown)
+    outcome = flight.fly(Job("a", None, (), str(tmp_path / "run")))
+    assert (outcome.status, outcome.error_type) == ("ERROR", kind)
 
 
 SHORT = ("mission=rigs/missions/short.waypoints", "autopilot.transport=loopback", "duration_s=60")

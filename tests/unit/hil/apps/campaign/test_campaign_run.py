@@ -17,7 +17,7 @@ from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.identity import case_id
 from hil.apps.campaign.store import Store
 from hil.config import load_bench
-from signals.errors import ConfigError, RecordingError
+from signals.errors import ConfigError
 
 # One flight passes, one ends as FAIL: 8 s are too short for the mission.
 SPEC = """
@@ -63,7 +63,7 @@ def test_one_table_for_any_number_of_workers_and_nothing_flown_twice(spec: Path,
     assert summary["pass_rate"] == pytest.approx([0.0945, 0.5, 0.9055], abs=1e-4)  # Wilson, 1 of 2
     assert summary["flown"] == 4, "each case is flown twice: recheck is 1"
 
-    with pytest.raises(RecordingError, match="--resume"):
+    with pytest.raises(ConfigError, match="--resume"):
         fly(spec, one)
     before = (one / "results.csv").read_bytes()
     assert fly(spec, one, resume=True) == 1
@@ -85,7 +85,7 @@ def test_a_digest_that_differs_is_a_flake(spec: Path, tmp_path: Path) -> None:
         outcome = store.outcome(row["case"])
         assert outcome is not None
         store.put(row["case"], replace(outcome, digest="0" * 64), ())
-        store._do("DELETE FROM checked")
+        store._db.do("DELETE FROM checked")
     assert fly(spec, out, resume=True) == 1
     (row,) = rows(out)
     assert row["status"] == "FLAKE"

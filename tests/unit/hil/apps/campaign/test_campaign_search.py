@@ -18,7 +18,7 @@ from hil.apps.campaign.find.search import objective
 from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.store import Store
 from hil.config import Bench
-from signals.errors import ConfigError, RecordingError
+from signals.errors import ConfigError, HilError
 from tests.worlds.oracle_engine import OracleEngine, failure
 
 SPEC = """
@@ -81,9 +81,9 @@ def test_the_same_search_for_any_number_of_workers(spec: Path, tmp_path: Path, e
         assert found.axes["wind.steady_W_mps.0"] > 5.9
         assert found.axes["seed"] in (5, 6, 7)
 
-    with pytest.raises(RecordingError, match="--resume"):
+    with pytest.raises(ConfigError, match="--resume"):
         search(spec, tmp_path / "1", trials=60)
-    with pytest.raises(RecordingError, match="holds 'small-search', and this is 'small'"):
+    with pytest.raises(ConfigError, match="holds 'small-search', and this is 'small'"):
         run_campaign(spec, CampaignOptions(out=tmp_path / "1", resume=True, quiet=True), Console(quiet=True))
     assert search(spec, tmp_path / "1", workers=1, trials=60, seed=2, resume=True) == 1
     assert not engine[-1].flown, "nothing is flown twice"
@@ -131,7 +131,7 @@ def test_objective() -> None:
 def test_a_bench_that_always_breaks_ends_the_search(spec: Path, tmp_path: Path, monkeypatch: Any) -> None:
     broken = OracleEngine(lambda _: Outcome("ERROR", error_type="LockstepLost", error="no answer"), 2)
     monkeypatch.setattr(command, "LocalEngine", lambda *_, **__: broken)
-    with pytest.raises(ConfigError, match="all 8 flights of a batch are an ERROR, the first: LockstepLost: no answer"):
+    with pytest.raises(HilError, match="all 8 flights of a batch are an ERROR, the first: LockstepLost: no answer"):
         search(spec, tmp_path / "out", trials=100)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import hashlib
 import json
 import os
@@ -22,6 +23,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from hil.apps.dataset.engines import local
 from hil.apps.dataset.engines.jobs import Job, JobResult
 from hil.apps.dataset.engines.local import LocalWorkers
 from hil.apps.dataset.formats.datasheet import LIMITS
@@ -161,6 +163,24 @@ def test_a_disk_that_fails_to_sync_is_reported(plan: DatasetPlan, tmp_path: Path
     options = replace(inline(), make_checkpoints=partial(Checkpoints, period_s=0.0, sync=broken))
     with pytest.raises(RecordingError, match="the disk is gone"):
         make_dataset(replace(plan, frames=11), tmp_path / "set", options)
+
+
+def test_without_shared_memory_a_data_set_can_be_resumed(
+    plan: DatasetPlan, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A read-only /dev/shm has no place for the pool's semaphores."""
+
+    def refused(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    frozen = gc.get_freeze_count()
+    with monkeypatch.context() as patch:
+        patch.setattr(local, "ProcessPoolExecutor", refused)
+        with pytest.raises(RecordingError, match=r"cannot be started \(Read-only file system\).*/dev/shm"):
+            make_dataset(plan, tmp_path / "set", MakeOptions(workers=2, quiet=True))
+    assert gc.get_freeze_count() == frozen, "nothing is kept from being freed at exit"
+    make_dataset(plan, tmp_path / "set", inline(resume=True))
+    assert tree_of(tmp_path / "set") == tree_of(whole)
 
 
 class KilledWorker:

@@ -5,6 +5,8 @@ Needs PyTorch, which nothing else of the suite does.
 
 from __future__ import annotations
 
+import random
+import resource
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ torch = pytest.importorskip("torch")
 
 from hil.apps.detect.pictures import Picture, read_data_sets  # noqa: E402
 from hil.config.companion.clients import make_client_importable  # noqa: E402
-from signals.errors import ConfigError  # noqa: E402
+from signals.errors import ConfigError, RecordingError  # noqa: E402
 from tests.worlds.labelled_pictures import some_objects, write_data_set  # noqa: E402
 
 make_client_importable()
@@ -45,6 +47,49 @@ def _run(training: train.Training) -> list[train.Epoch]:
     epochs: list[train.Epoch] = []
     training.run(on_step=lambda *_: None, on_epoch=epochs.append)
     return epochs
+
+
+def test_a_damaged_checkpoint_is_told(pictures: list[Picture], tmp_path: Path) -> None:
+    """PyTorch reads a checkpoint with a flipped bit as one with other weights."""
+    training = train.Training(pictures, [], train.Settings(**{**QUICK, "epochs": 1}), out=tmp_path)
+    _run(training)
+    path, numbers = tmp_path / train.CHECKPOINT, random.Random(1)
+    whole = path.read_bytes()
+    digest, told = training.weights_digest(), 0
+    for _ in range(12):
+        data = bytearray(whole)
+        data[numbers.randrange(len(data))] ^= 1 << numbers.randrange(8)
+        path.write_bytes(data)
+        try:
+            assert training.resume()
+        except ConfigError:
+            told += 1
+        assert training.weights_digest() == digest
+    assert told > 6
+    for damaged in (b"", whole[: len(whole) // 2]):
+        path.write_bytes(damaged)
+        with pytest.raises(ConfigError, match=r"last\.pt: is no file of PyTorch weights"):
+            training.resume()
+    other = tmp_path / "other"
+    other.write_bytes(whole)
+    path.unlink()
+    path.symlink_to(other)
+    with pytest.raises(RecordingError, match="is a link, not a file of its own"):
+        training.resume()
+
+
+def test_a_full_disk_keeps_the_checkpoint(pictures: list[Picture], tmp_path: Path) -> None:
+    training = train.Training(pictures, [], train.Settings(**QUICK), out=tmp_path)
+    training._store_checkpoint()
+    before = (tmp_path / train.CHECKPOINT).read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+    try:
+        with pytest.raises(RecordingError, match=r"last\.pt: cannot be written .*continue with --resume"):
+            training._store_checkpoint()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (tmp_path / train.CHECKPOINT).read_bytes() == before
 
 
 def test_the_same_seed_gives_the_same_weights_and_a_stop_changes_nothing(

@@ -188,6 +188,58 @@ def test_an_empty_script_or_one_that_waits_for_a_plan_it_lacks_is_refused() -> N
     assert read_script(Path("x.yaml")).name_of(0) == "x.yaml:2: arm"
 
 
+@pytest.mark.parametrize(
+    ("script", "problem"),
+    [
+        (
+            "outcome: crashed\nlimits: {landing_speed_mps: 9}\n",
+            "flight.yaml:4: limits.landing_speed_mps is not judged with",
+        ),
+        ("expect:\n  - {measure: max_tilt_deg, name: final_error_m}\n", "as a limit of every flight"),
+    ],
+)
+def test_what_would_not_be_judged_is_refused(script: str, problem: str) -> None:
+    (found,) = refused("plan: square.waypoints\nactions: []\n" + script)
+    assert problem in found
+
+
+def test_a_script_cannot_expect_a_crash_that_the_bench_does_not_judge() -> None:
+    with pytest.raises(ConfigError, match=r"flight.yaml:2: outcome expects a crash.*crash: null"):
+        load("plan: square.waypoints\noutcome: crashed\n", settings=["crash=null"])
+
+
+# A rotor stops in the air. Nothing but the crash is judged.
+FALL = """plan: square.waypoints
+outcome: {outcome}
+actions:
+  - {{at_s: {at_s}, fault: {{rotor: 0, kind: stuck, speed_radps: 0}}}}
+"""
+NO_LIMITS = """limits: {max_cross_track_m: null, final_error_m: null, altitude_error_m: null,
+  landing_speed_mps: null, landed_tilt_deg: null}
+"""
+
+
+@pytest.mark.parametrize(
+    ("outcome", "at_s", "status"),
+    [("any", 14, "FAIL"), ("aborted", 14, "FAIL"), ("complete", 14, "FAIL"), ("crashed", 14, "PASS")],
+)
+def test_a_crash_fails_the_flight_unless_its_script_wants_it(outcome: str, at_s: float, status: str) -> None:
+    result = fly(FALL.format(outcome=outcome, at_s=at_s) + ("" if outcome == "crashed" else NO_LIMITS))
+    assert result.status == status, result.run["verdict"]
+    reasons = result.run["verdict"]["reasons"]
+    if outcome == "crashed":
+        assert reasons == []
+        assert next(row["value"] for row in result.run["verdict"]["rows"] if row["name"] == "crashed_after_s") > 14.0
+    else:
+        assert reasons[0].startswith("crashed: ")
+
+
+def test_a_crash_that_the_script_wants_and_that_does_not_come_is_a_fail() -> None:
+    result = fly(HOP + "  - {after: takeoff, delay_s: 1, set_mode: LAND}\noutcome: crashed\n")
+    assert result.status == "FAIL"
+    assert result.run["verdict"]["reasons"] == ["the flight ended without the crash that its script expects"]
+
+
 def test_events_of_a_flight() -> None:
     assert parse_event("waypoint 3") == ("waypoint", 3, "")
     assert parse_event("mode AUTO") == ("mode", 0, "MISSION")

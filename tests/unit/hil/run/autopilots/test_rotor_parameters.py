@@ -18,6 +18,7 @@ from hil.run.autopilots.rotor_parameters import (
     mock_parameters,
     px4_parameters,
 )
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from tests.reference.ekf_reference import parameters
 from tests.worlds.tilted_rotors import tilted
@@ -45,7 +46,7 @@ def test_allocation_reproduces_a_demanded_wrench(name: str) -> None:
         assert (tilt, turn) == (1.0, 1.0)
         u = np.array(commands)
         share = c.thrust_model_factor * u**2 + (1.0 - c.thrust_model_factor) * u
-        _, _, lift_n, *torque_nm = vehicle.effectiveness @ (share * strongest_n)
+        _, _, lift_n, *torque_nm = multirotor.effectiveness(vehicle) @ (share * strongest_n)
         demand = [roll * full.roll_nm, -pitch * full.pitch_nm, -yaw * full.yaw_nm]
         assert torque_nm == pytest.approx(demand, abs=2e-5 * full.roll_nm)
         assert lift_n == pytest.approx(thrust * full.thrust_n, rel=1e-5)

@@ -9,8 +9,8 @@ import pytest
 from hil.run.loop.restartable_physics import RestartablePhysics
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Wind
 
@@ -20,7 +20,7 @@ FULL = (0.8,) * 4
 
 def restartable(**settings: Any) -> RestartablePhysics:
     vehicle, scene = load_vehicle("x500"), load_scene("airfield")
-    return RestartablePhysics(lambda: QuadrotorPhysics(vehicle, scene, TICK_NS, **settings), tick_ns=TICK_NS)
+    return RestartablePhysics(lambda: VehiclePhysics(vehicle, scene, TICK_NS, **settings), tick_ns=TICK_NS)
 
 
 def fly(physics: RestartablePhysics, ticks: range) -> list[Any]:

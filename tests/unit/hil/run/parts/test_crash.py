@@ -14,7 +14,6 @@ from hil.config.missions.path import planned_path
 from hil.config.schema import Crash
 from hil.run.bench_run import run_bench
 from hil.run.parts.judges.crash import CrashPart
-from hil.run.verdict.verdict import UNJUDGED
 from signals.samples import TruthState
 
 TICK_NS = 4_000_000
@@ -66,7 +65,7 @@ class Judged:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        return self.part.verdict(UNJUDGED).reasons
+        return tuple(self.part.verdict().reasons)
 
 
 class _Start:

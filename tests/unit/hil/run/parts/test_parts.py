@@ -9,35 +9,45 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
+from hypothesis import given, strategies
 
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.part import Part, RunContext
 from hil.run.parts.catalog import parts_of
-from hil.run.verdict.verdict import UNJUDGED
+from hil.run.runs.vehicle_run import VehicleRun
+from hil.run.verdict.verdict import Row, Verdict
 from signals.errors import ConfigError
 
 ROOT = Path(__file__).resolve().parents[5]
 SHORT = ["autopilot.transport=loopback", "record.mcap=false", "record.tlog=false", "record.report=false"]
 BENCHES = {
     "default": ["duration_s=1"],
+    "parameters": ["autopilot.params.MPC_XY_P=0.9"],
     "companion": ["companion.clients=1", "companion.control=true"],
     "router and manual": ["router.gcs=udp:127.0.0.1:14550", "manual.device=keyboard"],
     "explore": [],
     "people_search": [],
+    "script": ["mission=rigs/missions/rectangle_gust.yaml"],
+    "suite": ["parts.test_suite.command=[suite.py]"],
+    "signing": ["autopilot.signing_key_file={folder}/signing.key"],
 }
 
 
-# A file beside the folders is a part that benches name in their section `parts`.
-FILES = {path.stem for path in (ROOT / "hil/run/parts").glob("*/[a-z]*.py")}
-EVERY_PART = pytest.mark.parametrize("name", sorted(FILES - {"script", "signing"}))
+# `test_suite`, a file beside the folders, is a part that benches name in their section `parts`.
+FILES = {path.stem for path in (ROOT / "hil/run/parts").glob("*/[a-z]*.py")} | {"test_suite"}
+EVERY_PART = pytest.mark.parametrize("name", sorted(FILES))
 
 
 @pytest.fixture(scope="module")
-def parts() -> dict[str, Part]:
+def parts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
     """Return one part of every name in the catalogue, from several benches."""
+    folder = tmp_path_factory.mktemp("keys")
+    (folder / "signing.key").write_text("ab" * 32)
+    (folder / "signing.key").chmod(0o600)
     found: dict[str, Part] = {}
-    for name, settings in BENCHES.items():
+    for name, texts in BENCHES.items():
+        settings = [text.format(folder=folder) for text in texts]
         rig = name if name in ("explore", "people_search") else None
         for part in parts_of(load_bench(ROOT / "rigs" / f"{rig}.yaml" if rig else None, settings=settings)):
             found.setdefault(part.name, part)
@@ -45,7 +55,7 @@ def parts() -> dict[str, Part]:
 
 
 def test_the_catalogue_is_covered_and_names_are_those_of_the_files(parts: dict[str, Part]) -> None:
-    assert set(parts) == FILES - {"script", "signing"}
+    assert set(parts) == FILES
 
 
 @EVERY_PART
@@ -54,7 +64,7 @@ def test_a_part_that_was_never_opened_still_answers_and_closes(parts: dict[str, 
     assert isinstance(dict(part.run_keys()), dict)
     assert all("what" in row for row in part.skipped(0))
     assert part.repeatable() in (True, False)
-    assert part.verdict(UNJUDGED).status in ("PASS", "FAIL")
+    assert part.verdict().status in ("PASS", "FAIL")
     part.close()
     part.close()
 
@@ -62,8 +72,77 @@ def test_a_part_that_was_never_opened_still_answers_and_closes(parts: dict[str, 
 @EVERY_PART
 def test_no_part_overrides_what_does_not_exist(parts: dict[str, Part], name: str) -> None:
     public = {method for method in vars(type(parts[name])) if not method.startswith("_")}
-    own = {"scene", "samples_due", "can_have_faults", "flying", "autopilot_signing", "link", "reached"}
+    own = {"scene", "samples_due", "can_have_faults", "flying", "autopilot_signing", "link", "reached", "step"}
     assert public - set(dir(Part)) <= own
+
+
+class Finds(Part):
+    """Part with a verdict of its own."""
+
+    def __init__(self, name: str, verdict: Verdict) -> None:
+        self.name, self._verdict = name, verdict
+
+    def verdict(self) -> Verdict:
+        return self._verdict
+
+
+@EVERY_PART
+def test_no_part_takes_away_what_another_has_found(parts: dict[str, Part], name: str, tmp_path: Path) -> None:
+    row = Row("a_row", 1.0, None, "m", True)
+    before = Finds("before", Verdict([row], ["an early reason"]))
+    after = Finds("after", Verdict(causes=["a late cause"]))
+    bench = load_bench(settings=SHORT)
+    verdict = VehicleRun(bench, tmp_path, [before, parts[name], after], quiet=True).mark_unfinished().run["verdict"]
+    assert verdict["reasons"][0] == "a late cause"
+    assert "an early reason" in verdict["reasons"]
+    assert verdict["rows"][0] == row.as_map()
+    own = parts[name].verdict()
+    assert verdict["rows"][1:] == [other.as_map() for other in own.rows]
+    assert set(own.reasons) < set(verdict["reasons"])
+
+
+ROWS = strategies.lists(
+    strategies.builds(
+        Row,
+        strategies.uuids().map(str),
+        strategies.none() | strategies.floats(),
+        strategies.none() | strategies.floats(),
+        strategies.just("m"),
+        strategies.booleans(),
+    ),
+    max_size=3,
+)
+TEXTS = strategies.lists(strategies.text(max_size=3), max_size=3)
+VERDICTS = strategies.lists(strategies.builds(Verdict, ROWS, TEXTS, TEXTS), max_size=5)
+
+
+@given(VERDICTS)
+def test_verdicts_together_keep_every_row_and_reason(verdicts: list[Verdict]) -> None:
+    together = Verdict.together(verdicts)
+    assert list(together.rows) == [row for verdict in verdicts for row in verdict.rows]
+    assert set(together.reasons) == {reason for verdict in verdicts for reason in verdict.reasons}
+    causes = [cause for verdict in verdicts for cause in verdict.causes]
+    assert list(together.reasons[: len(causes)]) == causes
+    failed = any(verdict.reasons or not all(row.ok for row in verdict.rows) for verdict in verdicts)
+    assert together.status == ("FAIL" if failed else "PASS")
+
+
+@pytest.mark.parametrize(
+    ("own", "words"),
+    [
+        ('verdict(self): return Verdict([Row("final_error_m", 0.0, None, "m", True)])', "are called 'final_error_m'"),
+        ("verdict(self): pass", "NoneType"),
+        ('run_keys(self): return {"status": "PASS"}', "'own' returns the key 'status'"),
+        ('run_keys(self): return {"mission": {}}', "'own' returns the key 'mission'"),
+    ],
+)
+def test_a_part_that_would_hide_the_word_of_another_ends_the_run(own: str, words: str, tmp_path: Path) -> None:
+    names: dict[str, Any] = {"Part": Part, "Row": Row, "Verdict": Verdict}
+    exec(f"class Own(Part):\n  name = 'own'\n  def {own}", names)
+    result = run_bench(load_bench(settings=SHORT), tmp_path, quiet=True, more=[names["Own"]()])
+    assert (result.status, result.run["sim_s"]) == ("ERROR", 0.0)
+    assert words in result.run["error"]["message"]
+    assert result.run["mission"]["waypoints"] == 0  # what the parts of the bench say is there
 
 
 def test_what_nobody_asked_for_is_not_imported() -> None:
@@ -80,6 +159,7 @@ PART = """
 from typing import Annotated
 from pydantic import Field
 from hil.run.part import Part, RunContext
+from hil.run.verdict.verdict import Verdict
 from signals.documents.validate import Section
 
 
@@ -117,8 +197,8 @@ class Counter(Part):
     def close(self):
         self.calls.append("close")
 
-    def verdict(self, verdict):
-        return verdict.with_rows([], ["it was counted"])
+    def verdict(self):
+        return Verdict([], ["it was counted"])
 
     def run_keys(self):
         return {"counter": list(self.calls)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import struct
 import subprocess
@@ -20,12 +21,13 @@ from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.parts.catalog import parts_of
-from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, free_domain
+from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, free_domain, own_sockets
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
 from hil.run.parts.links.ros2.type_hash import type_hash
 from hil.run.runs.replay import fly_and_compare
 from signals.errors import ConfigError
 from signals.samples import TruthState
+from tests.worlds.bench_process import ROOT
 
 pytest.importorskip("cyclonedds", reason="needs CycloneDDS: pip install 'hil-bench[ros2]'")
 
@@ -114,6 +116,101 @@ def test_the_type_of_the_graph_has_the_identifiers_of_the_stock_rmw() -> None:
     information = described.get_type_info()
     minimal, complete = (info.typeid_with_size.type_id.value for info in (information.minimal, information.complete))
     assert (minimal.hex(), complete.hex()) == ("d5a2a4d65f7a49b37ab3e7628202", "2e82f50c0ec361f7a2abe38ff5cf")
+
+
+def test_on_loopback_nothing_is_received_from_other_interfaces(other: ros2.Node, domain: int) -> None:
+    other.publisher("/imu", "sensor_msgs/Imu")
+    other.subscription("/cmd_land", "std_msgs/Empty")
+    numbers = {os.stat(f"/proc/self/fd/{name}").st_ino for name in _own_files()}
+    ports = range(7400 + 250 * domain, 7650 + 250 * domain)
+    received = 0
+    for table in ("udp", "udp6", "tcp", "tcp6"):
+        for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]:
+            word = line.split()
+            address, port = word[1].split(":")
+            if int(word[9]) in numbers and int(port, 16) in ports:
+                received += 1
+                assert address in ("0100007F", "00000000")
+    bound = []
+    for each in own_sockets(domain):
+        with each:
+            bound.append(each.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16))
+    assert bound == [b"lo\0"] * received
+    assert received >= 2
+    assert other.unconfined == ""
+
+
+def _own_files() -> list[str]:
+    return [name for name in os.listdir("/proc/self/fd") if os.path.exists(f"/proc/self/fd/{name}")]
+
+
+# Knocks at ports of a machine's address, and prints those at which something listens.
+KNOCK = """
+import socket, sys
+for port in range(*map(int, sys.argv[2:])):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as knock:
+        knock.settimeout(0.2)
+        knock.connect((sys.argv[1], port))
+        try:
+            knock.send(b"RTPS")
+            knock.recv(1)
+        except TimeoutError:
+            print(port)
+        except ConnectionRefusedError:
+            pass
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("interface", "reached"), [("lo", []), ("vethhil0", ["9160", "9161"])])
+def test_another_machine_reaches_no_port_of_a_node_on_loopback(
+    tmp_path: Path, interface: str, reached: list[str]
+) -> None:
+    """A second network namespace is the other machine. On the interface between both, the ports are reached."""
+    (tmp_path / "knock.py").write_text(KNOCK)
+    (tmp_path / "node.py").write_text(
+        "import sys; from hil.run.parts.links.ros2.node import Node\n"
+        f"node = Node(7, {interface!r}); node.announce(); print('up', flush=True); sys.stdin.read()"
+    )
+    script = f"""
+        set -e
+        ip link set lo up
+        ip link add vethhil0 type veth peer name vethhil1
+        ip addr add 10.213.0.1/24 dev vethhil0
+        ip link set vethhil0 up
+        unshare -n sleep 60 & other=$!
+        while [ "$(readlink /proc/$other/ns/net)" = "$(readlink /proc/$$/ns/net)" ]; do sleep 0.05; done
+        ip link set vethhil1 netns $other
+        nsenter -t $other -n ip addr add 10.213.0.2/24 dev vethhil1
+        nsenter -t $other -n ip link set vethhil1 up
+        mkfifo {tmp_path}/hold {tmp_path}/up
+        {sys.executable} {tmp_path}/node.py < {tmp_path}/hold > {tmp_path}/up &
+        exec 3> {tmp_path}/hold
+        read line < {tmp_path}/up
+        nsenter -t $other -n {sys.executable} {tmp_path}/knock.py 10.213.0.1 9160 9162
+        kill $other
+    """
+    able = subprocess.run(["unshare", "-rn", "ip", "link", "add", "vethhil0", "type", "veth"], capture_output=True)
+    if able.returncode:
+        pytest.skip(f"this user cannot make a network namespace: {able.stderr.decode()}")
+    done = subprocess.run(
+        ["unshare", "-rn", "bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == reached
+
+
+def test_ports_that_cannot_be_confined_are_told(
+    tmp_path: Path, domain: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(ros2, "receive_on", refused)
+    bench = bench_of(tmp_path, f"{{domain: {domain}}}", duration=0.1)
+    result = run_bench(bench, tmp_path / "run")
+    assert result.run["error"] is None
+    assert "ros2: warning: other machines reach the UDP ports of this node" in capsys.readouterr().out
 
 
 def test_endpoints_carry_the_names_types_hashes_and_qos_of_ros2(tmp_path: Path, other: ros2.Node, domain: int) -> None:

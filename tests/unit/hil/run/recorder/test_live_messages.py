@@ -22,7 +22,7 @@ from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME, Recorder
 from signals.samples import FlowSample, RadarSample, RangeSample, Sample, ScalarSample, TruthState
-from sim.physics.vehicle import BatteryState
+from sim.physics.battery import BatteryState
 from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, image, make_flight
 
 K = (16.0, 0.0, 7.5, 0.0, 16.0, 5.5, 0.0, 0.0, 1.0)

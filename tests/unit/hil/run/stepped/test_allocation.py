@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from hil.run.stepped.allocation import Allocation
-from sim.physics.vehicle import Spin, load_vehicle, vehicle_names
+from sim.physics import multirotor
+from sim.physics.forces.rotors import Spin
+from sim.physics.vehicle import load_vehicle, vehicle_names
 
 NAMES = vehicle_names()
 
 
 def produced(name: str, thrust_n: list[float]) -> np.ndarray:
     """Return roll, pitch, yaw torque and thrust of the rotors, by the vehicle's own matrix."""
-    return np.asarray(load_vehicle(name).effectiveness)[[3, 4, 5, 2]] @ np.array(thrust_n)
+    return np.asarray(multirotor.effectiveness(load_vehicle(name)))[[3, 4, 5, 2]] @ np.array(thrust_n)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -23,7 +25,7 @@ def test_what_fits_is_produced_exactly(name: str) -> None:
     wanted = np.array([0.03 * weight_n, -0.02 * weight_n, 0.001 * weight_n, weight_n])
     thrusts = Allocation(vehicle, least_n=0.0).thrusts(*wanted)
     np.testing.assert_allclose(produced(name, thrusts), wanted, atol=1e-9 * weight_n)
-    inverse = np.linalg.pinv(np.asarray(vehicle.effectiveness)[[3, 4, 5, 2]])
+    inverse = np.linalg.pinv(np.asarray(multirotor.effectiveness(vehicle))[[3, 4, 5, 2]])
     np.testing.assert_allclose(thrusts, inverse @ wanted, rtol=1e-9, atol=1e-9 * weight_n)  # the least sum of squares
 
 

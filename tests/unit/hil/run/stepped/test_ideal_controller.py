@@ -15,8 +15,9 @@ from signals.rotation import yaw_of
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, load_vehicle, vehicle_names
+from sim.physics.forces.force import Effects
+from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Box
 from sim.scene.wind import Turbulence, Wind
 from tests.worlds.airsim_flight import (
@@ -220,14 +221,14 @@ def test_a_stopped_climb_holds_the_height_and_the_ground_ends_it() -> None:
     height_m = flight.truth.p_WB[2]
     flight.fly(Setpoint(v_xy_mps=(3.0, 0.0), vz_mps=0.0, yaw_rad=0.0), 5.0)
     assert flight.truth.p_WB[2] == pytest.approx(height_m, abs=0.005)
-    flight = Flown(QuadrotorPhysics(load_vehicle("iris"), AIRFIELD, TICK_NS))
+    flight = Flown(VehiclePhysics(load_vehicle("iris"), AIRFIELD, TICK_NS))
     z_m = flight.truth.p_WB[2]
     flight.fly(Setpoint(v_xy_mps=(0.0, 0.0), vz_mps=0.0, yaw_rad=0.0), 2.0)
     assert max(truth.p_WB[2] for truth in flight.log) < z_m + 0.05
 
 
 def test_takes_off_from_the_ground_and_lands_on_it() -> None:
-    flight = Flown(QuadrotorPhysics(load_vehicle("iris"), AIRFIELD, TICK_NS))
+    flight = Flown(VehiclePhysics(load_vehicle("iris"), AIRFIELD, TICK_NS))
     z_m = flight.truth.p_WB[2]
     flight.fly(IDLE, 0.5)
     assert flight.truth.p_WB[2] == pytest.approx(z_m, abs=1e-4)
@@ -314,7 +315,7 @@ def test_rotor_commands_pass_unchanged_and_limited() -> None:
 
 def digest(name: str) -> str:
     """Return the digest of all states and commands of a flight with every mode."""
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         load_vehicle(name), AIRFIELD, TICK_NS, start=FlightStart(), disturbances=calm((3.0, 1.0, 0.0))
     )
     flight = Flown(physics)

@@ -10,8 +10,9 @@ from hil.run.stepped.ideal_controller import IdealController, Setpoint
 from hil.run.stepped.world import SteppedWorld
 from signals.samples import TruthState
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
-from sim.physics.vehicle import Effects, load_vehicle
+from sim.physics.forces.force import Effects
+from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
 TICK_NS = 4_000_000
@@ -45,7 +46,7 @@ def test_the_bits_of_a_flight_alone() -> None:
     world = SteppedWorld(AIRFIELD, TICK_NS)
     vehicle = world.add("a", X500)
     vehicle.pilot = lambda _truth: (0.8, 0.7, 0.8, 0.7)
-    alone = QuadrotorPhysics(X500, AIRFIELD, TICK_NS)
+    alone = VehiclePhysics(X500, AIRFIELD, TICK_NS)
     for tick in range(200):
         expected = alone.advance(tick, (0.8, 0.7, 0.8, 0.7))
         assert vehicle.truth == expected

@@ -10,8 +10,8 @@ import pytest
 from firmware_bridge.ground_station.actions import Record
 from hil.config.missions.script import Expectation, Script
 from hil.config.schema import Limits
-from hil.run.verdict.measurements import DeclaredMeasurements, judge_scripted
-from hil.run.verdict.verdict import FlightMeasurement, Measurements
+from hil.run.verdict.measurements import DeclaredMeasurements, judge_script
+from hil.run.verdict.verdict import Measurements, judge
 from signals.samples import TruthState
 
 DT_NS = 10_000_000
@@ -109,7 +109,7 @@ def verdict_of(script: dict[str, Any], states: list[TruthState], records: tuple[
     observer = DeclaredMeasurements(parsed.expect)
     for state in states:
         observer.add(state)
-    return judge_scripted(FlightMeasurement(()).result(), Limits(), parsed, observer.results(), records)
+    return judge_script(observer.results(), records)
 
 
 def test_limits_on_measurements_decide() -> None:
@@ -154,12 +154,12 @@ def plan_measured(*, completed: bool) -> Measurements:
         ("aborted", False, "PASS"),
         ("any", True, "PASS"),
         ("any", False, "PASS"),
+        ("crashed", True, "PASS"),  # the crash itself is judged by its own part
+        ("crashed", False, "PASS"),
     ],
 )
 def test_the_outcome_that_a_script_expects(outcome: Any, completed: bool, status: str) -> None:
-    verdict = judge_scripted(plan_measured(completed=completed), Limits(), Script(outcome=outcome), ())
-    assert verdict.status == status
-    assert verdict.measurements.called_for  # what run.json says of the plan stays
+    assert judge(plan_measured(completed=completed), Limits(), outcome=outcome).status == status
 
 
 def test_actions_that_never_ran_fail_the_flight() -> None:

@@ -263,7 +263,7 @@ BAD = {
     "no such material": (changed(**{f"{PRIMITIVE}__material": 9}), "materials[9]"),
     "circle": (changed(nodes__0__children=[0]), "nodes[0] is below itself"),
     "huge buffer": (changed(bufferViews__0__byteLength=5_000_000_000), "ends at byte 5000000000"),
-    "huge accessor": (changed(accessors__0__count=2_000_000_000), "accessors[0] has 2000000000 values"),
+    "huge accessor": (changed(accessors__0__count=2_000_000_000), "GB of memory with the values of accessors[0] to"),
     "too many values": (changed(accessors__0__count=4000), "accessors[0] needs 48000 bytes"),
     "nan": (nan_file(), "meshes[0].primitives[0].POSITION has 1 values that are not finite numbers"),
     "indices": (changed(accessors__0__count=4), "for 4 vertices"),
@@ -275,7 +275,7 @@ BAD = {
     "missing file": (
         changed(images=[{"uri": "brick.png"}]), "images[0] names a file that does not exist"
     ),
-    "web address": (changed(images=[{"uri": "https://example.org/a.png"}]), "only files beside this one are read"),
+    "web address": (changed(images=[{"uri": "https://example.org/a.png"}]), "only files of the map's own folder"),
     "bad image": (
         changed(
             images=[{"uri": "data:image/png;base64,iVBORw0KGgo="}], textures=[{"source": 0}],
@@ -318,14 +318,14 @@ def test_images_beside_the_file_keep_their_kind_when_packed(suffix: str, kind: s
 
 
 def test_sizes_are_limited_before_anything_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gltf_file, "MAX_FILE_BYTES", 1000)
-    assert "is longer than" in problems_of(tmp_path, GOOD)
+    monkeypatch.setenv("HIL_MAP_MEMORY_GB", "1e-6")
+    assert "memory with the file itself; 1e-06 GB of memory are allowed" in problems_of(tmp_path, GOOD)
     monkeypatch.undo()
-    monkeypatch.setattr(gltf_materials, "MAX_PIXELS", 10)
+    monkeypatch.setenv("HIL_MAP_MEGAPIXELS", "10e-6")
     file = small_file()
     texture = file.image(np.zeros((8, 8, 3), np.uint8))
     file.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": texture}
-    assert "is 8 x 8 pixels" in problems_of(tmp_path, file.glb())
+    assert "needs 6.4e-05 megapixels of pictures with images[0]" in problems_of(tmp_path, file.glb())
 
 
 def test_triangles_without_an_area_are_left_out_with_a_note(tmp_path: Path) -> None:

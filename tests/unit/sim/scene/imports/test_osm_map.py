@@ -16,6 +16,7 @@ from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
 from sim.scene.imports import osm_file, osm_tags, shapes
 from sim.scene.imports.osm_file import read_osm
+from sim.scene.imports.osm_map import take_off_place
 from sim.scene.scene import load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -219,7 +220,9 @@ def test_a_long_file_and_a_far_site(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     out = _Extract()
     out.ring(square(0, 60, 5, 5), building="yes")
     monkeypatch.setattr(osm_file, "MAX_BYTES", 100)
-    assert "is longer than" in problems_of(tmp_path, out.xml())
+    (tmp_path / "place.osm").write_text(out.xml())
+    with pytest.raises(ConfigError, match="is longer than"):
+        read_osm(tmp_path / "place.osm")
     monkeypatch.undo()
     text = out.xml().replace("47.39", "46.39")
     with pytest.raises(
@@ -296,7 +299,9 @@ def test_a_road_of_every_known_surface_has_its_material(tmp_path: Path) -> None:
 def test_without_shapely_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     importlib.import_module("sim.scene.imports.osm_map")  # binds the true shapely, for the tests after this one
     monkeypatch.setattr(shapes, "shapely", None)
-    assert 'pip install "hil-bench[scenes]"' in problems_of(tmp_path, quarter_osm(2, 2))
+    (tmp_path / "place.osm").write_text(quarter_osm(2, 2))
+    with pytest.raises(ConfigError, match=r'pip install "hil-bench\[scenes\]"'):
+        take_off_place(read_osm(tmp_path / "place.osm"), 100.0)
 
 
 def test_a_mission_elsewhere_on_earth_does_not_count(tmp_path: Path) -> None:

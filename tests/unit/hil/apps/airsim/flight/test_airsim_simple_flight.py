@@ -25,8 +25,8 @@ from hil.run.stepped.ideal_controller import Gains
 from signals._kernel import roll_pitch_yaw
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.quadrotor import QuadrotorPhysics
 from sim.physics.vehicle import load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.wind import Turbulence, Wind
 from tests.worlds.airsim_flight import AIRFIELD, TICK_NS, Pilot, airborne
 
@@ -259,7 +259,7 @@ def test_numbers_of_any_size_are_flown_without_a_failure(seed: int) -> None:
 def digest() -> str:
     """Return the digest of a flight with every kind of move, in turbulence."""
     wind = Wind(steady_W_mps=(3.0, 1.0, 0.0), turbulence=Turbulence(level="light"))
-    physics = QuadrotorPhysics(
+    physics = VehiclePhysics(
         load_vehicle("iris"), AIRFIELD, TICK_NS, start=FlightStart(), disturbances=Disturbances(wind=wind, seed=5)
     )
     flown = Pilot(physics)

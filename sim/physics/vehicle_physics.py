@@ -1,4 +1,4 @@
-"""Flight of a multirotor through a scene, one tick at a time.
+"""Flight of a vehicle through a scene, one tick at a time.
 
 One tick, from t_{k-1} to t_k, with the commands u held constant:
 
@@ -6,7 +6,7 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
 2. clearance     If the bounding sphere cannot have reached the scene, this result stands; MuJoCo is not called.
 3. collision     Otherwise MuJoCo looks for contacts at every sub-step pose, and in between if a sub-step moves the
                  vehicle farther than the radius of its smallest sphere. Without a contact, the result of 1 stands.
-4. contact       Otherwise the tick starts again at t_{k-1} with sub-steps of 1 ms or less: rotor and air wrench from
+4. contact       Otherwise the tick starts again at t_{k-1} with sub-steps of 1 ms or less: wrench of the forces from
                  the same kernel, contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not
                  used: its quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
                  A touch-down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until the vehicle is in
@@ -38,16 +38,18 @@ from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
-from sim._kernels import IdealController
+from sim._kernels import IdealController, Rotors
 from sim.physics.actors import Actors
+from sim.physics.battery import BatteryState
 from sim.physics.contact_model import build_model, soften_contact
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
+from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
-from sim.physics.vehicle import BatteryState, Effects, Vehicle, rigid_body
+from sim.physics.vehicle import Vehicle, rigid_body
 from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_tree
@@ -102,7 +104,7 @@ def check_motion(p_WB: Vec3, q_WB: Quat, v_WB_W: Vec3, w_WB_B: Vec3) -> float:
     return length
 
 
-class QuadrotorPhysics:
+class VehiclePhysics:
     """Simulation of one vehicle over one flight.
 
     Raises ValueError if a step does not divide the tick, a fault names a rotor that the vehicle does not have, or the
@@ -135,17 +137,20 @@ class QuadrotorPhysics:
         self.contact_skipping = integration.contact_skipping
         self.collides = True  # False: nothing stops the vehicle once it has left the ground where it started
         self.skips = ContactSkips()
-        rotors = len(vehicle.rotors)
+        forces = vehicle.make_forces(effects)
+        self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
         self.contact_substeps = steps.contact
         self._hard = False  # contact since a hard touch-down
         self._tick_s = steps.tick_s
         wind = disturbances.wind if disturbances.wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._wind = WindAtVehicle(wind, seed=disturbances.seed, tick_ns=tick_ns)
-        self._truth: NDArray[np.float64] = np.zeros(13 + rotors + 6)
+        states = 13 + sum(force.states for force in forces)
+        self._commands = sum(force.commands for force in forces)
+        self._truth: NDArray[np.float64] = np.zeros(states + 6)
         self.body = rigid_body(
             vehicle,
             self._truth,
-            effects=effects,
+            forces=forces,
             gravity_mps2=scene.gravity_mps2,
             wind_W_mps=self._wind.wind.steady_W_mps,
             steps=steps,
@@ -161,9 +166,9 @@ class QuadrotorPhysics:
         self._min_sphere_radius_m = min(sphere.radius_m for sphere in vehicle.contact_spheres)
         self._enter(scene)
         self.start_ns = start.t_ns
-        self._rotor_slice = slice(13, 13 + rotors)
-        self._a_slice = slice(13 + rotors, 16 + rotors)
-        self._alpha_slice = slice(16 + rotors, 19 + rotors)
+        self._rotor_slice = slice(13, 13 + len(vehicle.rotors))  # drag, the force before them, has no states
+        self._a_slice = slice(states, states + 3)
+        self._alpha_slice = slice(states + 3, states + 6)
         self._tick = -1
 
         state = self.state
@@ -186,8 +191,8 @@ class QuadrotorPhysics:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """View of p_WB, q_WB, v_WB_W, w_WB_B and rotor speeds (13 + rotors). Write to it only before tick 1."""
-        return self._truth[: self._rotor_slice.stop]
+        """View of p_WB, q_WB, v_WB_W, w_WB_B and the forces' own states. Write to it only before tick 1."""
+        return self._truth[: self._a_slice.start]
 
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
         """Advance to tick `tick`, 0 first and one higher with each call, and return its state.
@@ -506,7 +511,8 @@ class QuadrotorPhysics:
             _, kind, text, fault = self._pending.pop()
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
             if fault is not None:
-                self.body.set_rotor(fault.rotor, *fault.rotor_state)
+                assert self._rotors is not None  # check_faults
+                self._rotors.set_rotor(fault.rotor, *fault.rotor_state)
         self._next_change = self._pending[-1][0] if self._pending else -1
 
     def _update_wind(self, tick: int) -> None:
@@ -607,7 +613,7 @@ class QuadrotorPhysics:
 
     def _settle(self) -> None:
         """Let the feet settle to their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
-        self.body.command([0.0] * len(self.vehicle.rotors))
+        self.body.command([0.0] * self._commands)
         if self._actors is not None:
             self._actors.pose_all(self.start_ns)
         for _ in range(-(-_SETTLE_NS // self.tick_ns)):

@@ -26,6 +26,8 @@
 
 namespace hil::sim {
 
+inline constexpr int kMaxRotors = 8;  // of one vehicle
+
 struct RotorAir {
     double kappa_m2;           // v_h^2 / O^2 [m2]
     double radius_m;           // R

@@ -8,85 +8,54 @@
 
 #include <nanobind/stl/pair.h>
 
+#include "battery.hpp"
 #include "bind_arrays.hpp"
+#include "body.hpp"
 #include "clearance.hpp"
-#include "detmath.hpp"
 #include "downwash.hpp"
 #include "free_flight.hpp"
 #include "ideal_controller.hpp"
-#include "rigid_body.hpp"
+#include "forces/force_binding.hpp"
 #include "rotation.hpp"
 
+using hil::sim::Force;
 using hil::sim::kMaxRotors;
 using hil::sim::kPoseVelocity;
 
 namespace {
 
-constexpr int kContactKinds = 2;  // ordinary, hard landing
-
 class RigidBody {
   public:
-    RigidBody(Out<double, -1> truth, double mass_kg, Vec3 inertia_kgm2, std::vector<Vec3> rotor_position_m,
-              std::vector<double> rotor_spin, double thrust_coefficient_n_per_radps2, double moment_ratio_m,
-              double max_speed_radps, double time_constant_up_s, double time_constant_down_s,
-              double rotor_inertia_kgm2, double rotor_drag_kg_per_rad, Vec3 body_drag_linear_n_per_mps,
-              Vec3 body_drag_quadratic_n_per_m2ps2, double gravity_mps2, Vec3 wind_W_mps, double tick_s, int substeps,
-              int contact_substeps, int hard_contact_substeps, double thrust_model_factor, double rotor_radius_m,
-              double ground_thrust_ratio, double descent_loss, double rotor_axial_kg_per_rad,
-              double air_density_kgpm3, bool classical, std::vector<Vec3> rotor_axis, std::vector<int> rotor_above,
-              double coaxial_loss)
-        : truth_(truth), tick_s_(tick_s), contact_substeps_{contact_substeps, hard_contact_substeps} {
-        const std::size_t n = rotor_position_m.size();
-        if (n < 1 || n > kMaxRotors || rotor_spin.size() != n) {
-            throw std::invalid_argument("a rigid body needs 1 to 8 rotors, each with a position and a spin");
-        }
-        if (truth.shape(0) != kPoseVelocity + n + 6) {
-            throw std::invalid_argument("truth must hold 13 + rotors + 6 values");
-        }
+    RigidBody(Out<double, -1> truth, double mass_kg, Vec3 inertia_kgm2, nb::list forces, double gravity_mps2,
+              Vec3 wind_W_mps, double tick_s, int substeps, int contact_substeps, int hard_contact_substeps,
+              bool classical)
+        : truth_(truth), kept_(forces), times_{tick_s, substeps, classical, {contact_substeps, hard_contact_substeps}} {
         if (!(tick_s > 0.0) || substeps < 1 || contact_substeps < 1 || hard_contact_substeps < 1) {
             throw std::invalid_argument("tick and sub-step counts must be above zero");
         }
-        params_.mass_kg = mass_kg;
-        params_.rotor_count = static_cast<int>(n);
-        for (std::size_t i = 0; i < n; ++i) {
-            params_.rotor_spin[i] = rotor_spin[i];
-            for (int j = 0; j < 3; ++j) params_.rotor_position_m[i][j] = rotor_position_m[i][j];
-            set_rotor(static_cast<int>(i), 1.0, -1.0, 0.0);
+        body_.inertia = {mass_kg, {inertia_kgm2[0], inertia_kgm2[1], inertia_kgm2[2]}};
+        body_.gravity_mps2 = gravity_mps2;
+        body_.states = kPoseVelocity;
+        body_.commands = 0;
+        for (nb::handle item : forces) {
+            auto *force = nb::cast<Force *>(item);
+            if (force->attached) throw std::invalid_argument("a force belongs to one body only");
+            body_.forces.push_back(force);
+            body_.first_state.push_back(body_.states);
+            body_.states += force->states();
+            body_.commands += force->commands();
         }
-        rotor_axis.resize(n, Vec3{0.0, 0.0, 1.0});
-        rotor_above.resize(n, -1);
-        double axes[kMaxRotors][3];
-        for (std::size_t i = 0; i < n; ++i) {
-            for (int j = 0; j < 3; ++j) axes[i][j] = rotor_axis[i][j];
-            if (rotor_above[i] >= static_cast<int>(n)) throw std::invalid_argument("a rotor above does not exist");
+        if (truth.shape(0) != static_cast<std::size_t>(body_.states) + 6) {
+            throw std::invalid_argument("truth must hold 13 + own states of the forces + 6 values");
         }
-        hil::sim::set_rotor_axes(params_, axes, rotor_above.data(), coaxial_loss);
-        params_.thrust_coefficient_n_per_radps2 = thrust_coefficient_n_per_radps2;
-        params_.moment_ratio_m = moment_ratio_m;
-        params_.max_speed_radps = max_speed_radps;
-        params_.thrust_model_factor = thrust_model_factor;
-        params_.time_constant_up_s = time_constant_up_s;
-        params_.time_constant_down_s = time_constant_down_s;
-        params_.rotor_inertia_kgm2 = rotor_inertia_kgm2;
-        params_.rotor_drag_kg_per_rad = rotor_drag_kg_per_rad;
-        params_.gravity_mps2 = gravity_mps2;
-        const double disc_m2 = hil::det::kPi * rotor_radius_m * rotor_radius_m;
-        params_.air = {thrust_coefficient_n_per_radps2 / (2.0 * air_density_kgpm3 * disc_m2), rotor_radius_m,
-                       ground_thrust_ratio > 1.0 ? ground_thrust_ratio / (ground_thrust_ratio - 1.0) : 0.0,
-                       descent_loss, rotor_axial_kg_per_rad};
-        for (int j = 0; j < 3; ++j) {
-            params_.inertia_kgm2[j] = inertia_kgm2[j];
-            params_.body_drag_linear_n_per_mps[j] = body_drag_linear_n_per_mps[j];
-            params_.body_drag_quadratic_n_per_m2ps2[j] = body_drag_quadratic_n_per_m2ps2[j];
+        for (Force *force : body_.forces) {
+            force->attached = true;
+            force->prepare(times_, body_.inertia);
         }
         set_wind(wind_W_mps, wind_W_mps);
-        plan_ = hil::sim::make_tick_plan(params_, tick_s, substeps, classical);
-        for (int kind = 0; kind < kContactKinds; ++kind) {
-            contact_decay_[kind] = hil::sim::rotor_decay(params_, tick_s / contact_substeps_[kind]);
-        }
-        tick_decay_ = hil::sim::rotor_decay(params_, tick_s);
         path_.resize(7 * (static_cast<std::size_t>(substeps) << (hil::sim::kLevels - 1)));
-        before_.resize(kPoseVelocity + n);
+        before_.resize(body_.states);
+        commanded_.resize(body_.commands);
         remember();
     }
 
@@ -94,27 +63,16 @@ class RigidBody {
                      double auxiliary_w, double nominal_voltage_v) {
         if (battery.shape(0) != 3) throw std::invalid_argument("battery must hold 3 values");
         battery_ = battery;
-        params_.battery = {true, cells, capacity_c, resistance_ohm, efficiency, auxiliary_w, nominal_voltage_v};
-        battery_.data()[1] = hil::sim::loaded_v(params_.battery, battery_.data()[0], 0.0);
+        pack_ = {true, cells, capacity_c, resistance_ohm, efficiency, auxiliary_w, nominal_voltage_v};
+        battery_.data()[1] = hil::sim::loaded_v(pack_, battery_.data()[0], 0.0);
     }
 
     void set_wind(Vec3 start_W_mps, Vec3 end_W_mps) {
         wind_.changes = false;
         for (int j = 0; j < 3; ++j) {
             wind_.start_W[j] = start_W_mps[j];
-            wind_.slope_W[j] = (end_W_mps[j] - start_W_mps[j]) / tick_s_;
+            wind_.slope_W[j] = (end_W_mps[j] - start_W_mps[j]) / times_.tick_s;
             wind_.changes = wind_.changes || wind_.slope_W[j] != 0.0;
-        }
-    }
-
-    void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm) {
-        if (rotor < 0 || rotor >= params_.rotor_count) throw nb::index_error("rotor index is out of range");
-        params_.thrust_left[rotor] = thrust_left;
-        params_.forced_speed_radps[rotor] = forced_speed_radps;
-        params_.imbalance_kgm[rotor] = imbalance_kgm;
-        params_.imbalanced = false;
-        for (int i = 0; i < params_.rotor_count; ++i) {
-            params_.imbalanced = params_.imbalanced || params_.imbalance_kgm[i] > 0.0;
         }
     }
 
@@ -123,32 +81,35 @@ class RigidBody {
         PyObject *values = PySequence_Tuple(controls.ptr());  // returns the object itself if it is a tuple
         if (!values) throw nb::python_error();
         const nb::object keep = nb::steal(values);
-        if (PyTuple_Size(values) < params_.rotor_count) {
-            throw std::invalid_argument("fewer controls than rotors");
+        if (PyTuple_Size(values) < body_.commands) {
+            throw std::invalid_argument("fewer controls than the forces take");
         }
-        double commands[kMaxRotors];
-        for (int i = 0; i < params_.rotor_count; ++i) commands[i] = as_double(PyTuple_GetItem(values, i));
-        return latch(commands);
+        for (int i = 0; i < body_.commands; ++i) commanded_[i] = as_double(PyTuple_GetItem(values, i));
+        return latch(commanded_.data());
     }
 
     int latch(const double *controls) {
-        double scale = 1.0;
-        if (params_.battery.fitted) {
-            double *battery = battery_.data();
-            battery[1] = hil::sim::loaded_v(params_.battery, battery[0],
-                                            hil::sim::shaft_power_w(params_, state() + kPoseVelocity));
-            scale = battery[1] / params_.battery.nominal_voltage_v;
+        double voltage = 1.0;
+        if (pack_.fitted) {
+            double *battery = battery_.data(), power_w = 0.0;
+            for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+                power_w += body_.forces[k]->power_w(state() + body_.first_state[k]);
+            }
+            battery[1] = hil::sim::loaded_v(pack_, battery[0], power_w);
+            voltage = battery[1] / pack_.nominal_voltage_v;
         }
-        for (int i = 0; i < params_.rotor_count; ++i) {
-            if (!std::isfinite(controls[i])) return i;
-            command_[i] = hil::sim::commanded_speed(params_, i, controls[i], scale);
+        int first = 0;
+        for (Force *force : body_.forces) {
+            const int bad = force->command(controls + first, voltage);
+            if (bad >= 0) return first + bad;
+            first += force->commands();
         }
         return -1;
     }
 
     double fly() {
         remember();
-        return hil::sim::free_flight_tick(params_, plan_, wind_, command_, state(), phase_, path_.data(), steps_);
+        return hil::sim::free_flight_tick(body_, times_, wind_, state(), path_.data(), steps_);
     }
 
     // Flies up to `ticks` ticks with the same commands, or with those of an IdealController, while each travels less
@@ -159,7 +120,7 @@ class RigidBody {
         hil::sim::IdealController *controller = nullptr;
         if (nb::isinstance<hil::sim::IdealController>(controls)) {
             controller = nb::inst_ptr<hil::sim::IdealController>(controls);
-            if (controller->params.allocation.rotors != params_.rotor_count) {
+            if (controller->params.allocation.rotors != body_.commands) {
                 throw std::invalid_argument("the controller is that of another vehicle");
             }
         }
@@ -182,17 +143,13 @@ class RigidBody {
             travelled_m = -1.0;
             violation = finish();
             ++done;
-            if (!controller && params_.battery.fitted && done < ticks) bad = command(controls);
+            if (!controller && pack_.fitted && done < ticks) bad = command(controls);
         }
         return nb::make_tuple(done, travelled_m, remaining_m, actors_remaining_m, violation, bad);
     }
 
-    // Rotors as those of a new body: none faulty, the unbalanced ones at phase 0.
     void repair() {
-        for (int i = 0; i < params_.rotor_count; ++i) {
-            set_rotor(i, 1.0, -1.0, 0.0);
-            phase_[i] = 0.0;
-        }
+        for (Force *force : body_.forces) force->repair();
     }
 
     // Writes what a flight to targets is observed and judged by; see the binding.
@@ -216,13 +173,16 @@ class RigidBody {
         put_turned(s + 7, scale[1]);
         for (int j = 0; j < 3; ++j) put(s[10 + j] * scale[2]);
         for (int k = 0; k < 9; ++k) put(R[k]);
-        for (int i = 0; i < params_.rotor_count; ++i) put(s[13 + i] / params_.max_speed_radps);
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            const Force &force = *body_.forces[k];
+            for (int i = 0; i < force.states(); ++i) put(s[body_.first_state[k] + i] / force.full_scale(i));
+        }
         measures[1] = std::sqrt((s[7] * s[7] + s[8] * s[8]) + s[9] * s[9]);
         measures[2] = std::sqrt((s[10] * s[10] + s[11] * s[11]) + s[12] * s[12]);
         measures[3] = R[8];
     }
 
-    int rotor_count() const { return params_.rotor_count; }
+    int own_states() const { return body_.states - kPoseVelocity; }
 
     int steps() const { return steps_; }
 
@@ -234,8 +194,8 @@ class RigidBody {
     int finish() {
         double *mean = state() + before_.size();
         const double *s = state();
-        for (int j = 0; j < 6; ++j) mean[j] = (s[7 + j] - before_[7 + j]) / tick_s_;
-        if (params_.battery.fitted) draw();
+        for (int j = 0; j < 6; ++j) mean[j] = (s[7 + j] - before_[7 + j]) / times_.tick_s;
+        if (pack_.fitted) draw();
         return range_violation();
     }
 
@@ -278,11 +238,17 @@ class RigidBody {
         hil::sim::normalise_quaternion(q + 3);
     }
 
-    // Jet of the state now, in the wind at the end of the last tick.
-    hil::sim::Jet jet() const {
+    // Adds the wind that the wakes of this vehicle make at other places: wind_W_mps [n][3], less its own row.
+    void add_wakes(const std::vector<const RigidBody *> &all, double *wind_W_mps) const {
         double wind[3];
-        for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + tick_s_ * wind_.slope_W[j];
-        return hil::sim::jet_of(params_, state(), wind);
+        for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + times_.tick_s * wind_.slope_W[j];
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            hil::sim::Jet jet;
+            if (!body_.forces[k]->jet(state(), state() + body_.first_state[k], wind, jet)) continue;
+            for (std::size_t j = 0; j < all.size(); ++j) {
+                if (all[j] != this) hil::sim::add_jet(jet, all[j]->position_W(), wind_W_mps + 3 * j);
+            }
+        }
     }
 
     const double *position_W() const { return state(); }
@@ -296,27 +262,26 @@ class RigidBody {
     // `substep`, counted from 0, selects the time at which the wind is taken.
     void contact_load(int substep, bool hard) {
         const double *s = state();
-        const double h = tick_s_ / contact_substeps_[hard];
+        const double h = times_.contact_s(hard);
         double wind[3];
         for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + substep * h * wind_.slope_W[j];
         for (int k = 0; k < 7; ++k) qpos_.data()[k] = s[k];
         for (int k = 0; k < 6; ++k) qvel_.data()[k] = s[7 + k];
-        const auto wrench = hil::sim::contact_wrench(params_, contact_decay_[hard], h, command_, wind, s);
+        const auto wrench = hil::sim::contact_wrench(body_, hard, wind, s);
         hil::rotate_into_world(s + 3, wrench.force_B, qfrc_applied_.data());
         for (int k = 0; k < 3; ++k) qfrc_applied_.data()[3 + k] = wrench.torque_B[k];
     }
 
     void contact_update(bool hard) {
-        hil::sim::contact_update(params_, contact_decay_[hard], tick_s_ / contact_substeps_[hard], command_,
-                                 qacc_.data(), state());
+        hil::sim::contact_update(body_, hard, times_.contact_s(hard), qacc_.data(), state());
     }
 
-    // For comparison only: rotor and air forces of this vehicle as MuJoCo's control callback, with the rotors' speeds
-    // as MuJoCo's activations. One vehicle at a time in a process.
+    // For comparison only: the forces of this vehicle as MuJoCo's control callback, with their own states as MuJoCo's
+    // activations. One vehicle at a time in a process.
     void serve_mujoco(Out<double, -1> qpos, Out<double, -1> qvel, Out<double, -1> act, Out<double, -1> qfrc_applied) {
         if (qpos.shape(0) != 7 || qvel.shape(0) != 6 || qfrc_applied.shape(0) != 6 ||
-            act.shape(0) != static_cast<std::size_t>(params_.rotor_count)) {
-            throw std::invalid_argument("the MuJoCo model must have one free joint and an activation for each rotor");
+            act.shape(0) != before_.size() - kPoseVelocity) {
+            throw std::invalid_argument("the MuJoCo model must have one free joint and an activation for each own state of a force");
         }
         qpos_ = qpos;
         qvel_ = qvel;
@@ -333,15 +298,12 @@ class RigidBody {
         double s[kPoseVelocity];
         for (int k = 0; k < 7; ++k) s[k] = body.qpos_.data()[k];
         for (int k = 0; k < 6; ++k) s[7 + k] = body.qvel_.data()[k];
-        hil::sim::RotorStage rotors{};
-        for (int i = 0; i < body.params_.rotor_count; ++i) {
-            rotors.speed[i] = body.act_.data()[i];
-            const double lag = rotors.speed[i] - body.command_[i];
-            rotors.accel[i] =
-                -lag / (lag < 0.0 ? body.params_.time_constant_up_s : body.params_.time_constant_down_s);
+        for (std::size_t k = 0; k < body.body_.forces.size(); ++k) {
+            body.body_.forces[k]->at_instant(body.act_.data() + (body.body_.first_state[k] - kPoseVelocity));
         }
+        hil::sim::Instant now;
         hil::sim::Wrench wrench;
-        hil::sim::rotor_and_air_wrench(body.params_, s, rotors, body.wind_.start_W, wrench);
+        hil::sim::wrench_at(body.body_, s, body.wind_.start_W, now, wrench);
         hil::rotate_into_world(s + 3, wrench.force_B, body.qfrc_applied_.data());
         for (int k = 0; k < 3; ++k) body.qfrc_applied_.data()[3 + k] = wrench.torque_B[k];
     }
@@ -353,20 +315,14 @@ class RigidBody {
     }
 
     void draw() {
-        double cubed = 0.0;
-        for (int i = 0; i < params_.rotor_count; ++i) {
-            const double lag = before_[kPoseVelocity + i] - command_[i];
-            const bool up = lag < 0.0;
-            const double tau = up ? params_.time_constant_up_s : params_.time_constant_down_s;
-            const double decay = up ? tick_decay_.up : tick_decay_.down;
-            cubed += params_.thrust_left[i] * hil::sim::cubed_speed_integral(command_[i], lag, tau, tick_s_, decay);
+        double work_j = 0.0;
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            work_j += body_.forces[k]->work_j(before_.data() + body_.first_state[k]);
         }
-        const double shaft_j = params_.moment_ratio_m * params_.thrust_coefficient_n_per_radps2 * cubed;
         double *battery = battery_.data();
-        const double drawn_c =
-            (shaft_j / params_.battery.efficiency + params_.battery.auxiliary_w * tick_s_) / battery[1];
+        const double drawn_c = (work_j / pack_.efficiency + pack_.auxiliary_w * times_.tick_s) / battery[1];
         battery[0] += drawn_c;
-        battery[2] = drawn_c / tick_s_;
+        battery[2] = drawn_c / times_.tick_s;
     }
 
     // 0 in range; else the violated limit: 1 not finite, 2 speed, 3 body rate, 4 position, 5 no voltage left, 6 battery
@@ -374,9 +330,9 @@ class RigidBody {
     int range_violation() const {
         const double *s = state();
         const std::size_t n = before_.size() + 6;
-        if (params_.battery.fitted) {
+        if (pack_.fitted) {
             if (!(battery_.data()[1] > 0.0)) return 5;
-            if (!(battery_.data()[0] <= params_.battery.capacity_c)) return 6;
+            if (!(battery_.data()[0] <= pack_.capacity_c)) return 6;
         }
         for (std::size_t k = 0; k < n; ++k) {
             if (!std::isfinite(s[k])) return 1;
@@ -389,14 +345,12 @@ class RigidBody {
 
     inline static RigidBody *served_ = nullptr;
     Out<double, -1> truth_, battery_, qpos_, qvel_, act_, qfrc_applied_, qacc_;
-    std::vector<double> path_, before_;
-    double command_[kMaxRotors] = {}, phase_[kMaxRotors] = {};
-    hil::sim::RigidBodyParams params_{};
-    hil::sim::TickPlan plan_{};
+    nb::object kept_;  // the forces
+    std::vector<double> path_, before_, commanded_;
+    hil::sim::Body body_{};
+    hil::sim::BatteryParams pack_;
+    hil::sim::StepTimes times_{};
     hil::sim::TickWind wind_{};
-    hil::sim::RotorDecay contact_decay_[kContactKinds]{}, tick_decay_{};
-    double tick_s_;
-    int contact_substeps_[kContactKinds];
     int steps_ = 0;
 };
 
@@ -437,12 +391,7 @@ void write_downwash(nb::list bodies, Out<double, -1, 3> wind_W) {
     for (nb::handle item : bodies) all.push_back(&body_in(item));
     if (wind_W.shape(0) != all.size()) throw std::invalid_argument("wind_W_mps needs a row for each body");
     for (std::size_t k = 0; k < 3 * all.size(); ++k) wind_W.data()[k] = 0.0;
-    for (const RigidBody *upper : all) {
-        const hil::sim::Jet jet = upper->jet();
-        for (std::size_t j = 0; j < all.size(); ++j) {
-            if (all[j] != upper) hil::sim::add_jet(jet, all[j]->position_W(), wind_W.data() + 3 * j);
-        }
-    }
+    for (const RigidBody *upper : all) upper->add_wakes(all, wind_W.data());
 }
 
 constexpr std::size_t kMeasures = 4;
@@ -455,8 +404,8 @@ void observe_flights(nb::list bodies, In<double, -1, -1, 3> target_W, Vec3 scale
     }
     for (std::size_t i = 0; i < n; ++i) {
         const RigidBody &body = body_in(bodies[i]);
-        if (3 * targets + 15 + static_cast<std::size_t>(body.rotor_count()) > width) {
-            throw std::invalid_argument("features needs 3 columns for each target, 15 and one for each rotor");
+        if (3 * targets + 15 + static_cast<std::size_t>(body.own_states()) > width) {
+            throw std::invalid_argument("features needs 3 columns for each target, 15 and one for each own state of a force");
         }
         body.observe(target_W.data() + 3 * targets * i, static_cast<int>(targets), scale.data(),
                      features.data() + width * i, measures.data() + kMeasures * i);
@@ -465,8 +414,13 @@ void observe_flights(nb::list bodies, In<double, -1, -1, 3> target_W, Vec3 scale
 
 }  // namespace
 
-void bind_rigid_body(nb::module_ &m) {
+void bind_body(nb::module_ &m) {
     using hil::sim::SolidTree;
+    nb::class_<Force>(m, "Force", "What acts on a body; see forces/force.hpp.")
+        .def_prop_ro("states", &Force::states, "Number of own states, which follow those of the body in `truth`.")
+        .def_prop_ro("commands", &Force::commands, "Number of commands that it takes in every tick.");
+    for (const ForceBinding *force = ForceBinding::first; force; force = force->next) force->bind(m);
+
     nb::class_<SolidTree>(m, "SolidTree",
                           "Tree of static solid shapes: kind [n] (mjtGeom), pose [n][12] (centre, then R row-major), "
                           "size [n][3] as in MJCF. See clearance.hpp.")
@@ -493,28 +447,19 @@ void bind_rigid_body(nb::module_ &m) {
             "Return a lower bound of the distance from a point to the nearest shape [m]; inf without shapes.");
 
     nb::class_<RigidBody>(m, "RigidBody",
-                          "Multirotor rigid body on a caller-owned float64 array `truth`: p_WB[3], q_WB[4] (w-x-y-z), "
-                          "v_WB_W[3], w_WB_B[3], rotor speed[n], then mean acceleration in W[3] and mean angular "
-                          "acceleration in B[3] over the last tick. SI, ENU/FLU. See rigid_body.hpp.")
-        .def(nb::init<Out<double, -1>, double, Vec3, std::vector<Vec3>, std::vector<double>, double, double, double, double,
-                      double, double, double, Vec3, Vec3, double, Vec3, double, int, int, int, double, double, double,
-                      double, double, double, bool, std::vector<Vec3>, std::vector<int>, double>(),
-             nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "rotor_position_m"_a, "rotor_spin"_a,
-             "thrust_coefficient_n_per_radps2"_a, "moment_ratio_m"_a, "max_speed_radps"_a, "time_constant_up_s"_a,
-             "time_constant_down_s"_a, "rotor_inertia_kgm2"_a, "rotor_drag_kg_per_rad"_a,
-             "body_drag_linear_n_per_mps"_a, "body_drag_quadratic_n_per_m2ps2"_a, "gravity_mps2"_a, "wind_W_mps"_a,
-             "tick_s"_a, "substeps"_a, "contact_substeps"_a, "hard_contact_substeps"_a = 1,
-             "thrust_model_factor"_a = 1.0, "rotor_radius_m"_a = 0.1, "ground_thrust_ratio"_a = 1.0,
-             "descent_loss"_a = 0.0, "rotor_axial_kg_per_rad"_a = 0.0, "air_density_kgpm3"_a = 1.225,
-             "classical"_a = false, "rotor_axis"_a = std::vector<Vec3>(), "rotor_above"_a = std::vector<int>(),
-             "coaxial_loss"_a = 0.0)
+                          "Rigid body with forces on a caller-owned float64 array `truth`: p_WB[3], q_WB[4] (w-x-y-z), "
+                          "v_WB_W[3], w_WB_B[3], own states of the forces[n], then mean acceleration in W[3] and mean "
+                          "angular acceleration in B[3] over the last tick. SI, ENU/FLU. See body.hpp.")
+        .def(nb::init<Out<double, -1>, double, Vec3, nb::list, double, Vec3, double, int, int, int, bool>(),
+             nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "forces"_a, "gravity_mps2"_a,
+             "wind_W_mps"_a, "tick_s"_a, "substeps"_a, "contact_substeps"_a, "hard_contact_substeps"_a = 1,
+             "classical"_a = false,
+             "forces: in the order of their own states and commands; each belongs to this body alone.")
         .def("fit_battery", &RigidBody::fit_battery, nb::kw_only(), "battery"_a.noconvert(), "cells"_a, "capacity_c"_a,
              "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
              "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "
              "over the tick [A]. See battery.hpp.")
         .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind of the coming tick, linear from start to end.")
-        .def("set_rotor", &RigidBody::set_rotor, "rotor"_a, "thrust_left"_a, "forced_speed_radps"_a,
-             "imbalance_kgm"_a, "Set the state of a rotor from the next tick on; with a forced speed < 0 it follows its command.")
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
@@ -524,7 +469,7 @@ void bind_rigid_body(nb::module_ &m) {
              "while each travels less than remains to the scene and to actors, which "
              "approach by approach_m in a tick. Return (ticks finished, distance of a tick flown but not finished or "
              "-1, the two rests, violation as of finish(), index of a command not finite or -1).")
-        .def("repair", &RigidBody::repair, "Set all rotors to the state of a new body's.")
+        .def("repair", &RigidBody::repair, "Set all forces to the condition of a new body's: no faults.")
         .def("steps", &RigidBody::steps, "Return the number of integration steps of the last fly().")
         .def("rewind", &RigidBody::rewind, "Restore the state before the last fly().")
         .def("finish", &RigidBody::finish,
@@ -541,7 +486,7 @@ void bind_rigid_body(nb::module_ &m) {
         .def("pose_in_tick", &RigidBody::pose_in_tick, "share"_a,
              "Write a pose between the state before the last fly() and the state now to qpos.")
         .def("contact_load", &RigidBody::contact_load, "substep"_a, "hard"_a,
-             "Write the state to qpos and qvel, rotor and air wrench to qfrc_applied.")
+             "Write the state to qpos and qvel, the sum of the forces to qfrc_applied.")
         .def("serve_mujoco", &RigidBody::serve_mujoco, "qpos"_a.noconvert(), "qvel"_a.noconvert(), "act"_a.noconvert(),
              "qfrc_applied"_a.noconvert(), "Make mujoco_callback() compute the forces of this vehicle.")
         .def_static("mujoco_callback", &RigidBody::mujoco_callback, "Return the address of a MuJoCo control callback.")
@@ -552,7 +497,7 @@ void bind_rigid_body(nb::module_ &m) {
     m.def("observe_flights", &observe_flights, "bodies"_a, "target_W_m"_a.noconvert(), "scale"_a,
           "features"_a.noconvert(), "measures"_a.noconvert(),
           "Write a row for each body. features: each target less p_WB, in B, times scale[0]; v_WB in B times scale[1]; "
-          "w_WB_B times scale[2]; R(q_WB) row by row; rotor speeds over their maximum; all clipped to -1..1, as "
+          "w_WB_B times scale[2]; R(q_WB) row by row; own states of the forces over their full scale (rotor speeds over their maximum); all clipped to -1..1, as "
           "float32; further columns stay. measures: distance to the first target [m], speed [m/s], body rate [rad/s], "
           "cosine of the tilt.");
     m.def("write_downwash", &write_downwash, "bodies"_a, "wind_W_mps"_a.noconvert(),

@@ -1,0 +1,11 @@
+"""Facts about the firmware of the mock Pixhawk (`firmware_bridge.mock_pixhawk.flight.failsafe`)."""
+
+from __future__ import annotations
+
+from firmware_bridge.autopilots.firmware import Firmware
+
+MOCK = Firmware(
+    name="mock",
+    failsafe_texts=(r"^failsafe", r"^flight termination"),  # the other texts come with MAV_STATE_CRITICAL
+    bytewise_params=True,
+)

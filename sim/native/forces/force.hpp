@@ -1,0 +1,126 @@
+// What acts on a body: a list of these, of which the body knows none by name.
+//
+// A kind of force is one class below Force in a file of this folder, with its equation, and its binding (force_binding.hpp);
+// sim/physics/forces/ holds the model of its parameters under the same name. One object stands for all places of its
+// kind on a body (all rotors, all wheels), so that places may act on each other.
+//
+// Commands and own states. A force may take commands, held over a tick, and have states of its own (a rotor's speed),
+// which follow those of the body in `truth`. It advances them itself, in closed form for constant commands: body and
+// forces are then consistent at every stage of the integrator, and a lag does not reduce the order of the body.
+//
+// One tick of free flight, in this order:
+//   command        latches the commands of the tick
+//   begin_tick     reads the own states
+//   step_rate, damping_per_s, longest_step   bound the steps
+//   for each step: at (each stage), add (after each `at`), end_step
+//   end_tick       writes the own states
+// A contact sub-step: at_contact, add, end_contact.
+//
+// Determinism: + - * / sqrt and detmath.hpp only, fixed order. No allocation after `prepare`. An object belongs to one
+// body and holds what `at` computed until the next `at`.
+#pragma once
+
+#include "step_times.hpp"
+
+namespace hil::sim {
+
+inline constexpr int kPoseVelocity = 13;  // p_WB[3], q_WB[4], v_WB_W[3], w_WB_B[3]: the states of the body
+inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
+
+struct Jet;
+
+// Body at one instant.
+struct Instant {
+    const double *s;  // p, q, v, w
+    double R[9];      // R(q_WB), row-major
+    double air_B[3];  // velocity through the air [m/s]
+};
+
+struct Wrench {
+    double force_B[3];   // without gravity and contact
+    double torque_B[3];  // about the centre of mass, without w x (I w)
+};
+
+struct Inertia {
+    double mass_kg;
+    double moments_kgm2[3];
+
+    double least_kgm2() const {
+        const double *I = moments_kgm2;
+        const double xy = I[0] < I[1] ? I[0] : I[1];
+        return I[2] < xy ? I[2] : xy;
+    }
+};
+
+// Velocity of the vehicle through the air, in B.
+inline void air_velocity(const double R[9], const double *s, const double *wind_W, double air[3]) {
+    const double dv[3] = {s[kV] - wind_W[0], s[kV + 1] - wind_W[1], s[kV + 2] - wind_W[2]};
+    air[0] = R[0] * dv[0] + R[3] * dv[1] + R[6] * dv[2];
+    air[1] = R[1] * dv[0] + R[4] * dv[1] + R[7] * dv[2];
+    air[2] = R[2] * dv[0] + R[5] * dv[1] + R[8] * dv[2];
+}
+
+// Velocity through the air of the point `r` of the body, in B: air + w x r.
+inline void point_velocity(const double air[3], const double *w, const double *r, double u[3]) {
+    u[0] = air[0] + (w[1] * r[2] - w[2] * r[1]);
+    u[1] = air[1] + (w[2] * r[0] - w[0] * r[2]);
+    u[2] = air[2] + (w[0] * r[1] - w[1] * r[0]);
+}
+
+class Force {
+  public:
+    virtual ~Force() = default;
+
+    virtual int commands() const { return 0; }
+    virtual int states() const { return 0; }
+
+    // Once, before the first tick.
+    virtual void prepare(const StepTimes &, const Inertia &) {}
+
+    // Latches commands 0..1 [commands()], saturated. `voltage` = V / V_nominal of the battery, 1 without one. Returns -1,
+    // or the index of the first value that is not finite.
+    virtual int command(const double * /*control*/, double /*voltage*/) { return -1; }
+
+    virtual void begin_tick(const double * /*own*/) {}
+    virtual void end_tick(double * /*own*/) {}
+
+    // Greatest rate of the force's own change in this tick [1/s]: a step is no longer than its inverse.
+    virtual double step_rate_per_s(bool /*classical*/) const { return 0.0; }
+    // Part of lambda, the fastest damping or gyroscopic rate of the body's motion at this airspeed [1/s].
+    virtual double damping_per_s(double /*airspeed_mps*/) const { return 0.0; }
+    // Longest step from here, at most `longest_s`. `s`: p, q, v, w. Not asked for by the classical method.
+    virtual double longest_step(const double * /*s*/, const double * /*wind_W*/, double longest_s) const {
+        return longest_s;
+    }
+
+    // Own states `t_s` after the start of the step, which is a node of steps of this level.
+    virtual void at(int /*level*/, int /*node*/, double /*t_s*/) {}
+    // Adds the wrench that the own states of the last `at` or `at_contact` make.
+    virtual void add(const Instant &, Wrench &) const = 0;
+    virtual void end_step(int /*level*/, double /*h_s*/) {}
+
+    // Own states at the start of a contact sub-step, with their mean rates over it.
+    virtual void at_contact(const double * /*own*/, bool /*hard*/) {}
+    virtual void end_contact(double * /*own*/, bool /*hard*/) {}
+    // Own states with their rates at one instant.
+    virtual void at_instant(const double * /*own*/) {}
+
+    // Mechanical power now [W], and work over a tick that began at these own states [J]: what a battery must deliver.
+    virtual double power_w(const double * /*own*/) const { return 0.0; }
+    virtual double work_j(const double * /*own_before*/) const { return 0.0; }
+
+    // Wake that other vehicles feel. `s`: p, q, v, w. Returns false without one.
+    virtual bool jet(const double * /*s*/, const double * /*own*/, const double * /*wind_W*/, Jet &) const {
+        return false;
+    }
+
+    // Value of own state `i` that counts as full, for observations.
+    virtual double full_scale(int /*i*/) const { return 1.0; }
+
+    // Returns to the condition of a new object: no faults.
+    virtual void repair() {}
+
+    bool attached = false;  // to a body
+};
+
+}  // namespace hil::sim

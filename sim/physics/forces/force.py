@@ -1,0 +1,60 @@
+"""Interface of the forces that act on a vehicle, and how they are found.
+
+A kind of force is a file of this folder with a model of its parameters, a `ForceParameters`, and a C++ file of the same
+name in sim/native/forces with its equation. In a vehicle file:
+
+    forces:
+      - {kind: buoyancy, volume_m3: 0.002}
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from typing import Annotated, Any, Union
+
+from pydantic import Field
+
+from signals.documents.validate import StrictModel
+from sim import _kernels
+
+Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
+Point = tuple[Metres, Metres, Metres]
+
+
+class Effects(StrictModel):
+    """Switches of the optional parts of the model.
+
+    A part that is off costs nothing. Motor lag, gyroscopic torque and drag have no switch: set their coefficients in
+    the vehicle file to zero.
+    """
+
+    ground_effect: bool = True  # more thrust near the ground
+    descent_loss: bool = True  # less thrust in the vortex ring state
+    battery: bool = False  # rotor speed limit follows the voltage; needs a vehicle with a battery
+
+
+class ForceParameters(StrictModel):
+    """Parameters of one entry of `forces`. A kind has a field `kind` with its name, a Literal."""
+
+    def make(self, effects: Effects) -> _kernels.Force:
+        """Return a new force; it belongs to one body."""
+        raise NotImplementedError
+
+
+def kinds() -> tuple[type[ForceParameters], ...]:
+    """Return the parameters of every kind of force in this folder, by name of the file."""
+    from sim.physics import forces
+
+    found = []
+    for module in sorted(info.name for info in pkgutil.iter_modules(forces.__path__)):
+        for member in vars(importlib.import_module(f"{forces.__name__}.{module}")).values():
+            if isinstance(member, type) and issubclass(member, ForceParameters) and "kind" in member.model_fields:
+                found.append(member)
+    return tuple(found)
+
+
+def any_kind() -> Any:
+    """Return the type of an entry of `forces`: the model that its `kind` selects."""
+    models = kinds()
+    return Annotated[Union[models], Field(discriminator="kind")] if len(models) > 1 else models[0]  # noqa: UP007

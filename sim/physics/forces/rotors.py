@@ -1,0 +1,139 @@
+"""Rotors of a vehicle as its file describes them. Equations: sim/native/forces/rotors.hpp.
+
+All vectors are in B (FLU, origin at the centre of mass, axes principal), SI units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import Annotated
+
+import pydantic
+from pydantic import Field
+
+from signals.documents.validate import StrictModel
+from sim import _kernels
+from sim.physics.forces.force import Effects, Point
+
+
+class Spin(StrEnum):
+    """Direction in which a rotor turns, seen from above."""
+
+    CCW = "ccw"
+    CW = "cw"
+
+    @property
+    def sign(self) -> float:
+        """+1 for counter-clockwise, about the body's up axis."""
+        return 1.0 if self is Spin.CCW else -1.0
+
+
+LEAST_UP = 0.1  # vertical part of a rotor's axis: 84 degrees of tilt
+_COAXIAL_OFFSET_M = 0.01  # greatest distance of a lower rotor from the axis of the upper one
+Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+
+
+class Rotor(StrictModel):
+    """One rotor; its index in the list is its number in the autopilot's control order."""
+
+    position_m: Point
+    spin: Spin  # seen against the axis: from above for an upright rotor
+    axis: tuple[Component, Component, Component] = (0.0, 0.0, 1.0)  # direction of the thrust, normalised when read
+    coaxial_below: Annotated[int, Field(ge=0, le=7)] | None = None  # index of the upper rotor of its coaxial pair
+
+    @pydantic.field_validator("axis")
+    @classmethod
+    def _unit_vector(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
+        length = math.hypot(*axis)
+        if length < 1e-6:
+            raise ValueError(f"{list(axis)} has no direction: an upright rotor has [0, 0, 1]")
+        unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+        if unit[2] < LEAST_UP:
+            raise ValueError(f"{list(axis)} does not point up: a rotor may tilt by up to 84 degrees from [0, 0, 1]")
+        return unit
+
+
+class RotorConstants(StrictModel):
+    """Constants that all rotors of a vehicle share.
+
+    Thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v. The speed O follows the
+    command with the time constant for up or down. The lower rotor of a coaxial pair has the thrust
+    k O (O - (1 - coaxial_thrust_ratio) O_upper). Command u gives the speed O_max sqrt(f u^2 + (1 - f) u), with f the
+    thrust model factor (PX4's THR_MDL_FAC): with 1 the thrust is quadratic in the command, with 0 linear. The other
+    equations are in sim/native/forces/rotor_air.hpp.
+    """
+
+    thrust_coefficient_n_per_radps2: Annotated[float, Field(gt=0.0, le=1.0)]
+    moment_ratio_m: Annotated[float, Field(ge=0.0, le=1.0)]
+    max_speed_radps: Annotated[float, Field(gt=0.0, le=10_000.0)]
+    time_constant_up_s: Annotated[float, Field(ge=1e-3, le=1.0)]
+    time_constant_down_s: Annotated[float, Field(ge=1e-3, le=1.0)]
+    inertia_kgm2: Annotated[float, Field(ge=0.0, le=1.0)]
+    drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)]
+    radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
+    thrust_model_factor: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = (
+        0.0  # thrust loss = this x rotor speed x climb speed
+    )
+    ground_thrust_ratio: Annotated[float, Field(ge=1.0, le=4.0)] = 1.0  # thrust at the ground over thrust aloft
+    descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
+    # Thrust of the lower rotor of a coaxial pair over that of the upper one, at equal speeds.
+    coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
+
+
+def check_coaxial_pairs(rotors: Sequence[Rotor]) -> None:
+    """Raise ValueError unless every `coaxial_below` names a rotor above on the same axis, of this pair only."""
+    pairs = {i: rotor.coaxial_below for i, rotor in enumerate(rotors) if rotor.coaxial_below is not None}
+    for i, above in pairs.items():
+        if above >= len(rotors) or above == i or above in pairs or list(pairs.values()).count(above) > 1:
+            raise ValueError(
+                f"coaxial_below of rotor {i} is {above}: it must name another rotor, which is the upper rotor of "
+                "this pair only"
+            )
+        lower, upper = rotors[i], rotors[above]
+        down = [u - v for u, v in zip(upper.position_m, lower.position_m, strict=True)]
+        along = sum(d * n for d, n in zip(down, upper.axis, strict=True))
+        across = math.sqrt(max(0.0, sum(d * d for d in down) - along * along))
+        if lower.axis != upper.axis or along <= 0.0 or across > _COAXIAL_OFFSET_M:
+            raise ValueError(
+                f"coaxial_below of rotor {i} is {above}, but it is not below rotor {above} on the same axis"
+            )
+
+
+def no_rotors() -> RotorConstants:
+    """Return the constants of a vehicle without rotors, which nothing reads."""
+    return RotorConstants(
+        thrust_coefficient_n_per_radps2=1.0,
+        moment_ratio_m=0.0,
+        max_speed_radps=1.0,
+        time_constant_up_s=1.0,
+        time_constant_down_s=1.0,
+        inertia_kgm2=0.0,
+        drag_kg_per_rad=0.0,
+        radius_m=0.002,
+    )
+
+
+def rotors_force(rotors: Sequence[Rotor], c: RotorConstants, effects: Effects) -> _kernels.Rotors:
+    """Return the force of these rotors; its commands and own states (speeds) are in their order."""
+    return _kernels.Rotors(
+        position_m=[rotor.position_m for rotor in rotors],
+        spin=[rotor.spin.sign for rotor in rotors],
+        axis=[rotor.axis for rotor in rotors],
+        above=[-1 if rotor.coaxial_below is None else rotor.coaxial_below for rotor in rotors],
+        coaxial_loss=1.0 - c.coaxial_thrust_ratio,
+        thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
+        moment_ratio_m=c.moment_ratio_m,
+        max_speed_radps=c.max_speed_radps,
+        thrust_model_factor=c.thrust_model_factor,
+        time_constant_up_s=c.time_constant_up_s,
+        time_constant_down_s=c.time_constant_down_s,
+        inertia_kgm2=c.inertia_kgm2,
+        drag_kg_per_rad=c.drag_kg_per_rad,
+        axial_drag_kg_per_rad=c.axial_drag_kg_per_rad,
+        radius_m=c.radius_m,
+        ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
+        descent_loss=c.descent_loss if effects.descent_loss else 0.0,
+    )

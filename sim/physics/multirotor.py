@@ -1,0 +1,67 @@
+"""Facts of a vehicle that a multirotor's controller needs. The vehicle itself may have other forces, or no rotors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics.vehicle import Vehicle
+
+LEAST_ROTORS = 3
+_MOST_HOVER_CONTROL = 0.95
+
+
+def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
+    """Return the key of the vehicle's file and the reason why it cannot hover on its rotors; None if it can."""
+    count = len(vehicle.rotors)
+    if count < LEAST_ROTORS:
+        return "rotors", f"holds {count} rotors, and a multirotor's controller needs at least {LEAST_ROTORS}"
+    hover = hover_control(vehicle)
+    if hover > _MOST_HOVER_CONTROL:
+        return "mass_kg", f"makes it hover at {hover:.2f} of full command: raise the thrust or lower the mass"
+    return None
+
+
+def thrust_shares(vehicle: Vehicle) -> tuple[float, ...]:
+    """Return the thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
+
+    Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
+    the speed of either. Their sum at equal speeds is exact.
+    """
+    paired = {rotor.coaxial_below for rotor in vehicle.rotors} - {None}
+    shared = 0.5 * (1.0 + vehicle.rotor_constants.coaxial_thrust_ratio)
+    return tuple(
+        shared if i in paired or rotor.coaxial_below is not None else 1.0 for i, rotor in enumerate(vehicle.rotors)
+    )
+
+
+def effectiveness(vehicle: Vehicle) -> NDArray[np.float64]:
+    """Return force and torque about the centre of mass per newton of k O^2 of each rotor, in B: (6, rotors) [-, m]."""
+    m = vehicle.rotor_constants.moment_ratio_m
+    columns = []
+    for share, rotor in zip(thrust_shares(vehicle), vehicle.rotors, strict=True):
+        axis = np.array(rotor.axis)
+        torque = share * np.cross(rotor.position_m, axis) - rotor.spin.sign * m * axis
+        columns.append(np.concatenate([share * axis, torque]))
+    return np.column_stack(columns)
+
+
+def hover_control(vehicle: Vehicle) -> float:
+    """Return the command of each rotor at which the thrust aloft equals the standard weight, at nominal voltage."""
+    c = vehicle.rotor_constants
+    lift = sum(share * rotor.axis[2] for share, rotor in zip(thrust_shares(vehicle), vehicle.rotors, strict=True))
+    max_thrust_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * lift
+    share, f = vehicle.mass_kg * STANDARD_GRAVITY_MPS2 / max_thrust_n, c.thrust_model_factor
+    if f == 0.0:
+        return share
+    return (math.sqrt((1.0 - f) * (1.0 - f) + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)
+
+
+def speed_radps(vehicle: Vehicle, control: float) -> float:
+    """Return the steady speed of a rotor at a command 0..1, at nominal voltage."""
+    c = vehicle.rotor_constants
+    f = c.thrust_model_factor
+    return c.max_speed_radps * math.sqrt(f * control * control + (1.0 - f) * control)
