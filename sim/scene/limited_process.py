@@ -52,18 +52,17 @@ def limited(function: str, *arguments: Any, budget: Budget, what: str) -> Any:
                 pickle.dump(arguments, file, protocol=5)
         except OSError as error:
             raise _no_space(folder, error) from None
-        allowed_s = max(budget.left_s, _LEAST_S)
         status, cpu_s = _host.call(
             {
                 "folder": name,
                 "function": function,
                 "cwd": _working_directory(),
                 "memory_bytes": int(budget.limits.memory_bytes),
-                "cpu_s": allowed_s,
+                "cpu_s": max(budget.left_s, _LEAST_S),
             }
         )
         if status != 0 or not (folder / _RESULT).exists():
-            raise budget.exceeded("cpu_s", what) if cpu_s >= allowed_s else _ended(status, budget, what)
+            raise _ended(status, budget, what)
         budget.seconds(cpu_s, what)
         with (folder / _RESULT).open("rb") as file:
             kind, value = pickle.load(file)  # noqa: S301 (written by `_work`)
@@ -94,6 +93,8 @@ def _no_space(folder: Path, error: OSError) -> ConfigError:
 def _ended(status: int, budget: Budget, what: str) -> ConfigError:
     """Return the error for a process that a signal ended."""
     number = os.waitstatus_to_exitcode(status)
+    if number == -signal.SIGXCPU:
+        return budget.exceeded("cpu_s", what)
     cause = signal.Signals(-number).name if number < 0 else f"status {number}"
     message = f"{what} ended with {cause}"
     hint = "the system may have run out of memory" if number == -signal.SIGKILL else "the file may be damaged"
@@ -228,7 +229,8 @@ def _answer(function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[s
 
 def _limit(memory_bytes: int, cpu_s: float) -> None:
     """Limit this process to so much memory beyond what it has, and to so much processor time."""
-    _lower(resource.RLIMIT_CPU, int(cpu_s) + 1)
+    # The soft limit ends the process with SIGXCPU, which nothing else sends.
+    _lower(resource.RLIMIT_CPU, int(cpu_s) + 1, spare=5)
     _lower(resource.RLIMIT_CORE, 0)
     held = 0
     with contextlib.suppress(OSError, ValueError, IndexError):
@@ -236,12 +238,13 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     _lower(resource.RLIMIT_DATA, held + memory_bytes)
 
 
-def _lower(limit: int, value: int) -> None:
-    """Set a limit of this process, unless a lower one is set already."""
+def _lower(limit: int, value: int, *, spare: int = 0) -> None:
+    """Set a limit of this process, unless a lower one is set already; `spare`: of the hard limit above the soft one."""
     hard = resource.getrlimit(limit)[1]
-    if hard == resource.RLIM_INFINITY or value < hard:
+    most = value + spare if hard == resource.RLIM_INFINITY else min(value + spare, hard)
+    if value <= most:
         with contextlib.suppress(ValueError, OSError):  # macOS does not have all of them
-            resource.setrlimit(limit, (value, value))
+            resource.setrlimit(limit, (value, most))
 
 
 if __name__ == "__main__":

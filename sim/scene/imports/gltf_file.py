@@ -26,7 +26,7 @@ from sim.scene.files_below import file_below
 from sim.scene.imports.gltf_schema import COMPONENT_TYPES, COMPONENTS, Accessor, Gltf
 
 MAX_JSON_BYTES = 64_000_000
-_OBJECT_BYTES, _VALUE_BYTES = 1000, 100  # of the JSON text, once it is checked
+_OBJECT_BYTES, _VALUE_BYTES = 2000, 100  # of the JSON text, once it is checked
 MAX_NODES = 65_000
 _GLB, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _MAX_PROBLEMS = 8
@@ -253,6 +253,9 @@ class _Reader:
     def _checked(self, raw: dict[str, Any]) -> Gltf:
         if "asset" not in raw:
             raise self._error("is JSON but not glTF: it has no key 'asset'")
+        nodes = raw.get("nodes")
+        if isinstance(nodes, list) and len(nodes) > MAX_NODES:
+            raise self._error(f"has {len(nodes)} nodes; {MAX_NODES} are allowed", "join them")
         try:
             gltf = Gltf.model_validate(raw)
         except pydantic.ValidationError as error:
@@ -309,8 +312,6 @@ class _Reader:
 
     def _check_sizes(self, file: GltfFile) -> None:
         gltf = file.gltf
-        if len(gltf.nodes) > MAX_NODES:
-            raise self._error(f"has {len(gltf.nodes)} nodes; {MAX_NODES} are allowed", "join them")
         for i, view in enumerate(gltf.bufferViews):
             if view.buffer >= len(gltf.buffers):
                 raise self._error(f"bufferViews[{i}] names buffers[{view.buffer}], which does not exist")

@@ -55,7 +55,7 @@ def with_picture(picture: bytes) -> bytes:
 
 
 def many_objects(text: str) -> bytes:
-    return b'{"asset": {"version": "2.0"}, "nodes": [' + text.encode() * 1_000_000 + b"{}]}"
+    return b'{"asset": {"version": "2.0"}, "nodes": [' + text.encode() * 1000 + b"{}]}"
 
 
 HOSTILE = {
@@ -64,7 +64,8 @@ HOSTILE = {
     "picture": (with_picture(png_head(11585, 11585)), "for images[0], a picture of 11585 x 11585 pixels"),
     "long picture": (with_picture(png_head(2**31 - 1, 2)), "megapixels of pictures with images[0]"),
     "picture of another kind": (with_picture(b"II*\0" + b"\0" * 100), "images[0] cannot be decoded"),
-    "objects of JSON": (many_objects("{}," * 10), "GB of memory with its JSON"),
+    "nodes": (many_objects("{}," * 66), "has 66001 nodes; 65000 are allowed"),
+    "objects of JSON": (many_objects("{}," * 4500), "GB of memory with its JSON"),
     "no right transform": (crate(matrix=[0.0] * 16).glb(), "nodes[0] has a transform"),
     "endless transform": (crate(scale=[1e200, 1e200, 1e200]).glb(), "nodes[0] has a transform"),
     "short transform": (crate(matrix=[1.0] * 9).glb(), "nodes[0].matrix"),
