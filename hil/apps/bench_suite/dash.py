@@ -30,9 +30,8 @@ from typing import Any
 
 import numpy as np
 
-from hil.apps.bench_suite.flight_cost import FlightCost
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.timing import processor_s
+from hil.apps.bench_suite.timing import FlightCost, processor_s
 from hil.apps.dash.command import server_process
 from hil.apps.dash.live.live_run import UPDATE_NS, LiveRun
 from hil.apps.dash.messages import Unpacker, packed
