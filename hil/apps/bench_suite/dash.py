@@ -30,9 +30,8 @@ from typing import Any
 
 import numpy as np
 
-from hil.apps.bench_suite.flight_cost import FlightCost
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.timing import processor_s
+from hil.apps.bench_suite.timing import FlightCost, processor_s
 from hil.apps.dash.command import server_process
 from hil.apps.dash.live.live_run import UPDATE_NS, LiveRun
 from hil.apps.dash.messages import Unpacker, packed
@@ -60,17 +59,14 @@ _WAIT_S = 60.0  # on a busy machine a server takes long to start
 _PICTURE_EVERY = 5  # updates
 
 
-def measure(*, quick: bool, status: ShowStatus, errors_only: bool = False) -> BenchmarkResult:
-    """Fly with and without pages, then send many updates; `errors_only`: the first seconds of the flight.
-
-    Raises HilError if a flight fails or the server ends.
-    """
+def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
+    """Fly with and without pages, then send many updates. Raises HilError if a flight fails or the server ends."""
     result = BenchmarkResult(time_label="cost, share of the run's time")
     rounds, updates = (1, 2000) if quick else (3, 30_000)
     rates: dict[str, list[float]] = {}
     costs: dict[str, list[float]] = {}
     digests: dict[str, list[str]] = {}
-    bench = load_bench(settings=[*_SETTINGS, *(["duration_s=10"] if errors_only else [])])
+    bench = load_bench(settings=_SETTINGS)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         status("alone")
@@ -135,6 +131,8 @@ def _fly_watched(bench: Bench, folder: Path, panes: Sequence[str]) -> tuple[dict
         server_s = processor_s(pid) - began_s
         live.close()
     updates = page.result()
+    if updates == 0:
+        raise HilError(f"{run['sim_s']:.0f} s of flight were over before the page got an update")
     return run, live.service_ns / updates / UPDATE_NS, updates / (cost.process_s + server_s)
 
 

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
+from hil.run.part import Part
 from signals.errors import HilError
 
 _REFERENCES = Path(__file__).resolve().parents[3] / "tests" / "reference"
@@ -57,6 +58,23 @@ def best_times(
             took = time.process_time() - began
             best[name] = min(took, best.get(name, took))
     return best
+
+
+class FlightCost(Part):
+    """Part that measures the processor time of all ticks of a flight, in the run's own thread and in the process."""
+
+    name = "flight_cost"
+
+    def __init__(self) -> None:
+        self.thread_s = self.process_s = 0.0
+
+    @contextmanager
+    def around_flight(self) -> Iterator[None]:
+        began_s = time.thread_time(), time.process_time()
+        try:
+            yield
+        finally:
+            self.thread_s, self.process_s = time.thread_time() - began_s[0], time.process_time() - began_s[1]
 
 
 def processor_s(pid: int) -> float:

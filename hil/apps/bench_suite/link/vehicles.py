@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import rigs
-from hil.apps.bench_suite.flight_cost import FlightCost
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
+from hil.apps.bench_suite.timing import FlightCost
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from signals.errors import HilError
