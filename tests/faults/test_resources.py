@@ -37,7 +37,7 @@ class Ended(NamedTuple):
     said: str  # on standard error
 
 
-def hil(*words: str | Path, timeout_s: float = 600.0, **limits: int) -> Ended:
+def hil(*words: str | Path, timeout_s: float = 900.0, **limits: int) -> Ended:
     """Run a command under limits of the system, by name: AS=bytes, NOFILE=descriptors, FSIZE=bytes."""
 
     def limit() -> None:
@@ -117,6 +117,7 @@ CAMPAIGN = """
 settings: {mission: rigs/missions/short.waypoints, autopilot: {transport: loopback}, duration_s: 3}
 axes: {seed: {count: 4}}
 recheck: 0.5
+keep: none
 """
 
 
@@ -141,7 +142,7 @@ COMMANDS = {
         lambda inputs, out: ["campaign", inputs / "c.yaml", "--workers", "2", "--quiet", "--out", out], resumes=True
     ),
     "replay": Case(lambda inputs, out: ["replay", inputs / "flown", "--out", out]),
-    "view": Case(lambda _, out: ["view", "empty_field", "--size", "160x120", "--out", out]),
+    "view": Case(lambda _, out: ["view", "blocks", "--size", "160x120", "--out", out]),
 }
 
 
@@ -162,6 +163,7 @@ def continued(case: Case, inputs: Path, out: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("what", ["memory", "descriptors", "disk", "file size", "no shared memory"])
@@ -192,12 +194,13 @@ def without_shared_memory(*words: str | Path) -> Ended:
     if os.getuid() != 0 or subprocess.run([*mount, "true"], check=False, capture_output=True).returncode != 0:
         pytest.skip("only root mounts file systems")
     line = [*mount, sys.executable, "-m", "hil.cli", *map(str, words)]
-    process = subprocess.run(line, capture_output=True, text=True, timeout=600, check=False)
+    process = subprocess.run(line, capture_output=True, text=True, timeout=900, check=False)
     return Ended(process.returncode, process.stdout, process.stderr)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limit_mb", [250, 350, 450, 550, 600, 700, 800, 1000])
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("limit_mb", [350, 450, 550, 600, 700, 800, 1000])
 @pytest.mark.parametrize("name", ["run", "airsim"])
 def test_memory_that_runs_out_at_any_stage(tmp_path: Path, name: str, limit_mb: int) -> None:
     words = {"run": ["run", *CAMERA, "--scene", "city_park", "-q"], "airsim": ["airsim", "--port", "0"]}[name]
@@ -209,6 +212,7 @@ def test_memory_that_runs_out_at_any_stage(tmp_path: Path, name: str, limit_mb: 
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_a_port_in_use_is_told(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -220,9 +224,10 @@ def test_a_port_in_use_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", ["run", "campaign", "view"])
 def test_closed_streams_change_no_result(tmp_path: Path, inputs: Path, name: str) -> None:
     line = [sys.executable, "-m", "hil.cli", *map(str, COMMANDS[name].line(inputs, tmp_path / "out"))]
     shell = ["sh", "-c", '"$@" <&- >&- 2>&-', "sh", *line]
     open_status = hil(*COMMANDS[name].line(inputs, tmp_path / "open")).status
-    assert subprocess.run(shell, check=False, timeout=600).returncode == open_status
+    assert subprocess.run(shell, check=False, timeout=900).returncode == open_status

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.run.recorder.database import Database, UnusableDatabaseError
+from hil.run.runs.result_database import Database, UnusableDatabaseError
 from signals.errors import RecordingError
 
 TABLES = {"result": "id TEXT PRIMARY KEY, value REAL NOT NULL, text TEXT NOT NULL", "note": "text TEXT"}
@@ -143,7 +143,7 @@ def test_only_files_of_their_own_are_opened(
 
 
 def test_journals_left_by_another_process(tmp_path: Path) -> None:
-    """Those of a killed process are read, others are ignored or refused."""
+    """Journals of a killed process are read, others are ignored or refused."""
     path = tmp_path / "results.sqlite"
     db = opened(path)
     for row in ROWS:
