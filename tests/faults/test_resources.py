@@ -37,7 +37,7 @@ class Ended(NamedTuple):
     said: str  # on standard error
 
 
-def hil(*words: str | Path, timeout_s: float = 600.0, **limits: int) -> Ended:
+def hil(*words: str | Path, timeout_s: float = 900.0, **limits: int) -> Ended:
     """Run a command under limits of the system, by name: AS=bytes, NOFILE=descriptors, FSIZE=bytes."""
 
     def limit() -> None:
@@ -57,7 +57,8 @@ def check(ended: Ended, folder: Path | None = None) -> None:
     assert ended.status in ENDS, ended
     assert not re.search(r"Traceback|a defect of the bench|nanobind: leaked", ended.out + ended.said), ended
     errors = [line for line in ended.said.splitlines() if line.startswith("error: ")]
-    assert len(errors) == (ended.status == 3), ended
+    counted = re.search(r" [1-9]\d* ERROR,", ended.out)  # of a campaign, whose cases are errors by themselves
+    assert len(errors) == (ended.status == 3 and not counted), ended
     if folder is not None:
         run = json.loads((folder / "run.json").read_text())
         assert problems_of(run) == []
@@ -86,7 +87,7 @@ def test_a_bench_that_does_not_fit_into_memory_leaves_run_json(
 def test_out_of_memory_is_told(tmp_path: Path, limit_mb: int) -> None:
     """The smaller limit ends in OpenBLAS, which calls exit(1); the other in Python."""
     ended = hil("run", "--out", tmp_path / "out", "--quiet", AS=limit_mb * MB)
-    check(ended)
+    check(ended, tmp_path / "out")
     assert "no memory is left" in ended.said
 
 
@@ -117,6 +118,7 @@ CAMPAIGN = """
 settings: {mission: rigs/missions/short.waypoints, autopilot: {transport: loopback}, duration_s: 3}
 axes: {seed: {count: 4}}
 recheck: 0.5
+keep: none
 """
 
 
@@ -141,7 +143,7 @@ COMMANDS = {
         lambda inputs, out: ["campaign", inputs / "c.yaml", "--workers", "2", "--quiet", "--out", out], resumes=True
     ),
     "replay": Case(lambda inputs, out: ["replay", inputs / "flown", "--out", out]),
-    "view": Case(lambda _, out: ["view", "empty_field", "--size", "160x120", "--out", out]),
+    "view": Case(lambda _, out: ["view", "blocks", "--size", "160x120", "--out", out]),
 }
 
 
@@ -162,6 +164,7 @@ def continued(case: Case, inputs: Path, out: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", COMMANDS)
 @pytest.mark.parametrize("what", ["memory", "descriptors", "disk", "file size", "no shared memory"])
@@ -192,12 +195,13 @@ def without_shared_memory(*words: str | Path) -> Ended:
     if os.getuid() != 0 or subprocess.run([*mount, "true"], check=False, capture_output=True).returncode != 0:
         pytest.skip("only root mounts file systems")
     line = [*mount, sys.executable, "-m", "hil.cli", *map(str, words)]
-    process = subprocess.run(line, capture_output=True, text=True, timeout=600, check=False)
+    process = subprocess.run(line, capture_output=True, text=True, timeout=900, check=False)
     return Ended(process.returncode, process.stdout, process.stderr)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("limit_mb", [250, 350, 450, 550, 600, 700, 800, 1000])
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("limit_mb", [150, 250, 350, 450, 550, 600, 700, 800, 1000])
 @pytest.mark.parametrize("name", ["run", "airsim"])
 def test_memory_that_runs_out_at_any_stage(tmp_path: Path, name: str, limit_mb: int) -> None:
     words = {"run": ["run", *CAMERA, "--scene", "city_park", "-q"], "airsim": ["airsim", "--port", "0"]}[name]
@@ -209,6 +213,7 @@ def test_memory_that_runs_out_at_any_stage(tmp_path: Path, name: str, limit_mb: 
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_a_port_in_use_is_told(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -220,9 +225,10 @@ def test_a_port_in_use_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", ["run", "campaign", "view"])
 def test_closed_streams_change_no_result(tmp_path: Path, inputs: Path, name: str) -> None:
     line = [sys.executable, "-m", "hil.cli", *map(str, COMMANDS[name].line(inputs, tmp_path / "out"))]
     shell = ["sh", "-c", '"$@" <&- >&- 2>&-', "sh", *line]
     open_status = hil(*COMMANDS[name].line(inputs, tmp_path / "open")).status
-    assert subprocess.run(shell, check=False, timeout=600).returncode == open_status
+    assert subprocess.run(shell, check=False, timeout=900).returncode == open_status

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from hil.apps.campaign.flight import Outcome
-from hil.run.recorder.database import Database
+from hil.run.runs.result_database import Database
 from signals.errors import RecordingError
 
 STORE_NAME = "campaign.sqlite"

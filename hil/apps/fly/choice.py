@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from hil.config import Bench, load_bench
+if TYPE_CHECKING:
+    from hil.config import Bench
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,8 @@ class BenchChoice:
 
     def load(self) -> Bench:
         """Read and check the bench. Raises ConfigError with every problem found."""
+        from hil.config import load_bench  # most of a command's memory: `fly` tells in run.json if there is none
+
         return load_bench(
             self.config,
             rig=self.rig,

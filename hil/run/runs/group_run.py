@@ -24,10 +24,10 @@ from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.group_report import write_group_report
-from hil.run.report.run_file import RunFile
 from hil.run.runs.failure import Failure
 from hil.run.runs.group_flight import for_each, group_of
 from hil.run.runs.lockstep import Lockstep
+from hil.run.runs.run_file import RunFile
 from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row

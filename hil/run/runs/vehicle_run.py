@@ -21,8 +21,8 @@ from hil.run.loop.tick_loop import Flight, fly_ticks
 from hil.run.part import Part, Report, RunContext
 from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
-from hil.run.report.run_file import RunFile
 from hil.run.runs.failure import Failure
+from hil.run.runs.run_file import RunFile
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
 from signals.errors import ConfigError, HilError, Problem, RecordingError

@@ -15,8 +15,8 @@ from pydantic import TypeAdapter
 
 from hil.apps.dataset.formats.coco import CocoPicture
 from hil.apps.dataset.storage.tree import Written
-from hil.run.recorder.database import Database, UnusableDatabaseError
 from hil.run.recorder.mcap.mcap_file import ChunkFacts
+from hil.run.runs.result_database import Database, UnusableDatabaseError
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ from hil.apps.detect.training.start_weights import (
     set_statistics,
     with_heads_of,
 )
-from hil.run.recorder.database import require_plain
+from hil.run.runs.result_database import require_plain
 from signals.errors import ConfigError, Problem, RecordingError
 
 CHECKPOINT = "last.pt"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import random
@@ -241,6 +242,21 @@ def test_one_flipped_bit_never_changes_a_table(tmp_path: Path, engine: FakeEngin
     with suppress(RecordingError):
         assert campaign(tmp_path, "axes: {seed: [1, 2]}", resume=True) == 0
     assert (out / "results.csv").read_bytes() == table
+
+
+def test_a_table_that_breaks_off_leaves_nothing_to_be_said_at_exit(
+    tmp_path: Path, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cases that are half read when a full disk ends the tables are freed after the file is closed."""
+    assert campaign(tmp_path, "axes: {seed: [1, 2]}") == 0
+    ignored: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", ignored.append)
+    with Store(tmp_path / "out") as store:
+        cases = store.cases()
+        next(cases)
+    del cases
+    gc.collect()
+    assert ignored == []
 
 
 def test_results_through_a_link_are_refused(tmp_path: Path, engine: FakeEngine) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.run.recorder.database import Database, UnusableDatabaseError
+from hil.run.runs.result_database import Database, UnusableDatabaseError
 from signals.errors import RecordingError
 
 TABLES = {"result": "id TEXT PRIMARY KEY, value REAL NOT NULL, text TEXT NOT NULL", "note": "text TEXT"}

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.run.report.run_file import RunFile
+from hil.run.runs.run_file import RunFile
 from signals.errors import DiskFull, RecordingError
 from tests.worlds.run_json_schema import RUN, problems_of
 
