@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil.config.bench import Bench
 from hil.config.files import default_bench
-from hil.config.merge.loading import BenchLoading
+from hil.config.loading import BenchLoading
 from hil.config.vehicles.resolve import lone_vehicle_problems, with_vehicles
 from signals.errors import ConfigError, Problem
 

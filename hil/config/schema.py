@@ -18,7 +18,7 @@ from firmware_bridge.ground_station.modes import WORDS as MODE_WORDS
 from firmware_bridge.ground_station.modes import plain_word
 from firmware_bridge.router.endpoint import Endpoint
 from firmware_bridge.transports.loopback_host import is_loopback
-from hil.config.vehicles.settings import Formation, Group, Offset
+from hil.config.group_schema import Formation, Group, Offset
 from signals.documents.validate import Section, nearest
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG

@@ -52,6 +52,7 @@ from hil.run.loop.by_hand import HandControl
 from hil.run.loop.scheduler import PHASES, CommandSource, Exchange, Scheduler
 from hil.run.loop.stages import StagePlan
 from hil.run.recorder.recorder import Recorder, Tap
+from hil.run.report.page import Report
 from hil.run.report.quantiles import quantiles_us
 from hil.run.sensors.frame_stages import make_frames
 from hil.run.sensors.sensor_slots import SensorSlots
@@ -73,13 +74,6 @@ class FlightStatus(NamedTuple):
     phase: str
     reached: int  # waypoints
     waypoints: int
-
-
-class Report(NamedTuple):
-    """Contribution of a part to the report page."""
-
-    pictures: Sequence[tuple[str, Path]] = ()  # caption, PNG file
-    sections: Sequence[tuple[str, str]] = ()  # heading, HTML
 
 
 class RunContext:

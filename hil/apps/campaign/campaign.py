@@ -29,7 +29,7 @@ from hil.apps.campaign.stop_rule import stop_reason
 from hil.apps.campaign.store import Store
 from hil.config import Bench, load_bench
 from hil.run.recorder.recorder import MCAP_NAME
-from hil.run.runs.replay import compare
+from hil.run.replay import compare
 from hil.run.runs.run_file import RUN_JSON_NAME
 from signals.errors import ConfigError, RecordingError
 

@@ -20,9 +20,9 @@ from hil.apps.campaign.stop_rule import parse_stop
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.cluster.join import uses_ray
 from hil.config import load_bench
-from hil.run.loop.progress import CountProgress, minutes
 from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
+from hil.run.runs.progress import CountProgress, minutes
 from signals.errors import ConfigError, Problem
 from signals.processors import usable_processors
 

@@ -32,7 +32,7 @@ from hil.apps.dataset.storage.manifest import (
 from hil.apps.dataset.storage.store import DatasetStore, MakeCheckpoints
 from hil.apps.dataset.storage.tables import Checkpoints
 from hil.apps.dataset.storage.tree import TreeWriter, Written, locked, make_folder
-from hil.run.loop.progress import CountProgress, minutes
+from hil.run.runs.progress import CountProgress, minutes
 from signals.classes import Classes
 from signals.processors import usable_processors
 

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import BenchConfig, load_bench
-from hil.config.checks.radar_checks import view_of
-from hil.config.merge.layers import Settings, merge_options
+from hil.config.layers import Settings, merge_options
 from hil.config.sensors.preset_values import find_preset, merge_keys
+from hil.config.sensors.radar_checks import view_of
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.reading_frames import RADAR_FRAME, capture_ns, image, radar_frame
 from hil.run.recorder.recorder import MCAP_NAME

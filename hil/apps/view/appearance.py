@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from hil.config.merge.layers import Settings, merge_options
+from hil.config.layers import Settings, merge_options
 from hil.config.schema import BenchConfig
 from signals.documents.document import Document
 from signals.documents.validate import Section, validate

@@ -15,7 +15,7 @@ def replay(
     out: Annotated[Path | None, typer.Option(help="Folder for the new run; default RUN_DIR/replay.")] = None,
 ) -> None:
     """Repeat a recorded run. If the runs differ, print the first different tick and port, and exit with status 1."""
-    from hil.run.runs.replay import fly_and_compare
+    from hil.run.replay import fly_and_compare
 
     with exit_on_error():
         result = fly_and_compare(run_dir, out, error_console)

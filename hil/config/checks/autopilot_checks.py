@@ -9,7 +9,7 @@ from pathlib import Path
 from firmware_bridge.links.px4.sitl import airframe_problem
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from hil.config.checks.program_checks import program_problem
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, Autopilot, BenchConfig, MockFaults
 from signals.documents.validate import COMMAND_LINE, Located, at, nearest
 from signals.errors import Problem

@@ -8,7 +8,7 @@ from firmware_bridge.companion.keys import read_allowed, read_bench_keys
 from hil.config.checks.cross_checks import rate_problem
 from hil.config.companion.clients import client_name, known_clients, unknown_clients
 from hil.config.companion.link_settings import link_settings
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from signals.documents.validate import at, nearest
 from signals.errors import ConfigError, Problem

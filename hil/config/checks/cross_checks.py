@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from hil.config.sensors.resolve import sample_types
 from signals.documents.document import Place

@@ -9,7 +9,7 @@ from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.missions.script import MissionScript, SensorFault, injected_at
 from hil.config.schema import BenchConfig
 from hil.config.sensors.resolve import sample_types

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hil.config.merge.layers import Settings as MergedSettings
+from hil.config.layers import Settings as MergedSettings
 from hil.config.schema import BenchConfig, Limits
 from signals.documents.validate import at, nearest, validate
 from signals.errors import Problem

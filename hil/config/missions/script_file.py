@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.missions.mission import Mission
 from hil.config.missions.script import (
     AUTOPILOT_FAULTS,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pydantic
 
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.schema import BenchConfig
 from signals.documents.validate import at
 from signals.errors import Problem

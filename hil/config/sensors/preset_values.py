@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from signals.documents.document import Place, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown
 from signals.errors import ConfigError, Problem

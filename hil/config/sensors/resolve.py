@@ -9,10 +9,10 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, create_model
 
 from firmware_bridge.autopilots.catalog import PROFILES
-from hil.config.checks.radar_checks import frame_problems, rate_problems
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.schema import BenchConfig, SensorConfig
 from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
+from hil.config.sensors.radar_checks import frame_problems, rate_problems
 from signals.documents.document import Place
 from signals.documents.validate import at, nearest, shown, validate
 from signals.errors import Problem

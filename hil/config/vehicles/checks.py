@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Hashable, Mapping
 
 from hil.config.bench import Bench
-from hil.config.merge.layers import SettingsPart
+from hil.config.layers import SettingsPart
 from hil.config.schema import BenchConfig
 from signals.documents.document import Place
 from signals.documents.validate import at

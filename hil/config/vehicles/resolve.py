@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from hil.config.bench import Bench
-from hil.config.merge.layers import SettingsPart, parse_setting
-from hil.config.merge.loading import BenchLoading
+from hil.config.formation import formation_offsets
+from hil.config.layers import SettingsPart, parse_setting
+from hil.config.loading import BenchLoading
 from hil.config.schema import VEHICLE_NAME, BenchConfig, Companion
 from hil.config.vehicles.checks import SHARED_KEYS, vehicles_problems
-from hil.config.vehicles.formation import formation_offsets
 from signals.documents.document import Place
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown
 from signals.errors import ConfigError, Problem

@@ -12,13 +12,14 @@ from typing import Any
 from firmware_bridge.codecs.companion import topic_schema
 from firmware_bridge.companion.frames import SessionFacts
 from firmware_bridge.companion.server import CompanionServer
+from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import BenchConfig
-from hil.config.checks.radar_checks import view_of
 from hil.config.companion.link_settings import link_settings
 from hil.config.schema import Start
+from hil.config.sensors.radar_checks import view_of
 from hil.run.companion.answers import Answers, LiveAnswers
-from hil.run.companion.link_faults import CompanionFault, CompanionFaults
+from hil.run.companion.link_faults import CompanionFaults
 from hil.run.companion.pacing import FramePacing, Timeouts
 from hil.run.companion.stage import AnswerCallbacks, CompanionLogs, CompanionStage
 from hil.run.companion.started import StartedClient, close_all

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.faults.link_fault import LinkFault
-from hil.run.companion.link_faults import CompanionFault
 from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
 from sim.sensors.faults import FAULT_LIST

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.run.part import Report
 from hil.run.recorder.track import TrackArrays
 from hil.run.report.html import text
-from hil.run.report.page import PAGE_NAME, write_page
+from hil.run.report.page import PAGE_NAME, Report, write_page
 from signals.errors import RecordingError
 
 PICTURE_NAME = "vehicles.png"

@@ -6,15 +6,21 @@ import base64
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from hil.run.part import Report
 from hil.run.recorder.recorder import Event
 from hil.run.report.html import table, text
 from signals.time import NS_PER_S
 
 PAGE_NAME = "report.html"
 _EVENTS_SHOWN = 300
+
+
+class Report(NamedTuple):
+    """Contribution of a part to the report page."""
+
+    pictures: Sequence[tuple[str, Path]] = ()  # caption, PNG file
+    sections: Sequence[tuple[str, str]] = ()  # heading, HTML
 
 
 def write_page(out_dir: Path, run: Mapping[str, Any], events: Sequence[Event], report: Report, title: str = "") -> Path:

@@ -7,12 +7,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from hil.config import Bench
-from hil.run.loop.tick_loop import Flight, VehicleFailed, fly_ticks
 from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.recorder.no_recorder import NoRecorder
 from hil.run.recorder.recorder import Recorder
 from hil.run.runs.lockstep import Lockstep
+from hil.run.runs.tick_loop import Flight, VehicleFailed, fly_ticks
 from hil.run.runs.vehicle_run import VehicleRun
 from signals.errors import HilError, RecordingError
 from signals.samples import TruthState

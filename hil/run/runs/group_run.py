@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from hil.config import Bench, save_bench
+from hil.config.formation import formation_offsets
 from hil.config.saved import scene_of_vehicles
-from hil.config.vehicles.formation import formation_offsets
-from hil.run.loop.tick_loop import Flight, VehicleFailed, fly_ticks
 from hil.run.part import Part
 from hil.run.parts.catalog import parts_of
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
@@ -28,6 +27,7 @@ from hil.run.runs.failure import Failure
 from hil.run.runs.group_flight import for_each, group_of
 from hil.run.runs.lockstep import Lockstep
 from hil.run.runs.run_file import RunFile
+from hil.run.runs.tick_loop import Flight, VehicleFailed, fly_ticks
 from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row

@@ -16,8 +16,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from hil.run.loop.tick_loop import Flight, VehicleFailed
 from hil.run.part import FlightEnded
+from hil.run.runs.tick_loop import Flight, VehicleFailed
 from signals.errors import HandshakeError, LinkError, ModelRangeError
 from signals.samples import TruthState
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup

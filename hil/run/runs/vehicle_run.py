@@ -17,12 +17,13 @@ from typing import Any, NamedTuple
 from hil.config import Bench, save_bench
 from hil.run.loop.scheduler import CommandSource, Scheduler, Wiring
 from hil.run.loop.stages import plan_stages
-from hil.run.loop.tick_loop import Flight, fly_ticks
-from hil.run.part import Part, Report, RunContext
+from hil.run.part import Part, RunContext
 from hil.run.recorder.mcap.mcap_file import VehicleTopics
 from hil.run.recorder.recorder import Recorder
+from hil.run.report.page import Report
 from hil.run.runs.failure import Failure
 from hil.run.runs.run_file import RunFile
+from hil.run.runs.tick_loop import Flight, fly_ticks
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
 from signals.errors import ConfigError, HilError, Problem, RecordingError

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.config import Bench, SensorConfig
-from hil.config.checks.radar_checks import radars, view_of
+from hil.config.sensors.radar_checks import radars, view_of
 from signals.errors import RecordingError
 from signals.rotation import matrix_of
 from signals.samples import Quat, Vec3

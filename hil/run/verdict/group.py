@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config.vehicles.settings import Group
+from hil.config.group_schema import Group
 from hil.run.verdict.verdict import Row, rows_within
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S

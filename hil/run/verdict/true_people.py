@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config import SensorConfig
-from hil.config.checks.radar_checks import view_of
+from hil.config.sensors.radar_checks import view_of
 from signals.samples import TruthState
 from sim.frame.channels import CHANNELS
 from sim.frame.mount import Mount

@@ -27,7 +27,7 @@ from hil.apps.dataset.moments import Batch
 from hil.apps.dataset.plan import DatasetPlan, make_plan
 from hil.apps.dataset.storage.manifest import saved_bench
 from hil.apps.dataset.storage.tree import JOURNAL, TreeWriter
-from hil.config.checks.radar_checks import view_of
+from hil.config.sensors.radar_checks import view_of
 from hil.run.sensors.frame_stages import make_frames
 from signals.errors import RecordingError
 from signals.processors import usable_processors

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.config import Bench
-from hil.config.merge.layers import parse_setting
+from hil.config.layers import parse_setting
 from signals.documents.document import Place
 from signals.documents.yaml_lines import dotted
 

@@ -15,9 +15,9 @@ from hil.apps.campaign.results.groups import shortened, value_text
 from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.results.summary import FEW, SAMPLE, PairRates, Rates, Summary, separation
 from hil.apps.campaign.store import Case
-from hil.run.loop.progress import minutes
 from hil.run.report.html import table
 from hil.run.report.page import CSS, PAGE_NAME
+from hil.run.runs.progress import minutes
 from signals.errors import RecordingError
 
 _MOST_PAIRS = 12

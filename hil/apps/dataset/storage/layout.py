@@ -12,7 +12,7 @@ from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
 from hil.apps.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
 from hil.apps.dataset.storage.tables import HEADERS, TRUTH, other_truth
 from hil.config import SensorConfig
-from hil.config.checks.radar_checks import view_of
+from hil.config.sensors.radar_checks import view_of
 from hil.run.sensors.simulated_sensors import transform
 from signals.classes import Classes
 from signals.samples import CHANNEL_UNITS, RADAR_UNITS

@@ -7,7 +7,8 @@ from typing import Any
 
 from hil.config import Bench
 from hil.config.missions.path import plan_points, planned_path
-from hil.run.part import Part, Report, RunContext
+from hil.run.part import Part, RunContext
+from hil.run.report.page import Report
 from hil.run.verdict.verdict import FlightMeasurement, Verdict, judge
 from signals.samples import TruthState
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from hil.config import Bench, SensorConfig
 from hil.config.schema import Search
-from hil.run.part import Part, Report, RunContext
+from hil.run.part import Part, RunContext
+from hil.run.report.page import Report
 from hil.run.verdict.search import PICTURE_NAME, SearchMeasurement
 from hil.run.verdict.verdict import Verdict
 from signals.detections import Detections

@@ -13,7 +13,8 @@ from firmware_bridge.links.realtime.processor import LockstepProcessors, Realtim
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
 from hil.run.autopilots.surroundings import Surroundings, check_ports, home_of, make_link
-from hil.run.part import Part, Report, RunContext
+from hil.run.part import Part, RunContext
+from hil.run.report.page import Report
 from hil.run.report.quantiles import quantiles_us
 
 _LINK_KEYS = ("tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls")

@@ -7,16 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
 from hil.run.autopilots.surroundings import geodetic_from_W
 from hil.run.companion.files import TIMING_NAME, read_timing
 from hil.run.companion.link import CompanionLink
-from hil.run.companion.link_faults import CompanionFault
 from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
-from hil.run.part import Part, Report, RunContext
+from hil.run.part import Part, RunContext
 from hil.run.parts.pilots.mission import grid_ns, needs_estimator, record_texts
+from hil.run.report.page import Report
 from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.detections import Detections

@@ -8,7 +8,8 @@ from typing import Any
 from hil.config import Bench, BenchConfig
 from hil.config.missions.script import SensorFault
 from hil.run.loop.stages import Skipped
-from hil.run.part import Part, Report, RunContext
+from hil.run.part import Part, RunContext
+from hil.run.report.page import Report
 from hil.run.sensors.frame_stages import is_wanted, make_frames, needs_frames, uses_other_renderer
 from hil.run.sensors.sensor_slots import SensorSlots
 from signals.classes import Classes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hil.config import resolved_yaml
-from hil.config.merge.renamed import RENAMED_KEYS
+from hil.config.renamed import RENAMED_KEYS
 from hil.config.schema import BenchConfig
 from signals.documents.validate import legal_keys
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)

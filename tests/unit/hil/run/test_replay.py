@@ -10,7 +10,7 @@ import pytest
 from pymavlink.dialects.v20 import common
 
 from hil.run.recorder.recorder import Recorder
-from hil.run.runs.replay import _traces, compare, replay
+from hil.run.replay import _traces, compare, replay
 from signals.errors import RecordingError
 from signals.samples import ImuSample
 from tests.worlds.synthetic_flight import TICK_NS, Tick, fly, make_flight

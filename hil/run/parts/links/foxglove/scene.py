@@ -15,9 +15,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from hil.run.live.messages import Names
 from hil.run.parts.links.foxglove.glb import glb
 from hil.run.parts.links.foxglove.server import LiveServer
-from hil.run.recorder.live.messages import Names
 from hil.run.recorder.mcap.topics import BODY, WORLD
 from signals.geodesy import LocalFrame
 from signals.samples import TruthState, Vec3

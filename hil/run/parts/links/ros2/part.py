@@ -15,11 +15,11 @@ from typing import Any
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
 from hil.run.autopilots.surroundings import geodetic_from_W
+from hil.run.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from hil.run.loop.scheduler import CommandSource
 from hil.run.part import Part, RunContext
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
 from hil.run.parts.pilots.mission import grid_ns, needs_estimator, record_texts
-from hil.run.recorder.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.documents.validate import nearest

@@ -17,7 +17,7 @@ from hil.apps.campaign.spec.distributions import Distribution
 from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.spec.sampling import UnitSamples
 from hil.apps.campaign.spec.settings import texts_of, with_values
-from hil.config.merge.layers import parse_setting
+from hil.config.layers import parse_setting
 from signals.errors import ConfigError
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)

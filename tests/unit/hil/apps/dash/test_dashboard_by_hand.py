@@ -7,8 +7,8 @@ from typing import Any
 import pydantic
 import pytest
 
+from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.faults.link_fault import LinkFault
-from hil.run.companion.link_faults import CompanionFault
 from hil.run.loop.fault_request import requested_fault
 from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent

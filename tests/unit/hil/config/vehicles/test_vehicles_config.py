@@ -9,8 +9,8 @@ import pytest
 
 from hil.config import Bench, load_bench
 from hil.config.checks import autopilot_checks
-from hil.config.vehicles.formation import formation_offsets
-from hil.config.vehicles.settings import Formation
+from hil.config.formation import formation_offsets
+from hil.config.group_schema import Formation
 from signals.errors import ConfigError
 from tests.worlds.bench_process import ROOT
 

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from hil.run.companion.link_faults import CompanionFault, CompanionFaults
+from firmware_bridge.faults.companion_fault import CompanionFault
+from hil.run.companion.link_faults import CompanionFaults
 
 S = 1_000_000_000
 

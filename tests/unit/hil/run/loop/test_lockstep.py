@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from hil.run.loop.tick_loop import VehicleFailed
 from hil.run.part import FlightEnded
 from hil.run.runs.lockstep import Lockstep
+from hil.run.runs.tick_loop import VehicleFailed
 from signals.errors import HandshakeError, LinkClosed, ModelRangeError
 
 LOST = LinkClosed("autopilot", "its process ended")

@@ -24,7 +24,7 @@ from hil.run.parts.catalog import parts_of
 from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, free_domain, own_sockets
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
 from hil.run.parts.links.ros2.type_hash import type_hash
-from hil.run.runs.replay import fly_and_compare
+from hil.run.replay import fly_and_compare
 from signals.errors import ConfigError
 from signals.samples import TruthState
 from tests.worlds.bench_process import ROOT

@@ -12,7 +12,7 @@ from hil.run.recorder.digest import Digest
 from hil.run.recorder.frame_description import FrameDescription, Projection
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.recorder import MCAP_NAME, Album, Recorder
-from hil.run.runs.replay import compare
+from hil.run.replay import compare
 from signals.samples import CHANNEL_UNITS, ImageSample, RadarSample
 from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, decoded, image, make_flight
 

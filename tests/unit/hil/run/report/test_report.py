@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 
 from hil.config.missions.path import PlanPoint
-from hil.run.loop.progress import Progress
-from hil.run.part import Report
 from hil.run.recorder.recorder import Event
 from hil.run.recorder.track import Track, TrackArrays
 from hil.run.report import figures
-from hil.run.report.page import write_page
+from hil.run.report.page import Report, write_page
 from hil.run.report.pictures import flight_pictures, timing_pictures
 from hil.run.report.run_json import write_run_json
+from hil.run.runs.progress import Progress
 from signals.errors import RecordingError
 from tests.worlds.run_json_schema import RUN, problems_of
 from tests.worlds.synthetic_flight import TICK_NS, make_flight

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from hil.run.companion.files import FrameTimes
-from hil.run.part import Report
 from hil.run.report.companion_section import companion_rows, console_rows, section
-from hil.run.report.page import write_page
+from hil.run.report.page import Report, write_page
 from hil.run.report.pictures import companion_pictures
 from tests.worlds.run_json_schema import RUN
 

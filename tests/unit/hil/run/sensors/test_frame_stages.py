@@ -15,7 +15,7 @@ from hil.run.bench_run import run_bench
 from hil.run.loop.stages import plan_stages
 from hil.run.recorder.reading import read_messages
 from hil.run.recorder.recorder import MCAP_NAME
-from hil.run.runs.replay import compare, replay
+from hil.run.replay import compare, replay
 from hil.run.sensors.frame_stages import stage_specs
 from tests.worlds.spheres_world import FormulaFrames
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hil.config.vehicles.settings import Group
+from hil.config.group_schema import Group
 from hil.run.verdict.group import GroupMeasurement
 from signals.samples import TruthState, Vec3
 from sim.physics.vehicle_group import VehicleContact

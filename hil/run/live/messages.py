@@ -18,9 +18,9 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.config import Bench
+from hil.run.live.encoders import BlobEncoder, SampleEncoder, clock
 from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import FrameSeries
-from hil.run.recorder.live.encoders import BlobEncoder, SampleEncoder, clock
 from hil.run.recorder.mcap.mcap_file import COMMON_TOPICS
 from hil.run.recorder.mcap.topics import (
     ACTUATOR_TOPICS,

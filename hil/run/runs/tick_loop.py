@@ -9,8 +9,8 @@ from typing import Any, NoReturn
 
 from firmware_bridge.links.ardupilot.json_link import RestartRequested
 from hil.config import Bench
-from hil.run.loop.progress import Progress
 from hil.run.part import FlightEnded, Part, RunContext
+from hil.run.runs.progress import Progress
 from signals.time import NS_PER_S
 
 # Without a part that flies the vehicle, the flight ends this long after disarming [ns of simulated time].

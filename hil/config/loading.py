@@ -12,15 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from hil.config.bench import Bench, site_of
-from hil.config.checks import radar_checks
 from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
 from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
 from hil.config.files import available, find, is_bare
-from hil.config.merge.layers import Settings, SettingsPart, merge_options, parse_setting
-from hil.config.merge.renamed import replace_renamed_keys
+from hil.config.formation import shifted_mission
+from hil.config.layers import Settings, SettingsPart, merge_options, parse_setting
 from hil.config.missions import Mission, load_mission
 from hil.config.missions.script import MissionScript
 from hil.config.missions.script_file import (
@@ -31,11 +30,12 @@ from hil.config.missions.script_file import (
     read_script,
     with_gusts,
 )
+from hil.config.renamed import replace_renamed_keys
 from hil.config.scenes import read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
+from hil.config.sensors import radar_checks
 from hil.config.sensors.noise import noise_problems
 from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors, sample_types
-from hil.config.vehicles.formation import shifted_mission
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from signals.documents.yaml_lines import read_yaml

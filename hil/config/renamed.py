@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from signals.documents.validate import COMMAND_LINE, at
 from signals.errors import Problem
 

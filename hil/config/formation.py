@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hil.config.bench import site_of
+from hil.config.group_schema import Formation
 from hil.config.missions.mission import LAND_COMMANDS, MAY_BE_OPEN, PLACE_COMMANDS, POSITION_FRAMES, Mission
-from hil.config.vehicles.settings import Formation
 from signals.geodesy import LocalFrame
 from signals.mission import MissionItem
 from signals.samples import Vec3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from hil.config.merge.layers import Settings
+from hil.config.layers import Settings
 from hil.config.schema import BenchConfig, SensorConfig
 from signals.documents.validate import at, nearest
 from signals.errors import ConfigError, Problem

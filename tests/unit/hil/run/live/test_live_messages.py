@@ -14,9 +14,9 @@ from mcap.reader import make_reader
 
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
+from hil.run.live.messages import CLOCK, LiveMessage, LiveMessages, live_topics
 from hil.run.part import Part, RunContext
 from hil.run.recorder.frame_description import FrameDescription, Projection
-from hil.run.recorder.live.messages import CLOCK, LiveMessage, LiveMessages, live_topics
 from hil.run.recorder.mcap.cdr import decode
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
