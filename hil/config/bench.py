@@ -36,6 +36,11 @@ class Bench:
     vehicles: Mapping[str, Bench] = field(default_factory=dict)
 
     @property
+    def each_vehicle(self) -> Mapping[str, Bench]:
+        """The bench of every vehicle by name; the name of an only vehicle is empty."""
+        return self.vehicles or {"": self}
+
+    @property
     def outcome(self) -> Outcome:
         """Required end of the flight."""
         return "complete" if self.script is None else self.script.script.outcome

@@ -9,9 +9,13 @@ from pathlib import Path
 from hil.config import Bench
 from hil.run.part import Part
 from hil.run.parts.catalog import parts_of, shared_parts
+from hil.run.recorder.no_recorder import NoRecorder
 from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_folder import run_folder
+from hil.run.runs.fleet import Fleet, Place
+from hil.run.runs.tick_loop import VehicleFailed
 from hil.run.runs.vehicle_run import RunResult, VehicleRun
+from signals.errors import HilError, RecordingError
 
 __all__ = ["RunResult", "fly", "run_bench"]
 
@@ -43,17 +47,48 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
             from hil.run.runs.group_run import GroupRun
 
             return GroupRun(bench, out, _maker_of(more, bench), quiet=quiet).result()
-        return VehicleRun(bench, out, parts_of(bench, _maker_of(more, bench)("")), quiet=quiet).result()
+        run = VehicleRun(bench, out, parts_of(bench, _maker_of(more, bench)("")), quiet=quiet)
+        run.mark_unfinished()
+        if run.failure.error is None:
+            run.failure.guard(Fleet({"": run}, quiet=quiet).run)
+        return run.finish()
 
 
-def fly(bench: Bench, out: Path, recorder: Recorder, part: Part) -> None:
+def fly(
+    bench: Bench, out: Path, recorder: Recorder, part: Part, *, vehicle: str = "", place: Place = lambda _: None
+) -> None:
     """Fly `bench` into `recorder`, without run.json, report and saved bench; `part` ends the flight.
 
-    Nothing is measured or judged but crashes. Raises HilError, also for a crash, whatever `recorder` and `part` raise,
-    and KeyboardInterrupt.
+    Of several vehicles `vehicle` is recorded and has the part, and `place` is called with all states of a tick before
+    that tick is recorded. Nothing is measured or judged but crashes. Raises HilError, also for a crash, whatever
+    `recorder` and `part` raise, and KeyboardInterrupt.
     """
-    run = VehicleRun(bench, out, parts_of(bench, [part], judged=False), quiet=True)
-    with ExitStack() as stack:
-        run.build(stack, recorder)
-        run.fly()
-    run.raise_causes()
+    runs: dict[str, VehicleRun] = {}
+    for name, own in bench.each_vehicle.items():
+        folder = out / name
+        folder.mkdir(exist_ok=True)
+        more = part if name == vehicle else _EndsWith(part)
+        runs[name] = VehicleRun(own, folder, parts_of(own, [more], judged=False), quiet=True)
+    fleet = Fleet(runs, quiet=True, downwash=bench.config.group.downwash, place=place)
+    nowhere = NoRecorder(bench.each_vehicle[vehicle].config.tick_ns)
+    try:
+        with ExitStack() as stack:
+            fleet.each(lambda run: run.build(stack, recorder if run is runs[vehicle] else nowhere))
+            fleet.fly()
+        fleet.each(VehicleRun.raise_causes, lost=False)
+    except VehicleFailed as failed:
+        cause = failed.__cause__
+        assert cause is not None
+        if isinstance(cause, HilError) and not isinstance(cause, RecordingError):
+            raise HilError(f"{failed.name}: {cause}") from cause
+        raise cause from None
+
+
+class _EndsWith(Part):
+    """Part that ends a flight together with that of another vehicle."""
+
+    def __init__(self, other: Part) -> None:
+        self._other = other
+
+    def ended(self) -> bool:
+        return self._other.ended()

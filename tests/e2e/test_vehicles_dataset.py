@@ -224,7 +224,9 @@ def test_a_mission_with_an_end_is_flown_again_by_all(tmp_path: Path) -> None:
     boxes = {row["image_id"]: row["bbox"] for row in coco["annotations"] if row["category_id"] == drone}
     assert len(boxes) == 60
     before, after = (boxes[coco["images"][i]["id"]] for i in (0, first))
-    assert after == pytest.approx(before, abs=3.0)
+    # The centre: the box itself also changes with the attitude, and each flight has noise of its own.
+    for axis in (0, 1):
+        assert after[axis] + after[axis + 2] / 2 == pytest.approx(before[axis] + before[axis + 2] / 2, abs=1.5)
 
 
 @pytest.mark.slow

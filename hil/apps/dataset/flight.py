@@ -26,7 +26,6 @@ from hil.run.bench_run import fly
 from hil.run.part import Part, RunContext
 from hil.run.recorder.mcap.topics import Columns, columns_of
 from hil.run.recorder.no_recorder import NoRecorder
-from hil.run.runs.group_flight import GroupFlight
 from signals.errors import RecordingError
 from signals.samples import Sample, TruthState
 from signals.time import NS_PER_S
@@ -217,10 +216,7 @@ def fly_for_frames(plan: DatasetPlan, on_batch: OnBatch) -> FlightRecorder:
             recorder.start_flight()
             seed = (plan.config.seed + flight) % (MAX_SEED + 1)
             bench, part = plan.flight_bench(seed), EnoughFrames(recorder)
-            if bench.vehicles:
-                GroupFlight(bench, Path(folder), plan.vehicle, recorder.place).fly(recorder, part)
-            else:
-                fly(bench, Path(folder), recorder, part)
+            fly(bench, Path(folder), recorder, part, vehicle=plan.vehicle, place=recorder.place)
             if recorder.batches.frames == frames_before:
                 raise RecordingError(_no_frames_message(plan, flight))
             flight += 1

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,22 +23,17 @@ from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME
 from hil.run.report.group_report import write_group_report
 from hil.run.runs.failure import Failure
-from hil.run.runs.group_flight import for_each, group_of
-from hil.run.runs.lockstep import Lockstep
+from hil.run.runs.fleet import Fleet
 from hil.run.runs.run_file import RunFile
-from hil.run.runs.tick_loop import Flight, VehicleFailed, fly_ticks
+from hil.run.runs.tick_loop import Flight, VehicleFailed
 from hil.run.runs.vehicle_run import RunResult, Shared, VehicleRun
 from hil.run.verdict.group import GroupMeasurement, contact_text
 from hil.run.verdict.verdict import Row
-from signals.errors import HilError, RecordingError
+from signals.errors import RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource, SharedFrames
 from sim.physics.vehicle_group import VehicleContact
-
-
-class OtherVehicleFailed(HilError):
-    """End of a flight because another vehicle of the run broke off with an error."""
 
 
 class GroupRun:
@@ -54,11 +48,10 @@ class GroupRun:
         self._recordings: list[McapRecording] = []  # empty until it exists
         self._frames: list[SharedFrames] = []  # empty until a sensor needs the geometry
         self._runs: dict[str, VehicleRun] = {}
-        self._flights: dict[str, Flight] = {}
+        self._fleets: list[Fleet] = []  # empty until the runs exist
         self._results: dict[str, RunResult] = {}
         self._lost_with: dict[str, Sequence[str]] = {}  # causes of a FAIL when each lost vehicle was lost
         self._began_s = time.monotonic()
-        self._setup_s = self._wall_s = 0.0
         formation = bench.config.formation
         offsets = None if formation is None else formation_offsets(formation, list(bench.vehicles))
         self._measured = GroupMeasurement(
@@ -89,21 +82,17 @@ class GroupRun:
         try:
             self._file.reserve()
             self._open_recording()
-            with ExitStack() as stack:
-                for_each(self._runs, lambda run: run.prepare(stack))
-                self._setup_s = time.monotonic() - self._began_s
-                self._fly()
-                for_each(self._runs, VehicleRun.conclude)
-        except VehicleFailed as failed:
-            cause = failed.__cause__ or failed
-            self._failure.note(cause, f"{failed.name}: ")
-            other = OtherVehicleFailed(f"the vehicle {failed.name} failed: {cause}")
-            for name, run in self._runs.items():
-                run.failure.note(cause if name == failed.name else other)
         except (Exception, KeyboardInterrupt) as error:
             for run in self._runs.values():
                 run.failure.note(error)
             raise
+        downwash = self._bench.config.group.downwash
+        fleet = Fleet(self._runs, quiet=self._quiet, downwash=downwash, place=self._place, on_tick=self._measure)
+        self._fleets.append(fleet)
+        try:
+            fleet.run()
+        except VehicleFailed as failed:
+            self._failure.note(failed.__cause__ or failed, f"{failed.name}: ")
 
     def _open_recording(self) -> None:
         """Save the bench, open the recording, and make the runs of the vehicles."""
@@ -140,31 +129,22 @@ class GroupRun:
     def _tick_ns(self) -> int:
         return next(iter(self._bench.vehicles.values())).config.tick_ns
 
-    def _fly(self) -> None:
-        self._flights = {name: Flight(run.context, name) for name, run in self._runs.items()}
-        flights = list(self._flights.values())
-        world = group_of(self._runs, self._bench)
-        lockstep = Lockstep(flights, world, self._place, self._measure)
-        began_s = time.monotonic()
-        try:
-            fly_ticks(flights, quiet=self._quiet, step=lockstep.step)
-        finally:
-            self._record_contacts(world.take_contacts(last=True))
-            self._wall_s = time.monotonic() - began_s - sum(run.paused_s for run in self._runs.values())
-            for run in self._runs.values():
-                run.flown(self._wall_s)
+    @property
+    def _flights(self) -> Mapping[str, Flight]:
+        return self._fleets[0].flights if self._fleets else {}
 
-    def _place(self, truths: Sequence[TruthState]) -> None:
+    def _place(self, truths: Mapping[str, TruthState]) -> None:
         """Give the vehicles' places at this tick to the cameras, LiDARs and radars."""
         for frames in self._frames:
-            for name, truth in zip(self._flights, truths, strict=True):
+            for name, truth in truths.items():
                 frames.place(name, truth)
 
     def _measure(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
         for name, flight in self._flights.items():
             if flight.lost and name not in self._lost_with:
                 self._lost_with[name] = self._runs[name].causes()
-        self._measured.add(truths, [flight.over for flight in self._flights.values()])
+        if truths:
+            self._measured.add(truths, [flight.over for flight in self._flights.values()])
         self._record_contacts(contacts)
 
     def _record_contacts(self, contacts: Sequence[VehicleContact]) -> None:
@@ -222,6 +202,7 @@ class GroupRun:
         ]
         sim_s = self._ticks() * self._tick_ns / NS_PER_S
         flown_s = sum(run["sim_s"] for run in runs.values())
+        setup_s, wall_s = (sum(getattr(fleet, key) for fleet in self._fleets) for key in ("setup_s", "wall_s"))
         return {
             "schema": 1,
             "status": self._status(),
@@ -232,9 +213,9 @@ class GroupRun:
             "rig": self._bench.config.rig,
             "scene": self._bench.scene.name,
             "sim_s": sim_s,
-            "wall_s": self._wall_s,
-            "realtime_factor": sim_s / self._wall_s if self._wall_s > 0 else 0.0,
-            "vehicle_s_per_s": flown_s / self._wall_s if self._wall_s > 0 else 0.0,
+            "wall_s": wall_s,
+            "realtime_factor": sim_s / wall_s if wall_s > 0 else 0.0,
+            "vehicle_s_per_s": flown_s / wall_s if wall_s > 0 else 0.0,
             "mission": {
                 key: sum((run["mission"][key] for run in runs.values()), start=0) for key in ("waypoints", "reached")
             }
@@ -263,5 +244,5 @@ class GroupRun:
             ],
             "actions": [],
             **({"by_hand": by_hand} if by_hand else {}),
-            "timing": {"setup_s": self._setup_s, "total_s": time.monotonic() - self._began_s},
+            "timing": {"setup_s": setup_s, "total_s": time.monotonic() - self._began_s},
         }

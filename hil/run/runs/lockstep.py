@@ -35,7 +35,10 @@ class Lockstep:
         place: Callable[[Sequence[TruthState]], None],
         on_tick: Callable[[Sequence[TruthState], Sequence[VehicleContact]], None],
     ) -> None:
-        """`place` is called with all states of a tick before any sensor is sampled, `on_tick` at the tick's end."""
+        """`place` is called with all states of a tick before any sensor is sampled, `on_tick` at the tick's end.
+
+        `end` calls `on_tick` once more, without states.
+        """
         self._flights, self._world, self._place, self._on_tick = tuple(flights), world, place, on_tick
         self._tick = 0
 
@@ -62,6 +65,10 @@ class Lockstep:
                 flight.run.scheduler.tick = self._tick
         self._on_tick(truths, self._world.take_contacts())
         return True
+
+    def end(self) -> None:
+        """Report the contacts that still go on after the last tick."""
+        self._on_tick((), self._world.take_contacts(last=True))
 
     def _each(self, flight: Flight, phase: Callable[..., Any], *arguments: Any, may_lose: bool = True) -> Any:
         """Run one phase of a vehicle that still flies, and return its result.

@@ -23,7 +23,6 @@ from hil.run.recorder.recorder import Recorder
 from hil.run.report.page import Report
 from hil.run.runs.failure import Failure
 from hil.run.runs.run_file import RunFile
-from hil.run.runs.tick_loop import Flight, fly_ticks
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
 from signals.errors import ConfigError, HilError, Problem, RecordingError
@@ -72,7 +71,7 @@ class RunResult:
 
 
 class VehicleRun:
-    """One run, from its parts to run.json."""
+    """The run of one vehicle, from its parts to run.json; `hil.run.runs.fleet` flies it, alone or with others."""
 
     def __init__(
         self, bench: Bench, out: Path, parts: Sequence[Part], *, quiet: bool, shared: Shared | None = None
@@ -89,13 +88,6 @@ class VehicleRun:
         self._timing_s: dict[str, float] = {}
         self._began_s = time.monotonic()
         self._recorders: list[Recorder] = []  # empty until the recorder exists
-
-    def result(self) -> RunResult:
-        """Fly, judge, and write run.json and the report."""
-        self.mark_unfinished()
-        if self.failure.error is None:
-            self.failure.guard(self._prepare_and_fly)
-        return self.finish()
 
     def mark_unfinished(self) -> RunResult:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
@@ -154,14 +146,6 @@ class VehicleRun:
         for part in parts:
             part.begin(context)
 
-    def fly(self) -> None:
-        """Fly until a part ends the flight. Needs `build`."""
-        began_s = time.monotonic()
-        try:
-            fly_ticks([Flight(self.context)], quiet=self._quiet)
-        finally:
-            self.flown(time.monotonic() - began_s - self.paused_s)
-
     def causes(self) -> Sequence[str]:
         """Return what makes the flight a FAIL whatever else is judged, such as a crash, so far."""
         return self._verdict().causes
@@ -179,12 +163,6 @@ class VehicleRun:
     def flown(self, wall_s: float) -> None:
         """Note the wall-clock time of the flight without pauses."""
         self._timing_s["flight"] = wall_s
-
-    def _prepare_and_fly(self) -> None:
-        with ExitStack() as stack:
-            self.prepare(stack)
-            self.fly()
-            self.conclude()
 
     def conclude(self) -> None:
         """Conclude a flight that ended without an error, while everything is still open."""
