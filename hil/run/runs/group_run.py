@@ -45,10 +45,10 @@ class GroupRun:
         self._file = RunFile(out)
         self._failure = Failure(out)
         self._parts = {name: parts_of(vehicle, more(name)) for name, vehicle in bench.vehicles.items()}
-        self._recordings: list[McapRecording] = []  # empty until it exists
-        self._frames: list[SharedFrames] = []  # empty until a sensor needs the geometry
+        self._recording: McapRecording | None = None
+        self._frames: SharedFrames | None = None  # made for the first sensor that needs the geometry
         self._runs: dict[str, VehicleRun] = {}
-        self._fleets: list[Fleet] = []  # empty until the runs exist
+        self._fleet: Fleet | None = None
         self._results: dict[str, RunResult] = {}
         self._lost_with: dict[str, Sequence[str]] = {}  # causes of a FAIL when each lost vehicle was lost
         self._began_s = time.monotonic()
@@ -66,9 +66,9 @@ class GroupRun:
         self._file.begin(self._summary(None))
         self._failure.guard(self._prepare_and_fly)
         self._results = {name: run.finish() for name, run in self._runs.items()}
-        for recording in self._recordings:
+        if (recording := self._recording) is not None:
             result = {"status": self._status(), "digest": self._digest()}
-            self._failure.guard(lambda: recording.close(self._ticks(), result))  # noqa: B023 (called at once)
+            self._failure.guard(lambda: recording.close(self._ticks(), result))
         if self._bench.config.record.report and self._ticks():
             tracks = {name: run.context.recorder.track.arrays() for name, run in self._runs.items()}
             self._failure.guard(lambda: write_group_report(self._out, self._summary(self._failure.error), tracks))
@@ -87,10 +87,9 @@ class GroupRun:
                 run.failure.note(error)
             raise
         downwash = self._bench.config.group.downwash
-        fleet = Fleet(self._runs, quiet=self._quiet, downwash=downwash, place=self._place, on_tick=self._measure)
-        self._fleets.append(fleet)
+        self._fleet = Fleet(self._runs, quiet=self._quiet, downwash=downwash, place=self._place, on_tick=self._measure)
         try:
-            fleet.run()
+            self._fleet.run()
         except VehicleFailed as failed:
             self._failure.note(failed.__cause__ or failed, f"{failed.name}: ")
 
@@ -103,17 +102,15 @@ class GroupRun:
             raise RecordingError(f"{out}: the bench cannot be saved here ({problem})") from problem
         if bench.config.record.mcap:
             metadata = {"scene": bench.scene.name, "seed": str(bench.config.seed), "vehicles": " ".join(bench.vehicles)}
-            self._recordings.append(
-                McapRecording(
-                    SafeFile(out / MCAP_NAME),
-                    tick_ns=self._tick_ns,
-                    metadata=metadata,
-                    attachments={saved.name: saved.read_bytes()},
-                )
+            self._recording = McapRecording(
+                SafeFile(out / MCAP_NAME),
+                tick_ns=self._tick_ns,
+                metadata=metadata,
+                attachments={saved.name: saved.read_bytes()},
             )
         scene = scene_of_vehicles(bench, saved)
         for name, vehicle in bench.vehicles.items():
-            mcap = VehicleTopics(self._recordings[0].mcap, name) if self._recordings else False
+            mcap = False if self._recording is None else VehicleTopics(self._recording.mcap, name)
             shared = Shared(mcap, partial(self._frames_of, name), scene)
             self._runs[name] = VehicleRun(vehicle, out / name, self._parts[name], quiet=self._quiet, shared=shared)
             self._results[name] = self._runs[name].mark_unfinished()
@@ -121,9 +118,9 @@ class GroupRun:
 
     def _frames_of(self, name: str) -> FrameSource:
         """Return the geometry for the sensors of one vehicle: the scene and the other vehicles."""
-        if not self._frames:
-            self._frames.append(SharedFrames(self._bench.world))
-        return self._frames[0].seen_by(name)
+        if self._frames is None:
+            self._frames = SharedFrames(self._bench.world)
+        return self._frames.seen_by(name)
 
     @property
     def _tick_ns(self) -> int:
@@ -131,13 +128,13 @@ class GroupRun:
 
     @property
     def _flights(self) -> Mapping[str, Flight]:
-        return self._fleets[0].flights if self._fleets else {}
+        return {} if self._fleet is None else self._fleet.flights
 
     def _place(self, truths: Mapping[str, TruthState]) -> None:
         """Give the vehicles' places at this tick to the cameras, LiDARs and radars."""
-        for frames in self._frames:
+        if self._frames is not None:
             for name, truth in truths.items():
-                frames.place(name, truth)
+                self._frames.place(name, truth)
 
     def _measure(self, truths: Sequence[TruthState], contacts: Sequence[VehicleContact]) -> None:
         for name, flight in self._flights.items():
@@ -202,7 +199,7 @@ class GroupRun:
         ]
         sim_s = self._ticks() * self._tick_ns / NS_PER_S
         flown_s = sum(run["sim_s"] for run in runs.values())
-        setup_s, wall_s = (sum(getattr(fleet, key) for fleet in self._fleets) for key in ("setup_s", "wall_s"))
+        setup_s, wall_s = (0.0, 0.0) if self._fleet is None else (self._fleet.setup_s, self._fleet.wall_s)
         return {
             "schema": 1,
             "status": self._status(),
