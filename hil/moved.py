@@ -46,7 +46,6 @@ MOVED = {
     "hil.replay": "hil.run.replay",
     "hil.report": "hil.run.report",
     "hil.restartable_physics": "hil.run.loop.restartable_physics",
-    "hil.run.replay": "hil.run.replay",
     "hil.run_folder": "hil.run.report.run_folder",
     "hil.scheduler": "hil.run.loop.scheduler",
     "hil.search": "hil.run.verdict.search",

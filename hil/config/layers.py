@@ -12,6 +12,8 @@ from signals.errors import ConfigError, Problem
 
 SET = "--set "
 
+DEFAULTS = "defaults"  # origin of what no file and no option sets
+
 
 @dataclass
 class Settings:
@@ -26,7 +28,7 @@ class Settings:
             origin = self.origins.get(place[:length])
             if origin is not None:
                 return origin
-        return "defaults"
+        return DEFAULTS
 
     def merge(self, document: Document | SettingsPart) -> None:
         """Merge a document over the settings: mappings key by key; any other value is replaced whole."""

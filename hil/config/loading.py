@@ -19,7 +19,7 @@ from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
 from hil.config.files import available, find, is_bare
 from hil.config.formation import shifted_mission
-from hil.config.layers import Settings, SettingsPart, merge_options, parse_setting
+from hil.config.layers import DEFAULTS, Settings, SettingsPart, merge_options, parse_setting
 from hil.config.missions import Mission, load_mission
 from hil.config.missions.script import MissionScript
 from hil.config.missions.script_file import (
@@ -80,8 +80,8 @@ class BenchLoading:
             document.data.pop("vehicles", None)
             layers.append(overlay)
         rig = self._rig(layers, options, settings)
-        if not any("sensors" in layer.data for layer in (*layers, *((rig,) if rig is not None else ()))):
-            self.settings.set(("sensors",), STANDARD_SENSORS, "defaults")
+        if not self.complete:
+            self.settings.set(("sensors",), STANDARD_SENSORS, DEFAULTS)
         if rig is not None:
             self.settings.merge(rig)
         for layer in layers:
@@ -110,7 +110,7 @@ class BenchLoading:
                 self.problems.append(Problem("--rig", message, 'remove "complete: true" from the file'))
             return None
         choice = Settings()
-        choice.set(("rig",), BenchConfig.model_fields["rig"].default, "defaults")
+        choice.set(("rig",), BenchConfig.model_fields["rig"].default, DEFAULTS)
         for layer in layers:
             if "rig" in layer.data:
                 choice.set(("rig",), layer.data["rig"], layer.where(("rig",)))

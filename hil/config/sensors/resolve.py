@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field, create_model
 
 from firmware_bridge.autopilots.catalog import PROFILES
-from hil.config.layers import Settings
+from hil.config.layers import DEFAULTS, Settings
 from hil.config.schema import BenchConfig, SensorConfig
 from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
 from hil.config.sensors.radar_checks import frame_problems, rate_problems
@@ -45,22 +45,36 @@ def _entry_model(kind: str) -> type[BaseModel]:
 
 
 def resolve_sensors(section: Any, settings: Settings, *, tick_hz: int) -> tuple[dict[str, SensorConfig], list[Problem]]:
-    """Return the valid sensors of the section, in the order of the file, and every problem."""
+    """Return the valid sensors of the section, in the order of the file, and every problem.
+
+    A standard sensor that no file names gives way to one of the same kind with a name of its own, unless that one says
+    `autopilot: false`; and its preset to a `kind` without a preset.
+    """
     if not isinstance(section, dict):
         return {}, [at(settings, ("sensors",), f"must be a mapping of names to sensors, not {shown(section)}")]
     problems: list[Problem] = []
     resolved: dict[str, tuple[SensorConfig, bool | None]] = {}
     broken_kinds: set[str] = set()
     broken: set[str] = set()
+
+    def is_standard(name: str) -> bool:
+        return settings.where(("sensors", name)) == DEFAULTS
+
     for name, entry in section.items():
         if entry is None:  # `name: null` removes a sensor of the rig
             continue
+        if isinstance(entry, dict) and "kind" in entry and settings.where(("sensors", name, "preset")) == DEFAULTS:
+            entry = {key: value for key, value in entry.items() if key != "preset"}
         sensor, flag, kind = _resolve(name, entry, settings, problems, tick_hz)
         if sensor is None:
             broken_kinds.add(kind or name)
             broken.add(name)
         else:
             resolved[name] = (sensor, flag)
+    own_kinds = broken_kinds | {
+        sensor.kind for name, (sensor, flag) in resolved.items() if flag is not False and not is_standard(name)
+    }
+    resolved = {name: row for name, row in resolved.items() if not (is_standard(name) and row[0].kind in own_kinds)}
     chosen = _mark_autopilot_sensors(resolved, broken_kinds, settings, problems)
     problems += frame_problems(chosen, broken, settings)
     return chosen, problems

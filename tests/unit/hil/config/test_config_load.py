@@ -46,7 +46,7 @@ def test_later_layers_win_and_mappings_merge() -> None:
     assert bench.config.autopilot.boot_sensors == 7
     assert bench.config.autopilot.transport == "pty"
     assert bench.config.autopilot.params == {"MPC_XY_P": 1.0}
-    assert list(bench.config.sensors) == ["imu", "baro"]
+    assert list(bench.config.sensors) == ["imu", "gps", "baro", "mag"]
     assert bench.config.sensors["baro"].rate_hz == 10.0
     assert load(text, seed=6).config.seed == 6
 
@@ -59,7 +59,7 @@ def test_a_rig_beside_the_bench_file_is_preferred_and_its_sensors_can_be_removed
     )
     bench = load("rig: mine\nsensors: {gps: null}\n")
     assert bench.vehicle.name == "iris"
-    assert list(bench.config.sensors) == ["imu"]
+    assert list(bench.config.sensors) == ["imu", "baro", "mag"]
     assert load("", rig="mine").config.sensors["gps"].preset == "m8n"
     assert load("", settings=["rig=mine"]).config.rig == "mine"
 
@@ -103,8 +103,8 @@ SENSORS = "sensors:\n  imu: {preset: icm20689}\n"
          "b.yaml:1: mission names a file that does not exist: gone.plan (looked beside . and in the installed rigs)"),
         ("- a\n", "b.yaml:1: must be a mapping of keys, not [\"a\"]"),
         ("sensors: []\n", "b.yaml:1: sensors must be a mapping of names to sensors, not []"),
-        ("sensors: {}\n", "b.yaml:1: sensors must hold an imu that feeds the flight controller"),
-        (SENSORS + "  gps: {preset: here_plus}\n", "b.yaml:3: sensors.gps.rate_hz is missing"),
+        ("sensors: {imu: null}\n", "b.yaml:1: sensors must hold an imu that feeds the flight controller"),
+        (SENSORS + "  rtk: {preset: here_plus}\n", "b.yaml:3: sensors.rtk.rate_hz is missing"),
         (SENSORS + "  gps: {preset: here_plsu, rate_hz: 5}\n",
          "b.yaml:3: sensors.gps.preset is unknown: 'here_plsu' (did you mean 'here_plus'?)"),
         (SENSORS + "  b: {kind: barometr, rate_hz: 5}\n",
@@ -305,10 +305,29 @@ def test_parameters_of_the_mock_are_checked_where_they_are_written() -> None:
 
 
 def test_a_mission_needs_the_sensors_to_fly_it() -> None:
-    text = SENSORS + "  gps: {preset: m8n, rate_hz: 5}\nmission: rigs/missions/rectangle.plan\n"
+    text = "sensors: {gps: {preset: m8n}, baro: null, mag: null}\nmission: rigs/missions/rectangle.plan\n"
     words = "b.yaml:1: sensors must hold a barometer and a magnetometer that feeds the flight controller"
     assert refused(text)[0].startswith(words)
     load(text.replace("mission:", "description:"))
+
+
+def test_sensors_merge_with_the_standard_ones_as_options_do() -> None:
+    lidar = load("sensors:\n  range: {preset: tfmini, rate_hz: 20}\n").config.sensors
+    assert list(lidar) == ["imu", "gps", "baro", "mag", "range"]
+    slow = load("sensors: {gps: {rate_hz: 5}}\n").config.sensors
+    assert slow == load("", settings=["sensors.gps.rate_hz=5"]).config.sensors
+    assert (slow["gps"].preset, slow["gps"].rate_hz) == ("here_plus", 5.0)
+    # A kind without a preset has no parameters but its own.
+    assert refused("sensors: {gps: {kind: gps}}\n")[0] == "b.yaml:1: sensors.gps.horizontal_noise_m is missing"
+
+
+def test_a_sensor_of_another_name_takes_the_place_of_the_standard_one_of_its_kind() -> None:
+    own = load("sensors:\n  rtk: {preset: m8n, rate_hz: 5}\n").config.sensors
+    assert list(own) == ["imu", "baro", "mag", "rtk"]
+    assert own["rtk"].autopilot
+    beside = load("sensors:\n  rtk: {preset: m8n, rate_hz: 5, autopilot: false}\n").config.sensors
+    assert beside["gps"].autopilot
+    assert not beside["rtk"].autopilot
 
 
 def test_settings_of_the_vehicle_are_merged_over_its_file_and_saved_with_the_bench(tmp_path: Path) -> None:
