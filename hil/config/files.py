@@ -23,6 +23,16 @@ def default_bench() -> Path | None:
     return None
 
 
+def bench_file(path: Path) -> Path:
+    """Return `path`, or the file of that path in the installation where none is here, as for a rig or a scene."""
+    return path if _is_file(path) or not _is_file(_PACKAGE.parent / path) else _PACKAGE.parent / path
+
+
+def is_rig(path: Path) -> bool:
+    """Return True for a rig's file: one in a folder `rigs` that does not choose a rig."""
+    return path.resolve().parent.name == "rigs" and _is_file(path) and not _is_bench(path)
+
+
 def dashboard_bench() -> Path | None:
     """Return the bench that the dashboard opens with: the user's ./hil.yaml, else one with cameras in the park."""
     default, shown = default_bench(), _PACKAGE / "benches" / "dashboard.yaml"

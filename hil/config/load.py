@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hil.config.bench import Bench
-from hil.config.files import default_bench
+from hil.config.files import bench_file, default_bench, is_rig
 from hil.config.loading import BenchLoading
 from hil.config.vehicles.resolve import lone_vehicle_problems, with_vehicles
 from signals.errors import ConfigError, Problem
@@ -26,14 +26,17 @@ def load_bench(
 ) -> Bench:
     """Read, merge and check everything that a bench consists of.
 
-    `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation. `settings` are
-    the texts of `--set`. `flown`: of several vehicles each must have somebody who flies it. Raises ConfigError with
-    every problem found.
+    `path` is the bench file, by default ./hil.yaml or, if there is none, the one of the installation; a file of a rig
+    is a bench of defaults on it. `settings` are the texts of `--set`. `flown`: of several vehicles each must have
+    somebody who flies it. Raises ConfigError with every problem found.
     """
     options = {"rig": rig, "scene": scene, "mission": mission, "seed": seed}
     options = {key: value for key, value in options.items() if value is not None}
     try:
-        loading = BenchLoading(Path(path) if path is not None else default_bench(), options, settings)
+        file = default_bench() if path is None else bench_file(Path(path))
+        if path is not None and file is not None and is_rig(file):
+            options, file = {"rig": str(file), **options}, None  # defaults on that rig
+        loading = BenchLoading(file, options, settings)
         bench = loading.bench()
         if bench.config.vehicles:
             return with_vehicles(bench, loading, flown=flown)

@@ -127,8 +127,8 @@ def judge_actuators(age: ActuatorAge) -> list[Finding]:
         text = (
             f"the actuator commands stopped {age.gap_count} times for more than {age.gap_ns / NS_PER_MS:.0f} ms "
             f"(up to {age.longest_gap_ns / NS_PER_MS:.0f} ms); meanwhile the motors kept their last command. "
-            "The board or its line was held up, so it also read the samples late and gave them that time: PX4's "
-            "altitude was then wrong by 2.4 m, with every sample sent on time. Relieve the board (log, telemetry "
+            "The board or its line was held up, so it may have read the samples late too and dated them so, which "
+            "shifts its altitude (by up to 2.4 m in one measured flight of PX4). Relieve the board (log, telemetry "
             "rates), use a faster link, and do not run a simulated board on a busy computer"
         )
         findings.append(Finding(level, text))

@@ -311,6 +311,16 @@ def test_a_mission_needs_the_sensors_to_fly_it() -> None:
     load(text.replace("mission:", "description:"))
 
 
+def test_a_rigs_file_is_found_from_anywhere_and_is_a_bench_of_defaults_on_that_rig() -> None:
+    Path("empty.yaml").write_text("{}")
+    bench = load_bench("rigs/mock_hitl.yaml")
+    assert Path(bench.config.rig).name == "mock_hitl.yaml"
+    assert bench.config.autopilot.kind == "mock_hitl"
+    assert (
+        bench.config.model_copy(update={"rig": "mock_hitl"}) == load_bench(Path("empty.yaml"), rig="mock_hitl").config
+    )
+
+
 def test_sensors_merge_with_the_standard_ones_as_options_do() -> None:
     lidar = load("sensors:\n  range: {preset: tfmini, rate_hz: 20}\n").config.sensors
     assert list(lidar) == ["imu", "gps", "baro", "mag", "range"]
