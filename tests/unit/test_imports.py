@@ -113,6 +113,12 @@ def test_gym_is_a_floor_of_its_own_beside_apps() -> None:
         assert not any(within(name, "hil.gym") for name in imported(path)), f"{path} imports hil.gym"
 
 
+def test_no_file_changes_how_python_finds_modules() -> None:
+    """An old name of a module is deleted, not explained by an import hook."""
+    files = [path for package in PACKAGES for path in sources(package)]
+    assert [path for path in files if "sys.meta_path" in path.read_text()] == []
+
+
 def test_no_circle_of_modules() -> None:
     modules = {module_name(path): path for package in PACKAGES for path in sources(package)}
     graph = {name: used_modules(path, modules) - {name} for name, path in modules.items()}

@@ -20,7 +20,6 @@ from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
 from hil.config.files import available, find, is_bare
 from hil.config.merge.layers import Settings, SettingsPart, merge_options, parse_setting
-from hil.config.merge.renamed import replace_renamed_keys
 from hil.config.missions import Mission, load_mission
 from hil.config.missions.script import MissionScript
 from hil.config.missions.script_file import (
@@ -240,7 +239,6 @@ class BenchLoading:
         """Build the bench. Raises ConfigError with every problem found."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
-        self.problems += replace_renamed_keys(self.settings, translate=self.complete)
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
         config, config_problems = validate(BenchConfig, data, self.settings)
