@@ -1,4 +1,4 @@
-"""Imports go one way, without circles: signals <- sim, firmware_bridge <- hil; in hil as FLOORS says."""
+"""Imports go one way, without circles: signals <- sim, firmware_bridge <- hil <- lab; in hil as FLOORS says."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs")
+PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 FLOORS = ("cli", "apps", "cluster", "run", "config")  # each may import those to its right
 
 
@@ -102,13 +102,24 @@ def test_the_floors_of_hil_import_downwards_only(floor: str) -> None:
             assert not any(within(name, f"hil.{higher}") for higher in above), f"{path} imports {name}"
 
 
+def test_lab_is_above_apps_and_nothing_imports_it() -> None:
+    """`hil bench` finds its cases by their file: the wheel has none of them."""
+    for path in sources("lab"):
+        for name in imported(path):
+            assert not within(name, "hil.cli"), f"{path} imports {name}"
+            assert not within(name, "tests"), f"{path} imports {name}"
+    for package in PACKAGES[:-1]:
+        for path in sources(package):
+            assert not any(within(name, "lab") for name in imported(path)), f"{path} imports lab"
+
+
 def test_gym_is_a_floor_of_its_own_beside_apps() -> None:
-    """It imports run, config and what is below; only the benchmark of its speed imports it."""
+    """It imports run, config and what is below; nothing in `hil` imports it."""
     for path in sources("hil/gym"):
         for name in imported(path):
             assert not any(within(name, f"hil.{floor}") for floor in FLOORS[:3]), f"{path} imports {name}"
     for path in sources("hil"):
-        if ROOT / "hil/gym" in path.parents or ROOT / "hil/apps/bench_suite" in path.parents:
+        if ROOT / "hil/gym" in path.parents:
             continue
         assert not any(within(name, "hil.gym") for name in imported(path)), f"{path} imports hil.gym"
 
