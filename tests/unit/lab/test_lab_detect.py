@@ -27,7 +27,7 @@ def test_boxes_of_two_back_ends_are_compared_both_ways() -> None:
     assert box_differences([[box(10.0)]], [[]], 0.5) == (0.0, 1, 1)
     assert box_differences([[]], [[box(10.0)]], 0.5) == (0.0, 1, 1)
     assert box_differences([[box(10.0)]], [[box(10.0, label="vehicle")]], 0.5)[1] == 2
-    # At the threshold a rounding decides: a box in only one of the lists is no fault.
+    # At the threshold a rounding decides: a box in only one of the lists is not a fault.
     assert box_differences([[box(10.0, 0.501)]], [[box(10.0, 0.499)]], 0.5) == (0.0, 0, 1)
 
 

@@ -140,7 +140,7 @@ def _failing_case(store: Store, prefix: str, folder: Path) -> tuple[str, Outcome
     found = store.flown(prefix)
     if len(found) != 1:
         names = ", ".join(case for case, *_ in found[:4]) + (", ..." if len(found) > 4 else "")
-        text = f"begins {len(found)} cases: {names}" if found else "is no case"
+        text = f"begins {len(found)} cases: {names}" if found else "is not a case"
         hint = "give more digits" if found else "results.csv has the cases in its first column"
         raise ConfigError([Problem("CASE", f"{prefix!r} {text} of {shown_path(folder)}", hint)])
     case, outcome, texts = found[0]

@@ -134,7 +134,7 @@ def _skip_problem(file: CampaignFile) -> Problem | None:
             return file.problem(("skip", index), "is empty, which would skip every point")
         for axis, wanted in entry.items():
             if axis not in known:
-                return file.problem(("skip", index, axis), "is no axis of this campaign", ", ".join(sorted(known)))
+                return file.problem(("skip", index, axis), "is not an axis of this campaign", ", ".join(sorted(known)))
             if isinstance(wanted, Mapping):
                 try:
                     Condition(**(wanted or {"": 0}))

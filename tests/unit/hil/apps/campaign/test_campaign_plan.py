@@ -104,7 +104,7 @@ def test_distributions_have_their_quantiles() -> None:
         ("samples: 5", "has no effect without"),
         ("axes: {seed: [1, 2]}\nrepeats: 3", "seed is an axis"),
         ("axes: {seed: []}", "seed"),
-        ("axes: {seed: [1]}\nskip: [{sead: 1}]", "is no axis of this campaign"),
+        ("axes: {seed: [1]}\nskip: [{sead: 1}]", "is not an axis of this campaign"),
         ("axes: {seed: [1]}\nskip: [{seed: {over: 1}}]", "above and below"),
         ("axis: {seed: [1]}", "did you mean 'axes'"),
         ("recheck: 1.5", "recheck"),
