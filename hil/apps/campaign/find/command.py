@@ -12,6 +12,8 @@ from typing import Any
 from rich.console import Console
 
 from hil.apps.campaign.campaign import Progress
+from hil.apps.campaign.cases.campaign_file import CampaignFile, load_campaign
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.command import CampaignProgress, campaign_problems
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.find.magnitudes import TOLERANCE
@@ -22,8 +24,6 @@ from hil.apps.campaign.flight import Outcome
 from hil.apps.campaign.results import tables
 from hil.apps.campaign.results.again import run_command
 from hil.apps.campaign.results.answers import LiveSummary, check_name
-from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.apps.campaign.spec.campaign_file import load_campaign
-from hil.apps.campaign.spec.distributions import Distribution
-from hil.apps.campaign.spec.plan import Plan
-from hil.apps.campaign.spec.sampling import UnitSamples
-from hil.apps.campaign.spec.settings import texts_of, with_values
+from hil.apps.campaign.cases.campaign_file import load_campaign
+from hil.apps.campaign.cases.distributions import Distribution
+from hil.apps.campaign.cases.plan import Plan
+from hil.apps.campaign.cases.sampling import UnitSamples
+from hil.apps.campaign.cases.settings import texts_of, with_values
 from hil.config.merge.layers import parse_setting
 from signals.errors import ConfigError
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Condition, Range
-from hil.apps.campaign.spec.sampling import MAX_HYPERCUBE, MAX_SOBOL_AXES, UnitSamples
-from hil.apps.campaign.spec.settings import is_bundle, label, texts_of, with_values
+from hil.apps.campaign.cases.campaign_file import CampaignFile, CampaignSpec, Condition, Range
+from hil.apps.campaign.cases.sampling import MAX_HYPERCUBE, MAX_SOBOL_AXES, UnitSamples
+from hil.apps.campaign.cases.settings import is_bundle, label, texts_of, with_values
 from signals.errors import ConfigError, Problem
 
 MAX_POINTS = 2**53

@@ -23,7 +23,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from hil.apps.campaign.spec.distributions import Distribution
+from hil.apps.campaign.cases.distributions import Distribution
 from hil.config.files import default_bench, find
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, at, load_model
