@@ -2,9 +2,3 @@
 
 `gym`, the Gymnasium environments, is beside apps.
 """
-
-import sys
-
-from hil.moved import MovedModules
-
-sys.meta_path.append(MovedModules())

@@ -105,6 +105,16 @@ def fly(hil: Path, folder: Path) -> str:
     return str(flight["digest"])
 
 
+def check_benchmarks(hil: Path, folder: Path) -> None:
+    """Run a benchmark of the wheel and ask for one of the laboratory, which is in a checkout only."""
+    folder.mkdir()
+    run([hil, "bench", "radar", "--quick", "--errors-only"], folder, "`hil bench radar`")
+    asked = subprocess.run([hil, "bench", "airsim"], cwd=folder, capture_output=True, text=True, check=False)
+    if asked.returncode != 2 or "needs a checkout" not in asked.stderr:
+        raise WheelError(f"`hil bench airsim` ended with status {asked.returncode}:\n{asked.stdout}{asked.stderr}")
+    say("hil bench: radar met, airsim needs a checkout")
+
+
 def run_example(commands: Path, folder: Path) -> None:
     """Run the tests of docs/examples/firmware_team, with the plugin that pytest finds by itself."""
     shutil.copytree(ROOT / "docs/examples/firmware_team", folder)
@@ -124,6 +134,7 @@ def main() -> None:
         if installed != checkout:
             raise WheelError(f"digests of the default flight differ: {installed} installed, {checkout} in the checkout")
         say(f"default flight, installed and in the checkout: PASS, {installed}")
+        check_benchmarks(commands / "hil", folder / "bench")
         run_example(commands, folder / "firmware_team")
         (ROOT / "dist").mkdir(exist_ok=True)
         shutil.copy(wheel, ROOT / "dist")

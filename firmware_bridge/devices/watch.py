@@ -36,7 +36,7 @@ class Change:
 
 
 class DeviceWatch:
-    """Reports the changes between two calls of `poll`. Devices present at the first call are no change."""
+    """Reports the changes between two calls of `poll`. Devices present at the first call are not changes."""
 
     def __init__(self, find: Callable[[], Devices] = find_devices) -> None:
         self._find = find

@@ -31,7 +31,7 @@ from firmware_bridge.faults.link_fault import Direction, LinkFault
 from firmware_bridge.transports.transport import Transport
 from signals.errors import LinkClosed, PortNotFound
 
-# The beginning of a frame, followed by silence for this long, is no frame.
+# The beginning of a frame, followed by silence for this long, is not a frame.
 _QUIET_NS = 200_000_000
 
 
@@ -198,7 +198,7 @@ class FaultyTransport:
         if not self._out.stages:
             self._inner.write(data)
             return
-        # Callers write whole frames, so a remainder is no frame.
+        # Callers write whole frames, so a remainder is not a frame.
         units = self._out.splitter.feed(data) + self._out.splitter.flush()
         self._send(self._out.push(units, t_ns, wall_ns))
 

@@ -46,7 +46,7 @@ class LinkFault(Section):
     for_s: Annotated[float, Field(gt=0.0, le=86_400.0)] | None = None  # null: to the end
     rate: Annotated[float, Field(ge=0.0, le=1.0)] | None = None  # all but stall and unplug
     unit: Literal["message", "byte"] = "message"
-    messages: tuple[str, ...] = ()  # only messages of these names; empty: all, and bytes that are no message
+    messages: tuple[str, ...] = ()  # only messages of these names; empty: all, and bytes that are not a message
     burst: Annotated[int, Field(ge=1, le=10_000)] = 1  # units hit in a row; reorder: units that overtake
     delay_s: Annotated[float, Field(gt=0.0, le=3600.0)] | None = None  # wall clock; delay, reorder
 

@@ -174,7 +174,7 @@ class Health:
 class StatusTexts:
     """STATUSTEXT messages as (t_ns, severity, text), long ones joined from their chunks.
 
-    Arming checks that fail while the vehicle is still starting are no errors: their severity is INFO here.
+    Arming checks that fail while the vehicle is still starting are not errors: their severity is INFO here.
     """
 
     def __init__(self) -> None:

@@ -22,7 +22,7 @@ _USAGES = {"joystick": _USAGE_JOYSTICK, "gamepad": 0x05}
 
 
 class HidGamepad:
-    """An open device. Most send a report only when a control moved, so silence is no loss."""
+    """An open device. Most send a report only when a control moved, so silence is not a loss."""
 
     def __init__(
         self, device: HidDevice, layout: ReportLayout, mapping: StickMapping, *, name: str, needs_dead_man: bool = True

@@ -76,13 +76,13 @@ class ReportLayout:
         return next(((a.low, a.high) for a in self.axes if a.name == axis), None)
 
     def is_other_report(self, report: bytes) -> bool:
-        """Return True for a report with another number, such as motion or battery, which is no fault."""
+        """Return True for a report with another number, such as motion or battery, which is not a fault."""
         return self.report_id is not None and len(report) > 0 and report[0] != self.report_id
 
     def read(self, report: bytes) -> HidState | None:
         """Return the state in `report`; None if its length is wrong or an axis is out of its range.
 
-        Zeros after the report are no fault: Windows pads every report to the size of the longest.
+        Zeros after the report are not a fault: Windows pads every report to the size of the longest.
         """
         if self.report_id is not None:
             if not report or report[0] != self.report_id:

@@ -124,7 +124,7 @@ void Ekf::set_origin(const GpsFix &fix) {
     const double var_d = square(std::max(fix.epv_m, params_[EKF_GPS_P_NOISE]));
     const double tau = 1.0e-3 * params_[EKF_GPS_DELAY];
     reset_to_gps(fix, Vec3{}, tau, var_h, var_d, square(params_[EKF_GPS_V_NOISE]));
-    --resets_;  // the first fix is no reset
+    --resets_;  // the first fix is not a reset
     if (has_baro_) {
         // offset = altitude_baro - (altitude_0 - p_D): its error is p_D's plus the barometer's own.
         baro_offset_ = last_baro_m_ - (fix.position.alt_m - x_[9]);

@@ -3,7 +3,7 @@
 - Host. A site whose name resolves to this machine (DNS rebinding) has its own name in this header. A server on loopback
   therefore accepts loopback names only.
 - Origin. Browsers name the site that a request comes from, always for WebSockets, and no page can change it. Requests
-  of other sites are refused. Programs that are no browsers send none.
+  of other sites are refused. Programs that are not browsers send none.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ def serial_ports() -> list[str]:
 
 
 def check_port(path: str) -> None:
-    """Raise the error of `SerialTransport.open` for a path that is no serial port or may not be used.
+    """Raise the error of `SerialTransport.open` for a path that is not a serial port or may not be used.
 
     The port is not opened: that could reset a board, or hang up a pseudo-terminal.
     """

@@ -36,9 +36,6 @@ app.add_typer(calibrate.calibrate_app, name="calibrate")
 app.add_typer(_detect, name="detect")
 app.add_typer(campaign.campaign_app, name="campaign")
 
-# Old to new names of options. Using an old name is an error that names the new one.
-RENAMED_OPTIONS = {"--judge-every": "--validate-every", "--least-objects": "--min-objects"}
-
 _EMPTY = re.compile(r"\s*|--[a-z-]+=\s*")
 
 # The base class of all usage errors; it has no public name in typer.
@@ -75,10 +72,6 @@ def run_command_line(arguments: Sequence[str]) -> int:
     except typer.Abort:
         raise KeyboardInterrupt from None
     except _ClickError as error:
-        old = getattr(error, "option_name", "")
-        if old in RENAMED_OPTIONS:
-            error_console.print(f"[bold red]error:[/] {old} is now called {RENAMED_OPTIONS[old]}", markup=True)
-        else:
-            error.show()
+        error.show()
         return error.exit_code
     return outcome if isinstance(outcome, int) else 0

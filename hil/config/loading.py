@@ -30,7 +30,6 @@ from hil.config.missions.script_file import (
     read_script,
     with_gusts,
 )
-from hil.config.renamed import replace_renamed_keys
 from hil.config.scenes import read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
 from hil.config.sensors import radar_checks
@@ -240,7 +239,6 @@ class BenchLoading:
         """Build the bench. Raises ConfigError with every problem found."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
-        self.problems += replace_renamed_keys(self.settings, translate=self.complete)
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
         config, config_problems = validate(BenchConfig, data, self.settings)

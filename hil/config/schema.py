@@ -199,7 +199,7 @@ class Foxglove(Section):
 
     port: Annotated[int, Field(ge=0, le=65535)] | None = None  # null: none is served; 0: any that is free
     host: Annotated[str, AfterValidator(_address)] = "127.0.0.1"  # 0.0.0.0: other machines too, without a password
-    # Pages that may connect. Those of other sites are refused; programs that are no browsers name none.
+    # Pages that may connect. Those of other sites are refused; programs that are not browsers name none.
     origins: tuple[Annotated[str, AfterValidator(_origin)], ...] = ("https://app.foxglove.dev",)
     control: bool | None = None  # clients may pause, set the wind and inject faults; null: on loopback
     paused: bool = False  # wait before the first tick until a client resumes
@@ -347,7 +347,7 @@ class Limits(Section):
 
 
 class Crash(Section):
-    """A crash ends the flight as FAIL; null: it is no sign of a crash. Definitions: hil/run/parts/judges/crash.py."""
+    """A crash ends the flight as FAIL; null: not a sign of one. Definitions: hil/run/parts/judges/crash.py."""
 
     impact_mps: Annotated[float, Field(gt=0)] | None = 6.0
     tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0

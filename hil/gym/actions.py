@@ -51,7 +51,7 @@ def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
     try:
         array = np.asarray(action, np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name}: the action {action!r} is no array of numbers; its space is Box{shape}") from None
+        raise ValueError(f"{name}: the action {action!r} is not an array of numbers; its space is Box{shape}") from None
     if array.shape != shape:
         raise ValueError(
             f"{name}: the action has the shape {array.shape}, and the space {shape}; give {shape[-1]} values of -1..1"

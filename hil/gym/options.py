@@ -48,7 +48,7 @@ class FlightOptions(StrictModel):
         ticks = round(self.step_s * NS_PER_S / tick_ns)
         if ticks < 1 or abs(ticks * tick_ns - self.step_s * NS_PER_S) > 0.5:
             best = max(1, ticks) * tick_ns / NS_PER_S
-            message = f"step_s {self.step_s:g} is no whole number of the bench's ticks of {tick_ns / NS_PER_S:g} s"
+            message = f"step_s {self.step_s:g} is not a whole number of the bench's ticks of {tick_ns / NS_PER_S:g} s"
             raise ConfigError([Problem(name, message, f"use {best:g}, or another tick_hz")])
         return ticks
 

@@ -60,14 +60,16 @@ class _Port:
 
 
 class Ports:
-    """Observed ports of one vehicle. Raises ConfigError for names that are no ports of the bench."""
+    """Observed ports of one vehicle. Raises ConfigError for names that are not ports of the bench."""
 
     def __init__(self, bench: Bench, names: Sequence[str], frames: FrameSource | None = None) -> None:
         """`frames`: the geometry that this vehicle sees among others; None: that of the bench's scene, if needed."""
         config = bench.config
         known = available_ports(config)
         if unknown := [name for name in names if name not in known]:
-            raise ConfigError([Problem("ports", f"{n!r} is no port of the bench", nearest(n, known)) for n in unknown])
+            raise ConfigError(
+                [Problem("ports", f"{n!r} is not a port of the bench", nearest(n, known)) for n in unknown]
+            )
         self._bench = bench
         self._of_sensor: dict[str, dict[str, str]] = {}  # sensor -> channel ("" if it has none) -> port
         for name, sensor in config.sensors.items():

@@ -1,6 +1,6 @@
 """Validation of a file's data by a pydantic model, with messages in plain words for all problems.
 
-The data are read in pydantic's strict JSON mode: "1" is no number, 1 is not true, a whole number is accepted as a real
+The data are read in pydantic's strict JSON mode: "1" is not a number, 1 is not true, a whole number is taken as a real
 number, a list as a tuple. NaN and infinity are always refused.
 """
 

@@ -145,7 +145,9 @@ class _Builder:
                 self.problem(node, f"the tag {_short(node.tag)} is not understood")
                 return None
             if _SURROGATE.search(node.value):
-                self.problem(node, "holds half a surrogate pair, which is no character", "write the character itself")
+                self.problem(
+                    node, "holds half a surrogate pair, which is not a character", "write the character itself"
+                )
                 return None
             if node.tag in (_INT, _FLOAT) and len(node.value) > _MAX_NUMBER_CHARS:
                 self.problem(node, f"is a number of {len(node.value)} characters", f"{_MAX_NUMBER_CHARS} at most")
@@ -182,7 +184,7 @@ class _Builder:
                 continue
             key = key_node.value
             if _SURROGATE.search(key):
-                self.problem(key_node, "a key holds half a surrogate pair, which is no character")
+                self.problem(key_node, "a key holds half a surrogate pair, which is not a character")
                 continue
             if key in first_line:
                 self.problem(

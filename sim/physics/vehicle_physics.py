@@ -100,7 +100,7 @@ def check_motion(p_WB: Vec3, q_WB: Quat, v_WB_W: Vec3, w_WB_B: Vec3) -> float:
             raise ValueError(f"{name} has the size {size:g}, and the model holds up to {limit:g}")
     length = quaternion_norm(q_WB)
     if not 1e-3 <= length <= 1e3:
-        raise ValueError(f"q_WB {q_WB} is no rotation: its length is {length:g}")
+        raise ValueError(f"q_WB {q_WB} is not a rotation: its length is {length:g}")
     return length
 
 

@@ -53,7 +53,7 @@ class Reflection(StrictModel):
         return sigma0
 
     def curves(self, surfaces: Sequence[Surface], carrier_hz: float) -> Float32:
-        """Return the kernel's tables, (surfaces, RADAR_CURVE_STEPS + 1); surface 0 is no surface."""
+        """Return the kernel's tables, (surfaces, RADAR_CURVE_STEPS + 1); surface 0 is not a surface."""
         curves = np.zeros((len(surfaces), RADAR_CURVE_STEPS + 1), np.float32)
         for surface, curve in zip(surfaces[1:], curves[1:], strict=True):
             radar_amplitude_curve(*_at_carrier(surface, carrier_hz), self.facet_slope, curve)

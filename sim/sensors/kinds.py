@@ -1,4 +1,4 @@
-"""Kinds of sensors by name: every module of this folder that ends with `KIND = Kind(...)`, under its file's name."""
+"""Kinds of sensors by name: every module of this folder with a `KIND`, under its file's name."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from sim.sensors.sensor import Kind
 
 __all__ = ["KINDS", "Kind"]
 
+_ABOVE = ("__init__", "catalog", "kinds", "presets")  # import this module
+
 
 def _kinds() -> dict[str, Kind]:
-    """Import the modules that define a kind, in the order of their names."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
-    names = [file.stem for file in files if "\nKIND = Kind(" in file.read_text(encoding="utf-8")]
-    return {name: import_module(f"sim.sensors.{name}").KIND for name in names}
+    """Return the kinds in the order of their names."""
+    names = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if file.stem not in _ABOVE)
+    found = {name: getattr(import_module(f"sim.sensors.{name}"), "KIND", None) for name in names}
+    return {name: kind for name, kind in found.items() if isinstance(kind, Kind)}
 
 
 KINDS: dict[str, Kind] = _kinds()

@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hil.apps.bench_suite.sensors import lidar, raster
-from hil.apps.bench_suite.sensors.lidar import LidarScene, park, shapes, vehicles
+from hil.apps.bench_suite.sensors import raster
 from hil.apps.bench_suite.sensors.raster_errors import Errors
+from lab import lidar
+from lab.lidar import LidarScene, park, shapes, vehicles
 
 
 def good() -> Errors:

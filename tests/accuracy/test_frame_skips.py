@@ -21,7 +21,7 @@ from hil.apps.bench_suite.sensors.raster_cases import (
     scene_case,
     world_of,
 )
-from hil.apps.bench_suite.sensors.skip import Rule, compare, contact_rule, lidar_rules, radar_rule, raster_rules
+from lab.skip import Rule, compare, contact_rule, lidar_rules, radar_rule, raster_rules
 from signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.geometry import FrameGeometry

@@ -1,6 +1,6 @@
 """A simulated BGT60TR13C beside a real one: fitted on frames 0 to 63 of a recording, judged on frames 64 to 127.
 
-The recording is no part of this project: HIL_RADAR_RECORDING names it, or it lies in ../shared/radar beside the
+The recording is not part of this project: HIL_RADAR_RECORDING names it, or it lies in ../shared/radar beside the
 checkout. Every correlation is compared with that of two real frames. The scene has reflectors, so they are kept in the
 pattern.
 """

@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 
 from hil.apps.campaign.campaign import Campaign
+from hil.apps.campaign.cases.campaign_file import Stop
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.results.answers import write_results
 from hil.apps.campaign.results.summary import MOST_BROKEN, MOST_LISTED
-from hil.apps.campaign.spec.campaign_file import Stop
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Store
 from tests.worlds.bench_process import Hil
 from tests.worlds.synthetic_campaign import campaign_file, fill

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil.apps.bench_suite.physics.multirotor_reference import Inputs, attitude_error_rad, fly
 from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
@@ -20,7 +21,6 @@ from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind
-from tests.reference.multirotor_reference import Inputs, attitude_error_rad, fly
 from tests.worlds.tilted_rotors import tilted
 
 Float64 = NDArray[np.float64]

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hil.apps.bench_suite.sensors.radar_reference import reference
 from signals.samples import Vec3
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS, Chirp
 from sim.radar.echoes import Echoes
 from sim.radar.synthesis import Synthesizer
-from tests.reference.radar_reference import reference
 from tests.worlds.radar_point_targets import CHIRP as TABLE_2
 from tests.worlds.radar_recordings import WIDE
 

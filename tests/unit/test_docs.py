@@ -18,7 +18,7 @@ from hil.config.schema import BenchConfig
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted(ROOT.glob("docs/*.md")), *ROOT.glob("*.md"), *ROOT.glob("rigs/jetson/**/*.md")]
-FILE = r"(?<![\w/.-])(?!\S*NAME|hil/\w+-v\d)(?:hil|sim|signals|firmware_bridge|rigs|tests|docs|tools)/[\w./-]*\w"
+FILE = r"(?<![\w/.-])(?!\S*NAME|hil/\w+-v\d)(?:hil|lab|sim|signals|firmware_bridge|rigs|tests|docs|tools)/[\w./-]*\w"
 PACKAGE = r"(?:hil|sim|signals|firmware_bridge|hil_companion)"
 NAME = rf"(?<![\w/.-]){PACKAGE}\.(?!yaml|conf|service)[\w.]*\w(?![\w/])"
 NO_KEY = r"\w+\.(?:log|jsonl|png|clients\.NAME|clients\.explore|link|realtime)\b"  # files, and parts of run.json
@@ -76,7 +76,11 @@ def test_names_in_a_page_exist(page: Path) -> None:
 
 def test_quoted_messages_exist_and_every_error_is_explained() -> None:
     page = (ROOT / "docs/troubleshooting.md").read_text()
-    code = re.sub(r"""(["'])\s*\n\s*f?["']""", "", "\n".join(f.read_text() for f in ROOT.glob("[fhrst][io]*/**/*.py")))
+    code = re.sub(
+        r"""(["'])\s*\n\s*f?["']""",
+        "",
+        "\n".join(f.read_text() for f in [*ROOT.glob("[fhrst][io]*/**/*.py"), *ROOT.glob("lab/**/*.py")]),
+    )
     cells = "\n".join(re.findall(r"(?m)^\| (.*?) \| .* \| ", page))  # what one sees
     quotes = [q for q in re.findall(r"`([^`\n]+)`", page) if "…" in q or (" " in q and f"`{q}`" in cells)]
     assert not [p for q in quotes for p in map(str.strip, q.split("…")) if len(p) > 5 and p.strip(",;:() ") not in code]

@@ -1,4 +1,4 @@
-"""Imports go one way, without circles: signals <- sim, firmware_bridge <- hil; in hil as FLOORS says."""
+"""Imports go one way, without circles: signals <- sim, firmware_bridge <- hil <- lab; in hil as FLOORS says."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs")
+PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 # The modules of a package from the top down: each may import those to its right, none beside it.
 FLOORS: dict[str, Sequence[str]] = {
-    "hil": ("cli", "apps", "cluster gym", "run", "config moved"),
+    "hil": ("cli", "apps", "cluster gym", "run", "config"),
     "hil.run": (
         *("replay", "bench_run", "stepped", "runs", "parts", "autopilots", "part", "report", "live companion"),
         *("sensors", "loop", "recorder verdict"),
     ),
     "hil.config": (
         *("load saved", "vehicles", "loading", "checks", "companion formation", "bench scenes", "sensors", "missions"),
-        *("schema", "group_schema", "renamed", "layers", "files"),
+        *("schema", "group_schema", "layers", "files"),
     ),
 }
 
@@ -121,15 +121,21 @@ def test_floors_import_downwards_only(package: str) -> None:
                 assert floor_of[other] > floor_of[own], f"{path} imports {name}"
 
 
-def test_gym_is_a_floor_of_its_own_beside_apps() -> None:
-    """It imports run, config and what is below; only the benchmark of its speed imports it."""
-    for path in sources("hil/gym"):
+def test_lab_is_above_apps_and_nothing_imports_it() -> None:
+    """`hil bench` finds its cases by their file: the wheel has none of them."""
+    for path in sources("lab"):
         for name in imported(path):
-            assert not any(within(name, f"hil.{floor}") for floor in FLOORS["hil"][:3]), f"{path} imports {name}"
+            assert not within(name, "hil.cli"), f"{path} imports {name}"
+            assert not within(name, "tests"), f"{path} imports {name}"
+    for package in PACKAGES[:-1]:
+        for path in sources(package):
+            assert not any(within(name, "lab") for name in imported(path)), f"{path} imports lab"
+
+
+def test_nothing_in_hil_imports_the_environments() -> None:
     for path in sources("hil"):
-        if ROOT / "hil/gym" in path.parents or ROOT / "hil/apps/bench_suite" in path.parents:
-            continue
-        assert not any(within(name, "hil.gym") for name in imported(path)), f"{path} imports hil.gym"
+        if ROOT / "hil/gym" not in path.parents:
+            assert not any(within(name, "hil.gym") for name in imported(path)), f"{path} imports hil.gym"
 
 
 def test_no_circle_of_modules() -> None:

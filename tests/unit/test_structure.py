@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "tools")
+PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "lab", "rigs", "tools")
 MOST_PARAMETERS = 8
 Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 HOLDS_STATEMENTS = (ast.stmt, ast.ExceptHandler, ast.match_case)  # an expression holds no definition

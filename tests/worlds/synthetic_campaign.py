@@ -6,10 +6,10 @@ import hashlib
 import random
 from pathlib import Path
 
+from hil.apps.campaign.cases.campaign_file import CampaignFile, load_campaign
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.results.page import Facts
-from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Store
 
 FILE = """

@@ -90,7 +90,7 @@ class ArduPilotStats(LinkStats):
     answered_again: int = 0
     unasked_steps: int = 0  # steps that SITL made on a surplus answer
     stale: int = 0  # old packets, and those of a SITL that has ended
-    junk: int = 0  # datagrams that are no servo packets
+    junk: int = 0  # datagrams that are not servo packets
     restarts: int = 0
 
 
@@ -417,7 +417,7 @@ class ArduPilotJsonLink(AutopilotLink):
     def _no_packet(self) -> str:
         seen = []
         if self._stats.junk:
-            seen.append(f"{self._stats.junk} datagrams came that are no servo packets: is it `--model JSON`?")
+            seen.append(f"{self._stats.junk} datagrams came that are not servo packets: is it `--model JSON`?")
         frames = self.stats.rx_frames
         if frames:
             seen.append(f"{frames} MAVLink frames came: is it started with `--model JSON` and the bench's port?")

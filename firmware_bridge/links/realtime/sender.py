@@ -70,7 +70,7 @@ class SendStats:
 class RealtimeSender:
     """Starts the sender process and counts its reports in `stats`, which may hold the counts of an earlier sender.
 
-    Makes `fd` non-blocking. The process sends on its own copy of `fd` until `stop`. OSError if `fd` is no descriptor.
+    Makes `fd` non-blocking. The process sends on its own copy of `fd` until `stop`. OSError for another number.
     """
 
     def __init__(

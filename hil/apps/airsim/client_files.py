@@ -17,7 +17,7 @@ class ClientFiles:
         self.folder = folder
 
     def place(self, name: str) -> Path:
-        """Return the path of a file that may be written: a new one, or one that is no link and no device.
+        """Return the path of a file that may be written: a new one, or one that is neither a link nor a device.
 
         Raises RpcError for any other.
         """

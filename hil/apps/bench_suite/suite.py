@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json as jsonlib
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -13,38 +12,40 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from hil.apps.bench_suite.cases import NEEDS_CHECKOUT, import_case, is_here
 from hil.apps.bench_suite.options import split_settings
 from hil.apps.bench_suite.result import BenchmarkResult, work_precision_plot
 from hil.run.report.run_json import finite
 from signals.errors import ConfigError, Problem, RecordingError
 
-# Name -> (module, title of the plot). The module has a function `measure(*, quick, status) -> BenchmarkResult`, which
-# takes `options` too if `hil bench --set` applies to it, and `errors_only` if it then has less to do. It may have
-# `missing() -> str`, the reason why this machine cannot run it ("" if it can), which leaves it out of ALL, and
-# `plot(result, title, path)`, which replaces the plot of error against time and returns the paths of further files.
+# Name -> (module, title of the plot); modules of `lab` are found in a checkout only. The module has a function
+# `measure(*, quick, status) -> BenchmarkResult`, which takes `options` too if `hil bench --set` applies to it, and
+# `errors_only` if it then has less to do. It may have `missing() -> str`, the reason why this machine cannot run it
+# ("" if it can), which leaves it out of ALL, and `plot(result, title, path)`, which replaces the plot of error
+# against time and returns the paths of further files.
 BENCHMARKS: dict[str, tuple[str, str]] = {
-    "airsim": ("hil.apps.bench_suite.link.airsim", "Server of AirSim's API: time of its calls"),
-    "dash": ("hil.apps.bench_suite.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
-    "dataset": ("hil.apps.bench_suite.data.dataset", "Data sets: time per frame and errors of the labels"),
-    "detect": ("hil.apps.bench_suite.data.detect", "Detector: loss of precision against time per picture"),
-    "gym": ("hil.apps.bench_suite.gym.gym", "Gymnasium environment: integration error against time of a step"),
-    "foxglove": ("hil.apps.bench_suite.link.foxglove", "Foxglove: cost of a connected client for the run"),
-    "lidar": ("hil.apps.bench_suite.sensors.lidar", "LiDAR: range error against time per sweep"),
+    "airsim": ("lab.airsim", "Server of AirSim's API: time of its calls"),
+    "dash": ("lab.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
+    "dataset": ("lab.dataset", "Data sets: time per frame and errors of the labels"),
+    "detect": ("lab.detect", "Detector: loss of precision against time per picture"),
+    "gym": ("lab.gym.gym", "Gymnasium environment: integration error against time of a step"),
+    "foxglove": ("lab.foxglove", "Foxglove: cost of a connected client for the run"),
+    "lidar": ("lab.lidar", "LiDAR: range error against time per sweep"),
     "lockstep": ("hil.apps.bench_suite.link.lockstep", "Lockstep loop: flight error against wall time"),
     "link": ("hil.apps.bench_suite.link.link", "Links: lateness, message errors and flight errors against time"),
-    "photo": ("hil.apps.bench_suite.sensors.photo", "Path-traced colour: time of a picture and errors of its geometry"),
+    "photo": ("lab.photo", "Path-traced colour: time of a picture and errors of its geometry"),
     "physics": ("hil.apps.bench_suite.physics.physics", "Flight physics: error against wall time"),
     "radar": ("hil.apps.bench_suite.sensors.radar", "Radar: error of a raw frame against time per frame"),
     "raster": ("hil.apps.bench_suite.sensors.raster", "Raster: time and error, compared with MuJoCo's renderer"),
-    "realism": ("hil.apps.bench_suite.realism.realism", "Realism: recall of networks trained on real photographs"),
-    "ros2": ("hil.apps.bench_suite.link.ros2", "ROS 2: cost of a node with subscribers for the run"),
-    "skip": ("hil.apps.bench_suite.sensors.skip", "Skipping: time saved by each rule"),
-    "slam": ("hil.apps.bench_suite.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
+    "realism": ("lab.realism.realism", "Realism: recall of networks trained on real photographs"),
+    "ros2": ("lab.ros2", "ROS 2: cost of a node with subscribers for the run"),
+    "skip": ("lab.skip", "Skipping: time saved by each rule"),
+    "slam": ("lab.slam.slam", "SLAM: error of trajectory and map against the time of an update"),
     "stability": (
         "hil.apps.bench_suite.physics.stability",
         "Stability: errors of each method far beyond normal flight",
     ),
-    "vehicles": ("hil.apps.bench_suite.link.vehicles", "Several vehicles: time per vehicle second"),
+    "vehicles": ("lab.vehicles", "Several vehicles: time per vehicle second"),
 }
 
 
@@ -67,7 +68,8 @@ def run_benchmarks(
     `errors_only` leaves out the checks of speed, which other load on the machine moves; `without` names benchmarks that
     ALL leaves out.
 
-    Raises ConfigError for an unknown name or setting, RecordingError if a file cannot be written.
+    Raises ConfigError for an unknown name or setting, or a benchmark that needs a checkout where there is none;
+    RecordingError if a file cannot be written.
     """
     unknown = [each for each in (*without, *([] if name == ALL else [name])) if each not in BENCHMARKS]
     if unknown:
@@ -79,23 +81,32 @@ def run_benchmarks(
         met = []
         for each in BENCHMARKS:
             console.rule(f"hil bench {each}", align="left")
-            missing: Callable[[], str] = getattr(import_module(BENCHMARKS[each][0]), "missing", str)
-            reason = "--without" if each in without else missing()
-            if reason:
+            if reason := "--without" if each in without else _missing(BENCHMARKS[each][0]):
                 console.print(f"left out: {reason}")
             else:
                 met.append(_run(each, json=None, quick=quick, console=console, settings=(), errors_only=errors_only))
         return bool(met) and all(met)
     if without:
         raise ConfigError([Problem("--without", "applies to 'hil bench all' alone")])
+    if not is_here(BENCHMARKS[name][0]):
+        todo = f"run `make setup` in a checkout, then `.venv/bin/hil bench {name}` there"
+        raise ConfigError([Problem(f"hil bench {name}", NEEDS_CHECKOUT, todo)])
     return _run(name, json=json, quick=quick, console=console, settings=settings, errors_only=errors_only)
+
+
+def _missing(module: str) -> str:
+    """Return the reason why this machine cannot run a benchmark, or ""."""
+    if not is_here(module):
+        return NEEDS_CHECKOUT
+    missing: Callable[[], str] = getattr(import_case(module), "missing", str)
+    return missing()
 
 
 def _run(
     name: str, *, json: Path | None, quick: bool, console: Console, settings: Sequence[str], errors_only: bool
 ) -> bool:
     module, title = BENCHMARKS[name]
-    benchmark = import_module(module)
+    benchmark = import_case(module)
     measure: Callable[..., BenchmarkResult] = benchmark.measure
     draw: Callable[[BenchmarkResult, str, Path], list[Path] | None] = getattr(benchmark, "plot", work_precision_plot)
     takes = signature(measure).parameters

@@ -6,19 +6,12 @@ what they leave in the caches and on the other half of a core, which the best of
 
 from __future__ import annotations
 
-import importlib.util
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
-from types import ModuleType
 
 from hil.run.part import Part
-from signals.errors import HilError
-
-_REFERENCES = Path(__file__).resolve().parents[3] / "tests" / "reference"
 
 
 @contextmanager
@@ -83,15 +76,3 @@ def processor_s(pid: int) -> float:
         return time.clock_gettime((~pid << 3) | 2)  # Linux: the processor clock of that process
     except (AttributeError, OSError, OverflowError):
         return float("nan")
-
-
-def load_reference(name: str) -> ModuleType:
-    """Import a module of tests/reference. Raises HilError if the installation has no tests."""
-    path = _REFERENCES / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not path.exists():
-        raise HilError(f"{path} is missing: this benchmark runs from a checkout, not from a wheel")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look up their module there
-    spec.loader.exec_module(module)
-    return module

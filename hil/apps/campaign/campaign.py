@@ -19,12 +19,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hil.apps.campaign.cases.campaign_file import CampaignFile, Stop
+from hil.apps.campaign.cases.plan import Plan, Point
 from hil.apps.campaign.engines.engine import Engine, flown
 from hil.apps.campaign.flight import Job, Outcome, Recording
 from hil.apps.campaign.identity import case_id
 from hil.apps.campaign.results.statistics import Tally
-from hil.apps.campaign.spec.campaign_file import CampaignFile, Stop
-from hil.apps.campaign.spec.plan import Plan, Point
 from hil.apps.campaign.stop_rule import stop_reason
 from hil.apps.campaign.store import Store
 from hil.config import Bench, load_bench

@@ -10,12 +10,12 @@ from pathlib import Path
 from rich.console import Console
 
 from hil.apps.campaign.campaign import Campaign, Progress
+from hil.apps.campaign.cases.campaign_file import CampaignFile, load_campaign
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.engines.engine import Engine
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.results.answers import LiveSummary, check_name, facts_of, write_results
 from hil.apps.campaign.results.statistics import Tally
-from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.stop_rule import parse_stop
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.cluster.join import uses_ray

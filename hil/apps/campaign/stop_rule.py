@@ -6,8 +6,8 @@ which the rule holds. Only the rule of time depends on the machine.
 
 from __future__ import annotations
 
+from hil.apps.campaign.cases.campaign_file import Stop
 from hil.apps.campaign.results.statistics import Tally
-from hil.apps.campaign.spec.campaign_file import Stop
 from signals.errors import ConfigError, Problem
 
 _FORMS = "failure, width=0.05, above=0.95, below=0.5, or a time such as 90s, 30m, 2h"

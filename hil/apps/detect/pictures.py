@@ -53,7 +53,7 @@ def read_data_sets(folders: Sequence[Path], part: str = "all", *, classes: Seque
     there is no picture.
     """
     if part not in PARTS:
-        raise ConfigError([Problem(part, "is no set of pictures", f"there are {', '.join(PARTS)}")])
+        raise ConfigError([Problem(part, "is not a set of pictures", f"there are {', '.join(PARTS)}")])
     problems: list[Problem] = []
     pictures: list[Picture] = []
     for folder in folders:
@@ -119,7 +119,7 @@ def _frame_numbers(folder: Path, part: str, stems: Sequence[str], problems: list
             rows = [row for row in csv.reader(split.read_text().splitlines()) if row and not row[0].startswith("#")]
             return {int(frame) for frame, set_name in rows if set_name == part}
         except ValueError:
-            problems.append(Problem(str(split), "is no table of frames and sets", "frame,set on each line"))
+            problems.append(Problem(str(split), "is not a table of frames and sets", "frame,set on each line"))
             return set()
     if names.is_file():
         stems_in_set = set(names.read_text().split())
@@ -153,7 +153,7 @@ def _read_coco(file: Path, folder: Path, problems: list[Problem]) -> list[Pictur
             pictures += _checked_picture(folder / str(image["file_name"]), size, objects, where, problems)
         return pictures
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        problems.append(Problem(str(file), f"is no COCO file of objects ({type(error).__name__}: {error})"))
+        problems.append(Problem(str(file), f"is not a COCO file of objects ({type(error).__name__}: {error})"))
         return []
 
 
@@ -173,7 +173,7 @@ def _read_voc(folder: Path, problems: list[Problem]) -> list[Picture]:
                 objects.append((_text(o, "name"), (x0 - 1.0, y0 - 1.0, x1, y1), area))
             pictures += _checked_picture(folder / IMAGES / _text(root, "filename"), size, objects, str(file), problems)
         except (ElementTree.ParseError, ValueError) as error:
-            problems.append(Problem(str(file), f"is no VOC annotation ({error})"))
+            problems.append(Problem(str(file), f"is not a VOC annotation ({error})"))
     return pictures
 
 

@@ -16,7 +16,7 @@ def check(
     settings: SetOption = None,
 ) -> None:
     """Validate a bench or the file of a campaign without a flight: print every problem, exit 2 if there is any."""
-    from hil.apps.campaign.spec.campaign_file import is_campaign_file
+    from hil.apps.campaign.cases.campaign_file import is_campaign_file
     from hil.apps.fly.check import check_bench
     from hil.apps.fly.choice import BenchChoice
 

@@ -73,7 +73,7 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
         if camera is None or camera.kind != "camera":
             cameras = [name for name, sensor in config.sensors.items() if sensor.kind == "camera"]
             hint = nearest(config.search.camera, cameras) or f"cameras: {', '.join(cameras) or 'none'}"
-            report(("search", "camera"), f"is no camera of this bench: {config.search.camera!r}", hint)
+            report(("search", "camera"), f"is not a camera of this bench: {config.search.camera!r}", hint)
     if not config.autopilot.lockstep and config.pace not in (None, 1.0):
         report(("pace",), f"must be 1 or null, not {config.pace:g}: a free-running autopilot keeps wall-clock time")
     return problems

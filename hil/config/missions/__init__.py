@@ -23,6 +23,6 @@ def load_mission(path: Path, *, site: Geopoint | None = None) -> Mission:
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        message = f"is no known kind of mission file: {path.suffix or 'no suffix'}"
+        message = f"is not a known kind of mission file: {path.suffix or 'no suffix'}"
         raise ConfigError([Problem(shown_path(path), message, "known: " + ", ".join(_READERS))])
     return reader(path, site=site)

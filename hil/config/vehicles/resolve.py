@@ -43,7 +43,7 @@ def with_vehicles(bench: Bench, loading: BenchLoading, *, flown: bool = True) ->
     for name in () if formation is None else formation.offsets_m:
         where: Place = ("formation", "offsets_m", name)
         if name not in places:
-            problems.append(at(loading.settings, where, "is no vehicle of this bench"))
+            problems.append(at(loading.settings, where, "is not a vehicle of this bench"))
         elif name == next(iter(places)) and any(offsets[name]):
             message = "must be [0, 0, 0]: the places of a formation are relative to its first vehicle"
             problems.append(at(loading.settings, where, message))
@@ -69,7 +69,7 @@ def _places(config: BenchConfig, loading: BenchLoading, problems: list[Problem])
     for key, overlay in config.vehicles.items():
         place: Place = ("vehicles", key)
         if settings.where(place).startswith(COMMAND_LINE) and isinstance(overlay, dict):
-            problems.append(at(settings, place, "is no vehicle of this bench", nearest(key, written)))
+            problems.append(at(settings, place, "is not a vehicle of this bench", nearest(key, written)))
             continue
         names = [key]
         if _NUMBER in key:

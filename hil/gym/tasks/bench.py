@@ -111,6 +111,6 @@ def function(entry: str | Function | None, name: str, option: str) -> Function |
         hint = 'write "module:function", with the module on the path of Python'
         raise ConfigError([Problem(name, f"{option} {entry!r} cannot be imported: {error}", hint)]) from None
     if not callable(found):
-        raise ConfigError([Problem(name, f"{option} {entry!r} is no function, but {found!r}")])
+        raise ConfigError([Problem(name, f"{option} {entry!r} must be a function, not {found!r}")])
     result: Function = found
     return result

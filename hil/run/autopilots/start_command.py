@@ -20,7 +20,7 @@ DEFAULTS_NAME = "bench.parm"
 def start_command(bench: Bench, folder: Path) -> str:
     """Return the command, as a line for a shell. The defaults file of ArduPilot goes to `folder`.
 
-    Raises ConfigError for an autopilot that is no program to start by hand, RecordingError if `folder` cannot be
+    Raises ConfigError for an autopilot that is not a program to start by hand, RecordingError if `folder` cannot be
     written.
     """
     autopilot = bench.config.autopilot

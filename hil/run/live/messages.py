@@ -127,7 +127,7 @@ class _LiveBlob:
 
 
 class _LiveRow:
-    """A topic of samples that are no frames."""
+    """A topic of samples that are not frames."""
 
     def __init__(self, row: Topic, path: str, names: Names, tick_ns: int) -> None:
         self.topic = LiveTopic(names.topic(path), row.type_name)

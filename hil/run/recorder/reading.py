@@ -42,7 +42,7 @@ class RecordedMessage(NamedTuple):
     data: bytes
 
     def decode(self) -> dict[str, Any]:
-        """Return the values by dotted path. Raises RecordingError for bytes that are no message of this project."""
+        """Return the values by dotted path. Raises RecordingError for bytes that are not a message of this project."""
         try:
             return decode(self.type_name, self.data)
         except DAMAGE_ERRORS as error:

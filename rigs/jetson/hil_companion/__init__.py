@@ -4,15 +4,12 @@ Plain Python 3.8 or newer with numpy, pyzmq and msgpack, so that it runs on a co
 A CUT is one function from a `Frame` to a `Desired` or None; `run` connects it to a bench.
 """
 
-import sys
-
 from hil_companion.desired import Desired
 from hil_companion.detections import Detections, Found
 from hil_companion.errors import CompanionError
 from hil_companion.frame import Frame, Sample
 from hil_companion.link.client import Client
 from hil_companion.link.protocol import Welcome
-from hil_companion.moved import MovedModules
 from hil_companion.runner import run
 from hil_companion.view import Grid, View
 
@@ -29,5 +26,3 @@ __all__ = [
     "Welcome",
     "run",
 ]
-
-sys.meta_path.append(MovedModules())

@@ -241,7 +241,7 @@ class Tracer:
         return masked & (dr.gather(U, self._texels, offset + y * w + x, masked) < U(0x80000000))
 
     def _texture(self, texture: Any, uv: Any, active: Any, *, colour: bool = True) -> Any:
-        """Return textures between the four nearest texels that are no holes; colours in linear light."""
+        """Return textures between the four nearest texels that are not holes; colours in linear light."""
         offset, w, h = (dr.gather(U, self._texture_sizes, 3 * texture + i, active) for i in range(3))
         x, y = (uv.x - dr.floor(uv.x)) * F(w) - 0.5, (uv.y - dr.floor(uv.y)) * F(h) - 0.5
         x0, y0 = dr.floor(x), dr.floor(y)

@@ -103,7 +103,7 @@ class PointFinder:
         return rows, columns + 1
 
     def _without_lobes(self, height: Float64, rows: Indices, columns: Indices) -> list[int]:
-        """Return the indices of peaks that are no side lobes, up to the limit of points. Peaks: strongest first."""
+        """Return the indices of peaks that are not side lobes, up to the limit of points. Peaks: strongest first."""
         kept: list[int] = []
         for i in range(len(height)):
             row, column = rows[kept], columns[kept]

@@ -10,7 +10,7 @@ would follow the limb as soon as the trunk fades; the density keeps both until t
 
 with a the usual acceleration, P_i and v_i the power over noise and the speed of the points, w the width of a peak, and
 P the recent mean of sum_i P_i: a frame in which the body fades says little. e P stands for the echoes of the trunk that
-are no peak of their own. Speeds are modulo 2 v_max, as the radar measures them.
+are not peaks of their own. Speeds are modulo 2 v_max, as the radar measures them.
 """
 
 from __future__ import annotations

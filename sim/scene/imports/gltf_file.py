@@ -247,7 +247,7 @@ class _Reader:
         except (ValueError, RecursionError) as error:
             raise self._error(f"is not valid JSON: {error}") from None
         if not isinstance(raw, dict):
-            raise self._error("is JSON but not glTF: it is no object with the key 'asset'")
+            raise self._error("is JSON but not glTF: it is not an object with the key 'asset'")
         return raw
 
     def _checked(self, raw: dict[str, Any]) -> Gltf:

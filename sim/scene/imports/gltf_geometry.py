@@ -101,7 +101,7 @@ def _matrix(node: Node, file: GltfFile, part: str) -> Float64:
     """Return the matrix of a node; it is affine, and within what a map can hold."""
     M = _local(node)
     if not np.abs(M).max() <= _MAX_ENTRY or np.abs(M[3] - (0.0, 0.0, 0.0, 1.0)).max() > 1e-6:
-        raise file.error(part, "has a transform that is no rotation, scale and translation", "export the file again")
+        raise file.error(part, "has a transform that is not a rotation, scale and translation", "export the file again")
     return M
 
 

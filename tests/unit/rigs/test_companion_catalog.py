@@ -1,8 +1,7 @@
-"""CUTs by name: the user's own classes with their settings, and old module paths of the client."""
+"""CUTs by name: the user's own classes with their settings."""
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,6 @@ make_client_importable()
 from hil_companion import Client  # noqa: E402
 from hil_companion.catalog import make_cut  # noqa: E402
 from hil_companion.errors import OptionError  # noqa: E402
-from hil_companion.moved import MOVED  # noqa: E402
 
 OWN_CUTS = """
 from hil_companion.cuts.waypoints import Waypoints
@@ -68,19 +66,3 @@ def test_all_keywords_of_connect_are_checked() -> None:
         Client.connect("tcp://127.0.0.1:1", name="test", credits=2)
     with pytest.raises(OptionError, match="give both or neither"):
         Client.connect("tcp://127.0.0.1:1", name="test", key="jetson.key")
-
-
-@pytest.mark.parametrize("old", MOVED)
-def test_an_old_module_path_names_the_new_one(old: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert find_spec(MOVED[old]) is not None
-    message = f"{old} is now {MOVED[old]}: change the import"
-    package, _, module = old.rpartition(".")
-    for statement in (f"import {old}", f"from {package} import {module}"):
-        with pytest.raises(ImportError) as caught:
-            exec(statement)
-        assert str(caught.value) == message
-    cut = f"old_{module}"
-    (tmp_path / f"{cut}.py").write_text(f"import {old}\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    with pytest.raises(OptionError, match=f"^{cut}:fly: cannot be imported .{message}.$"):
-        make_cut(f"{cut}:fly")

@@ -9,8 +9,10 @@ from hil.apps.airsim.api import (
     control,
     drawings,
     environment,
+    geometry,
     images,
     labels,
+    looks,
     objects,
     recording,
     sensors,
@@ -32,6 +34,8 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     environment.methods,
     drawings.methods,
     objects.methods,
+    geometry.methods,
+    looks.methods,
 )
 
 

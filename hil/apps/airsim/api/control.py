@@ -114,7 +114,7 @@ def methods(simulation: Simulation) -> list[Method]:
 
     def to_gps(latitude: float, longitude: float, altitude: float, *arguments: Any) -> Pending:
         if not (-90.0 <= latitude <= 90.0 and -360.0 <= longitude <= 360.0):
-            raise RpcError(f"latitude {latitude:g} and longitude {longitude:g} are no place; both are in degrees")
+            raise RpcError(f"latitude {latitude:g} and longitude {longitude:g} are not a place; both are in degrees")
         p_W = sim.earth.point_W(latitude, longitude, altitude)
 
         def make(drone: Drone) -> Move:

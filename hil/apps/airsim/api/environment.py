@@ -57,7 +57,7 @@ def methods(simulation: Simulation) -> list[Method]:
             try:
                 clock = datetime.strptime(start, _FORMAT).replace(tzinfo=UTC) if start else None
             except ValueError:
-                raise RpcError(f"'{start}' is no date and time; write it as 2018-02-12 15:20:00") from None
+                raise RpcError(f"'{start}' is not a date and time; write it as 2018-02-12 15:20:00") from None
             clock = clock or datetime.fromtimestamp(sim.now_ns / NS_PER_S, UTC)
             around.clock = clock - SUMMER_TIME if dst else clock
             around.clock_t_ns, around.clock_speed, around.move_sun = sim.world.t_ns, speed, move_sun

@@ -3,7 +3,7 @@
     request       [0, id, method, params]   ->   reply [1, id, error, result]
     notification  [2, method, params]       ->   no reply
 
-A message of another form, or bytes that are no MessagePack, cannot be answered by an id: the connection is closed.
+A message of another form, or bytes that are not MessagePack, cannot be answered by an id: the connection is closed.
 Replies of slow methods (`Pending`) follow when they are there, so that a client may have several calls at once.
 """
 
@@ -134,7 +134,7 @@ class Connection(asyncio.Protocol):
         except TooLarge as error:
             self._close(str(error))
         except (msgpack.UnpackException, ValueError, TypeError, OverflowError, MemoryError, RecursionError) as error:
-            self._close(f"bytes that are no MessagePack-RPC ({str(error)[:100] or type(error).__name__})")
+            self._close(f"bytes that are not MessagePack-RPC ({str(error)[:100] or type(error).__name__})")
         self._set_reading()
 
     def _set_reading(self) -> None:
@@ -174,7 +174,7 @@ class Connection(asyncio.Protocol):
 
     def _answer(self, message: Any) -> None:
         if not isinstance(message, list) or not message:
-            self._close(f"a message that is no array but a {type(message).__name__}")
+            self._close(f"expected an array, got a {type(message).__name__}")
             return
         kind = message[0]
         if kind == _REPLY and not isinstance(kind, bool) and len(message) == 4:
@@ -188,12 +188,12 @@ class Connection(asyncio.Protocol):
             return
         wants_reply = kind == _REQUEST
         if wants_reply and (isinstance(request, bool) or not isinstance(request, int) or not 0 <= request < 1 << 32):
-            self._close("a request whose id is no 32-bit number")
+            self._close("a request whose id is not a 32-bit number")
             return
         if isinstance(name, bytes):
             name = name.decode("utf-8", "surrogateescape")
         if not isinstance(name, str) or not isinstance(values, list):
-            self._close("a request whose method is no text or whose params are no array")
+            self._close("a request whose method is not text or whose params are not an array")
             return
         self._call(request if wants_reply else None, name, values)
 

@@ -176,7 +176,7 @@ class Reader:
         for key in self._data:
             if key not in self._known:
                 hint = nearest(key, self._known, listed=False)
-                finding = self._finding(key, "is no setting of AirSim and is ignored", hint)
+                finding = self._finding(key, "is not a setting of AirSim and is ignored", hint)
                 self.report.unknown.setdefault((section, key), finding)
 
     def _finding(self, key: str | None, message: str, hint: str) -> Problem:

@@ -77,7 +77,7 @@ class Drone:
     def touch(self) -> None:
         """Keep a contact with the scene that begins, goes on or meets another object.
 
-        Standing on something, and leaving something, is no collision.
+        Standing on something, and leaving something, is not a collision.
         """
         truth, physics, flight = self.vehicle.truth, self.vehicle.physics, self.flight
         begins, self.touching = not self.touching, truth.in_contact

@@ -24,10 +24,12 @@ def q_WB_from_q_NF(q_NF: Quat) -> Quat:
 
 
 def unit_rotation(q: Quat) -> Quat:
-    """Return the unit quaternion of an orientation that a client gave. Raises RpcError if it is no rotation."""
+    """Return the unit quaternion of an orientation that a client gave. Raises RpcError if it is not a rotation."""
     length = quaternion_norm(q)
     if not 1e-3 <= length <= 1e3:
-        raise RpcError(f"the orientation is no rotation: its length is {length:g}, and that of a unit quaternion is 1")
+        raise RpcError(
+            f"the orientation is not a rotation: its length is {length:g}, and that of a unit quaternion is 1"
+        )
     return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
 
 

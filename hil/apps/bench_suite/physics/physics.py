@@ -11,9 +11,9 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
     several vehicles                                see hil.apps.bench_suite.physics.vehicle_groups
 
-Errors of all but the last two are relative to the CasADi model of tests/reference, solved by CVODES at 1e-14. Times are
-the best of several runs in one process, with the methods run in turn, and include Python. Time and error come from the
-same code.
+Errors of all but the last two are relative to the CasADi model of multirotor_reference.py, solved by CVODES at 1e-14.
+Times are the best of several runs in one process, with the methods run in turn, and include Python. Time and error come
+from the same code.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from functools import partial
-from types import ModuleType
 
 import numpy as np
 
+from hil.apps.bench_suite.physics import multirotor_reference as reference
 from hil.apps.bench_suite.physics.flight_cases import (
     Flight,
     Float64,
@@ -43,7 +43,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
 from hil.apps.bench_suite.physics.landing_checks import landing_checks
 from hil.apps.bench_suite.physics.vehicle_groups import group_rows
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
-from hil.apps.bench_suite.timing import best_times, load_reference
+from hil.apps.bench_suite.timing import best_times
 from sim.physics.vehicle import load_vehicle
 
 Method = ThisProject | PlainMujoco
@@ -57,7 +57,6 @@ _MANY_ROTORS = ("hexa_x", "octa_x", "x8", "y6")
 def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     """Fly every case with every method."""
     result = BenchmarkResult(time_label="wall seconds per simulated second")
-    reference = load_reference("multirotor_reference")
     methods = _methods()
     own: list[Method] = [method for method in methods if isinstance(method, ThisProject)]
     flights = {"hover": hover(), "vigorous": vigorous(), "gust": gust()}
@@ -88,7 +87,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     _landing_rows(result, methods, rounds=2 if quick else 5)
     status("checks")
     result.checks += _flight_checks(result)
-    result.checks += _order_checks(reference)
+    result.checks += _order_checks()
     result.checks += _hour_checks(status)
     result.checks += landing_checks(status)
     rows, checks = group_rows(status)
@@ -156,7 +155,7 @@ def _flight_checks(result: BenchmarkResult) -> list[Check]:
     ]
 
 
-def _order_checks(reference: ModuleType) -> list[Check]:
+def _order_checks() -> list[Check]:
     """Return checks of the orders of convergence: the slopes of log error over log step.
 
     The classical method flies with the x500's own motor lag.
@@ -167,10 +166,10 @@ def _order_checks(reference: ModuleType) -> list[Check]:
     x500 = load_vehicle("x500")
     steps_ms = (8.0, 4.0, 2.0, 1.0)
     flight = vigorous(tick_ns=8_000_000, vehicle=x500)
-    classical = _errors_by_step(flight, steps_ms, "classical", reference)
+    classical = _errors_by_step(flight, steps_ms, "classical")
     coarse_ms = (64.0, 32.0)
-    coarse = _errors_by_step(vigorous(0.128, tick_ns=64_000_000), coarse_ms, "order8", reference)
-    longest = _errors_by_step(flight, (8.0,), "order8", reference)[0]
+    coarse = _errors_by_step(vigorous(0.128, tick_ns=64_000_000), coarse_ms, "order8")
+    longest = _errors_by_step(flight, (8.0,), "order8")[0]
     return [
         Check("order of convergence, classical, 8 to 1 ms", _slope(steps_ms, classical), ">=", 3.8, "1"),
         Check("order of convergence, order 8, 64 to 32 ms", _slope(coarse_ms, coarse), ">=", 3.8, "1"),
@@ -178,7 +177,7 @@ def _order_checks(reference: ModuleType) -> list[Check]:
     ]
 
 
-def _errors_by_step(flight: Flight, steps_ms: Sequence[float], method: str, reference: ModuleType) -> list[float]:
+def _errors_by_step(flight: Flight, steps_ms: Sequence[float], method: str) -> list[float]:
     inputs = reference.Inputs(flight.commands)
     exact = reference.fly(flight.vehicle, flight.start, inputs, tick_s=flight.tick_ns / 1e9)
     return [_position_error_m(ThisProject(step, method=method).fly(flight, record=True), exact) for step in steps_ms]

@@ -1,7 +1,7 @@
 """`hil bench radar`: time and error of a radar frame, compared with the exact sum, in one process on one core.
 
 The error is ||x - x_direct|| / ||x_direct|| over all receivers, chirps and samples, with x noise-free and before the
-ADC. x_direct is the method `direct`; its own row holds its error against tests/reference/radar_reference.py over some
+ADC. x_direct is the method `direct`; its own row holds its error against radar_reference.py over some
 of the echoes. Times are the best of several runs.
 
 Sweeps cover tolerances of 1e-2 to 1e-9, 5,000 to 300,000 echoes, speeds to 30 m/s, ranges to 200 m and both presets.
@@ -26,8 +26,9 @@ from hil.apps.bench_suite.sensors.radar_checks import (
     target_checks,
     vehicle_checks,
 )
+from hil.apps.bench_suite.sensors.radar_reference import reference
 from hil.apps.bench_suite.sensors.raster_cases import scene_case
-from hil.apps.bench_suite.timing import best_times, load_reference, one_core
+from hil.apps.bench_suite.timing import best_times, one_core
 from sim.radar.echoes import Echoes
 from sim.sensors.radar_parameters import RadarParameters
 
@@ -143,7 +144,7 @@ def _direct_error(p: RadarParameters, echoes: Echoes) -> float:
         "hp_cutoff_hz": p.receiver.hp_cutoff_hz,
         "aaf_cutoff_hz": p.receiver.aaf_cutoff_hz,
     }
-    exact = load_reference("radar_reference").reference(p.chirp, p.antenna.rx_positions_m, subset, **cutoffs)
+    exact = reference(p.chirp, p.antenna.rx_positions_m, subset, **cutoffs)
     out = np.empty(exact.shape)
     synthesizer(p, "direct", p.tolerance).synthesize(subset, out)
     return _error(out, exact.astype(np.float64))

@@ -17,11 +17,13 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from hil.apps.campaign.engines.engine import Done
-from hil.apps.campaign.engines.numbers import FlightNumber
+from hil.apps.campaign.engines.flight_number import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome, Slot, fly
 from hil.run.runs.child_process import become_child, how_ended
 from signals.errors import OutOfFiles, RecordingError
 
+# Imports that every flight needs: the server that forks the workers has them once.
+_PRELOADED = ["hil.apps.campaign.flight", "hil.config", "hil.run.bench_run", "hil.run.parts.catalog"]
 _WORKER_FILES = 4  # of this process for each worker: its number, its pipe, and two that tell its end
 _OTHER_FILES = 20  # of this process and of the server that forks the workers
 _END_S = 5.0  # a worker that is asked to end gets this long
@@ -36,7 +38,7 @@ class LocalEngine:
         _require_files(workers)
         context: Any = multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
         if sys.platform == "linux":
-            context.set_forkserver_preload(["hil.apps.campaign.engines.warm"])
+            context.set_forkserver_preload(_PRELOADED)
         self._context = context
         self._numbers = [FlightNumber() for _ in range(workers)]
         self._workers = [_Worker(context, held.number, _share(held.number, cores)) for held in self._numbers]

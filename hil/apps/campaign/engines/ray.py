@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from hil.apps.campaign.cases.campaign_file import CampaignSpec
 from hil.apps.campaign.engines.engine import Done
 from hil.apps.campaign.engines.packer import Packer
 from hil.apps.campaign.engines.ray_node import Order, fly_task
 from hil.apps.campaign.flight import Job, Outcome
-from hil.apps.campaign.spec.campaign_file import CampaignSpec
 from hil.cluster.program import Program
 from hil.cluster.tasks import Ended, Needs, RayTasks, short_name
 from hil.config import load_bench

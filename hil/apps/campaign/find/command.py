@@ -12,6 +12,8 @@ from typing import Any
 from rich.console import Console
 
 from hil.apps.campaign.campaign import Progress
+from hil.apps.campaign.cases.campaign_file import CampaignFile, load_campaign
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.command import CampaignProgress, campaign_problems
 from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.find.magnitudes import TOLERANCE
@@ -22,8 +24,6 @@ from hil.apps.campaign.flight import Outcome
 from hil.apps.campaign.results import tables
 from hil.apps.campaign.results.again import run_command
 from hil.apps.campaign.results.answers import LiveSummary, check_name
-from hil.apps.campaign.spec.campaign_file import CampaignFile, load_campaign
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.run.report.run_folder import run_folder
 from hil.run.report.run_json import write_run_json
@@ -140,7 +140,7 @@ def _failing_case(store: Store, prefix: str, folder: Path) -> tuple[str, Outcome
     found = store.flown(prefix)
     if len(found) != 1:
         names = ", ".join(case for case, *_ in found[:4]) + (", ..." if len(found) > 4 else "")
-        text = f"begins {len(found)} cases: {names}" if found else "is no case"
+        text = f"begins {len(found)} cases: {names}" if found else "is not a case"
         hint = "give more digits" if found else "results.csv has the cases in its first column"
         raise ConfigError([Problem("CASE", f"{prefix!r} {text} of {shown_path(folder)}", hint)])
     case, outcome, texts = found[0]

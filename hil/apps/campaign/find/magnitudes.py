@@ -10,8 +10,8 @@ import copy
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
+from hil.apps.campaign.cases.distributions import rounded
 from hil.apps.campaign.find.parts import ABSENT, LISTS, STEADY, Data, at, parts_of, put
-from hil.apps.campaign.spec.distributions import rounded
 from hil.config import Bench
 from signals.documents.document import Place
 from signals.documents.yaml_lines import dotted, read_yaml

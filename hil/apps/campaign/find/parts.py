@@ -55,7 +55,7 @@ def data_of(texts: Sequence[str]) -> Data:
 def with_inherited(data: Data, bench: Bench) -> Data:
     """Return the data of a case with the faults, gusts and turbulence that its bench file has."""
     if bench.script is not None or bench.vehicles:
-        return data  # those of a script are no settings
+        return data  # those of a script are not settings
     data = copy.deepcopy(data)
     config = bench.config.model_dump(mode="json", include={"faults", "wind"}, exclude_none=True)
     for place in (*LISTS, ("wind", "turbulence")):

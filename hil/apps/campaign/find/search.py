@@ -17,12 +17,12 @@ from collections.abc import Callable, Sequence
 from itertools import cycle
 from typing import Any, Literal
 
+from hil.apps.campaign.cases.campaign_file import CampaignFile, Range
+from hil.apps.campaign.cases.distributions import Distribution
+from hil.apps.campaign.cases.plan import Plan, Point
 from hil.apps.campaign.find.trials import Trial, Trials
 from hil.apps.campaign.flight import Outcome
 from hil.apps.campaign.results.statistics import Tally
-from hil.apps.campaign.spec.campaign_file import CampaignFile, Range
-from hil.apps.campaign.spec.distributions import Distribution
-from hil.apps.campaign.spec.plan import Plan, Point
 from hil.apps.campaign.store import Store
 from signals.errors import ConfigError, HilError, Problem
 

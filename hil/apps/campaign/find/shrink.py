@@ -17,13 +17,13 @@ from functools import partial
 from pathlib import Path
 
 from hil.apps.campaign.campaign import WORK
+from hil.apps.campaign.cases.settings import texts_of
 from hil.apps.campaign.find.ddmin import ddmin
 from hil.apps.campaign.find.magnitudes import TOLERANCE, Magnitude, least_share, magnitudes_of, with_value
 from hil.apps.campaign.find.missions import mission_to_cut, write_cut
 from hil.apps.campaign.find.parts import Data, Part, data_of, parts_of, with_inherited, without
 from hil.apps.campaign.find.trials import Texts, Trials
 from hil.apps.campaign.flight import Outcome
-from hil.apps.campaign.spec.settings import texts_of
 from signals.errors import ConfigError, Problem
 from signals.mission import MissionItem
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from hil.apps.campaign.spec.campaign_file import CampaignSpec, Range
-from hil.apps.campaign.spec.distributions import Distribution
-from hil.apps.campaign.spec.settings import label
+from hil.apps.campaign.cases.campaign_file import CampaignSpec, Range
+from hil.apps.campaign.cases.distributions import Distribution
+from hil.apps.campaign.cases.settings import label
 
 INTERVALS = 5
 MOST_VALUES = 12  # of numbers that are groups of their own

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 PAGE_FOLDER = Path(__file__).resolve().parents[1] / "page"
 _MAX_MESSAGE_CHARS = 16_384  # of one message of a page
-_VEHICLE = re.compile(r"[a-z][a-z0-9_]{0,31}")  # as in a bench; more than that is no name of a folder
+_VEHICLE = re.compile(r"[a-z][a-z0-9_]{0,31}")  # as in a bench; more than that is not a name of a folder
 _MAX_PAGES = 24
 _BYTES = "application/octet-stream"
 # A report contains its style and pictures and no scripts. The sandbox gives it no access to the page.

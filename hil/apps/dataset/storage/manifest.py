@@ -82,7 +82,7 @@ def check_resumable(root: Path, made_from: Mapping[str, Any], bench_files: Mappi
         raise ConfigError([Problem(str(root), f"holds no data set: there is no {MANIFEST} in it", hint)]) from None
     except (OSError, ValueError, KeyError, AssertionError):
         hint = "make the data set again in another folder"
-        raise ConfigError([Problem(str(path), "is no manifest of `hil dataset`", hint)]) from None
+        raise ConfigError([Problem(str(path), "is not a manifest of `hil dataset`", hint)]) from None
     problems = []
     for key, value in made_from.items():
         if key in ("config_sha256", *_MAY_DIFFER) or earlier.get(key) == value:

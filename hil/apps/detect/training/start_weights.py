@@ -61,13 +61,13 @@ def read_tensors(path: Path) -> Mapping[str, Any]:
     except Exception as error:  # noqa: BLE001  torch passes on any exception of its readers and of pickle
         raise _no_weights(path, error) from None
     if not isinstance(data, Mapping):
-        raise ConfigError([Problem(str(path), "is no file of PyTorch weights: it holds no names")])
+        raise ConfigError([Problem(str(path), "is not a file of PyTorch weights: it holds no names")])
     return data
 
 
 def _no_weights(path: Path, error: Exception) -> ConfigError:
     text = " ".join(str(error).split())[:120]
-    return ConfigError([Problem(str(path), f"is no file of PyTorch weights ({text})")])
+    return ConfigError([Problem(str(path), f"is not a file of PyTorch weights ({text})")])
 
 
 def with_heads_of(start: StartWeights, classes: Sequence[str], current: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -150,4 +150,4 @@ def _classes_beside(path: Path) -> tuple[str, ...]:
         return tuple(str(name) for name in json.loads(file.read_text())["classes"])
     except (OSError, ValueError, KeyError, TypeError):
         hint = "keep the files that the training has written together"
-        raise ConfigError([Problem(str(file), f"is no description of the model {path}", hint)]) from None
+        raise ConfigError([Problem(str(file), f"is not a description of the model {path}", hint)]) from None

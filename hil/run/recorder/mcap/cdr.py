@@ -8,6 +8,9 @@ are written by a few column assignments.
 CDR (OMG DDSI-RTPS, "plain CDR" little-endian, encapsulation 00 01 00 00): primitives aligned to their size counted
 from the first byte after the encapsulation header; strings as uint32 length including the final zero byte;
 sequences as uint32 count and elements; fixed arrays as elements alone.
+
+No library's encoder is used: `rosbags` takes one message object at a time, which costs 5.2 us of processor time for an
+Imu where the live encoder made of a `Layout` (hil/run/recorder/live) takes 0.8 us, and has nothing for columns.
 """
 
 from __future__ import annotations

@@ -205,7 +205,7 @@ class Detect:
             return None
         depth_m = frame[topic].array
         if depth_m.ndim != 2:
-            raise CutError(f"detect: {topic} is no depth picture: its shape is {depth_m.shape}")
+            raise CutError(f"detect: {topic} is not a depth picture: its shape is {depth_m.shape}")
         return depth_m
 
     def _pose(self, frame: Frame, t_ns: int) -> NavState | None:

@@ -18,7 +18,7 @@ from hil_companion.detect.model_file import ModelFile
 
 _FILL = 114  # of 255: about the mean of camera pictures
 CENTRE_VARIANCE, SIZE_VARIANCE = 0.1, 0.2
-_MAX_GROWTH = 4.0  # largest exponent of the size; larger offsets are no boxes, but must not overflow
+_MAX_GROWTH = 4.0  # largest exponent of the size; larger offsets are not boxes, but must not overflow
 _MAX_CANDIDATES = 400  # per class, before suppression
 MAX_DETECTIONS = 100  # per picture
 

@@ -172,7 +172,7 @@ def _described(file: Path, data: Any, onnx: Path, digest: str) -> ModelFile:
     except KeyError as error:
         raise OptionError(f"{file}: key {error} is missing") from None
     except (TypeError, ValueError) as error:
-        raise OptionError(f"{file}: is no description of a detector ({error})") from None
+        raise OptionError(f"{file}: is not a description of a detector ({error})") from None
     return ModelFile(
         path=onnx,
         sha256=digest,

@@ -52,7 +52,7 @@ def wait_and_describe(child: ChildProcess) -> str:
 
 
 def alive(pid: int) -> bool:
-    """Return True if it runs and is no zombie."""
+    """Return True if it runs and is not a zombie."""
     try:
         os.kill(pid, 0)
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"

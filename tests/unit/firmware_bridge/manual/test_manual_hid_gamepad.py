@@ -76,7 +76,7 @@ def test_a_valid_report_resets_the_count_of_bad_ones():
     _, pad, gamepad = opened()
     for _ in range(10):
         for _ in range(20):
-            pad.report(b"")  # an empty read is no report: nothing more is read in this poll
+            pad.report(b"")  # an empty read is not a report: nothing more is read in this poll
             pad.report(b"\xff")
         pad.report(hid.simple_report())
     for _ in range(300):

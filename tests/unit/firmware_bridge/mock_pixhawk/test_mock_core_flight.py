@@ -90,7 +90,7 @@ def test_stands_still_with_motors_off_until_commanded():
     assert np.array(flight.controls)[:4].tolist() == [0.1] * 4
     assert not np.any(np.array(flight.controls)[4:])
     assert flight.core.landed
-    flight.set(POSITION, x=0.0, y=0.0, z=0.3, yaw=0.0)  # a set-point below the ground is no take-off
+    flight.set(POSITION, x=0.0, y=0.0, z=0.3, yaw=0.0)  # a set-point below the ground is not a take-off
     flight.run(2.0)
     assert flight.core.landed
     assert max(flight.controls.tolist()) < 0.2

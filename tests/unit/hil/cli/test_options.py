@@ -12,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from hil.cli.app import RENAMED_OPTIONS, run_command_line
+from hil.cli.app import run_command_line
 from hil.cli.options import QuietOption, takes
 
 
@@ -44,16 +44,6 @@ def test_a_dataclass_of_options_is_a_commands_signature() -> None:
     assert CliRunner().invoke(app, []).exit_code == 2
     assert CliRunner().invoke(app, ["you", "--times", "0"]).exit_code == 2
     assert "Say hello." in CliRunner().invoke(app, ["--help"]).output
-
-
-@pytest.mark.parametrize("old", RENAMED_OPTIONS)
-def test_an_old_option_names_the_new_one(old: str, capsys: pytest.CaptureFixture[str]) -> None:
-    new = RENAMED_OPTIONS[old]
-    for arguments in ([old, "3"], [f"{old}=3"]):
-        assert run_command_line(["detect", "train", "set", "--out", "out", *arguments]) == 2
-        assert capsys.readouterr().err == f"error: {old} is now called {new}\n"
-    assert run_command_line(["detect", "train", "--help"]) == 0
-    assert new in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("command", ["--help", "run --help", "detect train --help"])

@@ -243,9 +243,9 @@ def test_an_end_that_is_no_truth_value_is_named(end: Any) -> None:
         ([0.0, 0.0, 0.0, float("-inf")], r"action\[3\] is -inf"),
         ([0.0, 0.0, 0.0], r"shape \(3,\), and the space \(4,\)"),
         (0.5, r"shape \(\)"),
-        (None, "is no array of numbers|shape"),
-        ("up", "is no array of numbers"),
-        ([10**400, 0, 0, 0], "is no array of numbers"),
+        (None, "is not an array of numbers|shape"),
+        ("up", "is not an array of numbers"),
+        ([10**400, 0, 0, 0], "is not an array of numbers"),
     ],
 )
 def test_wrong_actions_name_environment_and_index(action: Any, message: str) -> None:

@@ -131,7 +131,7 @@ def test_an_unsuitable_bench_is_refused(bench: dict[str, Any], look: Frame | Non
 def test_a_wrong_depth_topic_and_a_missing_truth_are_named() -> None:
     cut = StandIn(localiser="truth", depth="front/rgb")
     cut.start(welcome())
-    with pytest.raises(CutError, match="no depth picture"):
+    with pytest.raises(CutError, match="not a depth picture"):
         cut(frame(1, {}))
     lost = frame(1, {})
     del lost.samples["truth"]

@@ -201,13 +201,13 @@ def test_invalid_pictures_are_refused(picture: Any, words: str) -> None:
         ({"classes": []}, "names are needed"),
         ({"classes": ["a", "a"]}, "each once"),
         ({"format": 2}, "reads 1"),
-        ({"input_px": [320]}, "no description"),
+        ({"input_px": [320]}, "not a description"),
         ({"input_px": [320, 8]}, "from 16"),
         ({"levels": []}, "above 0"),
         ({"levels": [{"stride_px": 8, "sizes_px": [], "aspect_ratios": [1]}]}, "above 0"),
         ({"std": [1, 1, 0]}, "std above 0"),
         ({"score_threshold": 3}, "between 0 and 1"),
-        ({"score_threshold": "much"}, "no description"),
+        ({"score_threshold": "much"}, "not a description"),
         ({"sha256": "0" * 64}, "another model"),
         ({"sha256": None}, "'sha256' is missing"),
     ],
@@ -227,7 +227,7 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="is not JSON"):
         ModelFile.load(path)
     path.with_suffix(".json").write_text("[]")
-    with pytest.raises(OptionError, match="no description"):
+    with pytest.raises(OptionError, match="not a description"):
         ModelFile.load(path)
     path.with_suffix(".json").unlink()
     with pytest.raises(OptionError, match=r"small\.json: cannot be read"):

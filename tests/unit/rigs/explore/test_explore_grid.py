@@ -85,7 +85,7 @@ def test_what_moved_is_known_though_the_grid_has_grown() -> None:
     moving.vacated(GridView(odds.copy(), (0.0, 0.0), CELL_M, 1), NOBODY, 0.1)
     grown = np.zeros((60, 64), np.float32)
     grown[12:52, 16:56] = odds
-    grown[5, 5] = 2.0  # a cell that was unknown before is no moving obstacle
+    grown[5, 5] = 2.0  # a cell that was unknown before is not a moving obstacle
     out = moving.vacated(GridView(grown, (-16 * CELL_M, -12 * CELL_M), CELL_M, 2), NOBODY, 2.0)
     assert np.argwhere(out).tolist() == [[32, 26]]
     out = moving.vacated(GridView(odds.copy(), (0.0, 0.0), CELL_M, 3), NOBODY, 2.1)  # and shrunk

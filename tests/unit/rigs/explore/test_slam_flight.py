@@ -47,7 +47,7 @@ def test_pose_and_map_without_noise() -> None:
     assert len(occupied) > 200
     far = wall_distance_m(occupied)
     assert np.mean(far <= 2.0 * grid.cell_m) > 0.99
-    # The low house lies below the flight and is no obstacle; walls at the flight's height are not "free".
+    # The low house lies below the flight and is not an obstacle; walls at the flight's height are not "free".
     row, column = grid.cell_of(-11.5, -9.0)
     assert not grid.occupied[row, column]
     assert ROOF_M < HEIGHT_M - 1.0

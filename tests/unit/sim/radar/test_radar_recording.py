@@ -1,4 +1,4 @@
-"""Recordings: what is written is read, and what is no recording is refused with every reason."""
+"""Recordings: what is written is read, and what is not a recording is refused with every reason."""
 
 from __future__ import annotations
 

@@ -21,7 +21,9 @@ def matching(pattern: str, names: Iterable[str], *, any_case: bool) -> list[str]
         expression = _compiled(pattern, any_case=any_case, max_mem=_MOST_BYTES)
     except re2.error as error:
         reason = error.args[0].decode(errors="replace")
-        raise RpcError(f"'{pattern[:60]}' is no regular expression (https://github.com/google/re2): {reason}") from None
+        raise RpcError(
+            f"'{pattern[:60]}' is not a regular expression (https://github.com/google/re2): {reason}"
+        ) from None
     return _matched(expression, names)
 
 

@@ -181,7 +181,7 @@ class Commands:
         try:
             request = json.loads(payload or b"{}")
         except (ValueError, RecursionError) as error:
-            raise ValueError(f"{kind}: the request is no JSON: {error}") from None
+            raise ValueError(f"{kind}: the request is not JSON: {error}") from None
         if not isinstance(request, dict):
             raise ValueError(f"{kind}: the request must be a JSON object")
         message: dict[str, Any] = {"vehicle": request.pop("vehicle", "")}

@@ -38,7 +38,7 @@ _TO_AUTOPILOT, _FROM_AUTOPILOT = "/mavlink/to_autopilot", "/mavlink/from_autopil
 
 
 class Tick(NamedTuple):
-    """One tick: the true state, the samples that are no frames, and the command that moved the vehicle."""
+    """One tick: the true state, the samples that are not frames, and the command that moved the vehicle."""
 
     truth: TruthState
     released: tuple[tuple[str, Sample], ...]

@@ -188,7 +188,7 @@ class Subscription:
         self.gid = self._reader.get_guid().bytes
 
     def take(self, refuse: Callable[[ValueError], None]) -> Iterator[Any]:
-        """Return the messages since the last call. `refuse` is called for one whose texts are no UTF-8."""
+        """Return the messages since the last call. `refuse` is called for one whose texts are not UTF-8."""
         for _ in range(_MOST_TAKEN):
             try:
                 taken = self._reader.take()

@@ -1,4 +1,4 @@
-"""The section `ros2`: the run as a node of a ROS 2 graph, without ROS. Needs the package cyclonedds (extra ros2).
+"""The section `ros2`: the run as a node of a ROS 2 graph, without ROS. Needs the extra ros2.
 
 The messages of a tick are sent while the autopilot computes its answer. A topic without a subscriber is not encoded.
 """
@@ -272,10 +272,11 @@ class Ros2Part(Part):
 def _problems(bench: Bench, known: Sequence[str]) -> list[Problem]:
     problems = []
     settings = bench.config.ros2
-    try:
-        import_module("cyclonedds.core")
-    except ImportError as error:
-        problems.append(Problem("ros2", f"needs the package cyclonedds, which is not installed ({error})", INSTALL))
+    for package, module in (("cyclonedds", "cyclonedds.core"), ("rosbags", "rosbags.typesys")):
+        try:
+            import_module(module)
+        except ImportError as error:
+            problems.append(Problem("ros2", f"needs the package {package}, which is not installed ({error})", INSTALL))
     for name in settings.wait_for:
         if name not in known:
             problems.append(Problem("ros2.wait_for", f"names an unknown topic: {name!r}", nearest(name, known)))
@@ -287,7 +288,7 @@ def _problems(bench: Bench, known: Sequence[str]) -> list[Problem]:
 
 
 def make(bench: Bench) -> Part:
-    """Return the part. Raises ConfigError for an unknown topic, or without the package cyclonedds."""
+    """Return the part. Raises ConfigError for an unknown topic, or without a package that it needs."""
     settings = bench.config.ros2
     topics = live_topics(bench)
     problems = _problems(bench, [topic.name for topic in topics])

@@ -1,7 +1,7 @@
 """A thread that sends the messages of each tick, while the run computes the next one.
 
 A call of the network takes 30 to 200 us. The thread makes it without Python's lock, so that a tick costs the run only
-the encoding. Annotations are no texts in this file: `c_call` reads those of a C function.
+the encoding. Annotations are not texts in this file: `c_call` reads those of a C function.
 """
 
 import ctypes as ct

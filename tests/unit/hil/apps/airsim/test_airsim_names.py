@@ -47,7 +47,7 @@ def test_expressions_mean_what_they_mean_in_python(pattern: str) -> None:
 
 @pytest.mark.parametrize("pattern", ["[", "(", "(a)\\1", "(?=a)a", "a++", "x\udcff", "[z-a]", "(a{0,200}){0,200}!"])
 def test_the_error_names_the_expression_and_what_is_wrong(pattern: str) -> None:
-    with pytest.raises(RpcError, match=r"' is no regular expression \(https://github.com/google/re2\): \w.*"):
+    with pytest.raises(RpcError, match=r"' is not a regular expression \(https://github.com/google/re2\): \w.*"):
         matching(pattern, ["a"], any_case=False)
 
 

@@ -251,7 +251,7 @@ def test_every_kind_of_asset_is_seen(client: Client, asset: str) -> None:
                 {**pose(0, 0, 0), "orientation": dict.fromkeys(("w_val", "x_val", "y_val", "z_val"), 0.0)},
                 True,
             ),
-            "is no rotation",
+            "is not a rotation",
         ),
         (("simCreateVoxelGrid", vector(0, 0, 0), 100, 100, 100, 0.0, "a.binvox"), "no cell"),
         (("simCreateVoxelGrid", vector(0, 0, 0), 10_000, 10_000, 10_000, 0.1, "a.binvox"), "too large"),

@@ -408,7 +408,7 @@ def test_setting_a_pose_and_reading_it(client: Client) -> None:
     ("wanted", "told"),
     [
         (pose(1e6, 0.0, 0.0), "A cannot be put there: p_WB"),
-        (pose(0.0, 0.0, -5.0, (0.0, 0.0, 0.0, 0.0)), "is no rotation"),
+        (pose(0.0, 0.0, -5.0, (0.0, 0.0, 0.0, 0.0)), "is not a rotation"),
         (pose(math.inf, 0.0, 0.0), "A cannot be put there: p_WB"),
     ],
 )
@@ -744,7 +744,7 @@ def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None
     client.call("simSetTimeOfDay", True, "2018-02-12 15:20:00", False, 10.0, 60.0, True)
     assert around.clock is not None
     assert around.clock.hour == 15
-    with pytest.raises(RpcFailed, match="is no date and time; write it as 2018-02-12 15:20:00"):
+    with pytest.raises(RpcFailed, match="is not a date and time; write it as 2018-02-12 15:20:00"):
         client.call("simSetTimeOfDay", True, "noon")
     for _ in range(2):  # a value beyond the range counts as its end, as in AirSim
         client.call("simSetWeatherParameter", 1, 7.0)

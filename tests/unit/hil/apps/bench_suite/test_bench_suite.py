@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from hil.apps.bench_suite import suite
+from hil.apps.bench_suite import cases, suite
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row
 from signals.errors import ConfigError
 
@@ -38,7 +40,7 @@ WRONG = Check("error", 2.0, "<=", 1.0, "m")
 def benchmarks(monkeypatch: pytest.MonkeyPatch) -> dict[str, SimpleNamespace]:
     """Benchmarks that a test defines: modules by name, in place of the real ones."""
     modules: dict[str, SimpleNamespace] = {}
-    monkeypatch.setattr(suite, "import_module", modules.__getitem__)
+    monkeypatch.setattr(suite, "import_case", modules.__getitem__)
     monkeypatch.setattr(suite, "BENCHMARKS", {name: (name, "") for name in ("one", "two")})
     return modules
 
@@ -81,6 +83,38 @@ def test_what_this_machine_cannot_run_is_named_and_left_out_of_all(benchmarks: d
     assert "left out: needs the package x" in text
     benchmarks["two"].missing = lambda: "needs the package y"
     assert not run("all", errors_only=True)[0], "nothing was run"
+
+
+INSTALLED = ("lockstep", "link", "physics", "radar", "raster", "stability")
+
+
+def test_benchmarks_by_which_a_user_trusts_his_machine_are_installed() -> None:
+    assert sorted(n for n, (module, _) in suite.BENCHMARKS.items() if module.startswith("hil.")) == sorted(INSTALLED)
+
+
+def test_an_installed_package_says_which_benchmarks_need_a_checkout(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab/airsim.py").touch()  # another package's: packages are installed beside each other
+    monkeypatch.setattr(cases, "_CHECKOUT", tmp_path)
+    with pytest.raises(ConfigError, match=r"hil bench airsim: needs a checkout .*`\.venv/bin/hil bench airsim` there"):
+        run("airsim", errors_only=True)
+    monkeypatch.setattr(suite, "_run", lambda *_, **__: True)
+    met, text = run("all", errors_only=True)
+    assert met
+    assert text.count("left out: needs a checkout") == len(suite.BENCHMARKS) - len(INSTALLED)
+
+
+def test_cases_of_the_lab_are_found_from_any_folder(tmp_path: Path) -> None:
+    code = (
+        "from hil.apps.bench_suite import cases, suite\n"
+        "modules = [module for module, _ in suite.BENCHMARKS.values() if module.startswith('lab.')]\n"
+        "assert modules and all(map(cases.is_here, modules))\n"
+        "print(cases.import_case('lab.vehicles').__file__)\n"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(Path(__file__).resolve().parents[5] / "lab/vehicles.py")
 
 
 def test_what_is_left_out_by_name_is_named(benchmarks: dict[str, SimpleNamespace]) -> None:

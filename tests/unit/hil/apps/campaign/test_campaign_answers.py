@@ -13,6 +13,8 @@ import pytest
 import yaml
 
 from hil.apps.campaign.campaign import Campaign, Progress
+from hil.apps.campaign.cases.campaign_file import CampaignFile, CampaignSpec, Stop
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.flight import Limit, Outcome
 from hil.apps.campaign.results.again import replay_command, run_command
 from hil.apps.campaign.results.answers import LiveSummary, facts_of, write_results
@@ -22,8 +24,6 @@ from hil.apps.campaign.results.page import write_page
 from hil.apps.campaign.results.statistics import Tally, wilson
 from hil.apps.campaign.results.summary import MOST_LISTED, Summary, separation
 from hil.apps.campaign.results.tables import csv_rows, write_each
-from hil.apps.campaign.spec.campaign_file import CampaignFile, CampaignSpec, Stop
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Case, Store
 from tests.worlds.synthetic_campaign import campaign_file, facts, fill
 

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.apps.campaign.spec.campaign_file import load_campaign
-from hil.apps.campaign.spec.distributions import Distribution
-from hil.apps.campaign.spec.plan import Plan
-from hil.apps.campaign.spec.sampling import UnitSamples
-from hil.apps.campaign.spec.settings import texts_of, with_values
+from hil.apps.campaign.cases.campaign_file import load_campaign
+from hil.apps.campaign.cases.distributions import Distribution
+from hil.apps.campaign.cases.plan import Plan
+from hil.apps.campaign.cases.sampling import UnitSamples
+from hil.apps.campaign.cases.settings import texts_of, with_values
 from hil.config.layers import parse_setting
 from signals.errors import ConfigError
 
@@ -104,7 +104,7 @@ def test_distributions_have_their_quantiles() -> None:
         ("samples: 5", "has no effect without"),
         ("axes: {seed: [1, 2]}\nrepeats: 3", "seed is an axis"),
         ("axes: {seed: []}", "seed"),
-        ("axes: {seed: [1]}\nskip: [{sead: 1}]", "is no axis of this campaign"),
+        ("axes: {seed: [1]}\nskip: [{sead: 1}]", "is not an axis of this campaign"),
         ("axes: {seed: [1]}\nskip: [{seed: {over: 1}}]", "above and below"),
         ("axis: {seed: [1]}", "did you mean 'axes'"),
         ("recheck: 1.5", "recheck"),

@@ -24,14 +24,14 @@ from rich.console import Console
 
 from hil.apps.campaign import command, flight
 from hil.apps.campaign.campaign import Campaign, Progress
+from hil.apps.campaign.cases.campaign_file import Stop, load_campaign
+from hil.apps.campaign.cases.plan import Plan
 from hil.apps.campaign.command import CampaignOptions, run_campaign
 from hil.apps.campaign.engines import local
 from hil.apps.campaign.engines.engine import Done
+from hil.apps.campaign.engines.flight_number import FlightNumber
 from hil.apps.campaign.engines.local import LocalEngine
-from hil.apps.campaign.engines.numbers import FlightNumber
 from hil.apps.campaign.flight import Job, Outcome
-from hil.apps.campaign.spec.campaign_file import Stop, load_campaign
-from hil.apps.campaign.spec.plan import Plan
 from hil.apps.campaign.store import Store
 from signals.errors import ConfigError, OutOfFiles, RecordingError
 

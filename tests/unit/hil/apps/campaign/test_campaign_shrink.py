@@ -199,7 +199,7 @@ def folder(tmp_path: Path) -> Path:
         ("aa02", "is an ERROR, which says nothing about the vehicle: LockstepLost: no answer"),
         ("bb", "is a FLAKE, it does not repeat: tick 5: imu"),
         ("aa", "begins 2 cases: aa01, aa02"),
-        ("zz", "is no case"),
+        ("zz", "is not a case"),
         ("cc04", "does not repeat: it was stored as 'reached 0 of 4 waypoints', and is now PASS"),
     ],
 )

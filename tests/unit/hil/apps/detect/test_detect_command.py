@@ -45,7 +45,7 @@ def test_training_without_pytorch_says_what_to_install(
         (["SET", "--weights", "missing.onnx"], "missing.onnx: cannot be read"),
         (["SET", "--weights", "weights.pt"], "a .onnx file"),
         (["nowhere"], "there is no such folder"),
-        (["SET", "--part", "some"], "is no set of pictures"),
+        (["SET", "--part", "some"], "is not a set of pictures"),
         (["SET", "--backend", "magic"], "there are opencv, onnxruntime, pytorch"),
     ],
 )

@@ -101,15 +101,15 @@ BROKEN: dict[str, tuple[Callable[[Path], None], list[str]]] = {
     "negative box": (_coco(lambda d: d["annotations"][0].update(bbox=[10, 20, -4, 5])), ["image 1", "person", "empty"]),
     "box outside": (_coco(lambda d: d["annotations"][0].update(bbox=[310, 20, 30, 5])), ["not in the picture"]),
     "box not a number": (_coco(lambda d: d["annotations"][0].update(bbox=[float("nan"), 2, 3, 5])), ["empty or not"]),
-    "box of three": (_coco(lambda d: d["annotations"][0].update(bbox=[1, 2, 3])), ["no COCO file"]),
+    "box of three": (_coco(lambda d: d["annotations"][0].update(bbox=[1, 2, 3])), ["not a COCO file"]),
     "unknown category": (_coco(lambda d: d["annotations"][0].update(category_id=77)), ["no category 77"]),
     "unknown image": (_coco(lambda d: d["annotations"][0].update(image_id=77)), ["no image 77"]),
-    "no categories": (_coco(lambda d: d.pop("categories")), ["no COCO file", "categories"]),
-    "no JSON": (lambda f: (f / "annotations/instances_all.json").write_text("{") and None, ["no COCO file"]),
+    "no categories": (_coco(lambda d: d.pop("categories")), ["not a COCO file", "categories"]),
+    "no JSON": (lambda f: (f / "annotations/instances_all.json").write_text("{") and None, ["not a COCO file"]),
     "no pictures": (_coco(lambda d: d.update(images=[], annotations=[])), ["holds no pictures"]),
     "missing file": (lambda f: (f / "mav0/cam0/data/1002.png").unlink(), ["1002.png is not there"]),
     "no labels": (_no_labels, ["holds neither"]),
-    "broken xml": (_broken_xml, ["1000.xml", "1001.xml: is no VOC annotation (no size/width)"]),
+    "broken xml": (_broken_xml, ["1000.xml", "1001.xml: is not a VOC annotation (no size/width)"]),
     "no folder": (lambda f: shutil.rmtree(f), ["there is no such folder"]),
 }
 
@@ -127,7 +127,7 @@ def test_broken_labels_are_reported_with_their_place(folder: Path, name: str) ->
 
 def test_a_split_that_is_none(folder: Path) -> None:
     (folder / "split.csv").write_text("frame;set\n")
-    with pytest.raises(ConfigError, match="no table"):
+    with pytest.raises(ConfigError, match="not a table"):
         read_data_sets([folder], "train")
     (folder / "split.csv").unlink()
     with pytest.raises(ConfigError, match="--part all"):

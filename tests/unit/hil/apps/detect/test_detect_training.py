@@ -68,7 +68,7 @@ def test_a_damaged_checkpoint_is_told(pictures: list[Picture], tmp_path: Path) -
     assert told > 6
     for damaged in (b"", whole[: len(whole) // 2]):
         path.write_bytes(damaged)
-        with pytest.raises(ConfigError, match=r"last\.pt: is no file of PyTorch weights"):
+        with pytest.raises(ConfigError, match=r"last\.pt: is not a file of PyTorch weights"):
             training.resume()
     other = tmp_path / "other"
     other.write_bytes(whole)
@@ -208,7 +208,7 @@ def test_heads_are_matched_by_class(pictures: list[Picture], tmp_path: Path) -> 
         second.load_weights(tmp_path / "net.pt")
     (tmp_path / "net.pt").write_bytes(whole)
     (tmp_path / "net.json").unlink()
-    with pytest.raises(ConfigError, match="no description of the model"):
+    with pytest.raises(ConfigError, match="not a description of the model"):
         second.load_weights(tmp_path / "net.pt")
 
 

@@ -161,7 +161,7 @@ def test_a_mission_is_shifted_to_the_place_in_the_formation(tmp_path):
         ("vehicles: {a: {limits: {max_cros_track_m: 1}}}", "did you mean 'max_cross_track_m'"),
         (
             "vehicles: {a: {}}\nformation: {offsets_m: {b: [1, 2, 3]}}",
-            "bench.yaml:4: formation.offsets_m.b is no vehicle of this bench",
+            "bench.yaml:4: formation.offsets_m.b is not a vehicle of this bench",
         ),
     ],
 )  # fmt: skip
@@ -180,7 +180,7 @@ def test_settings_for_several_vehicles_need_several(tmp_path, text):
 def test_an_option_for_a_vehicle_that_does_not_exist_is_refused(tmp_path):
     text = problems(tmp_path, "vehicles: {lead: {}}", "vehicles.laed.mission=null")
     assert "vehicles.laed" in text
-    assert "is no vehicle of this bench (did you mean 'lead'?)" in text
+    assert "is not a vehicle of this bench (did you mean 'lead'?)" in text
 
 
 def test_one_ground_station_serves_all_and_each_sdk_has_its_port(tmp_path):

@@ -152,6 +152,6 @@ def test_a_bench_that_cannot_judge_a_search_is_refused() -> None:
     with pytest.raises(ConfigError) as told:
         load_bench(ROOT / "rigs" / "people_search.yaml", settings=["search.camera=fromt", "companion.start=[]"])
     text = str(told.value)
-    assert "is no camera of this bench: 'fromt'" in text
+    assert "is not a camera of this bench: 'fromt'" in text
     assert "front" in text
     assert "needs a companion that searches" in text

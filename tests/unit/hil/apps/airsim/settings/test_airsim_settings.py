@@ -120,8 +120,8 @@ def test_unknown_keys_are_told_once_with_the_nearest_and_meaningless_ones_in_one
         '"B": {"VehicleType": "SimpleFlight", "Yawn": 1}}}'
     ).notes
     assert notes == (
-        "settings.json:3: Vehicles.A.Yawn is no setting of AirSim and is ignored (did you mean 'Yaw'?)",
-        "settings.json:1: clockspeed is no setting of AirSim and is ignored (did you mean 'ClockSpeed'?)",
+        "settings.json:3: Vehicles.A.Yawn is not a setting of AirSim and is ignored (did you mean 'Yaw'?)",
+        "settings.json:1: clockspeed is not a setting of AirSim and is ignored (did you mean 'ClockSpeed'?)",
         "settings.json: without meaning here: DefaultVehicleState, EngineSound, ViewMode",
     )
 
