@@ -89,7 +89,7 @@ class GpsSample(NamedTuple):
 
 
 class RangeSample(NamedTuple):
-    """Distance along the sensor's axis, which points down (-z of B)."""
+    """Distance along the sensor's axis."""
 
     seq: Count
     t_capture_ns: Ns
@@ -99,6 +99,7 @@ class RangeSample(NamedTuple):
     max_distance_m: Annotated[float, "m", "B"]
     sigma_m: Annotated[float, "m", "B"]  # 1 sigma of the distance
     quality: Count  # 0: no valid distance, 100: best
+    axis_B: Annotated[Vec3, "1", "B"]  # unit vector from the sensor; (0, 0, -1): it looks down
 
 
 class FlowSample(NamedTuple):

@@ -181,7 +181,19 @@ class Ports:
 
 _WIDTHS = {"rotor_speed_radps": 0, "q_WB": 4, "flow_rad": 2}
 _VECTORS = frozenset(
-    ("p_WB", "v_WB_W", "w_WB_B", "a_WB_W", "alpha_WB_B", "accel_mps2", "gyro_radps", "field_tesla", "v_W", "gyro_rad")
+    (
+        "p_WB",
+        "v_WB_W",
+        "w_WB_B",
+        "a_WB_W",
+        "alpha_WB_B",
+        "accel_mps2",
+        "gyro_radps",
+        "field_tesla",
+        "v_W",
+        "gyro_rad",
+        "axis_B",
+    )
 )
 
 
