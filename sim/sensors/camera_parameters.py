@@ -118,7 +118,7 @@ class CameraParameters(StrictModel):
     distortion: Annotated[BrownConradyCoefficients | KannalaBrandtCoefficients, Field(discriminator="model")] | None = (
         None
     )
-    channels: tuple[str, ...] = ("rgb",)  # names of signals.samples.CHANNEL_UNITS
+    channels: tuple[str, ...] = ("rgb",)  # names of signals.channels
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
     mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zeros: looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05

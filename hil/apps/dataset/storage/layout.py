@@ -9,7 +9,7 @@ from typing import Any
 from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
 from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
-from hil.apps.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
+from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.tables import HEADERS, TRUTH, other_truth
 from hil.config import SensorConfig
 from hil.config.checks.radar_checks import view_of
@@ -111,7 +111,7 @@ def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str
             more["noise"] = noise.model_dump(mode="json")
         text = euroc.picture_yaml(
             p.model(),
-            "camera" if channel == "rgb" else CHANNEL_FOLDERS[channel],
+            "camera" if channel == "rgb" else channel,
             comment=f"{_description(name, sensor)}: {_COMMENTS.get(channel, channel + ', numpy')}",
             T_BS=T_BS,
             rate_hz=sensor.rate_hz,
