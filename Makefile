@@ -1,5 +1,6 @@
 # make run    set up and fly the default mission
 # make test   set up and run the tests
+# make check  lint, types, and the unit tests near what changed since main
 # make setup  only set up: .venv with locked dependencies, C++ kernels built
 # make wheel  build the wheel into dist/ and try it in a clean environment
 # make docs   build the book into build/docs; a broken link is an error
@@ -8,10 +9,10 @@ ARGS ?=
 HIL := .venv/bin/hil
 PY := .venv/bin/python
 
-.PHONY: help run test test-all wheel lint format setup docs lock clean
+.PHONY: help run test check test-all wheel lint format setup docs lock clean
 
 help:
-	@sed -n '1,5s/^# //p' Makefile
+	@sed -n '1,6s/^# //p' Makefile
 
 setup:
 	@$(PYTHON) tools/setup_env.py
@@ -28,6 +29,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 test: setup
 	$(PY) -m pytest -m "not slow" $(PARALLEL) $(ARGS)
+
+check: setup
+	$(PY) tools/check.py
 
 test-all: setup
 	$(PY) -m pytest $(PARALLEL) $(ARGS)

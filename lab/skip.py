@@ -33,10 +33,10 @@ from hil.apps.bench_suite.sensors.raster_cases import SCENES, Case, View, scene_
 from hil.apps.bench_suite.timing import one_core
 from hil.apps.view.points import pose_of
 from lab.lidar import pattern_rays
+from signals.channels import CHANNELS
 from signals.samples import RadarSample, TruthState
 from sim._kernels import RayCaster
 from sim.frame.camera_model import CameraModel
-from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import Execution, FrameRenderer, RenderSkips
 from sim.frame.source import SharedFrames

@@ -20,6 +20,8 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
+
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 Count = Annotated[int, "1"]
@@ -89,7 +91,7 @@ class GpsSample(NamedTuple):
 
 
 class RangeSample(NamedTuple):
-    """Distance along the sensor's axis, which points down (-z of B)."""
+    """Distance along the sensor's axis."""
 
     seq: Count
     t_capture_ns: Ns
@@ -99,6 +101,7 @@ class RangeSample(NamedTuple):
     max_distance_m: Annotated[float, "m", "B"]
     sigma_m: Annotated[float, "m", "B"]  # 1 sigma of the distance
     quality: Count  # 0: no valid distance, 100: best
+    axis_B: Annotated[Vec3, "1", "B"]  # unit vector from the sensor; (0, 0, -1): it looks down
 
 
 class FlowSample(NamedTuple):
@@ -222,17 +225,7 @@ for _frame_type in FRAME_SAMPLES:  # the comparison of tuples fails on arrays
     _frame_type.__ne__ = lambda a, b: not same_frame(a, b)  # type: ignore[method-assign]
 
 # Unit and frame of a pixel in each channel of an ImageSample.
-CHANNEL_UNITS: dict[str, tuple[str, str]] = {
-    "rgb": ("sRGB, 0 to 255", "-"),
-    "depth": ("m", "z of C"),  # inf: nothing there
-    "range": ("m", "along the ray"),  # inf: nothing there
-    "segmentation": ("class id", "-"),  # 0: none
-    "instance": ("instance id", "-"),  # 0: nothing
-    "geom": ("geom id", "-"),  # -1: nothing
-    "normal": ("1", "C"),  # unit vector, towards the camera
-    "radial_velocity": ("m/s", "along the ray"),  # positive: receding
-    "material": ("surface id", "-"),
-}
+CHANNEL_UNITS: dict[str, tuple[str, str]] = {name: (c.unit, c.frame) for name, c in CHANNELS.items()}
 
 # Unit and frame of an element in each channel of a RadarSample.
 RADAR_UNITS: dict[str, tuple[str, str]] = {

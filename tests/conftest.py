@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
+import sys
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
+
+# Whatever the shell says: compiling each test anew is two thirds of collecting them, and each of the hundreds of
+# processes that they start would compile every module that it imports.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # No example fails because the machine is busy.
 settings.register_profile("bench", deadline=None)

@@ -50,12 +50,14 @@ class Samples:
     """The autopilot gets the bench's samples.
 
     `fields`: those fields of a sample that it gets. `whole`: faults of the whole sample that reach it as what they are.
-    `parameters`: those without which its firmware would not use them.
+    `parameters`: those without which its firmware would not use them. `direction`: parameter that tells it where the
+    sensor looks, as a MAV_SENSOR_ROTATION; None: the samples carry their axis.
     """
 
     fields: tuple[str, ...]
     whole: tuple[str, ...] = ("dropout", "freeze")
     parameters: Mapping[str, float] = field(default_factory=dict)
+    direction: str | None = None
 
     def takes(self, fault: str, field: str | None) -> bool:
         """Return True if a fault of this kind reaches the autopilot; `field`: the one on which it acts."""

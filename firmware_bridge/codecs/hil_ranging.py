@@ -1,4 +1,4 @@
-"""The MAVLink messages of downward range finder and optical flow, as pure functions of samples.
+"""The MAVLink messages of range finder and optical flow, as pure functions of samples.
 
 Axes and units as in `firmware_bridge.codecs.hil`: B (FLU) -> F (FRD) changes the sign of y and z, for positions and
 rotations alike. Integers are rounded to nearest and saturate; a number that is not finite is refused with `CodecError`.
@@ -11,12 +11,12 @@ import struct
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import integer
 from firmware_bridge.codecs.messages import MSGID
+from firmware_bridge.codecs.sensor_rotation import CUSTOM, named_rotation, rotation_to
 from signals.samples import FlowSample, RangeSample, Sample
 
 HIL_OPTICAL_FLOW = MSGID["HIL_OPTICAL_FLOW"]
 DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
 
-_DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270
 _LASER = 0  # MAV_DISTANCE_SENSOR_LASER
 _UNKNOWN_VARIANCE = 255
 _INVALID, _MIN_QUALITY, _MAX_QUALITY = 1, 2, 100  # signal_quality; 0 means "not known"
@@ -27,8 +27,9 @@ _pack_distance = struct.Struct("<IHHHBBBB2f4fB").pack
 
 
 def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 0, sensor_type: int = _LASER) -> bytes:
-    """Return the payload of DISTANCE_SENSOR for a sensor that points down. `sensor_type` is a MAV_DISTANCE_SENSOR.
+    """Return the payload of DISTANCE_SENSOR. `sensor_type` is a MAV_DISTANCE_SENSOR.
 
+    A direction without a MAV_SENSOR_ROTATION is told by the quaternion, from forward to it.
     Without a valid distance `signal_quality` is 1 (invalid). The variance saturates at 254 cm^2 (a deviation of
     15.9 cm), since 255 means "not known".
     """
@@ -37,6 +38,8 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
     variance = _UNKNOWN_VARIANCE
     if sample.quality > 0:
         variance = integer(f"{name}.covariance", sigma_cm * sigma_cm, 0, _UNKNOWN_VARIANCE - 1)
+    rotation = named_rotation(sample.axis_B)
+    quaternion = (0.0, 0.0, 0.0, 0.0) if rotation is not None else rotation_to(sample.axis_B)
     return _pack_distance(
         t_ns // 1_000_000,
         integer(f"{name}.min_distance", sample.min_distance_m * 1e2, 0, 65535),
@@ -44,14 +47,11 @@ def distance_sensor_payload(t_ns: int, sample: RangeSample, *, sensor_id: int = 
         integer(f"{name}.current_distance", sample.distance_m * 1e2, 0, 65535),
         sensor_type,
         sensor_id,
-        _DOWN,
+        CUSTOM if rotation is None else rotation,
         variance,
         0.0,
         0.0,
-        0.0,
-        0.0,
-        0.0,
-        0.0,
+        *quaternion,
         _INVALID if sample.quality <= 0 else min(max(sample.quality, _MIN_QUALITY), _MAX_QUALITY),
     )
 

@@ -25,11 +25,11 @@ from hil.config import Bench, SensorConfig
 from hil.run.loop.scheduler import ReleaseQueue
 from hil.run.sensors.frame_stages import TRUTH, available_ports, make_frames, output_ports
 from hil.run.sensors.simulated_sensors import SimulatedSensors
+from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
 from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState
 from signals.time import NS_PER_S
-from sim.frame.channels import CHANNELS
 from sim.frame.source import FrameSource
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE
@@ -183,7 +183,19 @@ class Ports:
 
 _WIDTHS = {"rotor_speed_radps": 0, "q_WB": 4, "flow_rad": 2}
 _VECTORS = frozenset(
-    ("p_WB", "v_WB_W", "w_WB_B", "a_WB_W", "alpha_WB_B", "accel_mps2", "gyro_radps", "field_tesla", "v_W", "gyro_rad")
+    (
+        "p_WB",
+        "v_WB_W",
+        "w_WB_B",
+        "a_WB_W",
+        "alpha_WB_B",
+        "accel_mps2",
+        "gyro_radps",
+        "field_tesla",
+        "v_W",
+        "gyro_rad",
+        "axis_B",
+    )
 )
 
 
@@ -220,10 +232,10 @@ def _picture(channel: str, parameters: Any) -> _Port:
     height, width = parameters.model().height, parameters.model().width
     shape = (height, width, kind.components)
     if np.issubdtype(np.dtype(kind.dtype), np.integer):
-        least = -1 if channel == "geom" else 0
+        least = min(int(kind.nothing or 0), 0)
         return _Port(Box(least, np.iinfo(kind.dtype).max, shape, kind.dtype), lambda array: array.reshape(shape))  # type: ignore[arg-type]
     far_m = float(np.float32(parameters.far_m))
-    low, high = {"depth": (0.0, far_m), "range": (0.0, far_m), "normal": (-1.0, 1.0)}.get(channel, (-1e3, 1e3))
+    low, high = {"distance": (0.0, far_m), "direction": (-1.0, 1.0)}.get(kind.look, (-1e3, 1e3))
     return _Port(Box(low, high, shape, np.float32), lambda array: np.clip(array, low, high).reshape(shape))
 
 

@@ -23,6 +23,7 @@ from signals.samples import Quat, TruthState, Vec3
 from signals.units import RAD_PER_DEG
 from sim.frame.camera_pose import CameraPose
 
+_ROUNDING = 1e-15  # of the cosine of 90 degrees
 _FORWARD: Quat = (0.5, -0.5, 0.5, -0.5)  # optical axes to FLU: z to forward, x to right, y to down
 
 
@@ -43,6 +44,13 @@ class Mount:
     def __init__(self, mount_m: Vec3, mount_rpy_deg: Vec3, *, optical: bool = True) -> None:
         self.p_BC = mount_m
         self.q_BC = product(quaternion_of_rpy(mount_rpy_deg), _FORWARD if optical else NO_TURN)
+
+    @property
+    def axis_B(self) -> Vec3:
+        """The first axis of C, a unit vector in B, exact along an axis of B."""
+        x, y, z = (0.0 if abs(value) < _ROUNDING else value for value in matrix_of(self.q_BC)[0::3])
+        scale = norm((x, y, z))
+        return (x / scale, y / scale, z / scale)
 
     def attitude(self, truth: TruthState) -> Quat:
         """Return q_WC at the tick."""

@@ -13,17 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
+from signals.classes import Classes
 from sim import _kernels
 from sim._kernels import Daylight, FieldOfView, Picture, Scenery, SkyVisibility, SunShadows, mean_of_four
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
-from sim.frame.channels import CHANNELS
+from sim.frame.derived import fill_of
 from sim.frame.geometry import FrameGeometry
 from sim.frame.shading import PLAIN, Shading
 from sim.scene.light import Light, light_in_haze
 from sim.scene.weather import HAZE_M
 
-__all__ = ["CHANNELS", "CameraPose", "FrameRenderer", "RenderSkips"]
+__all__ = ["CameraPose", "FrameRenderer", "RenderSkips"]
 
 SUPERSAMPLES = (1, 2, 4)  # samples of colour along the edge of a pixel
 _SHADOW_PIXELS = 2048  # along the longer edge of the scene
@@ -93,6 +95,8 @@ class FrameRenderer:
         self.camera = camera
         self.near_m, self.far_m, self.threads, self.skips = near_m, far_m, threads, execution.skips
         self._edges = _edges(camera)
+        self._sources: dict[str, NDArray[Any]] = {}  # of derived channels, where the caller does not want them
+        self._classes = Classes(geometry.world.class_names, geometry.world.class_colours)
         scenery = geometry.scenery if shading.textures else geometry.plain_scenery
         made = (shading.native(), isa)
         self._picture = _picture(geometry, scenery, camera, 1, *made)
@@ -125,7 +129,14 @@ class FrameRenderer:
                 raise KeyError(f"no channel {name!r}; channels: {', '.join(CHANNELS)}")
         if not out:
             return
-        shadows = self._shadows if "rgb" in out else None
+        derived = [name for name in out if CHANNELS[name].of]
+        arrays = {name: array for name, array in out.items() if name not in derived}
+        for source in {source for name in derived for source in CHANNELS[name].of} - arrays.keys():
+            if source not in self._sources:
+                self._sources |= self.buffers(source)
+            arrays[source] = self._sources[source]
+        sources = dict(arrays)
+        shadows = self._shadows if "rgb" in arrays else None
         # With shadows all actors are posed: an actor out of sight may cast a visible shadow.
         skip_unseen = self.skips.unseen_actors and shadows is None and self.camera.pinhole
         if not self.geometry.settled:
@@ -133,7 +144,6 @@ class FrameRenderer:
         if shadows is not None:
             shadows.update(self.skips.static_shadows)
         first, last = rows if rows is not None else (0, self.camera.height)
-        arrays = dict(out)
         if self._supersampled is not None and "rgb" in arrays:
             buffers, out_rgb = self._larger_rgb, arrays.pop("rgb")
             scale = 1 << len(buffers)
@@ -143,6 +153,9 @@ class FrameRenderer:
                 mean_of_four(larger[2 * scale * first : 2 * scale * last], smaller[scale * first : scale * last])
         if arrays:
             self._draw(self._picture, pose, shadows, arrays, first, last)
+        for name in derived:
+            rows_of = {source: sources[source][first:last] for source in CHANNELS[name].of}
+            fill_of(name)(rows_of, self._classes, out[name][first:last])
 
     def _draw(
         self,

@@ -9,11 +9,11 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
 from signals.classes import Classes
 from signals.samples import TruthState
 from sim.frame.camera_model import CameraModel
 from sim.frame.camera_pose import CameraPose
-from sim.frame.channels import CHANNELS
 from sim.frame.shading import PLAIN, Shading
 
 VEHICLE_CLASS = "drone"  # class of a run's vehicles, and prefix of their names among the actors

@@ -13,14 +13,12 @@ from sim.frame.camera_model import MAX_FISHEYE_FOV_DEG, MAX_PIXELS_ACROSS, Camer
 from sim.frame.distortion import BrownConrady, Distortion, KannalaBrandt
 from sim.frame.quality import QualityName
 from sim.frame.shading import LEVELLED, PLAIN, SRGB_WHITE_K, Shading, ToneCurve
-from sim.sensors.sensor import Position, check_order
+from sim.sensors.sensor import Attitude, Position, check_order
 
 MAX_SAMPLES = 1024  # paths per pixel
 MAX_PATH_TRACED_PIXELS = 1 << 24
 
 Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS_ACROSS)]
-Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
-Attitude = tuple[Angle, Angle, Angle]
 _Focal = Annotated[float, Field(gt=0.0, le=1e6)]
 _Centre = Annotated[float, Field(ge=-1e5, le=1e5)]
 _Coefficient = Annotated[float, Field(ge=-1e4, le=1e4)]
@@ -120,7 +118,7 @@ class CameraParameters(StrictModel):
     distortion: Annotated[BrownConradyCoefficients | KannalaBrandtCoefficients, Field(discriminator="model")] | None = (
         None
     )
-    channels: tuple[str, ...] = ("rgb",)  # names of signals.samples.CHANNEL_UNITS
+    channels: tuple[str, ...] = ("rgb",)  # names of signals.channels
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
     mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # zeros: looks forward; sim/frame/mount.py
     near_m: Annotated[float, Field(gt=0.0, le=100.0)] = 0.05

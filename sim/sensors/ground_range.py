@@ -1,4 +1,4 @@
-"""Distance from a sensor on the vehicle, along its downward axis, to the first surface."""
+"""Distance from a sensor on the vehicle, along an axis of it, to the first surface."""
 
 from __future__ import annotations
 
@@ -27,14 +27,18 @@ class Rays(Protocol):
         ...
 
 
+DOWN_B: Vec3 = (0.0, 0.0, -1.0)
+
+
 class GroundRange:
-    """Distance to the static scene along -z of B, from `mount_m` in B.
+    """Distance to the static scene along `axis_B`, a unit vector in B, from `mount_m` in B.
 
     It is a single ray: beam width, slope of the surface, people and the vehicle's own legs are not modelled.
     """
 
-    def __init__(self, scene: Scene, mount_m: Vec3) -> None:
+    def __init__(self, scene: Scene, mount_m: Vec3, axis_B: Vec3) -> None:
         self._rays = rays_into(scene)
+        self._axis_B = axis_B
         self._mount_m = mount_m
         self._at_origin = not any(mount_m)
 
@@ -44,7 +48,7 @@ class GroundRange:
         if not self._at_origin:
             dx, dy, dz = rotate_into_world(truth.q_WB, self._mount_m)
             origin_W = (origin_W[0] + dx, origin_W[1] + dy, origin_W[2] + dz)
-        return self._rays.ray_distance(origin_W, rotate_into_world(truth.q_WB, (0.0, 0.0, -1.0)))
+        return self._rays.ray_distance(origin_W, rotate_into_world(truth.q_WB, self._axis_B))
 
 
 def rays_into(scene: Scene) -> Rays:

@@ -8,10 +8,9 @@ from pydantic import Field, model_validator
 
 from signals.documents.validate import StrictModel
 from sim.sensors.lidar_pattern import AnyPattern
-from sim.sensors.sensor import Position, check_order
+from sim.sensors.sensor import Attitude, Position, check_order
 
 Distance = Annotated[float, Field(gt=0.0, le=10_000.0)]
-_Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 
 
 class LidarParameters(StrictModel):
@@ -33,7 +32,7 @@ class LidarParameters(StrictModel):
     rolling: bool = True  # false: the whole sweep at the instant of capture
     subsweeps: Annotated[int, Field(ge=1, le=1000)] = 10  # number of times that actors are posed in a sweep
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
-    mount_rpy_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)  # about the axes of B; zeros: the axes of B
+    mount_rpy_deg: Attitude = (0.0, 0.0, 0.0)  # about the axes of B; zeros: the axes of B
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
     @model_validator(mode="after")

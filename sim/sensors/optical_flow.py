@@ -24,7 +24,7 @@ from signals.rotation import cos_tilt_of
 from signals.samples import FlowSample, TruthState
 from signals.time import NS_PER_S
 from signals.units import RAD_PER_DEG
-from sim.sensors.ground_range import GroundRange
+from sim.sensors.ground_range import DOWN_B, GroundRange
 from sim.sensors.rounding import drawn_sigma, rounded
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
 
@@ -73,7 +73,7 @@ class OpticalFlow(InstalledSensor):
             {"flow_rad": p.flow_resolution_rad, "gyro_rad": p.gyro_resolution_rad, "distance_m": 0.001},
         )
         self._p = p
-        self._range = GroundRange(installation.scene, p.mount_m)
+        self._range = GroundRange(installation.scene, p.mount_m, DOWN_B)
         self._white = NoiseStream(seed, f"{name}.white", lanes=7)  # flow, gyro, distance, quality
         scale = NoiseStream(seed, f"{name}.scale", lanes=2).normal(0)
         self._scale = (1.0 + p.flow_scale_error * scale[0], 1.0 + p.flow_scale_error * scale[1])

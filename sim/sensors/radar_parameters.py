@@ -17,8 +17,8 @@ from sim.radar.mask import Mask
 from sim.radar.processing.parameters import Processing
 from sim.radar.receiver import Receiver
 from sim.radar.synthesis import MAX_TOLERANCE, MIN_TOLERANCE
-from sim.sensors.camera_parameters import Attitude, Pixels
-from sim.sensors.sensor import Position, check_order
+from sim.sensors.camera_parameters import Pixels
+from sim.sensors.sensor import Attitude, Position, check_order
 
 _RESOLUTION = (320, 240)
 _FOV_DEG = 90.0

@@ -1,9 +1,9 @@
-"""Downward range finder: one ray, with noise, limits and lost returns.
+"""Range finder: one ray in the direction of its mount, with noise, limits and lost returns.
 
     d = round(d_true (1 + s) + n),   deviation with rounding: max(noise, relative noise * d_true)
 
 s is a constant random scale error. There is no return (quality 0, distance `no_return_m`) if the ray hits nothing, the
-distance leaves [min, max], the tilt is too great, or at random with `dropout_probability`.
+distance leaves [min, max], the vehicle tilts too far, or at random with `dropout_probability`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from signals.noise import NoiseStream, normal_from_uniform
 from signals.rotation import cos_tilt_of
 from signals.samples import RangeSample, TruthState
 from signals.units import RAD_PER_DEG
+from sim.frame.mount import Mount
 from sim.sensors.ground_range import GroundRange
 from sim.sensors.rounding import drawn_sigma, rounded
-from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position, check_order
+from sim.sensors.sensor import Attitude, Installation, InstalledSensor, Kind, Position, check_order
 
 _MAX_QUALITY = 100
 
@@ -36,10 +37,11 @@ class RangeFinderParameters(StrictModel):
     relative_noise: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
     scale_error: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
     resolution_m: Annotated[float, Field(gt=0.0, le=1.0)]
-    max_tilt_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 60.0
+    max_tilt_deg: Annotated[float, Field(gt=0.0, le=90.0)] = 60.0  # of the vehicle
     dropout_probability: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
     no_return_m: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0  # distance that it sends without a return
     mount_m: Position = (0.0, 0.0, 0.0)  # from the body origin, in B
+    mount_rpy_deg: Attitude = (0.0, 90.0, 0.0)  # (0, 0, 0) looks forward (sim/frame/mount.py); as it is: down
     latency_s: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
     @model_validator(mode="after")
@@ -49,7 +51,7 @@ class RangeFinderParameters(StrictModel):
 
 
 class RangeFinder(InstalledSensor):
-    """Range finder that looks down, along -z of B."""
+    """Range finder that looks along x of its mount."""
 
     sample_type = RangeSample
 
@@ -57,7 +59,9 @@ class RangeFinder(InstalledSensor):
         p, name, seed = parameters, installation.name, installation.seed
         super().__init__(installation, p.latency_s, {"distance_m": p.resolution_m})
         self._p = p
-        self._range = GroundRange(installation.scene, p.mount_m)
+        self.mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
+        self._axis_B = self.mount.axis_B
+        self._range = GroundRange(installation.scene, p.mount_m, self._axis_B)
         self._white = NoiseStream(seed, f"{name}.white", lanes=2)  # distance, dropout
         self._scale = 1.0 + p.scale_error * NoiseStream(seed, f"{name}.scale").normal(0)[0]
         self._min_cosine = det_cos(p.max_tilt_deg * RAD_PER_DEG)
@@ -89,6 +93,7 @@ class RangeFinder(InstalledSensor):
             p.max_distance_m,
             sigma if seen else 0.0,
             _MAX_QUALITY if seen else 0,
+            self._axis_B,
         )
 
 

@@ -22,6 +22,8 @@ from sim.scene.scene import Scene
 
 _Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
 Position = tuple[_Offset, _Offset, _Offset]  # of a sensor, from the body origin, in B [m]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Attitude = tuple[Angle, Angle, Angle]  # of a sensor: roll, pitch, yaw [deg], as in sim/frame/mount.py
 
 
 @dataclass(frozen=True)

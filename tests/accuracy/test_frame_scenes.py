@@ -17,8 +17,8 @@ from hil.apps.bench_suite.sensors.raster_cases import (
     scene_case,
 )
 from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
+from signals.channels import CHANNELS
 from sim.frame.camera_model import CameraModel
-from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose
 from sim.frame.renderer import FrameRenderer

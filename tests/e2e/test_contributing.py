@@ -12,10 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import nanobind
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+import firmware_bridge._native
+import signals._kernel
+import sim._kernels
 from firmware_bridge.transports.transport import Transport
 from hil.config import load_bench
 from hil.run.autopilots.surroundings import Surroundings, make_link
@@ -56,6 +60,61 @@ def test_a_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         values = [message.value for _, _, _, message in messages]
     assert len(values) == 100
     assert values[0] != 0.0
+
+
+@pytest.mark.slow
+def test_a_camera_channel(tmp_path: Path) -> None:
+    """In a copy of the tree, an entry and a file: recording, report, data set and companions have the channel."""
+    root, tree, sources = Path(__file__).resolve().parents[2], tmp_path / "tree", dict(BLOCKS)
+    for package in ("signals", "sim", "firmware_bridge", "hil", "rigs"):
+        ignored = shutil.ignore_patterns("__pycache__", "native")
+        shutil.copytree(root / package, tree / package, copy_function=os.symlink, ignore=ignored)
+    for kernels in (signals._kernel, sim._kernels, firmware_bridge._native):
+        built = Path(kernels.__file__)
+        (tree / kernels.__name__.partition(".")[0] / built.name).symlink_to(built)
+    table = (root / "signals" / "channels.py").read_text()
+    (tree / "signals" / "channels.py").unlink()
+    (tree / "signals" / "channels.py").write_text(table + sources["signals/channels.py"])
+    (tree / "sim" / "frame" / "derived" / "thermal.py").write_text(sources["sim/frame/derived/thermal.py"])
+
+    def python(code: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+        # Without `site`, which would find the packages of this checkout.
+        environment = {**os.environ, "PYTHONPATH": f"{tree}{os.pathsep}{Path(np.__file__).parents[1]}"}
+        command = [sys.executable, "-S", "-c", code, *arguments]
+        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+
+    def hil(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return python("import sys; from hil.cli.entry import main; sys.exit(main())", *arguments)
+
+    camera = "{preset: camera_320x240, rate_hz: 5, channels: [rgb, thermal, segmentation, instance]}"
+    front = ["--set", f"sensors.front={camera}"]
+    flight = ["--set", "scene=city_park", "--set", "mission=null", "--set", "duration_s=2", "--out", "out"]
+    done = hil("run", *flight, *front)
+    assert done.returncode in (0, 1), done.stdout + done.stderr
+    assert (tmp_path / "out" / "frame_front.png").stat().st_size > 0
+    topics = ["/front/thermal", "/front/segmentation"]
+    with (tmp_path / "out" / "run.mcap").open("rb") as file:
+        messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=topics)
+        pictures = [(channel.topic, message) for _, channel, _, message in messages]
+    thermal = [message for topic, message in pictures if topic == topics[0]]
+    classes = [message for topic, message in pictures if topic == topics[1]]
+    assert len(thermal) == len(classes) == 10
+    assert {message.encoding for message in thermal} == {"32FC1"}
+    for picture, ids in zip(thermal, classes, strict=True):
+        degc, of_class = np.frombuffer(picture.data, "<f4"), np.frombuffer(ids.data, np.uint8)
+        assert np.all(degc[of_class == 0] == 15.0)
+        assert 15.0 <= degc.min() <= degc.max() < 33.0
+    schema = (
+        "from firmware_bridge.codecs.companion import topic_schema; from signals.samples import ImageSample;"
+        "print(topic_schema(ImageSample, 'thermal').fields['thermal'])"
+    )
+    assert python(schema).stdout == "('degC', '-')\n"
+    misspelled = hil("check", *front, "--set", "sensors.front.channels=[thermel]")
+    assert misspelled.returncode == 2
+    assert "thermal" in misspelled.stderr
+    made = hil("dataset", "--frames", "2", *front, "--out", "data")
+    assert made.returncode == 0, made.stdout + made.stderr
+    assert len(list((tmp_path / "data").glob("mav0/thermal*/data/*.npy"))) == 2
 
 
 _CMAKE = """

@@ -12,8 +12,11 @@ from hil.cli.app import run_command_line
 from hil.config import load_bench
 from hil.run.bench_run import run_bench
 from hil.run.recorder.reading import Recording
+from tests.golden.digests import FLIGHTS
 from tests.worlds.bench_process import hil
 from tests.worlds.run_json_schema import problems_of
+
+CONSOLE = "console.txt"
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +26,19 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = hil("run", "--out", str(out))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "PASS" in done.stdout
+    (out.parent / CONSOLE).write_text(done.stdout)
     return out
+
+
+def test_the_digest_is_the_golden_one(flown: Path) -> None:
+    assert json.loads((flown / "run.json").read_text())["digest"] == FLIGHTS["default"]["digest"]
+
+
+def test_the_book_prints_what_the_command_prints(flown: Path) -> None:
+    console = [line.rstrip() for line in (flown.parent / CONSOLE).read_text().splitlines()]
+    verdict = [line for line in console[console.index("PASS") :] if not line.startswith(("speed", "results"))]
+    page = (Path(__file__).resolve().parents[2] / "docs/start.md").read_text()
+    assert "\n".join(verdict) in page
 
 
 def assert_accurate(mission: dict[str, Any]) -> None:

@@ -66,7 +66,7 @@ def test_an_imu_slower_than_the_tick_is_held_and_before_its_first_sample_truth_s
 
 def test_range_finder_is_sent_from_its_first_sample_on(make, sitl):
     link = make()
-    sample = RangeSample(0, 0, 0, 1.25, 0.1, 12.0, 0.01, 100)
+    sample = RangeSample(0, 0, 0, 1.25, 0.1, 12.0, 0.01, 100, (0.0, 0.0, -1.0))
     for tick, ranging in enumerate([(), (sample,), ()]):
         link.observe(truth(tick))
         link.send(tick, tick * TICK_NS, IMU, None, None, None, b"", ranging)

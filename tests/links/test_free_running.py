@@ -115,7 +115,7 @@ def test_the_bytes_of_a_tick_in_their_order(board: Boards, drive: Drives) -> Non
         None,
         GPS,
         extra,
-        [RangeSample(0, 0, 0, 3.0, 0.1, 10.0, 0.02, 100)],
+        [RangeSample(0, 0, 0, 3.0, 0.1, 10.0, 0.02, 100, (0.0, 0.0, -1.0))],
     )
     names = [NAME[frame.msgid] for frame in FrameParser().feed(sent)]
     assert names == ["HEARTBEAT", "DISTANCE_SENSOR", "TIMESYNC", "HIL_GPS", "HIL_SENSOR"]

@@ -136,7 +136,7 @@ SENSORS = """
 LEFT_OUT = {"bgt60tr13c_wideband", "hdl32e", "os1_64", "ov9281"}  # their kinds have other presets
 import hashlib, struct
 import numpy as np
-from sim.frame.channels import CHANNELS
+from signals.channels import CHANNELS
 from sim.frame.source import SharedFrames
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart

@@ -15,6 +15,7 @@ import signals.errors
 from hil.apps.bench_suite.suite import BENCHMARKS
 from hil.cli.app import app
 from hil.config.schema import BenchConfig
+from signals.channels import CHANNELS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted(ROOT.glob("docs/*.md")), *ROOT.glob("*.md"), *ROOT.glob("rigs/jetson/**/*.md")]
@@ -102,3 +103,9 @@ def test_examples_in_a_page_parse(page: Path) -> None:
             compile(block, page.name, "exec")
         elif language == "yaml":
             assert not isinstance(yaml.safe_load(block), str), block
+
+
+def test_every_channel_of_a_camera_is_explained() -> None:
+    table = (ROOT / "docs/cameras.md").read_text()
+    named = {word for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for word in re.findall(r"`(\w+)`", row)}
+    assert set(CHANNELS) <= named

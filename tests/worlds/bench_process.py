@@ -26,8 +26,8 @@ def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.Compl
     """Run the command to its end."""
     command = [sys.executable, "-m", "hil.cli.entry", *arguments]
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | kwargs.pop("env", {})  # type: ignore[operator, arg-type]
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | kwargs
-    return subprocess.run(command, cwd=cwd, timeout=120, check=False, env=environment, **options)  # type: ignore[call-overload]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "timeout": 120} | kwargs
+    return subprocess.run(command, cwd=cwd, check=False, env=environment, **options)  # type: ignore[call-overload]
 
 
 class BenchProcess:

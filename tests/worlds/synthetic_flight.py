@@ -12,6 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from pymavlink.dialects.v20 import common
 
 from hil.run.recorder.recorder import Recorder
+from signals.channels import CHANNELS
 from signals.samples import (
     CHANNEL_UNITS,
     ActuatorFrame,
@@ -24,7 +25,6 @@ from signals.samples import (
     Sample,
     TruthState,
 )
-from sim.frame.channels import CHANNELS
 
 TICK_NS = 4_000_000
 POSE = ((1.5, -2.0, 3.0), (0.5, -0.5, 0.5, -0.5))

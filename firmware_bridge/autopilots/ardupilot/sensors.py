@@ -58,7 +58,9 @@ def _compass_offset(compass: str, axis: int) -> Change:
 
 SITL: dict[str, Intake] = {
     "imu": Samples(("accel_mps2", "gyro_radps"), whole=("freeze",)),
-    "range_finder": Samples(("distance_m",), whole=("freeze",), parameters={"RNGFND1_TYPE": 100.0}),
+    "range_finder": Samples(
+        ("distance_m",), whole=("freeze",), parameters={"RNGFND1_TYPE": 100.0}, direction="RNGFND1_ORIENT"
+    ),
     "gps": Simulated(
         dropout=((Held("SIM_GPS1_ENABLE", 0.0), Held("SIM_GPS_DISABLE", 1.0)),),
         offset={"latitude_deg": _glitch("X"), "longitude_deg": _glitch("Y"), "altitude_m": _glitch("Z")},

@@ -39,6 +39,7 @@ from hil.apps.dataset.storage.tree import (
     Written,
     unwritable,
 )
+from signals.channels import CHANNELS
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import VEHICLE_CLASS
@@ -49,13 +50,9 @@ SPLIT_NAME = "split.csv"
 _COCO_NAMES = {"train": "train", "validation": "val", "test": "test"}
 _CHUNK_CHARACTERS = 1 << 20  # of a COCO file, held in memory before they are written
 _MIN_FRAMES_WITH_GUARDS = 30  # with fewer, there are no guard frames between the sets
-_TITLES = {
-    "rgb": "colour",
+_TITLES = {name: channel.title for name, channel in CHANNELS.items()} | {
     "boxes": "colour with boxes",
     "depth": "depth, near is bright",
-    "segmentation": "classes",
-    "instance": "instances",
-    "normal": "normals",
     "cloud": "LiDAR from above, 40 m each way",
     "map": "the frame with the most echoes; in the map range is upwards, receding to the right; dB over its median",
 }

@@ -24,6 +24,7 @@ from hil.config.files import find
 from hil.config.missions import load_mission
 from hil.config.schema import Record
 from hil.config.sensors.resolve import FLIGHT_KINDS
+from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
 from signals.time import NS_PER_S
@@ -41,9 +42,7 @@ BATCH_FRAMES = 10  # fixed: the recording's chunks and the journal's rows are ba
 MISSION_NAME = "trajectory.waypoints"
 
 # Folder names in mav0 by channel; the sensor's number is appended.
-CHANNEL_FOLDERS = {"rgb": "cam", "depth": "depth", "segmentation": "segmentation", "instance": "instance"}
-CHANNEL_FOLDERS |= {"normal": "normal", "range": "range", "geom": "geom", "radial_velocity": "radial_velocity"}
-CHANNEL_FOLDERS |= {"material": "material"}
+CHANNEL_FOLDERS = {name: name for name in CHANNELS} | {"rgb": "cam"}
 RADAR_FOLDERS = {"raw": "radar", "range_doppler": "range_doppler"}
 _FOLDERS = {"camera": CHANNEL_FOLDERS, "radar": RADAR_FOLDERS}  # by kind; other kinds name their folder themselves
 

@@ -9,12 +9,14 @@ from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
+from firmware_bridge.codecs.sensor_rotation import named_rotation
 from hil.config.layers import Settings
 from hil.config.missions.script import MissionScript, SensorFault, injected_at
-from hil.config.schema import BenchConfig
+from hil.config.schema import BenchConfig, SensorConfig
 from hil.config.sensors.resolve import sample_types
-from signals.documents.validate import at
+from signals.documents.validate import at, shown
 from signals.errors import Problem
+from sim.frame.mount import Mount
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import acted_field, fault_problems
 
@@ -56,6 +58,8 @@ def intake_parameters(config: BenchConfig) -> dict[str, float]:
         intake = intake_of(config, name) if sensor.autopilot else None
         if isinstance(intake, Samples):
             parameters |= intake.parameters
+            if intake.direction is not None and (rotation := _rotation(sensor)) is not None:
+                parameters[intake.direction] = float(rotation)
     return parameters
 
 
@@ -100,9 +104,9 @@ def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
 
 
 def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
-    """Report declared faults of sensors and of the link that cannot reach the autopilot."""
+    """Report directions of sensors, and declared faults of sensors and of the link, that cannot reach the autopilot."""
+    problems = _direction_problems(config, settings)
     unfit = {index for index, _, _ in fault_problems(config.faults.sensors, sample_types(config))}
-    problems: list[Problem] = []
     if config.faults.links and not PROFILES[config.autopilot.kind].link_faults:
         message, hint = f"cannot be applied to {config.autopilot.kind}", "see faults.sensors and faults.rotors"
         problems.append(at(settings, ("faults", "links"), message, hint))
@@ -111,6 +115,30 @@ def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
         if found is not None:
             key, message, hint = found
             problems.append(at(settings, ("faults", "sensors", index, key), message, hint))
+    return problems
+
+
+def _rotation(sensor: SensorConfig) -> int | None:
+    """Return the MAV_SENSOR_ROTATION of a sensor's direction; None: it has none."""
+    p = sensor.parameters
+    return named_rotation(Mount(p.mount_m, p.mount_rpy_deg, optical=False).axis_B)
+
+
+def _direction_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """Report sensors that look where the autopilot cannot be told."""
+    problems: list[Problem] = []
+    for name, sensor in config.sensors.items():
+        intake = intake_of(config, name) if sensor.autopilot else None
+        if not isinstance(intake, Samples) or intake.direction is None:
+            continue
+        if _rotation(sensor) is None:
+            message = (
+                f"cannot be {shown(list(sensor.parameters.mount_rpy_deg))}: {config.autopilot.kind} gets no direction "
+                f"with a {sensor.kind}'s samples, and its {intake.direction} has ten: down, up, and level in steps of "
+                "45 degrees"
+            )
+            hint = f"with autopilot: false beside {name!r} it may look anywhere, for companions and the recording"
+            problems.append(at(settings, ("sensors", name, "mount_rpy_deg"), message, hint))
     return problems
 
 

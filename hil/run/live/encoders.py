@@ -15,7 +15,6 @@ import numpy as np
 
 from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_PREFIX, Layout
 from hil.run.recorder.mcap.topics import Topic, value_of
-from signals.samples import FrameSample
 from signals.time import NS_PER_S
 
 _CODES = {"|b1": "?", "|i1": "b", "|u1": "B", "<i2": "h", "<u2": "H", "<i4": "i", "<u4": "I"} | {
@@ -85,14 +84,14 @@ def clock(t_ns: int) -> bytes:
 class SampleEncoder:
     """Encodes samples of one type as messages of one topic."""
 
-    def __init__(self, topic: Topic, frame: Callable[[str], str], first: Any, pad_to: int) -> None:
-        """`frame` turns a coordinate frame into its name in the messages. `first`: a sample; it gives the lengths."""
+    def __init__(self, topic: Topic, frame_id: str, child_frame_id: str, first: Any, pad_to: int) -> None:
+        """`first`: a sample; it gives the lengths."""
         kind = type(first)
-        strings = {f"{topic.header}.frame_id": frame(topic.frame)}
+        strings = {f"{topic.header}.frame_id": frame_id}
         lengths = {path: len(value_of(kind, column)(first)) for path, column in topic.lengths.items()}
         if topic.child_frame:
             prefix = topic.header.removesuffix("header")
-            strings[f"{prefix}child_frame_id"] = frame(topic.child_frame)
+            strings[f"{prefix}child_frame_id"] = child_frame_id
             lengths[prefix.removesuffix("[0].")] = 1
         for path in ("location", "serial_number"):  # of a BatteryState
             strings[path] = ""
@@ -145,7 +144,7 @@ class BlobEncoder:
         self._stamp = struct.Struct("<iI").pack_into
         self._stamp_offset = _place(layout, f"{header}.stamp.sec")[0]
 
-    def encode(self, sample: FrameSample, values: Mapping[str, Any], data: bytes) -> bytes:
+    def encode(self, sample: Any, values: Mapping[str, Any], data: bytes) -> bytes:
         """Return one message. `values`: by path of the field, a number or a sequence of them."""
         head = bytearray(self._head)
         tail = self._tail

@@ -20,12 +20,13 @@ from typing import Any, NamedTuple
 from hil.config import Bench
 from hil.run.live.encoders import BlobEncoder, SampleEncoder, clock
 from hil.run.recorder.frame_description import FrameDescription
-from hil.run.recorder.frame_series import FrameSeries
+from hil.run.recorder.frame_series import TF_STATIC, FrameSeries, add_mount
 from hil.run.recorder.mcap.mcap_file import COMMON_TOPICS
 from hil.run.recorder.mcap.topics import (
     ACTUATOR_TOPICS,
     BATTERY_TOPIC,
     LIVE_TRUTH_TOPICS,
+    OWN,
     SAMPLE_TOPICS,
     TRUTH_TOPICS,
     WORLD,
@@ -81,17 +82,16 @@ def live_topics(bench: Bench) -> tuple[LiveTopic, ...]:
     topics += [LiveTopic(names.topic(f"/{row.suffix}"), row.type_name) for row in rows]
     if config.physics.effects.battery:
         topics.append(LiveTopic(names.topic(f"/{BATTERY_TOPIC.suffix}"), BATTERY_TOPIC.type_name))
-    framed = False
+    mounted = False
     for name, sensor in config.sensors.items():
         kind = KINDS[sensor.kind].sample_type
         ports = [port.name for port in output_ports(name, sensor)]
         if kind not in FRAME_SAMPLES:
-            topics += [
-                LiveTopic(names.topic(f"/{name}{row.suffix}"), row.type_name, name)
-                for row in SAMPLE_TOPICS.get(kind, ())
-            ]
+            own = SAMPLE_TOPICS.get(kind, ())
+            topics += [LiveTopic(names.topic(f"/{name}{row.suffix}"), row.type_name, name) for row in own]
+            mounted = mounted or any(row.frame == OWN for row in own)
             continue
-        framed = True
+        mounted = True
         for port in ports:
             channel = port.partition("/")[2]
             type_name = "sensor_msgs/Image" if kind is ImageSample else "sensor_msgs/PointCloud2"
@@ -101,8 +101,8 @@ def live_topics(bench: Bench) -> tuple[LiveTopic, ...]:
         if kind is ImageSample:
             topics.append(LiveTopic(names.topic(f"/{name}/camera_info"), "sensor_msgs/CameraInfo", ports[0]))
         topics.append(LiveTopic(names.topic(f"/{name}/pose"), "geometry_msgs/PoseStamped", ports[0]))
-    if framed:
-        topics.append(LiveTopic("/tf_static", "tf2_msgs/TFMessage"))
+    if mounted:
+        topics.append(LiveTopic(TF_STATIC, "tf2_msgs/TFMessage"))
     return tuple(topics)
 
 
@@ -114,14 +114,14 @@ class _Everything:
 
 
 class _LiveBlob:
-    """A topic of frames, with the methods of `BlobTopic`."""
+    """A topic with the methods of `BlobTopic`."""
 
     def __init__(self, live: LiveMessages, name: str, type_name: str, **layout: Any) -> None:
         self._live = live
         self._topic = LiveTopic(live.names.topic(name), type_name)
         self._encoder = BlobEncoder(type_name, pad_to=live.pad_to, **layout)
 
-    def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:  # noqa: ARG002
+    def add(self, sample: Any, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:  # noqa: ARG002
         encoded = self._encoder.encode(sample, values, data)
         self._live.pending.append(LiveMessage(self._topic, sample.t_capture_ns, encoded))
 
@@ -129,10 +129,10 @@ class _LiveBlob:
 class _LiveRow:
     """A topic of samples that are not frames."""
 
-    def __init__(self, row: Topic, path: str, names: Names, tick_ns: int) -> None:
-        self.topic = LiveTopic(names.topic(path), row.type_name)
+    def __init__(self, row: Topic, port: str, names: Names, tick_ns: int) -> None:
+        self.topic = LiveTopic(names.topic(f"/{port}{row.suffix}"), row.type_name)
         self._row = row
-        self._names = names
+        self._frames = names.frame(row.frame or port), names.frame(row.child_frame)
         self._encoder: SampleEncoder | None = None  # until the first sample
         self.every = max(1, round(row.every_s * NS_PER_S / tick_ns)) if row.every_s else 1
 
@@ -140,7 +140,7 @@ class _LiveRow:
         """Return the message of a sample."""
         encoder = self._encoder
         if encoder is None:
-            encoder = self._encoder = SampleEncoder(self._row, self._names.frame, sample, pad_to)
+            encoder = self._encoder = SampleEncoder(self._row, *self._frames, sample, pad_to)
         return LiveMessage(self.topic, stamp_ns, encoder.encode(sample, stamp_ns))
 
 
@@ -158,7 +158,7 @@ class LiveMessages:
     ) -> None:
         """Prepare the topics of one vehicle.
 
-        `descriptions`: of cameras, LiDARs and radars, by port. `selected`: names of the topics to encode; None: all.
+        `descriptions`: of the sensors with a mount, by port. `selected`: names of the topics to encode; None: all.
         `pad_to`: the bytes of a message are filled up to a multiple of this.
         """
         self.names = Names(vehicle)
@@ -168,14 +168,17 @@ class LiveMessages:
         self._descriptions = descriptions
         self._selected = _Everything() if selected is None else selected
         self._clock = LiveTopic(CLOCK, "rosgraph_msgs/Clock")
-        self._truth = [self._row(row, f"/{row.suffix}") for row in (*LIVE_TRUTH_TOPICS, *TRUTH_TOPICS)]
-        self._actuators = [self._row(row, f"/{row.suffix}") for row in ACTUATOR_TOPICS]
-        self._battery = self._row(BATTERY_TOPIC, f"/{BATTERY_TOPIC.suffix}")
+        self._truth = [self._row(row) for row in (*LIVE_TRUTH_TOPICS, *TRUTH_TOPICS)]
+        self._actuators = [self._row(row) for row in ACTUATOR_TOPICS]
+        self._battery = self._row(BATTERY_TOPIC)
         self._ports: dict[str, list[_LiveRow]] = {}
         self._frames: dict[str, FrameSeries] = {}
 
-    def _row(self, row: Topic, path: str) -> _LiveRow:
-        return _LiveRow(row, path, self.names, self._tick_ns)
+    def _row(self, row: Topic, port: str = "") -> _LiveRow:
+        return _LiveRow(row, port, self.names, self._tick_ns)
+
+    def _blob(self, _file: Any, path: str, type_name: str, **layout: Any) -> _LiveBlob:
+        return _LiveBlob(self, path, type_name, **layout)
 
     def of_tick(
         self,
@@ -202,7 +205,9 @@ class LiveMessages:
                 rows = self._ports.get(port)
                 if rows is None:
                     topics: Sequence[Topic] = SAMPLE_TOPICS.get(type(sample), ())
-                    rows = self._ports[port] = [self._row(row, f"/{port}{row.suffix}") for row in topics]
+                    rows = self._ports[port] = [self._row(row, port) for row in topics]
+                    if port in self._descriptions:
+                        add_mount(self._blob, self.names, self._descriptions[port], sample, t_ns)
                 self._add(rows, sample, sample.t_capture_ns, 0)
         return messages
 
@@ -219,9 +224,6 @@ class LiveMessages:
             def wanted(path: str) -> bool:
                 return self.names.topic(path) in self._selected
 
-            def make_topic(_file: Any, path: str, type_name: str, **layout: Any) -> Any:
-                return _LiveBlob(self, path, type_name, **layout)
-
-            series = FrameSeries(port, self._descriptions.get(port), make_topic=make_topic, wanted=wanted)
+            series = FrameSeries(port, self._descriptions.get(port), make_topic=self._blob, wanted=wanted)
             self._frames[port] = series
         series.encode(self.names, sample, t_ns)

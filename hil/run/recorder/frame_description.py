@@ -1,4 +1,4 @@
-"""Description of a camera, LiDAR or radar in a recording: mount, projection of a camera, chirps of a radar."""
+"""Description of a sensor with a mount in a recording: mount, projection of a camera, chirps of a radar."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Sweep:
 
 @dataclass(frozen=True)
 class FrameDescription:
-    """Description of one camera, LiDAR or radar. C is its frame, for a camera the optical one."""
+    """Description of one sensor. C is its frame, for a camera the optical one."""
 
     frame_id: str
     p_BC: Vec3 = (0.0, 0.0, 0.0)

@@ -27,6 +27,7 @@ from hil.run.recorder.mcap.topics import BODY, WORLD
 from signals.samples import FrameSample, ImageSample, PointCloudSample, Quat, RadarSample, Vec3, arrays_of
 from signals.time import NS_PER_S
 
+TF_STATIC = "/tf_static"
 IDENTITY_3X3 = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 # sensor_msgs/Image encodings: by element type and elements per pixel; three bytes are rgb
 _ENCODINGS = {
@@ -77,7 +78,7 @@ class BlobTopic:
         # The data are inserted after their length. Only single bytes follow, which need no alignment.
         self._data_offset = self._layout.offset("data$length") + 4 if item_bytes else self._layout.size
 
-    def add(self, sample: FrameSample, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
+    def add(self, sample: Any, log_ns: int, values: Mapping[str, Any], data: bytes = b"") -> None:
         """Add one message. `values`: by path of the field, a number or a sequence of them."""
         record = self._layout.records(1)
         record["$length"] += len(data)
@@ -90,6 +91,33 @@ class BlobTopic:
             record["data$length"] = len(data) // self._item_bytes
         raw = record.tobytes()
         self.pending.add(log_ns, raw[: self._data_offset], data, raw[self._data_offset :])
+
+
+def add_mount(
+    make_topic: Callable[..., Any], file: Any, description: FrameDescription, sample: Any, log_ns: int
+) -> Any:
+    """Add the mount of a sensor on the vehicle to `/tf_static`, with the times of a sample. Return the topic.
+
+    `make_topic` takes the arguments of `BlobTopic`; `sample` has number and times.
+    """
+    prefix = "transforms[0]"
+    topic = make_topic(
+        file,
+        TF_STATIC,
+        "tf2_msgs/TFMessage",
+        strings={
+            f"{prefix}.header.frame_id": file.frame(BODY),
+            f"{prefix}.child_frame_id": file.frame(description.frame_id),
+        },
+        lengths={"transforms": 1},
+        header=f"{prefix}.header",
+    )
+    mount = {
+        f"{prefix}.transform.translation": description.p_BC,
+        f"{prefix}.transform.rotation": _xyzw(description.q_BC),
+    }
+    topic.add(sample, log_ns, mount)
+    return topic
 
 
 class FrameSeries:
@@ -142,7 +170,7 @@ class FrameSeries:
         return not self._wanted(self._path(name))
 
     def _path(self, name: str) -> str:
-        return f"/{name}" if name == "tf_static" else f"/{self._port}/{name}" if name else f"/{self._port}"
+        return f"/{self._port}/{name}" if name else f"/{self._port}"
 
     def _topic(self, file: Topics, name: str, type_name: str, **layout: Any) -> BlobTopic:
         topic = self._topics.get(name)
@@ -152,22 +180,7 @@ class FrameSeries:
 
     def _add_mount(self, file: Topics, sample: FrameSample, log_ns: int) -> None:
         """Add the mount of the sensor on the vehicle, once."""
-        description = self._description
-        frame_id = file.frame(description.frame_id)
-        prefix = "transforms[0]"
-        topic = self._topic(
-            file,
-            "tf_static",
-            "tf2_msgs/TFMessage",
-            strings={f"{prefix}.header.frame_id": file.frame(BODY), f"{prefix}.child_frame_id": frame_id},
-            lengths={"transforms": 1},
-            header=f"{prefix}.header",
-        )
-        mount = {
-            f"{prefix}.transform.translation": description.p_BC,
-            f"{prefix}.transform.rotation": _xyzw(description.q_BC),
-        }
-        topic.add(sample, log_ns, mount)
+        self._topics["tf_static"] = add_mount(self._make_topic, file, self._description, sample, log_ns)
 
     def _add_pose(self, file: Topics, sample: FrameSample, log_ns: int, p: Vec3, q: Quat) -> None:
         if self._leaves_out("pose"):

@@ -188,7 +188,7 @@ class Recorder:
             raise failure
 
     def describe(self, port: str, description: FrameDescription) -> None:
-        """Describe the camera, LiDAR or radar of `port`, before its first sample."""
+        """Describe the sensor of `port`, before its first sample."""
         if self._mcap:
             self._mcap.describe(port, description)
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
 from signals.classes import Classes
 
 _MIN_RANGE_M, _MAX_RANGE_M = 0.5, 200.0
@@ -20,32 +21,38 @@ _MAP_SPAN_DB = 60.0  # dynamic range of a range-Doppler map
 def channel_image(channel: str, array: NDArray[Any], classes: Classes) -> tuple[str, bytes]:
     """Return the media type and the bytes of a channel's picture.
 
-    `array` is (height, width), or (height, width, 3) for rgb and normal. Ids are coloured by class for `segmentation`
-    and by hue otherwise; distances and speeds have fixed scales, a range-Doppler map spans 60 dB below its peak.
+    `array` has the shape of a camera's channel, or is a range-Doppler map, which spans 60 dB below its peak. Distances
+    and speeds have fixed scales, ids a hue each.
     """
-    if channel == "rgb":
+    look = CHANNELS[channel].look if channel in CHANNELS else "power"  # a radar's range-Doppler map
+    if look == "colour":
         return _encoded(".jpg", cv2.cvtColor(np.ascontiguousarray(array), cv2.COLOR_RGB2BGR))
-    if channel in ("depth", "range"):
+    if look == "distance":
         finite = np.isfinite(array)
         metres = np.clip(np.where(finite, array, _MAX_RANGE_M), _MIN_RANGE_M, _MAX_RANGE_M)
         nearness = 1.0 - np.log(metres / _MIN_RANGE_M) / np.float32(np.log(_MAX_RANGE_M / _MIN_RANGE_M))
         bgr = cv2.applyColorMap(np.rint(255.0 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
         bgr[~finite] = _NO_SURFACE
         return _encoded(".jpg", bgr)
-    if channel == "radial_velocity":
+    if look == "speed":
         grey = (127.5 + 127.5 * np.clip(np.nan_to_num(array) / _MAX_SPEED_MPS, -1.0, 1.0)).astype(np.uint8)
         return _encoded(".jpg", cv2.applyColorMap(grey, cv2.COLORMAP_TWILIGHT_SHIFTED))
-    if channel == "normal":
+    if look == "direction":
         # Red to the right, green up, blue to the camera: the camera's y is down and its z forward.
         bgr = (np.clip(np.nan_to_num(array), -1.0, 1.0) * (1.0, -1.0, -1.0))[..., ::-1]
         return _encoded(".jpg", (127.5 + 127.5 * bgr).astype(np.uint8))
-    if channel == "range_doppler":
+    if look == "value":
+        finite = array[np.isfinite(array)]
+        low, high = np.percentile(finite, (1.0, 99.0)) if finite.size else (0.0, 1.0)
+        share = np.clip((np.nan_to_num(array) - low) / max(high - low, 1e-9), 0.0, 1.0)
+        return _encoded(".jpg", cv2.applyColorMap((255.0 * share).astype(np.uint8), cv2.COLORMAP_INFERNO))
+    if look == "power":
         power_db = 10.0 * np.log10(np.maximum(array, 1e-6))
         peak_db = float(power_db.max(initial=-60.0))
         grey = (255.0 * np.clip(1.0 + (power_db - peak_db) / _MAP_SPAN_DB, 0.0, 1.0)).astype(np.uint8)
         # Range upwards, speed to the right.
         return _encoded(".png", cv2.applyColorMap(np.ascontiguousarray(grey.T[::-1]), cv2.COLORMAP_INFERNO))
-    palette = _palette(classes.colours if channel == "segmentation" else ())
+    palette = _palette(classes.colours if look == "classes" else ())
     return _encoded(".png", cv2.applyColorMap((array & 255).astype(np.uint8), palette))
 
 

@@ -18,26 +18,15 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
 from signals.classes import Classes
-from signals.samples import CHANNEL_UNITS, FrameSample, ImageSample, PointCloudSample
+from signals.samples import FrameSample, ImageSample, PointCloudSample
 from sim.scene.view_point import ViewPoint
 
 Rgb = NDArray[np.uint8]
 
-TITLES = {
-    "rgb": "colour",
-    "depth": "depth, along the axis",
-    "range": "range, along the ray",
-    "segmentation": "classes",
-    "instance": "instances",
-    "geom": "geoms",
-    "normal": "surface normals",
-    "radial_velocity": "radial velocity",
-    "material": "surfaces",
-}
 _NO_CLASSES = Classes()
-_DISTANCES = ("depth", "range")
-_DISTANCE_MAP, _SPEED_MAP, _HEIGHT_MAP = "viridis_r", "RdBu_r", "viridis"
+_DISTANCE_MAP, _SPEED_MAP, _VALUE_MAP, _HEIGHT_MAP = "viridis_r", "RdBu_r", "inferno", "viridis"
 _NO_SURFACE = (232, 235, 239)  # for pixels without a surface
 _ID_ZERO = (52, 59, 68)  # class, instance or surface 0
 _FAR_PERCENTILE = 98.0  # of the finite distances, at which the colour bar ends
@@ -53,27 +42,26 @@ _MAX_PICTURE_IN = 6.2  # width of a single picture
 
 def coloured(channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> Rgb:
     """Return the channel in display colours, (height, width, 3)."""
-    if channel == "rgb":
+    look = CHANNELS[channel].look
+    if look == "colour":
         return np.asarray(picture, np.uint8)
-    if channel in _DISTANCES or channel == "radial_velocity":
+    if look in _SCALES:
+        scale, name, _ = _SCALES[look]
         finite = np.isfinite(picture)
-        norm, name = (
-            (_distance_scale(picture), _DISTANCE_MAP) if channel in _DISTANCES else (_speed_scale(picture), _SPEED_MAP)
-        )
-        mapped = mpl.colormaps[name](norm(np.where(finite, picture, 0.0)))
+        mapped = mpl.colormaps[name](scale(picture)(np.where(finite, picture, 0.0)))
         colours = (mapped[:, :, :3] * 255.0 + 0.5).astype(np.uint8)
         colours[~finite] = _NO_SURFACE
         return colours
-    if channel == "normal":
+    if look == "direction":
         hit = np.any(picture != 0.0, axis=2) & np.all(np.isfinite(picture), axis=2)
         # Right is red, up is green, towards the camera is blue, as such pictures are usually drawn.
         towards = np.where(hit[:, :, None], picture, 0.0) * np.array([1.0, -1.0, -1.0])
         colours = (np.clip(0.5 + 0.5 * towards, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
         colours[~hit] = _NO_SURFACE
         return colours
-    ids = picture.astype(np.int64) + (1 if channel == "geom" else 0)
+    ids = picture.astype(np.int64) - int(CHANNELS[channel].nothing or 0)
     count = int(ids.max(initial=0)) + 1
-    return (_class_colours(classes, count) if channel == "segmentation" else palette(count))[ids]
+    return (_class_colours(classes, count) if look == "classes" else palette(count))[ids]
 
 
 def palette(count: int) -> Rgb:
@@ -98,23 +86,22 @@ def _class_colours(classes: Classes, count: int) -> Rgb:
 def draw_channel(panel: Axes, channel: str, picture: NDArray[Any], classes: Classes = _NO_CLASSES) -> None:
     """Draw one channel, with its colour bar or legend beside it."""
     _draw_rgb(panel, coloured(channel, picture, classes))
-    panel.set_title(TITLES[channel], fontsize=9.5, loc="left")
-    unit = CHANNEL_UNITS[channel][0]
-    if channel in _DISTANCES:
-        colour_bar(panel, _distance_scale(picture), _DISTANCE_MAP, f"[{unit}]", "max")
-    elif channel == "radial_velocity":
-        colour_bar(panel, _speed_scale(picture), _SPEED_MAP, f"[{unit}], + goes away", "both")
-    elif channel == "segmentation":
+    kind = CHANNELS[channel]
+    panel.set_title(kind.title, fontsize=9.5, loc="left")
+    if kind.look in _SCALES:
+        scale, name, (after_unit, extend) = _SCALES[kind.look]
+        colour_bar(panel, scale(picture), name, f"[{kind.unit}]{after_unit}", extend)
+    elif kind.look == "classes":
         _draw_class_legend(panel, picture, classes)
-    elif channel == "normal":
+    elif kind.look == "direction":
         note(panel, "red: to the right\ngreen: up\nblue: to the\ncamera")
-    elif channel in ("instance", "geom", "material"):
+    elif kind.look == "ids":
         note(panel, f"{len(np.unique(picture))} ids")
 
 
 def camera_figure(title: str, sample: ImageSample, classes: Classes = _NO_CLASSES) -> Figure:
     """Draw all channels of one camera frame."""
-    names = [name for name in TITLES if name in sample.channels]
+    names = [name for name in CHANNELS if name in sample.channels]
     return channels_figure(title, {name: sample.channels[name] for name in names}, classes)
 
 
@@ -136,7 +123,7 @@ def sheet_figure(
 ) -> Figure:
     """Draw every channel of the first view, the colour of the other views, a LiDAR sweep, and one panel per `more`."""
     first, title, channels = views[0]
-    names = [name for name in TITLES if name in channels]
+    names = [name for name in CHANNELS if name in channels]
     shape = channels[names[0]].shape
     clouds = [cloud] if cloud is not None else []
     figure, panels = make_panels(title, len(names) + len(views) - 1 + len(clouds) + len(more), shape[0] / shape[1])
@@ -213,6 +200,20 @@ def _speed_scale(picture: NDArray[Any]) -> Normalize:
     speeds = np.abs(picture[np.isfinite(picture)])
     end = max(float(np.percentile(speeds, 99.5)), _MIN_SPEED_SCALE_MPS) if speeds.size else _MIN_SPEED_SCALE_MPS
     return Normalize(-end, end)
+
+
+def _value_scale(picture: NDArray[Any]) -> Normalize:
+    finite = picture[np.isfinite(picture)]
+    low, high = np.percentile(finite, (1.0, 99.0)) if finite.size else (0.0, 1.0)
+    return Normalize(float(low), float(max(high, low + 1e-9)), clip=True)
+
+
+# By look: scale of the colour bar, its colours, and what stands after its unit and extends beyond its ends.
+_SCALES: dict[str, tuple[Callable[[NDArray[Any]], Normalize], str, tuple[str, str]]] = {
+    "distance": (_distance_scale, _DISTANCE_MAP, ("", "max")),
+    "speed": (_speed_scale, _SPEED_MAP, (", + goes away", "both")),
+    "value": (_value_scale, _VALUE_MAP, ("", "both")),
+}
 
 
 def make_panels(title: str, count: int, ratio: float, *, columns: int = 3) -> tuple[Figure, list[Axes]]:

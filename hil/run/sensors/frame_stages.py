@@ -13,7 +13,7 @@ from typing import Any
 from hil.config import Bench, BenchConfig, SensorConfig
 from hil.run.loop.stages import Port, StagePlan, StageSpec
 from hil.run.recorder.frame_description import FrameDescription, Projection, Sweep
-from signals.samples import ActuatorFrame, Quat, TruthState, Vec3
+from signals.samples import ActuatorFrame, TruthState
 from sim.frame.calibration_text import coefficients, distortion_name, projection_matrix
 from sim.frame.camera_model import CameraModel
 from sim.frame.source import FrameSource, SharedFrames
@@ -102,11 +102,9 @@ def uses_other_renderer(config: BenchConfig, plan: StagePlan) -> bool:
 
 
 def description(name: str, sensor: Any) -> FrameDescription:
-    """Return the description of a camera, LiDAR or radar for the recording, from its `mount`, `model` and `chirp`."""
+    """Return the description of a sensor with a mount; a camera also has a `model`, a radar a `chirp`."""
     camera = getattr(sensor, "model", None)
-    mount = getattr(sensor, "mount", None)
-    p_BC: Vec3 = getattr(mount, "p_BC", (0.0, 0.0, 0.0))
-    q_BC: Quat = getattr(mount, "q_BC", (1.0, 0.0, 0.0, 0.0))
+    p_BC, q_BC = sensor.mount.p_BC, sensor.mount.q_BC
     chirp = getattr(sensor, "chirp", None)
     if isinstance(chirp, Chirp):
         sweep = Sweep(chirp.center_frequency_hz, chirp.bandwidth_hz, chirp.sample_rate_hz, chirp.repetition_s)

@@ -36,11 +36,11 @@ class SensorSlots:
     ) -> None:
         """Build the `wanted` sensors. `frames`: geometry for cameras, LiDARs and radars, None if none is wanted.
 
-        Describes cameras, LiDARs and radars to the recorder, and writes camera calibrations to `out`.
+        Describes the sensors with a mount to the recorder, and writes camera calibrations to `out`.
         """
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
-        self.descriptions: dict[str, FrameDescription] = {}  # of cameras, LiDARs and radars
+        self.descriptions: dict[str, FrameDescription] = {}  # of sensors with a mount
         self._without_faults: dict[str, Any] = {}  # by name
         self._faulty: dict[str, FaultySensor] = {}
         simulated = SimulatedSensors(bench, wanted, frames)
@@ -51,7 +51,7 @@ class SensorSlots:
             self._without_faults[name] = sensor
             if isinstance(sensor, Radar):
                 self.radars[name] = sensor
-            if frames is not None and KINDS[wanted[name].kind].needs_frames:
+            if hasattr(sensor, "mount"):
                 self.descriptions[name] = description(name, sensor)
                 recorder.describe(name, self.descriptions[name])
                 write_calibration(out, name, sensor, rate_hz=wanted[name].rate_hz)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from hil.config import SensorConfig
 from hil.config.sensors.radar_checks import view_of
+from signals.channels import CHANNELS
 from signals.samples import TruthState
-from sim.frame.channels import CHANNELS
 from sim.frame.mount import Mount
 from sim.frame.shading import MEAN_COLOURS
 from sim.frame.source import FrameSource

@@ -128,7 +128,7 @@ class Cameras:
     def render(
         self, camera: ServedCamera, place: CameraPlace, image_type: int, channels: Collection[str]
     ) -> dict[str, NDArray[Any]]:
-        """Return channels (sim.frame.channels) of a camera, with size and lens of an image type. Raises RpcError."""
+        """Return channels (signals.channels) of a camera, with size and lens of an image type. Raises RpcError."""
         vehicle = "" if camera.drone is None else camera.drone.name
         frames = self._frames.seen_by(vehicle)
         self._follow(frames)

@@ -40,8 +40,8 @@ from hil.apps.bench_suite.sensors.raster_cases import (
 )
 from hil.apps.bench_suite.sensors.raster_errors import Errors, errors, truth
 from hil.apps.bench_suite.timing import best_times, one_core
+from signals.channels import CHANNELS
 from sim.frame.camera_model import CameraModel
-from sim.frame.channels import CHANNELS
 from sim.frame.geometry import FrameGeometry
 from sim.frame.mujoco_backend import WorldPose, aim, egl_context, egl_problem, with_buffers_for
 from sim.frame.renderer import FrameRenderer

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from hil.apps.dataset.formats.labels import PictureLabels
 from hil.run.report.channel_images import channel_image
+from signals.channels import CHANNELS
 from signals.classes import Classes
 from sim.frame.camera_model import CameraModel
 from sim.radar.chirp import Chirp
 from sim.radar.object_echoes import ObjectEcho
 
-_SHOWN = ("rgb", "boxes", "depth", "segmentation", "instance", "normal")
+_SHOWN = ("rgb", "boxes", *(name for name in CHANNELS if name != "rgb"))
 _BOX = (255, 255, 0)
 _CLOUD_PX, _CLOUD_RANGE_M = 240, 40.0
 _RADAR_PX = 480

@@ -9,10 +9,11 @@ from typing import Any
 from hil.apps.dataset.formats import euroc
 from hil.apps.dataset.formats.pictures import FARTHER, NOTHING, palette_csv
 from hil.apps.dataset.formats.radar_npy import CONFIG_NAME, radar_json
-from hil.apps.dataset.plan import CHANNEL_FOLDERS, DatasetPlan
+from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.tables import HEADERS, TRUTH, other_truth
 from hil.config import SensorConfig
 from hil.config.sensors.radar_checks import view_of
+from hil.run.recorder.frame_description import FrameDescription
 from hil.run.sensors.simulated_sensors import transform
 from signals.classes import Classes
 from signals.samples import CHANNEL_UNITS, RADAR_UNITS
@@ -78,8 +79,20 @@ def _description(name: str, sensor: SensorConfig) -> str:
     return f"{name}: {preset.part}" if preset is not None else f"{name}: simulated {sensor.kind}"
 
 
-def _mount_transform(p: Any) -> Any:
-    return transform(tuple(getattr(p, "mount_m", None) or (0.0, 0.0, 0.0)), (1.0, 0.0, 0.0, 0.0))
+def _mount(p: Any) -> Mount:
+    """Return the mount of a sensor without an optical frame. One without angles has the axes of the vehicle."""
+    origin = (0.0, 0.0, 0.0)
+    return Mount(getattr(p, "mount_m", origin), getattr(p, "mount_rpy_deg", origin), optical=False)
+
+
+def flight_mounts(plan: DatasetPlan) -> dict[str, FrameDescription]:
+    """Return the descriptions of the flight sensors whose mount has angles, by name."""
+    mounts = {
+        name: _mount(sensor.parameters)
+        for name, sensor in plan.flight_sensors.items()
+        if hasattr(sensor.parameters, "mount_rpy_deg")
+    }
+    return {name: FrameDescription(name, mount.p_BC, mount.q_BC) for name, mount in mounts.items()}
 
 
 def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
@@ -98,7 +111,7 @@ def _camera(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str
             more["noise"] = noise.model_dump(mode="json")
         text = euroc.picture_yaml(
             p.model(),
-            "camera" if channel == "rgb" else CHANNEL_FOLDERS[channel],
+            "camera" if channel == "rgb" else channel,
             comment=f"{_description(name, sensor)}: {_COMMENTS.get(channel, channel + ', numpy')}",
             T_BS=T_BS,
             rate_hz=sensor.rate_hz,
@@ -130,10 +143,9 @@ def _radar(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]
 
 
 def _other_sensor(plan: DatasetPlan, name: str, sensor: SensorConfig) -> dict[str, str]:
-    p, T_BS, comment = sensor.parameters, _mount_transform(sensor.parameters), _description(name, sensor)
+    p, mount, comment = sensor.parameters, _mount(sensor.parameters), _description(name, sensor)
+    T_BS = transform(mount.p_BC, mount.q_BC)
     if sensor.kind == "lidar":
-        mount = Mount(p.mount_m, p.mount_rpy_deg, optical=False)
-        T_BS = transform(mount.p_BC, mount.q_BC)
         comment += "; data/*.bin: float32 x, y, z [m], intensity; labels/*.label: uint32 class"
     elif sensor.kind == "imu":
         T_BS = transform(p.lever_arm_m, (1.0, 0.0, 0.0, 0.0))

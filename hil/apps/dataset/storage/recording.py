@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from isal.isal_zlib import crc32
 from mcap.data_stream import RecordBuilder
@@ -20,7 +20,7 @@ from hil.apps.dataset.flight import FlightData
 from hil.apps.dataset.storage.journal import BatchRecord, StoredChunk
 from hil.apps.dataset.storage.tree import INCOMPLETE, RECORDING, TreeWriter, unwritable
 from hil.run.recorder.frame_description import FrameDescription
-from hil.run.recorder.frame_series import FrameSeries
+from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
 from hil.run.recorder.mcap.cdr import schema_text
 from hil.run.recorder.mcap.mcap_file import Block, ChunkFacts, McapFile, SafeFile, Topics, VehicleTopics, pack_chunk
 from hil.run.recorder.mcap.mcap_sink import EventSeries, TopicWriters
@@ -143,12 +143,28 @@ def is_complete(tree: TreeWriter, record: BatchRecord, offset: int) -> bool:
     return len(data) == record.chunk.size and crc32(data) == record.chunk.crc32
 
 
+class Stamp(NamedTuple):
+    """Times of a message that stands for no sample of its own."""
+
+    seq: int
+    t_capture_ns: int
+    t_available_ns: int
+
+
 class DatasetRecording:
     """Writer of run.mcap. Every method raises RecordingError if the file cannot be written."""
 
     def __init__(
-        self, root: Path, *, tick_ns: int, metadata: Mapping[str, str], attachments: Mapping[str, bytes]
+        self,
+        root: Path,
+        *,
+        tick_ns: int,
+        metadata: Mapping[str, str],
+        attachments: Mapping[str, bytes],
+        mounts: Mapping[str, FrameDescription],
     ) -> None:
+        """`mounts`: descriptions of the flight sensors that have one."""
+        self._mounts = mounts
         self._root = root
         self._path = incomplete_path(root)
         final = root / RECORDING
@@ -175,11 +191,16 @@ class DatasetRecording:
             writers = self._samples.get(port)
             if writers is None:
                 writers = self._samples[port] = TopicWriters(SAMPLE_TOPICS[samples.kind], port)
+                if port in self._mounts:
+                    blocks.append(self._mount(self._mounts[port], int(samples.released_ns[0])))
             blocks += writers.blocks(self._mcap, self._tick_ns, samples.columns, samples.released_ns)
         for t_ns, kind, text in data.events:
             self._events.add(t_ns, kind, text)
         blocks.append(self._events.pending.block())
         self._mcap.chunk(blocks, 0)
+
+    def _mount(self, description: FrameDescription, t_ns: int) -> Block:
+        return add_mount(BlobTopic, self._mcap, description, Stamp(0, t_ns, t_ns), t_ns).pending.block()
 
     @property
     def size(self) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 from hil.apps.dataset.formats.coco import CocoPicture
 from hil.apps.dataset.plan import DatasetPlan
 from hil.apps.dataset.storage.journal import Journal
-from hil.apps.dataset.storage.layout import headers
+from hil.apps.dataset.storage.layout import flight_mounts, headers
 from hil.apps.dataset.storage.manifest import BENCH_NAME
 from hil.apps.dataset.storage.recording import DatasetRecording
 from hil.apps.dataset.storage.tables import Checkpoints, Tables
@@ -45,6 +45,7 @@ class DatasetStore:
             tick_ns=plan.config.tick_ns,
             metadata=metadata,
             attachments={BENCH_NAME: bench},
+            mounts=flight_mounts(plan),
         )
         return cls(root, tables, journal, recording, make_checkpoints(root, tables))
 

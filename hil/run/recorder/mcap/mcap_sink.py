@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hil.run.recorder.detection_series import DetectionSeries
 from hil.run.recorder.digest import RawFrame
 from hil.run.recorder.frame_description import FrameDescription
-from hil.run.recorder.frame_series import FrameSeries
+from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
 from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
 from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords, SafeFile, Topics
 from hil.run.recorder.mcap.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
@@ -40,10 +40,10 @@ _INFO = 20
 class TopicWriter:
     """Encodes columns of one type of sample as the message records of one topic."""
 
-    def __init__(self, file: Topics, topic: Topic, name: str, columns: Columns, tick_ns: int) -> None:
+    def __init__(self, file: Topics, topic: Topic, port: str, columns: Columns, tick_ns: int) -> None:
         self._topic = topic
-        self.channel = file.channel(name, topic.type_name, schema_text(topic.type_name))
-        strings = {f"{topic.header}.frame_id": file.frame(topic.frame)}
+        self.channel = file.channel(f"/{port}{topic.suffix}", topic.type_name, schema_text(topic.type_name))
+        strings = {f"{topic.header}.frame_id": file.frame(topic.frame or port)}
         lengths = {path: columns[column].shape[1] for path, column in topic.lengths.items()}
         if topic.child_frame:
             prefix = topic.header.removesuffix("header")
@@ -77,17 +77,15 @@ class TopicWriter:
 class TopicWriters:
     """The topics of one port. The first samples declare them and fix the array lengths."""
 
-    def __init__(self, topics: Sequence[Topic], prefix: str) -> None:
+    def __init__(self, topics: Sequence[Topic], port: str) -> None:
         self._topics = topics
-        self._prefix = prefix
+        self._port = port
         self._writers: list[TopicWriter] = []
 
     def blocks(self, file: Topics, tick_ns: int, columns: Columns, log_ns: NDArray[np.int64]) -> list[Block]:
         """Return the records of samples in the form that `columns_of` returns."""
         if not self._writers:
-            self._writers = [
-                TopicWriter(file, topic, f"/{self._prefix}{topic.suffix}", columns, tick_ns) for topic in self._topics
-            ]
+            self._writers = [TopicWriter(file, topic, self._port, columns, tick_ns) for topic in self._topics]
         unsigned_ns = log_ns.astype(np.uint64)
         return [writer.block(columns, unsigned_ns) for writer in self._writers]
 
@@ -95,11 +93,11 @@ class TopicWriters:
 class Series:
     """Collects the samples of one port between two chunks."""
 
-    def __init__(self, kind: type, topics: Sequence[Topic], prefix: str) -> None:
+    def __init__(self, kind: type, topics: Sequence[Topic], port: str) -> None:
         self.rows: list[Any] = []
         self.log_ns: list[int] = []
         self._kind = kind
-        self._writers = TopicWriters(topics, prefix)
+        self._writers = TopicWriters(topics, port)
 
     def blocks(self, file: Topics, tick_ns: int) -> list[Block]:
         """Return the records of all samples added since the last call."""
@@ -195,6 +193,7 @@ class McapSink:
         self._actuators = Series(ActuatorFrame, ACTUATOR_TOPICS, "")
         self._samples: dict[str, Series] = {}
         self._frames: dict[str, FrameSeries] = {}
+        self._mounts: list[BlobTopic] = []  # of sensors with a frame of their own but no pictures or points
         self._descriptions: dict[str, FrameDescription] = {}
         self._sent = MavlinkSeries(self._mcap, "/mavlink/to_autopilot")
         self._received = MavlinkSeries(self._mcap, "/mavlink/from_autopilot")
@@ -212,7 +211,7 @@ class McapSink:
         return sum(series.pending_bytes for series in self._frames.values())
 
     def describe(self, port: str, description: FrameDescription) -> None:
-        """Describe the camera, LiDAR or radar of `port`, before its first sample."""
+        """Describe the sensor of `port`, before its first sample."""
         self._descriptions[port] = description
 
     def truth(self, truth: TruthState) -> None:
@@ -238,6 +237,8 @@ class McapSink:
                     "Add its topics to SAMPLE_TOPICS in hil/run/recorder/mcap/topics.py"
                 )
             series = self._samples[port] = Series(type(sample), topics, port)
+            if port in self._descriptions:
+                self._mounts.append(add_mount(BlobTopic, self._mcap, self._descriptions[port], sample, self._now_ns))
         series.rows.append(sample)
         series.log_ns.append(self._now_ns)
 
@@ -275,6 +276,7 @@ class McapSink:
             blocks += series.blocks(self._mcap, self._tick_ns)
         for frames in self._frames.values():
             blocks += frames.blocks(self._mcap)
+        blocks += [mount.pending.block() for mount in self._mounts]
         blocks += [self._sent.pending.block(), self._received.pending.block()]
         blocks += self._actuators.blocks(self._mcap, self._tick_ns)
         for detections in self._detections.values():

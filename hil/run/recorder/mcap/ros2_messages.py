@@ -135,7 +135,7 @@ DEFINITIONS: dict[str, str] = {
     ),
     "hil_msgs/Range": (
         "std_msgs/Header header\nfloat64 distance_m\nfloat64 min_distance_m\nfloat64 max_distance_m\n"
-        "float64 sigma_m\nuint8 quality"
+        "float64 sigma_m\nuint8 quality\ngeometry_msgs/Vector3 axis"
     ),
     "hil_msgs/Scalar": "std_msgs/Header header\nfloat64 value",
     "hil_msgs/OpticalFlow": (

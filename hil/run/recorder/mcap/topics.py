@@ -35,6 +35,7 @@ Columns = dict[str, NDArray[Any]]
 
 WORLD = "world"
 BODY = "base_link"
+OWN = ""  # the frame of the sensor itself, named as its port
 _NO_FIX, _FIX = -1, 0
 _FIX_3D = 3  # MAVLink GPS_FIX_TYPE from which the position counts
 
@@ -170,12 +171,13 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             "",
             "hil_msgs/Range",
             BODY,
-            {name: name for name in ("distance_m", "min_distance_m", "max_distance_m", "sigma_m", "quality")},
+            {"axis": "axis_B"}
+            | {name: name for name in ("distance_m", "min_distance_m", "max_distance_m", "sigma_m", "quality")},
         ),
         Topic(
             "/range",
             "sensor_msgs/Range",
-            BODY,
+            OWN,  # its x axis is the beam
             {"min_range": "min_distance_m", "max_range": "max_distance_m", "range": "range_m", "variance": "variance"},
             values={"radiation_type": 1},
         ),

@@ -17,10 +17,11 @@ from firmware_bridge.codecs.hil_ranging import (
     hil_optical_flow_payload,
 )
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder
+from signals.rotation import applied, matrix_of
 from signals.samples import FlowSample, RangeSample
 
 T_NS = 123_456_789_000
-RANGE = RangeSample(3, T_NS, T_NS, 2.343, 0.3, 12.0, 0.05, 100)
+RANGE = RangeSample(3, T_NS, T_NS, 2.343, 0.3, 12.0, 0.05, 100, (0.0, 0.0, -1.0))
 FLOW = FlowSample(3, T_NS, T_NS, 20_000_000, (0.01, 0.02), (0.001, 0.002, 0.003), 180, 2.5, 31.25)
 
 
@@ -43,6 +44,36 @@ def test_distance_in_centimetres_looking_down() -> None:
     assert m.type == common.MAV_DISTANCE_SENSOR_LASER
     assert m.covariance == 25
     assert m.signal_quality == 100
+
+
+@pytest.mark.parametrize(
+    ("axis_B", "rotation"),
+    [
+        ((1.0, 0.0, 0.0), common.MAV_SENSOR_ROTATION_NONE),
+        ((0.0, -1.0, 0.0), common.MAV_SENSOR_ROTATION_YAW_90),  # right
+        ((-1.0, 0.0, 0.0), common.MAV_SENSOR_ROTATION_YAW_180),
+        ((0.0, 1.0, 0.0), common.MAV_SENSOR_ROTATION_YAW_270),
+        ((math.sqrt(0.5), -math.sqrt(0.5), 0.0), common.MAV_SENSOR_ROTATION_YAW_45),
+        ((0.0, 0.0, 1.0), common.MAV_SENSOR_ROTATION_PITCH_90),
+        ((0.0, 0.0, -1.0), common.MAV_SENSOR_ROTATION_PITCH_270),
+    ],
+)
+def test_directions_with_a_name(axis_B, rotation) -> None:
+    m = distance(axis_B=axis_B)
+    assert (m.orientation, m.quaternion) == (rotation, [0.0, 0.0, 0.0, 0.0])
+
+
+@given(st.floats(-179.0, 179.0), st.floats(-89.0, 89.0))
+def test_any_other_direction_is_a_rotation_from_forward(yaw_deg: float, pitch_deg: float) -> None:
+    yaw, pitch = math.radians(yaw_deg), math.radians(pitch_deg)
+    axis_F = (math.cos(pitch) * math.cos(yaw), math.cos(pitch) * math.sin(yaw), math.sin(pitch))
+    m = distance(axis_B=(axis_F[0], -axis_F[1], -axis_F[2]))
+    if m.orientation != common.MAV_SENSOR_ROTATION_CUSTOM:
+        assert min(abs(pitch_deg), abs(yaw_deg % 45.0)) < 1e-3
+        return
+    w, x, y, z = m.quaternion
+    turned = applied(matrix_of((w, x, y, z)), (1.0, 0.0, 0.0))
+    assert turned == pytest.approx(axis_F, abs=1e-6)
 
 
 def test_no_distance_is_marked_invalid_and_not_unknown() -> None:

@@ -26,6 +26,23 @@ def fly(env: Any, action_of: Any) -> tuple[float, dict[str, Any], bool]:
             return total, info, terminated
 
 
+def test_the_reward_of_hover_is_that_of_its_formula() -> None:
+    """1 / (1 + 4 d^2) - 0.05 min(1, |w| / 10 rad/s), from distance and body rates as the observation has them."""
+    options = {"range_m": 5.0, "start_offset_m": 2.0, "start_rate_radps": 8.0, "episode_s": 1.0}
+    env = gymnasium.make("hil/Hover-v0", **options).unwrapped
+    seen = []
+    for seed in range(1, 5):
+        env.reset(seed=seed)
+        observation, reward, *_ = env.step(np.zeros(env.action_space.shape))
+        d, w = 5.0 * float(np.linalg.norm(observation[:3])), 10.0 * float(np.linalg.norm(observation[6:9]))
+        assert reward == pytest.approx(1.0 / (1.0 + 4.0 * d * d) - 0.05 * min(1.0, w / 10.0), abs=1e-5)
+        seen.append((d, w))
+    # Neither term is a constant in what was compared, nor at its limit.
+    assert max(d for d, _ in seen) - min(d for d, _ in seen) > 0.3
+    assert min(w for _, w in seen) < 8.0
+    assert max(w for _, w in seen) > 2.0
+
+
 def test_flying_to_each_waypoint_ends_with_success() -> None:
     env = gymnasium.make("hil/Waypoints-v0", action="velocity", course_m=[[2, 0, 5], [2, 2, 6], [-3, 2, 5]])
     range_m = 15.0

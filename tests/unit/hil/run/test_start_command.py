@@ -42,7 +42,20 @@ def test_ardupilot_uses_the_range_finder_of_the_bench(tmp_path: Path) -> None:
     text = RIG + "autopilot: {start: false}\nmission: null\nsensors: {imu: {preset: icm20689}"
     for sensors, used in ((", down: {preset: tfmini, rate_hz: 50}}\n", True), ("}\n", False)):
         start_command(load(text + sensors), tmp_path)
-        assert ("\nRNGFND1_TYPE 100" in (tmp_path / "bench.parm").read_text()) == used
+        lines = (tmp_path / "bench.parm").read_text().splitlines()
+        assert ("RNGFND1_TYPE 100.0" in lines) == ("RNGFND1_ORIENT 25.0" in lines) == used
+
+
+def test_ardupilot_is_told_where_the_range_finder_looks(tmp_path: Path) -> None:
+    sensors = RIG + "autopilot: {start: false}\nmission: null\nsensors:\n  imu: {preset: icm20689}\n  eye: "
+    start_command(load(sensors + "{preset: tfmini, rate_hz: 50, mount_rpy_deg: [0, 0, -90]}\n"), tmp_path)
+    # MAV_SENSOR_ROTATION_YAW_90: to the right
+    assert "RNGFND1_ORIENT 2.0" in (tmp_path / "bench.parm").read_text().splitlines()
+    tilted = "{preset: tfmini, rate_hz: 50, mount_rpy_deg: [0, 60, 0]"
+    with pytest.raises(ConfigError, match=r"sensors\.eye\.mount_rpy_deg cannot be \[0.0, 60.0, 0.0\].*RNGFND1_ORIENT"):
+        load(sensors + tilted + "}\n")
+    load(sensors + tilted + ", autopilot: false}\n")
+    load(sensors.replace(RIG, "rig: px4_sitl\n") + tilted + "}\n")  # DISTANCE_SENSOR says any direction
 
 
 def test_ardupilot_with_another_port_instance_and_build(tmp_path: Path) -> None:

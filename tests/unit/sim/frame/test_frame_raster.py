@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
 from signals.units import TURN_RAD
 from sim._kernels import Daylight, Geometry, Picture, RayCaster, Scenery, SunShadows, frame_isa
 from sim.frame.camera_model import CameraModel
-from sim.frame.channels import CHANNELS
 from sim.frame.distortion import BrownConrady
 from sim.frame.geometry import FrameGeometry
 from sim.frame.renderer import CameraPose, Execution, FrameRenderer, RenderSkips

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
 from signals.rotation import matrix_of
 from signals.samples import PointCloudSample, Quat, TruthState, Vec3
 from sim.frame.camera_model import CameraModel
-from sim.frame.channels import CHANNELS
 from sim.frame.mount import Mount, quaternion_of_rpy
 from sim.frame.mujoco_backend import MujocoColour, WorldPose, egl_problem
 from sim.frame.source import SharedFrames

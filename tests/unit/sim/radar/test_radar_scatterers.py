@@ -12,8 +12,8 @@ import pydantic
 import pytest
 from numpy.typing import NDArray
 
+from signals.channels import CHANNELS
 from sim.frame.camera_model import CameraModel
-from sim.frame.channels import CHANNELS
 from sim.frame.distortion import BrownConrady
 from sim.radar.antenna import Antenna, Pattern
 from sim.radar.echoes import Echoes

@@ -8,8 +8,8 @@ import numpy as np
 import pydantic
 import pytest
 
+from signals.channels import CHANNELS
 from signals.samples import CHANNEL_UNITS, ImageSample, RadarSample, TruthState
-from sim.frame.channels import CHANNELS
 from sim.frame.shading import PLAIN
 from sim.scene.scene import load_scene
 from sim.sensors.camera import Camera

@@ -36,6 +36,7 @@ CONSTANT = {
     "vertical_accuracy_m",
     "fix_type",
     "satellites",
+    "axis_B",
     "min_distance_m",
     "max_distance_m",
     "integration_ns",

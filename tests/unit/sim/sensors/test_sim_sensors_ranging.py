@@ -118,6 +118,24 @@ def test_range_over_a_plane_is_height_over_cosine(height_m: float, roll_rad: flo
     assert sample.quality == 100
 
 
+def test_a_range_finder_looks_where_its_mount_looks() -> None:
+    wall = Box(name="wall", center_m=(11.0, 0.0, 5.0), size_m=(2.0, 40.0, 10.0))
+    scene = FIELD.model_copy(update={"boxes": (wall,)})
+
+    def distance(*rpy_deg: float, **pose: Any) -> tuple[float, tuple[float, ...]]:
+        sample = made("range_finder", IDEAL_RANGE | {"mount_rpy_deg": rpy_deg}, scene=scene).sample(at(5.0, **pose), 0)
+        return sample.distance_m, sample.axis_B
+
+    c = math.sqrt(0.5)
+    assert distance(0, 90, 0) == (pytest.approx(5.0), (0.0, 0.0, -1.0))  # as without the key
+    assert distance(0, 0, 0) == (pytest.approx(10.0), (1.0, 0.0, 0.0))
+    assert distance(0, 60, 0)[0] == pytest.approx(5.0 / math.sin(math.radians(60.0)))
+    assert distance(0, 0, 45) == (pytest.approx(10.0 / c), pytest.approx((c, c, 0.0)))
+    assert distance(0, 45, 180) == (pytest.approx(5.0 / c), pytest.approx((-c, 0.0, -c)))
+    # Turned to the left by 90 degrees, a sensor on the right side looks at the wall.
+    assert distance(0, 0, -90, q_WB=(c, 0.0, 0.0, c))[0] == pytest.approx(10.0)
+
+
 def test_range_sees_boxes_and_its_own_place() -> None:
     box = Box(name="roof", center_m=(10.0, 0.0, 1.0), size_m=(4.0, 4.0, 2.0))
     scene = FIELD.model_copy(update={"boxes": (box,)})

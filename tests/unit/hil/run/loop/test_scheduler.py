@@ -106,6 +106,19 @@ class LateBaro:
         return BaroSample(seq, truth.t_ns, truth.t_ns + 10_000_000, 101325.0, 0.0, 15.0)
 
 
+class DroppingSensor:
+    """A barometer whose every third sample drops out; lists the numbers that it is asked for."""
+
+    name = "baro"
+
+    def __init__(self) -> None:
+        self.asked: list[int] = []
+
+    def sample(self, truth: TruthState, seq: int) -> BaroSample | None:
+        self.asked.append(seq)
+        return None if seq % 3 == 1 else BaroSample(seq, truth.t_ns, truth.t_ns, 101325.0, 0.0, 15.0)
+
+
 def make(script: Script, *more: SensorSlot, **settings: Any) -> Scheduler:
     wiring = Wiring(
         physics=script,
@@ -199,3 +212,16 @@ def test_a_paced_run_never_runs_ahead_of_the_wall_clock() -> None:
     start = time.perf_counter_ns()
     run(scheduler, 26)
     assert time.perf_counter_ns() - start >= 25 * TICK_NS / 2
+
+
+def test_a_sample_that_drops_out_is_counted() -> None:
+    """The noise of a sample is keyed by its number, so it must not depend on which samples before it dropped out."""
+    script, sensor = Script(), DroppingSensor()
+    slot = SensorSlot(sensor, RateAccumulator(event_millihz=250_000, tick_millihz=250_000))
+    scheduler = make(script, slot)
+    for _ in range(7):
+        scheduler.step()
+    assert sensor.asked == list(range(7))
+    assert slot.samples == 7
+    recorded = [call[2].seq for call in script.calls if call[0] == "rec sample" and call[1] == "baro"]
+    assert recorded == [0, 2, 3, 5, 6]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from mcap_ros2.decoder import DecoderFactory
 
 from firmware_bridge.codecs.mavlink_frame import split_frames
+from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX
 from hil.run.recorder.reading import Recording, read_messages
 from hil.run.recorder.recorder import Recorder
@@ -281,10 +283,12 @@ def test_message_index_points_at_the_messages(path: Path) -> None:
 
 def test_range_and_flow_samples_are_bit_exact(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, mcap=True, tlog=False, tick_ns=TICK_NS)
+    half = math.sqrt(0.5)
+    recorder.describe("down", FrameDescription("down", (0.1, 0.0, -0.05), (half, 0.0, half, 0.0)))
     ranges, flows = [], []
     for tick in make_flight(20):
         k, t_ns = tick.tick, tick.t_ns
-        ranges.append(RangeSample(k, t_ns, t_ns, 0.1 * k + 1e-9, 0.3, 12.0, 0.02, k % 101))
+        ranges.append(RangeSample(k, t_ns, t_ns, 0.1 * k + 1e-9, 0.3, 12.0, 0.02, k % 101, (0.6, 0.0, -0.8)))
         flows.append(FlowSample(k, t_ns, t_ns, TICK_NS, (0.01 * k, -0.3), (0.1, 0.2 * k, 1e-12), k, -1.0, 30.0 + k))
         recorder.truth(tick.truth)
         recorder.sample("down", ranges[-1])
@@ -294,8 +298,16 @@ def test_range_and_flow_samples_are_bit_exact(tmp_path: Path) -> None:
         [ros for _, ros in decoded(tmp_path / "run.mcap", f"/{t}")] for t in ("down", "flow", "flow/temperature")
     )
     assert [(m.distance_m, m.min_distance_m, m.max_distance_m, m.sigma_m, m.quality) for m in down] == [
-        tuple(s[3:]) for s in ranges
+        tuple(s[3:8]) for s in ranges
     ]
+    assert {(m.axis.x, m.axis.y, m.axis.z) for m in down} == {(0.6, 0.0, -0.8)}
+    # The x axis of the frame of a sensor_msgs/Range is its beam: the frame is the sensor's own, placed by /tf_static.
+    assert {m.header.frame_id for _, m in decoded(tmp_path / "run.mcap", "/down/range")} == {"down"}
+    [(_, tf)] = decoded(tmp_path / "run.mcap", "/tf_static")
+    [mount] = tf.transforms
+    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "down")
+    assert (mount.transform.translation.x, mount.transform.translation.z) == (0.1, -0.05)
+    assert (mount.transform.rotation.w, mount.transform.rotation.y) == (half, half)
     assert [(m.integration_ns, tuple(m.flow_rad), tuple(m.gyro_rad), m.quality, m.distance_m) for m in flow] == [
         tuple(s[3:8]) for s in flows
     ]
