@@ -12,7 +12,6 @@ from types import ModuleType
 MOVED = {
     "hil.apps.flown_run": "hil.apps.fly.flown_run",
     "hil.apps.timing_test": "hil.apps.devices.timing_test",
-    "hil.autopilots": "hil.run.autopilots",
     "hil.bench": "hil.run.bench_run",
     "hil.bench_suite": "hil.apps.bench_suite",
     "hil.calibrate_command": "hil.apps.calibrate.command",

@@ -9,6 +9,9 @@ HEARTBEAT has MAV_STATE_CRITICAL (`any_failsafe_triggered`).
 from __future__ import annotations
 
 from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.ground_station.modes import ARDUPILOT as MAV_AUTOPILOT_ARDUPILOT
+from firmware_bridge.ground_station.projections import ardupilot_ned
+from firmware_bridge.manual.manual_control import ARDUCOPTER_MODES
 
 ARDUPILOT = Firmware(
     name="ArduPilot",
@@ -18,5 +21,8 @@ ARDUPILOT = Firmware(
         r"^crash: disarming",
         r"^terminating",
     ),
-    bytewise_params=False,
+    mav_autopilot=MAV_AUTOPILOT_ARDUPILOT,
+    first_mission_item=1,  # item 0 is home
+    project=ardupilot_ned,
+    manual_modes=ARDUCOPTER_MODES,
 )

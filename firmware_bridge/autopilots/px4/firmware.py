@@ -8,10 +8,16 @@ EVENTs are not read: their texts lie in a file of each build.
 from __future__ import annotations
 
 from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.ground_station.modes import PX4 as MAV_AUTOPILOT_PX4
+from firmware_bridge.ground_station.projections import px4_ned
+from firmware_bridge.manual.manual_control import PX4_MODES
 
 PX4 = Firmware(
     name="PX4",
+    mav_autopilot=MAV_AUTOPILOT_PX4,
     failsafe_texts=(r"^failsafe (?!warning|.*deactivated)", r"^flight terminat"),
     bytewise_params=True,
     airframe_parameter="SYS_AUTOSTART",
+    project=px4_ned,
+    manual_modes=PX4_MODES,
 )

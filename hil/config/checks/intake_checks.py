@@ -23,7 +23,7 @@ _NO_MAVLINK = "none"
 
 def intake_of(config: BenchConfig, name: str) -> Intake | None:
     """Return what the autopilot takes of a sensor that feeds it; None: nothing."""
-    return PROFILES[config.autopilot.kind].sensors.get(config.sensors[name].kind)
+    return config.autopilot.profile.sensors.get(config.sensors[name].kind)
 
 
 def untaken_sensors(config: BenchConfig) -> list[str]:
@@ -103,7 +103,7 @@ def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     """Report declared faults of sensors and of the link that cannot reach the autopilot."""
     unfit = {index for index, _, _ in fault_problems(config.faults.sensors, sample_types(config))}
     problems: list[Problem] = []
-    if config.faults.links and not PROFILES[config.autopilot.kind].link_faults:
+    if config.faults.links and not config.autopilot.profile.link_faults:
         message, hint = f"cannot be applied to {config.autopilot.kind}", "see faults.sensors and faults.rotors"
         problems.append(at(settings, ("faults", "links"), message, hint))
     for index, fault in enumerate(config.faults.sensors):
