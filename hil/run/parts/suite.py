@@ -43,7 +43,7 @@ class Settings(Section):
     folder: str = "."  # in which it runs
 
 
-class TestSuitePart(Part):
+class SuitePart(Part):
     name = "test_suite"
 
     def __init__(self, bench: Bench, settings: Settings) -> None:
@@ -133,4 +133,4 @@ class TestSuitePart(Part):
 
 
 def make(bench: Bench, settings: Settings) -> Part:
-    return TestSuitePart(bench, settings)
+    return SuitePart(bench, settings)
