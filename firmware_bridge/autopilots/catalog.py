@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Mapping
+from importlib import import_module
 
-from firmware_bridge.autopilots.ardupilot import sensors as ardupilot
-from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
-from firmware_bridge.autopilots.intake import Profile
-from firmware_bridge.autopilots.mock import sensors as mock
-from firmware_bridge.autopilots.mock.firmware import MOCK
-from firmware_bridge.autopilots.px4 import sensors as px4
-from firmware_bridge.autopilots.px4.firmware import PX4
+import firmware_bridge.autopilots
+from firmware_bridge.autopilots.profile import Profile
 
-PROFILES: Mapping[str, Profile] = {
-    "mock": Profile(MOCK, mock.SENSORS),
-    "mock_hitl": Profile(MOCK, mock.SENSORS),
-    "px4_sitl": Profile(PX4, px4.SENSORS),
-    "px4_hitl": Profile(PX4, px4.SENSORS),
-    "ardupilot_sitl": Profile(ARDUPILOT, ardupilot.SITL, link_faults=False),  # of its link only MAVLink has frames
-    "ardupilot_eahrs": Profile(ARDUPILOT, ardupilot.EXTERNAL_AHRS),
-}
+
+def _profiles() -> dict[str, Profile]:
+    """Import the modules of the folders here; return each `PROFILE` by its module's name, in the order of names."""
+    here = firmware_bridge.autopilots
+    found: dict[str, Profile] = {}
+    for folder in pkgutil.iter_modules(here.__path__, f"{here.__name__}."):
+        for module in pkgutil.iter_modules(import_module(folder.name).__path__) if folder.ispkg else ():
+            profile = getattr(import_module(f"{folder.name}.{module.name}"), "PROFILE", None)
+            if profile is not None:
+                found[module.name] = profile
+    return dict(sorted(found.items()))
+
+
+PROFILES: Mapping[str, Profile] = _profiles()
+SENSOR_KINDS = frozenset(kind for profile in PROFILES.values() for kind in profile.sensors)
+"""Kinds of sensors that some autopilot takes."""

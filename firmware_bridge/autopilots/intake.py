@@ -1,4 +1,4 @@
-"""Types of the profile of an autopilot: what it takes of the bench's sensors, and which of their faults reach it.
+"""Sensors in the profile of an autopilot: the fields that it takes, and the faults of them that reach it.
 
 `Profile.sensors` maps a kind of sensor ("gps") to one of
 
@@ -15,8 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
-
-from firmware_bridge.autopilots.firmware import Firmware
 
 _OF_FIELDS = ("offset", "drift", "stuck_bit")
 _AXES = "xyz"
@@ -94,15 +92,6 @@ class Simulated:
 
 
 Intake = Samples | Simulated
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Facts about an autopilot: the things of a bench that it takes."""
-
-    firmware: Firmware
-    sensors: Mapping[str, Intake]  # by kind of sensor
-    link_faults: bool = True  # False: faults.links cannot be applied to its link
 
 
 def _axis(change: Change) -> int:

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Protocol
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, TEMPORARILY_REJECTED, Commands
-from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params, mode_word
+from firmware_bridge.ground_station.modes import firmware_of, mode_params, mode_word
 from firmware_bridge.ground_station.vehicle_link import (
     VehicleLink,
     enum_name,
@@ -229,7 +229,7 @@ class ActionSource:
         if isinstance(do, SetMode):
             return _CommandJob(self._commands, _DO_SET_MODE, mode_params(autopilot, do.word), t_ns)
         if isinstance(do, SetParam):
-            return _ParamJob(self._link, do, bytewise=autopilot != ARDUPILOT, t_ns=t_ns)
+            return _ParamJob(self._link, do, bytewise=firmware_of(autopilot).bytewise_params, t_ns=t_ns)
         assert isinstance(do, RunCommand)
         return _CommandJob(self._commands, do.command, do.params, t_ns)
 

@@ -1,4 +1,4 @@
-"""Flight modes as words with the same meaning on every autopilot, and each autopilot's numbers for them.
+"""Flight modes as words with the same meaning on every autopilot; their numbers are in `Firmware.modes`.
 
     word        PX4                ArduPilot (Copter)   meaning
     MISSION     AUTO.MISSION       AUTO                 flies the uploaded mission
@@ -16,58 +16,18 @@ HOLD is not ArduPilot's LOITER, which follows the throttle stick: without stick 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from functools import cache
 
+from firmware_bridge.autopilots.firmware import Firmware, ModeNumber
 from firmware_bridge.ground_station.vehicle_link import enum_name, refused
 
 ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT, as in HEARTBEAT.autopilot
-
 _CUSTOM_MODE_ENABLED = 1.0  # MAV_MODE_FLAG: the mode is the autopilot's own number
 _SYNONYMS = {"GUIDED": "OFFBOARD", "AUTO": "MISSION"}
 
 
-class ModeNumber(NamedTuple):
-    """A mode in DO_SET_MODE, as param 2 and param 3, and in HEARTBEAT.custom_mode."""
-
-    main: int
-    sub: int
-    custom_mode: int
-
-
-def _px4(main: int, sub: int = 0) -> ModeNumber:
-    return ModeNumber(main, sub, main << 16 | sub << 24)  # px4_custom_mode.h
-
-
-def _ardupilot(number: int) -> ModeNumber:
-    return ModeNumber(number, 0, number)
-
-
-MODE_TABLE: Mapping[int, Mapping[str, ModeNumber]] = {
-    PX4: {
-        "MISSION": _px4(4, 4),
-        "HOLD": _px4(4, 3),
-        "RTL": _px4(4, 5),
-        "LAND": _px4(4, 6),
-        "TAKEOFF": _px4(4, 2),
-        "OFFBOARD": _px4(6),
-        "POSITION": _px4(3),
-        "ALTITUDE": _px4(2),
-        "STABILIZED": _px4(7),
-    },
-    ARDUPILOT: {
-        "MISSION": _ardupilot(3),
-        "HOLD": _ardupilot(17),
-        "RTL": _ardupilot(6),
-        "LAND": _ardupilot(9),
-        "OFFBOARD": _ardupilot(4),
-        "POSITION": _ardupilot(16),
-        "ALTITUDE": _ardupilot(2),
-        "STABILIZED": _ardupilot(0),
-    },
-}
-
-WORDS: tuple[str, ...] = (*MODE_TABLE[PX4], *_SYNONYMS)
+_MAIN_WORDS = ("MISSION", "HOLD", "RTL", "LAND", "TAKEOFF", "OFFBOARD", "POSITION", "ALTITUDE", "STABILIZED")
+WORDS: tuple[str, ...] = (*_MAIN_WORDS, *_SYNONYMS)
 """Every word for a mode that a script may use."""
 
 
@@ -76,10 +36,19 @@ def plain_word(word: str) -> str:
     return _SYNONYMS.get(word, word)
 
 
+@cache
+def firmware_of(autopilot: int) -> Firmware:
+    """Return the facts about the firmware with this MAV_AUTOPILOT; those of an unknown one are empty."""
+    from firmware_bridge.autopilots.catalog import PROFILES  # whose links and firmwares import this package
+
+    known = {profile.firmware.mav_autopilot: profile.firmware for profile in PROFILES.values() if profile.mavlink}
+    return known.get(autopilot, Firmware(name=enum_name("MAV_AUTOPILOT", autopilot), mav_autopilot=autopilot))
+
+
 def mode_number(autopilot: int, word: str) -> ModeNumber:
     """Return the numbers of mode `word` on `autopilot` (MAV_AUTOPILOT). HandshakeError if it has no such mode."""
-    modes = MODE_TABLE.get(autopilot)
-    if modes is None:
+    modes = firmware_of(autopilot).modes
+    if not modes:
         name = enum_name("MAV_AUTOPILOT", autopilot)
         raise refused(f"mode {word}: the modes of {name} are not known; use PX4 or ArduPilot")
     number = modes.get(plain_word(word))
@@ -97,7 +66,7 @@ def mode_params(autopilot: int, word: str) -> tuple[float, float, float]:
 
 def mode_word(autopilot: int, custom_mode: int) -> str:
     """Return the word for HEARTBEAT.custom_mode, or its number if there is none."""
-    for word, number in MODE_TABLE.get(autopilot, {}).items():
+    for word, number in firmware_of(autopilot).modes.items():
         if number.custom_mode == custom_mode:
             return word
     return f"custom mode {custom_mode:#x}"

@@ -21,7 +21,7 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.follower import DesiredQueue, Follower
-from firmware_bridge.ground_station.modes import ARDUPILOT, mode_number, mode_params, mode_word
+from firmware_bridge.ground_station.modes import firmware_of, mode_number, mode_params, mode_word
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import Step
 from firmware_bridge.ground_station.projections import AutopilotFrame, GeodeticFromW, Projection
@@ -107,7 +107,7 @@ class OffboardPilot(PhasedFlight):
         if self._not_ready_since_ns is not None or not self._frame.known:
             return False
         streaming = self._streaming_since_ns
-        return self._heartbeats.autopilot == ARDUPILOT or (
+        return firmware_of(self._heartbeats.autopilot).arms_in_guided or (
             streaming is not None and self._t_ns >= streaming + _STREAM_FIRST_NS
         )
 
@@ -147,8 +147,9 @@ class OffboardPilot(PhasedFlight):
             return
         autopilot = self._heartbeats.autopilot
         mode_number(autopilot, "OFFBOARD")  # raises early if there is no such mode
-        self._frame.set_autopilot(autopilot)
-        self._follower.plain_masks = autopilot == ARDUPILOT
+        firmware = firmware_of(autopilot)
+        self._frame.project_as(firmware.project)
+        self._follower.plain_masks = firmware.plain_masks
         self._enter(Phase.PREFLIGHT, t_ns)
 
     def _preflight(self, t_ns: int) -> None:
@@ -160,7 +161,7 @@ class OffboardPilot(PhasedFlight):
             self._check_preflight(t_ns, self._not_ready_since_ns, problem)
             return
         self._not_ready_since_ns = self._retry_ns = None
-        if self._heartbeats.autopilot != ARDUPILOT:
+        if not firmware_of(self._heartbeats.autopilot).arms_in_guided:
             if self._streaming_since_ns is None:
                 self._streaming_since_ns = t_ns
             if t_ns < self._streaming_since_ns + _STREAM_FIRST_NS:
@@ -211,8 +212,8 @@ class OffboardPilot(PhasedFlight):
             self._streaming_since_ns = t_ns
         applied = self._queue.current
         if applied is not None and applied.desired.land and armed and not self._commands.busy:
-            mode = "AUTO.LAND" if self._heartbeats.autopilot != ARDUPILOT else "LAND"
-            land = Step(f"enter mode {mode}", _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
+            autopilot = self._heartbeats.autopilot
+            land = Step(f"enter mode {firmware_of(autopilot).auto}LAND", _DO_SET_MODE, mode_params(autopilot, "LAND"))
             self._requests.begin(t_ns, (land,), self._preflight_limit_ns)
             self._enter(Phase.LANDING, t_ns)
             return
@@ -269,7 +270,7 @@ class OffboardPilot(PhasedFlight):
 def _start_steps(autopilot: int, height_m: float) -> tuple[Step, ...]:
     """Return the steps, in order, before set-points fly the vehicle."""
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
-    if autopilot == ARDUPILOT:
+    if firmware_of(autopilot).arms_in_guided:
         return (
             Step("enter mode GUIDED", _DO_SET_MODE, mode_params(autopilot, "GUIDED")),
             arm,

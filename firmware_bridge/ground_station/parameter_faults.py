@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from firmware_bridge.autopilots.intake import Change, Held
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
-from firmware_bridge.ground_station.modes import ARDUPILOT
+from firmware_bridge.ground_station.modes import firmware_of
 from firmware_bridge.ground_station.vehicle_link import VehicleLink, param_as_held, param_as_read, param_as_sent
 from signals.errors import HandshakeError
 from signals.time import NS_PER_MS, NS_PER_S
@@ -271,7 +271,7 @@ class ParameterFaults:
         self._due_ns = begin_ns + _HEARTBEAT_LIMIT_NS
 
     def _on_heartbeat(self, message: Any) -> None:
-        self._bytewise = message.autopilot != ARDUPILOT
+        self._bytewise = firmware_of(message.autopilot).bytewise_params
 
     def _on_param_value(self, message: Any) -> None:
         for parameter in self._parameters.values():

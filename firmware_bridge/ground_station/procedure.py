@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from firmware_bridge.ground_station.commands import FAILED, TEMPORARILY_REJECTED
-from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
+from firmware_bridge.ground_station.modes import firmware_of, mode_params
 from signals.mission import MissionItem
 
 _DO_SET_MODE = 176
@@ -40,32 +40,28 @@ class Step(NamedTuple):
 def start_steps(autopilot: int) -> tuple[Step, ...]:
     """Return the steps, in order, with which `autopilot` (MAV_AUTOPILOT) flies the mission that it has stored."""
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
-    if autopilot == ARDUPILOT:
+    firmware = firmware_of(autopilot)
+    if firmware.arms_in_guided:
         return (
             Step("enter mode GUIDED", _DO_SET_MODE, mode_params(autopilot, "GUIDED")),
             arm,
             Step("start the mission", _MISSION_START, (0.0, 0.0)),
         )
-    return (Step("enter mode AUTO.MISSION", _DO_SET_MODE, mode_params(autopilot, "MISSION")), arm)
+    return (Step(f"enter mode {firmware.auto}MISSION", _DO_SET_MODE, mode_params(autopilot, "MISSION")), arm)
 
 
 def declined_for_now(autopilot: int) -> tuple[int, ...]:
-    """Return results that may change within seconds. ArduPilot answers FAILED while it is not yet ready."""
-    return (TEMPORARILY_REJECTED, FAILED) if autopilot == ARDUPILOT else (TEMPORARILY_REJECTED,)
-
-
-def first_seq(autopilot: int) -> int:
-    """Return the autopilot's number of the mission's first item."""
-    return 1 if autopilot == ARDUPILOT else 0
+    """Return results that may change within seconds."""
+    return (TEMPORARILY_REJECTED, FAILED) if firmware_of(autopilot).fails_until_ready else (TEMPORARILY_REJECTED,)
 
 
 def items_for(autopilot: int, items: Sequence[MissionItem]) -> tuple[MissionItem, ...]:
     """Return `items` in the form that `autopilot` accepts."""
-    if autopilot != ARDUPILOT:
+    shift = firmware_of(autopilot).first_mission_item
+    if not shift:
         return tuple(_in_mission_frame(item) for item in items)
-    shift = first_seq(autopilot)
     home = MissionItem(0, _FRAME_GLOBAL, _WAYPOINT, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
-    return (home, *(_ardupilot_item(item, shift) for item in items))
+    return (home, *(_after_home(item, shift) for item in items))
 
 
 def _in_mission_frame(item: MissionItem) -> MissionItem:
@@ -76,7 +72,7 @@ def _in_mission_frame(item: MissionItem) -> MissionItem:
     return item._replace(frame=_FRAME_MISSION, lat_degE7=x, lon_degE7=y)
 
 
-def _ardupilot_item(item: MissionItem, shift: int) -> MissionItem:
+def _after_home(item: MissionItem, shift: int) -> MissionItem:
     params = [0.0 if math.isnan(p) else p for p in item[5:9]]
     if item.command == _DO_JUMP:
         params[0] += shift

@@ -19,7 +19,6 @@ from collections.abc import Callable
 from math import sqrt
 from typing import Any, NamedTuple
 
-from firmware_bridge.ground_station.modes import ARDUPILOT
 from signals._kernel import det_atan2, det_cos, det_sin
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
@@ -107,7 +106,7 @@ def _wrapped_deg(angle_deg: float) -> float:
 class AutopilotFrame:
     """The autopilot's local frame: its origin, the vehicle's position in it, and the conversion from W.
 
-    `project`: the autopilot's projection; None: chosen by the kind of autopilot, see `set_autopilot`.
+    `project`: the autopilot's projection; None: that of the connected firmware, see `project_as`.
     """
 
     def __init__(self, geodetic_from_W: GeodeticFromW, project: Projection | None) -> None:
@@ -117,10 +116,10 @@ class AutopilotFrame:
         self.p_N: Vec3 | None = None  # the vehicle's, as last reported
         self._place: Place | None = None
 
-    def set_autopilot(self, autopilot: int) -> None:
-        """Choose the projection of this autopilot (MAV_AUTOPILOT)."""
+    def project_as(self, project: Projection | None) -> None:
+        """Take the projection of the connected firmware, unless one was given."""
         if self._project is None:
-            self._project = ardupilot_ned if autopilot == ARDUPILOT else px4_ned
+            self._project = project
 
     @property
     def known(self) -> bool:

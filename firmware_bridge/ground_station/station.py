@@ -17,9 +17,9 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.mission_upload import MissionUpload
-from firmware_bridge.ground_station.modes import ARDUPILOT, mode_params
+from firmware_bridge.ground_station.modes import firmware_of, mode_params
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
-from firmware_bridge.ground_station.procedure import first_seq, items_for, start_steps
+from firmware_bridge.ground_station.procedure import items_for, start_steps
 from firmware_bridge.ground_station.vehicle_link import refused
 from signals.mission import MissionItem
 from signals.time import NS_PER_S
@@ -82,8 +82,9 @@ class GroundStation(PhasedFlight):
             return
         if self._fly:
             autopilot = self._heartbeats.autopilot
-            self._progress.first_seq = first_seq(autopilot)
-            self._upload.start(t_ns, items_for(autopilot, self._mission), retry_refusals=autopilot == ARDUPILOT)
+            firmware = firmware_of(autopilot)
+            self._progress.first_seq = firmware.first_mission_item
+            self._upload.start(t_ns, items_for(autopilot, self._mission), retry_refusals=firmware.fails_until_ready)
             self._enter(Phase.UPLOADING, t_ns)
         else:
             self._enter(Phase.ARMING, t_ns)
@@ -94,7 +95,7 @@ class GroundStation(PhasedFlight):
             self._enter(Phase.PREFLIGHT, t_ns)
 
     def _preflight(self, t_ns: int) -> None:
-        if self._progress.current > 0 and self._heartbeats.autopilot != ARDUPILOT:
+        if self._progress.current > 0 and firmware_of(self._heartbeats.autopilot).resumes_missions:
             self._go_to_first_item(t_ns)
         elif self._health.ready(t_ns) and self.may_arm():
             self._enter(Phase.ARMING, t_ns)

@@ -6,13 +6,16 @@ import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
 from firmware_bridge.links.child_process import ChildProcess
 from signals.errors import LinkClosed, LinkError
 from signals.latency import LatencyHistogram
-from signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
+from signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample, TruthState, Vec3
+
+if TYPE_CHECKING:
+    from firmware_bridge.links.realtime.health import Finding, Punctuality
 
 # The bench's MAVLink address: neither the ground station's (255) nor that of any vehicle.
 SIMULATOR_SYSID, SIMULATOR_COMPID = 254, 200
@@ -27,7 +30,7 @@ class LinkCaps:
     """Capabilities of a link. The bench branches on these facts, never on the class of a link."""
 
     kind: str  # its name in a bench file
-    lockstep: bool  # simulated time stands still until the autopilot has answered; if not, the link has `begin`
+    lockstep: bool  # simulated time stands still until the autopilot has answered; if not, it has `begin`
     deterministic: bool  # the same input bytes give the same output bytes in every run
     boot_sensors: int | None  # HIL_SENSORs that a booting autopilot does not answer; None: unknown
     busy_processors: int = 1  # processors that the autopilot keeps busy, where it runs on this machine
@@ -150,6 +153,22 @@ class AutopilotLink:
         disconnected. InvalidControls: the answer's controls are not numbers, or out of range.
         """
         raise NotImplementedError
+
+    def begin(self, tick: int) -> ActuatorFrame | None:
+        """Wait for a tick's time on the wall clock, and return the newest command (free-running links only)."""
+        raise NotImplementedError
+
+    def observe(self, truth: TruthState, wind_W_mps: Vec3) -> None:
+        """Take the true state of the vehicle and the wind there [m/s, W], before `send` (`caps.takes_truth` only)."""
+        raise NotImplementedError
+
+    def punctuality(self) -> Punctuality | None:
+        """Return the timing of a free-running link so far; None before `open`, and in lockstep, where it has none."""
+        return None
+
+    def findings(self) -> Sequence[Finding]:
+        """Return the faults in this run's timing that affect the autopilot."""
+        return ()
 
     @property
     def stats(self) -> LinkStats:

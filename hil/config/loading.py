@@ -34,7 +34,7 @@ from hil.config.scenes import read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
 from hil.config.sensors import radar_checks
 from hil.config.sensors.noise import noise_problems
-from hil.config.sensors.resolve import FLIGHT_KINDS, resolve_sensors, sample_types
+from hil.config.sensors.resolve import resolve_sensors, sample_types
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from signals.documents.yaml_lines import read_yaml
@@ -280,8 +280,7 @@ class BenchLoading:
             if config is not None and scene is not None and not self.complete:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not sensor_problems:
-            autopilot_kinds = config.autopilot_sensors()
-            missing = [kind for kind in FLIGHT_KINDS if kind not in autopilot_kinds]
+            missing = config.missing_sensors()
             if missing:
                 message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a mission"
                 self.problems.append(at(self.settings, ("sensors",), message))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -20,14 +21,12 @@ from mcap_ros2.decoder import DecoderFactory
 import firmware_bridge._native
 import signals._kernel
 import sim._kernels
-from firmware_bridge.transports.transport import Transport
 from hil.config import load_bench
-from hil.run.autopilots.surroundings import Surroundings, make_link
 from hil.run.bench_run import run_bench
 from sim.sensors.kinds import KINDS
 
 TEXT = (Path(__file__).resolve().parents[2] / "CONTRIBUTING.md").read_text()
-BLOCKS = re.findall(r"```(?:python|yaml|cpp)\n(?:#|//) (\S+)\n(.*?)```", TEXT, re.DOTALL)
+BLOCKS = re.findall(r"```(?:python|yaml|cpp)\n(?:#!.*?\n)?(?:#|//) (\S+)\n(.*?)```", TEXT, re.DOTALL)
 SHORT = ["autopilot.transport=loopback", "record.tlog=false", "record.report=false"]
 
 
@@ -189,24 +188,57 @@ def test_a_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert any(row["name"] == "above_ceiling_s" and not row["ok"] for row in result.run["verdict"]["rows"])
 
 
-def test_an_autopilot_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module("hil/run/autopilots/other_hitl.py", monkeypatch)
-    bench = load_bench(settings=SHORT)
-    main, far = os.openpty()
-    port = os.ttyname(far)
-    autopilot = bench.config.autopilot.model_copy(update={"kind": "other_hitl", "port": port})
-    bench = type(bench)(**vars(bench) | {"config": bench.config.model_copy(update={"autopilot": autopilot})})
-    wrapped: list[Transport] = []
+_TREE = ("signals", "sim", "firmware_bridge", "hil", "rigs")
+_IN_THE_COPY = """
+import sys
+sys.meta_path = [finder for finder in sys.meta_path if not type(finder).__name__.startswith("ScikitBuild")]
+sys.path.insert(0, sys.argv.pop(1))
+from hil.cli.entry import main
+main()
+"""
 
-    def wrap(transport: Transport) -> Transport:
-        wrapped.append(transport)
-        return transport
 
-    link = make_link(
-        bench,
-        Surroundings(tmp_path, wrap, lambda _kind, _text: None, lambda _kind, _text: None, (47.0, 8.0, 400.0, 0.0)),
-    )
-    assert link.caps.kind == "other_hitl"
-    assert port in wrapped[0].name
-    os.close(main)
-    os.close(far)
+@pytest.mark.slow
+def test_an_autopilot(tmp_path: Path) -> None:
+    """Follow the recipe in a copy of the tree: three files and a rig, and `hil` knows, checks and flies the kind."""
+    root, tree = Path(__file__).resolve().parents[2], tmp_path / "tree"
+    for package in _TREE:
+        shutil.copytree(root / package, tree / package, ignore=shutil.ignore_patterns("__pycache__", "native"))
+    shutil.copy(root / "hil.yaml", tree)
+    for kernel in (sim._kernels, signals._kernel, firmware_bridge._native):
+        shutil.copy(kernel.__file__, tree / kernel.__name__.partition(".")[0])
+    written = {name: source for name, source in BLOCKS if "betaflight" in name}
+    assert len(written) == 4
+    for name, source in written.items():
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / name).write_text(source)
+    fake = tree / "tests/worlds/fake_betaflight.py"
+    fake.write_text(f"#!{sys.executable}\n{fake.read_text()}")
+    fake.chmod(0o755)
+
+    def hil(*arguments: str) -> tuple[int, str]:
+        command = [sys.executable, "-c", _IN_THE_COPY, str(tree), *arguments, "--rig", "betaflight_sitl"]
+        done = subprocess.run(command, cwd=tree, capture_output=True, text=True, check=False)
+        return done.returncode, " ".join((done.stdout + done.stderr).split())
+
+    status, said = hil("check")
+    assert status == 2, said
+    assert "autopilot.binary must name your own build of the firmware" in said
+    assert "mission needs MAVLink, which betaflight_sitl does not speak" in said
+    own = ["--set", f"autopilot.binary={fake}", "--set", "mission=null", "--set", "duration_s=6"]
+    status, said = hil("check", *own)
+    assert status == 0, said
+    status, said = hil("check", *own, "--set", "autopilot.airframe=iris")
+    assert (status, "autopilot.airframe: has no meaning for betaflight_sitl" in said) == (2, True), said
+    runs = []
+    for number in range(2):
+        status, said = hil("run", *own, "--out", str(tmp_path / str(number)))
+        assert status == 0, said
+        runs.append(json.loads((tmp_path / str(number) / "run.json").read_text()))
+    assert runs[0]["autopilot"]["kind"] == "betaflight_sitl"
+    assert runs[0]["autopilot"]["steps"] == 6 * 250
+    assert runs[0]["digest"] == runs[1]["digest"]
+    with (tmp_path / "0" / "run.mcap").open("rb") as file:
+        poses = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(topics=["/truth/pose"])
+        heights_m = [pose.pose.position.z for _, _, _, pose in poses]
+    assert heights_m[-1] == pytest.approx(2.0, abs=0.1)

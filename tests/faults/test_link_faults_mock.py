@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from firmware_bridge.autopilots.mock.mock import mock_command
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.phased_flight import Phase
@@ -23,7 +24,6 @@ from firmware_bridge.transports.pty import PtyTransport
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench, load_bench
 from hil.config.missions.path import planned_path
-from hil.run.autopilots.mock import mock_command
 from hil.run.loop.scheduler import Scheduler, SensorSlot, Wiring
 from hil.run.verdict.verdict import FlightMeasurement, judge
 from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound

@@ -8,7 +8,21 @@ HEARTBEAT has MAV_STATE_CRITICAL (`any_failsafe_triggered`).
 
 from __future__ import annotations
 
-from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.autopilots.firmware import Firmware, ModeNumber
+from firmware_bridge.ground_station.modes import ARDUPILOT as MAV_AUTOPILOT_ARDUPILOT
+from firmware_bridge.ground_station.projections import ardupilot_ned
+from firmware_bridge.manual.manual_control import ARDUCOPTER_MODES
+
+_COPTER_MODES = {
+    "MISSION": 3,
+    "HOLD": 17,
+    "RTL": 6,
+    "LAND": 9,
+    "OFFBOARD": 4,
+    "POSITION": 16,
+    "ALTITUDE": 2,
+    "STABILIZED": 0,
+}
 
 ARDUPILOT = Firmware(
     name="ArduPilot",
@@ -18,5 +32,12 @@ ARDUPILOT = Firmware(
         r"^crash: disarming",
         r"^terminating",
     ),
-    bytewise_params=False,
+    mav_autopilot=MAV_AUTOPILOT_ARDUPILOT,
+    first_mission_item=1,
+    arms_in_guided=True,
+    fails_until_ready=True,
+    plain_masks=True,
+    modes={word: ModeNumber(number, 0, number) for word, number in _COPTER_MODES.items()},
+    project=ardupilot_ned,
+    manual_modes=ARDUCOPTER_MODES,
 )

@@ -1,11 +1,16 @@
-"""Facts about the firmware of the mock Pixhawk (`firmware_bridge.mock_pixhawk.flight.failsafe`)."""
+"""Facts about the firmware of the mock Pixhawk (`mock_pixhawk/flight/failsafe.py`), which speaks as PX4."""
 
 from __future__ import annotations
 
-from firmware_bridge.autopilots.firmware import Firmware
+from dataclasses import replace
 
-MOCK = Firmware(
+from firmware_bridge.autopilots.px4.firmware import PX4
+from signals._kernel import tangent_ned
+
+MOCK = replace(
+    PX4,
     name="mock",
     failsafe_texts=(r"^failsafe", r"^flight termination"),  # the other texts come with MAV_STATE_CRITICAL
-    bytewise_params=True,
+    airframe_parameter="",
+    project=tangent_ned,
 )

@@ -7,11 +7,35 @@ EVENTs are not read: their texts lie in a file of each build.
 
 from __future__ import annotations
 
-from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.autopilots.firmware import Firmware, ModeNumber
+from firmware_bridge.ground_station.modes import PX4 as MAV_AUTOPILOT_PX4
+from firmware_bridge.ground_station.projections import px4_ned
+from firmware_bridge.manual.manual_control import PX4_MODES
+
+
+def _mode(main: int, sub: int = 0) -> ModeNumber:
+    return ModeNumber(main, sub, main << 16 | sub << 24)  # px4_custom_mode.h
+
 
 PX4 = Firmware(
     name="PX4",
+    mav_autopilot=MAV_AUTOPILOT_PX4,
     failsafe_texts=(r"^failsafe (?!warning|.*deactivated)", r"^flight terminat"),
     bytewise_params=True,
     airframe_parameter="SYS_AUTOSTART",
+    project=px4_ned,
+    resumes_missions=True,
+    auto="AUTO.",
+    modes={
+        "MISSION": _mode(4, 4),
+        "HOLD": _mode(4, 3),
+        "RTL": _mode(4, 5),
+        "LAND": _mode(4, 6),
+        "TAKEOFF": _mode(4, 2),
+        "OFFBOARD": _mode(6),
+        "POSITION": _mode(3),
+        "ALTITUDE": _mode(2),
+        "STABILIZED": _mode(7),
+    },
+    manual_modes=PX4_MODES,
 )

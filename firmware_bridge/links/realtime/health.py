@@ -20,6 +20,7 @@ from typing import Literal
 
 from firmware_bridge.links.realtime.deadline_schedule import DeadlineSchedule
 from firmware_bridge.links.realtime.sender import SendStats
+from firmware_bridge.links.timesync import TimeSync
 from signals.latency import LatencyHistogram
 from signals.time import NS_PER_MS
 
@@ -79,6 +80,17 @@ class Finding:
 
     level: Literal["warning", "error"]
     text: str
+
+
+@dataclass(frozen=True)
+class Punctuality:
+    """Timing of the samples sent to a free-running autopilot, and of its motor commands, so far."""
+
+    sent: SendStats
+    age: ActuatorAge
+    schedule: DeadlineSchedule
+    clock: TimeSync
+    reconnects: int
 
 
 def judge_sending(stats: SendStats, schedule: DeadlineSchedule | None = None) -> list[Finding]:

@@ -28,7 +28,14 @@ from firmware_bridge.links.autopilot_link import (
 )
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.realtime.deadline_schedule import DeadlineSchedule
-from firmware_bridge.links.realtime.health import GAP_NS, ActuatorAge, Finding, judge_actuators, judge_sending
+from firmware_bridge.links.realtime.health import (
+    GAP_NS,
+    ActuatorAge,
+    Finding,
+    Punctuality,
+    judge_actuators,
+    judge_sending,
+)
 from firmware_bridge.links.realtime.paced_line import PacedLine
 from firmware_bridge.links.realtime.sender import SendStats
 from firmware_bridge.links.timesync import TIMESYNC, TimeSync
@@ -130,6 +137,11 @@ class RealtimeLink(AutopilotLink):
     def send_stats(self) -> SendStats | None:
         """Return the counts of samples sent and of their lateness; None before `open`."""
         return None if self._line is None else self._line.stats()
+
+    def punctuality(self) -> Punctuality | None:
+        """Return the timing of the samples sent and of the motor commands; None before `open`."""
+        sent = self.send_stats()
+        return None if sent is None else Punctuality(sent, self.age, self.schedule, self.timesync, self.reconnects)
 
     def findings(self) -> list[Finding]:
         """Return the faults in this run's timing that affect the autopilot."""

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.apps.airsim.api.catalog import method_table
 from hil.apps.airsim.clock import CallsClock, WallClock
 from hil.apps.airsim.rpc.server import RpcServer
@@ -122,11 +123,11 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
         if served is not None:
             log(f"{key} is ignored: hil airsim serves AirSim's clients only")
 
-    def rig(family: str) -> Bench:
-        own = bench.config.autopilot.kind.startswith(family)
+    def rig(name: str) -> Bench:
+        own = bench.config.autopilot.profile.firmware == PROFILES[name].firmware
         return load_bench(
             choice.config,
-            rig=None if own else f"{family}_sitl",
+            rig=None if own else name,
             scene=scene or None,
             settings=(f"tick_hz={NS_PER_S // TICK_NS}",),
             flown=False,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.apps.airsim.client_files import ClientFiles
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.pictures.cameras import Cameras
@@ -41,7 +42,8 @@ CALLS_EPOCH_NS = 1_700_000_000 * NS_PER_S  # time stamps of the clock `calls` be
 MOST_VEHICLES = 200  # after which clients cannot add any
 _SETTLED_M = 1e-3  # a vehicle that stands this near the place in its settings is at 0, 0, 0
 
-RIGS = {"PX4Multirotor": "px4", "ArduCopter": "ardupilot"}
+# The rig of each VehicleType of settings.json that simple_flight does not fly, named as its kind of autopilot.
+RIGS = {profile.airsim_type: kind for kind, profile in PROFILES.items() if profile.airsim_type}
 
 Log = Callable[[str], None]
 Rigs = Callable[[str], Bench]
@@ -52,7 +54,7 @@ class Simulation:
 
     def __init__(self, bench: Bench, settings: AirSimSettings, log: Log, rigs: Rigs | None = None) -> None:
         """`bench`: its scene, the model of every multirotor, the start as AirSim's origin, wind, effects and radars.
-        `rigs` returns the bench with an autopilot of a kind, "px4" or "ardupilot", that ticks every TICK_NS.
+        `rigs` returns the bench of a rig that ticks every TICK_NS.
 
         Raises ConfigError for vehicles that cannot start.
         """

@@ -216,7 +216,7 @@ class Campaign:
 def repeats(bench: Bench) -> bool:
     """Return True if a second flight of `bench` has the same digest; run.json tells for certain."""
     benches = bench.vehicles.values() or (bench,)
-    return all(b.config.autopilot.kind == "mock" and not b.config.companion.times_count for b in benches)
+    return all(b.config.autopilot.profile.repeatable and not b.config.companion.times_count for b in benches)
 
 
 def is_chosen(case: str, share: float) -> bool:

@@ -147,12 +147,11 @@ def fly(job: Job, slot: Slot = ONLY) -> Outcome:
 def _flown(job: Job, slot: Slot, folder: Path) -> Outcome:
     from hil.apps.campaign.engines.ports import with_own_ports
     from hil.config import load_bench
-    from hil.config.schema import PROGRAM_KINDS
     from hil.run.bench_run import run_bench
 
     record = [f"record.{key}={str(value).lower()}" for key, value in _RECORD[job.recording].items()]
     bench = with_own_ports(load_bench(job.bench, settings=[*job.texts, *record]), slot.number)
-    if bench.config.autopilot.kind in PROGRAM_KINDS and slot.processors:
+    if bench.config.autopilot.profile.is_program and slot.processors:
         os.sched_setaffinity(0, slot.processors)  # bench and autopilot take turns on one of them
     result = run_bench(bench, folder, quiet=True)
     if (result.run["error"] or {}).get("type") == "Interrupted":

@@ -34,6 +34,8 @@ class DashboardPart(Part):
 
     def build(self, run: RunContext) -> None:
         config = run.bench.config
+        if not config.autopilot.profile.mavlink:
+            return
 
         def page_source() -> ManualControlSource:
             settings = manual_settings(config)

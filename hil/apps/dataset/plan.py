@@ -18,12 +18,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.apps.dataset.trajectory import waypoints_text
 from hil.config import Bench, BenchConfig, SensorConfig, load_bench, site_of
 from hil.config.files import find
 from hil.config.missions import load_mission
 from hil.config.schema import Record
-from hil.config.sensors.resolve import FLIGHT_KINDS
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -223,7 +223,7 @@ def _flight_problems(config: BenchConfig, where: str) -> list[Problem]:
     problems = []
     if not config.autopilot.lockstep:
         kind = config.autopilot.kind
-        hint = "choose the rig mock, px4_sitl or ardupilot_sitl"
+        hint = f"choose a rig of these: {', '.join(name for name, profile in PROFILES.items() if profile.lockstep)}"
         message = f"has a free-running autopilot ({kind}), which does not wait for frames: some would be lost"
         problems.append(Problem(where, message, hint))
     if config.companion.on:
@@ -248,7 +248,7 @@ def _problems(bench: Bench, where: str) -> list[Problem]:
     if bench.mission is None and bench.script is None and config.dataset.trajectory is None:
         hint = "set `mission`, or `dataset: {trajectory: {preset: square}}`"
         problems.append(Problem(where, "flies nothing: it has neither a mission nor a trajectory", hint))
-    missing = [kind for kind in FLIGHT_KINDS if kind not in config.autopilot_sensors()]
+    missing = config.missing_sensors()
     if config.dataset.trajectory is not None and missing:
         message = f"must hold a {' and a '.join(missing)} that feeds the flight controller: it flies a course"
         problems.append(Problem(f"{where}: sensors", message))

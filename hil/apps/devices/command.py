@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from rich.console import Console
 from rich.markup import escape
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.devices.inventory import (
     NO_PORT_ACCESS,
@@ -19,7 +20,6 @@ from firmware_bridge.devices.inventory import (
     port_hint,
     usb_ids,
 )
-from firmware_bridge.devices.usb_boards import PX4
 from firmware_bridge.devices.watch import Change, DeviceWatch
 from firmware_bridge.links.px4.hitl_setup import HitlSetup, await_autopilot
 from firmware_bridge.transports.serial import SerialTransport
@@ -96,8 +96,7 @@ def _print_tables(console: Console, devices: Devices) -> None:
                 _note(console, f"{a.product or a.board}: {note}")
         usable = next((a for a in devices.autopilots if a.port and a.ports[0].accessible), None)
         if usable is not None:
-            # ArduPilot uses the USB port for MAVLink only and receives sensor data on a second serial port.
-            rig, key = ("px4_hitl", "port") if PX4 in usable.firmwares else ("ardupilot_eahrs", "mavlink_port")
+            rig, key = _rig_and_key(usable)
             _note(console, f"to fly with it: hil run --rig {rig} --set autopilot.{key}={usable.port}")
     else:
         _note(console, _NO_AUTOPILOT)
@@ -128,6 +127,12 @@ def _print_tables(console: Console, devices: Devices) -> None:
         _note(console, _NO_GAMEPAD)
     for note in devices.notes:
         console.print(f"[yellow]note:[/] {escape(note)}", soft_wrap=True, markup=True)
+
+
+def _rig_and_key(board: Autopilot) -> tuple[str, str]:
+    """Return the rig, named as its kind of autopilot, for a board's first firmware, and the key of its USB port."""
+    flown = {p.firmware.name: (kind, p.usb_port) for kind, p in PROFILES.items() if p.usb_port}
+    return next(flown[firmware] for firmware in board.firmwares if firmware in flown)
 
 
 def _autopilot_rows(a: Autopilot) -> list[tuple[str, ...]]:

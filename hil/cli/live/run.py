@@ -59,7 +59,7 @@ def run(o: RunOptions) -> None:
 
     choice = BenchChoice(o.config, o.rig, o.scene, o.mission, o.seed, tuple(o.settings or ()))
     if o.print_command:
-        from hil.run.autopilots.start_command import start_command
+        from hil.run.autopilot import start_command
 
         with exit_on_error():
             console.print(start_command(choice.load(), o.out or Path()), markup=False)

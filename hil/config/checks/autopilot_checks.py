@@ -2,37 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
 
-from firmware_bridge.links.px4.sitl import airframe_problem
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config.checks.program_checks import program_problem
 from hil.config.layers import Settings
-from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, Autopilot, BenchConfig, MockFaults
-from signals.documents.validate import COMMAND_LINE, Located, at, nearest
+from hil.config.schema import Autopilot, BenchConfig
+from signals.documents.validate import COMMAND_LINE, at
 from signals.errors import Problem
 
-# Key of the section `autopilot` -> kinds of real firmware that have it.
-_KEYS_OF_KINDS = {
-    "binary": PROGRAM_KINDS | {"ardupilot_eahrs"},
-    "arguments": PROGRAM_KINDS | {"ardupilot_eahrs"},
-    "env": {"px4_sitl"},
-    "port": {"px4_hitl", "ardupilot_eahrs"},
-    "mavlink_port": {"ardupilot_sitl", "ardupilot_eahrs"},
-    "airframe": {"px4_sitl", "px4_hitl"},
-}
-# How to make the program that each kind starts.
-_PROGRAM_MAKES = {
-    "px4_sitl": "`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4",
-    "ardupilot_sitl": "`./waf configure --board sitl && ./waf copter` in ardupilot makes build/sitl/bin/arducopter",
-}
-# Kind whose builds come with a list of their airframes -> what is wrong with a name or number, and what to do.
-_AIRFRAME_CHECKS: dict[str, Callable[[Path, str], tuple[str, str] | None]] = {"px4_sitl": airframe_problem}
-# Kinds of boards, which report only the number of their airframe.
-_AIRFRAME_NUMBERS = frozenset({"px4_hitl"})
-_PROGRAM_MAKES["ardupilot_eahrs"] = _PROGRAM_MAKES["ardupilot_sitl"]
+# Keys of the section that only some kinds have.
+_KEYS_OF_KINDS = sorted(frozenset().union(*(profile.keys for profile in PROFILES.values())))
+_HINTS = {"faults": "see faults.links for faults of any link"}
 
 
 def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
@@ -43,29 +24,15 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
         problems.append(at(settings, ("autopilot", key), message, hint))
 
     autopilot = config.autopilot
+    profile = autopilot.profile
+    for key in _KEYS_OF_KINDS:
+        given = getattr(autopilot, key) != Autopilot.model_fields[key].get_default(call_default_factory=True)
+        if given and key not in profile.keys:
+            hint = _HINTS.get(key, "leave it out or choose another rig")
+            report(key, f"has no meaning for {autopilot.kind}", hint)
     if autopilot.transport == "loopback" and autopilot.port is not None:
         report("port", "has no meaning with the transport 'loopback'", "leave it out")
-    if autopilot.is_mock:
-        if not autopilot.start and autopilot.port is None:
-            report("start", "is false, but autopilot.port is not set")
-        for key in ("binary", "mavlink_port", "arguments", "env"):
-            if getattr(autopilot, key):
-                report(key, "has no meaning for the mock autopilot", "leave it out or choose another rig")
-        if autopilot.airframe is not None and autopilot.airframe not in MOCK_AIRFRAMES:
-            hint = nearest(autopilot.airframe, MOCK_AIRFRAMES)
-            report("airframe", f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
-        problems += _param_problems(autopilot.params, settings)
-    elif autopilot.faults != MockFaults():
-        report("faults", "are only for the mock autopilot", "see faults.links for faults of any link")
-    if autopilot.transport == "loopback" and autopilot.kind != "mock":
-        report("transport", "is 'loopback', which only the mock in lockstep can", "leave it out")
-    for key, kinds in _KEYS_OF_KINDS.items():
-        given = getattr(autopilot, key) != Autopilot.model_fields[key].get_default(call_default_factory=True)
-        if given and autopilot.kind not in kinds and not autopilot.is_mock:
-            report(key, f"has no meaning for {autopilot.kind}", "leave it out or choose another rig")
-    if autopilot.on_restart != "error" and autopilot.kind != "ardupilot_sitl":
-        report("on_restart", f"has no meaning for {autopilot.kind}", "leave it out")
-    if autopilot.kind in PROGRAM_KINDS:
+    if profile.is_program:
         for key in ("params", "arguments", "env"):
             if getattr(autopilot, key) and not autopilot.start:
                 message = "has no effect: the bench does not start the autopilot (autopilot.start is false)"
@@ -74,44 +41,29 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
             message = "must name your own build of the firmware, which the bench starts"
             hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"
             report("binary", message, hint)
-    if autopilot.binary is not None and autopilot.start and autopilot.kind in _PROGRAM_MAKES:
-        problem = program_problem(Path(str(autopilot.binary)).expanduser(), autopilot.kind)
+    if autopilot.binary is not None and autopilot.start and profile.program is not None:
+        problem = program_problem(Path(str(autopilot.binary)).expanduser(), profile.program)
         if problem is not None:
-            report("binary", problem, _PROGRAM_MAKES[autopilot.kind])
-    if autopilot.airframe is not None:
-        check = _AIRFRAME_CHECKS.get(autopilot.kind)
-        if (
-            check is not None
-            and autopilot.binary is not None
-            and (found := check(Path(autopilot.binary), autopilot.airframe))
-        ):
-            report("airframe", *found)
-        if autopilot.kind in _AIRFRAME_NUMBERS and not autopilot.airframe.isdigit():
-            message = f"must be a number, not {autopilot.airframe!r}: it is compared with the board's SYS_AUTOSTART"
-            report("airframe", message, "choose the airframe in the ground station")
+            report("binary", problem, profile.program.makes)
+    for place, message, hint in profile.misfits(autopilot):
+        if place[:-1] == ("autopilot", "params") and settings.where(place).startswith(COMMAND_LINE):
+            hint = hint.replace("did you mean '", "did you mean 'autopilot.params.", 1)
+        problems.append(at(settings, place, message, hint))
     if autopilot.mavlink_port == "none" and config.mission is not None:
         report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
-    return problems
+    return problems + _mavlink_problems(config, settings)
 
 
-@cache
-def _table() -> ParamTable:
-    return ParamTable.of_firmware(hitl=True)
-
-
-def _param_problems(params: Mapping[str, float], located: Located) -> list[Problem]:
-    """Report parameters that the mock autopilot does not have or whose values are out of range."""
-    problems: list[Problem] = []
-    for name, value in params.items():
-        place = ("autopilot", "params", name)
-        param = _table().find(name)
-        if param is None:
-            hint = nearest(name, _table().names())
-            if not hint.startswith("did"):
-                hint = "names are PX4's; the mock has those in firmware_bridge/mock_pixhawk/parameters/parameters.txt"
-            elif located.where(place).startswith(COMMAND_LINE):
-                hint = hint.replace("'", "'autopilot.params.", 1)
-            problems.append(at(located, place, "is unknown to the mock autopilot", hint))
-        elif (refusal := param.refusal(value)) is not None:
-            problems.append(at(located, place, f"cannot be {value:g}: it is {refusal}"))
-    return problems
+def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """Report settings that need MAVLink, which some kinds do not speak."""
+    autopilot = config.autopilot
+    needs = {
+        ("mission",): config.mission is not None,
+        ("companion", "control"): config.companion.flies,
+        ("ros2", "control"): config.ros2.flies,
+        ("manual", "device"): config.manual.device is not None,
+        ("autopilot", "params"): bool(autopilot.params),
+    }
+    message = f"needs MAVLink, which {autopilot.kind} does not speak"
+    found = [place for place, needed in needs.items() if needed and not autopilot.profile.mavlink]
+    return [at(settings, place, message, "leave it out or choose another rig") for place in found]

@@ -25,7 +25,7 @@ _NO_MAVLINK = "none"
 
 def intake_of(config: BenchConfig, name: str) -> Intake | None:
     """Return what the autopilot takes of a sensor that feeds it; None: nothing."""
-    return PROFILES[config.autopilot.kind].sensors.get(config.sensors[name].kind)
+    return config.autopilot.profile.sensors.get(config.sensors[name].kind)
 
 
 def untaken_sensors(config: BenchConfig) -> list[str]:
@@ -107,7 +107,7 @@ def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     """Report directions of sensors, and declared faults of sensors and of the link, that cannot reach the autopilot."""
     problems = _direction_problems(config, settings)
     unfit = {index for index, _, _ in fault_problems(config.faults.sensors, sample_types(config))}
-    if config.faults.links and not PROFILES[config.autopilot.kind].link_faults:
+    if config.faults.links and not config.autopilot.profile.link_faults:
         message, hint = f"cannot be applied to {config.autopilot.kind}", "see faults.sensors and faults.rotors"
         problems.append(at(settings, ("faults", "links"), message, hint))
     for index, fault in enumerate(config.faults.sensors):

@@ -18,12 +18,13 @@ from signals.documents.validate import at, nearest, validate
 from signals.errors import Problem
 
 _FOLDER = Path(__file__).resolve().parents[2] / "run" / "parts"
+_FILES = {"test_suite": "suite"}  # parts whose file has another name: test_*.py are files of tests
 
 
 def part_module(name: str) -> Any:
     """Import the module of a part. Raises ImportError, and whatever the user's own module raises."""
     if "." not in name:
-        return import_module(f"hil.run.parts.{name}")
+        return import_module(f"hil.run.parts.{_FILES.get(name, name)}")
     if "" not in sys.path:
         sys.path.insert(0, "")  # the working directory, which a console script does not search by default
     return import_module(name)
@@ -38,7 +39,9 @@ def resolve_parts(parts: dict[str, Any], settings: MergedSettings) -> tuple[dict
         try:
             module = part_module(name)
         except ModuleNotFoundError as error:
-            known = [path.stem for path in _FOLDER.glob("[a-z]*.py") if "\nclass Settings(" in path.read_text()]
+            names = {file: name for name, file in _FILES.items()}
+            files = [path.stem for path in _FOLDER.glob("[a-z]*.py") if "\nclass Settings(" in path.read_text()]
+            known = [names.get(file, file) for file in files]
             hint = nearest(name, known) if "." not in name else "it must be importable from the working directory"
             problems.append(at(settings, place, f"names a part that cannot be imported ({error})", hint))
             continue

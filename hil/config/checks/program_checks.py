@@ -8,16 +8,15 @@ import platform
 import struct
 from pathlib import Path
 
-# Texts that every build of a firmware contains.
-_MARKS = {"px4_sitl": (b"SYS_AUTOSTART", "PX4"), "ardupilot_sitl": (b"ArduCopter", "ArduCopter")}
-_MARKS["ardupilot_eahrs"] = _MARKS["ardupilot_sitl"]
+from firmware_bridge.autopilots.profile import Program
+
 # e_machine of the ELF header, by platform.machine()
 _MACHINES = {"x86_64": 62, "aarch64": 183, "armv7l": 40, "riscv64": 243, "i686": 3}
 _NAMES = {3: "x86 (32 bits)", 40: "ARM (32 bits)", 62: "x86-64", 183: "ARM (64 bits)", 243: "RISC-V"}
 
 
-def program_problem(path: Path, kind: str) -> str | None:
-    """Return what is wrong with the program at `path` for the autopilot `kind`; None if nothing is found.
+def program_problem(path: Path, program: Program) -> str | None:
+    """Return what is wrong with the file at `path` as this program; None if nothing is found.
 
     A script is taken as it is. On systems whose programs are not ELF files only the contents are checked.
     """
@@ -27,7 +26,6 @@ def program_problem(path: Path, kind: str) -> str | None:
         return f"names a program that does not exist: {path}"
     if not os.access(path, os.X_OK):
         return f"names a file that is not executable: {path}"
-    mark, firmware = _MARKS[kind]
     try:
         with path.open("rb") as file:
             head = file.read(20)
@@ -38,8 +36,8 @@ def program_problem(path: Path, kind: str) -> str | None:
                 built_for = _NAMES.get(machine, f"processor type {machine}")
                 return f"names a program built for {built_for}, this computer is {platform.machine()}: {path}"
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
-                if contents.find(mark) < 0:
-                    return f"names a program that is not {firmware}: {path}"
+                if contents.find(program.mark) < 0:
+                    return f"names a program that is not {program.name}: {path}"
     except (OSError, ValueError) as error:  # ValueError: an empty file
         return f"names a file that cannot be read as a program: {path} ({error})"
     return None

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, create_model
 
-from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.catalog import SENSOR_KINDS
 from hil.config.layers import DEFAULTS, Settings
 from hil.config.schema import BenchConfig, SensorConfig
 from hil.config.sensors.preset_values import find_preset, is_preset_path, merge_keys
@@ -23,8 +23,6 @@ from sim.sensors.lidar_parameters import LidarParameters
 from sim.sensors.lidar_pattern import MAX_POINTS
 from sim.sensors.radar_parameters import VIEW_KEYS, RadarParameters
 
-AUTOPILOT_KINDS = frozenset(kind for profile in PROFILES.values() for kind in profile.sensors)  # some autopilot's
-FLIGHT_KINDS = ("gps", "barometer", "magnetometer")  # needed, besides the imu, to fly a mission
 # Names of the bench's own ports and of topics of the recording.
 _RESERVED_NAMES = frozenset(
     {"truth", "actuators", "physics", "autopilot", "recorder", "events", "mavlink", "tf", "tf_static", "clock"}
@@ -200,7 +198,7 @@ def _mark_autopilot_sensors(
         if flag is not True:
             continue
         place: Place = ("sensors", name, "autopilot")
-        if sensor.kind not in AUTOPILOT_KINDS:
+        if sensor.kind not in SENSOR_KINDS:
             problems.append(at(settings, place, f"cannot be true: no flight controller takes a {sensor.kind}"))
         elif sensor.kind in chosen:
             message = f"is true, but {chosen[sensor.kind]!r} already feeds the flight controller as its {sensor.kind}"
@@ -208,7 +206,7 @@ def _mark_autopilot_sensors(
         else:
             chosen[sensor.kind] = name
     for name, (sensor, flag) in resolved.items():
-        if flag is None and sensor.kind in AUTOPILOT_KINDS:
+        if flag is None and sensor.kind in SENSOR_KINDS:
             chosen.setdefault(sensor.kind, name)
     if "imu" not in chosen and "imu" not in broken_kinds:
         problems.append(at(settings, ("sensors",), "must hold an imu that feeds the flight controller"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 
 from hil.config.bench import Bench
 from hil.config.layers import SettingsPart
@@ -15,7 +15,6 @@ from signals.errors import Problem
 # Settings that all vehicles of a run must have in common. Only their rigs can make them differ.
 SHARED_KEYS = ("tick_hz", "pace", "seed", "duration_s")
 _MAX_SYSTEM_ID = 250
-_BOARD_PORTS = {"px4_hitl": ("port",), "ardupilot_eahrs": ("port", "mavlink_port")}
 
 
 def vehicles_problems(
@@ -90,14 +89,14 @@ def _ports(config: BenchConfig) -> list[Hashable]:
     return [port for port in (autopilot.port, autopilot.mavlink_port) if port not in (None, "none")]
 
 
-def _board_ports(config: BenchConfig) -> tuple[str, ...]:
+def _board_ports(config: BenchConfig) -> Sequence[str]:
     """Return the keys of the serial ports of an autopilot on a board; none for one that the bench starts."""
-    return () if config.autopilot.binary is not None else _BOARD_PORTS.get(config.autopilot.kind, ())
+    return () if config.autopilot.binary is not None else config.autopilot.profile.board_ports
 
 
 def _instances(config: BenchConfig) -> list[Hashable]:
     autopilot = config.autopilot
-    on_a_port = bool(_board_ports(config)) or (autopilot.is_mock and autopilot.port is not None)
+    on_a_port = bool(_board_ports(config)) or (autopilot.port is not None and autopilot.binary is None)
     return [] if on_a_port else [autopilot.instance]
 
 

@@ -169,8 +169,8 @@ class Scheduler:
         self._sensors = tuple(slot for slot in sensors if not slot.after_send)
         self._frame_sensors = tuple(slot for slot in sensors if slot.after_send)
         self._link = link
-        self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin  # type: ignore[attr-defined]
-        self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None  # type: ignore[attr-defined]
+        self._begin: Callable[[int], ActuatorFrame | None] | None = None if link.caps.lockstep else link.begin
+        self._observe: Callable[[TruthState, Vec3], None] | None = link.observe if link.caps.takes_truth else None
         self._wind_at = wind_at
         self.record_first = False  # set while bench and autopilot share one processor
         self._kinds = {port: kind for kind, port in wiring.ports.items()}

@@ -20,14 +20,13 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
-from hil.run.autopilots.surroundings import geodetic_from_W
+from hil.run.autopilot import geodetic_from_W
 from hil.run.loop.scheduler import CommandSource, Scheduler
 from hil.run.part import Part, RunContext
 from hil.run.parts.catalog import link_parts
-from hil.run.parts.pilots.mission import grid_ns, needs_estimator
+from hil.run.parts.pilots.mission import grid_ns
 from hil.run.recorder.no_recorder import NoRecorder
 from hil.run.runs.vehicle_run import VehicleRun
-from signals._kernel import tangent_ned
 from signals.desired import DesiredState
 from signals.samples import TruthState
 from sim.physics.vehicle_physics import VehiclePhysics
@@ -137,13 +136,13 @@ class _Flight(Part):
     def _make(self) -> OffboardPilot:
         config = self._bench.config
         return OffboardPilot(
-            geodetic_from_W(config.autopilot.kind, self._bench.scene.site, self._physics.state),
+            geodetic_from_W(self._bench, self._physics.state),
             tick_ns=config.tick_ns,
             setpoint_hz=_SETPOINT_HZ,
-            projection=tangent_ned if config.autopilot.is_mock else None,
+            projection=config.autopilot.profile.firmware.project,
             target_sysid=None,
             grid_ns=grid_ns(self._bench),
-            needs_estimator=needs_estimator(self._bench),
+            needs_estimator=config.autopilot.profile.needs_estimator,
             on_event=lambda _t_ns, kind, text: self._log(f"{kind}: {text}"),
             may_arm=lambda: self._run is None or self._run.may_arm(),
         )

@@ -10,7 +10,7 @@ import pytest
 
 from firmware_bridge.ground_station.projections import Place, ardupilot_ned
 from hil.config import load_bench
-from hil.run.autopilots.surroundings import geodetic_from_W
+from hil.run.autopilot import geodetic_from_W
 from signals.geodesy import LocalFrame
 
 START_W = (3.0, -4.0, 0.25)
@@ -19,9 +19,10 @@ FAR_W = (903.0, 1196.0, 20.25)  # 1.5 km away
 
 def places(kind: str) -> tuple[Any, Place]:
     """Return the projection from W to the Earth for an autopilot, and the start."""
-    site = load_bench().scene.site
+    bench = load_bench(rig=kind, settings=["autopilot.start=false"] if kind.endswith("_sitl") else [])
+    site = bench.scene.site
     state = np.array([*START_W, 1.0, 0.0, 0.0, 0.0])
-    return geodetic_from_W(kind, site, state), Place(*LocalFrame(site).geodetic_from_enu(START_W))
+    return geodetic_from_W(bench, state), Place(*LocalFrame(site).geodetic_from_enu(START_W))
 
 
 def test_ardupilot_sitl_finds_a_point_where_it_was_meant() -> None:

@@ -13,7 +13,7 @@ from itertools import count
 from typing import Any
 
 from hil.config import Bench
-from hil.config.schema import PROGRAM_KINDS, Router
+from hil.config.schema import Router
 from signals.errors import ConfigError, Problem
 
 _MOST = 65535
@@ -61,7 +61,7 @@ def _unfollowed(bench: Bench) -> Bench:
 def _moved(bench: Bench, instances: int, move: int) -> Bench:
     config, update = bench.config, dict[str, Any]()
     companion, router = config.companion, config.router
-    if config.autopilot.kind in PROGRAM_KINDS:
+    if config.autopilot.profile.is_program:
         instance = config.autopilot.instance + instances
         if instance > _MOST_INSTANCE:
             text = f"{instance} of this flight is above {_MOST_INSTANCE}"

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
 from typing import Any
 
+from firmware_bridge.autopilots.installation import Surroundings
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from firmware_bridge.links.realtime.link import RealtimeLink
+from firmware_bridge.links.realtime.health import Finding, Punctuality
 from firmware_bridge.links.realtime.processor import LockstepProcessors, RealtimeProducer
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
-from hil.run.autopilots.surroundings import Surroundings, check_ports, home_of, make_link
+from hil.run.autopilot import check_ports, installation_of
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.report.quantiles import quantiles_us
@@ -40,8 +41,9 @@ class AutopilotPart(Part):
             return reduce(lambda wrapped, part: part.wrap_link(wrapped), run.parts, transport)
 
         self._run = run
-        home = home_of(self._bench.scene.site, run.physics.state)
-        self._link = make_link(self._bench, Surroundings(run.out, wrap, run.event, run.say, home))
+        installation = installation_of(self._bench, run.physics.state)
+        around = Surroundings(run.out, wrap, run.event, run.say)
+        self._link = self._bench.config.autopilot.profile.make_link(installation, around)
         run.link = self._link
         watchers = [part.link_waits for part in run.parts if type(part).link_waits is not Part.link_waits]
         if watchers:
@@ -58,7 +60,7 @@ class AutopilotPart(Part):
         link, run, config = self._link, self._run, self._bench.config
         assert link is not None
         assert run is not None
-        if isinstance(link, RealtimeLink):
+        if not link.caps.lockstep:
             # The thread that prepares samples for a free-running autopilot must not wait for a processor.
             with self._in_real_time(link):
                 yield
@@ -75,11 +77,11 @@ class AutopilotPart(Part):
             yield
 
     @contextmanager
-    def _in_real_time(self, link: RealtimeLink) -> Iterator[None]:
+    def _in_real_time(self, link: AutopilotLink) -> Iterator[None]:
         """Fly with real-time scheduling, after telling the user what of it was not granted."""
         with RealtimeProducer() as producer:
-            sent = link.send_stats()
-            refused = {"sender": sent.denied if sent is not None else (), "bench": producer.denied}
+            timing = link.punctuality()
+            refused = {"sender": timing.sent.denied if timing is not None else (), "bench": producer.denied}
             texts = [f"{who}: {', '.join(names)}" for who, names in refused.items() if names]
             self._denied = {who: list(names) for who, names in refused.items()}
             if texts and self._run is not None:
@@ -101,9 +103,8 @@ class AutopilotPart(Part):
             self._link.close()
 
     def finish(self, run: RunContext) -> None:
-        if isinstance(self._link, RealtimeLink):
-            for finding in self._link.findings():
-                run.event(finding.level, finding.text)
+        for finding in () if self._link is None else self._link.findings():
+            run.event(finding.level, finding.text)
 
     def repeatable(self) -> bool:
         return self._link is not None and self._link.caps.deterministic
@@ -122,8 +123,9 @@ class AutopilotPart(Part):
             },
             "link": {name: getattr(stats, name) for name in _LINK_KEYS} if stats else {},
         }
-        if isinstance(self._link, RealtimeLink):
-            section["realtime"] = _punctuality(self._link) | {"not_granted": self._denied}
+        if self._link is not None and not self._link.caps.lockstep:
+            timing, findings = self._link.punctuality(), self._link.findings()
+            section["realtime"] = _timing_keys(timing, findings) | {"not_granted": self._denied}
         return {"autopilot": section}
 
     def report(self, run: RunContext) -> Report:
@@ -133,17 +135,17 @@ class AutopilotPart(Part):
         if link is None:
             return Report()
         pictures = timing_pictures(run.out, link.stats.rtt.bins(), run.mean_phase_us())
-        sent = link.send_stats() if isinstance(link, RealtimeLink) else None
-        if isinstance(link, RealtimeLink) and sent is not None:
-            pictures += punctuality_pictures(run.out, sent.lateness.bins(), link.age.age.bins())
+        timing = link.punctuality()
+        if timing is not None:
+            pictures += punctuality_pictures(run.out, timing.sent.lateness.bins(), timing.age.age.bins())
         return Report(pictures)
 
 
-def _punctuality(link: RealtimeLink) -> dict[str, Any]:
+def _timing_keys(timing: Punctuality | None, findings: Sequence[Finding]) -> dict[str, Any]:
     """Return the punctuality of the samples sent to a free-running autopilot and of its motor commands."""
-    sent, clock = link.send_stats(), link.timesync
-    if sent is None:
+    if timing is None:
         return {}
+    sent, clock = timing.sent, timing.clock
     best = clock.best()
     return {
         "send_lateness_us": quantiles_us(sent.lateness) | {"p999": sent.lateness.quantile_ns(0.999) / 1000},
@@ -153,18 +155,18 @@ def _punctuality(link: RealtimeLink) -> dict[str, Any]:
         "dropped": sent.dropped + sent.refused,
         "longest_gap_ms": sent.longest_gap_ns / 1e6,
         "scheduling": sent.scheduling,
-        "slips": link.schedule.slip_count,
-        "slipped_ms": link.schedule.slipped_ns / 1e6,
-        "actuator_age_us": quantiles_us(link.age.age),
-        "actuator_interval_us": quantiles_us(link.age.interval),
-        "actuator_gaps": link.age.gap_count,
+        "slips": timing.schedule.slip_count,
+        "slipped_ms": timing.schedule.slipped_ns / 1e6,
+        "actuator_age_us": quantiles_us(timing.age.age),
+        "actuator_interval_us": quantiles_us(timing.age.interval),
+        "actuator_gaps": timing.age.gap_count,
         "clock_offset_us": best.offset_ns / 1000 if best else None,
         "clock_drift_ppm": clock.drift_ppm,
         "clock_resets": clock.resets,
         "clock_slips": clock.slips,
         "clock_slipped_ms": clock.slipped_ns / 1e6,
-        "reconnects": link.reconnects,
-        "findings": [{"level": f.level, "text": f.text} for f in link.findings()],
+        "reconnects": timing.reconnects,
+        "findings": [{"level": f.level, "text": f.text} for f in findings],
     }
 
 

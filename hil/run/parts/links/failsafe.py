@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.ground_station.failsafe_watch import Failsafe, FailsafeWatch
@@ -111,4 +110,4 @@ def cause_of(t_ns: int, events: Sequence[Event]) -> str:
 
 def make(bench: Bench) -> Part:
     config = bench.config
-    return FailsafePart(PROFILES[config.autopilot.kind].firmware, config.failsafe, judged=bench.outcome != "crashed")
+    return FailsafePart(config.autopilot.profile.firmware, config.failsafe, judged=bench.outcome != "crashed")

@@ -14,7 +14,7 @@ from hil.config import Bench
 from hil.config.checks.intake_checks import intake_of, refusal, simulated_sensors, untaken_sensors
 from hil.config.missions.script import SensorFault, injected_at
 from hil.config.sensors.resolve import sample_types
-from hil.run.autopilots.surroundings import home_of
+from hil.run.autopilot import home_of
 from hil.run.part import Part, RunContext
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import acted_field, fault_problems

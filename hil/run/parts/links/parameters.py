@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.ground_station.parameter_check import ParameterCheck
 from hil.config import Bench
 from hil.run.part import Part, RunContext
@@ -27,7 +26,7 @@ class ParametersPart(Part):
 
 def make(bench: Bench) -> Part:
     autopilot = bench.config.autopilot
-    firmware = PROFILES[autopilot.kind].firmware
+    firmware = autopilot.profile.firmware
     wanted = dict(autopilot.params)
     number = autopilot.airframe
     if firmware.airframe_parameter and number is not None and number.isdigit():

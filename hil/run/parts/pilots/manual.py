@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, mode_params
+from firmware_bridge.ground_station.modes import mode_params
 from firmware_bridge.manual.hid_gamepad import HidGamepad, open_gamepad
 from firmware_bridge.manual.keyboard import KeyboardSticks, Terminal
 from firmware_bridge.manual.manual_control import (
-    ARDUCOPTER_MODES,
-    PX4_MODES,
     Control,
     ManualControlSource,
     buttons_of,
@@ -62,7 +60,7 @@ class ManualPart(Part):
 def manual_settings(config: BenchConfig) -> dict[str, Any]:
     """Return the settings that every source of MANUAL_CONTROL takes from a bench."""
     return {
-        "modes": ARDUCOPTER_MODES if _is_ardupilot(config) else PX4_MODES,
+        "modes": config.autopilot.profile.firmware.manual_modes,
         "rate_hz": config.manual.rate_hz,
         "neutral_s": config.manual.neutral_s,
         "target_sysid": None,
@@ -71,12 +69,8 @@ def manual_settings(config: BenchConfig) -> dict[str, Any]:
 
 def mission_mode(config: BenchConfig) -> tuple[float, float]:
     """Return the main and sub mode that hand the vehicle back to its mission."""
-    _, main, sub = mode_params(ARDUPILOT if _is_ardupilot(config) else PX4, "MISSION")
+    _, main, sub = mode_params(config.autopilot.profile.firmware.mav_autopilot, "MISSION")
     return main, sub
-
-
-def _is_ardupilot(config: BenchConfig) -> bool:
-    return config.autopilot.kind.startswith("ardupilot")
 
 
 def _open_device(config: BenchConfig) -> ManualControlSource:

@@ -8,11 +8,6 @@ from hil.run.part import Part, RunContext
 from hil.run.recorder.recorder import Recorder
 from signals.time import NS_PER_S
 
-# Simulated autopilots whose telemetry is sent by threads that run on wall-clock time: the ground station sends them
-# its requests on whole seconds of simulated time, so that a few milliseconds more or less do not change the flight.
-_WALL_CLOCK_TELEMETRY = frozenset({"px4_sitl", "ardupilot_sitl"})
-_BOARDS_WITH_PX4 = frozenset({"px4_hitl", "mock_hitl"})
-
 
 class MissionPart(Part):
     name = "mission"
@@ -52,27 +47,23 @@ def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
         recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
 
 
-def needs_estimator(bench: Bench) -> bool:
-    """Return True if the flight has to wait until PX4's estimator has converged: a board may have any state."""
-    return bench.config.autopilot.kind in _BOARDS_WITH_PX4
-
-
 def grid_ns(bench: Bench) -> int:
     """Return the spacing of the times at which the autopilot may be sent requests [ns]; 0: any time."""
-    return NS_PER_S if bench.config.autopilot.kind in _WALL_CLOCK_TELEMETRY else 0
+    return NS_PER_S if bench.config.autopilot.profile.wall_clock_telemetry else 0
 
 
 def make(bench: Bench) -> Part:
     autopilot = bench.config.autopilot
+    profile = autopilot.profile
     if bench.mission is not None:
         station = GroundStation(
-            bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench), needs_estimator=needs_estimator(bench)
+            bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench), needs_estimator=profile.needs_estimator
         )
         return MissionPart(station, flies=True)
     if bench.script is not None:
         # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
         return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=True)
-    if autopilot.kind == "mock" or autopilot.on_restart != "error" or autopilot.mavlink_port == "none":
+    if not profile.expects_station or autopilot.on_restart != "error" or autopilot.mavlink_port == "none":
         return MissionPart(None, flies=False)
     # Real firmware expects the heartbeat of a ground station once a second.
     return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=False)

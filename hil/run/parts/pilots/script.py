@@ -28,7 +28,7 @@ class ScriptPart(Part):
         self._actions = ActionSource(
             flight_actions(self._script, self._bench.mission, run.inject, tick_ns=config.tick_ns),
             target_sysid=None,
-            first_item=1 if config.autopilot.kind.startswith("ardupilot") else 0,
+            first_item=config.autopilot.profile.firmware.first_mission_item,
             on_event=run.recorder.event,
             may_begin=run.may_arm,
         )

@@ -7,10 +7,9 @@ from typing import get_args
 import pytest
 
 from firmware_bridge.autopilots.ardupilot.sensors import altitude_offset_m
-from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.catalog import PROFILES, SENSOR_KINDS
 from firmware_bridge.autopilots.intake import Samples, Simulated
 from hil.config.schema import Autopilot
-from hil.config.sensors.resolve import AUTOPILOT_KINDS
 from sim.scene.atmosphere import pressure_altitude_m, pressure_pa
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FAULT_FIELDS
@@ -21,7 +20,7 @@ def test_every_kind_of_autopilot_has_a_table_of_sensors_and_fields_that_exist() 
     for profile in PROFILES.values():
         assert "imu" in profile.sensors
         for kind, intake in profile.sensors.items():
-            assert kind in AUTOPILOT_KINDS
+            assert kind in SENSOR_KINDS
             fields = FAULT_FIELDS[KINDS[kind].sample_type]
             assert set(intake.fields if isinstance(intake, Samples) else intake.offset) <= set(fields)
             assert isinstance(intake, Simulated) or set(intake.whole) <= {"dropout", "freeze"}

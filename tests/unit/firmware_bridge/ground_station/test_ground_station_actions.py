@@ -17,7 +17,7 @@ from firmware_bridge.ground_station.actions import (
     SetParam,
     VehicleEvent,
 )
-from firmware_bridge.ground_station.modes import ARDUPILOT, MODE_TABLE, PX4, mode_params, mode_word
+from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, firmware_of, mode_params, mode_word
 from firmware_bridge.mock_pixhawk.modes import mode_from_px4
 from signals.errors import HandshakeError
 from tests.worlds.scripted_vehicle import ACCEPTED, DENIED, REJECTED_FOR_NOW, TICK_NS, S, ScriptedVehicle
@@ -77,7 +77,7 @@ def test_every_mode_has_the_numbers_of_its_autopilot() -> None:
         "POSITION": 16,
     }
     assert {word: mode_params(ARDUPILOT, word) for word in wanted} == {w: (1.0, n, 0.0) for w, n in wanted.items()}
-    for word, number in MODE_TABLE[PX4].items():
+    for word, number in firmware_of(PX4).modes.items():
         mode = mode_from_px4(number.main, number.sub)
         assert mode is not None
         assert mode.custom_mode == number.custom_mode

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from firmware_bridge.ground_station.modes import ARDUPILOT, PX4
+from firmware_bridge.ground_station.modes import ARDUPILOT, PX4, firmware_of
 from firmware_bridge.ground_station.projections import (
     AutopilotFrame,
     Place,
@@ -70,7 +70,6 @@ def test_points_ten_kilometres_off_reach_the_mock_within_a_millimetre() -> None:
     estimate = world.autopilot.firmware.estimate
     geodesy = LocalFrame(load_scene("airfield").site)
     frame = AutopilotFrame(geodesy.geodetic_from_enu, tangent_ned)
-    frame.set_autopilot(PX4)
     frame.origin = Place(*estimate.geodetic(0.0, 0.0, 0.0))
     for north_m, east_m in NEAR_AND_FAR:
         p_W = (east_m, north_m, 30.0)
@@ -106,7 +105,7 @@ def test_the_projection_is_that_of_the_firmware_heard_unless_one_is_given() -> N
         (PX4, tangent_ned, tangent_ned),
     ):
         frame = AutopilotFrame(lambda _p_W: tuple(place), given)
-        frame.set_autopilot(autopilot)
+        frame.project_as(firmware_of(autopilot).project)
         frame.origin = ORIGIN
         assert frame.ned_from_W((0.0, 0.0, 0.0)) == expected(ORIGIN, place)
     # The projections differ by metres over a kilometre.

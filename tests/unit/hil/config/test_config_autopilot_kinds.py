@@ -2,89 +2,84 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 from typing import get_args
 
 import pytest
 from typer.testing import CliRunner
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.cli.app import app
 from hil.config import load_bench
 from hil.config.files import available
-from hil.config.schema import FIRMWARE_KINDS, LOCKSTEP_KINDS, PROGRAM_KINDS, Autopilot
+from hil.config.schema import Autopilot
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 
 RIGS = available("rig", ())
 KINDS = get_args(Autopilot.model_fields["kind"].annotation)
-NEEDS = {
-    "px4_sitl": "autopilot.start=false",
-    "ardupilot_sitl": "autopilot.start=false",
-}
+
+
+def needs(rig: str) -> list[str]:
+    """Return the settings without which the rig, named as its kind, does not load with the default bench."""
+    profile = PROFILES[rig]
+    without = [] if profile.mavlink else ["mission=null"]
+    return [*without, "autopilot.start=false"] if profile.is_program else without
 
 
 def test_each_kind_has_its_rig() -> None:
-    kinds = {load("", rig=rig, settings=[NEEDS[rig]] if rig in NEEDS else []).config.autopilot.kind for rig in RIGS}
-    assert kinds == set(KINDS)
-    assert set(KINDS) >= LOCKSTEP_KINDS | FIRMWARE_KINDS | PROGRAM_KINDS
-    for kind in KINDS:
-        assert callable(import_module(f"hil.run.autopilots.{kind}").make_link)
+    assert {load("", rig=rig, settings=needs(rig)).config.autopilot.kind for rig in RIGS} == set(KINDS)
 
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_each_rig_loads_with_the_default_bench(rig: str) -> None:
-    settings = [NEEDS[rig]] if rig in NEEDS else []
-    bench = load_bench(rig=rig, settings=settings)
+    bench = load_bench(rig=rig, settings=needs(rig))
     assert bench.config.rig == rig
-    assert bench.mission is not None
+    assert (bench.mission is not None) == PROFILES[rig].mavlink
     assert bench.config.description
     assert bench.vehicle.rotors
-    if not bench.config.autopilot.lockstep:
-        assert bench.config.pace == 1.0
-    else:
-        assert bench.config.pace is None
+    assert bench.config.pace == (None if bench.config.autopilot.lockstep else 1.0)
 
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_hil_check_names_what_each_rig_needs(rig: str) -> None:
     """From an empty folder."""
 
-    def check(*more: str) -> tuple[int, str]:
-        done = CliRunner().invoke(app, ["check", "--rig", rig, *more])
+    def check(*settings: str) -> tuple[int, str]:
+        options = [word for setting in settings for word in ("--set", setting)]
+        done = CliRunner().invoke(app, ["check", "--rig", rig, *options])
         return done.exit_code, " ".join(done.output.split())
 
-    if rig in NEEDS:
+    if PROFILES[rig].is_program:
         status, said = check()
         assert status == 2
         assert f"{rig}.yaml:" in said
         assert "autopilot.binary must name your own build of the firmware" in said
         assert "--set autopilot.start=false" in said
-    status, said = check(*(["--set", NEEDS[rig]] if rig in NEEDS else []))
+    status, said = check(*needs(rig))
     assert status == 0, said
     assert f"ok: rig {rig}," in said
 
 
 HEAD = "rig: {rig}\nautopilot:\n  boot_sensors: 0\n"  # the line under test is line 4
 OTHER = "(leave it out or choose another rig)"
-MOCK = "has no meaning for the mock autopilot (leave it out or choose another rig)"
 
 
 @pytest.mark.parametrize(
     ("rig", "line", "says"),
     [
-        ("mock", "  binary: px4", f"autopilot.binary {MOCK}"),
-        ("mock_hitl", "  env: {A: b}", f"autopilot.env {MOCK}"),
+        ("mock", "  binary: px4", f"autopilot.binary has no meaning for mock {OTHER}"),
+        ("mock_hitl", "  env: {A: b}", f"autopilot.env has no meaning for mock_hitl {OTHER}"),
         ("mock_hitl", "  start: false", "autopilot.start is false, but autopilot.port is not set"),
         ("mock_hitl", "  airframe: x499",
-         "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: x500, iris)"),
+         "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: iris, x500)"),
         ("mock_hitl", "  params: {MPC_XY_PP: 1}",
          "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
         ("mock_hitl", "  transport: loopback",
-         "autopilot.transport is 'loopback', which only the mock in lockstep can (leave it out)"),
+         f"autopilot.transport has no meaning for mock_hitl {OTHER}"),
         ("px4_hitl", "  faults: {die_at_s: 1}",
-         "autopilot.faults are only for the mock autopilot (see faults.links for faults of any link)"),
+         "autopilot.faults has no meaning for px4_hitl (see faults.links for faults of any link)"),
         ("px4_hitl", "  binary: px4", f"autopilot.binary has no meaning for px4_hitl {OTHER}"),
-        ("px4_hitl", "  on_restart: reset", "autopilot.on_restart has no meaning for px4_hitl (leave it out)"),
+        ("px4_hitl", "  on_restart: reset", f"autopilot.on_restart has no meaning for px4_hitl {OTHER}"),
         (
             "px4_sitl",
             "  binary: no/such/px4",

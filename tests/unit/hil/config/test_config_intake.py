@@ -25,7 +25,7 @@ faults:
 """
 STARTED_BY_USER = {"px4_sitl": "start: false", "ardupilot_sitl": "start: false"}
 GPS_HERE = "'gps' can have here: dropout; offset, drift of latitude_deg, longitude_deg, altitude_m"
-ALL = "mock, mock_hitl, px4_sitl, px4_hitl, ardupilot_eahrs"
+ALL = "ardupilot_eahrs, mock, mock_hitl, px4_hitl, px4_sitl"
 
 
 def bench_text(rig: str, fault: str) -> str:
@@ -53,18 +53,18 @@ def bench_text(rig: str, fault: str) -> str:
          f"stuck_bit of accel_mps2, gyro_radps; this one reaches {ALL})"),
         ("ardupilot_sitl", "sensor: flow, kind: dropout",
          "sensor is 'flow', and ardupilot_sitl takes no optical_flow "
-         "(with autopilot: false beside 'flow' it is for companions and the recording; this one reaches px4_sitl, "
-         "px4_hitl)"),
+         "(with autopilot: false beside 'flow' it is for companions and the recording; this one reaches px4_hitl, "
+         "px4_sitl)"),
         ("ardupilot_eahrs", "sensor: mag, kind: dropout",
          "kind cannot be dropout: it would not reach ardupilot_eahrs ('mag' can have here: freeze; offset, drift, "
-         "stuck_bit of field_tesla; this one reaches mock, mock_hitl, px4_sitl, px4_hitl, ardupilot_sitl)"),
+         "stuck_bit of field_tesla; this one reaches ardupilot_sitl, mock, mock_hitl, px4_hitl, px4_sitl)"),
         ("px4_sitl", "sensor: imu, kind: drift, field: temperature_degc, rate_per_s: 1",
          "field cannot be drift of temperature_degc: it would not reach px4_sitl ('imu' can have here: dropout, "
          "freeze; offset, drift, stuck_bit of accel_mps2, gyro_radps; this one reaches ardupilot_eahrs)"),
         ("mock", "sensor: flow, kind: freeze",
          "sensor is 'flow', and mock takes no optical_flow "
-         "(with autopilot: false beside 'flow' it is for companions and the recording; this one reaches px4_sitl, "
-         "px4_hitl)"),
+         "(with autopilot: false beside 'flow' it is for companions and the recording; this one reaches px4_hitl, "
+         "px4_sitl)"),
     ],
 )  # fmt: skip
 def test_a_fault_that_would_not_reach_the_autopilot_is_refused(rig: str, fault: str, says: str) -> None:

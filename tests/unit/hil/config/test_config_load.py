@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from firmware_bridge.mock_pixhawk.faults import KINDS as FAULT_KINDS
 from firmware_bridge.mock_pixhawk.faults import parse_fault
 from hil.config import load_bench, resolved_yaml, save_bench
-from hil.config.schema import MOCK_AIRFRAMES
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError
 from sim.sensors.catalog import KINDS
@@ -265,12 +264,6 @@ def test_faults_are_written_as_the_mock_reads_them() -> None:
     faults = load("autopilot: {faults: {die_at_s: 12.5, noise_at_s: 3}}\n").config.autopilot.faults
     assert [tuple(parse_fault(text)) for text in faults.texts()] == [("die", 12_500_000), ("noise", 3_000_000)]
     assert {name.removesuffix("_at_s") for name in type(faults).model_fields} == set(FAULT_KINDS)
-
-
-def test_airframes_are_those_of_the_mock() -> None:
-    folder = REPOSITORY / "firmware_bridge" / "mock_pixhawk" / "parameters" / "airframes"
-    legal = MOCK_AIRFRAMES
-    assert sorted(legal) == sorted(path.stem for path in folder.glob("*.params"))
 
 
 @pytest.mark.parametrize("name", ["n" * 300 + ".plan", "~nosuchuser/x.plan", "a/" * 3000 + "x.plan"])

@@ -8,8 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from firmware_bridge.autopilots.ardupilot.copter import PROGRAM as ARDUCOPTER
+from firmware_bridge.autopilots.px4.px4_sitl import PROFILE
 from hil.config.checks import program_checks
 from hil.config.checks.program_checks import program_problem
+
+PX4 = PROFILE.program
+assert PX4 is not None
 
 
 @pytest.fixture
@@ -27,9 +32,9 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pa
 
 
 def test_right_programs_are_accepted(program: Callable[..., Path]) -> None:
-    assert program_problem(program(b"..SYS_AUTOSTART.."), "px4_sitl") is None
-    assert program_problem(program(b"..ArduCopter V4.6.."), "ardupilot_sitl") is None
-    assert program_problem(program(b"#!/bin/sh\nexec px4\n", machine=None), "px4_sitl") is None
+    assert program_problem(program(b"..SYS_AUTOSTART.."), PX4) is None
+    assert program_problem(program(b"..ArduCopter V4.6.."), ARDUCOPTER) is None
+    assert program_problem(program(b"#!/bin/sh\nexec px4\n", machine=None), PX4) is None
 
 
 @pytest.mark.parametrize(
@@ -46,7 +51,7 @@ def test_wrong_programs_are_named(
     program: Callable[..., Path], contents: bytes, settings: dict[str, int], says: str
 ) -> None:
     path = program(contents, **settings)
-    problem = program_problem(path, "px4_sitl")
+    problem = program_problem(path, PX4)
     if settings.get("mode") == 0o644 and problem is None:
         pytest.skip("the superuser may execute it")
     assert problem is not None
@@ -55,5 +60,5 @@ def test_wrong_programs_are_named(
 
 
 def test_a_folder_and_a_missing_file_are_named(tmp_path: Path) -> None:
-    assert "names a folder, not a program" in str(program_problem(tmp_path, "px4_sitl"))
-    assert "does not exist" in str(program_problem(tmp_path / "px4", "px4_sitl"))
+    assert "names a folder, not a program" in str(program_problem(tmp_path, PX4))
+    assert "does not exist" in str(program_problem(tmp_path / "px4", PX4))

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from firmware_bridge.autopilots.ardupilot.copter import frame_for
 from firmware_bridge.links.ardupilot.frames import frame_of
-from hil.config.checks.rotor_checks import ardupilot_frame
+from hil.config.vehicles.multirotor_facts import multirotor_facts
 from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 from tests.worlds.tilted_rotors import tilted
@@ -79,7 +80,7 @@ def test_rotors_without_a_frame_of_arducopter_are_named() -> None:
     ]
     for name in ("hexa_x", "octa_x", "x8", "y6", "racer"):
         load(head + f"vehicle: {name}\n")
-    assert ardupilot_frame(tilted(load_vehicle("hexa_x"), 40.0)) is None
+    assert frame_for(multirotor_facts(tilted(load_vehicle("hexa_x"), 40.0))) is None
 
 
 @pytest.mark.parametrize(
@@ -87,7 +88,7 @@ def test_rotors_without_a_frame_of_arducopter_are_named() -> None:
     [("x500", (1, 1)), ("iris", (1, 1)), ("hexa_x", (2, 1)), ("octa_x", (3, 1)), ("x8", (4, 1)), ("y6", (5, 10))],
 )
 def test_frames_of_the_shipped_vehicles(name: str, expected: tuple[int, int]) -> None:
-    frame = ardupilot_frame(load_vehicle(name))
+    frame = frame_for(multirotor_facts(load_vehicle(name)))
     assert frame is not None
     assert (frame.frame_class, frame.frame_type) == expected
     assert set(frame.parameters()) == {"FRAME_CLASS", "FRAME_TYPE"}  # the file has ArduPilot's order

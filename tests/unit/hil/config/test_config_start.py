@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from hil.config.schema import Start
-from hil.run.autopilots.surroundings import home_of
+from hil.run.autopilot import home_of
 from hil.run.companion import link
 from hil.run.loop.restartable_physics import make_physics
 from signals.errors import LinkClosed

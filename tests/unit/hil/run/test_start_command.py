@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.run.autopilots.start_command import start_command
+from hil.run.autopilot import start_command
 from signals.errors import ConfigError, RecordingError
 from tests.worlds.bench_files import elsewhere, load
 

@@ -14,13 +14,12 @@ from typing import Any
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
-from hil.run.autopilots.surroundings import geodetic_from_W
+from hil.run.autopilot import geodetic_from_W
 from hil.run.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from hil.run.loop.scheduler import CommandSource
 from hil.run.part import Part, RunContext
 from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
-from hil.run.parts.pilots.mission import grid_ns, needs_estimator, record_texts
-from signals._kernel import tangent_ned
+from hil.run.parts.pilots.mission import grid_ns, record_texts
 from signals.desired import DesiredState
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -101,14 +100,14 @@ class Ros2Part(Part):
         )
         if self._settings.control:
             self._pilot = OffboardPilot(
-                geodetic_from_W(config.autopilot.kind, self._bench.scene.site, run.physics.state),
+                geodetic_from_W(self._bench, run.physics.state),
                 tick_ns=config.tick_ns,
                 setpoint_hz=self._settings.setpoint_hz,
                 stale_s=_STALE_S,
-                projection=tangent_ned if config.autopilot.is_mock else None,
+                projection=config.autopilot.profile.firmware.project,
                 target_sysid=None,
                 grid_ns=grid_ns(self._bench),
-                needs_estimator=needs_estimator(self._bench),
+                needs_estimator=config.autopilot.profile.needs_estimator,
                 on_event=run.recorder.event,
                 may_arm=run.may_arm,
             )

@@ -25,13 +25,13 @@ def world() -> Iterator[tuple[Simulation, MethodTable]]:
     bench = load_bench(rig="mock", scene="airfield", settings=("autopilot.transport=loopback",), flown=False)
     asked: list[str] = []
 
-    def rigs(family: str) -> object:
-        asked.append(family)
+    def rigs(name: str) -> object:
+        asked.append(name)
         return bench
 
     settings = read_settings(SETTINGS, "settings.json")
     simulation = Simulation(bench, settings, lambda _text: None, rigs)  # type: ignore[arg-type]
-    assert asked == ["px4"]
+    assert asked == ["px4_sitl"]
     yield simulation, method_table(simulation)
     simulation.close()
 

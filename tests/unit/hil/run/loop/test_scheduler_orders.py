@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.links.autopilot_link import LinkCaps
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
@@ -94,7 +96,8 @@ def test_the_same_bytes_on_disk_in_either_order(tmp_path: Path, monkeypatch: pyt
     for record_first in (False, True):
         caps = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=20)
         link = LockstepLink(LoopbackTransport(MockPixhawk(boot_sensors=20)), caps)
-        monkeypatch.setattr("hil.run.parts.links.autopilot.make_link", lambda bench, around, link=link: link)
+        profile = replace(PROFILES["mock"], make_link=lambda *_, link=link: link)
+        monkeypatch.setitem(PROFILES, "mock", profile)
         monkeypatch.setattr("hil.run.runs.vehicle_run.Scheduler", partial(scheduler_that, record_first))
         out = tmp_path / str(record_first)
         result = run_bench(bench, out, quiet=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from firmware_bridge.devices import serial_path as module
 from firmware_bridge.devices.mock_bus import MockDesk
-from hil.run.autopilots import surroundings
-from hil.run.autopilots.surroundings import serial_path
+from firmware_bridge.devices.serial_path import serial_path
 from signals.errors import PortNotFound
 
 PIXHAWK, ADAPTER = (0x3162, 0x0053), (0x0403, 0x6001)
@@ -15,7 +15,7 @@ PIXHAWK, ADAPTER = (0x3162, 0x0053), (0x0403, 0x6001)
 @pytest.fixture
 def desk(monkeypatch) -> MockDesk:
     desk = MockDesk()
-    monkeypatch.setattr(surroundings, "find_devices", desk.find)
+    monkeypatch.setattr(module, "find_devices", desk.find)
     return desk
 
 

@@ -24,8 +24,7 @@ from firmware_bridge.links.ardupilot.home_check import home_text
 from firmware_bridge.links.child_process import ChildProcess
 from hil.config import Bench
 from hil.config.schema import Crash
-from hil.run.autopilots.ardupilot_sitl import vehicle_parameters
-from hil.run.autopilots.surroundings import home_of
+from hil.run.autopilot import installation_of
 from hil.run.part import FlightEnded, Part, RunContext
 from hil.run.verdict.verdict import Row, Verdict
 from signals.documents.validate import Section
@@ -35,7 +34,6 @@ from signals.time import NS_PER_S
 
 JUDGES_ALONE = True  # see hil.config.checks.part_settings
 LOG_NAME = "test_suite.log"
-_DEFAULTS_NAME = "vehicle.parm"
 _IMPACT_MPS = Crash().impact_mps or math.inf  # where a crash would be judged
 _STEP_M = 1.0  # longer than any tick's way: the vehicle was put back to its start
 
@@ -45,7 +43,7 @@ class Settings(Section):
     folder: str = "."  # in which it runs
 
 
-class TestSuitePart(Part):
+class SuitePart(Part):
     name = "test_suite"
 
     def __init__(self, bench: Bench, settings: Settings) -> None:
@@ -60,12 +58,9 @@ class TestSuitePart(Part):
     def open(self, run: RunContext) -> None:
         self._run = run
         bench, out = self._bench, run.out.resolve()
-        env = {"HIL_HOME": home_text(home_of(bench.scene.site, run.physics.state))}
-        if bench.config.autopilot.kind == "ardupilot_sitl":
-            defaults = out / _DEFAULTS_NAME
-            lines = [f"{name} {value!r}\n" for name, value in vehicle_parameters(bench).items()]
-            defaults.write_text("".join(lines))
-            env |= {"HIL_MODEL": "JSON:127.0.0.1", "HIL_DEFAULTS": str(defaults)}
+        installation = installation_of(bench, run.physics.state)
+        own_env = bench.config.autopilot.profile.suite_env
+        env = {"HIL_HOME": home_text(installation.home)} | dict(own_env(installation, out) if own_env else {})
         self._process = ChildProcess(
             list(self._settings.command),
             stderr_path=out / LOG_NAME,
@@ -138,4 +133,4 @@ class TestSuitePart(Part):
 
 
 def make(bench: Bench, settings: Settings) -> Part:
-    return TestSuitePart(bench, settings)
+    return SuitePart(bench, settings)

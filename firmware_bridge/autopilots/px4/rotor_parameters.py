@@ -15,10 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from firmware_bridge.autopilots.installation import Multirotor
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes
 from signals.units import STANDARD_GRAVITY_MPS2
-from sim.physics import multirotor
-from sim.physics.vehicle import Vehicle
 
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
 _MAV_TYPE = {3: 15, 4: 2, 6: 13, 8: 14}  # tricopter, quadrotor, hexarotor, octorotor
@@ -37,35 +36,33 @@ class Authority(NamedTuple):
     thrust_n: float
 
 
-def authority(vehicle: Vehicle) -> Authority:
+def authority(vehicle: Multirotor) -> Authority:
     """Return what a full demand gives, scaled as the allocation scales it."""
-    c, n = vehicle.rotor_constants, len(vehicle.rotors)
-    E = multirotor.effectiveness(vehicle)[[3, 4, 5, 2]] * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
-    mix = np.linalg.pinv(E)
+    mix = np.linalg.pinv(vehicle.full_effect)
     squares = np.sum(mix[:, :2] ** 2, axis=0)
-    tilt = float(np.sqrt(max(squares) / (0.5 * n)))
+    tilt = float(np.sqrt(max(squares) / (0.5 * len(vehicle.rotors))))
     return Authority(1 / tilt, 1 / tilt, 1 / float(np.max(np.abs(mix[:, 2]))), 1 / float(np.mean(mix[:, 3])))
 
 
-def geometry_parameters(vehicle: Vehicle) -> dict[str, float]:
+def geometry_parameters(vehicle: Multirotor) -> dict[str, float]:
     """Return CA_ROTOR*: positions and axes in FRD, thrust coefficients, moments per thrust."""
     values: dict[str, float] = {"CA_ROTOR_COUNT": len(vehicle.rotors)}
-    for i, (share, rotor) in enumerate(zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)):
-        (x, y, z), (ax, ay, az) = rotor.position_m, rotor.axis
-        km = rotor.spin.sign * vehicle.rotor_constants.moment_ratio_m / share
+    for i, rotor in enumerate(vehicle.rotors):
+        (x, y, z), (ax, ay, az), share = rotor.position_m, rotor.axis, rotor.thrust_share
+        km = rotor.spin * vehicle.moment_ratio_m / share
         place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": _CT * share, "KM": km}
         values |= {f"CA_ROTOR{i}_{key}": round(value, 6) + 0.0 for key, value in place.items()}
     return values
 
 
-def hover_and_gains(vehicle: Vehicle) -> dict[str, float]:
+def hover_and_gains(vehicle: Multirotor) -> dict[str, float]:
     """Return thrust curve, hover thrust, and the gains of the rate and attitude loops."""
-    c, full = vehicle.rotor_constants, authority(vehicle)
-    rate = min(23.0, 0.9 / max(c.time_constant_up_s, c.time_constant_down_s))
+    full = authority(vehicle)
+    rate = min(23.0, 0.9 / vehicle.time_constant_s)
     yaw_rate = min(5.0, 0.25 * rate)
     attitude = min(6.5, rate / 2.9)
     values = {
-        "THR_MDL_FAC": c.thrust_model_factor,
+        "THR_MDL_FAC": vehicle.thrust_model_factor,
         "MPC_THR_HOVER": min(max(vehicle.mass_kg * STANDARD_GRAVITY_MPS2 / full.thrust_n, 0.1), 0.8),
         "MC_ROLL_P": attitude,
         "MC_PITCH_P": attitude,
@@ -83,7 +80,7 @@ def hover_and_gains(vehicle: Vehicle) -> dict[str, float]:
     return {name: float(f"{value:.4g}") for name, value in values.items()}
 
 
-def mock_parameters(vehicle: Vehicle) -> dict[str, float]:
+def mock_parameters(vehicle: Multirotor) -> dict[str, float]:
     """Return the parameters that make the mock's base airframe this vehicle."""
     values = hover_and_gains(vehicle)
     velocity = min(3.0, values["MC_ROLL_P"] / 2.1)
@@ -91,22 +88,22 @@ def mock_parameters(vehicle: Vehicle) -> dict[str, float]:
     return {"SYS_AUTOSTART": 0, **_vehicle_type(vehicle), **geometry_parameters(vehicle), **values}
 
 
-def px4_parameters(vehicle: Vehicle, *, outputs: str = "PWM_MAIN_FUNC") -> dict[str, float]:
+def px4_parameters(vehicle: Multirotor, *, outputs: str = "PWM_MAIN_FUNC") -> dict[str, float]:
     """Return the parameters that make any multirotor airframe of PX4 this vehicle; a board has outputs HIL_ACT_FUNC."""
     functions, geometry = motor_functions(vehicle, outputs), geometry_parameters(vehicle)
     return {"CA_AIRFRAME": 0, **_vehicle_type(vehicle), **functions, **geometry, **hover_and_gains(vehicle)}
 
 
-def motor_functions(vehicle: Vehicle, outputs: str) -> dict[str, float]:
+def motor_functions(vehicle: Multirotor, outputs: str) -> dict[str, float]:
     """Return the functions of the outputs: motor n at output n."""
     return {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
 
 
-def _vehicle_type(vehicle: Vehicle) -> dict[str, float]:
+def _vehicle_type(vehicle: Multirotor) -> dict[str, float]:
     return {"MAV_TYPE": _MAV_TYPE.get(len(vehicle.rotors), 2)}
 
 
-def matching_airframe(vehicle: Vehicle) -> str | None:
+def matching_airframe(vehicle: Multirotor) -> str | None:
     """Return the mock's airframe that has these rotors; None if there is none."""
     wanted = geometry_parameters(vehicle)
     for name in airframes():

@@ -1,0 +1,92 @@
+"""Facts about a bench and a run from which the profile of an autopilot makes its link: plain values, no bench file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_bridge.autopilots.settings import AutopilotSettings
+from firmware_bridge.links.autopilot_link import LinkTimeouts
+from firmware_bridge.links.child_process import FirmwareBuild
+from firmware_bridge.transports.transport import Transport
+from signals.samples import Vec3
+
+LOG_NAME = "autopilot.log"
+WORK_FOLDER = "autopilot"  # working folder of firmware that the bench starts: parameters, missions, its logs
+Home = tuple[float, float, float, float]  # latitude, longitude [deg], altitude [m MSL], heading [deg from north]
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """One rotor of a multirotor, in B."""
+
+    position_m: Vec3
+    axis: Vec3  # unit vector of its thrust
+    spin: float  # +1 counter-clockwise seen from above
+    thrust_share: float  # of the thrust that it would have alone; below 1 in a coaxial pair
+
+
+@dataclass(frozen=True)
+class Multirotor:
+    """Facts about a vehicle that a multirotor's controller is tuned to."""
+
+    name: str
+    mass_kg: float
+    inertia_kgm2: Vec3
+    rotors: Sequence[Rotor]
+    moment_ratio_m: float  # torque over thrust of a rotor
+    time_constant_s: float  # of the rotors' speed, up or down, the longer one
+    thrust_model_factor: float
+    hover_control: float  # command of each rotor, 0..1
+    full_effect: NDArray[np.float64]  # roll, pitch, yaw [N m] and thrust [N] of each rotor at full speed: (4, rotors)
+
+
+@dataclass(frozen=True)
+class Installation:
+    """An autopilot in the vehicle of a bench."""
+
+    settings: AutopilotSettings
+    vehicle: Multirotor
+    tick_hz: int
+    home: Home  # start of the vehicle
+    geodetic: Callable[[Vec3], tuple[float, float, float]]  # W [m] to latitude, longitude [deg], altitude [m MSL]
+    gravity_mps2: float
+    windy: bool  # the bench or the scene has wind
+    noise_seed: int
+    sensor_parameters: Mapping[str, float]  # without which the firmware would not use the bench's sensors
+    link_faults: bool  # faults of the link are declared
+
+    @property
+    def timeouts(self) -> LinkTimeouts:
+        """Timeouts of the bench file."""
+        s = self.settings
+        return LinkTimeouts(s.reply_timeout_s, s.connect_timeout_s, s.reconnect_s)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Facts about the run that a link is part of."""
+
+    out: Path  # folder of the run; processes that the link starts write their logs here
+    wrap: Callable[[Transport], Transport]  # wraps the transport, for declared faults
+    on_event: Callable[[str, str], None]  # (kind, text), at the present simulated time
+    say: Callable[[str, str], None]  # the same, also printed on the console
+
+    def build(self, settings: AutopilotSettings, log: str = LOG_NAME) -> FirmwareBuild:
+        """Return the user's build, `autopilot.binary`, set to run in this run's folder and to write this log."""
+        binary, out = Path(str(settings.binary)), self.out
+        return FirmwareBuild(binary, out / WORK_FOLDER, out / log, arguments=settings.arguments, env=settings.env)
+
+    def free_running(self, installation: Installation) -> dict[str, Any]:
+        """Return the settings of links to autopilots that run on wall-clock time and do not wait for the bench."""
+        return {
+            "period_ns": 1_000_000_000 // installation.tick_hz,
+            "on_event": self.on_event,
+            "say": self.say,
+            "timeouts": installation.timeouts,
+        }

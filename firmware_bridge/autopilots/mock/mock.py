@@ -1,0 +1,167 @@
+"""The mock Pixhawk in lockstep: on a serial port, in this process, or on a pseudo-terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+
+from firmware_bridge.autopilots.installation import LOG_NAME, Installation, Multirotor, Surroundings
+from firmware_bridge.autopilots.mock.firmware import MOCK
+from firmware_bridge.autopilots.mock.sensors import SENSORS
+from firmware_bridge.autopilots.profile import Misfit, Profile
+from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
+from firmware_bridge.autopilots.settings import AutopilotSettings
+from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
+from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes
+from firmware_bridge.transports.transport import Transport
+from signals.documents.validate import nearest
+
+MOCK_BOOT_SENSORS = 20
+
+
+def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
+    """Make the link. With `autopilot.port` the user has started the mock there."""
+    from firmware_bridge.links.px4.lockstep import LockstepLink
+
+    settings = installation.settings
+    # The mock is started with this number, so null (unknown) means its default.
+    boot_sensors = MOCK_BOOT_SENSORS if settings.boot_sensors is None else settings.boot_sensors
+    start = None
+    transport: Transport
+    if settings.port is not None:
+        from firmware_bridge.devices.serial_path import serial_path  # with the serial port, loads USB
+        from firmware_bridge.transports.serial import SerialTransport
+
+        transport = SerialTransport(serial_path(settings.port), baud=settings.baud)
+    elif settings.transport == "loopback":
+        transport = _in_this_process(installation, boot_sensors)
+    else:
+        transport, start = mock_on_a_pty(installation, around, boot_sensors)
+    return LockstepLink(
+        around.wrap(transport),
+        LinkCaps(settings.kind, lockstep=True, deterministic=True, boot_sensors=boot_sensors),
+        start_process=start,
+        timeouts=installation.timeouts,
+    )
+
+
+def _in_this_process(installation: Installation, boot_sensors: int) -> Transport:
+    from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk  # the whole mock
+    from firmware_bridge.mock_pixhawk.faults import Died, parse_fault
+    from firmware_bridge.transports.loopback import LoopbackTransport
+
+    airframe, params = airframe_and_params(installation)
+    peer = MockPixhawk(
+        airframe=airframe,
+        boot_sensors=boot_sensors,
+        params=params,
+        sysid=_system_id(installation.settings),
+        faults=[parse_fault(text) for text in installation.settings.faults.texts()],
+    )
+    return LoopbackTransport(peer, crashes=(Died,))
+
+
+def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
+    """Return the command line of the mock Pixhawk on serial port `port`."""
+    module = [sys.executable, "-m", "firmware_bridge.mock_pixhawk"]
+    return [*module, "--port", port, "--boot-sensors", str(boot_sensors), *arguments]
+
+
+def mock_on_a_pty(
+    installation: Installation,
+    around: Surroundings,
+    boot_sensors: int,
+    *more: str,
+    rotors: Mapping[str, float] | None = None,
+) -> tuple[Transport, Callable[[], ChildProcess]]:
+    """Return the near end of a pseudo-terminal, and a function that starts the mock on its far end.
+
+    `rotors`: parameters beside those that make the mock's base airframe the vehicle.
+    """
+    from firmware_bridge.transports.pty import PtyTransport
+
+    pty = PtyTransport()
+    airframe, params = airframe_and_params(installation, rotors)
+    arguments = [*more, "--airframe", airframe]
+    if (system_id := _system_id(installation.settings)) is not None:
+        arguments += ["--sysid", str(system_id)]
+    for text in params:
+        arguments += ["--param", text]
+    for text in installation.settings.faults.texts():
+        arguments += ["--fault", text]
+
+    def start() -> ChildProcess:
+        argv = mock_command(pty.far_path, boot_sensors=boot_sensors, arguments=arguments)
+        return ChildProcess(argv, stderr_path=around.out / LOG_NAME)
+
+    return pty, start
+
+
+def airframe_and_params(installation: Installation, rotors: Mapping[str, float] | None = None) -> tuple[str, list[str]]:
+    """Return the mock's airframe and NAME=VALUE parameters: those of the bench over those of the vehicle.
+
+    Without `autopilot.airframe` the vehicle decides: an airframe with its rotors, else parameters from its geometry,
+    with `rotors` over them.
+    """
+    settings, vehicle = installation.settings, installation.vehicle
+    airframe = settings.airframe or matching_airframe(vehicle)
+    params = settings.params
+    if airframe is None:
+        airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
+    return airframe, [f"{name}={value!r}" for name, value in params.items()]
+
+
+def _system_id(settings: AutopilotSettings) -> int | None:
+    """Return the MAVLink system id of an instance above 0; None: the mock's parameter MAV_SYS_ID, by default 1."""
+    return settings.system_id if settings.instance else None
+
+
+@cache
+def _table() -> ParamTable:
+    return ParamTable.of_firmware(hitl=True)
+
+
+def misfits(settings: AutopilotSettings) -> Sequence[Misfit]:
+    """Report an airframe or parameters that the mock does not have, and values out of range."""
+    found: list[Misfit] = []
+    if not settings.start and settings.port is None:
+        found.append(Misfit(("autopilot", "start"), "is false, but autopilot.port is not set"))
+    known = airframes()
+    if settings.airframe is not None and settings.airframe not in known:
+        message = f"is unknown to the mock autopilot: {settings.airframe!r}"
+        found.append(Misfit(("autopilot", "airframe"), message, nearest(settings.airframe, known)))
+    for name, value in settings.params.items():
+        place = ("autopilot", "params", name)
+        param = _table().find(name)
+        if param is None:
+            hint = nearest(name, _table().names())
+            if not hint.startswith("did"):
+                hint = "names are PX4's; the mock has those in firmware_bridge/mock_pixhawk/parameters/parameters.txt"
+            found.append(Misfit(place, "is unknown to the mock autopilot", hint))
+        elif (refusal := param.refusal(value)) is not None:
+            found.append(Misfit(place, f"cannot be {value:g}: it is {refusal}"))
+    return found
+
+
+def vehicle_misfits(settings: AutopilotSettings, vehicle: Multirotor) -> Sequence[Misfit]:
+    """Report an airframe with other rotors than the vehicle."""
+    count = len(vehicle.rotors)
+    if settings.airframe is None or count == 4:
+        return ()
+    message = f"is {settings.airframe!r}, a quadrotor, but the vehicle {vehicle.name!r} has {count} rotors"
+    return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's rotors are then taken"),)
+
+
+PROFILE = Profile(
+    firmware=MOCK,
+    sensors=SENSORS,
+    make_link=make_link,
+    lockstep=True,
+    repeatable=True,
+    keys=frozenset({"transport", "port", "airframe", "faults"}),
+    misfits=misfits,
+    vehicle_misfits=vehicle_misfits,
+    expects_station=False,
+)

@@ -1,0 +1,86 @@
+"""PX4 SITL in lockstep over TCP: started by the bench from the user's build, or by the user."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from firmware_bridge.autopilots.installation import Installation, Surroundings
+from firmware_bridge.autopilots.profile import Misfit, Profile, Program, StartCommand
+from firmware_bridge.autopilots.px4.firmware import PX4
+from firmware_bridge.autopilots.px4.rotor_parameters import matching_airframe, px4_parameters
+from firmware_bridge.autopilots.px4.sensors import SENSORS
+from firmware_bridge.autopilots.settings import AutopilotSettings
+from firmware_bridge.links.autopilot_link import AutopilotLink
+from firmware_bridge.links.px4.sitl import airframe_problem, px4_hand_start, px4_sitl_link, px4_sitl_process
+
+EXTERNAL_AIRFRAME = "none_iris"
+
+
+def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
+    """Make the link, to `autopilot.binary`, or to the user's running SITL if `autopilot.start` is false."""
+    settings = installation.settings
+    process = None
+    airframe, params = airframe_and_params(installation)
+    if settings.start:
+        process = px4_sitl_process(
+            around.build(settings),
+            airframe=airframe,
+            tick_hz=installation.tick_hz,
+            params=params,
+            instance=settings.instance,
+        )
+    return px4_sitl_link(
+        settings.instance,
+        start_process=None if process is None else lambda: process,
+        timeouts=installation.timeouts,
+        wrap=around.wrap,
+    )
+
+
+def airframe_and_params(installation: Installation) -> tuple[str, dict[str, float]]:
+    """Return PX4's airframe and parameters: those of the bench over those of the vehicle.
+
+    Without `autopilot.airframe` it is PX4's for external simulators, with the rotors of the vehicle unless it has them.
+    """
+    settings, vehicle = installation.settings, installation.vehicle
+    if settings.airframe is not None:
+        return settings.airframe, settings.params
+    rotors = {} if matching_airframe(vehicle) == "iris" else px4_parameters(vehicle)
+    return EXTERNAL_AIRFRAME, rotors | settings.params
+
+
+def start_command(installation: Installation, folder: Path) -> StartCommand:  # noqa: ARG001 (PX4 needs no file)
+    """Return the command that starts PX4 for a bench that waits for it."""
+    settings = installation.settings
+    airframe, params = airframe_and_params(installation)
+    env, argv = px4_hand_start(
+        None if settings.binary is None else Path(settings.binary).expanduser().resolve(),
+        airframe=airframe,
+        tick_hz=installation.tick_hz,
+        params=params,
+        instance=settings.instance,
+    )
+    return StartCommand(env | settings.env, [*argv, *settings.arguments])
+
+
+def misfits(settings: AutopilotSettings) -> Sequence[Misfit]:
+    """Report an airframe that the build does not have."""
+    if settings.airframe is None or settings.binary is None:
+        return ()
+    found = airframe_problem(Path(settings.binary), settings.airframe)
+    return () if found is None else (Misfit(("autopilot", "airframe"), *found),)
+
+
+PROFILE = Profile(
+    firmware=PX4,
+    sensors=SENSORS,
+    make_link=make_link,
+    lockstep=True,
+    keys=frozenset({"binary", "arguments", "env", "airframe"}),
+    program=Program("PX4", b"SYS_AUTOSTART", "`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4"),
+    misfits=misfits,
+    wall_clock_telemetry=True,
+    airsim_type="PX4Multirotor",
+    start_command=start_command,
+)

@@ -1,0 +1,28 @@
+"""The vehicle of a bench as its autopilot is told of it: plain values."""
+
+from __future__ import annotations
+
+from firmware_bridge.autopilots.installation import Multirotor, Rotor
+from sim.physics import multirotor
+from sim.physics.vehicle import Vehicle
+
+
+def multirotor_facts(vehicle: Vehicle) -> Multirotor:
+    """Return the facts about a vehicle that `multirotor.unfit` finds fit."""
+    c = vehicle.rotor_constants
+    return Multirotor(
+        name=vehicle.name,
+        mass_kg=vehicle.mass_kg,
+        inertia_kgm2=vehicle.inertia_kgm2,
+        rotors=[
+            Rotor(rotor.position_m, rotor.axis, rotor.spin.sign, share)
+            for share, rotor in zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)
+        ],
+        moment_ratio_m=c.moment_ratio_m,
+        time_constant_s=max(c.time_constant_up_s, c.time_constant_down_s),
+        thrust_model_factor=c.thrust_model_factor,
+        hover_control=multirotor.hover_control(vehicle),
+        full_effect=multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
+        * c.thrust_coefficient_n_per_radps2
+        * c.max_speed_radps**2,
+    )
