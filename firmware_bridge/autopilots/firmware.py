@@ -13,6 +13,7 @@ class Firmware:
 
     name: str  # for messages to the user
     failsafe_texts: Sequence[str]  # regular expressions; a STATUSTEXT that one matches, in flight, is a failsafe
+    mav_autopilot: int  # MAV_AUTOPILOT in its HEARTBEAT
     bytewise_params: bool  # PARAM_VALUE carries an integer's bits, not its value as a float
     airframe_parameter: str = ""  # holds the number of the airframe; empty: the firmware has no such numbers
 

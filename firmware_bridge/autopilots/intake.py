@@ -1,4 +1,4 @@
-"""Types of the profile of an autopilot: what it takes of the bench's sensors, and which of their faults reach it.
+"""Types of the profile of an autopilot: what it takes of the bench's sensors, and which faults reach it.
 
 `Profile.sensors` maps a kind of sensor ("gps") to one of
 
@@ -93,14 +93,40 @@ class Simulated:
 
 Intake = Samples | Simulated
 
+# HIL messages that travel in one direction only.
+_TO_AUTOPILOT = frozenset({"HIL_SENSOR", "HIL_GPS", "HIL_OPTICAL_FLOW"})
+_FROM_AUTOPILOT = frozenset({"HIL_ACTUATOR_CONTROLS"})
+
+
+@dataclass(frozen=True)
+class Line:
+    """Messages on the line on which the faults of `faults.links` act, by name and direction."""
+
+    to_autopilot: frozenset[str] = frozenset()
+    from_autopilot: frozenset[str] = frozenset()
+    others: bool = True  # every message that is no HIL message travels here, in both directions
+
+    def carries(self, message: str, direction: str) -> bool:
+        """Return True if a message can travel on this line in a direction: to_autopilot, from_autopilot or both."""
+        ways = ("to_autopilot", "from_autopilot") if direction == "both" else (direction,)
+        is_other = self.others and message not in _TO_AUTOPILOT | _FROM_AUTOPILOT
+        return is_other or any(message in getattr(self, way) for way in ways)
+
+
+ONE_LINE = Line(_TO_AUTOPILOT, _FROM_AUTOPILOT)
+"""HIL messages, commands and telemetry on one line."""
+HIL_LINE = Line(_TO_AUTOPILOT | {"DISTANCE_SENSOR"}, _FROM_AUTOPILOT | {"HEARTBEAT", "COMMAND_LONG"}, others=False)
+"""PX4 SITL's simulator connection (simulator_mavlink); commands, missions and telemetry travel on another one."""
+
 
 @dataclass(frozen=True)
 class Profile:
-    """Facts about an autopilot: the things of a bench that it takes."""
+    """Facts about an autopilot: the things of a bench that it takes, and the faults that it can have."""
 
     firmware: Firmware
     sensors: Mapping[str, Intake]  # by kind of sensor
-    link_faults: bool = True  # False: faults.links cannot be applied to its link
+    line: Line | None = ONE_LINE  # on which faults.links act; None: its link can have none
+    own_faults: tuple[str, ...] = ()  # keys of autopilot.faults that have an effect
 
 
 def _axis(change: Change) -> int:

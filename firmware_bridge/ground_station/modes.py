@@ -76,6 +76,16 @@ def plain_word(word: str) -> str:
     return _SYNONYMS.get(word, word)
 
 
+def mode_words(autopilot: int) -> tuple[str, ...]:
+    """Return the words for the modes of `autopilot` (MAV_AUTOPILOT)."""
+    return tuple(MODE_TABLE.get(autopilot, ()))
+
+
+def has_mode(autopilot: int, word: str) -> bool:
+    """Return True if `autopilot` (MAV_AUTOPILOT) has a mode for this word."""
+    return plain_word(word) in mode_words(autopilot)
+
+
 def mode_number(autopilot: int, word: str) -> ModeNumber:
     """Return the numbers of mode `word` on `autopilot` (MAV_AUTOPILOT). HandshakeError if it has no such mode."""
     modes = MODE_TABLE.get(autopilot)

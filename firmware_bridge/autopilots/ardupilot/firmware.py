@@ -18,5 +18,6 @@ ARDUPILOT = Firmware(
         r"^crash: disarming",
         r"^terminating",
     ),
+    mav_autopilot=3,
     bytewise_params=False,
 )

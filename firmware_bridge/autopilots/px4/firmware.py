@@ -12,6 +12,7 @@ from firmware_bridge.autopilots.firmware import Firmware
 PX4 = Firmware(
     name="PX4",
     failsafe_texts=(r"^failsafe (?!warning|.*deactivated)", r"^flight terminat"),
+    mav_autopilot=12,
     bytewise_params=True,
     airframe_parameter="SYS_AUTOSTART",
 )

@@ -6,11 +6,13 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.links.px4.sitl import airframe_problem
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from hil.config.checks.program_checks import program_problem
 from hil.config.merge.layers import Settings
 from hil.config.schema import MOCK_AIRFRAMES, PROGRAM_KINDS, Autopilot, BenchConfig, MockFaults
+from signals.documents.document import Place
 from signals.documents.validate import COMMAND_LINE, Located, at, nearest
 from signals.errors import Problem
 
@@ -54,9 +56,9 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
         if autopilot.airframe is not None and autopilot.airframe not in MOCK_AIRFRAMES:
             hint = nearest(autopilot.airframe, MOCK_AIRFRAMES)
             report("airframe", f"is unknown to the mock autopilot: {autopilot.airframe!r}", hint)
-        problems += _param_problems(autopilot.params, settings)
-    elif autopilot.faults != MockFaults():
-        report("faults", "are only for the mock autopilot", "see faults.links for faults of any link")
+        params = autopilot.params.items()
+        problems += mock_param_problems({("autopilot", "params", name): value for name, value in params}, settings)
+    problems += _own_fault_problems(autopilot, settings)
     if autopilot.transport == "loopback" and autopilot.kind != "mock":
         report("transport", "is 'loopback', which only the mock in lockstep can", "leave it out")
     for key, kinds in _KEYS_OF_KINDS.items():
@@ -94,16 +96,30 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
     return problems
 
 
+def _own_fault_problems(autopilot: Autopilot, located: Located) -> list[Problem]:
+    """Report faults of the autopilot itself that would have no effect."""
+    able = PROFILES[autopilot.kind].own_faults
+    asked = [name for name in MockFaults.model_fields if getattr(autopilot.faults, name) is not None]
+    if asked and not able:
+        hint = "see faults.links for faults of any link"
+        return [at(located, ("autopilot", "faults"), "are only for the mock autopilot", hint)]
+    if asked and autopilot.port is not None:
+        message = f"have no effect: the bench does not start the mock on {autopilot.port}, which gets them at its start"
+        return [at(located, ("autopilot", "faults"), message, "start it with --fault KIND@SECONDS, or leave port out")]
+    message, hint = f"has no effect on {autopilot.kind}", f"it has {', '.join(able)}"
+    return [at(located, ("autopilot", "faults", name), message, hint) for name in asked if name not in able]
+
+
 @cache
 def _table() -> ParamTable:
     return ParamTable.of_firmware(hitl=True)
 
 
-def _param_problems(params: Mapping[str, float], located: Located) -> list[Problem]:
-    """Report parameters that the mock autopilot does not have or whose values are out of range."""
+def mock_param_problems(params: Mapping[Place, float], located: Located) -> list[Problem]:
+    """Report parameters, by their place, that the mock autopilot does not have or whose values are out of range."""
     problems: list[Problem] = []
-    for name, value in params.items():
-        place = ("autopilot", "params", name)
+    for place, value in params.items():
+        name = str(place[-1])
         param = _table().find(name)
         if param is None:
             hint = nearest(name, _table().names())

@@ -9,6 +9,9 @@ from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
+from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.ground_station.modes import has_mode, mode_words
+from hil.config.checks.autopilot_checks import mock_param_problems
 from hil.config.merge.layers import Settings
 from hil.config.missions.script import MissionScript, SensorFault, injected_at
 from hil.config.schema import BenchConfig
@@ -66,15 +69,17 @@ def simulated_sensors(config: BenchConfig) -> list[str]:
 
 
 def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
-    """Return key, message and remedy if a fault of a sensor cannot reach the autopilot that the sensor feeds.
+    """Return key, message and remedy if a fault of a sensor has no effect or cannot reach the autopilot that it feeds.
 
     The fault must fit its sensor (`sim.sensors.faults.fault_problems`).
     """
     sensor = config.sensors[fault.sensor]
+    field = acted_field(fault, KINDS[sensor.kind].sample_type)
+    if field is not None and field in getattr(sensor.parameters, "unmeasured", ()):
+        return "field", f"is {field!r}, which {fault.sensor!r} does not measure", "take another sensor or field"
     if not sensor.autopilot:
         return None  # it is for companions and the recording
     autopilot, intake = config.autopilot, intake_of(config, fault.sensor)
-    field = acted_field(fault, KINDS[sensor.kind].sample_type)
     key = "kind" if field is None or intake is None or not fault.field else "field"
     what = fault.kind if field is None else f"{fault.kind} of {field}"
     others = [
@@ -99,13 +104,31 @@ def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
     return None
 
 
+def link_refusal(config: BenchConfig, fault: LinkFault) -> tuple[str, str] | None:
+    """Return message and remedy if a fault of the link names a message that never travels on the line it acts on."""
+    kind = config.autopilot.kind
+    line = PROFILES[kind].line
+    strange = [name for name in fault.messages if line is not None and not line.carries(name, fault.direction)]
+    if line is None or not strange:
+        return None
+    way = "" if fault.direction == "both" else f" {fault.direction.replace('_', ' the ')}"
+    message = f"names {', '.join(strange)}, which the line of {kind} does not carry{way}: the fault would hit none"
+    carried = {d: ", ".join(sorted(getattr(line, d))) or "no HIL message" for d in ("to_autopilot", "from_autopilot")}
+    others = "; and commands, missions and telemetry in both directions" if line.others else ""
+    hint = f"it carries {carried['to_autopilot']} to the autopilot, {carried['from_autopilot']} from it{others}"
+    return message, hint
+
+
 def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     """Report declared faults of sensors and of the link that cannot reach the autopilot."""
     unfit = {index for index, _, _ in fault_problems(config.faults.sensors, sample_types(config))}
     problems: list[Problem] = []
-    if config.faults.links and not PROFILES[config.autopilot.kind].link_faults:
+    if config.faults.links and PROFILES[config.autopilot.kind].line is None:
         message, hint = f"cannot be applied to {config.autopilot.kind}", "see faults.sensors and faults.rotors"
         problems.append(at(settings, ("faults", "links"), message, hint))
+    for index, link_fault in enumerate(config.faults.links):
+        if (missed := link_refusal(config, link_fault)) is not None:
+            problems.append(at(settings, ("faults", "links", index, "messages"), *missed))
     for index, fault in enumerate(config.faults.sensors):
         found = None if index in unfit else refusal(config, fault)
         if found is not None:
@@ -115,10 +138,15 @@ def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
 
 
 def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[Problem]:
-    """Report faults of a script that wait for an event and cannot reach the autopilot."""
+    """Report required modes and parameters that the autopilot does not have, and faults that cannot reach it."""
     types = sample_types(config)
     problems: list[Problem] = []
+    if config.autopilot.is_mock:
+        problems += mock_param_problems(script.required_params, script.document)
     for index, spec in enumerate(script.script.actions):
+        for key, word in spec.modes.items():
+            if spec.required and not has_mode(PROFILES[config.autopilot.kind].firmware.mav_autopilot, word):
+                problems.append(at(script.document, ("actions", index, key), *_no_mode(config, word)))
         fault = None if spec.fault is None or spec.in_settings else injected_at(spec, 0.0)
         if not isinstance(fault, SensorFault) or any(fault_problems([fault], types)):
             continue
@@ -127,3 +155,9 @@ def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[P
             key, message, hint = found
             problems.append(at(script.document, ("actions", index, "fault", key), message, hint))
     return problems
+
+
+def _no_mode(config: BenchConfig, word: str) -> tuple[str, str]:
+    firmware = PROFILES[config.autopilot.kind].firmware
+    hint = f"it has {', '.join(mode_words(firmware.mav_autopilot))}; with required: false the action is left out there"
+    return f"names the mode {word}, which {firmware.name} does not have", hint
