@@ -15,6 +15,7 @@ from typing import NamedTuple
 from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.autopilots.installation import Home, Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.intake import Intake
+from firmware_bridge.autopilots.line import ONE_LINE, Line
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.ground_station.projections import GeodeticFromW
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -74,6 +75,7 @@ class Profile:
     board_ports: Sequence[str] = ()  # keys of the serial ports of a board
     usb_port: str = ""  # of those, the port of the board's USB, which may be left out if there is only one board
     misfits: Callable[[AutopilotSettings], Sequence[Misfit]] = _no_misfits
+    known_params: bool = False  # `misfits` tells parameters that it does not have; else it is asked for them in flight
     vehicle_misfits: Callable[[AutopilotSettings, Multirotor], Sequence[Misfit]] = _takes_any_vehicle
 
     # The flight.
@@ -84,7 +86,8 @@ class Profile:
     # a few milliseconds more or less do not change the flight.
     wall_clock_telemetry: bool = False
     needs_estimator: bool = False  # a flight waits until PX4's estimator has converged: a board may have any state
-    link_faults: bool = True  # False: faults.links cannot be applied to its link
+    line: Line | None = ONE_LINE  # on which faults.links act; None: its link can have none
+    own_faults: Sequence[str] = ()  # keys of autopilot.faults that have an effect
     # (W to the Earth of the scene, start, start in W) to the map that the autopilot uses.
     world: Callable[[GeodeticFromW, Home, Vec3], GeodeticFromW] = _exact
 

@@ -66,7 +66,7 @@ class FaultStage:
     """
 
     def __init__(self, index: int, fault: LinkFault, direction: Direction, *, seed: int, log: HitLog) -> None:
-        self._index = index
+        self.index = index
         self._fault = fault
         self._direction: Direction = direction
         self._log = log
@@ -75,6 +75,7 @@ class FaultStage:
         self._begin_ns = fault.begin_ns
         self._end_ns = self._begin_ns + fault.length_ns
         self._count = 0  # units that could have been hit
+        self.met = False  # True: a unit came that the active fault could hit
         self._burst_left = 0
         self._stall_end_wall_ns: int | None = None  # of the active stall
         self._stall_over = False
@@ -131,7 +132,8 @@ class FaultStage:
         if self._stall_end_wall_ns is None:
             self._stall_end_wall_ns = wall_ns + self._fault.length_ns
         for unit in units:
-            self._log.hit(self._index, self._direction, unit, t_ns)
+            self.met = True
+            self._log.hit(self.index, self._direction, unit, t_ns)
             self._held_units.append((0, unit))
         return []
 
@@ -140,6 +142,7 @@ class FaultStage:
         quiet = not self._held_units and not self._burst_left
         if quiet and active and not self._random_hits.any_hit(self._count, len(unit)):
             self._count += len(unit)
+            self.met = True
             return [unit]
         out = []
         for i in range(len(unit)):
@@ -151,11 +154,12 @@ class FaultStage:
         if active and (not self._message_ids or message_id(unit) in self._message_ids):
             hit = self._is_hit(number)
             self._count += 1
+            self.met = True
         kind = self._fault.kind
         if kind == "reorder":
             return self._reorder(unit, hit, t_ns, wall_ns)
         if hit:
-            self._log.hit(self._index, self._direction, unit, t_ns)
+            self._log.hit(self.index, self._direction, unit, t_ns)
         if kind == "delay":
             return self._delay(unit, hit, wall_ns)
         if not hit:
@@ -191,7 +195,7 @@ class FaultStage:
         if not self._held_units:
             if not hit:
                 return [unit]
-            self._log.hit(self._index, self._direction, unit, t_ns)
+            self._log.hit(self.index, self._direction, unit, t_ns)
             self._held_units.append((wall_ns + self._fault.hold_ns, unit))
             self._overtake_left = self._fault.burst
             return []

@@ -156,6 +156,12 @@ class FaultyTransport:
         for part in (self._plug, self._out, self._in):
             part.add(index, fault)
 
+    def unmet(self) -> list[int]:
+        """Return the indices of the faults that no unit has met, and of unplugs that have not happened."""
+        met = {stage.index for way in (self._out, self._in) for stage in way.stages if stage.met}
+        met |= {index for index, hits in self.hits().items() if hits}
+        return [index for index in range(len(self.faults)) if index not in met]
+
     def hits(self) -> dict[int, int]:
         """Return the exact number of hits of each fault since this object was made, by the fault's index."""
         return self._log.counts()

@@ -120,7 +120,8 @@ class ActionSource:
     """Carries out `actions`. A required one that is refused ends the run with a HandshakeError that names it.
 
     `first_item` is the autopilot's number of the mission's first item (1 where home is item 0).
-    `on_event(t_ns, kind, text)` gets the begin of each action, and refusals. Requests wait until `may_begin` is True.
+    `on_event(t_ns, kind, text)` gets the begin of each action, and other refusals. Requests wait until
+    `may_begin` is True.
     """
 
     def __init__(
@@ -247,9 +248,9 @@ class ActionSource:
     def _refuse(self, index: int, t_ns: int, why: str) -> None:
         action = self._actions[index]
         self._outcome[index] = "refused"
-        self._report(t_ns, "warning", f"{action.name}: {why}")
         if action.required:
             raise HandshakeError("mission script", f"{action.name}: {why} (`required: false` lets the flight continue)")
+        self._report(t_ns, "warning", f"{action.name}: {why}")
 
     def _report(self, t_ns: int, kind: str, text: str) -> None:
         if self._on_event is not None:

@@ -1,5 +1,7 @@
 """Compares the autopilot's parameters with the values that the bench gave it, before it may arm.
 
+Of others it is checked only that they exist: those that a script sets during the flight.
+
 Each parameter is read by name (PARAM_REQUEST_READ, answered by PARAM_VALUE), and again each second while there is no
 answer or another value: firmware loads its parameters while it boots. If one stays unanswered, the whole list is read:
 it tells a misspelt name, for which it has the nearest, from answers that were lost.
@@ -44,11 +46,13 @@ class Reported(NamedTuple):
 class ParameterCheck:
     """Compares with `wanted` (name -> value). A command source: `step` returns the requests.
 
+    `named`: parameters that must exist, with the place that names each, for messages.
     `step` raises ConfigError if a parameter does not exist or has another value, HandshakeError if none is reported.
     """
 
-    def __init__(self, wanted: Mapping[str, float], firmware: Firmware) -> None:
-        self._wanted = dict(wanted)
+    def __init__(self, wanted: Mapping[str, float], firmware: Firmware, named: Mapping[str, str] | None = None) -> None:
+        self._wanted: dict[str, float | None] = dict.fromkeys(named or ()) | dict(wanted)
+        self._named = {name: where for name, where in (named or {}).items() if name not in wanted}
         self._firmware = firmware
         self._link = VehicleLink(target_sysid=None, compid=_COMPID)
         self._reported: dict[str, Reported] = {}
@@ -80,9 +84,9 @@ class ParameterCheck:
         """Return the names that are not known to have the value asked for."""
         return [name for name, value in self._wanted.items() if self._differs(name, value)]
 
-    def _differs(self, name: str, value: float) -> bool:
+    def _differs(self, name: str, value: float | None) -> bool:
         reported = self._reported.get(name)
-        return reported is None or not same_value(value, reported)
+        return reported is None or not (value is None or same_value(value, reported))
 
     def _read(self, t_ns: int) -> None:
         left = self._open()
@@ -113,9 +117,14 @@ class ParameterCheck:
             raise HandshakeError(
                 self._firmware.name,
                 f"it answered none of the requests for the parameters {', '.join(left)}, so they cannot be compared "
-                "with autopilot.params: is its MAVLink parameter service running?",
+                "with autopilot.params or the script: is its MAVLink parameter service running?",
             )
-        problems = [parameter_problem(name, self._wanted[name], self._reported, self._firmware.name) for name in left]
+        problems = [
+            parameter_problem(
+                name, self._wanted[name], self._reported, self._firmware.name, where=self._named.get(name, "")
+            )
+            for name in left
+        ]
         if problems:
             raise ConfigError(problems)
 
@@ -124,7 +133,7 @@ class ParameterCheck:
         return HandshakeError(
             self._firmware.name,
             f"the run ended before its parameters {', '.join(self._open())} were read: nothing shows that it had the "
-            "values of autopilot.params",
+            "values of autopilot.params, and those that the script names",
         )
 
     def _on_value(self, message: Any) -> None:
@@ -147,11 +156,19 @@ def same_value(wanted: float, reported: Reported) -> bool:
 
 
 def parameter_problem(
-    name: str, wanted: float, reported: Mapping[str, Reported] | Iterable[str], firmware: str
+    name: str,
+    wanted: float | None,
+    reported: Mapping[str, Reported] | Iterable[str],
+    firmware: str,
+    *,
+    where: str = "",
 ) -> Problem:
-    """Return what is wrong with a parameter of `autopilot.params`. `reported`: all parameters that are known."""
-    where = f"autopilot.params.{name}"
-    if not isinstance(reported, Mapping) or name not in reported:
+    """Return what is wrong with a parameter of `autopilot.params`, or with the one that is named at `where`.
+
+    `reported`: all parameters that are known; `wanted` None: any value is right.
+    """
+    where = where or f"autopilot.params.{name}"
+    if wanted is None or not isinstance(reported, Mapping) or name not in reported:
         return Problem(where, f"is unknown to {firmware}", nearest(name, reported, listed=False) or _NO_NEAREST)
     found = reported[name]
     whole = found.kind < _REAL32 and wanted != int(wanted)

@@ -16,7 +16,7 @@ from firmware_bridge.ground_station.projections import GeodeticFromW
 from firmware_bridge.transports.serial import check_port
 from hil.config import Bench
 from hil.config.checks.intake_checks import intake_parameters
-from hil.config.vehicles.multirotor_facts import multirotor_facts
+from hil.config.multirotor_facts import multirotor_facts
 from hil.run.loop.restartable_physics import make_physics
 from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame

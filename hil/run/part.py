@@ -289,6 +289,10 @@ class Part:
         """Return status texts of the autopilot: time [ns], MAV_SEVERITY, text."""
         return ()
 
+    def told(self) -> Sequence[str]:
+        """Return texts of the autopilot that this part tells in its own words: they are no warnings besides."""
+        return ()
+
     def may_arm(self) -> bool:
         """Return False while the vehicle must not be armed yet, because what this part checks is not known."""
         return True

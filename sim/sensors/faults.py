@@ -172,6 +172,7 @@ class FaultySensor:
         self._sensor = sensor
         self._spans = [(fault, *fault.span_ns) for fault in faults]
         self._active = [False] * len(faults)
+        self._acted = [False] * len(faults)
         self._frozen: dict[int, tuple[Any, ...]] = {}
         self._last: tuple[Any, ...] | None = None
         self._on_event = on_event
@@ -182,6 +183,12 @@ class FaultySensor:
             raise ValueError(f"fault of {fault.sensor}: {key} {text}")
         self._spans.append((fault, *fault.span_ns))
         self._active.append(False)
+        self._acted.append(False)
+
+    @property
+    def unmet(self) -> list[Any]:
+        """Faults that have acted on no sample so far."""
+        return [fault for (fault, _, _), acted in zip(self._spans, self._acted, strict=True) if not acted]
 
     def sample(self, truth: TruthState, seq: int) -> Sample | None:
         """Return sample `seq` with the faults that are active at `truth.t_ns`; None during a dropout."""
@@ -197,6 +204,7 @@ class FaultySensor:
                     self._on_event(t_ns, "fault", f"{self.name}: {fault.kind} {'began' if active else 'ended'}")
             if not active:
                 continue
+            self._acted[i] = True
             if isinstance(fault, Dropout):
                 dropped = True
             elif isinstance(fault, Freeze):

@@ -59,6 +59,11 @@ class OpticalFlowParameters(StrictModel):
         check_order(("min_distance_m", self.min_distance_m), ("max_distance_m", self.max_distance_m))
         return self
 
+    @property
+    def unmeasured(self) -> tuple[str, ...]:
+        """Fields of a sample that this sensor does not measure: they have no faults."""
+        return () if self.has_range else ("distance_m",)
+
 
 class OpticalFlow(InstalledSensor):
     """Optical flow sensor: flow and rates integrated since the previous sample."""

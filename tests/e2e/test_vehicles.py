@@ -195,13 +195,17 @@ sensors:
 
 @pytest.mark.slow
 def test_five_vehicles_that_see_each_other_have_one_digest(tmp_path):
-    """Over runs, transports and numbers of processors."""
-    runs = [fly(tmp_path, FIVE, name="first")]
-    runs.append(fly(tmp_path, FIVE, name="pty", settings=("autopilot.transport=pty",)))
+    """Over runs, transports and numbers of processors.
+
+    With the usual limits: with none, the margin of a waypoint reaches from the hop's end to its beginning.
+    """
+    usual = ("limits.max_cross_track_m=1", "limits.altitude_error_m=1")
+    runs = [fly(tmp_path, FIVE, name="first", settings=usual)]
+    runs.append(fly(tmp_path, FIVE, name="pty", settings=(*usual, "autopilot.transport=pty")))
     processors = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(processors)})
     try:
-        runs.append(fly(tmp_path, FIVE, name="one_processor"))
+        runs.append(fly(tmp_path, FIVE, name="one_processor", settings=usual))
     finally:
         os.sched_setaffinity(0, processors)
     assert {run.status for run in runs} == {"PASS"}, runs[0].run["verdict"]["reasons"]

@@ -20,8 +20,17 @@ FLOORS: dict[str, Sequence[str]] = {
         *("sensors", "loop", "recorder verdict"),
     ),
     "hil.config": (
-        *("load saved", "vehicles", "loading", "checks", "companion formation", "bench scenes", "sensors", "missions"),
-        *("schema", "group_schema", "layers", "files"),
+        *(
+            "load saved",
+            "vehicles",
+            "loading",
+            "checks",
+            "companion formation multirotor_facts",
+            "bench scenes",
+            "sensors",
+            "missions",
+        ),
+        *("sensors", "missions", "schema", "group_schema", "layers", "files"),
     ),
 }
 

@@ -8,6 +8,7 @@ from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits, 
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import EXTERNAL_AHRS
 from firmware_bridge.autopilots.installation import Installation, Surroundings
+from firmware_bridge.autopilots.line import Line
 from firmware_bridge.autopilots.profile import Profile
 from firmware_bridge.codecs.ardupilot_json import PwmRange
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -69,6 +70,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
 PROFILE = Profile(
     firmware=ARDUPILOT,
     sensors=EXTERNAL_AHRS,
+    line=Line(),
     make_link=make_link,
     lockstep=False,
     keys=frozenset({"binary", "arguments", "port", "mavlink_port"}),

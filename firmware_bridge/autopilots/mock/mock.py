@@ -8,7 +8,7 @@ from functools import cache
 
 from firmware_bridge.autopilots.installation import LOG_NAME, Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.mock.firmware import MOCK
-from firmware_bridge.autopilots.mock.sensors import SENSORS
+from firmware_bridge.autopilots.mock.sensors import FAULTS, SENSORS
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
@@ -157,11 +157,13 @@ def vehicle_misfits(settings: AutopilotSettings, vehicle: Multirotor) -> Sequenc
 PROFILE = Profile(
     firmware=MOCK,
     sensors=SENSORS,
+    own_faults=FAULTS,
     make_link=make_link,
     lockstep=True,
     repeatable=True,
     keys=frozenset({"transport", "port", "airframe", "faults"}),
     misfits=misfits,
+    known_params=True,
     vehicle_misfits=vehicle_misfits,
     expects_station=False,
 )

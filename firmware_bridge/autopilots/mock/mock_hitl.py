@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from firmware_bridge.autopilots.installation import Installation, Surroundings
 from firmware_bridge.autopilots.mock import mock
+from firmware_bridge.autopilots.mock.sensors import FAULTS_HITL
 from firmware_bridge.autopilots.px4.px4_hitl import hitl_link, serial_line
 from firmware_bridge.autopilots.px4.rotor_parameters import motor_functions
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -25,6 +26,7 @@ PROFILE = replace(
     make_link=make_link,
     lockstep=False,
     repeatable=False,
+    own_faults=FAULTS_HITL,
     keys=mock.PROFILE.keys - {"transport"},
     expects_station=True,
     needs_estimator=True,

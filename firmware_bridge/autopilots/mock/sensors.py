@@ -1,4 +1,7 @@
-"""Sensors that the mock Pixhawk takes, from HIL_SENSOR and HIL_GPS. It has no range finder and no flow sensor."""
+"""Sensors that the mock Pixhawk takes, from HIL_SENSOR and HIL_GPS, and its own faults.
+
+It has no range finder and no flow sensor.
+"""
 
 from __future__ import annotations
 
@@ -10,3 +13,7 @@ SENSORS: dict[str, Intake] = {
     "barometer": Samples(("pressure_pa",)),
     "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
 }
+
+# Keys of autopilot.faults. A free-running link uses the newest command whatever its time: a wrong one changes nothing.
+FAULTS_HITL = ("die_at_s", "stall_at_s", "garbage_at_s", "noise_at_s")
+FAULTS = (*FAULTS_HITL, "wrong_time_at_s")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from firmware_bridge.autopilots.installation import Installation, Surroundings
+from firmware_bridge.autopilots.line import HIL_LINE
 from firmware_bridge.autopilots.profile import Misfit, Profile, Program, StartCommand
 from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.autopilots.px4.rotor_parameters import matching_airframe, px4_parameters
@@ -75,6 +76,7 @@ def misfits(settings: AutopilotSettings) -> Sequence[Misfit]:
 PROFILE = Profile(
     firmware=PX4,
     sensors=SENSORS,
+    line=HIL_LINE,
     make_link=make_link,
     lockstep=True,
     keys=frozenset({"binary", "arguments", "env", "airframe"}),

@@ -115,6 +115,8 @@ def _run(
         raise ConfigError([Problem("--set", f"does not apply to the benchmark {name!r}")])
     if errors_only and "errors_only" in takes:
         options["errors_only"] = True
+    if json is not None:
+        _check_writable(json)
     with console.status(f"hil bench {name}") as line:
         result = measure(quick=quick, status=lambda text: line.update(f"hil bench {name}: {text}"), **options)
     if errors_only:
@@ -122,7 +124,6 @@ def _run(
     _print(result, console)
     if json is not None:
         try:
-            json.parent.mkdir(parents=True, exist_ok=True)
             json.write_text(jsonlib.dumps(finite(result.as_json(name)), indent=2) + "\n")
         except OSError as error:
             raise RecordingError(f"{json}: cannot be written ({error.strerror or error})") from error
@@ -130,6 +131,22 @@ def _run(
         further = draw(result, title, plot) or []
         console.print(f"written: {', '.join(str(path) for path in (json, plot, *further))}")
     return result.met
+
+
+def _check_writable(file: Path) -> None:
+    """Make the folder of a result, and see that the file can be written: known before hours of measuring.
+
+    Raises RecordingError.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        existed = file.exists()
+        with file.open("a"):
+            pass
+        if not existed:
+            file.unlink()
+    except OSError as error:
+        raise RecordingError(f"{file}: cannot be written ({error.strerror or error})") from error
 
 
 def _print(result: BenchmarkResult, console: Console) -> None:

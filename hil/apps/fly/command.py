@@ -17,6 +17,8 @@ from signals.errors import ConfigError, HilError
 from signals.shortage import named
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hil.config import Bench
     from hil.run.bench_run import RunResult
 
@@ -41,9 +43,7 @@ def fly(
     if out is not None:
         guard_unbegun(out, rig=choice.rig, scene=choice.scene, seed=choice.seed)
     try:
-        bench = _load(choice, out, runs)
-        from hil.run.bench_run import run_bench  # MuJoCo and the kernels, loaded only for a bench that can fly
-
+        bench, run_bench = _load(choice, out, runs)
         with (
             link.parts(choice.config, runs if out is None else out.parent, console) as dashboard_parts,
             new_run_dir(out, bench.config.rig, runs) as folder,
@@ -63,10 +63,16 @@ def fly(
     return result.exit_status
 
 
-def _load(choice: BenchChoice, out: Path | None, runs: Path) -> Bench:
-    """Load the bench. A resource that ran out leaves a folder with a run.json that names it. Raises HilError."""
+def _load(choice: BenchChoice, out: Path | None, runs: Path) -> tuple[Bench, Callable[..., RunResult]]:
+    """Load the bench, and the function that flies it, with MuJoCo and the kernels.
+
+    A resource that ran out leaves a folder with a run.json that names it. Raises HilError.
+    """
     try:
-        return choice.load()
+        bench = choice.load()
+        from hil.run.bench_run import run_bench
+
+        return bench, run_bench
     except Exception as error:
         told = named(error)
         if told is None or isinstance(told, ConfigError):

@@ -51,7 +51,7 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
         problems.append(at(settings, place, message, hint))
     if autopilot.mavlink_port == "none" and config.mission is not None:
         report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
-    return problems + _mavlink_problems(config, settings)
+    return problems + _own_fault_problems(config, settings) + _mavlink_problems(config, settings)
 
 
 def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
@@ -67,3 +67,17 @@ def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     message = f"needs MAVLink, which {autopilot.kind} does not speak"
     found = [place for place, needed in needs.items() if needed and not autopilot.profile.mavlink]
     return [at(settings, place, message, "leave it out or choose another rig") for place in found]
+
+
+def _own_fault_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
+    """Report faults of the autopilot itself that would have no effect. A kind without any does not have the key."""
+    autopilot = config.autopilot
+    able = autopilot.profile.own_faults
+    asked = [name for name in type(autopilot.faults).model_fields if getattr(autopilot.faults, name) is not None]
+    if not asked or not able:
+        return []
+    if autopilot.port is not None:
+        message = f"have no effect: the bench does not start the mock on {autopilot.port}, which gets them at its start"
+        return [at(settings, ("autopilot", "faults"), message, "start it with --fault KIND@SECONDS, or leave port out")]
+    message, hint = f"has no effect on {autopilot.kind}", f"it has {', '.join(able)}"
+    return [at(settings, ("autopilot", "faults", name), message, hint) for name in asked if name not in able]

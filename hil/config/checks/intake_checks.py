@@ -10,6 +10,8 @@ from typing import Any
 from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
 from firmware_bridge.codecs.sensor_rotation import named_rotation
+from firmware_bridge.faults.link_fault import LinkFault
+from firmware_bridge.ground_station.modes import has_mode, mode_words
 from hil.config.layers import Settings
 from hil.config.missions.script import MissionScript, SensorFault, injected_at
 from hil.config.schema import BenchConfig, SensorConfig
@@ -70,15 +72,17 @@ def simulated_sensors(config: BenchConfig) -> list[str]:
 
 
 def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
-    """Return key, message and remedy if a fault of a sensor cannot reach the autopilot that the sensor feeds.
+    """Return key, message and remedy if a fault of a sensor has no effect or cannot reach the autopilot that it feeds.
 
     The fault must fit its sensor (`sim.sensors.faults.fault_problems`).
     """
     sensor = config.sensors[fault.sensor]
+    field = acted_field(fault, KINDS[sensor.kind].sample_type)
+    if field is not None and field in getattr(sensor.parameters, "unmeasured", ()):
+        return "field", f"is {field!r}, which {fault.sensor!r} does not measure", "take another sensor or field"
     if not sensor.autopilot:
         return None  # it is for companions and the recording
     autopilot, intake = config.autopilot, intake_of(config, fault.sensor)
-    field = acted_field(fault, KINDS[sensor.kind].sample_type)
     key = "kind" if field is None or intake is None or not fault.field else "field"
     what = fault.kind if field is None else f"{fault.kind} of {field}"
     others = [
@@ -103,13 +107,31 @@ def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
     return None
 
 
+def link_refusal(config: BenchConfig, fault: LinkFault) -> tuple[str, str] | None:
+    """Return message and remedy if a fault of the link names a message that never travels on the line it acts on."""
+    kind = config.autopilot.kind
+    line = config.autopilot.profile.line
+    strange = [name for name in fault.messages if line is not None and not line.carries(name, fault.direction)]
+    if line is None or not strange:
+        return None
+    way = "" if fault.direction == "both" else f" {fault.direction.replace('_', ' the ')}"
+    message = f"names {', '.join(strange)}, which the line of {kind} does not carry{way}: the fault would hit none"
+    carried = {d: ", ".join(sorted(getattr(line, d))) or "no HIL message" for d in ("to_autopilot", "from_autopilot")}
+    others = "; and commands, missions and telemetry in both directions" if line.others else ""
+    hint = f"it carries {carried['to_autopilot']} to the autopilot, {carried['from_autopilot']} from it{others}"
+    return message, hint
+
+
 def intake_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     """Report directions of sensors, and declared faults of sensors and of the link, that cannot reach the autopilot."""
     problems = _direction_problems(config, settings)
     unfit = {index for index, _, _ in fault_problems(config.faults.sensors, sample_types(config))}
-    if config.faults.links and not config.autopilot.profile.link_faults:
+    if config.faults.links and config.autopilot.profile.line is None:
         message, hint = f"cannot be applied to {config.autopilot.kind}", "see faults.sensors and faults.rotors"
         problems.append(at(settings, ("faults", "links"), message, hint))
+    for index, link_fault in enumerate(config.faults.links):
+        if (missed := link_refusal(config, link_fault)) is not None:
+            problems.append(at(settings, ("faults", "links", index, "messages"), *missed))
     for index, fault in enumerate(config.faults.sensors):
         found = None if index in unfit else refusal(config, fault)
         if found is not None:
@@ -143,10 +165,19 @@ def _direction_problems(config: BenchConfig, settings: Settings) -> list[Problem
 
 
 def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[Problem]:
-    """Report faults of a script that wait for an event and cannot reach the autopilot."""
+    """Report required modes and parameters that the autopilot does not have, and faults that cannot reach it."""
     types = sample_types(config)
     problems: list[Problem] = []
+    profile = config.autopilot.profile
+    for place, value in script.required_params.items():
+        asked = config.autopilot.model_copy(update={"params": {str(place[-1]): value}})
+        for misfit in profile.misfits(asked):
+            if misfit.place[:-1] == ("autopilot", "params"):
+                problems.append(at(script.document, place, misfit.message, misfit.hint))
     for index, spec in enumerate(script.script.actions):
+        for key, word in spec.modes.items():
+            if spec.required and not has_mode(profile.firmware.mav_autopilot, word):
+                problems.append(at(script.document, ("actions", index, key), *_no_mode(config, word)))
         fault = None if spec.fault is None or spec.in_settings else injected_at(spec, 0.0)
         if not isinstance(fault, SensorFault) or any(fault_problems([fault], types)):
             continue
@@ -155,3 +186,9 @@ def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[P
             key, message, hint = found
             problems.append(at(script.document, ("actions", index, "fault", key), message, hint))
     return problems
+
+
+def _no_mode(config: BenchConfig, word: str) -> tuple[str, str]:
+    firmware = config.autopilot.profile.firmware
+    hint = f"it has {', '.join(mode_words(firmware.mav_autopilot))}; with required: false the action is left out there"
+    return f"names the mode {word}, which {firmware.name} does not have", hint

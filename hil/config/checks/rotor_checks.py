@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
-from hil.config.vehicles.multirotor_facts import multirotor_facts
 from signals.documents.validate import Located, at
 from signals.errors import Problem
 from sim.physics import multirotor

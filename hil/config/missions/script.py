@@ -20,7 +20,7 @@ from firmware_bridge.ground_station.actions import Action, Effect, RunCommand, S
 from firmware_bridge.ground_station.modes import WORDS, plain_word
 from hil.config.missions.mission import Mission
 from hil.config.schema import Limits
-from signals.documents.document import Document
+from signals.documents.document import Document, Place
 from signals.documents.validate import StrictModel, nearest, unit_of
 from signals.time import NS_PER_S
 from sim.physics.faults import RotorFault
@@ -118,6 +118,12 @@ class ActionSpec(StrictModel):
     def in_settings(self) -> bool:
         """True for a gust or fault at a known time, which becomes a setting of the bench."""
         return self.at_s is not None and (self.gust is not None or self.fault is not None)
+
+    @property
+    def modes(self) -> dict[str, str]:
+        """Mode words that the autopilot must have, by the key that names them."""
+        named = {"set_mode": self.set_mode, "after": None if self.after is None else parse_event(self.after).word}
+        return {key: word for key, word in named.items() if word}
 
     @property
     def text(self) -> str:
@@ -225,6 +231,16 @@ class MissionScript:
         """Sensors with faults that begin at an event of the flight."""
         on_event = [spec for spec in self.script.actions if spec.fault is not None and not spec.in_settings]
         return frozenset(spec.fault["sensor"] for spec in on_event if spec.fault and "sensor" in spec.fault)
+
+    @property
+    def required_params(self) -> dict[Place, float]:
+        """Parameters that required actions set, by the place in the script."""
+        return {
+            ("actions", index, "param", name): value
+            for index, spec in enumerate(self.script.actions)
+            for name, value in (spec.param or {}).items()
+            if spec.required
+        }
 
     def name_of(self, index: int) -> str:
         """Return the place of an action in the script and what it does, for messages."""

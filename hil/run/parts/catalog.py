@@ -9,11 +9,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
+from firmware_bridge.autopilots.settings import MockFaults
 from hil.config import Bench
 from hil.config.checks.part_settings import part_module
+from hil.config.schema import Faults
 from hil.run.part import Part
 
 Condition = Callable[[Bench], bool]
+
+
+def _has_faults(bench: Bench) -> bool:
+    config = bench.config
+    gusts = () if config.wind is None else config.wind.gusts
+    return config.faults != Faults() or config.autopilot.faults != MockFaults() or bool(gusts)
+
+
+def _script_params(bench: Bench) -> bool:
+    known = bench.config.autopilot.profile.known_params
+    return bench.script is not None and not known and bool(bench.script.required_params)
 
 
 def _always(bench: Bench) -> bool:  # noqa: ARG001
@@ -25,6 +38,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("links.intake", _always),  # before the sensors: it refuses faults that the autopilot would not notice
     ("simulated.sensors", _always),
     ("links.faults", _always),
+    ("simulated.unmet_faults", _has_faults),
 )
 _CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
@@ -42,7 +56,10 @@ _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("links.ros2.part", lambda bench: bench.config.ros2.domain is not None),
 )
 _LINKS: tuple[tuple[str, Condition], ...] = (
-    ("links.parameters", lambda bench: bool(bench.config.autopilot.params or bench.config.autopilot.airframe)),
+    (
+        "links.parameters",
+        lambda bench: bool(bench.config.autopilot.params or bench.config.autopilot.airframe) or _script_params(bench),
+    ),
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
     ("links.router", lambda bench: bool(bench.config.router.endpoints())),
     ("links.failsafe", _always),

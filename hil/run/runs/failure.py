@@ -8,6 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from signals.errors import ConfigError
 from signals.shortage import named
 
 _TRACEBACK_NAME = "traceback.txt"
@@ -19,6 +20,7 @@ class Failure:
     def __init__(self, out: Path) -> None:
         self._traceback = out / _TRACEBACK_NAME
         self._error: dict[str, str] | None = None
+        self.config_error: ConfigError | None = None  # the first error, if it is one of the user's files
         with suppress(OSError):
             self._traceback.unlink(missing_ok=True)  # of an earlier run in this folder
 
@@ -42,6 +44,8 @@ class Failure:
     def note(self, error: BaseException, where: str = "") -> None:
         """Keep this error if it is the run's first. `where` is put before its message, as in 'lead: '."""
         told = named(error)
+        if self._error is None and isinstance(told, ConfigError):
+            self.config_error = told
         if told is not None:
             cause = getattr(told, "cause", "")
             self._keep(type(told).__name__, f"{where}{told}", **({"cause": cause} if cause else {}))

@@ -76,7 +76,8 @@ class GroupRun:
         for vehicle in self._runs.values():
             for part in vehicle.context.parts:
                 part.after_group(run)
-        return RunResult(run["status"], run, self._out)
+        refused = None if run["sim_s"] > 0.0 else self._failure.config_error
+        return RunResult(run["status"], run, self._out, refused)
 
     def _prepare_and_fly(self) -> None:
         try:

@@ -25,7 +25,7 @@ from hil.run.runs.failure import Failure
 from hil.run.runs.run_file import RunFile
 from hil.run.sensors.frame_stages import stage_specs
 from hil.run.verdict.verdict import Verdict
-from signals.errors import ConfigError, HilError, Problem, RecordingError
+from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 
@@ -47,15 +47,7 @@ class RunResult:
     status: str
     run: dict[str, Any]
     out: Path
-
-    @property
-    def config_error(self) -> ConfigError | None:
-        """The problems of a run that did not begin because of them: found only when its parts were opened."""
-        error = self.run["error"]
-        if error is None or error["type"] != ConfigError.__name__ or self.run["sim_s"] > 0.0:
-            return None
-        split = (line.partition(": ") for line in error["message"].splitlines())
-        return ConfigError([Problem(where, message) for where, _, message in split])
+    config_error: ConfigError | None = None  # of a run that did not begin: found only when its parts were opened
 
     @property
     def exit_status(self) -> int:
@@ -109,7 +101,7 @@ class VehicleRun:
         run = self._file.end(run)
         for part in self._parts:
             part.after_run(run)
-        return RunResult(run["status"], run, self._out)
+        return RunResult(run["status"], run, self._out, None if run["sim_s"] > 0.0 else self.failure.config_error)
 
     def build(self, stack: ExitStack, recorder: Recorder) -> None:
         """Open and build all parts; `stack` closes them."""
@@ -248,13 +240,13 @@ class VehicleRun:
         return summary
 
     def _warnings(self, said: Sequence[str]) -> list[dict[str, Any]]:
-        """Return the warnings of bench and autopilot by time, without those that `said` contains already."""
+        """Return the warnings of bench and autopilot by time, without those that are among `said` or told by a part."""
         events = [event for recorder in self._recorders for event in recorder.warnings]
-        told = [event.text for recorder in self._recorders for event in recorder.events if event.kind == "failsafe"]
+        told = {*said, *(text for part in self._parts for text in part.told())}
         return [
             {"t_s": event.t_ns / NS_PER_S, "level": event.kind, "text": event.text.strip()}
             for event in sorted(events, key=lambda event: event.t_ns)
-            if not any(event.text.strip() in text for text in (*said, *told))
+            if event.text.strip() not in told
         ]
 
     def _write_report(self, run: Mapping[str, Any]) -> None:

@@ -71,6 +71,10 @@ class SensorSlots:
         self._faulty[name] = FaultySensor(self._without_faults[name], (), on_event=self._recorder.event)
         slot.sample = self._faulty[name].sample
 
+    def unmet(self) -> list[SensorFault]:
+        """Return the faults of sampled sensors that have acted on no sample."""
+        return [fault for sensor in self._faulty.values() for fault in sensor.unmet]
+
     def _slot(self, name: str, sensor: SensorConfig) -> SensorSlot:
         config, script = self._bench.config, self._bench.script
         instance = self._without_faults[name]

@@ -24,6 +24,10 @@ from signals.time import NS_PER_S
 from sim.physics.vehicle_group import VehicleContact
 
 FORMED_M = 2.0
+_TOO_LATE = (
+    "when all were in place, a vehicle was already within reach of its last waypoint (limits that are null make that "
+    "reach wider)"
+)
 _STRIDE = 10  # ticks between two measurements of the formation
 
 
@@ -122,8 +126,9 @@ class GroupMeasurement:
             if why and self._farthest is not None:
                 t_ns, worst = self._farthest
                 why = [f"{why[0]}: {self._names[worst]} at {t_ns / NS_PER_S:.2f} s"]
-            elif why and not self._formed:
-                why = [f"{why[0]}: {self._why_not_formed(lost)}"]
+            elif why:
+                reason = _TOO_LATE if self._formed else self._why_not_formed(lost)
+                why = [f"{why[0]}: {reason}"]
             rows, reasons = rows + row, reasons + why
         judged = [c for c in self.contacts if c.t_ns < max(self._over_ns[c.a], self._over_ns[c.b])]
         fails = limits.contact == "fail" and bool(judged)

@@ -75,6 +75,9 @@ class FailsafePart(Part):
         why = [f"no failsafe came{self._expected.text}, and the flight needs one"] if missed and self._expected else []
         return Verdict([row], why, causes=unexpected)  # limits that are missed follow from a failsafe
 
+    def told(self) -> Sequence[str]:
+        return [failsafe.text for failsafe, _ in self._told]
+
     def run_keys(self) -> dict[str, Any]:
         return {
             "failsafes": [

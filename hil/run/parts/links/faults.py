@@ -8,6 +8,7 @@ from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.transports.transport import Transport
 from hil.config import Bench
+from hil.config.checks.intake_checks import link_refusal
 from hil.run.part import Part, RunContext
 
 
@@ -39,8 +40,15 @@ class LinkFaultsPart(Part):
             return False
         if self._transport is None:
             raise ValueError("the link to this autopilot is not MAVLink: no faults can be injected into it")
+        if (refused := link_refusal(self._config, fault)) is not None:
+            raise ValueError("messages {} ({})".format(*refused))
         self._transport.inject(fault)
         return True
+
+    @property
+    def unmet(self) -> list[LinkFault]:
+        """Return the faults that no message has met."""
+        return [] if self._transport is None else [self._transport.faults[i] for i in self._transport.unmet()]
 
     def run_keys(self) -> dict[str, Any]:
         faults = self._config.faults.links if self._transport is None else self._transport.faults

@@ -1,10 +1,11 @@
-"""The parameters of the section `autopilot`: compared with what the autopilot reports, before it may arm."""
+"""The parameters of the section `autopilot` and of the script: compared with the autopilot's, before it may arm."""
 
 from __future__ import annotations
 
 from firmware_bridge.ground_station.parameter_check import ParameterCheck
 from hil.config import Bench
 from hil.run.part import Part, RunContext
+from signals.documents.yaml_lines import dotted
 
 
 class ParametersPart(Part):
@@ -31,4 +32,8 @@ def make(bench: Bench) -> Part:
     number = autopilot.airframe
     if firmware.airframe_parameter and number is not None and number.isdigit():
         wanted.setdefault(firmware.airframe_parameter, float(number))
-    return ParametersPart(ParameterCheck(wanted, firmware))
+    script = bench.script
+    named = {}
+    if script is not None and not autopilot.profile.known_params:
+        named = {str(place[-1]): f"{script.document.where(place)}: {dotted(place)}" for place in script.required_params}
+    return ParametersPart(ParameterCheck(wanted, firmware, named))

@@ -18,7 +18,7 @@ from firmware_bridge.autopilots.px4.rotor_parameters import (
 )
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from hil.config import Bench, load_bench
-from hil.config.vehicles.multirotor_facts import multirotor_facts
+from hil.config.multirotor_facts import multirotor_facts
 from hil.run.autopilot import installation_of
 from hil.run.loop.restartable_physics import make_physics
 from sim.physics import multirotor

@@ -9,7 +9,7 @@ import pytest
 
 from firmware_bridge.autopilots.ardupilot.copter import frame_for
 from firmware_bridge.links.ardupilot.frames import frame_of
-from hil.config.vehicles.multirotor_facts import multirotor_facts
+from hil.config.multirotor_facts import multirotor_facts
 from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 from tests.worlds.tilted_rotors import tilted

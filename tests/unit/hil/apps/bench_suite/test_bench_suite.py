@@ -14,7 +14,7 @@ from rich.console import Console
 
 from hil.apps.bench_suite import cases, suite
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row
-from signals.errors import ConfigError
+from signals.errors import ConfigError, RecordingError
 
 
 def test_a_part_that_was_not_run_is_not_blamed_on_quick() -> None:
@@ -131,3 +131,19 @@ def test_what_is_left_out_by_name_is_named(benchmarks: dict[str, SimpleNamespace
 def test_all_has_no_file_of_its_own(benchmarks: dict[str, SimpleNamespace], tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="neither --json nor --set"):
         run("all", errors_only=True, out=tmp_path / "all.json")
+
+
+def test_a_result_that_cannot_be_written_is_told_before_measuring(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured: list[bool] = []
+
+    def measure(*, quick: bool, status: object) -> BenchmarkResult:
+        measured.append(quick)
+        return BenchmarkResult()
+
+    monkeypatch.setattr(suite, "import_module", lambda _: SimpleNamespace(measure=measure))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match=r"rows\.json: cannot be written"):
+        suite.run_benchmarks("link", json=tmp_path / "file/rows.json", quick=True, console=Console(file=StringIO()))
+    assert measured == []
