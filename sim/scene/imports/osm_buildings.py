@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from sim.scene.imports import osm_tags
 from sim.scene.imports.contact_pieces import flat_parts
-from sim.scene.imports.facade_tiles import BAY_M, BAYS, STOREYS, STYLES, ground_png, upper_png
 from sim.scene.imports.msh import msh
 from sim.scene.imports.osm_file import Tags
 from sim.scene.imports.roofs import Roof, make_roof
 from sim.scene.imports.shapes import parts, rings, rounded, shapely, triangles
 from sim.scene.maps import surfaces, textures
+from sim.scene.maps.facade_layout import BAYS, STOREY_M, STOREYS, WHITE_WALL_RGB
 from sim.scene.maps.map_builder import Body, MapBuilder
 from sim.scene.maps.scene_map import Surface
 from sim.scene.random_generator import RandomGenerator
@@ -108,13 +108,13 @@ class BuildingMaker:
 
     def _wall_material(self, style: str, tags: Tags, *, ground: bool, shops: bool) -> str:
         rgb = osm_tags.colour(tags.get("building:colour"))
-        name = f"osm_{style}_{('shops' if shops else 'ground') if ground else 'upper'}"
+        part = ("shops" if shops else "ground") if ground else "upper"
+        name = f"osm_{style}_{part}"
         b = self._builder
-        b.texture(name, ground_png(style, shops=shops) if ground else upper_png(style))
+        b.texture(name, textures.png(f"facade_{style}_{part}"))
         tint = (1.0, 1.0, 1.0)
         if rgb is not None:
-            wall = STYLES["white"].wall
-            tint = tuple(min(1.0, c / w) for c, w in zip(rgb, wall, strict=True))  # type: ignore[assignment]
+            tint = tuple(min(1.0, c / w) for c, w in zip(rgb, WHITE_WALL_RGB, strict=True))  # type: ignore[assignment]
         key = (name, tint)
         if key not in self._tinted:
             self._tinted[key] = b.material(
@@ -137,7 +137,9 @@ class BuildingMaker:
         )  # fmt: skip
         shift = rng.index(BAYS)
         floor = footprint.base_m if footprint.base_m > 0.0 else 0.0
-        split = floor + BAY_M if floor == 0.0 and footprint.top_m - footprint.rise_m >= floor + BAY_M - 0.4 else floor
+        split = (
+            floor + STOREY_M if floor == 0.0 and footprint.top_m - footprint.rise_m >= floor + STOREY_M - 0.4 else floor
+        )
         lower, upper = _Faces(), _Faces()
         for ring in rings(polygon):
             for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
@@ -147,17 +149,17 @@ class BuildingMaker:
                 stops = [0.0, *roof.breaks(a, b), 1.0]
                 points = [a + t * (b - a) for t in stops]
                 heights = roof.height(np.array(points)).tolist()
-                bays = max(1.0, float(round(length / BAY_M)))
+                bays = max(1.0, float(round(length / STOREY_M)))
                 at = [(shift + t * bays) / BAYS for t in stops]
                 if length < 1.5:  # too short for a window: the plain edge of a bay
                     at = [(shift + 0.06 * t * length) / BAYS for t in stops]
                 if split > floor:
-                    lower.strip(points, [bottom] * len(points), [min(split, z) for z in heights], at, floor, BAY_M)
+                    lower.strip(points, [bottom] * len(points), [min(split, z) for z in heights], at, floor, STOREY_M)
                 low = max(split, bottom) if split > floor else bottom
                 knees = [min(z, roof.low_m) for z in heights]
-                upper.strip(points, [low] * len(points), knees, at, split, STOREYS * BAY_M)
+                upper.strip(points, [low] * len(points), knees, at, split, STOREYS * STOREY_M)
                 plain = [(shift + 0.02 * t) / BAYS for t in stops]  # a gable has no windows
-                upper.strip(points, [max(low, z) for z in knees], heights, plain, split, STOREYS * BAY_M)
+                upper.strip(points, [max(low, z) for z in knees], heights, plain, split, STOREYS * STOREY_M)
         for faces, ground, name in ((lower, True, "ground"), (upper, False, "upper")):
             if faces.triangles:
                 asset = f"{number}_{name}"
@@ -328,14 +330,6 @@ def _slabs(outline: Float64, roof: Roof) -> list[Float64]:
             z = roof.height(top)
             found.append(np.concatenate([np.column_stack([top, z]), np.column_stack([top, z - 0.15])]))
     return found
-
-
-def draw_facades() -> None:
-    """Draw the textures of walls; they are kept in memory."""
-    for style in STYLES:
-        upper_png(style)
-        for shops in (False, True):
-            ground_png(style, shops=shops)
 
 
 def footprint_of(key: str, tags: Tags, polygon: Any) -> tuple[Footprint, bool, bool]:

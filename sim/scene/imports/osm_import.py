@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 
 from signals.geodesy import Site
@@ -10,14 +9,8 @@ from sim.scene.budget import Budget
 from sim.scene.imports.elevation import make_terrain, read_geotiff
 from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.osm_file import read_osm
-from sim.scene.imports.osm_map import OsmOptions, draw_textures, map_of_osm, take_off_place
+from sim.scene.imports.osm_map import OsmOptions, map_of_osm, take_off_place
 from sim.scene.map_section import OsmMap
-
-
-@cache
-def prepare() -> None:
-    """Draw the textures of all districts, which the processes of later calls then share."""
-    draw_textures()
 
 
 def made(path: Path, elevation: Path | None, section: OsmMap, site: Site, budget: Budget) -> ImportedMap:

@@ -24,7 +24,7 @@ from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
 from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.msh import msh
-from sim.scene.imports.osm_buildings import BuildingMaker, Footprint, draw_facades, footprint_of
+from sim.scene.imports.osm_buildings import BuildingMaker, Footprint, footprint_of
 from sim.scene.imports.osm_file import OsmData, Tags
 from sim.scene.imports.osm_shapes import Shapes, Spot, shapes_of
 from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, triangles, union
@@ -129,12 +129,6 @@ def take_off_place(data: OsmData, radius_m: float) -> tuple[float, float]:
                 lat, lon, _ = frame.geodetic_from_enu((x, y, 0.0))
                 return round(lat, 7), round(lon, 7)
     return latitude, longitude
-
-
-def draw_textures() -> None:
-    """Draw the textures of districts; they are kept in memory."""
-    _District("", Shapes(), OsmOptions(), None, Budget("textures"))._materials()
-    draw_facades()
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from sim.scene.maps.plants.solids import fir_hull
 from sim.scene.maps.plants.trees import add_conifer
 from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
-from sim.scene.maps.texture_tools import clouds, grain, mix, png_of
+from sim.scene.maps.texture_tools import clouds
 from sim.scene.random_generator import RandomGenerator
 
 Grid = NDArray[np.float64]
@@ -174,10 +174,8 @@ class _Landscape:
     def materials(self) -> None:
         b = self.builder
         plant_materials(b, self.parameters.season)
-        for name in ("grass", "water"):
+        for name in ("grass", "water", "rock"):
             b.texture(name, textures.png(name))
-        stone = 0.6 * clouds("landscape.stone", 9) + 0.4 * grain("landscape.stone")
-        b.texture("rock", png_of(mix((0.24, 0.23, 0.22), (0.52, 0.50, 0.47), stone)))
         b.material("grass", surfaces.GRASS, texture="grass", specular=0.0)
         b.material("rock", surfaces.STONE, texture="rock", specular=0.0)
         b.material("snow", surfaces.PLASTER, rgb=(0.92, 0.93, 0.95), specular=0.0)

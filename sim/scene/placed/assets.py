@@ -19,7 +19,7 @@ from sim.scene.maps.people import PersonTraits, add_still_person
 from sim.scene.maps.plants.materials import plant_materials
 from sim.scene.maps.plants.trees import add_bush, add_tree
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_street_lamp, furniture_materials
-from sim.scene.maps.vehicles.kinds import MODELS, add_vehicle
+from sim.scene.maps.vehicles.kinds import KINDS, add_vehicle
 from sim.scene.placed.template import Template, materials_of, template_of
 from sim.scene.random_generator import RandomGenerator
 
@@ -108,7 +108,7 @@ _SHAPES: dict[str, Callable[[MapBuilder], None]] = {
     "1M_Cube_Chamfer": partial(_primitive, "box", _HALF),
 }
 _OBJECTS: dict[str, tuple[str, Callable[[MapBuilder], None]]] = {
-    **{kind: (kind if kind in ("bicycle", "motorcycle") else "vehicle", partial(_vehicle, kind)) for kind in MODELS},
+    **{kind: (kind if kind in ("bicycle", "motorcycle") else "vehicle", partial(_vehicle, kind)) for kind in KINDS},
     "person": ("person", partial(_person, 1.75, False)),
     "child": ("person", partial(_person, 1.25, False)),
     "soldier": ("person", partial(_person, 1.8, True)),

@@ -1,0 +1,102 @@
+"""A model from the user's own glTF file, in place of a shipped one.
+
+Triangles are grouped by the names of nodes and of materials. A material with the name of one of ours ("paint", "glass",
+"tyre" of vehicles) looks as ours does; others keep their colour and texture. Nodes whose names begin with "contact" are
+solid, each as its convex hull; without such a node the hull of everything is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.scene.imports.gltf_file import GltfFile, read_gltf
+from sim.scene.imports.gltf_geometry import Notes, placed_meshes, surfaces_of
+from sim.scene.imports.gltf_materials import decoded, look_of, png_of
+from sim.scene.maps.models import CONTACT, Model
+from sim.scene.maps.scene_map import Surface
+from sim.scene.maps.shipped_mesh import ShippedMesh, joined
+
+_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+_WHOLE = f"{CONTACT}_whole"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, texture and surface of a material of the file."""
+
+    rgb: tuple[float, float, float]
+    png: bytes  # empty: no texture
+    holes: bool
+    specular: float
+    shininess: float
+    surface: Surface
+
+
+def read_own_model(name: str, path: Path) -> Model:
+    """Return the model of a file. Raises ConfigError that names the file."""
+    file = read_gltf(path)
+    pieces: dict[str, dict[str, list[ShippedMesh]]] = {}
+    looks: dict[str, Look] = {}
+    for node, material, mesh in _meshes(file, looks):
+        pieces.setdefault(node, {}).setdefault(material, []).append(mesh)
+    if not pieces:
+        raise file.error("", "shows no mesh: its scene has no node with triangles")
+    whole = {node: {key: joined(meshes) for key, meshes in found.items()} for node, found in pieces.items()}
+    facts = _facts(file)
+    if "contact" not in facts:
+        if not any(node.startswith(CONTACT) for node in whole):
+            whole[_WHOLE] = {"": joined([mesh for found in whole.values() for mesh in found.values()])}
+        facts["contact"] = [{"kind": "hull", "piece": node} for node in whole if node.startswith(CONTACT)]
+    points = np.concatenate([mesh.vertices for found in whole.values() for mesh in found.values()])
+    length_m, width_m, height_m = (float(v) for v in np.ptp(points, axis=0))
+    return Model(
+        name, whole, {"length_m": length_m, "width_m": width_m, "height_m": height_m, **facts}, looks, is_own=True
+    )
+
+
+def _facts(file: GltfFile) -> dict[str, Any]:
+    scenes = file.raw.get("scenes") or [{}]
+    extras = scenes[file.gltf.scene or 0].get("extras")
+    return dict(extras) if isinstance(extras, dict) else {}
+
+
+def _meshes(file: GltfFile, looks: dict[str, Look]) -> Iterator[tuple[str, str, ShippedMesh]]:
+    """Yield each primitive with the names of its node and of its material; the looks of materials are added."""
+    notes = Notes()
+    for placed in placed_meshes(file, 1.0, np.eye(3), notes):
+        linear = placed.R @ placed.scales @ _Z_UP
+        mirrored = np.linalg.det(linear) < 0.0
+        for part in surfaces_of(file, placed.mesh, notes):
+            look = look_of(file, part.material)
+            if look.name not in looks:
+                png, holes = b"", False
+                if look.texture is not None:
+                    png, holes = png_of(decoded(file, look.texture), look.holes)
+                looks[look.name] = Look(look.rgb, png, holes, look.specular, look.shininess, look.surface)
+            uv = part.uv[look.uv_set] if look.uv_set < 2 else None
+            uv = np.zeros((len(part.vertex), 2)) if uv is None else look.uv(uv)
+            yield (
+                placed.name,
+                look.name,
+                ShippedMesh(
+                    (part.vertex @ linear.T + placed.position).astype(np.float32),
+                    uv.astype(np.float32),
+                    _turned(part.normal, linear),
+                    part.triangle[:, ::-1] if mirrored else part.triangle,
+                ),
+            )
+
+
+def _turned(normals: NDArray[np.float64] | None, linear: NDArray[np.float64]) -> NDArray[np.float32] | None:
+    """Return unit normals after a linear map of the vertices; None if it flattens them."""
+    if normals is None or np.linalg.det(linear) == 0.0:
+        return None
+    turned = normals @ np.linalg.inv(linear)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    return None if (length < 1e-12).any() else (turned / length).astype(np.float32)
