@@ -13,6 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs")
 FLOORS = ("cli", "apps", "cluster", "run", "config")  # each may import those to its right
+SCENE_FLOORS = ("compile", "placed", "maps", "imports")  # likewise; the files of sim/scene itself are below all of them
 
 
 @cache
@@ -100,6 +101,26 @@ def test_the_floors_of_hil_import_downwards_only(floor: str) -> None:
     for path in sources(f"hil/{floor}"):
         for name in imported(path):
             assert not any(within(name, f"hil.{higher}") for higher in above), f"{path} imports {name}"
+
+
+@pytest.mark.parametrize("floor", [*SCENE_FLOORS, ""])
+def test_the_floors_of_a_scene_import_downwards_only(floor: str) -> None:
+    above = SCENE_FLOORS[: SCENE_FLOORS.index(floor)] if floor else SCENE_FLOORS
+    for path in sources(f"sim/scene/{floor}") if floor else sorted((ROOT / "sim/scene").glob("*.py")):
+        for name in imported(path):
+            assert not any(within(name, f"sim.scene.{higher}") for higher in above), f"{path} imports {name}"
+
+
+def test_every_folder_of_a_scene_is_a_floor_or_holds_no_code() -> None:
+    folders = {path.relative_to(ROOT / "sim/scene").parts[0] for path in sources("sim/scene")}
+    assert {name for name in folders if not name.endswith(".py")} == set(SCENE_FLOORS)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_product_does_not_need_its_tools(package: str) -> None:
+    """`tools` is not in the wheel."""
+    for path in sources(package):
+        assert not any(within(name, "tools") for name in imported(path)), path
 
 
 def test_gym_is_a_floor_of_its_own_beside_apps() -> None:

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from signals.samples import Vec3
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.scene_map import Surface
 from sim.scene.random_generator import RandomGenerator, weighted_pick
+from sim.scene.scene_map import Surface
 
 _Weights = dict[str, float]
 

@@ -19,17 +19,18 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from signals.samples import Vec3
 from signals.units import TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.layout import Layout
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import Mesh, blob, ellipse, slab
 from sim.scene.maps.plants import add_tree, plant_materials
 from sim.scene.maps.plants.solids import fir_hull
 from sim.scene.maps.plants.trees import add_conifer
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.maps.texture_tools import clouds
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import SceneMap
 
 Grid = NDArray[np.float64]
 

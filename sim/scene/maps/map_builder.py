@@ -24,9 +24,9 @@ from signals._kernel import det_cos, det_sin
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
 from sim.scene.maps.season import Season
 from sim.scene.maps.shipped_mesh import ShippedMesh
+from sim.scene.scene_map import Actor, CornerReflector, SceneMap, Surface
 
 # Size of the scene [m] by which MuJoCo scales lights and clip planes: near at 0.05 m, far at 1200 m.
 _EXTENT_M = 50.0

@@ -9,70 +9,19 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signals.samples import Vec3
 from sim.scene.maps.asset_files import asset_file
-from sim.scene.maps.shipped_mesh import ShippedMesh, joined
-
-if TYPE_CHECKING:
-    from sim.scene.maps.own_model import Look
+from sim.scene.maps.model import Model
+from sim.scene.maps.shipped_mesh import ShippedMesh
 
 _TYPES = {5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 _BIN_HEADER_BYTES = 8
-CONTACT = "contact"  # beginning of the names of pieces that are solid and not drawn
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Solid shape that is not drawn: a box, a cylinder across y, or the convex hull of a mesh."""
-
-    kind: str
-    size: tuple[float, ...] = ()
-    pos: Vec3 = (0.0, 0.0, 0.0)
-    hull: ShippedMesh | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """Contents of one file: meshes by piece and material, and what else is known of them."""
-
-    name: str
-    pieces: Mapping[str, Mapping[str, ShippedMesh]]
-    facts: Mapping[str, Any]
-    looks: Mapping[str, Look] = field(default_factory=dict)  # materials of the user's own file
-    is_own: bool = False
-
-    def mesh(self, piece: str) -> ShippedMesh:
-        """Return the mesh of a piece, all its materials together."""
-        return joined(list(self.pieces[piece].values()))
-
-    def by_material(self, without: tuple[str, ...] = ()) -> dict[str, ShippedMesh]:
-        """Return what is drawn, by material, without pieces whose names begin with one of `without`."""
-        found: dict[str, list[ShippedMesh]] = {}
-        for piece, meshes in self.pieces.items():
-            if not piece.startswith((CONTACT, *without)):
-                for material, mesh in meshes.items():
-                    found.setdefault(material, []).append(mesh)
-        return {material: joined(meshes) for material, meshes in found.items()}
-
-    @property
-    def contacts(self) -> list[Contact]:
-        """Solid shapes: those that the facts name, else hulls."""
-        found = []
-        for shape in self.facts["contact"]:
-            if shape["kind"] == "hull":
-                found.append(Contact("hull", hull=self.mesh(shape["piece"])))
-            else:
-                found.append(Contact(shape["kind"], tuple(shape["size"]), tuple(shape["pos"])))
-        return found
 
 
 @cache

@@ -8,7 +8,6 @@ solid, each as its convex hull; without such a node the hull of everything is.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,25 +16,12 @@ from numpy.typing import NDArray
 
 from sim.scene.imports.gltf_file import GltfFile, read_gltf
 from sim.scene.imports.gltf_geometry import Notes, placed_meshes, surfaces_of
-from sim.scene.imports.gltf_materials import decoded, look_of, png_of
-from sim.scene.maps.models import CONTACT, Model
-from sim.scene.maps.scene_map import Surface
+from sim.scene.maps.imported.gltf_materials import decoded, look_of, png_of
+from sim.scene.maps.model import CONTACT, Look, Model
 from sim.scene.maps.shipped_mesh import ShippedMesh, joined
 
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _WHOLE = f"{CONTACT}_whole"
-
-
-@dataclass(frozen=True)
-class Look:
-    """Colour, texture and surface of a material of the file."""
-
-    rgb: tuple[float, float, float]
-    png: bytes  # empty: no texture
-    holes: bool
-    specular: float
-    shininess: float
-    surface: Surface
 
 
 def read_own_model(name: str, path: Path) -> Model:

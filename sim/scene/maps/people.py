@@ -9,7 +9,8 @@ from signals.rotation import NO_TURN, product
 from signals.samples import Quat, Vec3
 from signals.units import QUARTER_TURN_RAD
 from sim._kernels import resting_arm, resting_leg
-from sim.scene.maps import surfaces, wheelchair
+from sim.scene import surfaces
+from sim.scene.maps import wheelchair
 from sim.scene.maps.clothes import Colours, draw_colours, draw_look
 from sim.scene.maps.cyclist import Cyclist, ride
 from sim.scene.maps.figure import LIMBS, Figure

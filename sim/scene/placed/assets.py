@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache, partial
 
+from sim.scene import surfaces
 from sim.scene.compile_process import compile_mjcf
-from sim.scene.maps import military, surfaces
+from sim.scene.maps import military
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.meshes import revolve
 from sim.scene.maps.objects.animals import add_dog

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from signals.samples import Vec3
 from signals.units import TURN_RAD
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.models import model
 from sim.scene.maps.plants.trees import add_bough

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from signals.rotation import NO_TURN
 from signals.samples import Vec3
 from signals.units import QUARTER_TURN_RAD
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
-from sim.scene.maps.models import Model, model
+from sim.scene.maps.model import Model
+from sim.scene.maps.models import model
 from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, vehicle_materials
 from sim.scene.random_generator import RandomGenerator
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.random_generator import RandomGenerator
 

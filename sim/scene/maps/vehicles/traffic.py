@@ -15,7 +15,8 @@ from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim import _kernels
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.models import Model, model
+from sim.scene.maps.model import Model
+from sim.scene.maps.models import model
 from sim.scene.maps.vehicles.kinds import add_drawn, add_parts
 from sim.scene.maps.vehicles.paints import PLATES, draw_paint
 from sim.scene.maps.walk_path import WalkPath

@@ -18,10 +18,10 @@ from sim.scene.maps.city_park import CityParkParameters, generate
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.plants import add_tree, plant_materials
 from sim.scene.maps.plants.species import SPECIES
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
+from sim.scene.scene_map import SceneMap
 from sim.scene.world import World
 from sim.world_loader import load_world
 from tools.art.plants.cards import FORMS, bough

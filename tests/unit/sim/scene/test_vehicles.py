@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from signals.rotation import NO_TURN
-from sim.scene.maps import surfaces, urban_delivery
+from sim.scene import surfaces
+from sim.scene.maps import urban_delivery
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.models import model as shipped
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.shipped_mesh import ShippedMesh
 from sim.scene.maps.vehicles.kinds import KINDS, add_parts
 from sim.scene.maps.vehicles.traffic import DrivenCar
+from sim.scene.scene_map import SceneMap
 
 # Length, width over the mirrors and height of common vehicles [m], by data sheets: least and greatest.
 SIZES = {

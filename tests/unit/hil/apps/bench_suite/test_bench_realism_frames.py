@@ -11,7 +11,7 @@ import pytest
 from hil.apps.bench_suite.realism.frames import HEIGHT, WIDTH, Scenario
 from hil.apps.bench_suite.realism.kinds import BY_NAME
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose, looking
-from sim.scene.maps.surfaces import SKIN
+from sim.scene.surfaces import SKIN
 
 CAR = BY_NAME["vehicle"]
 SCENE = """\

@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 from signals._kernel import det_cos, det_sin
 from signals.samples import Quat
 from signals.units import RAD_PER_DEG
+from sim.scene import surfaces as named_surfaces
 from sim.scene.budget import Budget
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.contact_pieces import Pieces, contact_pieces
 from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_geometry import Notes, Placed, Surfaces, placed_meshes, surfaces_of
-from sim.scene.imports.gltf_materials import Look, decoded, look_of, png_of, srgb_of
-from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.msh import msh
-from sim.scene.maps import surfaces as named_surfaces
+from sim.scene.maps.imported.gltf_materials import Look, decoded, look_of, png_of, srgb_of
+from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.maps.map_builder import Body, MapBuilder
-from sim.scene.maps.scene_map import Surface
+from sim.scene.scene_map import Surface
 
 Float64 = NDArray[np.float64]
 

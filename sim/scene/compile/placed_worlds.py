@@ -15,13 +15,13 @@ import mujoco
 import numpy as np
 
 from signals.samples import Vec3
+from sim.scene.compile.world_compiler import compile_map, read_only
 from sim.scene.map_section import MjcfMap
 from sim.scene.maps.map_builder import with_sections
 from sim.scene.placed.actor import ObjectActor
 from sim.scene.placed.template import Template
 from sim.scene.scene_file import SceneFile
 from sim.scene.world import World
-from sim.scene.world_compiler import compile_map, read_only
 
 _SPARE_CACHE_BYTES = 64 << 20
 

@@ -26,12 +26,12 @@ from sim.scene import semantics
 from sim.scene.budget import Budget
 from sim.scene.classes import MAX_CLASSES, class_table
 from sim.scene.compile_process import compile_mjcf
-from sim.scene.imports.sources import ImportSource, files_root, import_source, named_file
 from sim.scene.map_file import MapFile, read_map_file
 from sim.scene.map_limits import size_problems
 from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
-from sim.scene.maps.scene_map import SceneMap, Surface
+from sim.scene.maps.imported.sources import ImportSource, files_root, import_source, named_file
 from sim.scene.scene import Box, Scene
+from sim.scene.scene_map import SceneMap, Surface
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 from sim.scene.world import VEHICLE, World
 

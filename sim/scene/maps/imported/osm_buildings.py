@@ -12,17 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.scene import surfaces
 from sim.scene.imports import osm_tags
 from sim.scene.imports.contact_pieces import flat_parts
 from sim.scene.imports.msh import msh
 from sim.scene.imports.osm_file import Tags
 from sim.scene.imports.roofs import Roof, make_roof
 from sim.scene.imports.shapes import parts, rings, rounded, shapely, triangles
-from sim.scene.maps import surfaces, textures
+from sim.scene.maps import textures
 from sim.scene.maps.facade_layout import BAYS, STOREY_M, STOREYS, WHITE_WALL_RGB
 from sim.scene.maps.map_builder import Body, MapBuilder
-from sim.scene.maps.scene_map import Surface
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import Surface
 
 Float64 = NDArray[np.float64]
 

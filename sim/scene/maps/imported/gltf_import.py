@@ -6,10 +6,10 @@ from pathlib import Path
 
 from sim.scene.budget import Budget
 from sim.scene.imports.gltf_file import read_gltf
-from sim.scene.imports.gltf_map import GltfOptions, map_of_gltf
-from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.map_section import GltfMap
-from sim.scene.maps.scene_map import Surface
+from sim.scene.maps.imported.gltf_map import GltfOptions, map_of_gltf
+from sim.scene.maps.imported.imported_map import ImportedMap
+from sim.scene.scene_map import Surface
 
 
 def key(path: Path, budget: Budget) -> str:

@@ -22,8 +22,8 @@ from signals._kernel import det_pow
 from sim.scene.imports.gltf_file import GltfFile
 from sim.scene.imports.gltf_schema import Material, TextureInfo
 from sim.scene.imports.pictures import decoded_picture
-from sim.scene.maps.scene_map import Surface
 from sim.scene.maps.texture_tools import encoded_png
+from sim.scene.scene_map import Surface
 from sim.scene.surfaces import DEFAULT_SURFACE, SURFACES
 
 MAX_EDGE = 2048  # of a texture; larger ones are made smaller

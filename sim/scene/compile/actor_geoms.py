@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from signals.rotation import matrix_of, norm
 from signals.samples import Quat, Vec3
-from sim.scene.maps.scene_map import Actor
 from sim.scene.placed.actor import ObjectActor
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 
 _TOUCH_M = 1e-3

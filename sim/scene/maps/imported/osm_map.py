@@ -18,22 +18,23 @@ from signals.geodesy import Site
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from signals.units import RAD_PER_DEG
+from sim.scene import surfaces
 from sim.scene.budget import Budget
 from sim.scene.imports import osm_tags
 from sim.scene.imports.class_patterns import ClassPatterns
 from sim.scene.imports.elevation import Terrain
-from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.msh import msh
-from sim.scene.imports.osm_buildings import BuildingMaker, Footprint, footprint_of
 from sim.scene.imports.osm_file import OsmData, Tags
 from sim.scene.imports.osm_shapes import Shapes, Spot, shapes_of
 from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, triangles, union
-from sim.scene.maps import surfaces, textures
+from sim.scene.maps import textures
+from sim.scene.maps.imported.imported_map import ImportedMap
+from sim.scene.maps.imported.osm_buildings import BuildingMaker, Footprint, footprint_of
 from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
-from sim.scene.maps.scene_map import Surface
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_lamp, furniture_materials
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import Surface
 
 Float64 = NDArray[np.float64]
 

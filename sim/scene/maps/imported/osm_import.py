@@ -7,10 +7,10 @@ from pathlib import Path
 from signals.geodesy import Site
 from sim.scene.budget import Budget
 from sim.scene.imports.elevation import make_terrain, read_geotiff
-from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.imports.osm_file import read_osm
-from sim.scene.imports.osm_map import OsmOptions, map_of_osm, take_off_place
 from sim.scene.map_section import OsmMap
+from sim.scene.maps.imported.imported_map import ImportedMap
+from sim.scene.maps.imported.osm_map import OsmOptions, map_of_osm, take_off_place
 
 
 def made(path: Path, elevation: Path | None, section: OsmMap, site: Site, budget: Budget) -> ImportedMap:

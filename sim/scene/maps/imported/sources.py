@@ -15,14 +15,14 @@ from typing import Any, Protocol
 from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
 from sim.scene.budget import Budget
-from sim.scene.imports.imported_map import ImportedMap
 from sim.scene.limited_process import limited
 from sim.scene.map_section import GltfMap, OsmMap
-from sim.scene.maps.scene_map import Surface
+from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.scene import Scene, Site
+from sim.scene.scene_map import Surface
 
 # Modules with what is done in the process; the bench itself does not import the readers.
-_GLTF, _OSM = "sim.scene.imports.gltf_import", "sim.scene.imports.osm_import"
+_GLTF, _OSM = "sim.scene.maps.imported.gltf_import", "sim.scene.maps.imported.osm_import"
 
 
 class ImportSource(Protocol):

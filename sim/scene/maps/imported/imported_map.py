@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim.scene.maps.scene_map import SceneMap
+from sim.scene.scene_map import SceneMap
 
 
 @dataclass(frozen=True)
