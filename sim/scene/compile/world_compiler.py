@@ -100,6 +100,7 @@ def compile_source(scene: Scene, source: MapSource) -> World:
 
 def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
     # Imported here because most flights need none of the many generators.
+    from sim.scene.maps.asset_files import own_files
     from sim.scene.maps.catalog import GENERATORS
 
     generator = GENERATORS.get(section.generator)
@@ -110,10 +111,12 @@ def _generated(scene: Scene, section: GeneratedMap) -> SceneMap:
     if parameters is None or problems:
         raise ConfigError(problems)
     try:
-        return generator.generate(parameters, section.seed)
+        made = generator.generate(parameters, section.seed)
     except ValueError as error:
         message = f"cannot be generated with these parameters: {error}"
         raise ConfigError([scene.file.problem(("map",), message)]) from None
+    notes = tuple(f"sim/scene/assets/{name} replaces the shipped file of its name" for name in own_files())
+    return replace(made, notes=(*made.notes, *notes))
 
 
 def _from_file(scene: Scene, section: MjcfMap, file: MapFile, budget: Budget | None) -> World:

@@ -10,12 +10,13 @@ from __future__ import annotations
 import json
 import struct
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.maps.asset_files import asset_file
+from sim.scene.maps.asset_files import asset_file, shipped_file
 from sim.scene.maps.model import Model
 from sim.scene.maps.shipped_mesh import ShippedMesh
 
@@ -31,11 +32,15 @@ def model(name: str) -> Model:
     Raises ConfigError if a user's own file cannot be used.
     """
     path, is_own = asset_file(f"models/{name}.glb")
-    if is_own:
-        # Imported here because hardly anybody has models of their own.
-        from sim.scene.maps.own_model import read_own_model
+    if not is_own:
+        return _read(name, path)
+    # Imported here because hardly anybody has models of their own.
+    from sim.scene.maps.own_model import read_own_model
 
-        return read_own_model(name, path)
+    return read_own_model(path, _read(name, shipped_file(f"models/{name}.glb")))
+
+
+def _read(name: str, path: Path) -> Model:
     data = path.read_bytes()
     (text_bytes,) = struct.unpack_from("<I", data, 12)
     start = 20 + text_bytes

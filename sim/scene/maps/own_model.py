@@ -22,28 +22,48 @@ from sim.scene.maps.shipped_mesh import ShippedMesh, joined
 
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _WHOLE = f"{CONTACT}_whole"
+_ANY_PIECES = frozenset({"body", "chassis"})  # of vehicles that may have any pieces
+_SIZES = {"box": 3, "cylinder": 2}
 
 
-def read_own_model(name: str, path: Path) -> Model:
-    """Return the model of a file. Raises ConfigError that names the file."""
+def read_own_model(path: Path, shipped: Model) -> Model:
+    """Return the model of a file, in place of a shipped one. Raises ConfigError that names the file."""
     file = read_gltf(path)
-    pieces: dict[str, dict[str, list[ShippedMesh]]] = {}
+    found: dict[str, dict[str, list[ShippedMesh]]] = {}
     looks: dict[str, Look] = {}
     for node, material, mesh in _meshes(file, looks):
-        pieces.setdefault(node, {}).setdefault(material, []).append(mesh)
-    if not pieces:
+        found.setdefault(node, {}).setdefault(material, []).append(mesh)
+    if not found:
         raise file.error("", "shows no mesh: its scene has no node with triangles")
-    whole = {node: {key: joined(meshes) for key, meshes in found.items()} for node, found in pieces.items()}
+    pieces = {node: {key: joined(meshes) for key, meshes in parts.items()} for node, parts in found.items()}
     facts = _facts(file)
+    if _ANY_PIECES.isdisjoint(shipped.pieces):
+        missing = [piece for piece in shipped.pieces if piece not in pieces]
+        if missing:
+            raise file.error("", f"lacks nodes that {shipped.name}.glb has: {', '.join(missing)}")
+        facts = {**shipped.facts, **facts}
+        if "radius" in facts:  # of people: how far each part reaches
+            facts["radius"] = {piece: _radius(list(parts.values())) for piece, parts in pieces.items()}
     if "contact" not in facts:
-        if not any(node.startswith(CONTACT) for node in whole):
-            whole[_WHOLE] = {"": joined([mesh for found in whole.values() for mesh in found.values()])}
-        facts["contact"] = [{"kind": "hull", "piece": node} for node in whole if node.startswith(CONTACT)]
-    points = np.concatenate([mesh.vertices for found in whole.values() for mesh in found.values()])
+        if not any(node.startswith(CONTACT) for node in pieces):
+            pieces[_WHOLE] = {"": joined([mesh for parts in pieces.values() for mesh in parts.values()])}
+        facts["contact"] = [{"kind": "hull", "piece": node} for node in pieces if node.startswith(CONTACT)]
+    points = np.concatenate([mesh.vertices for parts in pieces.values() for mesh in parts.values()])
     length_m, width_m, height_m = (float(v) for v in np.ptp(points, axis=0))
-    return Model(
-        name, whole, {"length_m": length_m, "width_m": width_m, "height_m": height_m, **facts}, looks, is_own=True
-    )
+    facts = {"length_m": length_m, "width_m": width_m, "height_m": height_m, **facts}
+    made = Model(shipped.name, pieces, facts, looks, is_own=True)
+    try:
+        solid = [contact.hull is not None or _SIZES[contact.kind] == len(contact.size) for contact in made.contacts]
+    except (KeyError, TypeError, ValueError):
+        solid = [False]
+    if not all(solid):
+        hint = f"as in {shipped.name}.glb, or leave it out"
+        raise file.error("extras.contact of its scene", "is no list of boxes, cylinders and hulls", hint)
+    return made
+
+
+def _radius(meshes: list[ShippedMesh]) -> float:
+    return max(float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(axis=1).max())) for mesh in meshes)
 
 
 def _facts(file: GltfFile) -> dict[str, Any]:
