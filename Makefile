@@ -8,7 +8,7 @@ ARGS ?=
 HIL := .venv/bin/hil
 PY := .venv/bin/python
 
-.PHONY: help run test test-all wheel lint format setup docs lock clean
+.PHONY: help run test test-all wheel lint format setup docs art lock clean
 
 help:
 	@sed -n '1,5s/^# //p' Makefile
@@ -48,6 +48,10 @@ format: setup
 docs: setup
 	$(PY) -m pip install -q --disable-pip-version-check --constraint requirements.lock "mkdocs-material>=9.5"
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict
+
+# Models and textures of sim/scene/assets, all of them again.
+art: setup
+	$(PY) -m tools.art
 
 # Needs `uv` on the PATH: resolves for every platform and Python >= 3.11 at once.
 lock:
