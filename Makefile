@@ -9,7 +9,7 @@ ARGS ?=
 HIL := .venv/bin/hil
 PY := .venv/bin/python
 
-.PHONY: help run test check test-all wheel lint format setup docs lock clean
+.PHONY: help run test check test-all wheel lint format setup docs art lock clean
 
 help:
 	@sed -n '1,6s/^# //p' Makefile
@@ -52,6 +52,10 @@ format: setup
 docs: setup
 	$(PY) -m pip install -q --disable-pip-version-check --constraint requirements.lock "mkdocs-material>=9.5"
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict
+
+# Models and textures of sim/scene/assets, all of them again.
+art: setup
+	$(PY) -m tools.art
 
 # Needs `uv` on the PATH: resolves for every platform and Python >= 3.11 at once.
 lock:

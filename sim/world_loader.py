@@ -13,9 +13,9 @@ import numpy as np
 
 from signals.errors import ConfigError
 from sim.scene.appearance import PeopleLimits
+from sim.scene.compile.world_compiler import compile_map, compile_source, map_source, read_only
 from sim.scene.scene import Scene
 from sim.scene.world import World
-from sim.scene.world_compiler import compile_map, compile_source, map_source, read_only
 
 _MAX_CACHED = 6  # worlds
 _worlds: OrderedDict[str, World] = OrderedDict()

@@ -22,7 +22,7 @@ PACKAGES = {"firmware_bridge", "hil", "rigs", "signals", "sim"}
 CPP_SUFFIXES = {".cpp", ".hpp"}
 MODULES = ("firmware_bridge/_native", "signals/_kernel", "sim/_kernels")
 DEFAULT_BENCH = "rigs/benches/hil.yaml"
-MAX_SIZE_MB = 20.0
+MAX_SIZE_MB = 45.0  # 22 MB of them models and textures
 Command = list[str | Path]
 
 

@@ -11,9 +11,9 @@ from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.take_off import take_off_problem
 from sim.physics.vehicle import Vehicle
-from sim.scene.imports.sources import files_root, import_source, named_file
 from sim.scene.map_file import read_map_file
 from sim.scene.map_section import MjcfMap
+from sim.scene.maps.imported.sources import files_root, import_source, named_file
 from sim.scene.scene import Scene, is_map_file, scene_of_map
 from sim.scene.scene_file import SceneFile
 from sim.world_loader import load_world

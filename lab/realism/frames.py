@@ -25,8 +25,8 @@ from sim.frame.mujoco_backend import WorldPose
 from sim.frame.quality import QUALITIES, with_quality
 from sim.frame.renderer import CameraPose, FrameRenderer
 from sim.frame.source import SharedFrames
-from sim.scene.maps.surfaces import SKIN
 from sim.scene.scene import load_scene
+from sim.scene.surfaces import SKIN
 from sim.scene.world import World
 from sim.world_loader import load_world
 

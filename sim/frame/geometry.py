@@ -1,6 +1,6 @@
 """Geometry of a world for the native kernels: static geoms are prepared once, actors are posed at a time.
 
-Actors are functions of time (sim.scene.maps.scene_map.Actor); their geoms move with their bodies. The vehicles of a run
+Actors are functions of time (sim.scene.scene_map.Actor); their geoms move with their bodies. The vehicles of a run
 are actors whose states are placed at every tick (sim/physics/vehicle_bodies.py).
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim._kernels import Geometry, RayCaster, Reach, SceneActors, Scenery
 from sim.frame.meshes import height_field_triangles, mesh_triangles
 from sim.frame.scenery import alpha_masks, make_scenery
-from sim.scene.maps.scene_map import Actor
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 
 _HFIELD, _MESH = int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_MESH)

@@ -1,4 +1,4 @@
-// Moving object whose poses are a pure function of time. Contract: `Actor` in sim/scene/maps/scene_map.py.
+// Moving object whose poses are a pure function of time. Contract: `Actor` in sim/scene/scene_map.py.
 #pragma once
 
 #include <cstddef>

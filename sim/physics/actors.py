@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from signals.samples import Vec3
 from signals.time import NS_PER_S
-from sim.scene.maps.scene_map import Actor
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]

@@ -21,7 +21,7 @@ from sim.physics.actors import Actors
 from sim.physics.contact_model import ROTOR_HALF_THICKNESS_M, build_model, soften_contact
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.maps.scene_map import Actor
+from sim.scene.scene_map import Actor
 from sim.world_loader import load_world
 
 _OUT_OF_RANGE_MPS = 400.0  # twice the speed limit of the model

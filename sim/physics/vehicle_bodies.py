@@ -32,10 +32,10 @@ from sim import _kernels
 from sim.frame.source import VEHICLE_CLASS
 from sim.physics.forces.rotors import Rotor
 from sim.physics.vehicle import ContactSphere, Vehicle
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
+from sim.scene.compile.world_compiler import compile_map, read_only
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.world import World
-from sim.scene.world_compiler import compile_map, read_only
 
 _HALF_TURN_RAD = 3.141592653589793
 _PITCH_RAD = 0.21

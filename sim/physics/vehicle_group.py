@@ -31,7 +31,7 @@ from sim._kernels import near_pairs, write_downwash
 from sim.physics.joint_contact import JointContact, Outcome, Touch, reach_m
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_physics import HARD_LANDING_MPS, VehiclePhysics
-from sim.scene.maps.scene_map import Actor
+from sim.scene.scene_map import Actor
 
 IMPACT_NS = 20 * NS_PER_MS  # a longer contact is a rest: only this much of its impulse is counted
 _CALM_MPS = 0.1  # a hard contact ends when every vehicle is slower

@@ -50,8 +50,8 @@ from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import Vehicle, rigid_body
-from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
+from sim.scene.scene_map import Actor
 from sim.scene.solids import solid_tree
 from sim.scene.wind import GustEvent, Wind, WindAtVehicle
 from sim.world_loader import load_world

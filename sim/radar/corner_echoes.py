@@ -32,7 +32,7 @@ from sim.frame.distortion import KannalaBrandt
 from sim.radar.antenna import Antenna
 from sim.radar.echoes import Echoes
 from sim.radar.mask import Mask
-from sim.scene.maps.scene_map import CornerReflector
+from sim.scene.scene_map import CornerReflector
 
 Float64 = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from signals.documents.validate import StrictModel
 from signals.units import TURN_RAD
 from sim._kernels import RADAR_CURVE_STEPS, radar_amplitude_curve, radar_backscatter, radar_fresnel_power
 from sim.radar.chirp import SPEED_OF_LIGHT_MPS
-from sim.scene.maps.scene_map import Surface
+from sim.scene.scene_map import Surface
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.radar.chirp import Chirp
-from sim.scene.maps.surfaces import PROPELLER
+from sim.scene.surfaces import PROPELLER
 from sim.scene.world import World
 
 

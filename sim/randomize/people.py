@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signals._kernel import det_atan2
+from signals._kernel import det_atan2, det_cos, det_sin
 from signals.samples import Vec3
 from signals.units import DEG_PER_RAD, TURN_RAD
 from sim.randomize.free_ground import Float64, FreeGround
@@ -18,9 +18,9 @@ from sim.scene.appearance import PeopleLimits
 from sim.scene.maps.clothes import Colours
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.random_generator import RandomGenerator, feature_rng
+from sim.scene.scene_map import SceneMap
 
 _TRIES = 60
 _POINT_SPACING_M = 0.35  # of the checked points of a path
@@ -70,7 +70,7 @@ def _draw_person(limits: PeopleLimits, rng: RandomGenerator, ground: FreeGround,
         way = Oblong((x, y), heading_rad, rng.between(3.0, 14.0), rng.between(0.8, 5.0), rng.unit())
         points, heading = np.array([[x, y]]), heading_rad
         if walks:
-            path = way.path(speed_mps)
+            path = _path_round(way, speed_mps)
             points = _points_of(path)
             x, y, cosine, sine, *_ = path.place(path.progress(0)[1])
             heading = det_atan2(sine, cosine)
@@ -95,6 +95,15 @@ def _draw_person(limits: PeopleLimits, rng: RandomGenerator, ground: FreeGround,
     return None
 
 
+def _path_round(way: Oblong, speed_mps: float) -> WalkPath:
+    """Return the closed path round an oblong, in W."""
+    c, s = det_cos(way.heading_rad), det_sin(way.heading_rad)
+    x, y = way.corner_m
+    corners = ((0.0, 0.0), (way.length_m, 0.0), (way.length_m, way.width_m), (0.0, way.width_m))
+    vertices = [(x + c * a - s * b, y + s * a + c * b) for a, b in corners]
+    return WalkPath(vertices, speed_mps, corner_m=min(1.5, 0.5 * way.width_m), start_lap=way.start_lap)
+
+
 def _points_of(path: WalkPath) -> Float64:
     count = int(path.lap_m / _POINT_SPACING_M) + 1
     return np.array([path.place(path.lap_m * i / count)[:2] for i in range(count)])
@@ -115,5 +124,5 @@ def _add(builder: MapBuilder, person: AddedPerson) -> None:
     if person.way is None:
         add_still_person(builder, rng, person.at_m, person.heading_deg / DEG_PER_RAD, traits=traits)
     else:
-        path = person.way.path(person.speed_mps)
+        path = _path_round(person.way, person.speed_mps)
         add_walker(builder, rng, path, ground_m=person.at_m[2], traits=traits)

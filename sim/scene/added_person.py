@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
-from sim.scene.maps.walk_path import WalkPath
 
 PERSON = "random_person_"  # prefix of the names of added people and of their materials
 
@@ -21,14 +19,6 @@ class Oblong:
     length_m: float
     width_m: float
     start_lap: float
-
-    def path(self, speed_mps: float) -> WalkPath:
-        """Return the closed path round the oblong, in W."""
-        c, s = det_cos(self.heading_rad), det_sin(self.heading_rad)
-        x, y = self.corner_m
-        corners = ((0.0, 0.0), (self.length_m, 0.0), (self.length_m, self.width_m), (0.0, self.width_m))
-        vertices = [(x + c * a - s * b, y + s * a + c * b) for a, b in corners]
-        return WalkPath(vertices, speed_mps, corner_m=min(1.5, 0.5 * self.width_m), start_lap=self.start_lap)
 
 
 @dataclass(frozen=True)

@@ -169,9 +169,7 @@ def main() -> int:
         if not line:
             break
         request = json.loads(line)
-        module = importlib.import_module(request["function"].partition(":")[0])
-        if hasattr(module, "prepare"):  # what all calls need, and no user's file changes
-            module.prepare()
+        importlib.import_module(request["function"].partition(":")[0])  # once, for the calls that follow
         done, writer = os.pipe()  # the process keeps `writer` until its end
         pid = os.fork()
         if pid == 0:

@@ -8,7 +8,7 @@ import pydantic
 from pydantic import Discriminator, Field, Tag
 
 from signals.documents.validate import StrictModel
-from sim.scene.maps.scene_map import Surface
+from sim.scene.scene_map import Surface
 
 MAX_SEED = 2**63 - 1
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]

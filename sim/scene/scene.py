@@ -175,7 +175,9 @@ def scene_of_map(path: Path) -> Scene:
     elif kind == "osm":
         section = OsmMap(osm=path.name)
         arguments = (path, section.radius_m, budget := Budget(file.document.source))
-        place = limited("sim.scene.imports.osm_import:free_place", *arguments, budget=budget, what="finding its ground")
+        place = limited(
+            "sim.scene.maps.imported.osm_import:free_place", *arguments, budget=budget, what="finding its ground"
+        )
         latitude_deg, longitude_deg = place
         site = Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=0.0)
     return Scene(

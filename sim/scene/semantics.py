@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.scene.maps.scene_map import Actor, Surface
+from sim.scene.scene_map import Actor, Surface
 from sim.scene.surfaces import NO_SURFACE
 
 MAX_INSTANCES = 2**16 - 1

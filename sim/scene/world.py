@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from sim.scene import semantics
 from sim.scene.added_person import PERSON, AddedPerson
-from sim.scene.maps.scene_map import SceneMap, Surface
-from sim.scene.maps.surfaces import SKIN
 from sim.scene.scene import Scene
+from sim.scene.scene_map import SceneMap, Surface
 from sim.scene.surface_appearance import SurfaceAppearance, draw_surface
+from sim.scene.surfaces import SKIN
 
 VEHICLE = "vehicle"  # name of the vehicle's body
 

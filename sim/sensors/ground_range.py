@@ -12,9 +12,9 @@ import numpy as np
 from signals._kernel import rotate_into_world
 from signals.samples import TruthState, Vec3
 from sim._kernels import BoxScene
-from sim.scene.maps.scene_map import Actor
-from sim.scene.placed.geoms import pose_geoms
+from sim.scene.compile.actor_geoms import pose_geoms
 from sim.scene.scene import Scene
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 from sim.world_loader import load_world
 

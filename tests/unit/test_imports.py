@@ -20,19 +20,11 @@ FLOORS: dict[str, Sequence[str]] = {
         *("sensors", "loop", "recorder verdict"),
     ),
     "hil.config": (
-        *(
-            "load saved",
-            "vehicles",
-            "loading",
-            "checks",
-            "companion formation multirotor_facts",
-            "bench scenes",
-            "sensors",
-            "missions",
-        ),
+        *("load saved", "vehicles", "loading", "checks", "companion formation multirotor_facts", "bench scenes"),
         *("sensors", "missions", "schema", "group_schema", "layers", "files"),
     ),
 }
+SCENE_FLOORS = ("compile", "placed", "maps", "imports")  # likewise; the files of sim/scene itself are below all of them
 
 
 @cache
@@ -112,6 +104,26 @@ def test_sides_do_not_know_each_other(package: str, other: str) -> None:
         for name in imported(path):
             assert not within(name, other), f"{path} imports {name}"
             assert not within(name, "hil"), f"{path} imports {name}"
+
+
+@pytest.mark.parametrize("floor", [*SCENE_FLOORS, ""])
+def test_the_floors_of_a_scene_import_downwards_only(floor: str) -> None:
+    above = SCENE_FLOORS[: SCENE_FLOORS.index(floor)] if floor else SCENE_FLOORS
+    for path in sources(f"sim/scene/{floor}") if floor else sorted((ROOT / "sim/scene").glob("*.py")):
+        for name in imported(path):
+            assert not any(within(name, f"sim.scene.{higher}") for higher in above), f"{path} imports {name}"
+
+
+def test_every_folder_of_a_scene_is_a_floor_or_holds_no_code() -> None:
+    folders = {path.relative_to(ROOT / "sim/scene").parts[0] for path in sources("sim/scene")}
+    assert {name for name in folders if not name.endswith(".py")} == set(SCENE_FLOORS)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_product_does_not_need_its_tools(package: str) -> None:
+    """`tools` is not in the wheel."""
+    for path in sources(package):
+        assert not any(within(name, "tools") for name in imported(path)), path
 
 
 @pytest.mark.parametrize("package", FLOORS)

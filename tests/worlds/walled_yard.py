@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from signals.samples import Vec3
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.scene import Scene, load_scene
+from sim.scene.scene_map import SceneMap
 
 TETRAHEDRON = "v 1 1 1\nv -1 -1 1\nv -1 1 -1\nv 1 -1 -1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n"
 

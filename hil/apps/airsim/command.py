@@ -32,7 +32,7 @@ from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, HilError, RecordingError
 from signals.time import NS_PER_S
-from sim.scene.placed.worlds import limit_mesh_cache
+from sim.scene.compile.placed_worlds import limit_mesh_cache
 
 if TYPE_CHECKING:
     from hil.apps.airsim.served_page import ServedPage

@@ -14,8 +14,8 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_physics import NO_MOTION, VehiclePhysics, check_motion
-from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
+from sim.scene.scene_map import Actor
 
 Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 of the rotors until the next tick
 

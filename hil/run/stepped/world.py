@@ -23,8 +23,8 @@ from sim.physics.forces.force import Effects
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.maps.scene_map import Actor
 from sim.scene.scene import Scene
+from sim.scene.scene_map import Actor
 from sim.scene.wind import Wind
 
 

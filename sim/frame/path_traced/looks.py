@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from sim.frame.path_traced.protocol import LEAFY, WATERY
 from sim.frame.scenery import relief_of, rgb_texture, texels_of, texture_image
-from sim.scene.maps.surfaces import GLASS, GRASS, LEAVES, WATER
 from sim.scene.semantics import has_material_colour
 from sim.scene.surface_appearance import shifted
+from sim.scene.surfaces import GLASS, GRASS, LEAVES, WATER
 from sim.scene.world import World
 
 Float64 = NDArray[np.float64]

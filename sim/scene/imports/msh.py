@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Float64 = NDArray[np.float64]
+Floats = NDArray[np.floating[Any]]
 
 
-def msh(vertex: Float64, triangle: NDArray[np.int64], uv: Float64 | None, normal: Float64 | None) -> bytes:
+def msh(vertex: Floats, triangle: NDArray[np.integer[Any]], uv: Floats | None, normal: Floats | None) -> bytes:
     """Return a mesh file: vertices (n, 3), triangles (m, 3), and for each vertex a texture coordinate (v downwards)
     and a normal. MuJoCo wants at least 4 vertices, so that the last one may be repeated."""
     while len(vertex) < 4:

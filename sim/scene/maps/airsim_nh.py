@@ -15,18 +15,18 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.ground_details import Strip, covers, spots, street
 from sim.scene.maps.layout import Point
 from sim.scene.maps.map_builder import yaw_quat
 from sim.scene.maps.meshes import Mesh, ribbon
 from sim.scene.maps.objects.street_signs import add_stop_sign
 from sim.scene.maps.plants import add_bush, add_hedge, add_tree
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp
 from sim.scene.maps.suburb import FRONT_M, LANE_M, LAWN_M, Lot, Suburb
 from sim.scene.maps.vehicles.kinds import add_vehicle
+from sim.scene.scene_map import SceneMap
 
 _AVENUES_M = (-130.0, -65.0, 0.0)  # x of the streets to the north
 _STREETS_M = (0.0, 125.0)  # y of the streets to the east

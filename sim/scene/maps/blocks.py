@@ -17,13 +17,13 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from signals.samples import Vec3
 from signals.units import TURN_RAD
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.layout import Layout
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import Mesh, revolve
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.texture_tools import clouds, grain, grid, mix, png_of
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import SceneMap
 
 _CELL_M = 22.0  # one group of objects stands in each cell, if it is free
 _REACH_CELLS = 6

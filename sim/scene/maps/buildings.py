@@ -13,9 +13,10 @@ from math import pi, sqrt
 from signals._kernel import det_atan2
 from signals.rotation import product
 from signals.units import QUARTER_TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.facade import Facades, Opening, Pitched, Side, sides_of
-from sim.scene.maps.facade_textures import OFFICE_WINDOW_M, WINDOW_M
+from sim.scene.maps.facade_layout import OFFICE_WINDOW_M, WINDOW_M
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, yaw_quat
 from sim.scene.maps.meshes import extrude_xz, gabled
 from sim.scene.random_generator import RandomGenerator

@@ -16,7 +16,7 @@ from sim.scene.maps import (
     training_village,
     urban_delivery,
 )
-from sim.scene.maps.scene_map import SceneMap
+from sim.scene.scene_map import SceneMap
 
 
 @dataclass(frozen=True)

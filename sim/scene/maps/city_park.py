@@ -16,7 +16,8 @@ from pydantic import Field
 from signals._kernel import det_atan2, det_cos, det_sin
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.buildings import add_block, building_materials
 from sim.scene.maps.ground_details import (
     STREET_WIDTH_M,
@@ -35,7 +36,6 @@ from sim.scene.maps.objects.animals import add_birds, add_dog
 from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_potted_plant
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_hedge, add_tree, plant_materials
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import (
     SEAT_M,
@@ -50,6 +50,7 @@ from sim.scene.maps.street_furniture import (
 from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import SceneMap
 
 _HALF_M = 46.0  # lawn
 _PLACE_M = 6.0  # radius of the paved place at the origin

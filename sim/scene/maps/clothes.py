@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from signals.samples import Vec3
-from sim.scene.maps import surfaces
-from sim.scene.maps.cloth_textures import cloth_png
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.scene_map import Surface
 from sim.scene.random_generator import RandomGenerator, weighted_pick
+from sim.scene.scene_map import Surface
 
 _Weights = dict[str, float]
 
@@ -72,7 +72,7 @@ _ARM_IN = (0.010, 0.015)  # of men and women: arms closer to the trunk than the 
 
 
 class Piece(NamedTuple):
-    """Mesh of a part (body_meshes.py) on a limb, with the role of its material."""
+    """Mesh of a part (of the models in assets/models/people) on a limb, with the role of its material."""
 
     limb: str
     part: str
@@ -140,7 +140,7 @@ class _Dresser:
             name, rgb = f"{self.name}_{role}", colour
         if texture:
             name = f"{name}_{texture.removeprefix('cloth_')}"
-            texture = self.builder.texture(texture, cloth_png(texture))
+            texture = self.builder.texture(texture, textures.png(texture))
         self.materials[role] = self.builder.material(name, surface, rgb=rgb, texture=texture, specular=0.0)
 
     def skin(self, *, female: bool, beard: bool) -> None:

@@ -14,7 +14,7 @@ from signals._kernel import det_atan2, det_cos, det_sin
 from signals.rotation import cross, norm, unit
 from signals.samples import Vec3
 from sim.scene.maps.figure import LIMBS, Figure
-from sim.scene.maps.vehicles import bicycle as city
+from sim.scene.maps.vehicles import bicycle_layout as city
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import MovingPerson, distance_m
 

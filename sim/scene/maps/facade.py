@@ -14,7 +14,7 @@ from itertools import pairwise
 from math import sqrt
 
 from signals.samples import Vec3
-from sim.scene.maps.facade_textures import BANDS, PANES, SHOPS_V, STOREY_M, TRIM_ROWS, WALL_M
+from sim.scene.maps.facade_layout import BANDS, PANES, SHOPS_V, STOREY_M, TRIM_ROWS, WALL_M
 from sim.scene.maps.map_builder import Body, MapBuilder
 from sim.scene.maps.meshes import Mesh, Vec2
 from sim.scene.random_generator import RandomGenerator

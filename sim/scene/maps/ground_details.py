@@ -8,7 +8,8 @@ from math import sqrt
 
 from signals._kernel import det_cos, det_sin
 from signals.units import TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.meshes import Mesh, Vec2, ellipse, slab
 from sim.scene.random_generator import RandomGenerator

@@ -19,17 +19,18 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from signals.samples import Vec3
 from signals.units import TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.layout import Layout
 from sim.scene.maps.map_builder import MapBuilder, yaw_quat
 from sim.scene.maps.meshes import Mesh, blob, ellipse, slab
 from sim.scene.maps.plants import add_tree, plant_materials
 from sim.scene.maps.plants.solids import fir_hull
 from sim.scene.maps.plants.trees import add_conifer
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
-from sim.scene.maps.texture_tools import clouds, grain, mix, png_of
+from sim.scene.maps.texture_tools import clouds
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import SceneMap
 
 Grid = NDArray[np.float64]
 
@@ -174,10 +175,8 @@ class _Landscape:
     def materials(self) -> None:
         b = self.builder
         plant_materials(b, self.parameters.season)
-        for name in ("grass", "water"):
+        for name in ("grass", "water", "rock"):
             b.texture(name, textures.png(name))
-        stone = 0.6 * clouds("landscape.stone", 9) + 0.4 * grain("landscape.stone")
-        b.texture("rock", png_of(mix((0.24, 0.23, 0.22), (0.52, 0.50, 0.47), stone)))
         b.material("grass", surfaces.GRASS, texture="grass", specular=0.0)
         b.material("rock", surfaces.STONE, texture="rock", specular=0.0)
         b.material("snow", surfaces.PLASTER, rgb=(0.92, 0.93, 0.95), specular=0.0)

@@ -24,8 +24,9 @@ from signals._kernel import det_cos, det_sin
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.scene_map import Actor, CornerReflector, SceneMap, Surface
 from sim.scene.maps.season import Season
+from sim.scene.maps.shipped_mesh import ShippedMesh
+from sim.scene.scene_map import Actor, CornerReflector, SceneMap, Surface
 
 # Size of the scene [m] by which MuJoCo scales lights and clip planes: near at 0.05 m, far at 1200 m.
 _EXTENT_M = 50.0
@@ -243,17 +244,17 @@ class MapBuilder:
                 ET.SubElement(material, "layer", role=role, texture=layer)
         return name
 
-    def mesh(self, name: str, mesh: Mesh, *, scale: float = 1.0, source: str = "") -> str:
+    def mesh(self, name: str, mesh: Mesh | ShippedMesh, *, scale: float = 1.0, source: str = "") -> str:
         """Add a mesh asset, unless the name exists: shared meshes may be added repeatedly.
 
         `source`: name of the file, if meshes of several scales share one.
         """
-        file = f"{self._own(source or name)}.obj"
+        file = f"{self._own(source or name)}{mesh.suffix}"
         name = self._own(name)
         if name not in self._meshes:
             self._meshes.add(name)
             if file not in self._assets:
-                self._assets[file] = mesh.obj()
+                self._assets[file] = mesh.data()
             size = {"scale": numbers((scale, scale, scale))} if scale != 1.0 or self._prefix else {}
             ET.SubElement(self._asset, "mesh", {"name": name, "file": file, "inertia": "shell", **size})
         return name

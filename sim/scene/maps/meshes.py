@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import ClassVar
 
 from signals._kernel import det_cos, det_sin
 from signals.samples import Vec3
@@ -24,12 +25,14 @@ class Mesh:
     vertices: list[Vec3]
     uvs: list[Vec2]
     triangles: list[tuple[int, int, int]]
+    suffix: ClassVar[str] = ".obj"
 
     @staticmethod
     def empty() -> Mesh:
         return Mesh([], [], [])
 
-    def obj(self) -> bytes:
+    def data(self) -> bytes:
+        """Return the mesh as OBJ text."""
         lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in self.vertices]
         lines += [f"vt {u!r} {v!r}" for u, v in self.uvs]
         lines += [f"f {a + 1}/{a + 1} {b + 1}/{b + 1} {c + 1}/{c + 1}" for a, b, c in self.triangles]

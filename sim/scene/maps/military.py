@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from signals.rotation import product
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
 from sim.scene.maps.meshes import box_with_tiles, extrude_xz
 from sim.scene.maps.walls import Looks, Openings, Shell, add_shell

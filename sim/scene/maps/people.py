@@ -9,12 +9,13 @@ from signals.rotation import NO_TURN, product
 from signals.samples import Quat, Vec3
 from signals.units import QUARTER_TURN_RAD
 from sim._kernels import resting_arm, resting_leg
-from sim.scene.maps import surfaces, wheelchair
-from sim.scene.maps.body_meshes import body_mesh
+from sim.scene import surfaces
+from sim.scene.maps import wheelchair
 from sim.scene.maps.clothes import Colours, draw_colours, draw_look
 from sim.scene.maps.cyclist import Cyclist, ride
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import Body, MapBuilder, pitch_quat, roll_quat, yaw_quat
+from sim.scene.maps.models import model
 from sim.scene.maps.vehicles.paints import draw_paint
 from sim.scene.maps.vehicles.ridden_bicycle import RiddenBicycle, add_ridden_bicycle
 from sim.scene.maps.walk_path import WalkPath
@@ -55,14 +56,16 @@ class _Person:
         self._look = draw_look(
             builder, clothes, colours, name=self.name, soldier=traits.soldier, child=self.figure.child, sitting=sitting
         )
+        self._meshes = model(f"people/{self._look.build}")
         self._scale = max(1, round(height_m / _HEIGHT_STEP_M)) * _HEIGHT_STEP_M
         self._contact = builder.material("contact", surfaces.CLOTH)
 
     def reach_m(self) -> dict[str, float]:
         """Return the distance from each limb's origin to its farthest point."""
         reach = self.figure.reach_m()
+        radius = self._meshes.facts["radius"]
         for piece in self._look.pieces:
-            farthest = self._scale * (body_mesh(piece.part, self._look.build).radius + abs(piece.y))
+            farthest = self._scale * (radius[piece.part] + abs(piece.y))
             reach[piece.limb] = max(reach[piece.limb], farthest)
         return reach
 
@@ -76,16 +79,12 @@ class _Person:
         b, size = self._builder, self.chair_size
         named = "" if size == 1.0 else f"_{round(100 * size)}"
         made = (
-            (
-                "tyres",
-                wheelchair.tyres,
-                b.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08), specular=0.0),
-            ),
-            ("frame", wheelchair.frame, b.material("chair_frame", surfaces.PAINTED_METAL, rgb=(0.30, 0.31, 0.33))),
-            ("seat", wheelchair.seat, b.material("bag_black", surfaces.CLOTH, rgb=(0.10, 0.10, 0.11), specular=0.0)),
+            ("tyres", b.material("shoe_black", surfaces.RUBBER, rgb=(0.08, 0.08, 0.08), specular=0.0)),
+            ("frame", b.material("chair_frame", surfaces.PAINTED_METAL, rgb=(0.30, 0.31, 0.33))),
+            ("seat", b.material("bag_black", surfaces.CLOTH, rgb=(0.10, 0.10, 0.11), specular=0.0)),
         )
-        for name, make, material in made:
-            mesh = make()
+        for name, material in made:
+            mesh = model("people/wheelchair").mesh(name)
             asset = b.mesh(f"wheelchair_{name}{named}", mesh, scale=size, source=f"wheelchair_{name}")
             body.geom("mesh", asset=asset, material=material, pos=origin, solid=False, part=f"wheelchair_{name}")
         centre, half = wheelchair.BOX
@@ -111,7 +110,7 @@ class _Person:
             if piece.limb == limb:
                 source = f"{piece.part}_{self._look.build}"
                 mesh = self._builder.mesh(
-                    f"{source}_{round(100 * self._scale)}", body_mesh(piece.part, self._look.build),
+                    f"{source}_{round(100 * self._scale)}", self._meshes.mesh(piece.part),
                     scale=self._scale, source=source,
                 )  # fmt: skip
                 at = (pos[0], pos[1] + piece.y * self.figure.height_m, pos[2])

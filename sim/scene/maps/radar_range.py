@@ -16,12 +16,13 @@ from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel
 from signals.samples import Quat
 from signals.units import TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import PersonTraits, add_walker
-from sim.scene.maps.scene_map import CornerReflector, SceneMap
 from sim.scene.maps.walk_path import there_and_back
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import CornerReflector, SceneMap
 
 Distance = Annotated[float, Field(gt=0.0, le=200.0)]
 

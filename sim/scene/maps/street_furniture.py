@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from signals.rotation import product
 from signals.units import QUARTER_TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder, pitch_quat, roll_quat, yaw_quat
-from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.vehicles.lofts import add_box, add_tube
+from sim.scene.maps.models import model
 
 SEAT_M = 0.45  # height of a bench's seat
 
@@ -27,11 +27,9 @@ def furniture_materials(builder: MapBuilder) -> None:
 def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> None:
     """Add a bench of slats, 1.6 m wide; a person on it faces along `heading_rad`. 2 drawn geoms."""
     body = builder.body("bench", (x, y, 0.0), yaw_quat(heading_rad - QUARTER_TURN_RAD))
-    if not builder.has_mesh("bench_slats"):
-        builder.mesh("bench_slats", _bench_slats())
-        builder.mesh("bench_iron", _bench_iron())
-    body.geom("mesh", asset="bench_slats", material="wood", solid=False, part="slats")
-    body.geom("mesh", asset="bench_iron", material="iron", solid=False, part="iron")
+    for piece, material in (("slats", "wood"), ("iron", "iron")):
+        asset = builder.mesh(f"bench_{piece}", model("objects/bench").mesh(piece))
+        body.geom("mesh", asset=asset, material=material, solid=False, part=piece)
     body.proxy("box", (0.8, 0.22, 0.025), pos=(0.0, 0.0, SEAT_M - 0.025), material="wood", part="seat")
     back = roll_quat(QUARTER_TURN_RAD + 0.17)
     pos = (0.0, -0.26, SEAT_M + 0.28)
@@ -40,31 +38,6 @@ def add_bench(builder: MapBuilder, x: float, y: float, heading_rad: float) -> No
         name = "left" if side < 0 else "right"
         pos = (0.68 * side, -0.02, 0.2)
         body.proxy("box", (0.03, 0.22, 0.2), pos=pos, material="iron", part=f"leg_{name}")
-
-
-def _bench_slats() -> Mesh:
-    """Return four slats of the seat and three of the back, which leans by 0.17 rad."""
-    mesh = Mesh.empty()
-    for k in range(4):
-        y = -0.19 + 0.125 * k
-        add_box(mesh, (-0.8, y - 0.05, SEAT_M - 0.035), (0.8, y + 0.05, SEAT_M))
-    for k in range(3):
-        z = SEAT_M + 0.14 + 0.15 * k
-        y = -0.235 - 0.172 * (z - SEAT_M - 0.14)
-        add_box(mesh, (-0.8, y - 0.018, z - 0.055), (0.8, y + 0.018, z + 0.055))
-    return mesh
-
-
-def _bench_iron() -> Mesh:
-    """Return both frames: legs, back post and arm rest."""
-    mesh = Mesh.empty()
-    for x in (-0.66, 0.66):
-        add_tube(mesh, [(x, 0.20, 0.0), (x, 0.17, 0.24), (x, 0.19, SEAT_M - 0.05), (x, 0.20, SEAT_M + 0.20)], 0.024, 6)
-        back = [(x, -0.27, 0.0), (x, -0.20, 0.24), (x, -0.21, SEAT_M - 0.05), (x, -0.30, SEAT_M + 0.50)]
-        add_tube(mesh, back, 0.024, 6)
-        add_tube(mesh, [(x, -0.21, SEAT_M - 0.05), (x, 0.19, SEAT_M - 0.05)], 0.022, 6)
-        add_tube(mesh, [(x, -0.26, SEAT_M + 0.22), (x, 0.05, SEAT_M + 0.24), (x, 0.22, SEAT_M + 0.20)], 0.024, 6)
-    return mesh
 
 
 def add_lamp(builder: MapBuilder, x: float, y: float, *, height_m: float = 3.6) -> None:

@@ -7,7 +7,8 @@ from math import sqrt
 
 from signals._kernel import det_cos, det_sin
 from signals.units import QUARTER_TURN_RAD
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.buildings import add_house, building_materials
 from sim.scene.maps.ground_details import ground_materials
 from sim.scene.maps.layout import Layout, Point

@@ -118,26 +118,6 @@ def mix(a: Rgb, b: Rgb, t: Image) -> Image:
     return image
 
 
-def over(image: Image, rgb: Rgb, share: Image) -> Image:
-    """Lay `rgb` over the picture, opaque where `share` is 1, and return the same picture."""
-    share = np.clip(share, 0.0, 1.0).astype(np.float32, copy=False)
-    for value, channel in zip(rgb, image, strict=True):
-        channel += (np.float32(value) - channel) * share
-    return image
-
-
-def step(low: float, high: float, x: Image) -> Image:
-    """Return 0 below `low`, 1 above `high`, and the smoothstep between them; also downwards."""
-    u: Image = x - low
-    u /= high - low
-    np.clip(u, 0.0, 1.0, out=u)
-    slope = -2.0 * u
-    slope += 3.0
-    u *= u
-    u *= slope
-    return u
-
-
 def encoded_png(image: NDArray[np.uint8]) -> bytes:
     """Return an image (H, W, 3 or 4), blue first, as PNG, compressed."""
     return bytes(cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes())
@@ -167,9 +147,3 @@ def grid(size: Size = (SIDE_PX, SIDE_PX)) -> tuple[Image, Image]:
     across = ((np.arange(size[1]) + 0.5) / size[1]).astype(np.float32)
     down = ((np.arange(size[0]) + 0.5) / size[0]).astype(np.float32)
     return across[None, :], down[:, None]
-
-
-def cracks(name: str, cells: int, size: Size, width: float) -> Image:
-    """Return 1 on thin winding lines: where smooth noise passes its middle."""
-    field = 0.7 * clouds(name, cells, cells, size) + 0.3 * clouds(f"{name}.fine", 4 * cells, 4 * cells, size)
-    return np.clip(1.0 - np.abs(field - 0.5) / width, 0.0, 1.0)

@@ -18,7 +18,8 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
-from sim.scene.maps import military, surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import military, textures
 from sim.scene.maps.ground_details import puddles
 from sim.scene.maps.layout import Layout, Point, segment_distance
 from sim.scene.maps.map_builder import MapBuilder
@@ -27,12 +28,12 @@ from sim.scene.maps.objects.belongings import add_backpack
 from sim.scene.maps.objects.street_signs import add_stop_sign
 from sim.scene.maps.people import PersonTraits, add_still_person, add_walker
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import furniture_materials
 from sim.scene.maps.vehicles.kinds import MILITARY_MIX, add_vehicle
 from sim.scene.maps.walk_path import there_and_back
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import SceneMap
 
 START: Point = (0.0, 0.0)
 GOAL: Point = (70.0, 60.0)

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from signals.units import QUARTER_TURN_RAD, TURN_RAD
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.buildings import add_block
 from sim.scene.maps.ground_details import Strip, covers, puddles, spots, street
 from sim.scene.maps.layout import Point
@@ -26,7 +26,6 @@ from sim.scene.maps.objects.belongings import add_backpack, add_parasol, add_pot
 from sim.scene.maps.objects.street_signs import add_stop_sign, add_traffic_light
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.plants import add_bush, add_tree
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.maps.street_furniture import add_bin, add_street_lamp
 from sim.scene.maps.suburb import FRONT_M, KERB_M, LANE_M, LAWN_M, Lot, Suburb
@@ -34,6 +33,7 @@ from sim.scene.maps.vehicles.kinds import STREET_MIX, add_vehicle
 from sim.scene.maps.vehicles.traffic import add_driven_car
 from sim.scene.maps.walk_path import WalkPath, there_and_back
 from sim.scene.random_generator import RandomGenerator
+from sim.scene.scene_map import SceneMap
 
 _STREET_M = 21.0  # distance of the middle of a street from the axes
 _EDGE_M = 60.0

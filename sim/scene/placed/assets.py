@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache, partial
 
+from sim.scene import surfaces
 from sim.scene.compile_process import compile_mjcf
-from sim.scene.maps import military, surfaces
+from sim.scene.maps import military
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.meshes import revolve
 from sim.scene.maps.objects.animals import add_dog
@@ -19,7 +20,7 @@ from sim.scene.maps.people import PersonTraits, add_still_person
 from sim.scene.maps.plants.materials import plant_materials
 from sim.scene.maps.plants.trees import add_bush, add_tree
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_street_lamp, furniture_materials
-from sim.scene.maps.vehicles.kinds import MODELS, add_vehicle
+from sim.scene.maps.vehicles.kinds import KINDS, add_vehicle
 from sim.scene.placed.template import Template, materials_of, template_of
 from sim.scene.random_generator import RandomGenerator
 
@@ -108,7 +109,7 @@ _SHAPES: dict[str, Callable[[MapBuilder], None]] = {
     "1M_Cube_Chamfer": partial(_primitive, "box", _HALF),
 }
 _OBJECTS: dict[str, tuple[str, Callable[[MapBuilder], None]]] = {
-    **{kind: (kind if kind in ("bicycle", "motorcycle") else "vehicle", partial(_vehicle, kind)) for kind in MODELS},
+    **{kind: (kind if kind in ("bicycle", "motorcycle") else "vehicle", partial(_vehicle, kind)) for kind in KINDS},
     "person": ("person", partial(_person, 1.75, False)),
     "child": ("person", partial(_person, 1.25, False)),
     "soldier": ("person", partial(_person, 1.8, True)),

@@ -21,8 +21,8 @@ from signals.samples import Quat, Vec3
 from sim.scene.budget import Budget
 from sim.scene.compile_process import compile_mjcf
 from sim.scene.maps.map_builder import numbers
-from sim.scene.maps.scene_map import SceneMap, Surface
 from sim.scene.placed.actor import FixedBody
+from sim.scene.scene_map import SceneMap, Surface
 
 Float64 = NDArray[np.float64]
 _G = mujoco.mjtGeom

@@ -11,7 +11,7 @@ import pytest
 from hil.apps.bench_suite.sensors.raster_cases import camera_pose, looking
 from lab.realism.frames import HEIGHT, WIDTH, Scenario
 from lab.realism.kinds import BY_NAME
-from sim.scene.maps.surfaces import SKIN
+from sim.scene.surfaces import SKIN
 
 CAR = BY_NAME["vehicle"]
 SCENE = """\

@@ -9,7 +9,7 @@ from hil.apps.airsim.world.objects.present_world import PresentWorld
 from hil.run.stepped.world import SteppedWorld
 from sim.frame.source import SharedFrames
 from sim.physics.vehicle_bodies import with_vehicles
-from sim.scene.maps.scene_map import Actor
+from sim.scene.scene_map import Actor
 
 
 class Frames:

@@ -9,9 +9,13 @@ from signals.rotation import cross, unit
 from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.plants.growth import Skeleton, along
 
 _TILE_M = 0.9  # height of the bark's texture
+
+
+def along(p: Vec3, d: Vec3, length: float) -> Vec3:
+    """Return the point at `length` from p in direction d."""
+    return (p[0] + length * d[0], p[1] + length * d[1], p[2] + length * d[2])
 
 
 def tube(mesh: Mesh, points: Sequence[Vec3], radii: Sequence[float], sides: int, *, flare: float = 1.0) -> None:
@@ -52,30 +56,3 @@ def tube(mesh: Mesh, points: Sequence[Vec3], radii: Sequence[float], sides: int,
     top = first + (rings - 1) * row
     for j in range(sides):
         mesh.triangles += [(end, first + j + 1, first + j), (end + 1, top + j, top + j + 1)]
-
-
-def branches(skeleton: Skeleton, *, least_radius: float) -> Mesh:
-    """Return the branches of at least this radius, as tubes of 3 to 6 sides; each continues its thickest child."""
-    children: list[list[int]] = [[] for _ in skeleton.nodes]
-    for node, above in enumerate(skeleton.parent):
-        if above >= 0 and skeleton.radius[node] >= least_radius:
-            children[above].append(node)
-    mesh = Mesh.empty()
-    starts = [(0, -1)]  # first node of a tube, and the node that it grows from
-    while starts:
-        node, base = starts.pop()
-        chain = [base] if base >= 0 else []
-        radii = [0.9 * skeleton.radius[node]] if base >= 0 else []
-        while True:
-            chain.append(node)
-            radii.append(skeleton.radius[node])
-            if not children[node]:
-                break
-            thickest = max(children[node], key=lambda child: (skeleton.radius[child], -child))
-            starts += [(child, node) for child in children[node] if child != thickest]
-            node = thickest
-        if len(chain) > 1:
-            sides = 6 if radii[0] > 4.0 * least_radius else 4 if radii[0] > 1.8 * least_radius else 3
-            points = [skeleton.nodes[k] for k in chain]
-            tube(mesh, points, radii, sides)
-    return mesh

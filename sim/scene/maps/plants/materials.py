@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from sim.scene.maps import surfaces, textures
+from sim.scene import surfaces
+from sim.scene.maps import textures
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.plants.leaf_texture import foliage_png, png
 from sim.scene.maps.plants.species import SPECIES
 from sim.scene.maps.season import Season
-
-_INSIDE = 0.95  # brightness of the inside of a crown to that of its leaves
 
 
 def plant_materials(builder: MapBuilder, season: Season = "summer") -> None:
@@ -29,7 +27,7 @@ def bark_material(builder: MapBuilder, name: str) -> str:
 def leaf_material(builder: MapBuilder, name: str) -> str:
     """Return the leaves of a species in the season of the map."""
     season = builder.season
-    texture = builder.texture(f"leaves_{name}", png(name, season), holes=True)
+    texture = builder.texture(f"leaves_{name}", textures.png(f"leaves_{name}_{season}"), holes=True)
     bare = SPECIES[name].leaves(season) is None
     surface = surfaces.BARK if bare else surfaces.LEAVES
     return builder.material(f"leaves_{name}", surface, texture=texture, specular=0.0)
@@ -37,12 +35,12 @@ def leaf_material(builder: MapBuilder, name: str) -> str:
 
 def foliage_material(builder: MapBuilder, name: str) -> str:
     """Return dense foliage in the light, without holes."""
-    texture = builder.texture(f"foliage_{name}", foliage_png(name, builder.season, 1.15, 2))
+    texture = builder.texture(f"foliage_{name}", textures.png(f"foliage_{name}_{builder.season}"))
     return builder.material(f"foliage_{name}", surfaces.LEAVES, texture=texture, specular=0.0)
 
 
 def inside_material(builder: MapBuilder, name: str, *, cube: bool = True) -> str:
     """Return dense foliage in the shade, for the inside of crowns; `cube`: for ellipsoids, else for meshes."""
     key = f"inside_{name}" if cube else f"inside_{name}_mesh"
-    texture = builder.texture(key, foliage_png(name, builder.season, _INSIDE, 4), cube=cube)
+    texture = builder.texture(key, textures.png(f"inside_{name}_{builder.season}"), cube=cube)
     return builder.material(key, surfaces.LEAVES, texture=texture, specular=0.0)

@@ -9,9 +9,8 @@ from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim.scene.maps.map_builder import Body, MapBuilder, numbers, yaw_quat
 from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.plants.bark import branches, tube
-from sim.scene.maps.plants.cards import FORMS, bough
-from sim.scene.maps.plants.conifers import VARIANTS, fir, pine
+from sim.scene.maps.models import model
+from sim.scene.maps.plants.bark import tube
 from sim.scene.maps.plants.hedges import hedge_body
 from sim.scene.maps.plants.materials import bark_material, foliage_material, inside_material, leaf_material
 from sim.scene.maps.plants.solids import crown_hull, fir_hull
@@ -20,8 +19,8 @@ from sim.scene.random_generator import RandomGenerator
 
 _CROWN_SHAPES = 4
 _VARIANTS = 2
+_CONIFERS = 3  # variants of firs and of pines
 _STEP_M = 0.2  # of a bough's size
-_TWIG = 0.007  # least radius of a bare tree's branches, in the size of a bough
 
 
 def add_tree(
@@ -34,7 +33,7 @@ def add_tree(
         height = size * rng.between(5.0, 9.0)
         _solid(body, "cylinder", (0.16, 0.5), pos=(0.0, 0.0, 0.5), part="trunk_solid")
         _solid(body, "mesh", asset=fir_hull(builder, height), pos=(0.0, 0.0, 0.7), part="crown_solid")
-        add_conifer(builder, body, "pine" if kind < 0.07 else "fir", height, int(300.0 * kind) % VARIANTS)
+        add_conifer(builder, body, "pine" if kind < 0.07 else "fir", height, int(300.0 * kind) % _CONIFERS)
         return
     leaf = rng.pick(("linden", "oak", "linden", "oak", "maple")) if kind < 0.85 else "birch"
     trunk = size * rng.between(2.2, 3.4)
@@ -98,17 +97,19 @@ def add_conifer(builder: MapBuilder, body: Body, name: str, height_m: float, var
     """Add trunk, branches and needles of a fir or a pine, whose crown of this height begins at 0.7 m."""
     steps = round(height_m)
     source = f"{name}_{variant}"
-    leaves, inside, wood = fir(variant) if name == "fir" else pine(variant)
+    made = model(f"plants/{source}")
     pos = (0.0, 0.0, 0.7)
-    asset = builder.mesh(f"{source}_{steps}", leaves, scale=float(steps), source=source)
+    asset = builder.mesh(f"{source}_{steps}", made.mesh("leaves"), scale=float(steps), source=source)
     body.geom("mesh", asset=asset, material=leaf_material(builder, name), pos=pos, solid=False, part="leaves")
-    if inside is not None:
-        asset = builder.mesh(f"{source}_{steps}_inside", inside, scale=float(steps), source=f"{source}_inside")
+    if "inside" in made.pieces:
+        mesh = made.mesh("inside")
+        asset = builder.mesh(f"{source}_{steps}_inside", mesh, scale=float(steps), source=f"{source}_inside")
         material = inside_material(builder, name, cube=False)
         body.geom("mesh", asset=asset, material=material, pos=pos, solid=False, part="inside")
     bark = bark_material(builder, name)
-    if wood is not None:
-        asset = builder.mesh(f"{source}_{steps}_wood", wood, scale=float(steps), source=f"{source}_wood")
+    if "wood" in made.pieces:
+        mesh = made.mesh("wood")
+        asset = builder.mesh(f"{source}_{steps}_wood", mesh, scale=float(steps), source=f"{source}_wood")
         body.geom("mesh", asset=asset, material=bark, pos=pos, solid=False, part="branches")
     trunk = f"{name}_trunk_{steps}"
     if not builder.has_mesh(trunk):
@@ -136,28 +137,21 @@ def add_bough(
     species = SPECIES[name]
     bare = species.leaves(builder.season) is None
     steps = max(2, round(wide_m / step_m))
-    cards, skeleton = bough(form, variant, species.droop)
     quat = yaw_quat(heading_rad)
     source = f"{form}{'_drooping' if species.droop else ''}_{variant}"
-    asset = builder.mesh(f"{source}_{steps}", cards, scale=step_m * steps, source=source)
+    shipped = model(f"plants/{source}")
+    asset = builder.mesh(f"{source}_{steps}", shipped.mesh("leaves"), scale=step_m * steps, source=source)
     material = leaf_material(builder, name)
     body.geom("mesh", asset=asset, material=material, pos=pos, quat=quat, solid=False, part=f"leaves_{number}")
     if not bare:
-        shape = FORMS[form]
-        core = (
-            shape.core * wide_m * shape.axes[0],
-            shape.core * wide_m * shape.axes[1],
-            shape.core * wide_m * shape.axes[2],
-        )
+        size, (x, y, z) = shipped.facts["core"] * wide_m, shipped.facts["axes"]
+        core = (size * x, size * y, size * z)
         material = inside_material(builder, name)
         body.geom("ellipsoid", core, material=material, pos=pos, quat=quat, solid=False, part=f"inside_{number}")
         return
     source += "_wood"
-    if not builder.has_mesh(f"{source}_{steps}"):
-        wood = branches(skeleton, least_radius=_TWIG)
-        builder.mesh(f"{source}_{steps}", wood, scale=step_m * steps, source=source)
+    asset = builder.mesh(f"{source}_{steps}", shipped.mesh("wood"), scale=step_m * steps, source=source)
     material = bark_material(builder, name)
-    asset = f"{source}_{steps}"
     body.geom("mesh", asset=asset, material=material, pos=pos, quat=quat, solid=False, part=f"branches_{number}")
 
 

@@ -2,52 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
 from dataclasses import dataclass
-from functools import cache
 
+from signals.rotation import NO_TURN
+from signals.samples import Vec3
 from signals.units import QUARTER_TURN_RAD
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.map_builder import Body, MapBuilder, roll_quat, yaw_quat
-from sim.scene.maps.vehicles.bicycle import bicycle_parts, bicycle_proxies
-from sim.scene.maps.vehicles.bus import bus_parts, bus_proxies
-from sim.scene.maps.vehicles.car import car_parts, car_proxies
-from sim.scene.maps.vehicles.car_shape import SHAPES, varied
-from sim.scene.maps.vehicles.lorry import lorry_parts, lorry_proxies
-from sim.scene.maps.vehicles.motorcycle import motorcycle_parts, motorcycle_proxies
-from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, reflecting, vehicle_materials
-from sim.scene.maps.vehicles.parts import Parts, Proxy
+from sim.scene.maps.model import Model
+from sim.scene.maps.models import model
+from sim.scene.maps.vehicles.paints import PLATES, draw_paint, paint_material, vehicle_materials
 from sim.scene.random_generator import RandomGenerator
 
+# Materials of our vehicles: meshes with these names look alike on all.
+MATERIALS = frozenset({
+    "paint", "box", "glass", "trim", "tyre", "rim", "head_lamp", "tail_lamp", "lit", "plate", "skin", "cloth", "hair",
+})  # fmt: skip
 _SHIRTS = {"white": (0.85, 0.85, 0.83), "navy": (0.12, 0.17, 0.33), "rust": (0.55, 0.25, 0.14)}
 
 
 @dataclass(frozen=True)
-class Model:
-    """One shape of a kind."""
+class Variant:
+    """One shape of a kind: `name` of its model in assets/models/vehicles."""
 
     name: str
     body: str  # prefix of the names of its bodies
     class_name: str
-    parts: Callable[[], Parts]
-    proxies: Callable[[], list[Proxy]]
 
 
-def _car_models(kind: str) -> list[Model]:
-    models = []
-    for suffix, stretch, rise, spokes in (("a", 1.0, 1.0, 5), ("b", 0.965, 1.02, 10)):
-        shape = varied(SHAPES[kind], stretch, rise)
-        for driver in (False, True):
-            models.append(
-                Model(
-                    f"{kind}_{suffix}{'_driver' if driver else ''}", "van" if kind == "van" else "car", "vehicle",
-                    lambda shape=shape, spokes=spokes, driver=driver: car_parts(  # type: ignore[misc]
-                        shape, spokes=spokes, driver=driver
-                    ),
-                    lambda shape=shape: car_proxies(shape),  # type: ignore[misc]
-                )
-            )  # fmt: skip
-    return models
+def _cars(kind: str) -> list[Variant]:
+    """Return two shapes of a kind, each without and with a driver."""
+    body = "van" if kind == "van" else "car"
+    return [Variant(f"{kind}_{end}", body, "vehicle") for end in ("a", "a_driver", "b", "b_driver")]
 
 
 # Shares of the kinds among parked cars.
@@ -59,11 +46,13 @@ _FLEET_PAINTS = {
     "van": ("white", "white", "white", "silver", "grey", "blue", "red"),
 }
 
-MODELS: dict[str, list[Model]] = {kind: _car_models(kind) for kind in SHAPES}
-MODELS["bus"] = [Model("bus", "bus", "vehicle", bus_parts, bus_proxies)]
-MODELS["bicycle"] = [Model("bicycle", "bicycle", "bicycle", bicycle_parts, bicycle_proxies)]
-MODELS["motorcycle"] = [Model("motorcycle", "motorcycle", "motorcycle", motorcycle_parts, motorcycle_proxies)]
-MODELS["lorry"] = [Model("lorry", "lorry", "vehicle", lorry_parts, lorry_proxies)]
+KINDS: dict[str, list[Variant]] = {
+    **{kind: _cars(kind) for kind in ("sedan", "hatchback", "estate", "suv", "van")},
+    "bus": [Variant("bus", "bus", "vehicle")],
+    "bicycle": [Variant("bicycle", "bicycle", "bicycle")],
+    "motorcycle": [Variant("motorcycle", "motorcycle", "motorcycle")],
+    "lorry": [Variant("lorry", "lorry", "vehicle")],
+}
 
 
 def add_vehicle(
@@ -81,53 +70,69 @@ def add_vehicle(
     `place`: x, y and heading. `driver`: probability that somebody sits in it.
     """
     x, y, heading_rad = place
-    models = MODELS[kind]
+    variants = KINDS[kind]
     shape, seated = rng.index(2), rng.unit() < driver
     drawn = rng.pick(_FLEET_PAINTS[kind]) if kind in _FLEET_PAINTS else draw_paint(rng)
     plate = rng.index(PLATES)
-    model = models[(2 * shape + seated) % len(models)]
-    builder.classify(model.class_name, f"{model.body}_*")
-    name = builder.next_name(model.body)
+    variant = variants[(2 * shape + seated) % len(variants)]
+    builder.classify(variant.class_name, f"{variant.body}_*")
+    name = builder.next_name(variant.body)
     body = builder.named_body(name, (x, y, ground_m), yaw_quat(heading_rad))
-    add_parts(builder, body, model, paint or drawn, plate)
+    add_parts(builder, body, model(f"vehicles/{variant.name}"), paint or drawn, plate)
     return name
 
 
-def add_parts(builder: MapBuilder, body: Body, model: Model, paint: str, plate: int) -> None:
-    """Add the geoms of a model to a body."""
+def add_parts(builder: MapBuilder, body: Body, vehicle: Model, paint: str, plate: int) -> None:
+    """Add the geoms of a vehicle to a body, without its wheels if they are pieces of their own."""
     vehicle_materials(builder)
-    names = _mesh_names(builder, model)
-    for part, asset in names.items():
-        body.geom("mesh", asset=asset, material=part_material(builder, part, paint, plate), solid=False, part=part)
-    for i, proxy in enumerate(_proxies_of(model)):
+    add_drawn(builder, body, vehicle, (paint, plate))
+    _, _, name = vehicle.name.rpartition("/")
+    name = name if vehicle.is_own else name.removesuffix("_driver")
+    for i, contact in enumerate(vehicle.contacts):
         part = f"proxy_{i}"
-        if proxy.hull is not None:
-            asset = builder.mesh(f"{model.name.removesuffix('_driver')}_hull_{i}", proxy.hull)
+        if contact.hull is not None:
+            asset = builder.mesh(f"{name}_hull_{i}", contact.hull)
             body.proxy("mesh", asset=asset, material="vehicle_trim", part=part)
-            continue
-        quat = roll_quat(QUARTER_TURN_RAD) if proxy.kind == "cylinder" else (1.0, 0.0, 0.0, 0.0)
-        body.proxy(
-            proxy.kind, proxy.size, pos=proxy.pos, quat=quat, material="vehicle_trim", part=part
-        )  # fmt: skip
+        else:
+            quat = roll_quat(QUARTER_TURN_RAD) if contact.kind == "cylinder" else NO_TURN
+            body.proxy(contact.kind, contact.size, pos=contact.pos, quat=quat, material="vehicle_trim", part=part)
 
 
-def _mesh_names(builder: MapBuilder, model: Model) -> dict[str, str]:
-    """Return the mesh assets of a model by part."""
-    parts = _parts_of(model)
-    return {part: builder.mesh(f"{model.name}_{part}", mesh) for part, mesh in parts.items() if mesh.triangles}
+def add_drawn(
+    builder: MapBuilder,
+    body: Body,
+    vehicle: Model,
+    finish: tuple[str, int],
+    *,
+    piece: str = "",
+    prefix: str = "",
+    scale: float = 1.0,
+    pos: Vec3 = (0.0, 0.0, 0.0),
+) -> None:
+    """Add a piece of a vehicle, and nothing solid; without `piece` all but its wheels.
+
+    `finish`: paint and number plate. `prefix`: of the geoms' names in the body.
+    """
+    _, _, source = vehicle.name.rpartition("/")
+    source += f"_{piece}" if piece else ""
+    for part, mesh in (vehicle.pieces[piece] if piece else vehicle.by_material(without=("wheel_",))).items():
+        label = re.sub(r"[^A-Za-z0-9_]+", "_", part)
+        name = f"{source}_{label}" if scale == 1.0 else f"{source}_{round(100 * scale)}_{label}"
+        asset = builder.mesh(name, mesh, scale=scale, source=f"{source}_{label}")
+        material = _own_material(builder, vehicle, part, label) or part_material(builder, part, *finish)
+        body.geom("mesh", asset=asset, material=material, pos=pos, solid=False, part=prefix + label)
 
 
-@cache
-def _parts_of(model: Model) -> Parts:
-    """Return the meshes of a model, made once in a process."""
-    parts = model.parts()
-    return parts | {"paint": reflecting(parts["paint"])}
-
-
-@cache
-def _proxies_of(model: Model) -> list[Proxy]:
-    """Return the contact shapes of a model, made once in a process."""
-    return model.proxies()
+def _own_material(builder: MapBuilder, vehicle: Model, part: str, label: str) -> str:
+    """Return a material that only the user's own file has; "" for one of ours."""
+    look = vehicle.looks.get(part)
+    if look is None or part in MATERIALS:
+        return ""
+    name = f"{vehicle.name.replace('/', '_')}_{label}"
+    texture = builder.texture(name, look.png, holes=look.holes) if look.png else ""
+    return builder.material(
+        name, look.surface, rgb=look.rgb, texture=texture, specular=look.specular, shininess=look.shininess
+    )
 
 
 def part_material(builder: MapBuilder, part: str, paint: str, plate: int) -> str:

@@ -5,8 +5,6 @@ Wheels, cranks and pedals turn with the distance. It neither steers nor leans in
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, partial
 from math import sqrt
 
 import numpy as np
@@ -15,10 +13,10 @@ from signals.samples import Vec3
 from signals.units import TURN_RAD
 from sim import _kernels
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.vehicles import bicycle as city
-from sim.scene.maps.vehicles.kinds import Model, add_parts, part_material
-from sim.scene.maps.vehicles.parts import Parts, Proxy
+from sim.scene.maps.models import model
+from sim.scene.maps.vehicles import bicycle_layout as city
+from sim.scene.maps.vehicles.kinds import add_drawn
+from sim.scene.maps.vehicles.paints import vehicle_materials
 from sim.scene.maps.walk_path import WalkPath
 
 _GEAR = 2.0  # turns of a wheel for one of the cranks
@@ -59,59 +57,20 @@ class RiddenBicycle(_kernels.RoadVehicle):
 def add_ridden_bicycle(builder: MapBuilder, bicycle: RiddenBicycle, paint: str) -> None:
     """Add the bicycle as an actor of the map."""
     builder.classify("bicycle", "bicycle_*")
-    size = bicycle.size
-    model = _model(size)
+    vehicle_materials(builder)
+    size, made = bicycle.size, model("vehicles/bicycle_ridden")
     frame, *turning = builder.actor(bicycle)
-    add_parts(builder, frame, model, paint, 0)
+    add_drawn(builder, frame, made, (paint, 0), piece="frame", scale=size)
+    *contacts, saddle = made.contacts
+    for i, contact in enumerate(contacts):
+        half, (x, y, z) = tuple(size * v for v in contact.size), contact.pos
+        frame.proxy(contact.kind, half, pos=(size * x, size * y, size * z), material="vehicle_trim", part=f"proxy_{i}")
     # The saddle moves along its post.
     x, z = bicycle.saddle_m
     raised: Vec3 = (x - size * city.SADDLE_M[0], 0.0, z - size * (city.SADDLE_M[1] + city.SADDLE_HALF_M))
-    made = [(frame, "saddle", raised)]
-    made += [(body, piece.removesuffix("_front").removesuffix("_rear"), (0.0, 0.0, 0.0))
-             for body, piece in zip(turning, _PIECES[1:], strict=True)]  # fmt: skip
-    for body, piece, pos in made:
-        for part, mesh in _meshes(piece, size).items():
-            asset = builder.mesh(f"{model.name}_{piece}_{part}", mesh)
-            material = part_material(builder, part, paint, 0)
-            body.geom("mesh", asset=asset, material=material, pos=pos, solid=False, part=f"{piece}_{part}")
-    saddle = _proxies(size)[-1]
-    at = (x, 0.0, z - saddle.size[2])
-    frame.proxy(saddle.kind, saddle.size, material="vehicle_trim", pos=at, part="proxy_saddle")
-
-
-@cache
-def _model(size: float) -> Model:
-    """Return the model of the frame."""
-    return Model(
-        f"bicycle_ridden_{round(100 * size)}", "bicycle", "bicycle", lambda: _scaled(city.frame_parts(), size),
-        lambda: _proxies(size)[:-1],
-    )  # fmt: skip
-
-
-_MAKERS: dict[str, Callable[[], Parts]] = {
-    "saddle": city.saddle_parts,
-    "wheel": city.wheel_parts,
-    "cranks": city.crank_parts,
-    "pedal_l": partial(city.pedal_parts, 1.0),
-    "pedal_r": partial(city.pedal_parts, -1.0),
-}
-
-
-@cache
-def _meshes(piece: str, size: float) -> Parts:
-    return {part: mesh for part, mesh in _scaled(_MAKERS[piece](), size).items() if mesh.triangles}
-
-
-def _scaled(parts: Parts, size: float) -> Parts:
-    return {
-        part: Mesh([(size * x, size * y, size * z) for x, y, z in mesh.vertices], mesh.uvs, mesh.triangles)
-        for part, mesh in parts.items()
-    }
-
-
-def _proxies(size: float) -> list[Proxy]:
-    """Return the contact shapes, the saddle's last."""
-    return [
-        Proxy(proxy.kind, tuple(size * value for value in proxy.size), tuple(size * value for value in proxy.pos))  # type: ignore[arg-type]
-        for proxy in city.bicycle_proxies()
-    ]
+    add_drawn(builder, frame, made, (paint, 0), piece="saddle", prefix="saddle_", scale=size, pos=raised)
+    for body, name in zip(turning, _PIECES[1:], strict=True):
+        piece = name.removesuffix("_front").removesuffix("_rear")
+        add_drawn(builder, body, made, (paint, 0), piece=piece, prefix=f"{piece}_", scale=size)
+    half = tuple(size * v for v in saddle.size)
+    frame.proxy(saddle.kind, half, material="vehicle_trim", pos=(x, 0.0, z - half[2]), part="proxy_saddle")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim._kernels import RADAR_CURVE_STEPS
 from sim.radar.reflection import Reflection, reflectance
-from sim.scene.maps.scene_map import Surface
+from sim.scene.scene_map import Surface
 from sim.scene.surfaces import NO_SURFACE, SURFACES
 
 CARRIER_HZ = 60.8e9

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.landscape_mountains import terrain
 from sim.scene.maps.map_builder import MapBuilder

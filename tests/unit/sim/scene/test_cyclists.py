@@ -21,12 +21,12 @@ from sim.scene.maps.cyclist import Cyclist, ride
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import MapBuilder
 from sim.scene.maps.people import PersonTraits, add_cyclist
-from sim.scene.maps.scene_map import Actor
-from sim.scene.maps.vehicles import bicycle as city
+from sim.scene.maps.vehicles import bicycle_layout as city
 from sim.scene.maps.vehicles.ridden_bicycle import RiddenBicycle
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 from sim.world_loader import load_world
 

@@ -19,11 +19,10 @@ from sim.frame.camera_model import CameraModel
 from sim.frame.mount import Mount
 from sim.frame.source import SharedFrames, channel_array
 from sim.scene.maps import wheelchair
-from sim.scene.maps.body_build import BUILDS
-from sim.scene.maps.body_meshes import PARTS, body_mesh
 from sim.scene.maps.clothes import BOTTOMS, TOPS, Colours, draw_look
 from sim.scene.maps.figure import LIMBS, Figure
 from sim.scene.maps.map_builder import MapBuilder
+from sim.scene.maps.models import model as shipped
 from sim.scene.maps.people import PersonTraits, add_cyclist, add_still_person, add_walker, add_wheelchair_user
 from sim.scene.maps.walk_path import WalkPath
 from sim.scene.maps.walker import Roller, Walker
@@ -31,20 +30,23 @@ from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
+from tools.art.people.body_build import BUILDS
+from tools.art.people.body_meshes import PARTS
 
 WAY = WalkPath([(0.0, 0.0), (9.0, 0.0), (9.0, 5.0), (0.0, 5.0)], 1.2)
 
 
 @pytest.mark.parametrize("build", [*BUILDS, "wheelchair"])
 def test_meshes_are_closed_and_face_outwards(build: str) -> None:
-    chair = {"tyres": wheelchair.tyres(), "frame": wheelchair.frame(), "seat": wheelchair.seat()}
-    meshes = chair if build == "wheelchair" else {part: body_mesh(part, build) for part in PARTS}
-    for part, mesh in meshes.items():
-        vertices = np.round(np.array(mesh.vertices), 6) + 0.0
-        corner = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()[np.array(mesh.triangles)]
+    made = shipped(f"people/{build}")
+    assert set(made.pieces) == ({"tyres", "frame", "seat"} if build == "wheelchair" else set(PARTS))
+    for part in made.pieces:
+        mesh = made.mesh(part)
+        vertices = np.round(mesh.vertices.astype(np.float64), 6) + 0.0
+        corner = np.unique(vertices, axis=0, return_inverse=True)[1].ravel()[mesh.triangles]
         edges = Counter((int(t[k]), int(t[(k + 1) % 3])) for t in corner for k in range(3))
         assert all(n == 1 and edges[b, a] == 1 for (a, b), n in edges.items()), part
-        p, q, r = (np.array(mesh.vertices)[np.array(mesh.triangles)[:, i]] for i in range(3))
+        p, q, r = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
         assert np.einsum("ij,ij->", p, np.cross(q, r)) > 0.0, part
 
 
@@ -120,8 +122,7 @@ def test_a_child_has_a_larger_head_for_its_height() -> None:
     assert child.figure.leg_m < adult.figure.leg_m
 
     def head_m(build: str) -> float:
-        z = [v[2] for v in body_mesh("hair_short", build).vertices]
-        return max(z) - min(z)
+        return float(np.ptp(shipped(f"people/{build}").mesh("hair_short").vertices[:, 2]))
 
     assert head_m("child") > 1.15 * head_m("m_mid")
 
@@ -201,8 +202,8 @@ def test_all_looks_can_be_built() -> None:
         traits = PersonTraits(soldier=k % 5 == 0, height_m=1.2 if k % 7 == 0 else None)
         add_still_person(builder, rng, (float(k), 0.0, 0.0), 0.0, seat_m=0.45 * (k % 3 == 0), traits=traits)
     made = builder.build()
-    parts = {name.split("_m_")[0].split("_f_")[0].split("_child")[0] for name in made.assets if name.endswith(".obj")}
-    assert {name.removesuffix(".obj") for name in parts} == set(PARTS)
+    parts = {name.split("_m_")[0].split("_f_")[0].split("_child")[0] for name in made.assets if name.endswith(".msh")}
+    assert {name.removesuffix(".msh") for name in parts} == set(PARTS)
 
 
 @pytest.mark.parametrize("height_m", [0.9, 1.2, 1.41, 1.42, 1.95])

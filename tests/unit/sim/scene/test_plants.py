@@ -13,17 +13,18 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.sensors.mujoco_rays import cast
 from sim.frame.geometry import FrameGeometry
+from sim.scene.maps import textures
 from sim.scene.maps.city_park import CityParkParameters, generate
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.plants import add_tree, leaf_texture, plant_materials
-from sim.scene.maps.plants.cards import FORMS, bough
+from sim.scene.maps.plants import add_tree, plant_materials
 from sim.scene.maps.plants.species import SPECIES
-from sim.scene.maps.scene_map import SceneMap
 from sim.scene.maps.season import Season
 from sim.scene.random_generator import RandomGenerator
 from sim.scene.scene import load_scene
+from sim.scene.scene_map import SceneMap
 from sim.scene.world import World
 from sim.world_loader import load_world
+from tools.art.plants.cards import FORMS, bough
 
 SEASONS: tuple[Season, ...] = ("spring", "summer", "autumn", "winter")
 # Digest of type, size and pose (rounded to 1e-6) of the solid shapes of all trees of city_park, seed 1: those of the
@@ -84,7 +85,10 @@ def test_trunks_and_crowns_are_solid_where_they_were() -> None:
 @pytest.mark.parametrize("name", SPECIES)
 def test_textures_have_their_share_of_holes(name: str, season: Season) -> None:
     low, high = (0.45, 0.75) if SPECIES[name].leaves(season) else (0.15, 0.35)
-    assert low < leaf_texture.fill(name, season) < high
+    png = np.frombuffer(textures.png(f"leaves_{name}_{season}"), np.uint8)
+    texels = cv2.imdecode(png, cv2.IMREAD_UNCHANGED)
+    assert texels is not None
+    assert low < (texels[:, :, 3] > 0).mean() < high
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.scene.maps import surfaces
+from sim.scene import surfaces
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.figure import LIMBS
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.scene_map import SceneMap
+from sim.scene.scene_map import SceneMap
 
 NAMES = tuple(GENERATORS)
 WALKED = ("city_park", "urban_delivery", "training_village", "radar_range")  # maps with people who move

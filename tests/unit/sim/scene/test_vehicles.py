@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from signals.rotation import NO_TURN
-from sim.scene.maps import surfaces, urban_delivery
+from sim.scene import surfaces
+from sim.scene.maps import urban_delivery
 from sim.scene.maps.catalog import GENERATORS
 from sim.scene.maps.map_builder import MapBuilder
-from sim.scene.maps.meshes import Mesh
-from sim.scene.maps.scene_map import SceneMap
-from sim.scene.maps.vehicles.car import car_parts
-from sim.scene.maps.vehicles.kinds import MODELS, add_parts
+from sim.scene.maps.models import model as shipped
+from sim.scene.maps.shipped_mesh import ShippedMesh
+from sim.scene.maps.vehicles.kinds import KINDS, add_parts
 from sim.scene.maps.vehicles.traffic import DrivenCar
+from sim.scene.scene_map import SceneMap
 
 # Length, width over the mirrors and height of common vehicles [m], by data sheets: least and greatest.
 SIZES = {
@@ -32,24 +33,25 @@ SIZES = {
 }
 
 
-def is_closed(mesh: Mesh) -> bool:
+def is_closed(mesh: ShippedMesh) -> bool:
     """Return True if each edge between places belongs to two triangles in opposite directions."""
     places: dict[tuple[float, ...], int] = {}
-    corners = [[places.setdefault(mesh.vertices[i], len(places)) for i in triangle] for triangle in mesh.triangles]
+    vertices = [tuple(vertex) for vertex in mesh.vertices.tolist()]
+    corners = [[places.setdefault(vertices[i], len(places)) for i in triangle] for triangle in mesh.triangles]
     edges = [(t[k], t[(k + 1) % 3]) for t in corners for k in range(3)]
     return len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
 
 
-@pytest.mark.parametrize("kind", MODELS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_size_and_skin(kind: str) -> None:
-    for model in MODELS[kind]:
-        parts = model.parts()
-        points = np.array([v for mesh in parts.values() for v in mesh.vertices])
+    for variant in KINDS[kind]:
+        parts = shipped(f"vehicles/{variant.name}").by_material()
+        points = np.concatenate([mesh.vertices for mesh in parts.values()])
         size = points.max(axis=0) - points.min(axis=0)
         for value, (least, greatest) in zip(size, SIZES[kind], strict=True):
-            assert least <= value <= greatest, (model.name, size)
+            assert least <= value <= greatest, (variant.name, size)
         assert abs(points[:, 2].min()) < 0.02
-        assert is_closed(parts["paint"]) != model.name.endswith("_driver")
+        assert is_closed(parts["paint"]) != variant.name.endswith("_driver")
         assert is_closed(parts["tyre"])
         assert 1_000 <= sum(len(mesh.triangles) for mesh in parts.values()) <= 5_100
 
@@ -57,9 +59,9 @@ def test_size_and_skin(kind: str) -> None:
 def stage(kind: str, variant: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
     builder = MapBuilder("stage")
     builder.material("floor", surfaces.ASPHALT)
-    models = MODELS[kind]
     body = builder.named_body(kind, (0.0, 0.0, 0.0), NO_TURN)
-    add_parts(builder, body, models[2 * variant % len(models)], "silver", 0)
+    name = KINDS[kind][2 * variant % len(KINDS[kind])].name
+    add_parts(builder, body, shipped(f"vehicles/{name}"), "silver", 0)
     scene_map = builder.build()
     model = mujoco.MjModel.from_xml_string(scene_map.mjcf, dict(scene_map.assets))
     data = mujoco.MjData(model)
@@ -74,9 +76,9 @@ def cast(model: mujoco.MjModel, data: mujoco.MjData, group: int, at: np.ndarray,
     return float(distance) if distance >= 0.0 else np.inf
 
 
-@pytest.mark.parametrize("kind", [kind for kind in MODELS if kind not in ("bicycle", "motorcycle")])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("bicycle", "motorcycle")])
 def test_contact_shapes_follow_what_is_seen(kind: str) -> None:
-    for variant in range(2 if len(MODELS[kind]) > 1 else 1):
+    for variant in range(2 if len(KINDS[kind]) > 1 else 1):
         model, data = stage(kind, variant)
         half = 0.5 * np.array([sum(limits) / 2 for limits in SIZES[kind]])
         rng = np.random.default_rng(3)
@@ -148,9 +150,14 @@ def test_velocities_of_driven_cars_are_the_derivatives_of_their_poses() -> None:
     assert straights >= 2
 
 
+def _length_m(kind: str) -> float:
+    return float(shipped(f"vehicles/{kind}_driven").facts["length_m"])
+
+
 def test_bound_of_a_driven_car_holds_it() -> None:
     car = next(actor for actor in traffic(1, 1).actors if isinstance(actor, DrivenCar))
-    points = np.array([v for mesh in car_parts(car.shape, driver=True).values() for v in mesh.vertices])
+    kind = next(k for k in ("sedan", "hatchback", "estate", "suv") if _length_m(k) == car.shape.length_m)
+    points = np.concatenate([mesh.vertices for mesh in shipped(f"vehicles/{kind}_a_driver").by_material().values()])
     for t_ns in (0, 5_000_000_000):
         p, q, _, _ = posed(car, t_ns)
         centre, radius_m = car.bound(t_ns)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.samples import Quat, Vec3
-from sim.scene.placed.geoms import pose_geoms
+from sim.scene.compile.actor_geoms import pose_geoms
 from sim.scene.world import World
 
 _OUTSIDE_M = 1e6  # objects that were taken away are outside the world

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signals.samples import Vec3
 from sim.frame.meshes import mesh_triangles
 from sim.frame.tessellation import primitive
-from sim.scene.placed.geoms import posed
+from sim.scene.compile.actor_geoms import posed
 from sim.scene.world import World
 
 _G = mujoco.mjtGeom

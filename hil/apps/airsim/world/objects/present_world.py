@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import HilError
 from signals.samples import Quat, Vec3
-from sim.scene.maps.scene_map import Actor
+from sim.scene.compile.placed_worlds import Added, with_objects
 from sim.scene.placed.actor import FixedBody, ObjectActor
-from sim.scene.placed.worlds import Added, with_objects
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 from sim.sensors.ground_range import MapRays, Rays, rays_into
 from sim.world_loader import load_world

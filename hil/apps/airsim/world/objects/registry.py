@@ -17,11 +17,11 @@ from hil.apps.airsim.world.objects.scene_object import UNSCALED, SceneObject, sc
 from signals.errors import ConfigError
 from signals.samples import Quat, Vec3
 from sim.frame.source import VEHICLE_CLASS
+from sim.scene.compile.actor_geoms import way_to
+from sim.scene.compile.placed_worlds import Added
 from sim.scene.placed.actor import FixedBody, ObjectActor
 from sim.scene.placed.assets import asset, asset_names
-from sim.scene.placed.geoms import way_to
 from sim.scene.placed.template import Materials, Template, fixed_bodies, template_of
-from sim.scene.placed.worlds import Added
 from sim.scene.semantics import MAX_SURFACES
 
 MOST_SPAWNED = 1000

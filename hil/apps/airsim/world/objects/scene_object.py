@@ -13,9 +13,9 @@ import numpy as np
 
 from signals.rotation import NO_TURN
 from signals.samples import Quat, Vec3
-from sim.scene.maps.scene_map import Actor
 from sim.scene.placed.actor import ObjectActor
 from sim.scene.placed.template import Template
+from sim.scene.scene_map import Actor
 from sim.scene.world import World
 
 UNSCALED: Vec3 = (1.0, 1.0, 1.0)

@@ -16,7 +16,7 @@ import pytest
 from hil.apps.airsim.world.objects import present_world, registry, voxel_grid
 from signals.errors import RecordingError
 from sim.physics.vehicle import load_vehicle
-from sim.scene.placed.worlds import limit_mesh_cache
+from sim.scene.compile.placed_worlds import limit_mesh_cache
 from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector, xyz
 
 ONE = {"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {"A": {"VehicleType": "SimpleFlight", "Sensors": {

@@ -17,8 +17,9 @@ import pytest
 from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
 from sim.frame.meshes import mesh_triangles
-from sim.scene.imports import gltf_file, gltf_map, gltf_materials
-from sim.scene.imports.gltf_materials import srgb_of
+from sim.scene.imports import gltf_file
+from sim.scene.maps.imported import gltf_map, gltf_materials
+from sim.scene.maps.imported.gltf_materials import srgb_of
 from sim.scene.scene import Scene, load_scene
 from sim.scene.surfaces import SURFACES
 from sim.scene.world import World

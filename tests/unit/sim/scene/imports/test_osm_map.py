@@ -16,7 +16,7 @@ from hil.config.scenes import read_scene, save_scene
 from signals.errors import ConfigError
 from sim.scene.imports import osm_file, osm_tags, shapes
 from sim.scene.imports.osm_file import read_osm
-from sim.scene.imports.osm_map import take_off_place
+from sim.scene.maps.imported.osm_map import take_off_place
 from sim.scene.scene import load_scene
 from sim.scene.world import World
 from sim.world_loader import load_world
@@ -297,7 +297,7 @@ def test_a_road_of_every_known_surface_has_its_material(tmp_path: Path) -> None:
 
 
 def test_without_shapely_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    importlib.import_module("sim.scene.imports.osm_map")  # binds the true shapely, for the tests after this one
+    importlib.import_module("sim.scene.maps.imported.osm_map")  # binds the true shapely, for the tests after this one
     monkeypatch.setattr(shapes, "shapely", None)
     (tmp_path / "place.osm").write_text(quarter_osm(2, 2))
     with pytest.raises(ConfigError, match=r'pip install "hil-bench\[scenes\]"'):

@@ -1,0 +1,106 @@
+"""Lorry with a box body, 8 x 2.5 x 3.3 m."""
+
+from __future__ import annotations
+
+from sim.scene.maps.meshes import Mesh
+from tools.art.vehicles.blocks import Ring, add_block, add_disc_sheet, add_end_sheet, add_side_sheet
+from tools.art.vehicles.lofts import add_box, add_ellipsoid, add_sheet, add_tube
+from tools.art.vehicles.parts import MATERIALS, Parts, Proxy, add_plate, axle_proxies
+from tools.art.vehicles.wheels import add_wheel
+
+LENGTH_M, WIDTH_M, HEIGHT_M = 8.0, 2.5, 3.3
+WHEEL_M = 0.47
+AXLES_M = (2.85, -2.15)
+_HALF = 0.5 * WIDTH_M
+_CAB = 1.16  # half width of the cab
+_CABIN: tuple[Ring, ...] = (
+    (0.42, 2.12, 3.93, _CAB - 0.02), (0.62, 2.12, 3.98, _CAB), (1.35, 2.12, 3.98, _CAB),
+    (1.50, 2.12, 3.96, _CAB - 0.005), (2.35, 2.14, 3.76, _CAB - 0.06), (2.55, 2.16, 3.60, _CAB - 0.10),
+    (2.64, 2.24, 3.42, _CAB - 0.20),
+)  # fmt: skip
+_DEFLECTOR: tuple[Ring, ...] = ((2.62, 2.16, 3.25, 0.98), (2.95, 2.16, 2.75, 0.96), (3.16, 2.16, 2.36, 0.92))
+
+
+def lorry_parts() -> Parts:
+    parts = {name: Mesh.empty() for name in MATERIALS}
+    paint, glass, trim, rim, head, tail, box = (
+        parts[name] for name in ("paint", "glass", "trim", "rim", "head_lamp", "tail_lamp", "box")
+    )
+    add_block(paint, _CABIN, 0.14, bow_m=0.05)
+    add_block(paint, _DEFLECTOR, 0.06)
+    add_box(box, (-4.0, -_HALF, 1.02), (2.0, _HALF, 3.3))
+    for z in (1.02, 3.24):  # edges of the box in metal
+        add_box(rim, (-4.01, -_HALF - 0.006, z), (2.01, _HALF + 0.006, z + 0.07))
+    for x in (-4.012, 1.942):
+        for y in (-_HALF - 0.006, _HALF - 0.064):
+            add_box(rim, (x, y, 1.05), (x + 0.07, y + 0.07, 3.28))
+    add_box(trim, (-3.85, -0.42, 0.62), (3.3, 0.42, 1.02))
+    add_box(trim, (1.0, -1.05, 0.45), (1.9, -0.5, 0.95))
+    add_box(rim, (-0.2, 0.55, 0.45), (1.0, 1.08, 0.95))  # tank
+    for side in (1.0, -1.0):
+        for z in (0.50, 0.76):
+            add_box(rim, (-1.45, side * 1.16 - 0.02, z), (1.75, side * 1.16 + 0.02, z + 0.12))
+        add_box(trim, (AXLES_M[1] - 0.6, side * 1.0 - 0.24, 0.985), (AXLES_M[1] + 0.6, side * 1.0 + 0.24, 1.03))
+        add_box(trim, (AXLES_M[1] - 0.63, side * 1.0 - 0.22, 0.35), (AXLES_M[1] - 0.60, side * 1.0 + 0.22, 1.0))
+        add_disc_sheet(trim, (AXLES_M[0], side * (_CAB + 0.006), WHEEL_M), WHEEL_M + 0.09, side, low_m=0.40)
+        add_wheel(parts["tyre"], rim, (AXLES_M[0], side * (_CAB + 0.02), WHEEL_M), WHEEL_M, 0.30, 8, side)
+        add_wheel(parts["tyre"], rim, (AXLES_M[1], side * (_HALF - 0.03), WHEEL_M), WHEEL_M, 0.55, 8, side)
+        # Side window, door seams, handle, mirror.
+        rows = [(_CAB + 0.004, 1.52), (_CAB - 0.045, 2.30)]
+        fronts = (3.72, 3.56)
+        pane = [
+            [(x, side * y, z) for x in ((front, 2.72) if side > 0 else (2.72, front))]
+            for (y, z), front in zip(rows, fronts, strict=True)
+        ]
+        add_sheet(glass, pane)
+        for x in (2.62, 3.80):
+            add_side_sheet(trim, x, x + 0.014, 0.95, 1.48, side * (_CAB + 0.004))
+        add_box(trim, (2.70, side * _CAB - 0.03, 1.36), (2.90, side * _CAB + 0.03, 1.41))
+        add_ellipsoid(trim, (3.86, side * 1.32, 1.98), (0.07, 0.10, 0.24), rings=5, sides=8)
+        add_tube(trim, [(3.70, side * 1.06, 2.32), (3.86, side * 1.32, 2.20)], 0.02, 5)
+        y0, y1 = sorted((side * 0.78, side * 1.08))
+        add_end_sheet(trim, 3.972, 3.972, y0 - 0.03, y1 + 0.03, 0.65, 0.90, 1.0)
+        add_end_sheet(head, 3.988, 3.988, y0, y1, 0.68, 0.87, 1.0)
+        y0, y1 = sorted((side * 0.75, side * 1.15))
+        add_box(trim, (-3.96, y0, 0.70), (-3.90, y1, 0.92))
+        add_end_sheet(tail, -3.965, -3.965, y0 + 0.02, y1 - 0.02, 0.73, 0.89, -1.0)
+        y0, y1 = sorted((side * 1.02, side * 1.16))
+        add_end_sheet(tail, -4.016, -4.016, y0, y1, 3.14, 3.21, -1.0)
+    _add_ends(parts)
+    return parts
+
+
+def _add_ends(parts: Parts) -> None:
+    glass, trim, rim = parts["glass"], parts["trim"], parts["rim"]
+    ys = (-1.02, -0.5, 0.0, 0.5, 1.02)
+
+    def bowed(x: float, z: float) -> list[tuple[float, float, float]]:
+        return [(x - 0.05 * (y / _CAB) * (y / _CAB) + 0.012, y, z) for y in ys]
+
+    add_sheet(glass, [bowed(3.96, 1.50), bowed(3.86, 1.925), bowed(3.765, 2.33)])
+    add_sheet(trim, [bowed(3.97, 1.40), bowed(3.96, 1.50)])
+    add_end_sheet(trim, 3.992, 3.992, -0.7, 0.7, 0.95, 1.28, 1.0)
+    for z in (1.02, 1.11, 1.20):
+        add_end_sheet(rim, 4.0, 4.0, -0.66, 0.66, z, z + 0.025, 1.0)
+    add_box(trim, (3.75, -1.12, 0.36), (4.0, 1.12, 0.56))
+    add_plate(parts["plate"], (4.006, 0.0, 0.46), 1.0)
+    # Doors of the box: a seam and two bars.
+    add_end_sheet(trim, -4.004, -4.004, -0.012, 0.012, 1.08, 3.24, -1.0)
+    for y in (-0.5, -0.12, 0.12, 0.5):
+        add_tube(rim, [(-4.03, y, 1.1), (-4.03, y, 3.2)], 0.018, 5)
+    add_box(trim, (-3.98, -1.2, 0.42), (-3.88, 1.2, 0.54))
+    add_plate(parts["plate"], (-3.985, 0.0, 0.48), -1.0)
+
+
+def lorry_proxies() -> list[Proxy]:
+    cab, deflector = Mesh.empty(), Mesh.empty()
+    add_block(cab, _CABIN, 0.14, bow_m=0.05, steps=1)
+    add_block(deflector, _DEFLECTOR, 0.06, steps=1)
+    return [
+        Proxy("box", (3.0, _HALF, 1.14), (-1.0, 0.0, 2.16)),
+        Proxy("hull", hull=cab),
+        Proxy("hull", hull=deflector),
+        Proxy("box", (3.55, 0.42, 0.20), (-0.3, 0.0, 0.82)),
+        Proxy("box", (0.60, 0.265, 0.25), (0.40, 0.815, 0.70)),
+        *axle_proxies(AXLES_M, WHEEL_M, _HALF - 0.04, 0.16),
+    ]
