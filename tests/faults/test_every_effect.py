@@ -21,8 +21,11 @@ from typing import Any
 import pytest
 import yaml
 
+from firmware_bridge.autopilots.catalog import SENSOR_KINDS
+from firmware_bridge.autopilots.installation import Surroundings
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import MSGID, unpack
+from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.faults.faulty_transport import FaultyTransport
 from firmware_bridge.links.ardupilot import external_ahrs
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
@@ -30,11 +33,9 @@ from firmware_bridge.transports.transport import Transport
 from hil.config import load_bench
 from hil.config.missions.script import ActionSpec
 from hil.config.missions.script_file import _TARGETS
-from hil.config.sensors.resolve import AUTOPILOT_KINDS
-from hil.run.autopilots import mock as mock_rig
-from hil.run.autopilots.surroundings import Surroundings, home_of, make_link
+from hil.run.autopilot import installation_of
 from hil.run.bench_run import RunResult, run_bench
-from hil.run.companion.link_faults import CompanionFault, CompanionFaults
+from hil.run.companion.link_faults import CompanionFaults
 from hil.run.loop.restartable_physics import make_physics
 from hil.run.loop.stages import plan_stages
 from hil.run.part import RunContext
@@ -281,7 +282,7 @@ def slots_of(bench: Any, out: Path) -> dict[str, Callable[[Any], Any]]:
 
 def test_cameras_lidars_and_radars_freeze_and_drop_out(tmp_path: Path, wire: Wire) -> None:
     """They feed no autopilot; their samples go to companions and the recording."""
-    kinds = [kind for kind in KINDS if kind not in AUTOPILOT_KINDS]
+    kinds = [kind for kind in KINDS if kind not in SENSOR_KINDS]
     assert {cell.fault for cell in sensor_cells(kinds)} == {"freeze", "dropout"}
     sensors = bench_of("mock")["sensors"] | dict(SENSORS[kind] for kind in kinds)
     more = {"sensors": sensors, "duration_s": 1.0, "record": QUIET | {"mcap": True, "images": True}}
@@ -388,7 +389,7 @@ def test_every_fault_of_the_link_changes_what_the_mock_gets(
             at_ns.append(time.monotonic_ns())
             return super().feed(data)
 
-    monkeypatch.setattr(mock_rig, "MockPixhawk", Spied)
+    monkeypatch.setattr("firmware_bridge.mock_pixhawk.autopilot.MockPixhawk", Spied)
 
     def flown(*faults: dict[str, Any]) -> tuple[bytes, RunResult]:
         got.clear()
@@ -426,10 +427,11 @@ def test_faults_act_on_the_link_of_every_rig_or_are_refused(
         wrapped.append(transport)
         return transport
 
-    monkeypatch.setattr("hil.run.autopilots.px4_hitl.serial_path", lambda port: port)
-    monkeypatch.setattr("hil.run.autopilots.ardupilot_eahrs.serial_path", lambda port: port)
-    home = home_of(bench.scene.site, make_physics(bench).state)
-    make_link(bench, Surroundings(tmp_path, wrap, lambda *_: None, lambda *_: None, home))
+    monkeypatch.setattr("firmware_bridge.devices.serial_path.serial_path", lambda port: port)
+    installation = installation_of(bench, make_physics(bench).state)
+    bench.config.autopilot.profile.make_link(
+        installation, Surroundings(tmp_path, wrap, lambda *_: None, lambda *_: None)
+    )
     assert len(wrapped) == 1
     part = faults_part.make(bench)
     part.open(RunContext(bench, tmp_path, []))

@@ -14,13 +14,12 @@ from typing import Any, NamedTuple, get_args
 
 import yaml
 
-from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.catalog import PROFILES, SENSOR_KINDS
+from firmware_bridge.autopilots.settings import MockFaults
 from firmware_bridge.faults.link_fault import LinkFault
 from firmware_bridge.ground_station.modes import WORDS
 from hil.config import load_bench
 from hil.config.missions.script import SENSOR_FAULTS
-from hil.config.schema import MockFaults
-from hil.config.sensors.resolve import AUTOPILOT_KINDS
 from signals.errors import ConfigError
 from sim.physics.faults import RotorFault
 from sim.sensors.catalog import KINDS
@@ -126,7 +125,7 @@ def link_entry(kind: str, at_s: float = 1.0, for_s: float | None = None, **more:
 
 def bench_of(rig: str, **settings: Any) -> dict[str, Any]:
     """Return the content of a bench of that rig with the sensors of every autopilot and without a mission."""
-    sensors = {name: entry for kind, (name, entry) in SENSORS.items() if kind in AUTOPILOT_KINDS}
+    sensors = {name: entry for kind, (name, entry) in SENSORS.items() if kind in SENSOR_KINDS}
     own = dict(settings.pop("autopilot", {}))
     autopilot = {**LOADED.get(rig, {}), **own}
     usual = {"rig": rig, "mission": None, "vehicle": "x500", "sensors": sensors, "record": QUIET}
@@ -148,7 +147,7 @@ def refused(rig: str, **settings: Any) -> list[str]:
 @cache
 def accepted_cells(rig: str) -> tuple[SensorCell, ...]:
     """Return the sensor faults that a rig accepts; every other one has been refused with its line in the file."""
-    cells = [cell for cell in sensor_cells() if cell.kind in AUTOPILOT_KINDS]
+    cells = [cell for cell in sensor_cells() if cell.kind in SENSOR_KINDS]
     listed = [(cell, entry) for cell in cells for entry in cell.entries(1.0, 2.0)]
     problems = refused(rig, faults={"sensors": [entry for _, entry in listed]})
     # The first 100 problems are told, then their number: more are not needed.
@@ -166,7 +165,7 @@ def sensor_table() -> str:
     groups = _groups()
     shown = {rigs[0]: ", ".join(f"`{rig}`" for rig in rigs) for rigs in groups}
     rows = ["| sensor | " + " | ".join(shown.values()) + " |", "|---" * (len(shown) + 1) + "|"]
-    for kind in (kind for kind in SENSORS if kind in AUTOPILOT_KINDS):
+    for kind in (kind for kind in SENSORS if kind in SENSOR_KINDS):
         fields = FAULT_FIELDS[KINDS[kind].sample_type]
         of_cells: dict[tuple[str, ...], list[str]] = {}
         for field in fields:

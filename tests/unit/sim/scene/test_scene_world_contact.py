@@ -27,6 +27,7 @@ from tests.worlds.cpu_masks import output_of
 from tests.worlds.walled_yard import Pacer, yard, yard_map
 
 TICK_NS = 4_000_000
+DOWN_B = (0.0, 0.0, -1.0)
 OFF = (0.0,) * 4
 
 
@@ -264,6 +265,8 @@ def test_contact_model_of_a_map_holds_only_what_is_solid(walls: Scene) -> None:
 def test_range_finder_sees_what_is_drawn(over: tuple[float, float], height: float, walls: Scene) -> None:
     physics = VehiclePhysics(load_vehicle("x500"), walls, TICK_NS, start=FlightStart(p_WB=(*over, 30.0)))
     truth = physics.advance(0, OFF)
-    seen = GroundRange(physics.scene, (0.0, 0.0, 0.0)).distance_m(truth)
+    seen = GroundRange(physics.scene, (0.0, 0.0, 0.0), DOWN_B).distance_m(truth)
     assert seen == pytest.approx(30.0 - height, abs=1e-6)
-    assert GroundRange(physics.scene, (0.0, 0.0, -0.5)).distance_m(truth) == pytest.approx(29.5 - height, abs=1e-6)
+    assert GroundRange(physics.scene, (0.0, 0.0, -0.5), DOWN_B).distance_m(truth) == pytest.approx(
+        29.5 - height, abs=1e-6
+    )

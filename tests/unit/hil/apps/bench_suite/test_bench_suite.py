@@ -142,7 +142,7 @@ def test_a_result_that_cannot_be_written_is_told_before_measuring(
         measured.append(quick)
         return BenchmarkResult()
 
-    monkeypatch.setattr(suite, "import_module", lambda _: SimpleNamespace(measure=measure))
+    monkeypatch.setattr(suite, "import_case", lambda _: SimpleNamespace(measure=measure))
     (tmp_path / "file").write_text("")
     with pytest.raises(RecordingError, match=r"rows\.json: cannot be written"):
         suite.run_benchmarks("link", json=tmp_path / "file/rows.json", quick=True, console=Console(file=StringIO()))
