@@ -17,6 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from gymnasium.spaces import Box
+from numpy.typing import NDArray
 
 from hil.config import Bench
 from hil.gym.options import FlightOptions
@@ -36,6 +37,7 @@ from signals.desired import DesiredState
 from signals.errors import HilError
 from signals.samples import TruthState, Vec3
 from sim._kernels import IdealController as Kernel
+from sim.physics.multirotor import hover_control
 from sim.physics.vehicle import Vehicle
 
 _BOOT_S = 120.0  # simulated time in which an autopilot has to be ready to arm
@@ -70,9 +72,15 @@ def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
 class Driver(Protocol):
     """Commands of one vehicle."""
 
+    cruises: bool  # `cruise_flights` can fly the actions
+
     @property
     def held(self) -> Sequence[float] | Kernel | None:
         """For `SteppedWorld.hold`; None: the vehicle has a pilot."""
+        ...
+
+    def rest(self) -> Sequence[float]:
+        """Return the action that is flown before the first one has arrived."""
         ...
 
     def pilot(self, truth: TruthState) -> Sequence[float]:
@@ -94,6 +102,16 @@ class MotorDriver:
     """Commands of the rotors."""
 
     held: Sequence[float] = ()
+    cruises = True
+
+    def __init__(self, vehicle: SteppedVehicle) -> None:
+        self._vehicle = vehicle
+
+    def rest(self) -> Sequence[float]:
+        """Return the commands that keep turning rotors at hover, and others still."""
+        turning = max(self._vehicle.truth.rotor_speed_radps, default=0.0) > 0.0
+        command = hover_control(self._vehicle.vehicle) if turning else 0.0
+        return [2.0 * command - 1.0] * len(self._vehicle.vehicle.rotors)
 
     def pilot(self, truth: TruthState) -> Sequence[float]:  # noqa: ARG002 (the protocol)
         return self.held
@@ -117,6 +135,11 @@ class IdealDriver:
         self._aim = self.held.aim
         self._origin_W: Vec3 = (0.0, 0.0, 0.0)
         self.command = {"rates": self._rates, "velocity": self._velocity, "position": self._position}[options.action]
+        self.cruises = options.action == "rates"
+
+    def rest(self) -> Sequence[float]:
+        """Return the action that hovers; a commanded position is that of the vehicle."""
+        return (0.0, 0.0, 0.0, 0.0)
 
     def pilot(self, truth: TruthState) -> Sequence[float]:
         t = truth
@@ -151,6 +174,11 @@ class RigDriver:
     """Set-points for the autopilot of the bench's rig, which is started anew for every episode."""
 
     held: None = None
+    cruises = False
+
+    def rest(self) -> Sequence[float]:
+        """Return the action of a hover."""
+        return (0.0, 0.0, 0.0, 0.0)
 
     def __init__(self, bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._bench, self._vehicle, self._world, self._options = bench, vehicle, world, options
@@ -195,6 +223,15 @@ class RigDriver:
             self._pilot = self._vehicle.pilot = None
 
 
+def cruise_commands(actions: NDArray[np.float64], options: FlightOptions) -> NDArray[np.float64]:
+    """Return motors or rates, a row for each vehicle, as commands for `cruise_flights`: the bits of the drivers."""
+    if options.action == "motors":
+        return 0.5 * (actions + 1.0)
+    commands = actions * (options.rate_radps, options.rate_radps, options.yaw_rate_radps, options.thrust_ratio - 1.0)
+    np.maximum(0.0, 1.0 + commands[:, 3], out=commands[:, 3])
+    return commands
+
+
 def velocity_W(truth: TruthState, values: Sequence[float], options: FlightOptions) -> Vec3:
     """Return a velocity that is commanded forward, left and up, in W."""
     w, x, y, z = truth.q_WB
@@ -214,7 +251,7 @@ def position_W(origin_W: Vec3, values: Sequence[float], options: FlightOptions) 
 def make_driver(bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> Driver:
     """Return the driver of a vehicle."""
     if options.action == "motors":
-        return MotorDriver()
+        return MotorDriver(vehicle)
     if options.controller == "rig":
         return RigDriver(bench, vehicle, world, options)
     return IdealDriver(vehicle, world, options)

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from hil.config import Bench
 from hil.gym.actions import checked
 from hil.gym.batch import Batch
+from hil.gym.pictures import RENDER_MODES, Window, check_mode, rendering
 
 
 class FlightEnv(gymnasium.Env[Any, Any]):
@@ -19,7 +21,7 @@ class FlightEnv(gymnasium.Env[Any, Any]):
     Options of the task are keywords of `gymnasium.make` (docs/gym.md). Raises ConfigError for wrong ones.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (gymnasium's declaration)
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 50}  # noqa: RUF012 (gymnasium's)
 
     def __init__(
         self,
@@ -31,10 +33,12 @@ class FlightEnv(gymnasium.Env[Any, Any]):
     ) -> None:
         """`bench`: a bench file or a loaded bench. `settings`: texts as for --set, such as "tick_hz=500".
 
-        `render_mode` has no effect; make_vec_env of stable-baselines3 gives one.
+        `render_mode`: rgb_array, human (a window), or None. The first picture compiles the scene for it.
         """
-        self.render_mode = render_mode
         self.batch = Batch(task, 1, bench, settings, options)
+        self.render_mode = check_mode(render_mode, self.batch.name)
+        self.metadata = rendering(type(self).metadata, self.batch.options.step_s)
+        self._window = Window(self.batch.name, self.metadata["render_fps"]) if render_mode == "human" else None
         self.action_space = self.batch.action_space
         self.observation_space = self.batch.task.observation_space
         shape = self.action_space.shape
@@ -60,22 +64,41 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         self.batch.reset(0, self.np_random, options)
         self._runs = True
-        return self._one(self.batch.task.observe()), {}
+        observation = self._one(self.batch.task.observe())
+        self._show()
+        return observation, self.batch.first_info(0)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Fly an action for a step. Raises ValueError for a wrong action, RuntimeError before the first reset."""
         if not self._runs:
             raise RuntimeError(f"{self._name}: call reset() before step(), and after the end of an episode")
-        observation, rewards, ends, late = self.batch.step((checked(action, self._shape, self._name),))
-        end, truncated = bool(ends[0]), bool(late[0])
-        info = self.batch.task.info(0, over=True) if end or truncated else {}
-        return self._one(observation), float(rewards[0]), end, truncated, info
+        values = np.array([checked(action, self._shape, self._name)])
+        observation, rewards, ends, late = self.batch.step(values, _FLIES)
+        self._show()
+        return self._one(observation), float(rewards[0]), bool(ends[0]), bool(late[0]), self.batch.info(0)
 
     def _one(self, observation: Any) -> Any:
         if self._is_array:
             return observation[0]
         return {name: value[0] for name, value in observation.items()}
 
+    def render(self) -> Any:
+        """Return a picture, (height, width, 3) RGB, in the mode rgb_array. Raises RuntimeError before a reset."""
+        if self.render_mode != "rgb_array":
+            return None
+        if not self._runs:
+            raise RuntimeError(f"{self._name}: call reset() before render()")
+        return self.batch.picture(0)
+
+    def _show(self) -> None:
+        if self._window is not None:
+            self._window.show(self.batch.picture(0))
+
     def close(self) -> None:
-        """End the autopilot and release renderers."""
+        """End the autopilot, complete recordings, and release renderers."""
+        if self._window is not None:
+            self._window.close()
         self.batch.close()
+
+
+_FLIES = np.ones(1, np.bool_)

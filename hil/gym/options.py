@@ -6,19 +6,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from hil.config import Bench
 from hil.config.load import load_bench
+from hil.gym.randomize import Randomize, switch
 from signals.documents.validate import StrictModel, validate
 from signals.errors import ConfigError, Problem
 from signals.time import NS_PER_S
+from sim.physics.integration import Integration
 
 ActionKind = Literal["motors", "rates", "velocity", "position"]
 Speed = Annotated[float, Field(gt=0.0, le=50.0)]
 Rate = Annotated[float, Field(gt=0.0, le=50.0)]
 FUNCTION = "function"  # mark of an option that may be a function instead of its name
 Length = Annotated[float, Field(gt=0.0, le=10_000.0)]
+_CLASSICAL_FROM_M, _CLASSICAL_M, _CLASSICAL_NS = 1e-6, 1e-5, 5_000_000  # half of it was measured at 5 ms
+_Pixels = Annotated[int, Field(ge=64, le=4096, multiple_of=2)]
 
 
 class FlightOptions(StrictModel):
@@ -34,6 +38,12 @@ class FlightOptions(StrictModel):
     speed_mps: Speed = 5.0  # horizontal
     climb_mps: Speed = 2.0
     extent_m: tuple[Length, Length, Length] = (10.0, 10.0, 5.0)  # of positions, around the origin of the episode
+    # Greatest error of position that the integration may have after 3 s of hard manoeuvres (`integration`).
+    tolerance_m: Annotated[float, Field(ge=1e-9, le=1.0)] = 1e-9
+    randomize: Annotated[Randomize | bool | None, AfterValidator(switch)] = None
+    render_size: tuple[_Pixels, _Pixels] = (640, 480)
+    render_view: str = "chase"  # a camera of the bench, or split
+    record_dir: str | None = None  # folder for a recording of each episode
 
     @model_validator(mode="after")
     def _fits_together(self) -> FlightOptions:
@@ -42,6 +52,17 @@ class FlightOptions(StrictModel):
         if self.episode_s < self.step_s:
             raise ValueError(f"episode_s {self.episode_s:g} is shorter than step_s {self.step_s:g}")
         return self
+
+    def integration(self) -> Integration:
+        """Return the method of the flight: order 8, or the classical one with the steps that the tolerance needs.
+
+        The classical method is of order 4: error = _CLASSICAL_M (step / _CLASSICAL_NS)^4, from measurements of the x500
+        in the manoeuvre of `hil bench gym`.
+        """
+        if self.tolerance_m < _CLASSICAL_FROM_M:
+            return Integration()
+        step_ns = _CLASSICAL_NS * (self.tolerance_m / _CLASSICAL_M) ** 0.25
+        return Integration(method="classical", longest_ns=int(step_ns))
 
     def ticks(self, tick_ns: int, name: str) -> int:
         """Return the ticks of a step. Raises ConfigError unless they are a whole number."""

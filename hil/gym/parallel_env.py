@@ -6,6 +6,7 @@ whose episode has ended stays in the world with its rotors stopped.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,13 @@ from hil.config import Bench
 from hil.config.schema import named_seed
 from hil.gym.actions import action_space, checked, make_driver
 from hil.gym.options import read_bench, read_options
+from hil.gym.pictures import RENDER_MODES, Window, check_mode, rendering
 from hil.gym.ports import Ports
+from hil.gym.recordings import Recordings
 from hil.gym.tasks.bench import BenchOptions, flag, function, number
 from hil.gym.tasks.task import seed_of
 from hil.gym.tasks.transition import Transition
+from hil.run.film.film import Film, Picture, check_view
 from hil.run.sensors.frame_stages import available_ports
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import ConfigError, Problem
@@ -40,7 +44,12 @@ _NAME = "hil.gym.parallel_env"
 class FlightParallelEnv(ParallelEnv[str, Any, Any]):
     """Vehicles of a bench as agents. Options, ports, reward and end: those of `hil/Bench-v0` (docs/gym.md)."""
 
-    metadata: dict[str, Any] = {"name": "hil_bench_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's declaration)
+    metadata: dict[str, Any] = {  # noqa: RUF012 (PettingZoo's)
+        "name": "hil_bench_v0",
+        "render_modes": RENDER_MODES,
+        "render_fps": 50,
+        "is_parallelizable": True,
+    }
 
     def __init__(
         self,
@@ -49,20 +58,32 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
         render_mode: str | None = None,
         **options: Any,
     ) -> None:
-        """Raises ConfigError for a wrong bench or options."""
-        self.render_mode = render_mode
+        """Raises ConfigError for a wrong bench or options. `render_mode`: rgb_array, human (a window), or None."""
+        self.render_mode = check_mode(render_mode, _NAME)
         bench = read_bench(bench, settings, _NAME)
         if not bench.vehicles:
             hint = "use hil/Bench-v0, or a bench with a section `vehicles`"
             raise ConfigError([Problem(_NAME, "the bench has no section `vehicles`", hint)])
         self.bench = bench
         self.options = read_options(BenchOptions, options, _NAME)
+        if self.options.randomize is not None:
+            raise ConfigError([Problem(_NAME, "randomize is for one vehicle", "use hil/Bench-v0")])
+        self._made_of = {"bench": bench, "render_mode": render_mode, **options}
+        self.metadata = rendering(type(self).metadata, self.options.step_s)
+        self._window = Window(_NAME, self.metadata["render_fps"]) if render_mode == "human" else None
+        self._film: Film | None = None
+        check_view(bench, self.options.render_view)
         self._reward = function(self.options.reward, _NAME, "reward")
         self._end = function(self.options.end, _NAME, "end")
         config = bench.config
         self._ticks, self._most_steps = self.options.ticks(config.tick_ns, _NAME), self.options.steps()
         self.world = SteppedWorld(
-            bench.scene, config.tick_ns, wind=config.wind, seed=config.seed, downwash=config.group.downwash
+            bench.scene,
+            config.tick_ns,
+            wind=config.wind,
+            seed=config.seed,
+            downwash=config.group.downwash,
+            integration=self.options.integration(),
         )
         names = {
             name: tuple(available_ports(each.config)) if self.options.ports is None else self.options.ports
@@ -76,6 +97,9 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
         self.possible_agents: list[str] = list(self._members)
         self.agents: list[str] = []
         self._random: np.random.Generator | None = None
+        self._seed = 0
+        self._flown: list[dict[str, list[float]]] = []  # actions of the episode
+        self._recordings = Recordings(self.options, list(self._members))
         self._steps = 0
         self._spaces = {name: Dict(dict(each.ports.spaces)) for name, each in self._members.items()}
 
@@ -100,17 +124,27 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
             raise ValueError(f"{_NAME}: the map stays; for another one give settings=['map_seed=7'] to the environment")
         if seed is not None or self._random is None:
             self._random, _ = np_random(seed)
-        seed = seed_of(self._random)
-        for member in self._members.values():
+        self._begin(seed_of(self._random))
+        self._show()
+        return {name: self._members[name].observe() for name in self.agents}, {name: {} for name in self.agents}
+
+    def _begin(self, seed: int) -> None:
+        """Begin the episode of a seed."""
+        self._seed = seed
+        self._flown.clear()
+        for row, member in enumerate(self._members.values()):
+            self._recordings.end(row)
             member.driver.close()
         self.world.restart(seed)
         for name, member in self._members.items():
             member.vehicle.restart(named_seed(seed, name))
         self._place(alone=True)
-        for name, member in self._members.items():
+        for row, (name, member) in enumerate(self._members.items()):
             member.begin(named_seed(seed + 1, name))
+            self._recordings.begin(row, member)
         self.agents, self._steps = list(self.possible_agents), 0
-        return {name: self._members[name].observe() for name in self.agents}, {name: {} for name in self.agents}
+        if self._film is not None:
+            self._film.restart()
 
     def step(self, actions: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
         """Fly an action of every agent. Raises ValueError for wrong agents or actions."""
@@ -124,13 +158,22 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
         for name in agents:
             member = self._members[name]
             values[name] = checked(actions[name], member.shape, f"{_NAME} of {name}")
-        for name in agents:
-            self._members[name].command(values[name])
+        result = self._fly(values)
+        self._show()
+        return result
+
+    def _fly(self, values: Mapping[str, list[float]]) -> tuple[dict[str, Any], ...]:
+        """Fly a step with an action of every agent."""
+        self._flown.append(dict(values))
+        flying = [self._members[name] for name in self.agents]
+        for name, member in zip(self.agents, flying, strict=True):
+            member.command(values[name])
         for _ in range(self._ticks):
             self.world.step()
             self._place(alone=False)
-            for name in agents:
-                self._members[name].ports.sample(self._members[name].vehicle.truth)
+            for member in flying:
+                member.ports.sample(member.vehicle.truth)
+                member.touched |= member.vehicle.truth.in_contact
         return self._judge(values)
 
     def _judge(self, values: Mapping[str, list[float]]) -> tuple[dict[str, Any], ...]:
@@ -157,18 +200,57 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
                 name,
                 {other: truth for other, truth in truths.items() if other != name},
                 tuple(met[name]),
+                member.touched,
             )
             member.before = after
             rewards[name] = 0.0 if self._reward is None else number(self._reward(step), f"{_NAME} of {name}")
             ends[name] = name in departed or (self._end is not None and flag(self._end(step), f"{_NAME} of {name}"))
         late = self._steps >= self._most_steps
-        infos: dict[str, Any] = {name: {"met": tuple(met[name])} for name in self.agents}
+        infos: dict[str, Any] = {
+            name: {"met": tuple(met[name]), "touched": self._members[name].touched, "crashed": name in departed}
+            for name in self.agents
+        }
+        self._record(values, rewards)
         truncated = dict.fromkeys(self.agents, late)
         for name in self.agents:
             if ends[name] or late:
                 self._members[name].stop()
         self.agents = [name for name in self.agents if not ends[name] and not late]
         return observations, rewards, ends, truncated, infos
+
+    def _record(self, values: Mapping[str, list[float]], rewards: Mapping[str, float]) -> None:
+        for row, (name, member) in enumerate(self._members.items()):
+            if name in rewards:
+                self._recordings.add(row, member, values[name], rewards[name])
+
+    def render(self) -> Any:
+        """Return a picture, (height, width, 3) RGB, in the mode rgb_array: the first vehicle and those around it.
+
+        Raises RuntimeError before the first reset.
+        """
+        if self.render_mode != "rgb_array":
+            return None
+        if self._random is None:
+            raise RuntimeError(f"{_NAME}: call reset() before render()")
+        return self._picture()
+
+    def _picture(self) -> Picture:
+        if self._film is None:
+            self._film = Film(self.bench, self.options.render_size, self.options.render_view)
+        return self._film.picture({name: member.vehicle.truth for name, member in self._members.items()})
+
+    def _show(self) -> None:
+        if self._window is not None:
+            self._window.show(self._picture())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        random = copy.deepcopy(self._random)
+        return _again, (self._made_of, random, None if random is None else self._seed, list(self._flown))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> FlightParallelEnv:
+        make, arguments = self.__reduce__()
+        copied: FlightParallelEnv = make(*arguments)
+        return copied
 
     def _place(self, *, alone: bool) -> None:
         """Give the states of all vehicles to the geometry."""
@@ -179,10 +261,29 @@ class FlightParallelEnv(ParallelEnv[str, Any, Any]):
             place(name, member.vehicle.truth)
 
     def close(self) -> None:
-        """End autopilots and release renderers."""
-        for member in self._members.values():
+        """End autopilots, complete recordings, and release renderers."""
+        for row, member in enumerate(self._members.values()):
+            self._recordings.end(row)
             member.driver.close()
             member.ports.close()
+        if self._window is not None:
+            self._window.close()
+        if self._film is not None:
+            self._film.close()
+            self._film = None
+
+
+def _again(
+    made_of: Mapping[str, Any], random: np.random.Generator | None, seed: int | None, flown: Sequence[Mapping[str, Any]]
+) -> FlightParallelEnv:
+    """Make an environment, and fly an episode again up to where it was."""
+    env = FlightParallelEnv(**made_of)
+    env._random = random
+    if seed is not None:
+        env._begin(seed)
+        for values in flown:
+            env._fly(values)
+    return env
 
 
 class _Member:
@@ -192,6 +293,7 @@ class _Member:
         self, name: str, bench: Bench, env: FlightParallelEnv, ports: Sequence[str], frames: SharedFrames | None
     ) -> None:
         config = bench.config
+        self.bench, self.seed, self.touched = bench, 0, False
         self.vehicle = env.world.add(
             name,
             bench.vehicle,
@@ -207,6 +309,7 @@ class _Member:
 
     def begin(self, seed: int) -> None:
         """Begin an episode at the start."""
+        self.seed, self.touched = seed, False
         self.driver.begin(self.vehicle.truth.p_WB)
         self.vehicle.pilot = self.driver.pilot
         self.ports.begin(seed, self.vehicle.truth)
@@ -214,7 +317,13 @@ class _Member:
 
     def command(self, values: Sequence[float]) -> None:
         """Take an action for the coming step."""
+        self.touched = False
         self.driver.command(values)
+
+    @property
+    def truth(self) -> TruthState:
+        """True state now."""
+        return self.vehicle.truth
 
     def observe(self) -> dict[str, Any]:
         """Return the present values of the ports."""

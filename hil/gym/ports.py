@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from hil.config import Bench, SensorConfig
 from hil.run.loop.scheduler import ReleaseQueue
-from hil.run.sensors.frame_stages import TRUTH, available_ports, make_frames, output_ports
+from hil.run.recorder.frame_description import FrameDescription
+from hil.run.sensors.frame_stages import TRUTH, available_ports, description, make_frames, output_ports
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
@@ -33,6 +34,7 @@ from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE
+from sim.randomize.settings import Randomize
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FaultySensor
 from sim.sensors.sensor import Sensor
@@ -94,7 +96,16 @@ class Ports:
         self._ports = {name: self._port(name, len(bench.vehicle.rotors)) for name in names}
         self._zeros = {name: port.value for name, port in self._ports.items()}
         self._truth = self._ports.get(TRUTH)
+        self._listener: Callable[[str, Any], None] | None = None
+        self._is_new = False
+        self._first: list[tuple[str, Any]] = []  # samples that had arrived at the start of the episode
         self._ticks = dict.fromkeys(self._order, 0)  # next tick at which each sensor is due
+
+    def describe(self, take: Callable[[str, FrameDescription], None]) -> None:
+        """Give the mount and projection of every observed camera, LiDAR and radar to a recorder."""
+        for name in self._order:
+            if KINDS[self._settings[name].kind].needs_frames:
+                take(name, description(name, self._sensors[name]))
 
     @staticmethod
     def need_frames(bench: Bench, names: Sequence[str]) -> bool:
@@ -108,14 +119,26 @@ class Ports:
         """Space of each port."""
         return {name: port.space for name, port in self._ports.items()}
 
-    def begin(self, seed: int, truth: TruthState) -> None:
-        """Begin an episode: sensors with the noise of a seed, which take their first samples now."""
+    def begin(self, seed: int, truth: TruthState, noise: Randomize | None = None) -> None:
+        """Begin an episode: sensors with the noise of a seed, which take their first samples now.
+
+        `noise`: the section of a bench that draws the size of their noise.
+        """
         self.close()
-        self._make(seed)
+        self._make(seed, noise)
         for name, port in self._ports.items():
             port.value = self._zeros[name]
         self._ticks = dict.fromkeys(self._order, truth.tick)
+        self._first.clear()
+        self._listener, self._is_new = None, True
         self.sample(truth)
+        self._is_new = False
+
+    def listen(self, take: Callable[[str, Any], None]) -> None:
+        """Give every sample of this episode that arrives, or has arrived, to `take`."""
+        for name, sample in self._first:
+            take(name, sample)
+        self._listener = take
 
     def next_tick(self, tick: int) -> int:
         """Return the next tick after `tick` at which `sample` has something to do."""
@@ -134,6 +157,10 @@ class Ports:
                 if sample is not None:  # a fault may drop it
                     self._queue.push(name, sample)
         for name, sample in self._queue.release(truth.t_ns):
+            if self._listener is not None:
+                self._listener(name, sample)
+            elif self._is_new:
+                self._first.append((name, sample))
             for part, port_name in self._of_sensor[name].items():
                 port = self._ports[port_name]
                 port.value = port.convert(sample.channels[part] if part else sample)  # type: ignore[union-attr]
@@ -153,8 +180,9 @@ class Ports:
         if self._frames is not None:
             self._frames.close()
 
-    def _make(self, seed: int) -> None:
-        config = self._bench.config.model_copy(update={"seed": seed})
+    def _make(self, seed: int, noise: Randomize | None = None) -> None:
+        changed: dict[str, Any] = {"seed": seed} if noise is None else {"seed": seed, "randomize": noise}
+        config = self._bench.config.model_copy(update=changed)
         bench = replace(self._bench, config=config)
         simulated = SimulatedSensors(bench, self._settings, self._frames)
         self._seq = dict.fromkeys(self._order, 0)

@@ -20,13 +20,18 @@ from numpy.typing import NDArray
 from hil.config import Bench
 from hil.gym.actions import checked
 from hil.gym.batch import Batch
+from hil.gym.pictures import check_mode, rendering
 from signals.errors import ConfigError, Problem
 
 
 class FlightVectorEnv(VectorEnv[Any, Any, Any]):
     """Batch of environments: `gymnasium.make_vec(id, num_envs, vectorization_mode="vector_entry_point")`."""
 
-    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012 (gymnasium's)
+        "render_modes": ["rgb_array"],
+        "render_fps": 50,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(
         self,
@@ -41,8 +46,13 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         if not isinstance(num_envs, int) or num_envs < 1:
             problem = Problem("hil.gym", f"num_envs must be a whole number of at least 1, not {num_envs!r}")
             raise ConfigError([problem])
-        self.num_envs, self.render_mode = num_envs, render_mode
+        self.num_envs = num_envs
         self.batch = Batch(task, num_envs, bench, settings, options)
+        self.render_mode = check_mode(render_mode, self.batch.name)
+        if render_mode == "human":
+            problem = Problem(self.batch.name, "a batch has no window", "use render_mode rgb_array, or a single one")
+            raise ConfigError([problem])
+        self.metadata = rendering(type(self).metadata, self.batch.options.step_s)
         if self.batch.options.controller == "rig":
             self.batch.close()
             hint = 'for controller rig use gymnasium.make_vec(..., vectorization_mode="async")'
@@ -79,14 +89,15 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
             )
         if self._ended is None:
             mask = np.ones(self.num_envs, np.bool_)  # none has begun yet
-        for row in np.flatnonzero(mask).tolist():
+        begun = np.flatnonzero(mask).tolist()
+        for row in begun:
             if seeds[row] is not None:
                 self._random[row], _ = np_random(seeds[row])
             self.batch.reset(row, self._random[row], options)
         if self._ended is None:
             self._ended = np.zeros(self.num_envs, np.bool_)
         self._ended[mask] = False
-        return self.batch.task.observe(), {}
+        return self.batch.task.observe(), self._infos(begun)
 
     def step(
         self, actions: Any
@@ -94,35 +105,46 @@ class FlightVectorEnv(VectorEnv[Any, Any, Any]):
         """Fly an action of each environment. Raises ValueError for a wrong action."""
         if self._ended is None:
             raise RuntimeError(f"{self.batch.name}: call reset() before step()")
-        values: list[list[float] | None] = self._checked(actions)
-        ended = self._ended
-        begun = np.flatnonzero(ended).tolist()
+        values = self._checked(actions)
+        flies = ~self._ended
+        begun = np.flatnonzero(self._ended).tolist()
         for row in begun:
             self.batch.reset(row, self._random[row])
-            values[row] = None
-        observations, rewards, ends, late = self.batch.step(values)
-        for row in begun:
-            self.batch.steps[row] = 0
-        rewards[ended] = 0.0
-        ends, late = ends & ~ended, late & ~ended
+        observations, rewards, ends, late = self.batch.step(values, flies)
+        rewards[~flies] = 0.0
+        ends, late = ends & flies, late & flies
         self._ended = ends | late
-        infos: dict[str, Any] = {}
-        for row in np.flatnonzero(self._ended).tolist():
-            infos = self._add_info(infos, self.batch.task.info(row, over=True), row)
-        return observations, rewards, ends, late, infos
+        return observations, rewards, ends, late, self._infos(begun)
 
-    def _checked(self, actions: Any) -> list[list[float] | None]:
-        """Return the actions as lists, clipped to -1..1."""
+    def _infos(self, begun: Sequence[int]) -> dict[str, Any]:
+        """Return the values of every environment, and what was drawn for those that have begun an episode."""
+        infos: dict[str, Any] = {}
+        for name, values in self.batch.infos().items():
+            infos[name], infos[f"_{name}"] = values, np.ones(self.num_envs, np.bool_)
+        if self.batch.options.randomize is not None:
+            for row in begun:
+                infos = self._add_info(infos, {"randomized": self.batch.flights[row].draw._asdict()}, row)
+        return infos
+
+    def _checked(self, actions: Any) -> NDArray[np.float64]:
+        """Return the actions in an array of their own, clipped to -1..1."""
         if isinstance(actions, np.ndarray) and actions.shape == self.action_space.shape and actions.dtype.kind == "f":
             values = actions.astype(np.float64)
             if (np.abs(values) <= 1.0).all():
-                inside: list[list[float] | None] = values.tolist()
-                return inside
+                return values
         count = len(actions) if np.ndim(actions) else 0
         if count != self.num_envs:
             raise ValueError(f"{self.batch.name}: {count} actions for {self.num_envs} environments")
-        return [checked(action, self._shape, name) for action, name in zip(actions, self._names, strict=True)]
+        return np.array([checked(action, self._shape, name) for action, name in zip(actions, self._names, strict=True)])
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Return a picture of each environment in the mode rgb_array. Raises RuntimeError before the first reset."""
+        if self.render_mode is None:
+            return None
+        if self._ended is None:
+            raise RuntimeError(f"{self.batch.name}: call reset() before render()")
+        return tuple(self.batch.picture(row) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ARG002 (the interface of VectorEnv)
-        """Release renderers."""
+        """Complete recordings and release renderers."""
         self.batch.close()

@@ -37,6 +37,7 @@ class Simulator:
     option: str = ""
     install: str = ""
     action: str = "motors"  # or "attitude": a controller flies them, in this project body rates
+    tolerance_m: float = 1e-9  # of this project's error
 
     @property
     def is_own(self) -> bool:
@@ -55,6 +56,7 @@ class Simulator:
 OWN_10_MS = Simulator(OWN, "hil", model="10 motors")
 OWN_25_MS = Simulator(OWN, "hil", model="25 motors")
 OWN_RATES = Simulator(f"{OWN}, rates", "hil", model="10 rates", action="attitude")
+OWN_COARSE = Simulator(f"{OWN}, rates, to 0.1 mm", "hil", "10 rates 1e-4", action="attitude", tolerance_m=1e-4)
 ROTORPY = Simulator("RotorPy", "rotorpy", "rk4", "rotorpy", "'rotorpy[batched,learning]==3.0.0'")
 PYFLYT = Simulator("PyFlyt", "pyflyt", "bullet", "pyflyt", "PyFlyt==0.29.0")
 _CRAZYFLOW = ("crazyflow", "crazyflow==0.4.0")

@@ -78,6 +78,11 @@ class RigidBody {
 
     // Latches this tick's commands. Returns -1, or the index of the first value that is not finite.
     int command(nb::handle controls) {
+        read_commands(controls);
+        return latch(commanded_.data());
+    }
+
+    void read_commands(nb::handle controls) {
         PyObject *values = PySequence_Tuple(controls.ptr());  // returns the object itself if it is a tuple
         if (!values) throw nb::python_error();
         const nb::object keep = nb::steal(values);
@@ -85,7 +90,6 @@ class RigidBody {
             throw std::invalid_argument("fewer controls than the forces take");
         }
         for (int i = 0; i < body_.commands; ++i) commanded_[i] = as_double(PyTuple_GetItem(values, i));
-        return latch(commanded_.data());
     }
 
     int latch(const double *controls) {
@@ -112,40 +116,56 @@ class RigidBody {
         return hil::sim::free_flight_tick(body_, times_, wind_, state(), path_.data(), steps_);
     }
 
-    // Flies up to `ticks` ticks with the same commands, or with those of an IdealController, while each travels less
+    // Result of a cruise.
+    struct Cruise {
+        int done = 0;               // ticks finished
+        double travelled_m = -1.0;  // of a tick flown but not finished
+        int violation = 0, bad = -1;
+    };
+
+    // Flies up to `ticks` ticks with the commands latched last, or with those of a controller, while each travels less
     // than what remains of the clearance to the scene and to actors. A tick that travels farther is flown but not
     // finished, and ends the cruise.
-    nb::tuple cruise(nb::handle controls, int ticks, double remaining_m, double actors_remaining_m, double approach_m,
-                     bool touching) {
-        hil::sim::IdealController *controller = nullptr;
-        if (nb::isinstance<hil::sim::IdealController>(controls)) {
-            controller = nb::inst_ptr<hil::sim::IdealController>(controls);
-            if (controller->params.allocation.rotors != body_.commands) {
-                throw std::invalid_argument("the controller is that of another vehicle");
-            }
+    Cruise cruise(hil::sim::IdealController *controller, const double *commands, int ticks) {
+        if (controller && controller->params.allocation.rotors != body_.commands) {
+            throw std::invalid_argument("the controller is that of another vehicle");
         }
-        int done = 0, violation = 0;
-        double travelled_m = -1.0;
-        int bad = controller ? -1 : command(controls);
-        while (bad < 0 && violation == 0 && done < ticks) {
+        Cruise out;
+        if (!controller) out.bad = latch(commands);
+        while (out.bad < 0 && out.violation == 0 && out.done < ticks) {
             if (controller) {
                 const double *s = state(), *mean = s + before_.size();
-                double commands[kMaxRotors];
-                controller->step({s, s + 3, s + 7, s + 10, mean, mean + 3, s + kPoseVelocity, touching && done == 0},
-                                 commands);
-                bad = latch(commands);
-                if (bad >= 0) break;
+                double wanted[kMaxRotors];
+                controller->step({s, s + 3, s + 7, s + 10, mean, mean + 3, s + kPoseVelocity, touching}, wanted);
+                out.bad = latch(wanted);
+                if (out.bad >= 0) break;
             }
-            travelled_m = fly();
-            if (!(travelled_m < remaining_m && travelled_m < actors_remaining_m)) break;
+            const double travelled_m = fly();
+            if (!(travelled_m < remaining_m && travelled_m < actors_remaining_m)) {
+                out.travelled_m = travelled_m;
+                break;
+            }
             remaining_m -= travelled_m;
             actors_remaining_m -= travelled_m + approach_m;
-            travelled_m = -1.0;
-            violation = finish();
-            ++done;
-            if (!controller && pack_.fitted && done < ticks) bad = command(controls);
+            touching = false;
+            out.violation = finish();
+            ++out.done;
+            if (!controller && pack_.fitted && out.done < ticks) out.bad = latch(commands);
         }
-        return nb::make_tuple(done, travelled_m, remaining_m, actors_remaining_m, violation, bad);
+        return out;
+    }
+
+    int commands() const { return body_.commands; }
+
+    nb::tuple cruise_with(nb::handle controls, int ticks) {
+        Cruise out;
+        if (nb::isinstance<hil::sim::IdealController>(controls)) {
+            out = cruise(nb::inst_ptr<hil::sim::IdealController>(controls), nullptr, ticks);
+        } else {
+            read_commands(controls);
+            out = cruise(nullptr, commanded_.data(), ticks);
+        }
+        return nb::make_tuple(out.done, out.travelled_m, out.violation, out.bad);
     }
 
     void repair() {
@@ -292,6 +312,11 @@ class RigidBody {
 
     static std::uintptr_t mujoco_callback() { return reinterpret_cast<std::uintptr_t>(&RigidBody::on_mujoco_control); }
 
+    // What remains of the clearances that were computed last, and how actors approach in a tick. The vehicle touched
+    // something in the last complete tick.
+    double remaining_m = 0.0, actors_remaining_m = 0.0, approach_m = 0.0;
+    bool touching = false;
+
   private:
     static void on_mujoco_control(const void *, void *) {
         RigidBody &body = *served_;
@@ -354,7 +379,7 @@ class RigidBody {
     int steps_ = 0;
 };
 
-const RigidBody &body_in(nb::handle item) {
+RigidBody &body_in(nb::handle item) {
     if (!nb::isinstance<RigidBody>(item)) throw nb::type_error("bodies must be a list of RigidBody");
     return *nb::inst_ptr<RigidBody>(item);
 }
@@ -392,6 +417,46 @@ void write_downwash(nb::list bodies, Out<double, -1, 3> wind_W) {
     if (wind_W.shape(0) != all.size()) throw std::invalid_argument("wind_W_mps needs a row for each body");
     for (std::size_t k = 0; k < 3 * all.size(); ++k) wind_W.data()[k] = 0.0;
     for (const RigidBody *upper : all) upper->add_wakes(all, wind_W.data());
+}
+
+// Cruises of many bodies, each alone in its world; see the binding.
+constexpr std::size_t kCruise = 4;
+
+void cruise_flights(nb::list bodies, nb::list controllers, In<double, -1, -1> commands, In<bool, -1> flies, int ticks,
+                    double speed_limit_mps, Out<double, -1, kCruise> out) {
+    using hil::sim::Target;
+    const std::size_t n = bodies.size(), width = commands.shape(1);
+    const bool controlled = controllers.size() > 0;
+    if (commands.shape(0) != n || flies.shape(0) != n || out.shape(0) != n || (controlled && controllers.size() != n)) {
+        throw std::invalid_argument("controllers, commands, flies and out need a row for each body");
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+        if (!flies.data()[i]) continue;
+        RigidBody &body = body_in(bodies[i]);
+        const double *row = commands.data() + width * i;
+        hil::sim::IdealController *controller = nullptr;
+        if (controlled) {
+            if (width != 4) throw std::invalid_argument("a set-point has three rates and a thrust");
+            controller = &nb::cast<hil::sim::IdealController &>(controllers[i]);
+            Target &target = controller->target;
+            target.level = Target::kRates;
+            target.level_value[0] = row[0];
+            target.level_value[1] = row[1];
+            target.turns = true;
+            target.yaw_value = row[2];
+            target.height = Target::kThrust;
+            target.height_value = row[3];
+            target.speed_limit_mps = speed_limit_mps;
+        } else if (width < static_cast<std::size_t>(body.commands())) {
+            throw std::invalid_argument("fewer controls than the forces take");
+        }
+        const RigidBody::Cruise flown = body.cruise(controller, row, ticks);
+        double *result = out.data() + kCruise * i;
+        result[0] = flown.done;
+        result[1] = flown.travelled_m;
+        result[2] = flown.violation;
+        result[3] = flown.bad;
+    }
 }
 
 constexpr std::size_t kMeasures = 4;
@@ -463,12 +528,14 @@ void bind_body(nb::module_ &m) {
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
-        .def("cruise", &RigidBody::cruise, "controls"_a, "ticks"_a, "remaining_m"_a, "actors_remaining_m"_a,
-             "approach_m"_a, "touching"_a,
-             "Fly ticks with the same commands, or those of an IdealController (touching: contact in the last tick), "
-             "while each travels less than remains to the scene and to actors, which "
-             "approach by approach_m in a tick. Return (ticks finished, distance of a tick flown but not finished or "
-             "-1, the two rests, violation as of finish(), index of a command not finite or -1).")
+        .def_rw("remaining_m", &RigidBody::remaining_m, "Way that the vehicle may go before a clearance is computed anew.")
+        .def_rw("actors_remaining_m", &RigidBody::actors_remaining_m, "The same for actors.")
+        .def_rw("approach_m", &RigidBody::approach_m, "Greatest approach of actors in a tick.")
+        .def_rw("touching", &RigidBody::touching, "Contact in the last complete tick.")
+        .def("cruise", &RigidBody::cruise_with, "controls"_a, "ticks"_a,
+             "Fly ticks with the same commands, or those of an IdealController, while each travels less than remains "
+             "to the scene and to actors. Return (ticks finished, distance of a tick flown but not finished or -1, "
+             "violation as of finish(), index of a command not finite or -1).")
         .def("repair", &RigidBody::repair, "Set all forces to the condition of a new body's: no faults.")
         .def("steps", &RigidBody::steps, "Return the number of integration steps of the last fly().")
         .def("rewind", &RigidBody::rewind, "Restore the state before the last fly().")
@@ -494,6 +561,10 @@ void bind_body(nb::module_ &m) {
 
     m.def("near_pairs", &near_pairs, "bodies"_a, "radius_m"_a.noconvert(),
           "Return the pairs (i, j), i < j, whose bounding spheres can have met since the last fly() of each.");
+    m.def("cruise_flights", &cruise_flights, "bodies"_a, "controllers"_a, "commands"_a.noconvert(), "flies"_a.noconvert(),
+          "ticks"_a, "speed_limit_mps"_a, "out"_a.noconvert(),
+          "Cruise with each body whose `flies` is true, and write its result to a row of `out`, as of cruise(). commands: "
+          "those of the rotors; with a controller each: rates about x, y, z [rad/s] and thrust over the weight.");
     m.def("observe_flights", &observe_flights, "bodies"_a, "target_W_m"_a.noconvert(), "scale"_a,
           "features"_a.noconvert(), "measures"_a.noconvert(),
           "Write a row for each body. features: each target less p_WB, in B, times scale[0]; v_WB in B times scale[1]; "

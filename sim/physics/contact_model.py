@@ -231,3 +231,9 @@ def soften_contact(model: mujoco.MjModel, contact_step_s: float) -> None:
     """Set step and contact softness of a compiled model."""
     model.opt.timestep = contact_step_s
     model.geom_solref[:, 0] = _CONTACT_STEPS * contact_step_s
+
+
+def set_inertia(model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle) -> None:
+    """Set mass and inertia of the only vehicle of a compiled model. `data` loses its state."""
+    model.body_mass[1], model.body_inertia[1] = vehicle.mass_kg, vehicle.inertia_kgm2
+    mujoco.mj_setConst(model, data)

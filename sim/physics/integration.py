@@ -28,11 +28,13 @@ class Integration:
     """Method and steps of the integration.
 
     `method`: Runge-Kutta of order 8, or the classical one of order 4. `step_ns`: upper bound of a free-flight step,
-    which must divide the tick; default 4 ms (classical: 1 ms) or the next shorter step that divides it.
+    which must divide the tick; default `longest_ns` (by default 4 ms, classical: 1 ms) or the next shorter step that
+    divides it.
     """
 
     method: Literal["order8", "classical"] = "order8"
     step_ns: int | None = None
+    longest_ns: int | None = None
     contact_skipping: bool = True  # skip contact queries whose result is known; changes no bit
 
     def steps(self, tick_ns: int) -> TickSteps:
@@ -42,9 +44,10 @@ class Integration:
         step_ns = self.step_ns
         if step_ns is not None and (step_ns <= 0 or tick_ns % step_ns):
             raise ValueError(f"step_ns {step_ns} does not divide the tick of {tick_ns} ns")
+        longest_ns = FREE_STEP_NS[self.method] if self.longest_ns is None else self.longest_ns
         return TickSteps(
             tick_s=tick_ns / NS_PER_S,
-            free=tick_ns // step_ns if step_ns is not None else -(-tick_ns // FREE_STEP_NS[self.method]),
+            free=tick_ns // step_ns if step_ns is not None else -(-tick_ns // longest_ns),
             contact=(-(-tick_ns // CONTACT_STEP_NS), -(-tick_ns // HARD_CONTACT_STEP_NS)),
             classical=self.method == "classical",
         )

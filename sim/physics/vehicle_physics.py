@@ -41,7 +41,7 @@ from signals.time import NS_PER_MS
 from sim._kernels import IdealController, Rotors
 from sim.physics.actors import Actors
 from sim.physics.battery import BatteryState
-from sim.physics.contact_model import build_model, soften_contact
+from sim.physics.contact_model import build_model, set_inertia, soften_contact
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
@@ -56,6 +56,8 @@ from sim.scene.solids import solid_tree
 from sim.scene.wind import GustEvent, Wind, WindAtVehicle
 from sim.world_loader import load_world
 
+# Ticks finished, way of a tick flown but not finished or -1, violation, index of a bad command or -1.
+Cruise = tuple[int, float, int, int]
 HARD_LANDING_MPS = 2.5
 NO_MOTION: Vec3 = (0.0, 0.0, 0.0)
 _SETTLE_NS = 500 * NS_PER_MS
@@ -111,10 +113,6 @@ class VehiclePhysics:
     battery is switched on and the vehicle has none.
     """
 
-    _remaining_m: float  # that the vehicle may travel before a clearance is computed anew
-    _actors_remaining_m: float
-    _approach_m: float  # of actors, in a tick
-
     def __init__(
         self,
         vehicle: Vehicle,
@@ -137,24 +135,14 @@ class VehiclePhysics:
         self.contact_skipping = integration.contact_skipping
         self.collides = True  # False: nothing stops the vehicle once it has left the ground where it started
         self.skips = ContactSkips()
-        forces = vehicle.make_forces(effects)
-        self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
+        self.touched = False  # in any tick since the caller last cleared it
+        self._effects = effects
         self.contact_substeps = steps.contact
         self._hard = False  # contact since a hard touch-down
         self._tick_s = steps.tick_s
         wind = disturbances.wind if disturbances.wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._wind = WindAtVehicle(wind, seed=disturbances.seed, tick_ns=tick_ns)
-        states = 13 + sum(force.states for force in forces)
-        self._commands = sum(force.commands for force in forces)
-        self._truth: NDArray[np.float64] = np.zeros(states + 6)
-        self.body = rigid_body(
-            vehicle,
-            self._truth,
-            forces=forces,
-            gravity_mps2=scene.gravity_mps2,
-            wind_W_mps=self._wind.wind.steady_W_mps,
-            steps=steps,
-        )
+        states = 13 + self._make_body(None, self._wind.wind.steady_W_mps)
         self._battery: NDArray[np.float64] | None = None
         if effects.battery and vehicle.battery is not None:
             b = vehicle.battery
@@ -180,7 +168,7 @@ class VehiclePhysics:
             self._settle()
         else:
             state[_P] = start.p_WB
-        self._was_touching = self._standing
+        self.body.touching = self._standing
         self._start_truth = self._truth.copy()
         self._start_warmstart = self._data.qacc_warmstart.copy()
         self._wind_W: Vec3 = self._wind.wind.steady_W_mps
@@ -188,6 +176,23 @@ class VehiclePhysics:
         self._events: list[PhysicsEvent] = []
         self._pending = self._schedule(disturbances.faults)
         self._next_change = self._pending[-1][0] if self._pending else -1
+
+    def _make_body(self, truth: NDArray[np.float64] | None, wind_W_mps: Vec3) -> int:
+        """Make the kernel of the vehicle, on `truth` or on a new array; return the number of its forces' own states."""
+        forces = self.vehicle.make_forces(self._effects)
+        self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
+        self._commands = sum(force.commands for force in forces)
+        own = sum(force.states for force in forces)
+        self._truth: NDArray[np.float64] = np.zeros(13 + own + 6) if truth is None else truth
+        self.body = rigid_body(
+            self.vehicle,
+            self._truth,
+            forces=forces,
+            gravity_mps2=self.scene.gravity_mps2,
+            wind_W_mps=wind_W_mps,
+            steps=self._steps,
+        )
+        return own
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -219,38 +224,42 @@ class VehiclePhysics:
         if bad_index >= 0:
             raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite, 0..1")
         travelled_m = body.fly()
-        if travelled_m < self._remaining_m and travelled_m < self._actors_remaining_m:
-            self._remaining_m -= travelled_m
-            self._actors_remaining_m -= travelled_m + self._approach_m
+        if travelled_m < body.remaining_m and travelled_m < body.actors_remaining_m:
+            body.remaining_m -= travelled_m
+            body.actors_remaining_m -= travelled_m + body.approach_m
             self.skips.skipped += 1
             return False
         return self._check_contact(travelled_m)
 
-    def hold(self, controls: Sequence[float] | IdealController, ticks: int) -> None:
+    @property
+    def cruises(self) -> bool:
+        """True if `cruise_flights` may fly the coming ticks: nothing but contact can happen in them."""
+        return self._next_change < 0 and self._downwash_W is None and self._wind.constant and self._tick >= 0
+
+    def cruised(self, ticks: int) -> None:
+        """Take notice of ticks that `cruise_flights` has flown, all that were asked for."""
+        self._tick += ticks
+        self.skips.skipped += ticks
+
+    def hold(self, controls: Sequence[float] | IdealController, ticks: int, cruised: Cruise | None = None) -> None:
         """Advance by `ticks` ticks: the bits of `advance`, without the states in between.
 
-        `controls`: the same commands in all ticks, or the native controller that makes them. Raises ModelRangeError at
-        the tick at which `advance` would.
+        `controls`: the same commands in all ticks, or the native controller that makes them. `cruised`: what
+        `cruise_flights` has flown of them. Raises ModelRangeError at the tick at which `advance` would.
         """
         body, last = self.body, self._tick + ticks
         while self._tick < last:
-            coming = last if self._next_change < 0 else min(last, self._next_change - 1)
-            if self._downwash_W is not None or not self._wind.constant or coming <= self._tick or self._tick < 0:
-                commands = self._commanded(controls) if isinstance(controls, IdealController) else controls
-                self._complete(self.fly(self._tick + 1, commands))
-                continue
-            done, travelled_m, self._remaining_m, self._actors_remaining_m, violation, bad = body.cruise(
-                controls,
-                coming - self._tick,
-                self._remaining_m,
-                self._actors_remaining_m,
-                self._approach_m,
-                self._was_touching,
-            )
-            if done:
-                self._tick += done
-                self.skips.skipped += done
-                self._was_touching = False
+            if cruised is None:
+                coming = last if self._next_change < 0 else min(last, self._next_change - 1)
+                if self._downwash_W is not None or not self._wind.constant or coming <= self._tick or self._tick < 0:
+                    commands = self._commanded(controls) if isinstance(controls, IdealController) else controls
+                    self._complete(self.fly(self._tick + 1, commands))
+                    continue
+                cruised = body.cruise(controls, coming - self._tick)
+            done, travelled_m, violation, bad = cruised
+            cruised = None
+            self._tick += done
+            self.skips.skipped += done
             if violation:
                 raise self._range_error(self._tick, violation)
             if bad >= 0:
@@ -279,9 +288,9 @@ class VehiclePhysics:
     def rewind(self) -> None:
         """Return to the previous tick, to repeat this one in contact with other vehicles."""
         self.body.rewind()
-        self._remaining_m = 0.0
+        self.body.remaining_m = 0.0
         if self._actors is not None:
-            self._actors_remaining_m = 0.0
+            self.body.actors_remaining_m = 0.0
 
     def finish(self, touching: bool) -> TruthState:
         """Complete the tick of `fly` and return its state. Raises ModelRangeError."""
@@ -291,7 +300,8 @@ class VehiclePhysics:
     def _complete(self, touching: bool) -> None:
         tick = self._tick
         if tick > 0:
-            self._was_touching = touching
+            self.body.touching = touching
+            self.touched |= touching
             violation = self.body.finish()
             if violation:
                 raise self._range_error(tick, violation)
@@ -301,7 +311,7 @@ class VehiclePhysics:
     @property
     def truth(self) -> TruthState:
         """State at the last complete tick, or where the vehicle was placed since."""
-        return self._truth_state(max(self._tick, 0), self._was_touching)
+        return self._truth_state(max(self._tick, 0), self.body.touching)
 
     def place(
         self,
@@ -361,6 +371,23 @@ class VehiclePhysics:
             self._begin_events(0)
         return truth
 
+    def become(self, vehicle: Vehicle) -> None:
+        """Be a vehicle with another mass, inertia, rotor constants or drag, and the shapes of this one.
+
+        Call it only before `restart`. It starts where this one does: a heavier vehicle then settles by micrometres.
+        Raises ValueError for another number of rotors or other contact spheres.
+        """
+        old = self.vehicle
+        if (len(vehicle.rotors), vehicle.contact_spheres) != (len(old.rotors), old.contact_spheres):
+            raise ValueError(f"{vehicle.name}: a vehicle becomes one of its own shape only")
+        self.vehicle, actors_m, approach_m = vehicle, self.body.actors_remaining_m, self.body.approach_m
+        self._make_body(self._truth, self._wind_W)
+        self.body.actors_remaining_m, self.body.approach_m = actors_m, approach_m
+        if self._battery is not None:
+            self._fit_battery(0.0 if vehicle.battery is None else vehicle.battery.auxiliary_w)
+        set_inertia(self._model, self._data, vehicle)
+        self.attach(self._data)
+
     def join(self, tick: int) -> TruthState:
         """Let a new object take part in a group that has completed tick `tick`."""
         if self._tick != -1:
@@ -371,11 +398,11 @@ class VehiclePhysics:
 
     def _placed(self, *, touching: bool) -> TruthState:
         """Forget what was known of the way so far."""
-        self._was_touching = touching
+        self.body.touching = touching
         self.hard = False
-        self._remaining_m = 0.0
+        self.body.remaining_m = 0.0
         if self._actors is not None:
-            self._actors_remaining_m = 0.0
+            self.body.actors_remaining_m = 0.0
         return self.truth
 
     def contact(self) -> SceneContact | None:
@@ -386,7 +413,7 @@ class VehiclePhysics:
         """Return the deepest contact with the scene at `t_ns` where the vehicle is now; None if it touches nothing."""
         if self._actors is not None:
             self._actors.pose_all(t_ns)
-            self._actors_remaining_m = 0.0
+            self.body.actors_remaining_m = 0.0
         self.body.contact_load(0, self._hard)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_collision(self._model, self._data)
@@ -417,7 +444,7 @@ class VehiclePhysics:
         """Take notice that an actor that rests was put elsewhere at `t_ns`."""
         if self._actors is not None:
             self._actors.changed(actor, t_ns)
-            self._actors_remaining_m = 0.0
+            self.body.actors_remaining_m = 0.0
 
     def _enter(self, scene: Scene) -> None:
         """Make the model of contact with a scene."""
@@ -426,13 +453,13 @@ class VehiclePhysics:
         self.attach(self._data)
         world = load_world(scene)
         self._solids = solid_tree(world)
-        self._remaining_m = 0.0
+        self.body.remaining_m = 0.0
         self._actors: Actors | None = None
-        self._actors_remaining_m = math.inf
-        self._approach_m = 0.0
+        self.body.actors_remaining_m = math.inf
+        self.body.approach_m = 0.0
         if world.map.actors:
             self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=self.tick_ns)
-            self._actors_remaining_m, self._approach_m = 0.0, self._actors.approach_m
+            self.body.actors_remaining_m, self.body.approach_m = 0.0, self._actors.approach_m
 
     def switch_off(self) -> None:
         """Switch off everything but the rotors, so that a vehicle that only lies there does not empty its battery."""
@@ -526,13 +553,13 @@ class VehiclePhysics:
 
     def _check_contact(self, travelled_m: float) -> bool:
         """Compute a used-up clearance anew; if it is too small, ask MuJoCo for contacts. Return True if any touched."""
-        if not self.collides and not self._was_touching:
-            self._remaining_m = self._actors_remaining_m = math.inf
+        if not self.collides and not self.body.touching:
+            self.body.remaining_m = self.body.actors_remaining_m = math.inf
             return False
-        left_m, actors_left_m = self._remaining_m, self._actors_remaining_m
-        self._remaining_m = 0.0
+        left_m, actors_left_m = self.body.remaining_m, self.body.actors_remaining_m
+        self.body.remaining_m = 0.0
         if self._actors is not None:
-            self._actors_remaining_m = 0.0
+            self.body.actors_remaining_m = 0.0
         if not travelled_m < _MAX_TRAVEL_M:
             return False  # out of the model's range: the check of this tick ends the run
         actors = self._actors
@@ -546,8 +573,8 @@ class VehiclePhysics:
             elif actors is not None:
                 actors.park_all()
             if travelled_m < left_m and travelled_m < actors_left_m:
-                self._remaining_m = left_m - travelled_m
-                self._actors_remaining_m = actors_left_m - (travelled_m + self._approach_m)
+                self.body.remaining_m = left_m - travelled_m
+                self.body.actors_remaining_m = actors_left_m - (travelled_m + self.body.approach_m)
                 self.skips.skipped += 1
                 return False
         elif actors is not None:
@@ -555,20 +582,20 @@ class VehiclePhysics:
         if not self._touches(travelled_m):
             self.skips.queried += 1
             if travelled_m < left_m:
-                self._remaining_m = left_m - travelled_m
+                self.body.remaining_m = left_m - travelled_m
             if travelled_m < actors_left_m:
-                self._actors_remaining_m = actors_left_m - (travelled_m + self._approach_m)
+                self.body.actors_remaining_m = actors_left_m - (travelled_m + self.body.approach_m)
             return False
         self.skips.touching += 1
         self.body.rewind()
-        if not self._was_touching:
+        if not self.body.touching:
             self.hard = self.surface_speed_mps > HARD_LANDING_MPS
         return self._contact_steps()
 
     @property
     def was_touching(self) -> bool:
         """True if the vehicle touched anything in the last complete tick."""
-        return self._was_touching
+        return self.body.touching
 
     @property
     def surface_speed_mps(self) -> float:

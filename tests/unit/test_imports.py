@@ -16,7 +16,7 @@ PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 FLOORS: dict[str, Sequence[str]] = {
     "hil": ("cli", "apps", "cluster gym", "run", "config"),
     "hil.run": (
-        *("replay", "bench_run", "stepped", "runs", "parts", "autopilot", "part", "report", "live companion"),
+        *("replay", "bench_run", "stepped", "runs", "parts", "autopilot", "part", "report", "live companion film"),
         *("sensors", "loop", "recorder verdict"),
     ),
     "hil.config": (

@@ -3,13 +3,15 @@
     pip install 'hil-bench[rl]'
     python docs/examples/gym/train_hover.py --out out/hover       # trains, then flies 100 episodes
     python docs/examples/gym/train_hover.py --out out/hover --fly # flies the policy that was trained
+    python docs/examples/gym/train_hover.py --out out/hover --film # films three of its episodes in a park (moviepy)
 
 An action is body rates and thrust at 50 Hz. An episode is a success (`is_success` of the environment) if the vehicle
 flies to its end and stays near the target for its last 2 s. The seeds of the episodes flown are not those of the
 training, and the policy acts without noise. The program exits with 1 if fewer than 95 % of the episodes are successes.
 The same machine and versions give the same policy.
 
-Files in --out: policy.zip, curve.csv (steps, processor and wall time, success rate, error), curve.png.
+Files in --out: policy.zip, curve.csv (steps, processor and wall time, success rate, error), curve.png; with --film
+hover-episode-N.mp4.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.wrappers import RecordVideo
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.env_util import make_vec_env
@@ -70,6 +73,20 @@ def fly(policy: PPO, episodes: int) -> tuple[float, float]:
             distances_m[first] = infos["distance_m"][first]
     env.close()
     return float(successes.mean()), float(np.median(distances_m))
+
+
+def film(policy: PPO, out: Path) -> None:
+    """Film three episodes above a park."""
+    env: Any = gymnasium.make(TASK, render_mode="rgb_array", settings=["scene=city_park"], render_size=(960, 540))
+    env = RecordVideo(env, str(out), episode_trigger=lambda _: True, name_prefix="hover")
+    for episode in range(3):
+        observation, _ = env.reset(seed=FLOWN_SEED + episode)
+        over = False
+        while not over:
+            action, _ = policy.predict(observation, deterministic=True)
+            observation, _, terminated, truncated, _ = env.step(action)
+            over = terminated or truncated
+    env.close()
 
 
 class Look(BaseCallback):
@@ -138,12 +155,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--out", type=Path, default=Path("out/hover"))
     parser.add_argument("--fly", action="store_true", help="fly the policy in --out, without training")
+    parser.add_argument("--film", action="store_true", help="film three episodes of the policy in --out")
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--episodes", type=int, default=100)
     options: Any = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it saves
+    if options.film:
+        film(PPO.load(options.out / "policy.zip", device="cpu"), options.out)
+        return 0
     if options.fly:
         policy = PPO.load(options.out / "policy.zip", device="cpu")
     else:

@@ -14,7 +14,7 @@ from pydantic import Field
 from hil.config import Bench
 from hil.gym.flight import Flight
 from hil.gym.options import FUNCTION, FlightOptions
-from hil.gym.tasks.task import Ends, Rewards, Task, seed_of
+from hil.gym.tasks.task import Ends, Rewards, Step, Task, seed_of
 from hil.gym.tasks.transition import Transition
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, Problem
@@ -62,23 +62,24 @@ class BenchTask(Task):
             return {name: value[None] for name, value in read[0].items()}
         return {name: np.stack([each[name] for each in read]) for name in read[0]}
 
-    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:
+    def judge(self, step: Step) -> tuple[Rewards, Ends]:
         count = len(self._flights)
         rewards, ends = np.zeros(count), np.zeros(count, np.bool_)
-        for row, (flight, action) in enumerate(zip(self._flights, actions, strict=True)):
+        for row, flight in enumerate(self._flights):
             before, after = self._before[row], flight.truth
             self._before[row] = after
-            if action is None:
+            if not step.flies[row]:
                 continue
             departed = flight.departure is not None
             ends[row] = departed
             if self._reward is not None or self._end is not None:
-                observation = {name: value[row] for name, value in observations.items()}
-                step = Transition(before, after, tuple(action), observation, after.t_ns * 1e-9, departed)
+                observation = {name: value[row] for name, value in step.observations.items()}
+                action, t_s = tuple(step.actions[row].tolist()), after.t_ns * 1e-9
+                seen = Transition(before, after, action, observation, t_s, departed, touched=flight.touched)
                 if self._reward is not None:
-                    rewards[row] = number(self._reward(step), self._name)
+                    rewards[row] = number(self._reward(seen), self._name)
                 if self._end is not None:
-                    ends[row] = departed or flag(self._end(step), self._name)
+                    ends[row] = departed or flag(self._end(seen), self._name)
         return rewards, ends
 
 

@@ -5,7 +5,7 @@
     terminated   the goal reached (`reach_m`), contact, farther than `range_m` from the goal, higher than `ceiling_m`
                  above the start of the bench, upside down, or beyond the limits of the model
     truncated    after `episode_s`
-    is_success   in `info` at the end: the goal was reached
+    is_success   in `info`: the goal was reached
 
 Observation with a LiDAR: the features of the state, then the shortest range of each of `sectors` sectors of the azimuth
 in L, over `see_m`; the first is ahead, the others follow to the left; 1: nothing. Only points within `band_m` of the
@@ -26,7 +26,7 @@ from hil.config import Bench
 from hil.gym.flight import Flight
 from hil.gym.options import ActionKind, FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude
-from hil.gym.tasks.task import Ends, Rewards, seed_of
+from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, HilError, Problem
 from signals.samples import PointCloudSample, Vec3
@@ -93,14 +93,13 @@ class ExploreTask(TargetTask):
         # The borders of sectors are amid the columns of the default LiDAR, away from the last bit of arctan2.
         self._per_rad = options.sectors / (2.0 * np.pi)
 
-    def enter(self, row: int, flight: Flight) -> None:
+    def enter(self, row: int, flight: Flight, seed: int) -> None:
         if row not in self._solids or self.flights[row] is not flight:
             self._solids[row] = solid_tree(load_world(flight.bench.scene))
-        super().enter(row, flight)
+        super().enter(row, flight, seed)
 
     def begin(self, row: int, flight: Flight, random: np.random.Generator) -> None:
-        self.enter(row, flight)
-        flight.restart(seed_of(random))
+        self.enter(row, flight, seed_of(random))
         x, y, z = flight.truth.p_WB
         start, goal = self._ends(row, (x, y, z + self._o.height_m), random)
         flight.vehicle.place(start, random_attitude(random, 0.0), rotor_speed_radps=hover_speeds(flight))
@@ -151,19 +150,16 @@ class ExploreTask(TargetTask):
         np.minimum.at(nearest, sector, range_m[counts])
         return nearest / self._o.see_m
 
-    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:  # noqa: ARG002
-        o, d = self._o, self.distance_m
-        reached, crashed = d < o.reach_m, self.crashed()
+    def judge(self, step: Step) -> tuple[Rewards, Ends]:
+        o, d, crashed = self._o, self.distance_m, step.crashed
+        reached = d < o.reach_m
         reward = (self._left_m - d) - 0.02 + 10.0 * reached - 10.0 * crashed
         self._left_m[:] = d
         heights_m = np.array([flight.height_m for flight in self.flights]) - self._floor_z
         return reward, reached | crashed | (d > o.range_m) | (heights_m > o.ceiling_m) | (self.cos_tilt < 0.0)
 
-    def info(self, row: int, *, over: bool) -> dict[str, Any]:
-        if not over:
-            return {}
-        distance_m = float(self.distance_m[row])
-        return {"is_success": distance_m < self._o.reach_m, "distance_m": distance_m}
+    def info(self) -> dict[str, NDArray[Any]]:
+        return {"is_success": self.distance_m < self._o.reach_m, "distance_m": self.distance_m}
 
 
 def _distance(a: Vec3, b: Vec3) -> float:

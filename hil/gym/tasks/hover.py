@@ -3,7 +3,7 @@
 reward       1 / (1 + 4 d^2) - 0.05 min(1, |w| / 10 rad/s) of each step, d the distance to the target [m]
 terminated   contact, d > `range_m`, upside down, or beyond the limits of the model
 truncated    after `episode_s`
-is_success   in `info` at the end: truncated, and within 0.25 m of the target for the last 2 s
+is_success   in `info`: within 0.25 m of the target for the last 2 s
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude, random_vector
-from hil.gym.tasks.task import Ends, Rewards, seed_of
+from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
 from signals.samples import Vec3
 from signals.units import RAD_PER_DEG
 
@@ -56,13 +56,12 @@ class HoverTask(TargetTask):
     def __init__(self, flights: Sequence[Flight], options: HoverOptions, name: str) -> None:
         super().__init__(flights, name, targets=1, range_m=options.range_m)
         self._o = options
-        self._near = [0] * len(flights)  # steps in succession near the target
+        self._near = np.zeros(len(flights), np.int64)  # steps in succession near the target
         self._near_steps = max(1, round(NEAR_S / options.step_s))
 
     def begin(self, row: int, flight: Flight, random: np.random.Generator) -> None:
-        self.enter(row, flight)
+        self.enter(row, flight, seed_of(random))
         o = self._o
-        flight.restart(seed_of(random))
         x, y, z = flight.truth.p_WB
         target = x, y, z + o.height_m
         dx, dy, dz = random_vector(random, o.offset_m)
@@ -77,19 +76,22 @@ class HoverTask(TargetTask):
         self._near[row] = 0
         flight.begin(seed_of(random), target)
 
-    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:  # noqa: ARG002 (the interface)
-        count, range_m, near = len(self.flights), self._o.range_m, self._near
-        rewards, ends = np.zeros(count), np.zeros(count, np.bool_)
+    def judge(self, step: Step) -> tuple[Rewards, Ends]:
+        o, near, flies = self._o, self._near, step.flies
+        if len(near) > 1:
+            d, _, rate_radps, cos_tilt = self.measures.T
+            near[flies] = np.where(d[flies] < NEAR_M, near[flies] + 1, 0)
+            rewards = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * np.minimum(1.0, 0.1 * rate_radps)
+            return rewards, (d > o.range_m) | (cos_tilt < 0.0) | step.crashed
         # Numbers, not arrays: for one vehicle, arrays of one element would take longer than its physics.
-        for row, (d, _, rate_radps, cos_tilt) in enumerate(self.measures.tolist()):
-            if actions[row] is None:
-                continue
-            near[row] = near[row] + 1 if d < NEAR_M else 0
-            rewards[row] = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * min(1.0, 0.1 * rate_radps)
-            ends[row] = d > range_m or cos_tilt < 0.0 or self.has_crashed(row)
-        return rewards, ends
+        ((d, _, rate_radps, cos_tilt),) = self.measures.tolist()
+        if flies[0]:
+            near[0] = near[0] + 1 if d < NEAR_M else 0
+        reward = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * min(1.0, 0.1 * rate_radps)
+        return np.array([reward]), np.array([d > o.range_m or cos_tilt < 0.0 or bool(step.crashed[0])])
 
-    def info(self, row: int, *, over: bool) -> dict[str, Any]:
-        if not over:
-            return {}
-        return {"is_success": self._near[row] >= self._near_steps, "distance_m": float(self.distance_m[row])}
+    def info(self) -> dict[str, Any]:
+        return {"is_success": self._near >= self._near_steps, "distance_m": self.distance_m}
+
+    def info_of(self, row: int) -> dict[str, Any]:
+        return {"is_success": bool(self._near[row] >= self._near_steps), "distance_m": float(self.distance_m[row])}

@@ -20,6 +20,7 @@ from hil.gym.flight import Flight
 from hil.gym.tasks.task import Task
 from signals._kernel import det_cos, det_sin
 from signals.errors import ConfigError, Problem
+from signals.noise import NoiseStream
 from signals.samples import Quat, Vec3
 from sim._kernels import observe_flights
 
@@ -45,35 +46,39 @@ class TargetTask(Task):
         self.target_W: NDArray[np.float64] = np.zeros((count, targets, 3))
         self.measures: NDArray[np.float64] = np.zeros((count, 4))
         self.distance_m, _, _, self.cos_tilt = self.measures.T
+        self._noise: dict[int, NoiseStream] = {}  # by row, of those whose features are noisy
         self.features = self.width + more
         self.observation_space = Box(-1.0, 1.0, (self.features,), np.float32)
 
-    def enter(self, row: int, flight: Flight) -> None:
-        """Take a flight as that of a row."""
+    def enter(self, row: int, flight: Flight, seed: int) -> None:
+        """Restart a flight with a seed, as that of a row."""
         self.flights[row] = flight
+        flight.restart(seed)
         self._bodies[row] = flight.physics.body
+        self._noise.pop(row, None)
+        if flight.draw.state_noise:
+            self._noise[row] = NoiseStream(seed, "gym.state", lanes=self.width)
 
     def write_features(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
         """Write the features of all rows to the first columns, and update the measures. Return `features`."""
         observe_flights(self._bodies, self.target_W, self._scale, features, self.measures)
+        for row, noise in self._noise.items():
+            flight = self.flights[row]
+            white = np.array(noise.normal(flight.world.tick))
+            noisy = features[row, : self.width] + flight.draw.state_noise * white
+            features[row, : self.width] = np.clip(noisy, -1.0, 1.0)
         return features
 
     def observe(self) -> Any:
         return self.write_features(np.empty((len(self.flights), self.features), np.float32))
 
-    def crashed(self) -> NDArray[np.bool_]:
-        """Return True for vehicles that touched something in the last tick, or left the range of the model."""
-        return np.array([self.has_crashed(row) for row in range(len(self.flights))], np.bool_)
-
-    def has_crashed(self, row: int) -> bool:
-        """Return True for a vehicle that touched something in the last tick, or left the range of the model."""
-        flight = self.flights[row]
-        return flight.physics.was_touching or flight.departure is not None
+    def marks(self, row: int) -> Sequence[Vec3]:
+        return [(x, y, z) for x, y, z in self.target_W[row].tolist()]
 
 
 def hover_speeds(flight: Flight) -> list[float]:
     """Return the rotor speeds at which the thrust of all rotors is the weight [rad/s]."""
-    vehicle = flight.bench.vehicle
+    vehicle = flight.physics.vehicle
     up = sum(rotor.axis[2] for rotor in vehicle.rotors)
     weight_n = vehicle.mass_kg * flight.bench.scene.gravity_mps2
     k = vehicle.rotor_constants.thrust_coefficient_n_per_radps2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from gymnasium.spaces import Space
@@ -13,9 +13,19 @@ from numpy.typing import NDArray
 from hil.config import Bench
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
+from signals.samples import Vec3
 
 Rewards = NDArray[np.float64]
 Ends = NDArray[np.bool_]
+
+
+class Step(NamedTuple):
+    """One step of a batch."""
+
+    actions: NDArray[np.float64]  # a row for each vehicle
+    flies: Ends  # False: begins an episode
+    observations: Any  # after the step
+    crashed: Ends  # contact in any tick of the action, or beyond the range of the model
 
 
 class Task(ABC):
@@ -46,12 +56,20 @@ class Task(ABC):
         """Return new observations of all vehicles: an array, or a dictionary of arrays."""
 
     @abstractmethod
-    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:
-        """Return reward and termination of the step; rows of vehicles that have not flown (None) mean nothing."""
+    def judge(self, step: Step) -> tuple[Rewards, Ends]:
+        """Return reward and termination of a step; rows of vehicles that have not flown mean nothing."""
 
-    def info(self, row: int, *, over: bool) -> dict[str, Any]:  # noqa: ARG002 (for those that have some)
-        """Return the `info` of one vehicle; `over`: the episode has ended in this step."""
+    def info(self) -> dict[str, NDArray[Any]]:
+        """Return what `info` has at every step, a value for each vehicle."""
         return {}
+
+    def info_of(self, row: int) -> dict[str, Any]:
+        """Return `info` of one vehicle in a new dictionary, as plain numbers."""
+        return {name: value[row].item() for name, value in self.info().items()}
+
+    def marks(self, row: int) -> Sequence[Vec3]:  # noqa: ARG002 (for those that have some)
+        """Return places in W that a picture of the vehicle shows."""
+        return ()
 
 
 def seed_of(random: np.random.Generator) -> int:

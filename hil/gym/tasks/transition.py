@@ -23,3 +23,4 @@ class Transition(NamedTuple):
     vehicle: str = ""  # its name in a bench with several
     others: Mapping[str, TruthState] = MappingProxyType({})  # states of the other vehicles after the step
     met: tuple[str, ...] = ()  # vehicles that it touched, reported in this step
+    touched: bool = False  # anything, in any tick of this step: also a bounce that ended before `after`

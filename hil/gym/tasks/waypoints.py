@@ -4,7 +4,7 @@
     terminated   the last waypoint reached, contact, farther than `range_m` from the waypoint, upside down, or beyond
                  the limits of the model
     truncated    after `episode_s`
-    is_success   in `info` at the end: the last waypoint was reached
+    is_success   in `info`: the last waypoint was reached
 
 A waypoint is reached within `reach_m`. Beyond the last waypoint the observation repeats it.
 """
@@ -17,12 +17,13 @@ from math import dist, hypot
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from hil.gym.flight import Flight
 from hil.gym.options import FlightOptions
 from hil.gym.tasks.target_task import TargetTask, hover_speeds, random_attitude, random_vector
-from hil.gym.tasks.task import Ends, Rewards, seed_of
+from hil.gym.tasks.task import Ends, Rewards, Step, seed_of
 from signals.samples import Vec3
 
 _Offset = Annotated[float, Field(ge=-1000.0, le=1000.0)]
@@ -69,9 +70,8 @@ class WaypointsTask(TargetTask):
         self._left_m = np.zeros(len(flights))
 
     def begin(self, row: int, flight: Flight, random: np.random.Generator) -> None:
-        self.enter(row, flight)
+        self.enter(row, flight, seed_of(random))
         o = self._o
-        flight.restart(seed_of(random))
         x, y, z = flight.truth.p_WB
         start = x, y, z + o.height_m
         if o.course_m is not None:
@@ -98,12 +98,10 @@ class WaypointsTask(TargetTask):
         for k in range(self._o.next_count):
             self.target_W[row, k] = course[min(at + k, len(course) - 1)]
 
-    def judge(self, actions: Sequence[Sequence[float] | None], observations: Any) -> tuple[Rewards, Ends]:
+    def judge(self, step: Step) -> tuple[Rewards, Ends]:
         reward = self._left_m - self.distance_m
-        ends = (self.distance_m > self._o.range_m) | (self.cos_tilt < 0.0) | self.crashed()
-        reached = [
-            row for row in np.flatnonzero(self.distance_m < self._o.reach_m).tolist() if actions[row] is not None
-        ]
+        ends = (self.distance_m > self._o.range_m) | (self.cos_tilt < 0.0) | step.crashed
+        reached = np.flatnonzero((self.distance_m < self._o.reach_m) & step.flies).tolist()
         for row in reached:
             if self._reached[row] < len(self._course[row]):
                 self._reached[row] += 1
@@ -111,12 +109,15 @@ class WaypointsTask(TargetTask):
             ends[row] |= self._reached[row] == len(self._course[row])
             self._aim(row)
         if reached:
-            self.write_features(observations)
+            self.write_features(step.observations)
         self._left_m[:] = self.distance_m
         return reward, ends
 
-    def info(self, row: int, *, over: bool) -> dict[str, Any]:
-        if not over:
-            return {}
-        reached, count = int(self._reached[row]), len(self._course[row])
-        return {"is_success": reached == count, "reached": reached, "waypoints": count}
+    def info(self) -> dict[str, NDArray[Any]]:
+        counts = np.array([len(course) for course in self._course], np.int64)
+        return {
+            "is_success": self._reached == counts,
+            "reached": self._reached,
+            "waypoints": counts,
+            "distance_m": self.distance_m,
+        }

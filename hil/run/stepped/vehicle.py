@@ -13,7 +13,7 @@ from sim._kernels import IdealController as Kernel
 from sim.physics.flight_start import FlightStart
 from sim.physics.scene_contact import SceneContact
 from sim.physics.vehicle import Vehicle
-from sim.physics.vehicle_physics import NO_MOTION, VehiclePhysics, check_motion
+from sim.physics.vehicle_physics import NO_MOTION, Cruise, VehiclePhysics, check_motion
 from sim.scene.scene import Scene
 from sim.scene.scene_map import Actor
 
@@ -55,7 +55,9 @@ class SteppedVehicle:
     def truth(self, truth: TruthState) -> None:
         self._truth = truth
 
-    def hold(self, commands: Sequence[float] | Kernel, ticks: int) -> ModelRangeError | None:
+    def hold(
+        self, commands: Sequence[float] | Kernel, ticks: int, cruised: Cruise | None = None
+    ) -> ModelRangeError | None:
         """Fly as `SteppedWorld.hold`, alone in the world; return the error of a tick that left the model's range.
 
         Raises ValueError for a command that is not finite.
@@ -65,10 +67,21 @@ class SteppedVehicle:
             raise ValueError(f"{self.name}: the commands are {list(commands)}; every command must be finite")
         self._truth = None
         try:
-            self.physics.hold(self._still if self.is_empty else commands, ticks)
+            self.physics.hold(self._still if self.is_empty else commands, ticks, cruised)
         except ModelRangeError as error:
             return error
         return None
+
+    def cruised(self, ticks: int) -> None:
+        """Take notice of ticks that `cruise_flights` has flown."""
+        assert self.physics is not None
+        self._truth = None
+        self.physics.cruised(ticks)
+
+    @property
+    def cruises(self) -> bool:
+        """True if `cruise_flights` may fly the coming ticks."""
+        return self.physics is not None and self.physics.cruises and self.pilot is None and not self.is_empty
 
     def controls(self) -> Sequence[float]:
         """Return the pilot's commands for the coming tick. Raises ValueError for one that is not finite."""

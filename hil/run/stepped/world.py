@@ -20,9 +20,10 @@ from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
+from sim.physics.integration import Integration
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
-from sim.physics.vehicle_physics import VehiclePhysics
+from sim.physics.vehicle_physics import Cruise, VehiclePhysics
 from sim.scene.scene import Scene
 from sim.scene.scene_map import Actor
 from sim.scene.wind import Wind
@@ -40,9 +41,17 @@ class SteppedWorld:
     """Vehicles in one scene. `observers` are called with the world after each tick."""
 
     def __init__(
-        self, scene: Scene, tick_ns: int, *, seed: int = 1, wind: Wind | None = None, downwash: bool = False
+        self,
+        scene: Scene,
+        tick_ns: int,
+        *,
+        seed: int = 1,
+        wind: Wind | None = None,
+        downwash: bool = False,
+        integration: Integration = Integration(),  # noqa: B008 (frozen)
     ) -> None:
         """`downwash`: the wakes of vehicles are wind for others."""
+        self._integration = integration
         self.scene = scene
         self.tick_ns = tick_ns
         self.tick = 0
@@ -86,6 +95,7 @@ class SteppedWorld:
                 start=start,
                 effects=effects,
                 disturbances=Disturbances(wind=self._wind, seed=self._seed, faults=faults),
+                integration=self._integration,
             )
 
         physics = make_physics() if has_physics else None
@@ -112,22 +122,32 @@ class SteppedWorld:
         for observer in self.observers:
             observer(self)
 
-    def hold(self, commands: Sequence[float] | Kernel, ticks: int) -> None:
+    def hold(self, commands: Sequence[float] | Kernel, ticks: int, cruised: Cruise | None = None) -> None:
         """Advance a world of one flying vehicle without a pilot by `ticks` ticks.
 
         `commands`: the same 0..1 in all ticks, or an `IdealController.kernel` that flies its set-point. The vehicle has
-        the bits of `step` with a pilot that returns them; observers are called once, at the end.
+        the bits of `step` with a pilot that returns them; observers are called once, at the end. `cruised`: what
+        `cruise_flights` has flown of these ticks.
         Raises ValueError for another world, or a command that is not finite.
         """
         if len(self.vehicles) != 1 or len(self._flying) != 1 or self._flying[0].pilot is not None:
             raise ValueError("hold() needs a world with a single vehicle, which has physics and no pilot")
         vehicle, last = self._flying[0], self.tick + ticks
         while self.tick < last:
-            departed = vehicle.hold(commands, last - self.tick)
+            departed = vehicle.hold(commands, last - self.tick, cruised)
+            cruised = None
             self.tick = last if departed is None else departed.tick
             if departed is not None:
                 assert vehicle.physics is not None
                 vehicle.truth = self._stop(vehicle, vehicle.physics.body.position_before(), departed)
+        for observer in self.observers:
+            observer(self)
+
+    def cruised(self, ticks: int) -> None:
+        """Take notice of ticks that `cruise_flights` has flown whole with the vehicle of a world as for `hold`."""
+        self.tick += ticks
+        for vehicle in self._flying:
+            vehicle.cruised(ticks)
         for observer in self.observers:
             observer(self)
 

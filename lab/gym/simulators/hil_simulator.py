@@ -28,13 +28,14 @@ class Simulator:
     """Worlds of one vehicle each: the environment for one, and the vector environment in this process for more."""
 
     def __init__(self, worlds: int, model: str) -> None:
-        decision_ms, _, action_kind = model.partition(" ")
+        decision_ms, action_kind, *tolerance_m = model.split(" ")
         self.decision_s = 1e-3 * float(decision_ms)
         self.versions = {"gymnasium": gymnasium.__version__}
         self._options: dict[str, Any] = {
             "action": action_kind,
             "step_s": self.decision_s,
             "settings": [f"tick_hz={_TICK_HZ}"],
+            **({"tolerance_m": float(tolerance_m[0])} if tolerance_m else {}),
         }
         if worlds == 1:
             self._env: Any = _make(_TASK, **self._options, **_AT_REST)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import subprocess
 import sys
 import time
@@ -15,39 +14,32 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import hil.gym
+from hil.run.recorder.reading import Recording
 from hil.run.stepped.world import SteppedWorld
 from signals.errors import ConfigError
+from tests.worlds.gym_rollouts import flat, rollout
 
 ROOT = Path(__file__).resolve().parents[4]
+LIDAR = [
+    "sensors.lidar={kind: lidar, rate_hz: 10, pattern: {kind: spinning, elevation_deg: [0], columns: 8, firing_ns: 0, "
+    "clockwise: false}, min_range_m: 0.1, max_range_m: 20, range_noise_m: 0.02, range_resolution_m: 0.002}"
+]
+FAR: dict[str, Any] = {"height_m": 300.0, "range_m": 900.0}
 QUICK = ("hil/Hover-v0", "hil/Bench-v0", "hil/Waypoints-v0", "hil/Explore-v0")
-
-
-def flat(observation: Any) -> bytes:
-    if isinstance(observation, dict):
-        return b"".join(observation[name].tobytes() for name in sorted(observation))
-    return bytes(observation.tobytes())
-
-
-def rollout(env: Any, seed: int, steps: int = 60) -> str:
-    """Return a hash of everything that an environment returns for a seed and random actions."""
-    digest = hashlib.sha256()
-    random = np.random.default_rng(seed)
-    observation, _ = env.reset(seed=seed)
-    digest.update(flat(observation))
-    for _ in range(steps):
-        action = random.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)
-        observation, reward, terminated, truncated, _ = env.step(action)
-        digest.update(flat(observation) + np.float64(reward).tobytes() + bytes([terminated, truncated]))
-        if terminated or truncated:
-            observation, _ = env.reset()
-            digest.update(flat(observation))
-    return digest.hexdigest()
 
 
 @pytest.mark.parametrize("name", QUICK)
 @pytest.mark.filterwarnings("error")
-def test_gymnasium_has_no_complaint(name: str) -> None:
-    env = gymnasium.make(name)
+def test_gymnasium_has_no_complaint(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    class NoWindow:  # the checker opens one, and pygame is not among what the tests need
+        def __init__(self, title: str, rate_hz: float) -> None: ...
+
+        def show(self, picture: Any) -> None: ...
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr("hil.gym.env.Window", NoWindow)
+    env = gymnasium.make(name, render_size=(64, 64))
     check_env(env.unwrapped)
     env.close()
 
@@ -63,13 +55,11 @@ def test_the_same_seed_gives_the_same_bits_after_any_other_episode(name: str) ->
 
 def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
     text = (
-        "import sys; sys.path.insert(0, sys.argv[1]); import gymnasium, hil.gym\n"
-        "from test_gym_env import QUICK, rollout\n"
-        "print(*(rollout(gymnasium.make(name), 5) for name in QUICK))"
+        "import gymnasium, hil.gym, sys\n"
+        "from tests.worlds.gym_rollouts import rollout\n"
+        "print(*(rollout(gymnasium.make(name), 5) for name in sys.argv[1:]))"
     )
-    out = subprocess.run(
-        [sys.executable, "-c", text, str(Path(__file__).parent)], cwd=ROOT, capture_output=True, text=True, check=True
-    )
+    out = subprocess.run([sys.executable, "-c", text, *QUICK], cwd=ROOT, capture_output=True, text=True, check=True)
     assert out.stdout.split() == [rollout(gymnasium.make(name), 5) for name in QUICK]
 
 
@@ -197,6 +187,11 @@ def bad_options() -> list[tuple[str, dict[str, Any], str]]:
         ),
         ("hil/Hover-v0", {"height_m": len}, "takes no function"),
         ("hil/Hover-v0", {"height_m": np.float32(3)}, "numbers"),
+        ("hil/Hover-v0", {"render_view": "front"}, "render_view: 'front' is no camera of the bench.*chase"),
+        ("hil/Hover-v0", {"render_size": [63, 480]}, "render_size"),
+        ("hil/Hover-v0", {"tolerance_m": 0.0}, "tolerance_m"),
+        ("hil/Hover-v0", {"randomize": {"mass": [1.2, 0.8]}}, "the lower limit 1.2 is above the upper one 0.8"),
+        ("hil/Hover-v0", {"randomize": {"weight": 0.1}}, "weight"),
         ("hil/Bench-v0", {"ports": ["imuu"]}, "did you mean 'imu'"),
         ("hil/Bench-v0", {"ports": []}, "at least 1"),
         ("hil/Bench-v0", {"reward": "no.such:thing"}, "cannot be imported"),
@@ -215,8 +210,10 @@ def test_wrong_options_are_configuration_errors(name: str, options: dict[str, An
         gymnasium.make(name, **options)
 
 
-def test_a_render_mode_has_no_effect() -> None:
-    env = hil.gym.FlightEnv("hover", render_mode="rgb_array")  # as make_vec_env of stable-baselines3 makes it
+def test_pictures_change_no_bit_of_the_flight() -> None:
+    env = hil.gym.FlightEnv("hover", render_mode="rgb_array", render_size=[64, 64])
+    env.reset(seed=1)
+    env.render()
     assert rollout(env, 3) == rollout(hil.gym.FlightEnv("hover"), 3)
 
 
@@ -287,3 +284,89 @@ def test_without_gymnasium_one_message_names_the_extra() -> None:
     text = "import sys; sys.modules['gymnasium'] = None\ntry:\n import hil.gym\nexcept ImportError as e: print(e)"
     out = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     assert out.strip() == "hil.gym needs gymnasium, which is missing: pip install 'hil-bench[gym]'"
+
+
+def bouncing(task: str, **options: Any) -> Any:
+    """Return an environment whose vehicle falls at 3 m/s onto the ground 0.15 m below its feet."""
+    env = hil.gym.FlightEnv(task, action="motors", **options)
+    env.reset(seed=1)
+    flight = env.batch.flights[0]
+    x, y, z = flight.bench.config.start.flight_start().ground_W
+    height_m = flight.bench.vehicle.standing_height_m + 0.15
+    flight.vehicle.place((x, y, z + height_m), v_WB_W=(0.0, 0.0, -3.0))
+    return env
+
+
+def test_a_bounce_within_one_action_ends_the_episode() -> None:
+    env = bouncing("hover", step_s=0.6, range_m=50.0)
+    _, _, terminated, _, info = env.step(np.ones(4))
+    assert not env.truth.in_contact  # it is in the air again
+    assert terminated
+    assert info["touched"]
+    assert info["crashed"]
+    free = bouncing("hover", step_s=0.02, range_m=50.0)
+    assert not free.step(np.ones(4))[4]["touched"]
+
+
+def test_reward_and_end_see_a_bounce_within_one_action() -> None:
+    seen: list[hil.gym.Transition] = []
+
+    def end(step: hil.gym.Transition) -> bool:
+        seen.append(step)
+        return step.touched
+
+    env = bouncing("bench", ports=["truth"], end=end, step_s=0.6)
+    assert env.step(np.ones(4))[2]
+    assert seen[0].touched
+    assert not seen[0].after.in_contact
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_every_step_has_the_same_keys_of_info(name: str) -> None:
+    env = gymnasium.make(name)
+    _, first = env.reset(seed=1)
+    infos = [env.step(np.zeros(env.action_space.shape, np.float32))[4] for _ in range(3)]  # type: ignore[arg-type]
+    assert {"t_s", "touched", "crashed"} <= first.keys()
+    assert all(info.keys() == first.keys() for info in infos)
+    assert infos[2]["t_s"] == pytest.approx(3 * infos[0]["t_s"])
+
+
+def test_a_tolerance_gives_that_error_or_less() -> None:
+    exact, coarse = (hil.gym.FlightEnv("hover", action="motors", **FAR, tolerance_m=t) for t in (1e-9, 1e-4))
+    for env in (exact, coarse):
+        env.reset(seed=1)
+    random, error_m = np.random.default_rng(1), 0.0
+    for _ in range(100):
+        action = random.uniform(-0.3, 0.5, 4)
+        exact.step(action)
+        coarse.step(action)
+        error_m = max(error_m, float(np.linalg.norm(np.subtract(exact.truth.p_WB, coarse.truth.p_WB))))
+    assert 1e-9 < error_m < 1e-4
+
+
+def test_an_episode_is_recorded_as_mcap(tmp_path: Path) -> None:
+    env = hil.gym.FlightEnv("bench", ports=["truth", "imu", "lidar"], record_dir=str(tmp_path), settings=LIDAR)
+    for episode in range(2):
+        env.reset(seed=episode)
+        for _ in range(7):
+            env.step(np.array([0.1, 0.0, 0.0, 0.5]))
+    end = env.truth
+    env.close()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["episode-0.mcap", "episode-1.mcap"]
+    recording = Recording(tmp_path / "episode-1.mcap").scan()
+    assert recording.complete
+    assert recording.metadata["hil_run"]["tick_ns"] == "4000000"
+    by_topic: dict[str, list[Any]] = {}
+    for message in recording.messages():
+        by_topic.setdefault(message.topic, []).append(message.decode())
+    assert len(by_topic["/truth/pose"]) == 8
+    last = by_topic["/truth/pose"][-1]
+    assert tuple(last[f"pose.position.{axis}"] for axis in "xyz") == end.p_WB
+    assert [m["value"] for m in by_topic["/action/3"]] == [0.5] * 7
+    assert len(by_topic["/reward"]) == 7
+    assert len(by_topic["/imu"]) == 36  # 250 Hz, from the start on
+    assert "/lidar" in by_topic
+    again = hil.gym.FlightEnv("hover", record_dir=str(tmp_path))
+    again.reset(seed=1)
+    again.close()
+    assert (tmp_path / "episode-2.mcap").is_file()  # nothing is written over

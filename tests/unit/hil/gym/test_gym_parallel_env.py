@@ -118,3 +118,26 @@ def test_another_map_is_refused_and_not_ignored(bench: Path) -> None:
 def test_a_bench_with_one_vehicle_is_refused() -> None:
     with pytest.raises(ConfigError, match="no section `vehicles`"):
         FlightParallelEnv("rigs/benches/gym_hover.yaml")
+
+
+def test_agents_report_a_bounce_within_one_action(bench: Path) -> None:
+    env = FlightParallelEnv(bench, ports=["truth"], action="motors", step_s=0.6)
+    env.reset(seed=1)
+    vehicle = env.world.vehicles["a"]
+    vehicle.place((0.0, 0.0, vehicle.vehicle.standing_height_m + 0.15), v_WB_W=(0.0, 0.0, -3.0))
+    infos = env.step({"a": np.ones(4), "b": np.ones(4)})[4]
+    assert not vehicle.truth.in_contact
+    assert infos["a"]["touched"]
+
+
+def test_random_vehicles_are_for_one_vehicle(bench: Path) -> None:
+    with pytest.raises(ConfigError, match="randomize is for one vehicle"):
+        FlightParallelEnv(bench, randomize=True)
+
+
+def test_each_agent_has_a_recording(bench: Path, tmp_path: Path) -> None:
+    env = FlightParallelEnv(bench, ports=["truth", "imu"], record_dir=str(tmp_path / "episodes"))
+    env.reset(seed=1)
+    env.step({name: np.zeros(4) for name in env.agents})
+    env.close()
+    assert sorted(path.name for path in (tmp_path / "episodes").iterdir()) == ["a-episode-0.mcap", "b-episode-0.mcap"]

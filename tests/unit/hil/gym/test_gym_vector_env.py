@@ -13,6 +13,7 @@ import hil.gym
 from signals.errors import ConfigError
 
 COUNT = 4
+FAULT = "faults.rotors=[{rotor: 1, kind: efficiency, factor: 0.5, at_s: 0.15}]"
 STILL: dict[str, Any] = {"action": "position", "start_offset_m": 0.0, "start_speed_mps": 0.0, "episode_s": 1.98}
 
 
@@ -51,6 +52,14 @@ def compare(batch: Any, singles: Any, steps: int, actions: int = 4) -> int:
     [
         ("hil/Hover-v0", {"episode_s": 1.0}, 120),
         ("hil/Hover-v0", {"action": "motors"}, 150),
+        (
+            "hil/Hover-v0",
+            {"tolerance_m": 1e-4, "step_s": 0.1, "height_m": 1.0, "action": "motors"},
+            60,
+        ),  # to the ground
+        ("hil/Hover-v0", {"randomize": True, "tolerance_m": 1e-4, "episode_s": 0.5}, 60),
+        ("hil/Hover-v0", {"settings": ["wind.turbulence.level=severe"], "episode_s": 0.5}, 60),
+        ("hil/Hover-v0", {"settings": [FAULT], "action": "motors", "episode_s": 0.5}, 60),
         ("hil/Hover-v0", STILL, 320),  # a step short of a success, in each episode
         ("hil/Waypoints-v0", {"episode_s": 1.0, "reach_m": 2.0}, 120),
         ("hil/Explore-v0", {"episode_s": 1.0}, 25),

@@ -199,3 +199,26 @@ def test_place_takes_less_than_half_a_dozen_ticks() -> None:
     began = time.process_time()
     flight(physics, 50, 1000, (0.0,) * 4)
     assert placing < 6 * (time.process_time() - began) / 5
+
+
+def test_a_vehicle_becomes_another_of_its_shape() -> None:
+    """It flies and touches the ground with the bits of a new one, placed where that one is."""
+    c = X500.rotor_constants
+    other = X500.model_copy(
+        update={
+            "mass_kg": 1.3 * X500.mass_kg,
+            "inertia_kgm2": (0.02, 0.025, 0.03),
+            "rotor_constants": c.model_copy(update={"time_constant_up_s": 2.0 * c.time_constant_up_s}),
+        }
+    )
+    changed, new = VehiclePhysics(X500, AIRFIELD, TICK_NS), VehiclePhysics(other, AIRFIELD, TICK_NS)
+    flight(changed, 0, 30, (0.8,) * 4)
+    changed.become(other)
+    for physics in (changed, new):
+        physics.restart(1)
+        physics.place((0.0, 0.0, 0.6), TILTED, v_WB_W=(0.5, 0.0, -2.0))
+    a, b = flight(changed, 1, 250, (0.4,) * 4), flight(new, 1, 250, (0.4,) * 4)
+    assert a == b
+    assert any(state.in_contact for state in a)
+    with pytest.raises(ValueError, match="one of its own shape only"):
+        changed.become(load_vehicle("x500").model_copy(update={"feet": X500.feet[:3]}))
