@@ -52,7 +52,7 @@ def make_link(bench: Bench, around: Surroundings) -> AutopilotLink:
 
 def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
     """Return the command line of the mock Pixhawk on serial port `port`."""
-    module = [sys.executable, "-m", "firmware_bridge.mock_pixhawk"]
+    module = [sys.executable, "-P", "-m", "firmware_bridge.mock_pixhawk"]
     return [*module, "--port", port, "--boot-sensors", str(boot_sensors), *arguments]
 
 
