@@ -66,7 +66,7 @@ class BenchServer:
 
     def __init__(self, folder: Path, settings: dict[str, Any], clock: str) -> None:
         self._folder = folder
-        self._command = [sys.executable, "-m", "hil.cli", "airsim", "--port", "0", "--scene", "Blocks"]
+        self._command = [sys.executable, "-P", "-m", "hil.cli", "airsim", "--port", "0", "--scene", "Blocks"]
         self._command += ["--clock", clock, "--settings", json.dumps(settings), "--out", str(folder / "run")]
         self._clients: list[BenchClient] = []
         self.port = 0

@@ -70,7 +70,7 @@ def measure_stored(root: Path, quality: str, *, frames: int, radar: bool) -> Rat
     arguments += [] if radar else ["--set", f"sensors.{RADAR}=null"]
     began_s, began_processor_s = time.monotonic(), _processor_s_of_children()
     process = subprocess.run(
-        [sys.executable, "-m", "hil.cli", "dataset", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-m", "hil.cli", "dataset", *arguments], capture_output=True, text=True, check=False
     )
     wall_s = time.monotonic() - began_s
     steady = re.search(r"([0-9.]+) frames/s after the first batch", process.stdout)

@@ -95,3 +95,14 @@ class LocalFrame:
         sp, cp, sl, cl = self._sin_phi, self._cos_phi, self._sin_lam, self._cos_lam
         out = cl * dx + sl * dy
         return (cl * dy - sl * dx, cp * dz - sp * out, cp * out + sp * dz)
+
+    def enu_at(self, latitude_deg: float, longitude_deg: float, v_W: Vec3) -> Vec3:
+        """Return a vector of W in east, north, up of another place: R(phi, lam) R(phi0, lam0)^T v."""
+        e, n, u = v_W
+        sp, cp, sl, cl = self._sin_phi, self._cos_phi, self._sin_lam, self._cos_lam
+        inward = cp * u - sp * n
+        x, y, z = cl * inward - sl * e, sl * inward + cl * e, cp * n + sp * u
+        phi, lam = latitude_deg * RAD_PER_DEG, longitude_deg * RAD_PER_DEG
+        sp, cp, sl, cl = det_sin(phi), det_cos(phi), det_sin(lam), det_cos(lam)
+        out = cl * x + sl * y
+        return (cl * y - sl * x, cp * z - sp * out, cp * out + sp * z)

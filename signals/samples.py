@@ -75,7 +75,7 @@ class BaroSample(NamedTuple):
 
 
 class GpsSample(NamedTuple):
-    """GNSS fix: geodetic position on WGS-84, velocity in W (ENU)."""
+    """GNSS fix: geodetic position on WGS-84; velocity in east, north, up there (W's at the site)."""
 
     seq: Count
     t_capture_ns: Ns

@@ -20,6 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = {"firmware_bridge", "hil", "rigs", "signals", "sim"}
 CPP_SUFFIXES = {".cpp", ".hpp"}
+EXAMPLES = "docs/examples"  # in the wheel as hil/examples
 MODULES = ("firmware_bridge/_native", "signals/_kernel", "sim/_kernels")
 DEFAULT_BENCH = "rigs/benches/hil.yaml"
 MAX_SIZE_MB = 45.0  # 22 MB of them models and textures
@@ -61,7 +62,9 @@ def checked_out() -> set[str]:
     excluded = {".pyi", ".so", ".pyd"} | CPP_SUFFIXES
     files = {path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*") if path.is_file()}
     caches = {path for path in files if any(part.startswith((".", "__pycache__")) for part in path.parts)}
-    return {path.as_posix() for path in files - caches if path.suffix not in excluded}
+    found = {path.as_posix() for path in files - caches if path.suffix not in excluded}
+    examples = run(["git", "ls-files", EXAMPLES], ROOT, "listing the examples").splitlines()
+    return found | {f"hil/examples/{name.removeprefix(EXAMPLES + '/')}" for name in examples}
 
 
 def check_content(wheel: Path) -> None:
@@ -116,10 +119,18 @@ def check_benchmarks(hil: Path, folder: Path) -> None:
 
 
 def run_example(commands: Path, folder: Path) -> None:
-    """Run the tests of docs/examples/firmware_team, with the plugin that pytest finds by itself."""
-    shutil.copytree(ROOT / "docs/examples/firmware_team", folder)
+    """Run the tests of the example firmware_team, with the plugin that pytest finds by itself.
+
+    The project has packages with the names of the bench's, and its folder is first on the import path.
+    """
+    place = run([commands / "python", "-P", "-c", "import hil; print(hil.__path__[0])"], folder.parent, "import hil")
+    shutil.copytree(Path(place.strip()) / "examples/firmware_team", folder)
     (folder / "pytest.ini").write_text("[pytest]\ntestpaths = tests\n")
-    output = run([commands / "python", "-P", "-m", "pytest", "-q"], folder, "pytest on the firmware team's tests")
+    for name in ("sim/__init__.py", "rigs/__init__.py", "signals.py"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("raise ImportError('this is the project, not the bench')\n")
+    output = run([commands / "python", "-m", "pytest", "-q"], folder, "pytest on the firmware team's tests")
+    run([commands / "python", "-m", "hil.cli", "check"], folder, "`python -m hil.cli check` in the same folder")
     say(f"pytest: {output.strip().splitlines()[-1]}")
 
 

@@ -21,7 +21,7 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.follower import DesiredQueue, Follower
-from firmware_bridge.ground_station.modes import firmware_of, mode_number, mode_params, mode_word
+from firmware_bridge.ground_station.modes import firmware_of, mode_number, mode_params, mode_word, plain_word
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import Step
 from firmware_bridge.ground_station.projections import AutopilotFrame, GeodeticFromW, Projection
@@ -59,6 +59,7 @@ class OffboardPilot(PhasedFlight):
     waypoints = 0  # there is no mission: see `GroundStation`
     reached = 0
     set_points = 0  # sent so far
+    requested_mode = ""  # word of the mode that somebody else has requested last
 
     def __init__(
         self,
@@ -237,7 +238,8 @@ class OffboardPilot(PhasedFlight):
         if before is None:
             return
         word = mode_word(beat.autopilot, beat.custom_mode)
-        text = f"the vehicle is in mode {word} again" if in_mode else f"the vehicle went to mode {word} by itself"
+        why = "as requested" if plain_word(self.requested_mode) == word else "by itself"
+        text = f"the vehicle is in mode {word} again" if in_mode else f"the vehicle went to mode {word} {why}"
         self._report(
             t_ns, "status" if in_mode else "warning", text + ("" if in_mode else ": it does not follow set-points")
         )

@@ -316,6 +316,7 @@ def mission(request: pytest.FixtureRequest) -> Callable[[str], Path]:
             for candidate in (folder / name, folder / "missions" / name):
                 if candidate.is_file():
                     return candidate
+        import hil.own_packages  # noqa: F401 (before rigs, which may be a folder of the project, too)
         import rigs
 
         candidate = Path(rigs.__file__).parent / "missions" / name

@@ -3,3 +3,5 @@
 Each command has one file without logic, which imports its application only when the command is called. `hil --help`
 therefore loads no numpy, MuJoCo or ZeroMQ.
 """
+
+import hil.own_packages  # noqa: F401 (before every import of a package beside hil)

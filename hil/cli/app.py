@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
+from importlib import metadata
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -14,11 +17,12 @@ from hil.cli.offline import bench, calibrate, campaign, dataset, radar, video, v
 from hil.cli.offline.detect import data, evaluate, train
 from hil.cli.status import CONFIG_STATUS
 
+_COMPLETE = "_HIL_COMPLETE"  # variable that the completion scripts of `--install-completion` set
+
 app = typer.Typer(
     name="hil",
     help="A hardware-in-the-loop bench for drones: simulated vehicle and sensors, real or mocked flight controllers.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -28,6 +32,22 @@ for _command in (
     dash.dash, keys.keys, companion.companion, radar.radar, airsim.airsim,
 ):  # fmt: skip
     app.command()(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"hil-bench {metadata.version('hil-bench')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
 
 _detect = typer.Typer(help="The detector: train it on data sets, evaluate it, and make the data.", no_args_is_help=True)
 for _command in (train.train, evaluate.evaluate, data.data):
@@ -64,11 +84,15 @@ def run_command_line(arguments: Sequence[str]) -> int:
         return CONFIG_STATUS
     command = typer.main.get_command(app)
     try:
+        if _COMPLETE in os.environ:  # a shell asks for completions
+            command.main([], prog_name="hil")
         # Not `command.main`, which turns a KeyboardInterrupt into exit status 130 without a message.
         with command.make_context("hil", list(arguments)) as context:
             outcome = command.invoke(context)
     except typer.Exit as error:
         return error.exit_code
+    except SystemExit as ended:  # of completions alone
+        return ended.code if isinstance(ended.code, int) else 0
     except typer.Abort:
         raise KeyboardInterrupt from None
     except _ClickError as error:

@@ -74,7 +74,7 @@ def _check_address(address: str) -> None:
         text = f"no Ray cluster answers at {address} ({error.strerror or error}); `ray start --head` prints the address"
         raise RecordingError(f"--engine ray: {text}") from None
     # Ray ends the whole process where it cannot join, so another process tries first.
-    trial = [sys.executable, "-c", f"import ray; ray.init(address={address!r}, logging_level='ERROR')"]
+    trial = [sys.executable, "-P", "-c", f"import ray; ray.init(address={address!r}, logging_level='ERROR')"]
     try:
         tried = subprocess.run(trial, capture_output=True, timeout=_JOIN_S, check=False, text=True)
     except subprocess.TimeoutExpired:

@@ -207,6 +207,10 @@ class Ros2(Section):
     wait_timeout_s: Annotated[float, Field(gt=0, le=3600)] = 10.0  # wall clock; then the run ends as ERROR
     control: bool = False  # set-points of ROS 2 nodes command the vehicle
     setpoint_hz: Annotated[float, Field(ge=3, le=250)] = 50.0  # simulated time
+    takeoff_height_m: Annotated[float, Field(gt=0, le=500)] = 2.5  # of the service /takeoff, above the vehicle
+    # Parent of base_link in /tf. `map`: map -> odom -> base_link (REP 105). `odom`: odom -> base_link alone, and
+    # `none`: neither, for nodes that localise the vehicle.
+    tf: Literal["world", "map", "odom", "none"] = "world"
 
     @property
     def flies(self) -> bool:

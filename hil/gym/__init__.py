@@ -15,6 +15,7 @@ try:
 except ImportError as error:
     raise ImportError("hil.gym needs gymnasium, which is missing: pip install 'hil-bench[gym]'") from error
 
+import hil.own_packages  # noqa: F401 (before every import of a package beside hil)
 from hil.gym.env import FlightEnv
 from hil.gym.registration import IDS, register_all
 from hil.gym.tasks.transition import Transition

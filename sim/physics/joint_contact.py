@@ -5,7 +5,8 @@
 F, M: rotors and air, from each vehicle's kernel. f_c: contact forces of all contacts together (mj_forward), equal and
 opposite on the two bodies and at the same point x_c. Semi-implicit Euler kicks at the pose at which the forces were
 computed, so momentum and angular momentum stay what they were. The contact is that of one vehicle with the scene
-(sim.physics.contact_model): critically damped, restitution about e^-2.
+(sim.physics.contact_model): critically damped. The restitution e^-2 = 0.14 of exact time becomes 0.05 to
+0.17 in contact steps, by the phase of the step in which they meet.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from signals._kernel import det_exp, det_log, det_pow
 SEA_LEVEL_PA = 101_325.0
 SEA_LEVEL_K = 288.15
 LAPSE_K_PER_M = 0.0065
-# g M / (R L) with g 9.80665, M 0.0289644, R 8.31447, L 0.0065
+# g M / (R L) with g 9.80665, M 0.0289644, R 8.31432 (the standard's own), L 0.0065
 EXPONENT = 5.255_876
 TROPOPAUSE_M, TROPOPAUSE_K = 11_000.0, 216.65
 TOP_M = 20_000.0  # geopotential

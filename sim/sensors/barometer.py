@@ -29,7 +29,7 @@ from signals.samples import BaroSample, TruthState
 from sim.scene.atmosphere import LOWEST_M, TOP_M, geopotential_m, pressure_altitude_m, pressure_pa
 from sim.sensors.drift import gauss_markov
 from sim.sensors.rotor_load import thrust_ratio
-from sim.sensors.rounding import drawn_sigma, rounded
+from sim.sensors.rounding import drawn_sigma, noise_with_rounding, rounded
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
 _AIR_DENSITY_KGPM3 = 1.225  # ISA at sea level
@@ -69,6 +69,10 @@ class Barometer(InstalledSensor):
         super().__init__(installation, p.latency_s, {"pressure_pa": p.resolution_pa, "temperature_degc": 0.01})
         self._p = p
         self._sigma_pa = drawn_sigma(p.noise_pa, p.resolution_pa)
+        self.deviations = {
+            "pressure_pa": noise_with_rounding(self._sigma_pa, p.resolution_pa),
+            "temperature_degc": p.temperature_noise_degc,
+        }
         self._site_altitude_m = installation.scene.site.altitude_m
         self._wind_W = installation.scene.wind_W_mps
         self._washes = p.wash_free_pa != 0.0 or p.wash_ground_pa != 0.0

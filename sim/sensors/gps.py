@@ -1,6 +1,11 @@
 """GNSS receiver: geodetic position and velocity with white and time-correlated errors.
 
-    p = p_WB + R r + c + n_p,  v = v_WB_W + R (w x r) + n_v     in W, then to WGS-84
+    p = p_WB + R r + c + n_p         in W, then to WGS-84
+    v = T (v_WB_W + R (w x r)) + n_v
+
+T turns a vector of W, the tangent frame at the site, to east, north and up at the receiver's own place, as receivers
+report it: the meridians converge by x tan(latitude) / R, 0.16 degrees after 10 km at 60 N. Where T changes no component
+by more than half a step of the receiver's word, 0.5 mm/s, the velocity is taken as it is.
 
 r is the antenna's position in B; c a first-order Gauss-Markov process (slow errors of orbit, clock, troposphere and
 multipath); n white noise. While the signal is lost the receiver keeps sending: its last position (zeros before the
@@ -19,7 +24,7 @@ from signals._kernel import rotate_into_world
 from signals.documents.validate import StrictModel
 from signals.geodesy import LocalFrame
 from signals.noise import NoiseStream
-from signals.samples import GpsSample, TruthState
+from signals.samples import GpsSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.sensors.drift import gauss_markov
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position
@@ -29,6 +34,7 @@ Instant = Annotated[float, Field(ge=0.0, le=1e6)]
 
 _NO_FIX = 1  # MAVLink GPS_FIX_TYPE: a receiver without a fix
 _LOST_ACCURACY_M = 1000.0
+_SPEED_STEP_MPS = 1e-3  # of the word for a velocity
 
 
 class SignalLoss(StrictModel):
@@ -75,7 +81,9 @@ class Gps(InstalledSensor):
         p, name, seed = parameters, installation.name, installation.seed
         # Resolution of the receiver's protocol (UBX-NAV-PVT): 1e-7 degrees, millimetres.
         super().__init__(
-            installation, p.latency_s, {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "altitude_m": 1e-3, "v_W": 1e-3}
+            installation,
+            p.latency_s,
+            {"latitude_deg": 1e-7, "longitude_deg": 1e-7, "altitude_m": 1e-3, "v_W": _SPEED_STEP_MPS},
         )
         self._p = p
         self._horizontal_accuracy_m = _accuracy(p.horizontal_accuracy_m, p.horizontal_noise_m, p.horizontal_drift_m)
@@ -118,6 +126,7 @@ class Gps(InstalledSensor):
             )
         )
         self._held = position
+        vx, vy, vz = self._at_antenna(position, (vx, vy, vz))
         return GpsSample(
             seq,
             t_ns,
@@ -133,6 +142,12 @@ class Gps(InstalledSensor):
             p.fix_type,
             p.satellites,
         )
+
+    def _at_antenna(self, position: tuple[float, float, float], v_W: Vec3) -> Vec3:
+        """Return a velocity in east, north, up of a position, where the receiver can tell it from that in W."""
+        turned = self._frame.enu_at(position[0], position[1], v_W)
+        is_seen = any(abs(a - b) > 0.5 * _SPEED_STEP_MPS for a, b in zip(turned, v_W, strict=True))
+        return turned if is_seen else v_W
 
 
 def _accuracy(stated_m: float | None, noise_m: float, drift_m: float) -> float:

@@ -35,7 +35,7 @@ from signals.time import NS_PER_S
 from signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim.sensors.flicker import flicker_processes
-from sim.sensors.rounding import drawn_sigma
+from sim.sensors.rounding import drawn_sigma, noise_with_rounding
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position
 
 _ROTORS = 8  # number of phases that are drawn; a vehicle with fewer rotors uses the first ones
@@ -106,6 +106,11 @@ class Imu(InstalledSensor):
         self.white_sigma = [drawn_sigma(p.accel_noise_mps2_per_rthz * per_sample, accel_lsb)] * 3
         self.white_sigma += [drawn_sigma(p.gyro_noise_radps_per_rthz * per_sample, gyro_lsb)] * 3
         self.step = [accel_lsb] * 3 + [gyro_lsb] * 3
+        self.deviations = {
+            "accel_mps2": noise_with_rounding(self.white_sigma[0], accel_lsb),
+            "gyro_radps": noise_with_rounding(self.white_sigma[3], gyro_lsb),
+            "temperature_degc": p.temperature_noise_degc,
+        }
 
         def drawn(what: str, accel: float, gyro: float) -> list[float]:
             """Return one value per channel, drawn once."""

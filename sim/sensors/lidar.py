@@ -72,6 +72,7 @@ class Lidar(InstalledSensor):
                 f"sensor '{self.name}': {count} points per sweep are more than {MAX_POINTS}; raise its rate_hz"
             )
         self._p = p
+        self.sweep_ns = self.period_ns if p.rolling else 0  # duration of a sweep
         self.ring_elevations_deg = p.pattern.ring_elevations_deg
         self._frames = frames
         self._caster: RayCaster = frames.geometry.caster

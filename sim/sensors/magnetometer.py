@@ -20,7 +20,7 @@ from signals.noise import NoiseStream
 from signals.samples import MagSample, TruthState, Vec3
 from sim.scene.scene import Site
 from sim.sensors.rotor_load import power_ratio
-from sim.sensors.rounding import drawn_sigma, saturated
+from sim.sensors.rounding import drawn_sigma, noise_with_rounding, saturated
 from sim.sensors.sensor import Installation, InstalledSensor, Kind
 
 # Fixed, so that a run repeats in later years although the field turns by about 0.2 degrees a year at mid latitudes.
@@ -79,6 +79,7 @@ class Magnetometer(InstalledSensor):
         self._motor, self._motor_reference = p.motor_field_tesla, p.motor_reference_radps
         self._has_motor_field = any(p.motor_field_tesla)
         self._sigma = drawn_sigma(p.noise_tesla, p.resolution_tesla)
+        self.deviations = {"field_tesla": noise_with_rounding(self._sigma, p.resolution_tesla)}
         self._lsb, self._range = p.resolution_tesla, p.range_tesla
 
     def sample(self, truth: TruthState, seq: int) -> MagSample:

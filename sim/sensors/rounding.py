@@ -16,6 +16,11 @@ def drawn_sigma(stated: float, step: float) -> float:
     return math.sqrt(max(0.0, stated * stated - step * step / 12.0))
 
 
+def noise_with_rounding(drawn: float, step: float) -> float:
+    """Return the deviation of a rounded output to which noise of the deviation `drawn` was added."""
+    return math.hypot(drawn, step / math.sqrt(12.0))
+
+
 def rounded(value: float, step: float) -> float:
     """Return the nearest multiple of `step`."""
     return math.floor(value / step + 0.5) * step

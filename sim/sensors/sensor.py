@@ -52,6 +52,7 @@ class InstalledSensor:
         self.period_ns = installation.period_ns
         self.latency_ns = round(latency_s * NS_PER_S)
         self.resolution = resolution
+        self.deviations: Mapping[str, float] = {}  # of the noise of a sample by field, 1 sigma, rounding included
 
 
 def check_order(low: tuple[str, float], high: tuple[str, float]) -> None:

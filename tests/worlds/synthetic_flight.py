@@ -119,7 +119,7 @@ def cloud(seq: int, n: int) -> PointCloudSample:
         rng.uniform(0, 9, n).astype(np.float32),
         rng.uniform(0, 1, n).astype(np.float32),
         rng.integers(0, 16, n).astype(np.uint8),
-        rng.integers(-5000, 5000, n).astype(np.int32),
+        rng.integers(-10_000, 0, n).astype(np.int32),
         rng.integers(0, 9, n).astype(np.uint8),
     )
 

@@ -65,7 +65,7 @@ def _in_this_process(installation: Installation, boot_sensors: int) -> Transport
 
 def mock_command(port: str, *, boot_sensors: int, arguments: Sequence[str] = ()) -> list[str]:
     """Return the command line of the mock Pixhawk on serial port `port`."""
-    module = [sys.executable, "-m", "firmware_bridge.mock_pixhawk"]
+    module = [sys.executable, "-P", "-m", "firmware_bridge.mock_pixhawk"]
     return [*module, "--port", port, "--boot-sensors", str(boot_sensors), *arguments]
 
 

@@ -51,7 +51,7 @@ def server_process(
     listening: socket.socket, run_link: socket.socket, *, config: Path | None, runs: Path, token: str | None
 ) -> subprocess.Popen[bytes]:
     """Start the page's server as a process that inherits both sockets. `run_link`: socket to the run."""
-    command = [sys.executable, "-m", "hil.apps.dash.server.serve", f"--runs={runs}"]
+    command = [sys.executable, "-P", "-m", "hil.apps.dash.server.serve", f"--runs={runs}"]
     command += [f"--listen-fd={listening.fileno()}", f"--run-fd={run_link.fileno()}"]
     command += [] if config is None else [f"--config={config}"]
     server = subprocess.Popen(

@@ -138,7 +138,7 @@ def make_data_sets(
 def _make(plan: DataSetPlan, folder: Path, frames: int, settings: Sequence[str]) -> None:
     if _is_complete(folder):
         return
-    command = [sys.executable, "-m", "hil.cli", "dataset", str(BENCH), "--quiet", "--workers", "1"]
+    command = [sys.executable, "-P", "-m", "hil.cli", "dataset", str(BENCH), "--quiet", "--workers", "1"]
     command += ["--frames", str(frames), "--out", str(folder)]
     command += ["--seed", str(plan.seed), "--quality", plan.quality]
     for setting in settings:

@@ -27,7 +27,7 @@ class StartedClient:
 
     def __init__(self, cut: str, address: str, out: Path, settings: Mapping[str, Any], keys: Path | None) -> None:
         self.name = client_name(cut)
-        argv = [sys.executable, "-m", "hil_companion", cut, "--connect", address]
+        argv = [sys.executable, "-P", "-m", "hil_companion", cut, "--connect", address]
         for key, value in settings.items():
             argv += ["--set", f"{key}={json.dumps(value)}"]
         if keys is not None:

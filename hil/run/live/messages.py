@@ -3,7 +3,8 @@
 Topics and types are those of the recording (mcap/topics.py, frame_series.py), with these in addition: `/clock`,
 `/truth/odometry` and `/battery`. A message has the bytes that the recording has. A part asks in its exchange:
 
-    live = LiveMessages(tick_ns, descriptions=run.sensors.descriptions, vehicle=config.name)
+    sensors = run.sensors
+    live = LiveMessages(tick_ns, descriptions=sensors.descriptions, deviations=sensors.deviations, vehicle=config.name)
     for message in live.of_tick(truth, released, scheduler.actuators, physics.battery):
         send(message.topic.name, message.data)
 
@@ -14,7 +15,8 @@ run has them anyway.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from hil.config import Bench
@@ -25,12 +27,13 @@ from hil.run.recorder.mcap.mcap_file import COMMON_TOPICS
 from hil.run.recorder.mcap.topics import (
     ACTUATOR_TOPICS,
     BATTERY_TOPIC,
-    LIVE_TRUTH_TOPICS,
+    MAP,
     OWN,
     SAMPLE_TOPICS,
-    TRUTH_TOPICS,
     WORLD,
     Topic,
+    live_truth_topics,
+    with_variances,
 )
 from hil.run.sensors.frame_stages import output_ports
 from signals.samples import FRAME_SAMPLES, ActuatorFrame, FrameSample, ImageSample, RadarSample, Sample, TruthState
@@ -66,19 +69,22 @@ class Names:
 
     def frame(self, frame_id: str) -> str:
         """Return the name of a coordinate frame."""
-        return frame_id if not self._vehicle or frame_id == WORLD else f"{self._vehicle}/{frame_id}"
+        return frame_id if not self._vehicle or frame_id in (WORLD, MAP) else f"{self._vehicle}/{frame_id}"
 
     def topic(self, path: str) -> str:
         """Return the name of a topic."""
         return path if not self._vehicle or path in COMMON_TOPICS or path == CLOCK else f"/{self._vehicle}{path}"
 
 
-def live_topics(bench: Bench) -> tuple[LiveTopic, ...]:
-    """Return the topics that a bench of one vehicle, or one vehicle of a bench, can have, before anything is built."""
+def live_topics(bench: Bench, tf: str = WORLD) -> tuple[LiveTopic, ...]:
+    """Return the topics that a bench of one vehicle, or one vehicle of a bench, can have, before anything is built.
+
+    `tf`: as for `live_truth_topics`.
+    """
     config = bench.config
     names = Names(config.name)
     topics = [LiveTopic(CLOCK, "rosgraph_msgs/Clock")]
-    rows = (*LIVE_TRUTH_TOPICS, *TRUTH_TOPICS, *ACTUATOR_TOPICS)
+    rows = (*live_truth_topics(tf), *ACTUATOR_TOPICS)
     topics += [LiveTopic(names.topic(f"/{row.suffix}"), row.type_name) for row in rows]
     if config.physics.effects.battery:
         topics.append(LiveTopic(names.topic(f"/{BATTERY_TOPIC.suffix}"), BATTERY_TOPIC.type_name))
@@ -152,23 +158,26 @@ class LiveMessages:
         tick_ns: int,
         *,
         descriptions: Mapping[str, FrameDescription],
+        deviations: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
         vehicle: str = "",
+        tf: str = WORLD,
         selected: Container[str] | None = None,
         pad_to: int = 1,
     ) -> None:
         """Prepare the topics of one vehicle.
 
         `descriptions`: of the sensors with a mount, by port. `selected`: names of the topics to encode; None: all.
+        `deviations`: of the noise of samples, by port and field. `tf`: as for `live_truth_topics`.
         `pad_to`: the bytes of a message are filled up to a multiple of this.
         """
         self.names = Names(vehicle)
         self.pad_to = pad_to
         self.pending: list[LiveMessage] = []
         self._tick_ns = tick_ns
-        self._descriptions = descriptions
+        self._descriptions, self._deviations = descriptions, deviations
         self._selected = _Everything() if selected is None else selected
         self._clock = LiveTopic(CLOCK, "rosgraph_msgs/Clock")
-        self._truth = [self._row(row) for row in (*LIVE_TRUTH_TOPICS, *TRUTH_TOPICS)]
+        self._truth = [self._row(row) for row in live_truth_topics(tf)]
         self._actuators = [self._row(row) for row in ACTUATOR_TOPICS]
         self._battery = self._row(BATTERY_TOPIC)
         self._ports: dict[str, list[_LiveRow]] = {}
@@ -204,7 +213,7 @@ class LiveMessages:
             else:
                 rows = self._ports.get(port)
                 if rows is None:
-                    topics: Sequence[Topic] = SAMPLE_TOPICS.get(type(sample), ())
+                    topics = with_variances(SAMPLE_TOPICS.get(type(sample), ()), self._deviations.get(port, {}))
                     rows = self._ports[port] = [self._row(row, port) for row in topics]
                     if port in self._descriptions:
                         add_mount(self._blob, self.names, self._descriptions[port], sample, t_ns)

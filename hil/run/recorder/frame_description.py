@@ -38,3 +38,4 @@ class FrameDescription:
     q_BC: Quat = (1.0, 0.0, 0.0, 0.0)
     projection: Projection | None = None  # None unless it is a camera
     sweep: Sweep | None = None  # None unless it is a radar
+    sweep_ns: int = 0  # duration of a LiDAR's sweep, which ends at the capture; 0: all rays fire at once

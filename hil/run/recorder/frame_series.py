@@ -6,6 +6,9 @@ on the vehicle in `/tf_static`. Pixels keep their type: 8- and 16-bit ids as mon
 range-Doppler maps 32FC1 pictures, its points and tracks point clouds. A message has the bytes of the sample, so the
 recording equals the measurement bit for bit.
 
+A LiDAR's cloud is stamped with the begin of its sweep, as drivers of Ouster and Velodyne sensors do, and each point has
+its time since then twice: `t` (uint32, ns) as in Ouster's clouds, `time` (float32, s) as in Velodyne's.
+
 Every field of a record array becomes a field of a point cloud. Foxglove and RViz draw a cloud by its fields x, y and z.
 Therefore the coordinates of a position in a frame F (`x_F`, or the elements of `p_F_m`) get those names, and the
 elements of a velocity `v_F_mps` become vx, vy, vz. The bytes of the array stay the same.
@@ -43,10 +46,10 @@ DATATYPES = {"|i1": 1, "|u1": 2, "<i2": 3, "<u2": 4, "<i4": 5, "<u4": 6, "<f4": 
 _VECTORS = {"p": ("x", "y", "z"), "v": ("vx", "vy", "vz")}
 _POINT = np.dtype(
     {
-        "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label"],
-        "formats": ["<f4", "<f4", "<f4", "<f4", "<f4", "<i4", "<u2", "u1"],
-        "offsets": [0, 4, 8, 12, 16, 20, 24, 26],
-        "itemsize": 28,
+        "names": ["x", "y", "z", "intensity", "range", "t", "ring", "label", "time"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<f4", "<u4", "<u2", "u1", "<f4"],
+        "offsets": [0, 4, 8, 12, 16, 20, 24, 26, 28],
+        "itemsize": 32,
     }
 )
 
@@ -255,7 +258,10 @@ class FrameSeries:
 
     def _add_cloud(self, file: Topics, sample: PointCloudSample, log_ns: int) -> None:
         if not self._leaves_out(""):
-            self._add_records(file, sample, log_ns, "", cloud_records(sample))
+            # The first sweep began before the run, and ROS has no times below 0.
+            sweep_ns = min(self._description.sweep_ns, sample.t_capture_ns)
+            begin = sample._replace(t_capture_ns=sample.t_capture_ns - sweep_ns)
+            self._add_records(file, begin, log_ns, "", cloud_records(sample, sweep_ns))
 
     def _add_records(self, file: Topics, sample: FrameSample, log_ns: int, name: str, records: NDArray[Any]) -> None:
         if self._leaves_out(name):
@@ -280,14 +286,15 @@ class FrameSeries:
         )
 
 
-def cloud_records(sample: PointCloudSample) -> NDArray[Any]:
-    """Return the points of a LiDAR sweep as records of a PointCloud2."""
+def cloud_records(sample: PointCloudSample, sweep_ns: int) -> NDArray[Any]:
+    """Return the points of a LiDAR sweep, which began `sweep_ns` before its capture, as records of a PointCloud2."""
     points = np.zeros(len(sample.range_m), _POINT)
     for i, axis in enumerate("xyz"):
         points[axis] = sample.points_L[:, i]
     points["intensity"] = sample.intensity
     points["range"] = sample.range_m
-    points["t"] = sample.time_offset_ns
+    points["t"] = np.maximum(sample.time_offset_ns + np.int32(sweep_ns), 0)
+    points["time"] = points["t"] * (1.0 / NS_PER_S)
     points["ring"] = sample.ring
     points["label"] = sample.segmentation
     return points

@@ -91,7 +91,7 @@ def _colour(message: RecordedMessage, values: Mapping[str, Any]) -> NDArray[np.u
 
 
 def cloud(message: RecordedMessage) -> tuple[int, NDArray[Any]]:
-    """Return the capture time [ns] and the records of a sensor_msgs/PointCloud2 written by this bench."""
+    """Return the stamp [ns], of a LiDAR the begin of the sweep, and the records of a PointCloud2 of this bench."""
     values = message.decode()
     names, formats, offsets = [], [], []
     for i in range(_MAX_FIELDS):

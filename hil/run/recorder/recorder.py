@@ -192,6 +192,11 @@ class Recorder:
         if self._mcap:
             self._mcap.describe(port, description)
 
+    def describe_noise(self, port: str, deviations: Mapping[str, float]) -> None:
+        """Describe the noise of the samples of `port` by field, 1 sigma, before its first sample."""
+        if self._mcap:
+            self._mcap.describe_noise(port, deviations)
+
     def sample(self, port: str, sample: Sample) -> None:
         """Record a sample released on `port`."""
         recorded = self._recorded(port, sample) if self._unrecorded else sample

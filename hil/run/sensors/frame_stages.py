@@ -110,7 +110,7 @@ def description(name: str, sensor: Any) -> FrameDescription:
         sweep = Sweep(chirp.center_frequency_hz, chirp.bandwidth_hz, chirp.sample_rate_hz, chirp.repetition_s)
         return FrameDescription(name, p_BC, q_BC, sweep=sweep)
     if not isinstance(camera, CameraModel):
-        return FrameDescription(name, p_BC, q_BC)
+        return FrameDescription(name, p_BC, q_BC, sweep_ns=getattr(sensor, "sweep_ns", 0))
     projection = Projection(
         camera.width,
         camera.height,

@@ -41,6 +41,7 @@ class SensorSlots:
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
         self.descriptions: dict[str, FrameDescription] = {}  # of sensors with a mount
+        self.deviations: dict[str, Mapping[str, float]] = {}  # of the noise of a sample, by sensor and field
         self._without_faults: dict[str, Any] = {}  # by name
         self._faulty: dict[str, FaultySensor] = {}
         simulated = SimulatedSensors(bench, wanted, frames)
@@ -49,6 +50,8 @@ class SensorSlots:
         for name in order:
             sensor = simulated.make(name, wanted_parts(name, wanted[name], plan))
             self._without_faults[name] = sensor
+            self.deviations[name] = getattr(sensor, "deviations", {})
+            recorder.describe_noise(name, self.deviations[name])
             if isinstance(sensor, Radar):
                 self.radars[name] = sensor
             if hasattr(sensor, "mount"):

@@ -27,7 +27,7 @@ from sim.frame.path_traced.errors import PathTracerError
 from sim.frame.path_traced.protocol import LensData, RenderRequest, StartRequest
 from sim.frame.path_traced.sky_request import SkyRequest
 
-WORKER = (sys.executable, "-m", "sim.frame.path_traced.worker")
+WORKER = (sys.executable, "-P", "-m", "sim.frame.path_traced.worker")
 INSTALL = "pip install 'hil-bench[photo]'"
 _START_S, _ANSWER_S = 120.0, 1800.0
 _CLOSE_S = 2.0

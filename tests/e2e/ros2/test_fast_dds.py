@@ -22,6 +22,7 @@ from mcap.reader import make_reader
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.parts.links.ros2.dds_ports import free_domain
+from hil.run.recorder.mcap.cdr import decode
 
 pytest.importorskip("cyclonedds", reason="needs CycloneDDS: pip install 'hil-bench[ros2]'")
 pytestmark = [
@@ -32,7 +33,6 @@ pytestmark = [
     ),
 ]
 
-SOURCE = Path(__file__).with_name("listener.cpp")
 TOPICS = {"/imu": "Imu", "/front/rgb": "Image", "/lidar": "PointCloud2"}
 RATES_HZ = {"/imu": 250, "/front/rgb": 30, "/lidar": 10}
 BENCH = """
@@ -66,12 +66,18 @@ class Tally(NamedTuple):
     foreign: int
 
 
-@pytest.fixture(scope="module")
-def listener(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    program = tmp_path_factory.mktemp("listener") / "listener"
-    command = ["g++", "-O2", "-std=c++17", "-o", str(program), str(SOURCE), "-lfastrtps", "-lfastcdr"]
+def compiled(folder: Path, name: str) -> Path:
+    """Compile a program of this folder."""
+    program = folder / name
+    source = Path(__file__).with_name(f"{name}.cpp")
+    command = ["g++", "-O2", "-std=c++17", "-o", str(program), str(source), "-lfastrtps", "-lfastcdr"]
     subprocess.run(command, check=True, capture_output=True)
     return program
+
+
+@pytest.fixture(scope="module")
+def listener(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compiled(tmp_path_factory.mktemp("listener"), "listener")
 
 
 def unused_domain() -> int:
@@ -173,3 +179,22 @@ def test_a_subscriber_that_is_killed_while_it_is_waited_for_ends_the_run(listene
             output, _ = bench.communicate(timeout=60)
     assert bench.returncode == 3
     assert "the subscriber of /imu" in output
+
+
+def test_a_teleop_with_plain_twists_flies_the_vehicle(tmp_path: Path) -> None:
+    domain = unused_domain()
+    path = tmp_path / "bench.yaml"
+    path.write_text(BENCH.format(domain=domain, seconds=20, pace=1, images="false", more="control: true"))
+    with subprocess.Popen([str(compiled(tmp_path, "teleop")), str(domain), "8"]) as teleop:
+        try:
+            result = run_bench(load_bench(path), tmp_path / "run", quiet=True)
+        finally:
+            teleop.kill()
+    assert result.run["error"] is None
+    assert result.run["ros2"]["set_points"] > 100
+    with open(tmp_path / "run" / "run.mcap", "rb") as file:
+        last = [message.data for _, _, message in make_reader(file).iter_messages(topics=["/truth/pose"])][-1]
+    pose = decode("geometry_msgs/PoseStamped", last)
+    assert pose["pose.position.z"] > 1.0
+    assert pose["pose.position.x"] > 1.0  # the vehicle looks east
+    assert abs(pose["pose.position.y"]) < 1.0

@@ -131,14 +131,14 @@ def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement =
     out, received = folder / "compared", folder / "compared" / "client"
     _fly(out, arrangement, seconds, "record", mcap=True, settings={"out": str(received)})
     pictures: dict[tuple[str, int], NDArray[Any]] = {}
-    clouds: dict[int, bytes] = {}
+    clouds: dict[int, tuple[int, bytes]] = {}  # by number of the sweep: when it began, and its points
     for message in read_messages(out / "run" / MCAP_NAME):
         if message.type_name == IMAGE:
             t_ns, picture = image(message)
             pictures[message.topic.strip("/"), t_ns] = picture
         elif message.type_name == _CLOUD:
             values = message.decode()
-            clouds[capture_ns(values)] = bytes(values["data"])
+            clouds[message.sequence] = capture_ns(values), bytes(values["data"])
     differing = compared = 0
     for line in (received / "frames.jsonl").read_text(encoding="utf-8").splitlines():
         for sample in json.loads(line)["samples"]:
@@ -146,7 +146,8 @@ def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement =
             arrays = {name: np.load(received / file) for name, file in sample["arrays"].items()}
             if sample["topic"] == "lidar":
                 compared += len(arrays)
-                differing += 0 if _cloud(sample, arrays) == clouds.get(t_ns) else len(arrays)
+                begin_ns, points = clouds.get(sample["seq"], (t_ns, b""))
+                differing += 0 if _cloud(sample, arrays, t_ns - begin_ns) == points else len(arrays)
             elif arrays:
                 compared += 1
                 (array,) = arrays.values()
@@ -156,8 +157,8 @@ def differing_arrays(folder: Path, *, seconds: float, arrangement: Arrangement =
     return differing, compared
 
 
-def _cloud(sample: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+def _cloud(sample: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], sweep_ns: int) -> bytes:
     stamps = (sample["seq"], sample["t_capture_ns"], sample["t_available_ns"])
     pose = (sample["values"]["p_WL"], sample["values"]["q_WL"])
     in_order = (arrays[name] for name in PointCloudSample._fields if name in arrays)
-    return cloud_records(PointCloudSample._make((*stamps, *pose, *in_order))).tobytes()
+    return cloud_records(PointCloudSample._make((*stamps, *pose, *in_order)), sweep_ns).tobytes()

@@ -174,6 +174,7 @@ def open_transfer(endpoints: Endpoints, arrangement: Arrangement, *, scale: floa
             command = [
                 *endpoints.far_command,
                 sys.executable,
+                "-P",
                 "-m",
                 __name__,
                 server.endpoint,

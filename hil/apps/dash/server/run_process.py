@@ -62,6 +62,7 @@ class RunProcess:
         try:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
+                "-P",
                 "-m",
                 "hil.cli.entry",
                 "run",

@@ -24,7 +24,15 @@ from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.frame_series import BlobTopic, FrameSeries, add_mount
 from hil.run.recorder.mcap.cdr import CDR_HEADER, MESSAGE_OPCODE, MESSAGE_PREFIX, Layout, schema_text
 from hil.run.recorder.mcap.mcap_file import Block, McapFile, PendingRecords, SafeFile, Topics
-from hil.run.recorder.mcap.topics import ACTUATOR_TOPICS, SAMPLE_TOPICS, TRUTH_TOPICS, Columns, Topic, columns_of
+from hil.run.recorder.mcap.topics import (
+    ACTUATOR_TOPICS,
+    SAMPLE_TOPICS,
+    TRUTH_TOPICS,
+    Columns,
+    Topic,
+    columns_of,
+    with_variances,
+)
 from signals.detections import Detections
 from signals.errors import RecordingError
 from signals.samples import FRAME_SAMPLES, ActuatorFrame, Sample, TruthState
@@ -195,6 +203,7 @@ class McapSink:
         self._frames: dict[str, FrameSeries] = {}
         self._mounts: list[BlobTopic] = []  # of sensors with a frame of their own but no pictures or points
         self._descriptions: dict[str, FrameDescription] = {}
+        self._deviations: dict[str, Mapping[str, float]] = {}
         self._sent = MavlinkSeries(self._mcap, "/mavlink/to_autopilot")
         self._received = MavlinkSeries(self._mcap, "/mavlink/from_autopilot")
         self._events = EventSeries(self._mcap)
@@ -213,6 +222,10 @@ class McapSink:
     def describe(self, port: str, description: FrameDescription) -> None:
         """Describe the sensor of `port`, before its first sample."""
         self._descriptions[port] = description
+
+    def describe_noise(self, port: str, deviations: Mapping[str, float]) -> None:
+        """Describe the noise of the samples of `port` by field, 1 sigma, before its first sample."""
+        self._deviations[port] = deviations
 
     def truth(self, truth: TruthState) -> None:
         """Begin a tick."""
@@ -236,7 +249,9 @@ class McapSink:
                     f"port {port}: a {type(sample).__name__} has no recorded form (supported: {known}). "
                     "Add its topics to SAMPLE_TOPICS in hil/run/recorder/mcap/topics.py"
                 )
-            series = self._samples[port] = Series(type(sample), topics, port)
+            series = self._samples[port] = Series(
+                type(sample), with_variances(topics, self._deviations.get(port, {})), port
+            )
             if port in self._descriptions:
                 self._mounts.append(add_mount(BlobTopic, self._mcap, self._descriptions[port], sample, self._now_ns))
         series.rows.append(sample)

@@ -10,6 +10,20 @@ from __future__ import annotations
 DEFINITIONS: dict[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "std_msgs/Bool": "bool data",
+    "std_msgs/String": "string data",
+    "std_srvs/SetBool_Request": "bool data",
+    "std_srvs/SetBool_Response": "bool success\nstring message",
+    "std_srvs/Trigger_Request": "uint8 structure_needs_at_least_one_member",
+    "std_srvs/Trigger_Response": "bool success\nstring message",
+    "mavros_msgs/CommandBool_Request": "bool value",
+    "mavros_msgs/CommandBool_Response": "bool success\nuint8 result",
+    "mavros_msgs/CommandTOL_Request": (
+        "float32 min_pitch\nfloat32 yaw\nfloat32 latitude\nfloat32 longitude\nfloat32 altitude"
+    ),
+    "mavros_msgs/CommandTOL_Response": "bool success\nuint8 result",
+    "mavros_msgs/SetMode_Request": "uint8 base_mode\nstring custom_mode",
+    "mavros_msgs/SetMode_Response": "bool mode_sent",
     "std_msgs/Empty": "uint8 structure_needs_at_least_one_member",
     "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",

@@ -8,8 +8,8 @@ altitude, GPS accuracy), a small message of this project is written in addition 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any
 
@@ -33,8 +33,8 @@ from sim.physics.battery import BatteryState
 
 Columns = dict[str, NDArray[Any]]
 
-WORLD = "world"
-BODY = "base_link"
+WORLD, MAP = "world", "map"  # common to all vehicles
+ODOM, BODY = "odom", "base_link"  # of each vehicle (REP 105)
 OWN = ""  # the frame of the sensor itself, named as its port
 _NO_FIX, _FIX = -1, 0
 _FIX_3D = 3  # MAVLink GPS_FIX_TYPE from which the position counts
@@ -45,6 +45,7 @@ class Topic:
     """One topic of one sample type. `suffix` follows the name of the port.
 
     `columns` maps a field of the message to a column of the sample, `lengths` a sequence of the message to its column.
+    `variances` maps a variance (or the diagonal of a 3 x 3 covariance) to the field of the sample whose noise it has.
     `every_s` decimates the topic to this period (None: every sample).
     """
 
@@ -57,6 +58,20 @@ class Topic:
     header: str = "header"
     child_frame: str = ""
     every_s: float | None = None
+    variances: Mapping[str, str] = field(default_factory=dict)
+
+
+_MATRIX = "covariance"  # end of the name of a field with 3 x 3 numbers
+
+
+def with_variances(topics: Sequence[Topic], deviations: Mapping[str, float]) -> tuple[Topic, ...]:
+    """Return topics with the variances of a sensor's noise. `deviations`: by field of the sample, 1 sigma."""
+
+    def values(topic: Topic) -> dict[str, Any]:
+        known = {path: deviations[name] ** 2 for path, name in topic.variances.items() if name in deviations}
+        return {path: [v, 0, 0, 0, v, 0, 0, 0, v] if path.endswith(_MATRIX) else v for path, v in known.items()}
+
+    return tuple(replace(topic, values={**topic.values, **values(topic)}) for topic in topics)
 
 
 _UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # REP 145: this IMU estimates no attitude
@@ -92,20 +107,37 @@ TRUTH_TOPICS = (
 )
 
 # Sent only while a run flies: a recording has these values in the topics above.
-LIVE_TRUTH_TOPICS = (
-    Topic(
-        "truth/odometry",
-        "nav_msgs/Odometry",
-        WORLD,
-        {
-            "pose.pose.position": "p_WB",
-            "pose.pose.orientation": "q_WB_xyzw",
-            "twist.twist.linear": "v_WB_B",
-            "twist.twist.angular": "w_WB_B",
-        },
-        child_frame=BODY,
-    ),
+_EXACT = 1e-9  # variance of a truth: filters invert covariances, and 0 means unknown to some
+_EXACT_6X6 = [_EXACT if i % 7 == 0 else 0.0 for i in range(36)]
+_ODOMETRY = Topic(
+    "truth/odometry",
+    "nav_msgs/Odometry",
+    WORLD,
+    {
+        "pose.pose.position": "p_WB",
+        "pose.pose.orientation": "q_WB_xyzw",
+        "twist.twist.linear": "v_WB_B",
+        "twist.twist.angular": "w_WB_B",
+    },
+    values={"pose.covariance": _EXACT_6X6, "twist.covariance": _EXACT_6X6},
+    child_frame=BODY,
 )
+
+
+def live_truth_topics(tf: str = WORLD) -> tuple[Topic, ...]:
+    """Return the topics of the truth while a run flies. `tf`: the parent of `base_link` there (`Ros2.tf`).
+
+    "world" as in the recording; "map" and "odom": the frame `odom` of REP 105, with `/odom`; "none": no transform.
+    """
+    if tf == WORLD:
+        return (_ODOMETRY, *TRUTH_TOPICS)
+    others = tuple(topic for topic in TRUTH_TOPICS if topic.suffix != "tf")
+    if tf == "none":
+        return (_ODOMETRY, *others)
+    (transform,) = (topic for topic in TRUTH_TOPICS if topic.suffix == "tf")
+    return (_ODOMETRY, replace(_ODOMETRY, suffix="odom", frame=ODOM), *others, replace(transform, frame=ODOM))
+
+
 _NAN = float("nan")
 _DISCHARGING, _GOOD, _LIPO = 2, 1, 3
 BATTERY_TOPIC = Topic(
@@ -127,6 +159,14 @@ BATTERY_TOPIC = Topic(
     every_s=0.2,
 )
 
+_TEMPERATURE = Topic(
+    "/temperature",
+    "sensor_msgs/Temperature",
+    BODY,
+    {"temperature": "temperature_degc"},
+    variances={"variance": "temperature_degc"},
+)
+
 SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
     ImuSample: (
         Topic(
@@ -135,13 +175,28 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             BODY,
             {"angular_velocity": "gyro_radps", "linear_acceleration": "accel_mps2"},
             values={"orientation_covariance": _UNKNOWN_ORIENTATION},
+            variances={"angular_velocity_covariance": "gyro_radps", "linear_acceleration_covariance": "accel_mps2"},
         ),
-        Topic("/temperature", "sensor_msgs/Temperature", BODY, {"temperature": "temperature_degc"}),
+        _TEMPERATURE,
     ),
-    MagSample: (Topic("", "sensor_msgs/MagneticField", BODY, {"magnetic_field": "field_tesla"}),),
+    MagSample: (
+        Topic(
+            "",
+            "sensor_msgs/MagneticField",
+            BODY,
+            {"magnetic_field": "field_tesla"},
+            variances={"magnetic_field_covariance": "field_tesla"},
+        ),
+    ),
     BaroSample: (
-        Topic("", "sensor_msgs/FluidPressure", BODY, {"fluid_pressure": "pressure_pa"}),
-        Topic("/temperature", "sensor_msgs/Temperature", BODY, {"temperature": "temperature_degc"}),
+        Topic(
+            "",
+            "sensor_msgs/FluidPressure",
+            BODY,
+            {"fluid_pressure": "pressure_pa"},
+            variances={"variance": "pressure_pa"},
+        ),
+        _TEMPERATURE,
         Topic("/altitude", "hil_msgs/PressureAltitude", BODY, {"altitude_m": "pressure_altitude_m"}),
     ),
     GpsSample: (
@@ -190,7 +245,7 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             BODY,
             {name: name for name in ("integration_ns", "flow_rad", "gyro_rad", "distance_m", "quality")},
         ),
-        Topic("/temperature", "sensor_msgs/Temperature", BODY, {"temperature": "temperature_degc"}),
+        _TEMPERATURE,
     ),
 }
 

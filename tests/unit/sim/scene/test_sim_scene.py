@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import mujoco
@@ -15,6 +16,7 @@ from signals.errors import ConfigError
 from signals.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
 from sim.physics.contact_model import build_model
 from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.scene import atmosphere
 from sim.scene.atmosphere import geopotential_m, pressure_altitude_m, pressure_pa
 from sim.scene.scene import Site, load_scene, scene_names
 from sim.sensors.magnetometer import magnetic_field_W_tesla
@@ -67,6 +69,12 @@ def test_magnetic_field_agrees_with_the_model(site: Site) -> None:
 def test_standard_atmosphere(altitude_m: float, pressure: float) -> None:
     assert pressure_pa(altitude_m) == pytest.approx(pressure, rel=1e-5)
     assert pressure_altitude_m(pressure_pa(altitude_m)) == pytest.approx(altitude_m, abs=1e-8)
+
+
+def test_the_exponent_of_the_atmosphere_is_that_of_the_constants_beside_it() -> None:
+    (line,) = (line for line in Path(atmosphere.__file__).read_text().splitlines() if line.startswith("# g M / (R L)"))
+    figures = {name: float(value) for name, value in re.findall(r"\b([gMRL]) (\d[\d.]*\d)", line)}
+    assert figures["g"] * figures["M"] / (figures["R"] * figures["L"]) == pytest.approx(atmosphere.EXPONENT, abs=1e-6)
 
 
 def test_the_standard_atmosphere_ends_where_it_is_modelled() -> None:

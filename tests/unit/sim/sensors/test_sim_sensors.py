@@ -11,14 +11,14 @@ import pytest
 
 from signals.errors import ModelRangeError
 from signals.geodesy import LocalFrame
-from signals.samples import TruthState
+from signals.samples import TruthState, Vec3
 from sim._kernels import ideal_imu
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.atmosphere import geopotential_m, pressure_pa
-from sim.scene.scene import load_scene
+from sim.scene.scene import Scene, Site, load_scene
 from sim.sensors.catalog import KINDS, PRESETS, make_sensor
 from sim.sensors.drift import gauss_markov
 from sim.sensors.magnetometer import magnetic_field_W_tesla
@@ -67,10 +67,10 @@ NOISELESS: dict[str, dict[str, Any]] = {
 }
 
 
-def sensor(preset: str, *, seed: int = 1, name: str = "s", **overrides: Any) -> Any:
+def sensor(preset: str, *, seed: int = 1, name: str = "s", scene: Scene = SCENE, **overrides: Any) -> Any:
     kind = PRESETS[preset].kind
     return make_sensor(
-        Installation(name, rate_hz=RATE_HZ.get(kind, 50.0), seed=seed, scene=SCENE, step_ns=TICK_NS),
+        Installation(name, rate_hz=RATE_HZ.get(kind, 50.0), seed=seed, scene=scene, step_ns=TICK_NS),
         preset=preset,
         overrides=overrides,
     )
@@ -191,6 +191,30 @@ def test_gps_without_errors_is_the_truth() -> None:
     at = LocalFrame(SCENE.site).enu_from_geodetic(sample.latitude_deg, sample.longitude_deg, sample.altitude_m)
     assert at == pytest.approx((120.0, -40.0, 15.0), abs=1e-8)
     assert sample.v_W == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("latitude_deg", "p_W", "turned_deg"),
+    [
+        (89.9, (1000.0, 0.0, 0.0), 5.117),
+        (60.0, (10_000.0, 0.0, 0.0), 0.1552),
+        (60.0, (0.0, 10_000.0, 0.0), 0.0),
+        (-60.0, (10_000.0, 0.0, 0.0), -0.1552),
+    ],
+)
+def test_gps_velocity_is_along_the_meridian_of_its_place(latitude_deg: float, p_W: Vec3, turned_deg: float) -> None:
+    """Two positions a moment apart give the same velocity as the receiver: geodetic differences, at its own place."""
+    scene = SCENE.model_copy(update={"site": SCENE.site.model_copy(update={"latitude_deg": latitude_deg})})
+    gps = sensor("here_plus", scene=scene, **NOISELESS["here_plus"])
+    north, dt_s = (0.0, 10.0, 0.0), 0.1
+    first = gps.sample(at_rest(p_WB=p_W, v_WB_W=north), 0)
+    second = gps.sample(at_rest(p_WB=tuple(p + v * dt_s for p, v in zip(p_W, north, strict=True)), v_WB_W=north), 1)
+    here = LocalFrame(
+        Site(latitude_deg=first.latitude_deg, longitude_deg=first.longitude_deg, altitude_m=first.altitude_m)
+    )
+    moved = here.enu_from_geodetic(second.latitude_deg, second.longitude_deg, second.altitude_m)
+    assert first.v_W == pytest.approx([x / dt_s for x in moved], abs=2e-3)
+    assert math.degrees(math.atan2(-first.v_W[0], first.v_W[1])) == pytest.approx(-turned_deg, rel=2e-3, abs=3e-3)
 
 
 def test_drift_does_not_depend_on_how_it_was_read() -> None:

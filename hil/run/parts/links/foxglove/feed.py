@@ -100,7 +100,11 @@ class VehicleFeed:
             if KINDS[sensor.kind].sample_type is ImageSample and f"{port}/{_COLOUR}" in run.plan.order:
                 server.declare(names.topic(f"/{port}/{_COLOUR}{COMPRESSED}"), "sensor_msgs/CompressedImage")
         self._messages = LiveMessages(
-            config.tick_ns, descriptions=run.sensors.descriptions, vehicle=config.name, selected=self._selection
+            config.tick_ns,
+            descriptions=run.sensors.descriptions,
+            deviations=run.sensors.deviations,
+            vehicle=config.name,
+            selected=self._selection,
         )
         self._series = {
             "events": EventSeries(self),  # type: ignore[arg-type]

@@ -1,6 +1,7 @@
 """DDS types of ROS 2 messages, made from the definitions of the recording. Needs the package cyclonedds.
 
     sensor_msgs/Imu  ->  sensor_msgs::msg::dds_::Imu_     final, members numbered in order
+    std_srvs/SetBool_Request  ->  std_srvs::srv::dds_::SetBool_Request_
 
 as `rmw_cyclonedds_cpp` makes them, so that the type identifiers of XTypes are also the same.
 """
@@ -35,13 +36,24 @@ _PRIMITIVES: dict[str, Any] = {
 def dds_name(type_name: str) -> str:
     """Return the name of a type "package/Name" in DDS."""
     package, name = type_name.split("/")
-    return f"{package}::msg::dds_::{name}_"
+    kind = "srv" if name.endswith(("_Request", "_Response")) else "msg"
+    return f"{package}::{kind}::dds_::{name}_"
 
 
 @cache
 def dds_type(type_name: str) -> Any:
     """Return the class of the messages of a type "package/Name"."""
-    members: dict[str, Any] = {}
+    return _message(type_name, {})
+
+
+@cache
+def service_type(type_name: str) -> Any:
+    """Return the class of the requests or replies of a service, which begin with client and number of the request."""
+    return _message(type_name, {"client": idl.uint64, "number": idl.int64})
+
+
+def _message(type_name: str, members: dict[str, Any]) -> Any:
+    """Return a class with these members and those of a type."""
     for field in fields(type_name):
         kind = _PRIMITIVES.get(field.type) or dds_type(field.type)
         if field.length == -1:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import socket
 import time
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -24,7 +25,14 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from hil.run.parts.links.ros2.dds_ports import MAX_PARTICIPANTS, has_free_port, receive_on
-from hil.run.parts.links.ros2.dds_types import GRAPH_HASH, Gid, NodeEntitiesInfo, ParticipantEntitiesInfo, dds_type
+from hil.run.parts.links.ros2.dds_types import (
+    GRAPH_HASH,
+    Gid,
+    NodeEntitiesInfo,
+    ParticipantEntitiesInfo,
+    dds_type,
+    service_type,
+)
 from hil.run.parts.links.ros2.sender import Sender
 from hil.run.parts.links.ros2.type_hash import type_hash
 from signals.errors import HilError
@@ -67,11 +75,13 @@ class Profile(NamedTuple):
 DEFAULT = Profile()  # rmw_qos_profile_default: subscriptions with the sensors' profile (best effort) match it too
 CLOCK_PROFILE = Profile(1, reliable=False)  # rclcpp::ClockQoS
 TF = Profile(100)  # tf2_ros::DynamicBroadcasterQoS
+LATCHED = Profile(1, transient_local=True)  # what later subscribers get too
 TF_STATIC = Profile(100, transient_local=True)  # tf2_ros::StaticBroadcasterQoS, one message for each sensor
 WAITED_FOR = Profile(0)
 
 
 def _qos(profile: Profile, user_data: str) -> Qos:
+    """Return QoS of an endpoint. `user_data`: "key=value", as `_hashed` makes it."""
     history = Policy.History.KeepLast(profile.depth) if profile.depth else Policy.History.KeepAll
     policies = [
         Policy.Reliability.Reliable(_UNBLOCKED) if profile.reliable else Policy.Reliability.BestEffort,
@@ -79,11 +89,15 @@ def _qos(profile: Profile, user_data: str) -> Qos:
         history,
         Policy.DataRepresentation(use_cdrv0_representation=True),
         Policy.WriterDataLifecycle(autodispose=False),
-        Policy.Userdata(f"typehash={user_data};".encode()),
+        Policy.Userdata(f"{user_data};".encode()),
     ]
     if profile.transient_local:
         policies.append(Policy.DurabilityService(0, history, -1, -1, -1))
     return Qos(*policies)
+
+
+def _hashed(type_name: str) -> str:
+    return f"typehash={type_hash(type_name)}"
 
 
 class _Domains:
@@ -150,12 +164,11 @@ _DOMAINS = _Domains()
 class Publisher:
     """A publisher of one topic. A `Sender` sends its messages: CDR bytes of a multiple of 4."""
 
-    def __init__(self, node: Node, name: str, type_name: str, profile: Profile) -> None:
+    def __init__(self, node: Node, name: str, dds_topic: Topic[Any], qos: Qos) -> None:
         self.name = name
         self.subscribers = 0  # that match now; set by a thread of the DDS library
-        topic = Topic(node.participant, f"rt{name}", dds_type(type_name))
         listener = Listener(on_publication_matched=self._matched)
-        self._writer = DataWriter(node.participant, topic, _qos(profile, type_hash(type_name)), listener)
+        self._writer = DataWriter(node.participant, dds_topic, qos, listener)
         self.ref = self._writer._ref
         self.gid = self._writer.get_guid().bytes
 
@@ -181,10 +194,10 @@ class Publisher:
 class Subscription:
     """A subscription of one topic."""
 
-    def __init__(self, node: Node, name: str, type_name: str) -> None:
+    def __init__(self, node: Node, name: str, dds_topic: Topic[Any], qos: Qos) -> None:
         self.name = name
-        topic = Topic(node.participant, f"rt{name}", dds_type(type_name))
-        self._reader = DataReader(node.participant, topic, _qos(DEFAULT, type_hash(type_name)))
+        self._reader = DataReader(node.participant, dds_topic, qos)
+        self.ref = self._reader._ref
         self.gid = self._reader.get_guid().bytes
 
     def take(self, refuse: Callable[[ValueError], None]) -> Iterator[Any]:
@@ -219,17 +232,28 @@ class Node:
         self.unconfined = _DOMAINS.unconfined.get(domain, "")  # why other machines reach its ports, on loopback
         self.sender = Sender()
         graph = Topic(self.participant, "ros_discovery_info", ParticipantEntitiesInfo)
-        self._graph = DataWriter(self.participant, graph, _qos(Profile(1, transient_local=True), GRAPH_HASH))
+        self._graph = DataWriter(self.participant, graph, _qos(LATCHED, f"typehash={GRAPH_HASH}"))
 
     def publisher(self, name: str, type_name: str, profile: Profile = DEFAULT) -> Publisher:
         """Add a publisher."""
-        self._publishers.append(Publisher(self, name, type_name, profile))
+        topic = Topic(self.participant, f"rt{name}", dds_type(type_name))
+        self._publishers.append(Publisher(self, name, topic, _qos(profile, _hashed(type_name))))
         return self._publishers[-1]
 
     def subscription(self, name: str, type_name: str) -> Subscription:
         """Add a subscription."""
-        self._subscriptions.append(Subscription(self, name, type_name))
+        topic = Topic(self.participant, f"rt{name}", dds_type(type_name))
+        self._subscriptions.append(Subscription(self, name, topic, _qos(DEFAULT, _hashed(type_name))))
         return self._subscriptions[-1]
+
+    def service_endpoints(self, name: str, type_name: str) -> tuple[Subscription, Publisher]:
+        """Add the endpoints of a server, which rmw_cyclonedds_cpp finds together by a common "serviceid"."""
+        qos = _qos(DEFAULT, "serviceid=" + ".".join(f"{byte:x}" for byte in uuid.uuid4().bytes))
+        request = Topic(self.participant, f"rq{name}Request", service_type(f"{type_name}_Request"))
+        reply = Topic(self.participant, f"rr{name}Reply", service_type(f"{type_name}_Response"))
+        self._subscriptions.append(Subscription(self, name, request, qos))
+        self._publishers.append(Publisher(self, name, reply, qos))
+        return self._subscriptions[-1], self._publishers[-1]
 
     def is_first_at(self, t_ns: int) -> bool:
         """Return True for the first node of this process that asks about a time: it sends `/clock`."""

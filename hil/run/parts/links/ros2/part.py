@@ -15,11 +15,13 @@ from typing import Any
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
 from hil.run.autopilot import geodetic_from_W
+from hil.run.live.encoders import padded
 from hil.run.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from hil.run.loop.scheduler import CommandSource
 from hil.run.part import Part, RunContext
-from hil.run.parts.links.ros2.set_points import desired_pose, desired_velocity
+from hil.run.parts.links.ros2.set_points import Frames, desired_pose, desired_velocity
 from hil.run.parts.pilots.mission import grid_ns, record_texts
+from hil.run.recorder.mcap.topics import BODY, MAP, ODOM, WORLD
 from signals.desired import DesiredState
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
@@ -49,6 +51,8 @@ class Ros2Part(Part):
         self._live: LiveMessages | None = None
         self._pilot: OffboardPilot | None = None
         self._subscriptions: list[tuple[Any, Callable[[Any, TruthState], DesiredState]]] = []
+        self._commands: Any = None  # services; with `control`
+        self._others: Any = None  # the endpoints of other nodes
         self._counts: dict[str, int] = {}
         self._set_points = self._refused = 0
         self._cost, self._waits = LatencyHistogram(), LatencyHistogram()  # processor time of a tick; wall clock
@@ -58,6 +62,7 @@ class Ros2Part(Part):
 
     def open(self, run: RunContext) -> None:
         from hil.run.parts.links.ros2 import node as ros2
+        from hil.run.parts.links.ros2.other_nodes import OtherNodes
 
         self._run = run
         settings = self._settings
@@ -73,18 +78,42 @@ class Ros2Part(Part):
             self._publishers[topic.name] = self._node.publisher(topic.name, topic.type_name, profile)
         self._always = frozenset((*settings.wait_for, "/tf_static")) & self._publishers.keys()
         self._awaited = [self._publishers[name] for name in settings.wait_for]
-        if settings.control:
-            self._subscribe()
+        description = self._names.topic("/robot_description")
+        self._publishers[description] = self._node.publisher(description, "std_msgs/String", ros2.LATCHED)
+        if settings.tf == "map" and "/tf_static" not in self._publishers:
+            self._publishers["/tf_static"] = self._node.publisher("/tf_static", "tf2_msgs/TFMessage", ros2.TF_STATIC)
+        subscribed = self._subscribe() if settings.control else {}
+        services = self._commands.services if self._commands is not None else ()
+        published = {topic.name: [topic.type_name] for topic in self._topics}
+        self._others = OtherNodes(self._node.participant, published, subscribed, services)
         self._node.announce()
 
-    def _subscribe(self) -> None:
-        body = self._names.frame("base_link")
-        for name, type_name, convert in (
-            ("/cmd_vel", "geometry_msgs/TwistStamped", lambda message, truth: desired_velocity(message, truth, body)),
-            ("/cmd_pose", "geometry_msgs/PoseStamped", lambda message, truth: desired_pose(message)),  # noqa: ARG005
+    def _subscribe(self) -> dict[str, list[str]]:
+        """Subscribe to set-points and offer the services. Return the types by topic."""
+        from hil.run.parts.links.ros2.commands import VehicleCommands
+
+        frames = _frames(self._names, self._settings.tf)
+        types: dict[str, list[str]] = {}
+
+        def stamped(message: Any, truth: TruthState) -> DesiredState:
+            return desired_velocity(message.twist, message.header.frame_id, truth, frames)
+
+        for path, type_name, convert in (
+            ("/cmd_vel", "geometry_msgs/TwistStamped", stamped),
+            ("/cmd_vel", "geometry_msgs/Twist", lambda message, truth: desired_velocity(message, "", truth, frames)),
+            ("/cmd_pose", "geometry_msgs/PoseStamped", lambda message, truth: desired_pose(message, frames)),  # noqa: ARG005
             ("/cmd_land", "std_msgs/Empty", lambda message, truth: DesiredState(land=True)),  # noqa: ARG005
         ):
-            self._subscriptions.append((self._node.subscription(self._names.topic(name), type_name), convert))
+            name = self._names.topic(path)
+            types.setdefault(name, []).append(type_name)
+            self._subscriptions.append((self._node.subscription(name, type_name), convert))
+        self._commands = VehicleCommands(
+            self._node,
+            self._names,
+            self._settings.takeoff_height_m,
+            lambda why: self._warn(f"a command was not carried out: {why}"),
+        )
+        return types | self._commands.types
 
     def watched_ports(self) -> frozenset[str]:
         return frozenset(topic.port for topic in self._topics if topic.port)
@@ -94,6 +123,8 @@ class Ros2Part(Part):
         self._live = LiveMessages(
             config.tick_ns,
             descriptions=run.sensors.descriptions,
+            deviations=run.sensors.deviations,
+            tf=self._settings.tf,
             vehicle=config.name,
             selected=self._selected,
             pad_to=4,
@@ -123,7 +154,20 @@ class Ros2Part(Part):
             run.say("ros2", f"waiting for subscribers of {', '.join(self._settings.wait_for)}")
             for publisher in self._awaited:
                 self._await_subscriber(publisher)
+        self._send(self._once(run))
         self._look()
+
+    def _once(self, run: RunContext) -> list[tuple[int, str, bytes]]:
+        """Return the messages that are sent once: the vehicle's description, and the fixed frames above `odom`."""
+        from hil.run.parts.links.ros2.fixed_messages import identities, text
+        from hil.run.parts.links.ros2.robot_description import robot_description
+
+        name = self._names.topic("/robot_description")
+        urdf = robot_description(self._bench.vehicle, run.sensors.descriptions, self._names.frame)
+        messages = {name: text(urdf)}
+        if self._settings.tf == "map":
+            messages["/tf_static"] = identities(WORLD, MAP, self._names.frame(ODOM))
+        return [(self._publishers[name].ref, name, padded(data, 4)) for name, data in messages.items()]
 
     def _await_subscriber(self, publisher: Any) -> None:
         from hil.run.parts.links.ros2.node import Ros2Error, wait_until
@@ -137,7 +181,7 @@ class Ros2Part(Part):
             )
 
     def command_sources(self) -> list[CommandSource]:
-        return [] if self._pilot is None else [self._pilot]
+        return [] if self._pilot is None else [self._pilot, self._commands.commands]
 
     def exchange(self) -> Ros2Part:
         return self
@@ -159,7 +203,7 @@ class Ros2Part(Part):
         record_texts(run.recorder, list(self.texts()))
 
     def repeatable(self) -> bool:
-        return self._set_points == 0
+        return self._set_points == 0 and (self._commands is None or self._commands.requested == 0)
 
     def run_keys(self) -> dict[str, Any]:
         cost = self._cost
@@ -169,6 +213,7 @@ class Ros2Part(Part):
                 "topics": {name: self._counts.get(name, 0) for name in sorted(self._publishers)},
                 "set_points": self._set_points,
                 "set_points_refused": self._refused,
+                "commands": 0 if self._commands is None else self._commands.requested,
                 "tick_us": {
                     "mean": self._cost_ns / 1000 / max(cost.count, 1),
                     "p50": cost.quantile_ns(0.5) / 1000,
@@ -206,7 +251,10 @@ class Ros2Part(Part):
                 except ValueError as error:
                     refuse(error)
                     continue
-                self._set_point(subscription.name, desired, truth)
+                if desired.land or not self._commands.climbing:
+                    self._set_point(subscription.name, desired, truth)
+        if self._commands is not None:
+            self._carry_out(truth)
         cost_ns = time.thread_time_ns() - began_ns
         self._cost.add(cost_ns)
         self._cost_ns += cost_ns
@@ -217,6 +265,17 @@ class Ros2Part(Part):
             for publisher in awaited:
                 self._await_receipt(publisher)
             self._waits.add(time.perf_counter_ns() - wait_began_ns)
+
+    def _carry_out(self, truth: TruthState) -> None:
+        """Answer requests of the services."""
+        assert self._pilot is not None
+        before = self._commands.requested
+        desired = list(self._commands.take(truth, self._pilot, partial(self._refuse, "the commands")))
+        if before == 0 < self._commands.requested:
+            assert self._run is not None
+            self._run.event("ros2", "first command: the flight has an input from outside")
+        for each in desired:
+            self._set_point("the commands", each, truth)
 
     def _send(self, batch: list[tuple[int, str, bytes]]) -> None:
         sender = self._node.sender
@@ -234,6 +293,12 @@ class Ros2Part(Part):
         self._selected.clear()
         self._selected |= self._always
         self._selected.update(name for name, publisher in self._publishers.items() if publisher.subscribers)
+        for text in self._others.mismatches():
+            self._warn(text)
+
+    def _warn(self, text: str) -> None:
+        assert self._run is not None
+        self._run.event("warning", f"ros2: {text}")
 
     def _await_receipt(self, publisher: Any) -> None:
         from hil.run.parts.links.ros2.node import Ros2Error
@@ -252,8 +317,7 @@ class Ros2Part(Part):
     def _refuse(self, name: str, error: ValueError) -> None:
         self._refused += 1
         if self._refused == 1:
-            assert self._run is not None
-            self._run.event("warning", f"ros2: a set-point of {name} is refused, and so may be others: {error}")
+            self._warn(f"a set-point of {name} is refused, and so may be others: {error}")
 
     def _set_point(self, name: str, desired: DesiredState, truth: TruthState) -> None:
         run, pilot = self._run, self._pilot
@@ -266,6 +330,12 @@ class Ros2Part(Part):
         for part in run.parts:
             part.on_desired(desired, t_apply_ns)
         pilot.set_desired(desired, t_apply_ns)
+
+
+def _frames(names: Names, tf: str) -> Frames:
+    """Return the frames of set-points. A frame that another node places (`Ros2.tf`) is none of them."""
+    placed = {"odom": (ODOM,), "none": ()}.get(tf, (MAP, ODOM))
+    return Frames(names.frame(BODY), tuple(dict.fromkeys((WORLD, *placed, *map(names.frame, placed)))))
 
 
 def _problems(bench: Bench, known: Sequence[str]) -> list[Problem]:
@@ -289,7 +359,7 @@ def _problems(bench: Bench, known: Sequence[str]) -> list[Problem]:
 def make(bench: Bench) -> Part:
     """Return the part. Raises ConfigError for an unknown topic, or without a package that it needs."""
     settings = bench.config.ros2
-    topics = live_topics(bench)
+    topics = live_topics(bench, settings.tf)
     problems = _problems(bench, [topic.name for topic in topics])
     if problems:
         raise ConfigError(problems)

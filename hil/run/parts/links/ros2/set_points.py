@@ -1,23 +1,23 @@
 """Set-points from ROS 2: `cmd_vel`, `cmd_pose` and `cmd_land` become desired states, which the offboard pilot flies.
 
-    cmd_vel    geometry_msgs/TwistStamped   velocity [m/s] and rate of heading [rad/s]
-    cmd_pose   geometry_msgs/PoseStamped    position [m] and heading
-    cmd_land   std_msgs/Empty               the vehicle lands, which ends the flight
+    cmd_vel    geometry_msgs/Twist or TwistStamped   velocity [m/s] and rate of heading [rad/s]
+    cmd_pose   geometry_msgs/PoseStamped             position [m] and heading
+    cmd_land   std_msgs/Empty                        the vehicle lands, which ends the flight
 
-`header.frame_id` is the world ("world", "map", "odom" or empty) or the vehicle: "base_link" turns a velocity by the
-vehicle's true heading. The stamp is not used: a set-point applies from the next tick on.
+A velocity is one of the vehicle unless `header.frame_id` names the world: a Twist, an empty frame_id and "base_link"
+turn with the vehicle's true heading, as teleops and planners mean them. A position is one of the world. The stamp is
+not used: a set-point applies from the next tick on.
 """
 
 from __future__ import annotations
 
 from math import atan2, cos, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 from signals.desired import DesiredState
 from signals.samples import Quat, TruthState
 
 _LARGEST = 1e9  # m, m/s, ...: as for companions
-WORLD_FRAMES = ("", "world", "map", "odom")
 
 
 def heading_of(q: Quat) -> float:
@@ -26,27 +26,31 @@ def heading_of(q: Quat) -> float:
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
-def desired_velocity(message: Any, truth: TruthState, body_frame: str) -> DesiredState:
-    """Return the desired state of a TwistStamped. Raises ValueError for another frame, or numbers out of range.
+class Frames(NamedTuple):
+    """Names of the frames in which set-points may be given."""
 
-    `body_frame`: name of the vehicle's frame.
-    """
-    linear, angular, frame = message.twist.linear, message.twist.angular, message.header.frame_id
+    body: str
+    worlds: tuple[str, ...]  # whose axes and origin are those of W
+
+
+def desired_velocity(twist: Any, frame: str, truth: TruthState, frames: Frames) -> DesiredState:
+    """Return the desired state of a Twist in a frame. Raises ValueError for another frame, or numbers out of range."""
+    linear, angular = twist.linear, twist.angular
     _check_numbers(linear.x, linear.y, linear.z, angular.z)
     vx, vy = linear.x, linear.y
-    if frame == body_frame:
+    if frame in ("", frames.body):
         c, s = cos(heading := heading_of(truth.q_WB)), sin(heading)
         vx, vy = c * vx - s * vy, s * vx + c * vy
-    elif frame not in WORLD_FRAMES:
-        raise ValueError(f"frame_id is {frame!r}; it has to be 'world' or {body_frame!r}")
+    elif frame not in frames.worlds:
+        raise ValueError(f"frame_id is {frame!r}; it has to be {frames.body!r} or one of {', '.join(frames.worlds)}")
     return DesiredState(v_W=(vx, vy, linear.z), yaw_rate_radps=angular.z)
 
 
-def desired_pose(message: Any) -> DesiredState:
+def desired_pose(message: Any, frames: Frames) -> DesiredState:
     """Return the desired state of a PoseStamped. Raises ValueError as `desired_velocity`."""
     frame, p, q = message.header.frame_id, message.pose.position, message.pose.orientation
-    if frame not in WORLD_FRAMES:
-        raise ValueError(f"frame_id is {frame!r}; a position has to be in 'world'")
+    if frame and frame not in frames.worlds:
+        raise ValueError(f"frame_id is {frame!r}; a position has to be in one of {', '.join(frames.worlds)}")
     _check_numbers(p.x, p.y, p.z)
     return DesiredState(p_W=(p.x, p.y, p.z), q_WB=(q.w, q.x, q.y, q.z))
 

@@ -30,12 +30,14 @@ ENCODINGS = {
 K = (16.0, 0.0, 7.5, 0.0, 16.0, 5.5, 0.0, 0.0, 1.0)
 P = (16.0, 0.0, 7.5, 0.0, 0.0, 16.0, 5.5, 0.0, 0.0, 0.0, 1.0, 0.0)
 PROJECTION = Projection(16, 12, "plumb_bob", (0.1, 0.2, 0, 0, 0), K, P)
+SWEEP_NS = 10_000
 CAMERA = FrameDescription("front_optical", (0.1, 0.0, 0.05), (0.5, -0.5, 0.5, -0.5), PROJECTION)
 
 
 def record(folder: Path, samples: list[tuple[str, Any]], *, close: bool = True, ticks: int = 40) -> Recorder:
     recorder = Recorder(folder, mcap=True, tlog=False, tick_ns=TICK_NS)
     recorder.describe("front", CAMERA)
+    recorder.describe("lidar", FrameDescription("lidar", sweep_ns=SWEEP_NS))
     for tick in make_flight(ticks):
         recorder.truth(tick.truth)
         for port, sample in samples:
@@ -80,7 +82,7 @@ def test_pictures_are_standard_messages_and_bit_exact(tmp_path: Path) -> None:
 
 
 def test_point_clouds_of_any_size_are_standard_messages_and_bit_exact(tmp_path: Path) -> None:
-    samples = [cloud(0, 50), cloud(10, 0), cloud(20, 7)]
+    samples = [cloud(0, 50), cloud(10, 0), cloud(20, 7)]  # the first began before the run
     record(tmp_path, [("lidar", sample) for sample in samples])
     messages = decoded(tmp_path / MCAP_NAME)["/lidar"]
     assert len(messages) == 3
@@ -88,7 +90,7 @@ def test_point_clouds_of_any_size_are_standard_messages_and_bit_exact(tmp_path: 
         assert (ros.height, ros.width, ros.header.frame_id) == (1, len(sample.range_m), "lidar")
         assert ros.is_dense
         assert ros.row_step == ros.point_step * ros.width == len(ros.data)
-        formats = {7: "<f4", 5: "<i4", 4: "<u2", 2: "u1"}  # sensor_msgs/PointField
+        formats = {7: "<f4", 6: "<u4", 4: "<u2", 2: "u1"}  # sensor_msgs/PointField
         layout = np.dtype(
             {
                 "names": [field.name for field in ros.fields],
@@ -101,7 +103,11 @@ def test_point_clouds_of_any_size_are_standard_messages_and_bit_exact(tmp_path: 
         assert np.array_equal(np.stack([points["x"], points["y"], points["z"]], axis=1), sample.points_L)
         assert np.array_equal(points["range"], sample.range_m)
         assert np.array_equal(points["intensity"], sample.intensity)
-        assert np.array_equal(points["t"], sample.time_offset_ns)
+        begin_ns = ros.header.stamp.sec * 10**9 + ros.header.stamp.nanosec
+        assert begin_ns == max(0, sample.t_capture_ns - SWEEP_NS)
+        fired_ns = np.maximum(sample.t_capture_ns + sample.time_offset_ns, 0)
+        assert np.array_equal(begin_ns + points["t"].astype(np.int64), fired_ns)
+        assert points["time"] == pytest.approx(points["t"] * 1e-9, rel=1e-6)
         assert np.array_equal(points["ring"], sample.ring)
         assert np.array_equal(points["label"], sample.segmentation)
 
