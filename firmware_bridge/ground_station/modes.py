@@ -47,16 +47,6 @@ def firmware_of(autopilot: int) -> Firmware:
     return Firmware(name=enum_name("MAV_AUTOPILOT", autopilot), mav_autopilot=autopilot)  # loads the dialect: 0.2 s
 
 
-def mode_words(autopilot: int) -> tuple[str, ...]:
-    """Return the words for the modes of `autopilot` (MAV_AUTOPILOT)."""
-    return tuple(firmware_of(autopilot).modes)
-
-
-def has_mode(autopilot: int, word: str) -> bool:
-    """Return True if `autopilot` (MAV_AUTOPILOT) has a mode for this word."""
-    return plain_word(word) in mode_words(autopilot)
-
-
 def mode_number(autopilot: int, word: str) -> ModeNumber:
     """Return the numbers of mode `word` on `autopilot` (MAV_AUTOPILOT). HandshakeError if it has no such mode."""
     modes = firmware_of(autopilot).modes

@@ -11,7 +11,7 @@ from firmware_bridge.autopilots.catalog import PROFILES
 from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
 from firmware_bridge.codecs.sensor_rotation import named_rotation
 from firmware_bridge.faults.link_fault import LinkFault
-from firmware_bridge.ground_station.modes import has_mode, mode_words
+from firmware_bridge.ground_station.modes import plain_word
 from hil.config.layers import Settings
 from hil.config.missions.script import MissionScript, SensorFault, injected_at
 from hil.config.schema import BenchConfig, SensorConfig
@@ -176,7 +176,7 @@ def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[P
                 problems.append(at(script.document, place, misfit.message, misfit.hint))
     for index, spec in enumerate(script.script.actions):
         for key, word in spec.modes.items():
-            if spec.required and not has_mode(profile.firmware.mav_autopilot, word):
+            if spec.required and plain_word(word) not in profile.firmware.modes:
                 problems.append(at(script.document, ("actions", index, key), *_no_mode(config, word)))
         fault = None if spec.fault is None or spec.in_settings else injected_at(spec, 0.0)
         if not isinstance(fault, SensorFault) or any(fault_problems([fault], types)):
@@ -190,5 +190,5 @@ def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[P
 
 def _no_mode(config: BenchConfig, word: str) -> tuple[str, str]:
     firmware = config.autopilot.profile.firmware
-    hint = f"it has {', '.join(mode_words(firmware.mav_autopilot))}; with required: false the action is left out there"
+    hint = f"it has {', '.join(firmware.modes)}; with required: false the action is left out there"
     return f"names the mode {word}, which {firmware.name} does not have", hint
