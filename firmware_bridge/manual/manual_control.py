@@ -39,28 +39,6 @@ _COMPONENT_ARM_DISARM = 400
 _TRIES = 3
 _CUSTOM_MODE = 1.0  # MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 
-# Parameters 2 and 3 of DO_SET_MODE: PX4's main and sub mode; ArduCopter's mode number.
-PX4_MODES: dict[str, tuple[float, float]] = {
-    "manual": (1.0, 0.0),
-    "altitude": (2.0, 0.0),
-    "position": (3.0, 0.0),
-    "stabilized": (7.0, 0.0),
-    "acro": (5.0, 0.0),
-    "hold": (4.0, 3.0),
-    "return": (4.0, 5.0),
-    "land": (4.0, 6.0),
-    "takeoff": (4.0, 2.0),
-}
-ARDUCOPTER_MODES: dict[str, tuple[float, float]] = {
-    "stabilized": (0.0, 0.0),
-    "acro": (1.0, 0.0),
-    "altitude": (2.0, 0.0),
-    "hold": (5.0, 0.0),
-    "return": (6.0, 0.0),
-    "land": (9.0, 0.0),
-    "position": (16.0, 0.0),
-}
-
 
 class ManualEvent(NamedTuple):
     """An event for the recording."""
@@ -95,7 +73,8 @@ class ManualControlSource:
     """A source of commands for the scheduler: the sticks of `device`.
 
     `device` None: none is plugged in yet. `reopen` is called every `retry_s` while there is none; it returns None or
-    raises StickLost while there still is none. All times are simulated.
+    raises StickLost while there still is none. `modes`: the autopilot's, for buttons (`Firmware.manual_modes`). All
+    times are simulated.
     """
 
     def __init__(
@@ -104,7 +83,7 @@ class ManualControlSource:
         *,
         reopen: Callable[[], StickDevice | None] | None = None,
         buttons: Buttons = Buttons(),  # noqa: B008 (immutable)
-        modes: Mapping[str, tuple[float, float]] = PX4_MODES,
+        modes: Mapping[str, tuple[float, float]] = {},
         rate_hz: float = 25.0,
         neutral_s: float = 0.5,
         retry_s: float = 1.0,

@@ -11,7 +11,6 @@ from __future__ import annotations
 from firmware_bridge.autopilots.firmware import Firmware, ModeNumber
 from firmware_bridge.ground_station.modes import ARDUPILOT as MAV_AUTOPILOT_ARDUPILOT
 from firmware_bridge.ground_station.projections import ardupilot_ned
-from firmware_bridge.manual.manual_control import ARDUCOPTER_MODES
 
 _COPTER_MODES = {
     "MISSION": 3,
@@ -39,5 +38,13 @@ ARDUPILOT = Firmware(
     plain_masks=True,
     modes={word: ModeNumber(number, 0, number) for word, number in _COPTER_MODES.items()},
     project=ardupilot_ned,
-    manual_modes=ARDUCOPTER_MODES,
+    manual_modes={
+        "stabilized": (0.0, 0.0),
+        "acro": (1.0, 0.0),
+        "altitude": (2.0, 0.0),
+        "hold": (5.0, 0.0),
+        "return": (6.0, 0.0),
+        "land": (9.0, 0.0),
+        "position": (16.0, 0.0),
+    },
 )

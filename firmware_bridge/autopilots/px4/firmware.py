@@ -10,7 +10,6 @@ from __future__ import annotations
 from firmware_bridge.autopilots.firmware import Firmware, ModeNumber
 from firmware_bridge.ground_station.modes import PX4 as MAV_AUTOPILOT_PX4
 from firmware_bridge.ground_station.projections import px4_ned
-from firmware_bridge.manual.manual_control import PX4_MODES
 
 
 def _mode(main: int, sub: int = 0) -> ModeNumber:
@@ -37,5 +36,15 @@ PX4 = Firmware(
         "ALTITUDE": _mode(2),
         "STABILIZED": _mode(7),
     },
-    manual_modes=PX4_MODES,
+    manual_modes={
+        "manual": (1.0, 0.0),
+        "altitude": (2.0, 0.0),
+        "position": (3.0, 0.0),
+        "stabilized": (7.0, 0.0),
+        "acro": (5.0, 0.0),
+        "hold": (4.0, 3.0),
+        "return": (4.0, 5.0),
+        "land": (4.0, 6.0),
+        "takeoff": (4.0, 2.0),
+    },
 )

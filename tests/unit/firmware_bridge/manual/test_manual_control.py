@@ -2,14 +2,14 @@
 
 import pytest
 
+from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
+from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import message_class, pack, unpack
 from firmware_bridge.devices.mock_bus import MockDesk
 from firmware_bridge.manual.axes import Axis, StickMapping
 from firmware_bridge.manual.hid_gamepad import open_gamepad
 from firmware_bridge.manual.manual_control import (
-    ARDUCOPTER_MODES,
-    PX4_MODES,
     Buttons,
     Control,
     ManualControlSource,
@@ -225,7 +225,7 @@ BUTTONS = Buttons(arm=1, disarm=2, modes={3: "position", 4: "return"})
 
 def with_buttons(**options):
     pilot = Pilot()
-    source = ManualControlSource(pilot, buttons=BUTTONS, **options)
+    source = ManualControlSource(pilot, buttons=BUTTONS, **{"modes": PX4.manual_modes, **options})
     bench = Bench(source)
     bench.run(0.2)
     source.take_events()
@@ -248,17 +248,17 @@ def test_a_button_is_one_command_however_long_it_is_held(button, command, params
 
 
 def test_ardupilot_modes_are_numbers_of_their_own():
-    pilot, _, bench = with_buttons(modes=ARDUCOPTER_MODES)
+    pilot, _, bench = with_buttons(modes=ARDUPILOT.manual_modes)
     pilot.hold(True, 4)
     (sent,) = commands_sent(bench.run(0.5))
     assert (sent.param1, sent.param2, sent.param3) == (1, 6, 0)
 
 
 def test_px4_modes_are_px4s_own_numbers():
-    assert PX4_MODES["position"] == (Mode.POSCTL.value.main, Mode.POSCTL.value.sub)
-    assert PX4_MODES["altitude"] == (Mode.ALTCTL.value.main, Mode.ALTCTL.value.sub)
-    assert PX4_MODES["hold"] == (Mode.LOITER.value.main, Mode.LOITER.value.sub)
-    assert PX4_MODES["takeoff"] == (Mode.TAKEOFF.value.main, Mode.TAKEOFF.value.sub)
+    assert PX4.manual_modes["position"] == (Mode.POSCTL.value.main, Mode.POSCTL.value.sub)
+    assert PX4.manual_modes["altitude"] == (Mode.ALTCTL.value.main, Mode.ALTCTL.value.sub)
+    assert PX4.manual_modes["hold"] == (Mode.LOITER.value.main, Mode.LOITER.value.sub)
+    assert PX4.manual_modes["takeoff"] == (Mode.TAKEOFF.value.main, Mode.TAKEOFF.value.sub)
 
 
 def test_buttons_do_nothing_while_the_switch_is_not_held_nor_by_being_held_when_it_is_pressed():
@@ -346,7 +346,8 @@ def test_a_mock_gamepad_flies_the_mock_autopilot_and_is_pulled_out_in_flight():
         arm=ARM,
         modes={POSITION: "position"},
     )
-    source = ManualControlSource(open_gamepad(hid=desk.hid, mapping=mapping), buttons=buttons_of(mapping))
+    pad_in_hand = open_gamepad(hid=desk.hid, mapping=mapping)
+    source = ManualControlSource(pad_in_hand, buttons=buttons_of(mapping), modes=PX4.manual_modes)
     world = World(params=["NAV_RCL_ACT=3"])  # lost sticks: land
     world.extra = source.step
     world.run(5.0)
