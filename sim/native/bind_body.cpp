@@ -116,6 +116,14 @@ class RigidBody {
         return hil::sim::free_flight_tick(body_, times_, wind_, state(), path_.data(), steps_);
     }
 
+    // Takes the way of a tick from what remains of the clearances. False, and nothing is taken, where it is too long.
+    bool keeps_clear(double travelled_m) {
+        if (!(travelled_m < remaining_m && travelled_m < actors_remaining_m)) return false;
+        remaining_m -= travelled_m;
+        actors_remaining_m -= travelled_m + approach_m;
+        return true;
+    }
+
     // Result of a cruise.
     struct Cruise {
         int done = 0;               // ticks finished
@@ -141,12 +149,10 @@ class RigidBody {
                 if (out.bad >= 0) break;
             }
             const double travelled_m = fly();
-            if (!(travelled_m < remaining_m && travelled_m < actors_remaining_m)) {
+            if (!keeps_clear(travelled_m)) {
                 out.travelled_m = travelled_m;
                 break;
             }
-            remaining_m -= travelled_m;
-            actors_remaining_m -= travelled_m + approach_m;
             touching = false;
             out.violation = finish();
             ++out.done;
@@ -528,6 +534,9 @@ void bind_body(nb::module_ &m) {
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
+        .def("keeps_clear", &RigidBody::keeps_clear, "travelled_m"_a,
+             "Take the way of a tick from what remains to the scene and to actors. False, and nothing is taken, where it "
+             "is too long.")
         .def_rw("remaining_m", &RigidBody::remaining_m, "Way that the vehicle may go before a clearance is computed anew.")
         .def_rw("actors_remaining_m", &RigidBody::actors_remaining_m, "The same for actors.")
         .def_rw("approach_m", &RigidBody::approach_m, "Greatest approach of actors in a tick.")

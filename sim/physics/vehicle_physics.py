@@ -224,9 +224,7 @@ class VehiclePhysics:
         if bad_index >= 0:
             raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite, 0..1")
         travelled_m = body.fly()
-        if travelled_m < body.remaining_m and travelled_m < body.actors_remaining_m:
-            body.remaining_m -= travelled_m
-            body.actors_remaining_m -= travelled_m + body.approach_m
+        if body.keeps_clear(travelled_m):
             self.skips.skipped += 1
             return False
         return self._check_contact(travelled_m)
