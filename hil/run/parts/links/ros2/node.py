@@ -196,13 +196,18 @@ class Subscription:
 
     def __init__(self, node: Node, name: str, dds_topic: Topic[Any], qos: Qos) -> None:
         self.name = name
-        self._reader = DataReader(node.participant, dds_topic, qos)
+        self._has_more = False  # set by a thread of the DDS library once a message can be taken
+        listener = Listener(on_data_available=self._arrived)
+        self._reader = DataReader(node.participant, dds_topic, qos, listener)
         self.ref = self._reader._ref
         self.gid = self._reader.get_guid().bytes
 
     def take(self, refuse: Callable[[ValueError], None]) -> Iterator[Any]:
         """Return the messages since the last call. `refuse` is called for one whose texts are not UTF-8."""
+        if not self._has_more:
+            return
         for _ in range(_MOST_TAKEN):
+            self._has_more = False
             try:
                 taken = self._reader.take()
             except UnicodeDecodeError as error:
@@ -212,6 +217,10 @@ class Subscription:
                 return
             if taken[0].sample_info.valid_data:
                 yield taken[0]
+        self._has_more = True
+
+    def _arrived(self, reader: Any) -> None:  # noqa: ARG002 (the signature of a listener)
+        self._has_more = True
 
 
 class Node:
