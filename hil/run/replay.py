@@ -113,22 +113,36 @@ def _first_difference(
     return None
 
 
+def run_files(run_dir: Path, use: str, whole: str) -> tuple[Path, Path]:
+    """Return the resolved configuration and the recording of a run.
+
+    `use`: what cannot be done without them. `whole`: what to do with the folder of one vehicle: {run} and {vehicle} are
+    filled in. Raises ConfigError if there is no such folder, RecordingError if it lacks one of the two.
+    """
+    if not run_dir.is_dir():
+        fault = "is a file, not the folder of a run" if run_dir.exists() else "does not exist"
+        hint = (
+            f"name its folder, {run_dir.parent}"
+            if run_dir.name == MCAP_NAME
+            else "name the folder of a run, such as runs/latest"
+        )
+        raise ConfigError([Problem(str(run_dir), fault, hint)])
+    config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
+    is_vehicle = (run_dir.parent / MCAP_NAME).is_file()
+    hint = whole.format(run=run_dir.parent, vehicle=run_dir.name) if is_vehicle else "was record.mcap off?"
+    for path, remedy in ((recorded, hint), (config, "its resolved configuration")):
+        if not path.is_file():
+            raise RecordingError(f"{run_dir}: cannot be {use}: it has no {path.name} ({remedy})")
+    return config, recorded
+
+
 def replay(run_dir: Path, run: Callable[[Path, Path], Any], *, out_dir: Path | None = None) -> ReplayResult:
     """Run `run_dir/bench.yaml` again with `run(config, out_dir)` and compare.
 
     `out_dir` defaults to `run_dir/replay`. Raises ConfigError if there is no such folder, RecordingError if the
     run has no recording or no configuration, or was not repeatable.
     """
-    if not run_dir.is_dir():
-        fault = "is a file, not the folder of a run" if run_dir.exists() else "does not exist"
-        hint = f"hil replay {run_dir.parent}" if run_dir.name == MCAP_NAME else "name the folder of a run"
-        raise ConfigError([Problem(str(run_dir), fault, hint)])
-    config, recorded = run_dir / CONFIG_NAME, run_dir / MCAP_NAME
-    whole = run_dir.parent / MCAP_NAME  # of the run to which the folder of one vehicle belongs
-    unrecorded = f"hil replay {run_dir.parent}" if whole.is_file() else "was record.mcap off?"
-    for path, hint in ((recorded, unrecorded), (config, "its resolved configuration")):
-        if not path.is_file():
-            raise RecordingError(f"{run_dir}: cannot be replayed: it has no {path.name} ({hint})")
+    config, recorded = run_files(run_dir, "replayed", whole="hil replay {run}")
     _refuse_not_repeatable(run_dir)
     out = out_dir or run_dir / "replay"
     if out.resolve() == run_dir.resolve():

@@ -16,8 +16,7 @@ from hil.config import load_bench
 from hil.run.film.film import ALONE, CHASE, Film
 from hil.run.film.movie import Movie
 from hil.run.recorder.reading import RecordedMessage, Recording
-from hil.run.recorder.recorder import MCAP_NAME
-from hil.run.replay import CONFIG_NAME
+from hil.run.replay import run_files
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.samples import TruthState
 from signals.time import NS_PER_S
@@ -57,15 +56,7 @@ def film_run(
     run without a recording or a film that cannot be written.
     """
     size = _size(options.size)
-    recorded, config = run_dir / MCAP_NAME, run_dir / CONFIG_NAME
-    if not run_dir.is_dir():
-        fault = "is a file, not the folder of a run" if run_dir.exists() else "does not exist"
-        raise ConfigError([Problem(str(run_dir), fault, "name the folder of a run, such as runs/latest")])
-    whole = (run_dir.parent / MCAP_NAME).is_file()
-    hint = f"hil video {run_dir.parent} --vehicle {run_dir.name}" if whole else "was record.mcap off?"
-    for path in (recorded, config):
-        if not path.is_file():
-            raise RecordingError(f"{run_dir}: cannot be filmed: it has no {path.name} ({hint})")
+    config, recorded = run_files(run_dir, "filmed", whole="hil video {run} --vehicle {vehicle}")
     names = Recording(recorded).scan().vehicles
     bench = load_bench(config, flown=False)
     path = out if out is not None else run_dir / FILE_NAME

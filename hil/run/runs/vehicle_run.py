@@ -19,7 +19,7 @@ from hil.run.loop.scheduler import CommandSource, Scheduler, Wiring
 from hil.run.loop.stages import plan_stages
 from hil.run.part import Part, RunContext
 from hil.run.recorder.mcap.mcap_file import VehicleTopics
-from hil.run.recorder.recorder import Recorder
+from hil.run.recorder.recorder import Event, Recorder
 from hil.run.report.page import Report
 from hil.run.runs.failure import Failure
 from hil.run.runs.run_file import RunFile
@@ -79,7 +79,7 @@ class VehicleRun:
         self.failure = Failure(out)
         self._timing_s: dict[str, float] = {}
         self._began_s = time.monotonic()
-        self._recorders: list[Recorder] = []  # empty until the recorder exists
+        self._recorder: Recorder | None = None
 
     def mark_unfinished(self) -> RunResult:
         """Write a run.json so that an earlier one here does not pass for this run's result, however this one ends."""
@@ -87,16 +87,17 @@ class VehicleRun:
 
     def finish(self) -> RunResult:
         """Judge, and write run.json and the report. Everything that the run opened is closed."""
-        for recorder in self._recorders:
-            self.failure.guard(lambda: self._finish_recording(recorder))  # noqa: B023 (called at once)
+        recorder = self._recorder
+        if recorder is not None:
+            self.failure.guard(partial(self._finish_recording, recorder))
         verdict = self._verdict()
-        for recorder in self._recorders:
+        if recorder is not None:
             status = verdict.status if self.failure.error is None else "ERROR"
-            self.failure.guard(lambda: recorder.close(status))  # noqa: B023 (called at once)
+            self.failure.guard(partial(recorder.close, status))
         self._timing_s["total"] = time.monotonic() - self._began_s
         run = self._summary(verdict)
-        if self._config.record.report and self._recorders and self.context.ticks:
-            self.failure.guard(lambda: self._write_report(run))
+        if self._config.record.report and recorder is not None and self.context.ticks:
+            self.failure.guard(partial(self._write_report, run, recorder.events))
             run = self._summary(verdict)
         run = self._file.end(run)
         for part in self._parts:
@@ -182,7 +183,7 @@ class VehicleRun:
             attachments=attachments,
             taps=[tap for part in self._parts if (tap := part.tap()) is not None],
         )
-        self._recorders.append(recorder)
+        self._recorder = recorder
         self.build(stack, recorder)
         self._timing_s["setup"] = time.monotonic() - began_s
 
@@ -214,7 +215,7 @@ class VehicleRun:
             "schema": 1,
             "status": "",
             "error": None,
-            "digest": self._recorders[0].digest if self._recorders else _NO_DIGEST,
+            "digest": _NO_DIGEST if self._recorder is None else self._recorder.digest,
             "deterministic": not context.stopped_by_hand and all(part.repeatable() for part in self._parts),
             "seed": config.seed,
             "rig": config.rig,
@@ -241,7 +242,7 @@ class VehicleRun:
 
     def _warnings(self, said: Sequence[str]) -> list[dict[str, Any]]:
         """Return the warnings of bench and autopilot by time, without those that are among `said` or told by a part."""
-        events = [event for recorder in self._recorders for event in recorder.warnings]
+        events = [] if self._recorder is None else self._recorder.warnings
         told = {*said, *(text for part in self._parts for text in part.told())}
         return [
             {"t_s": event.t_ns / NS_PER_S, "level": event.kind, "text": event.text.strip()}
@@ -249,7 +250,7 @@ class VehicleRun:
             if event.text.strip() not in told
         ]
 
-    def _write_report(self, run: Mapping[str, Any]) -> None:
+    def _write_report(self, run: Mapping[str, Any], events: Sequence[Event]) -> None:
         from hil.run.report import figures, page  # loads matplotlib, which takes half a second
 
         try:
@@ -257,7 +258,7 @@ class VehicleRun:
                 reports = [part.report(self.context) for part in self._parts]
             pictures = [picture for report in reports for picture in report.pictures]
             sections = [section for report in reports for section in report.sections]
-            page.write_page(self._out, run, self._recorders[0].events, Report(pictures, sections))
+            page.write_page(self._out, run, events, Report(pictures, sections))
         except OSError as error:
             text = f"{self._out}: the report cannot be written ({error.strerror or error})"
             raise RecordingError(text) from error

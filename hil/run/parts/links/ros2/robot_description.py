@@ -20,7 +20,7 @@ _ROTOR_M = (0.1, 0.01)  # drawn radius and thickness where the vehicle's file ha
 def robot_description(
     vehicle: Vehicle, descriptions: Mapping[str, FrameDescription], frame: Callable[[str], str]
 ) -> str:
-    """Return the URDF. `descriptions`: of cameras, LiDARs and radars. `frame`: name of a frame in the messages."""
+    """Return the URDF. `descriptions`: of the sensors that have a mount. `frame`: name of a frame in the messages."""
     robot = Element("robot", name=vehicle.name)
     body = SubElement(robot, "link", name=frame(BODY))
     inertial = SubElement(body, "inertial")

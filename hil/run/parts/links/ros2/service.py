@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
+from hil.run.live.encoders import padded
 from hil.run.parts.links.ros2.dds_types import service_type
 from hil.run.parts.links.ros2.node import Node
 
@@ -41,4 +42,4 @@ class Service:
 
     def _send(self, request: Any, /, **fields: Any) -> None:
         data = bytes(self._response(client=request.client, number=request.number, **fields).serialize())
-        self._node.sender.send([(self._replies.ref, self.name, data + bytes(-len(data) % 4))])
+        self._node.sender.send([(self._replies.ref, self.name, padded(data, 4))])
