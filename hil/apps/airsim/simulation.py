@@ -12,6 +12,7 @@ from hil.apps.airsim.client_files import ClientFiles
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.recording import Recorder
+from hil.apps.airsim.rpc.large_replies import LargeReplies
 from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.rpc.world_lock import WorldLock
 from hil.apps.airsim.settings.settings import AirSimSettings
@@ -62,6 +63,7 @@ class Simulation:
         self.bench, self._rigs = bench, rigs
         self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
+        self.large_replies = LargeReplies(log)
         self._effects, self._seed = config.physics.effects, config.noise_seed
         x, y, z = config.start.p_W
         self.frame = NedFrame((x, y, z + self.model.standing_height_m))
