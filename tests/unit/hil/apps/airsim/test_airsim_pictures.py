@@ -223,6 +223,15 @@ def test_pose_and_field_of_view_of_a_camera(client: Client) -> None:
     assert client.call("simGetCameraInfo", "4", "A")["fov"] == pytest.approx(wanted, rel=1e-6)
 
 
+def test_fpv_is_the_front_camera_unless_the_file_has_one_of_that_name(client: Client) -> None:
+    front, fpv = (client.call("simGetCameraInfo", name, "A", False) for name in ("front_center", "fpv"))
+    assert fpv == front
+    own = '{"SettingsVersion": 1.2, "Vehicles": {"A": {"VehicleType": "SimpleFlight", "Cameras": {"fpv": {"X": 2}}}}}'
+    with served(own) as world:
+        places = [world.client().call("simGetCameraInfo", name, "A", False)["pose"] for name in ("0", "fpv")]
+    assert [place["position"]["x_val"] for place in places] == pytest.approx([0.46, 2.0])
+
+
 def test_a_gimbal_holds_its_angles(client: Client) -> None:
     half = math.radians(20.0)
     q = {"w_val": math.cos(half), "x_val": 0.0, "y_val": math.sin(half), "z_val": 0.0}
