@@ -38,7 +38,7 @@ from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
-from sim._kernels import IdealController, Rotors
+from sim._kernels import IdealController, Push, Rotors
 from sim.physics.actors import Actors
 from sim.physics.battery import BatteryState
 from sim.physics.contact_model import build_model, set_inertia, soften_contact
@@ -181,6 +181,7 @@ class VehiclePhysics:
         """Make the kernel of the vehicle, on `truth` or on a new array; return the number of its forces' own states."""
         forces = self.vehicle.make_forces(self._effects)
         self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
+        self._push = next((force for force in forces if isinstance(force, Push)), None)
         self._commands = sum(force.commands for force in forces)
         own = sum(force.states for force in forces)
         self._truth: NDArray[np.float64] = np.zeros(13 + own + 6) if truth is None else truth
@@ -501,6 +502,12 @@ class VehiclePhysics:
         if self._wind.constant and self._downwash_W is None:
             self._wind_W = wind_W_mps
             self.body.set_wind(wind_W_mps, wind_W_mps)
+
+    def set_push(self, force_W_n: Vec3) -> None:
+        """Set the force of the vehicle's entry `push` from the next tick on. Raises ValueError without one."""
+        if self._push is None:
+            raise ValueError(f"the vehicle {self.vehicle.name!r} has no force of kind push")
+        self._push.set(force_W_n)
 
     def set_turbulence(self, wind_20ft_mps: float) -> None:
         """Change the strength of the turbulence over a second, from the next tick on; see `WindAtVehicle`."""

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tests.worlds.airsim_clients import client_python
+from tests.worlds.airsim_clients import PYTHONS, client_python, package_of
 from tests.worlds.bench_process import ROOT, until
 
 SCRIPTS = Path(__file__).with_name("airsim_scripts")
@@ -62,10 +62,17 @@ class AirSimProcess:
         return json.loads((self._out / "run" / "airsim.json").read_text())
 
 
-def run_script(package: str, name: str, server: AirSimProcess, *arguments: str, limit_s: float = 120.0) -> str:
+def run_script(
+    client: str,
+    name: str,
+    server: AirSimProcess,
+    *arguments: str,
+    python: str = PYTHONS[-1],
+    limit_s: float = 120.0,
+) -> str:
     """Run a script of `airsim_scripts` with a real client to its end and return what it printed."""
     script = str(SCRIPTS / f"{name}.py")
-    command = [str(client_python(package)), script, package, str(server.port), *arguments]
+    command = [str(client_python(client, python)), script, package_of(client), str(server.port), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s)
     assert done.returncode == 0, f"{done.stderr[-3000:]}\nserver:\n{server.log()[-2000:]}"
     return done.stdout

@@ -110,6 +110,9 @@ def serve_airsim(choice: Choice, console: Console) -> None:
         (folder / "airsim.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"{folder / 'airsim.json'}: cannot be written ({error.strerror or error})") from error
+    if report["refused"]:
+        counts = ", ".join(f"{name} {count}" for name, count in report["refused"].items())
+        console.print(f"calls that were refused: {counts}", markup=False)
     digest = f", digest {report['digest'][:16]}" if report["digest"] else ""
     sim_s, wall_s = report["sim_s"], report["wall_s"]
     console.print(f"served {sim_s:.3f} s of simulated time in {wall_s:.1f} s{digest}: {folder}", markup=False)
@@ -228,6 +231,7 @@ def _report(choice: Choice, simulation: Simulation, server: RpcServer, wall_s: f
         "repeatable": choice.clock == "calls" and not any(d.settings.kind in RIGS for d in simulation.drones.values()),
         "calls": dict(sorted(table.calls.items())),
         "drawings": dict(sorted(simulation.drawings.counts.items())),
+        "refused": dict(sorted(table.refused.items())),
         "unknown": dict(sorted(table.unknown.items())),
         "digest": server.digest.hexdigest() if server.digest is not None else None,
     }

@@ -95,7 +95,7 @@ class ServedPage:
             description=self._description(drone),
             scheduler=_Present(sim, drone),
             status=lambda: (_phase(drone), 0, 0),
-            texts=lambda: (),
+            texts=lambda: drone.texts,
             wind_W_mps=lambda: sim.world.wind_W_mps,
             slow_facts=lambda: {"told": {"drawings": dict(sim.drawings.counts)}, "skipped": []},
             inject=_refuse,

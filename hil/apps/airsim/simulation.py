@@ -12,6 +12,7 @@ from hil.apps.airsim.client_files import ClientFiles
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.pictures.cameras import Cameras
 from hil.apps.airsim.pictures.recording import Recorder
+from hil.apps.airsim.rpc.large_replies import LargeReplies
 from hil.apps.airsim.rpc.methods import Pending, RpcError
 from hil.apps.airsim.rpc.world_lock import WorldLock
 from hil.apps.airsim.settings.settings import AirSimSettings
@@ -33,8 +34,9 @@ from hil.run.stepped.vehicle import Pilot, SteppedVehicle
 from hil.run.stepped.world import Departure, SteppedWorld
 from signals.errors import ConfigError, LinkError, Problem
 from signals.frames import ned_from_enu
-from signals.samples import TruthState
+from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
+from sim.physics.forces.push import Push
 
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
@@ -62,6 +64,7 @@ class Simulation:
         self.bench, self._rigs = bench, rigs
         self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
+        self.large_replies = LargeReplies(log)
         self._effects, self._seed = config.physics.effects, config.noise_seed
         x, y, z = config.start.p_W
         self.frame = NedFrame((x, y, z + self.model.standing_height_m))
@@ -70,6 +73,7 @@ class Simulation:
         self.present = PresentWorld(self.world)
         self.objects = Objects(self.present, log)
         self.drones: dict[str, Drone] = {}
+        self._push_W_n = ned_from_enu(settings.external_force_n)
         self.frames = Frames(self.world, self.present, self.drones)
         self.radars = Radars(bench, self.frames)
         self.surroundings = Surroundings()
@@ -86,7 +90,7 @@ class Simulation:
             settings.recording, self.cameras, self.drones, default=settings.default_vehicle, log=log
         )
         self.files = ClientFiles(lambda: Path("runs"))
-        self._starts = Starts(self.scene, self.frame, self.present, on_ground=self.flies)
+        self._starts = Starts(self.scene, self.frame, self.present, on_ground=self.flies, log=log)
         self._until_tick: int | None = None  # end of simContinueForTime
         self._continued = Pending()
         self.wake: Callable[[], None] = lambda: None  # set by the clock: something lets time go on
@@ -122,6 +126,13 @@ class Simulation:
                 "Use one of these names, or add the vehicle to Vehicles of settings.json"
             )
         return found
+
+    def push(self, force_W_n: Vec3) -> None:
+        """Set the external force on each vehicle that flies, those that are added later too."""
+        self._push_W_n = force_W_n
+        for drone in self.drones.values():
+            if drone.vehicle.physics is not None:
+                drone.vehicle.physics.set_push(force_W_n)
 
     # Time ------------------------------------------------------------------------------------------------------------
 
@@ -208,17 +219,19 @@ class Simulation:
             raise RpcError(f"there is a vehicle '{settings.name}' already; choose another name")
         if len(self.drones) >= MOST_VEHICLES:
             raise RpcError(f"there are {MOST_VEHICLES} vehicles, as many as there may be")
-        return self._add(settings.name, self._starts.beside_others(settings, self.model))
+        return self._add(settings.name, settings)
 
     def _add(self, name: str, settings: VehicleSettings) -> Drone:
         rig = self._rig_of(name, settings.kind) if self.flies else None
         model = self.model if rig is None else rig.vehicle
+        model = model.model_copy(update={"forces": (*model.forces, Push(kind="push"))})
         if settings.collisions and settings.pass_through:
             self.log(f"{name}: a collision stops the vehicle: EnableCollisionPassthrogh has no effect")
-        start = self._starts.take(settings, model)
+        settings, start = self._starts.take(settings, model)
         vehicle = self.world.add(name, model, start, effects=self._effects, has_physics=self.flies)
         if vehicle.physics is not None:
             vehicle.physics.collides = settings.collisions
+            vehicle.physics.set_push(self._push_W_n)
         origin = self._origin(settings, vehicle)
         flight: SimpleFlight | None = None
         if self.flies:

@@ -1,8 +1,9 @@
-"""Suburb of 200 x 200 m in the manner of AirSimNH: streets round two blocks of family houses, trees, parked cars.
+"""Suburb of 330 x 320 m in the manner of AirSimNH: streets round eight blocks of family houses, trees, parked cars.
 
-The vehicle starts on a crossing; north is +y. Streets run along the path 125 m north, 130 m west and back that AirSim's
-example flies 5 m above the ground: a ball of 2 m radius at that height is free along their middle. Trees keep 15 m from
-the crossings at its corners, where a vehicle cuts the corner or overshoots.
+The vehicle starts on the crossing in the middle, with houses for 140 m and more on all four sides; north is +y. Streets
+run along the path 125 m north, 130 m west and back that AirSim's example flies 5 m above the ground: a ball of 2 m
+radius at that height is free along their middle. Trees keep 15 m from the crossings at its corners, where a vehicle
+cuts the corner or overshoots.
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ from sim.scene.maps.suburb import FRONT_M, LANE_M, LAWN_M, Lot, Suburb
 from sim.scene.maps.vehicles.kinds import add_vehicle
 from sim.scene.scene_map import SceneMap
 
-_AVENUES_M = (-130.0, -65.0, 0.0)  # x of the streets to the north
-_STREETS_M = (0.0, 125.0)  # y of the streets to the east
+_AVENUES_M = (-130.0, -65.0, 0.0, 65.0, 130.0)  # x of the streets to the north
+_STREETS_M = (-125.0, 0.0, 125.0)  # y of the streets to the east
+_PATH_CORNERS_M = ((-130.0, 0.0), (-130.0, 125.0), (0.0, 0.0), (0.0, 125.0))
 _BEYOND_M = 33.0  # depth of the outer blocks, without their street
 _STEP_M = 0.012  # surface of a street
 _CARS = ("sedan", "hatchback", "suv")  # each further kind costs 20 ms when the map is made
@@ -38,9 +40,9 @@ _CARS = ("sedan", "hatchback", "suv")  # each further kind costs 20 ms when the 
 class AirSimNHParameters(StrictModel):
     """Numbers of vehicles and plants."""
 
-    parked_vehicles: Annotated[int, Field(ge=0, le=80)] = 22
-    cars_on_drives: Annotated[int, Field(ge=0, le=54)] = 16
-    trees: Annotated[int, Field(ge=0, le=300)] = 70
+    parked_vehicles: Annotated[int, Field(ge=0, le=160)] = 50
+    cars_on_drives: Annotated[int, Field(ge=0, le=164)] = 36
+    trees: Annotated[int, Field(ge=0, le=600)] = 180
     season: Season = "summer"
 
 
@@ -77,31 +79,38 @@ class _Neighbourhood(Suburb):
             "mesh", asset=b.mesh("dashes", dashes), material="line_paint", solid=False, part="dashes"
         )
         rng = self.rng("street_details")
-        places = [(x + rng.pick((-1.75, 1.75)), rng.between(12.0, 113.0)) for x in _AVENUES_M for _ in range(3)]
+        places = [
+            (x + rng.pick((-1.75, 1.75)), y + rng.between(12.0, 113.0))
+            for x in _AVENUES_M
+            for y in _STREETS_M[:-1]
+            for _ in range(3)
+        ]
         road.geom("mesh", asset=b.mesh("covers", covers(places, 0.015)), material="manhole", solid=False, part="covers")
 
     def blocks(self) -> None:
-        """Add the two blocks between the streets with houses back to back, and houses across each outer street."""
+        """Add the blocks between the streets with houses back to back, and houses across each outer street."""
         rng = self.rng("lots")
-        (y0, y1) = (_STREETS_M[0] + LANE_M, _STREETS_M[1] - LANE_M)
-        for left, right in itertools.pairwise(_AVENUES_M):
-            x0, x1 = left + LANE_M, right - LANE_M
+        columns = [(left + LANE_M, right - LANE_M) for left, right in itertools.pairwise(_AVENUES_M)]
+        rows = [(south + LANE_M, north - LANE_M) for south, north in itertools.pairwise(_STREETS_M)]
+        for (x0, x1), (y0, y1) in itertools.product(columns, rows):
             self.block_ground(0.5 * (x0 + x1), 0.5 * (y0 + y1), 0.5 * (x1 - x0), 0.5 * (y1 - y0))
             depth = 0.5 * (x1 - x0) - FRONT_M
             self.row((x0 + FRONT_M, y0), (x0 + FRONT_M, y1), pi, depth, 7)
             self.row((x1 - FRONT_M, y0), (x1 - FRONT_M, y1), 0.0, depth, 7)
-            for front, heading, side in (
-                (y0 - 2.0 * LANE_M, QUARTER_TURN_RAD, -1.0), (y1 + 2.0 * LANE_M, -QUARTER_TURN_RAD, 1.0),
-            ):  # fmt: skip
+        for front, heading, side in (
+            (_STREETS_M[0] - LANE_M, QUARTER_TURN_RAD, -1.0), (_STREETS_M[-1] + LANE_M, -QUARTER_TURN_RAD, 1.0),
+        ):  # fmt: skip
+            for x0, x1 in columns:
                 self.block_ground(0.5 * (x0 + x1), front + side * 0.5 * _BEYOND_M, 0.5 * (x1 - x0), 0.5 * _BEYOND_M)
                 y = front + side * FRONT_M
                 self.row((x0, y), (x1, y), heading, _BEYOND_M - 2.0 * FRONT_M, 3)
         for front, heading, side in (
             (_AVENUES_M[0] - LANE_M, 0.0, -1.0), (_AVENUES_M[-1] + LANE_M, pi, 1.0),
         ):  # fmt: skip
-            self.block_ground(front + side * 0.5 * _BEYOND_M, 0.5 * (y0 + y1), 0.5 * _BEYOND_M, 0.5 * (y1 - y0))
-            x = front + side * FRONT_M
-            self.row((x, y0), (x, y1), heading, _BEYOND_M - 2.0 * FRONT_M, 7)
+            for y0, y1 in rows:
+                self.block_ground(front + side * 0.5 * _BEYOND_M, 0.5 * (y0 + y1), 0.5 * _BEYOND_M, 0.5 * (y1 - y0))
+                x = front + side * FRONT_M
+                self.row((x, y0), (x, y1), heading, _BEYOND_M - 2.0 * FRONT_M, 7)
         for number, lot in enumerate(self.lots):
             self.lot(rng, lot, number)
         for lot in self.lots:
@@ -130,8 +139,8 @@ class _Neighbourhood(Suburb):
         """Add cars at the kerbs, away from crossings, and on driveways."""
         b, rng = self.builder, self.rng("vehicles")
         places = []
-        for x in _AVENUES_M:
-            places += [(x, 16.0 + 7.0 * k, True) for k in range(14)]
+        for x, y in itertools.product(_AVENUES_M, _STREETS_M[:-1]):
+            places += [(x, y + 16.0 + 7.0 * k, True) for k in range(14)]
         for y in _STREETS_M:
             places += [(x + 16.0 + 7.0 * k, y, False) for x in _AVENUES_M[:-1] for k in range(5)]
         for x, y, north in rng.shuffled(places)[: self.parameters.parked_vehicles]:
@@ -150,16 +159,15 @@ class _Neighbourhood(Suburb):
         """Add street lamps behind the pavements, stop signs and bins."""
         b = self.builder
         beside = LANE_M + FRONT_M + 0.3
-        for x in _AVENUES_M:
-            for k, y in enumerate((20.0, 48.0, 77.0, 105.0)):
+        for x, y in itertools.product(_AVENUES_M, _STREETS_M[:-1]):
+            for k, along in enumerate((20.0, 48.0, 77.0, 105.0)):
                 side = 1.0 if k % 2 else -1.0
-                self.lamp(x + side * beside, y, pi if side > 0.0 else 0.0)
-        for y in _STREETS_M:
-            for k, x in enumerate((-112.0, -83.0, -47.0, -18.0)):
-                side = 1.0 if k % 2 else -1.0
-                self.lamp(x, y + side * beside, -side * QUARTER_TURN_RAD)
-        for x in _AVENUES_M:
-            for y, side in ((_STREETS_M[0], 1.0), (_STREETS_M[1], -1.0)):
+                self.lamp(x + side * beside, y + along, pi if side > 0.0 else 0.0)
+        for x, y in itertools.product(_AVENUES_M[:-1], _STREETS_M):
+            for along, side in ((18.0, -1.0), (47.0, 1.0)):
+                self.lamp(x + along, y + side * beside, -side * QUARTER_TURN_RAD)
+        for x, (south, north) in itertools.product(_AVENUES_M, itertools.pairwise(_STREETS_M)):
+            for y, side in ((south, 1.0), (north, -1.0)):
                 sx, sy = x - side * (LANE_M + 0.5), y + side * (LANE_M + 2.4)
                 add_stop_sign(b, sx, sy, side * QUARTER_TURN_RAD)
         rng = self.rng("bins")
@@ -177,12 +185,11 @@ class _Neighbourhood(Suburb):
     def plants(self) -> None:
         b, rng = self.builder, self.rng("plants")
         # Trees keep away from the corners of the path, where a vehicle cuts or overshoots.
-        corners = [(x, y) for x in (_AVENUES_M[0], _AVENUES_M[-1]) for y in _STREETS_M]
         for _ in range(self.parameters.trees):
             lot = rng.pick(self.lots)
             for _ in range(20):
                 x, y = lot.at(rng.between(3.4, lot.depth_m - 2.0), rng.between(-0.5, 0.5) * (lot.width_m - 4.0))
-                clear = min(sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy)) for cx, cy in corners) > 15.0
+                clear = min(sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy)) for cx, cy in _PATH_CORNERS_M) > 15.0
                 if clear and self.layout.free(x, y, 2.2):
                     self.layout.take_disc(x, y, 2.2)
                     add_tree(b, rng, x, y, size=0.9)

@@ -6,11 +6,13 @@ from collections.abc import Callable
 
 from hil.apps.airsim.api import (
     cameras,
+    cars,
     control,
     drawings,
     environment,
     geometry,
     images,
+    inventory,
     labels,
     looks,
     objects,
@@ -34,8 +36,10 @@ GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     environment.methods,
     drawings.methods,
     objects.methods,
+    inventory.methods,
     geometry.methods,
     looks.methods,
+    cars.methods,
 )
 
 

@@ -85,13 +85,17 @@ def start(simulation: Simulation, name: str, vehicle: str, make: Callable[[Drone
     assert drone.flight is not None
     pending = Pending()
 
+    def refused(error: MoveError) -> RpcError:
+        drone.refuse(simulation.world.t_ns, f"{name} was refused: {error}")
+        return RpcError(f"{drone.name}: {error}")
+
     def over(result: bool | MoveError) -> None:
-        pending.resolve(RpcError(f"{drone.name}: {result}") if isinstance(result, MoveError) else result)
+        pending.resolve(refused(result) if isinstance(result, MoveError) else result)
 
     try:
         drone.flight.start(make(drone), over)
     except MoveError as error:
-        raise RpcError(f"{drone.name}: {error}") from None
+        raise refused(error) from None
     simulation.wake()
     return pending
 
@@ -106,7 +110,10 @@ def methods(simulation: Simulation) -> list[Method]:
         def call(*arguments: Any) -> Pending:
             return start(sim, name, arguments[-1], lambda _drone: make(*arguments[:-1]))
 
-        return method(name, call, *parameters, VEHICLE)
+        return joined(name, call, *parameters, VEHICLE)
+
+    def joined(name: str, call: Callable[..., Pending], *parameters: Parameter) -> Method:
+        return method(name, call, *parameters)._replace(is_joined=True)
 
     def options(velocity: float, timeout: float, *rest: Any) -> PathOptions:
         """Return the options of a path: drivetrain, yaw mode, lookahead, adaptive lookahead."""
@@ -197,13 +204,13 @@ def methods(simulation: Simulation) -> list[Method]:
             lambda x, y, z, *rest: move_to_position((x, y, z), options(*rest)),
             *_numbers("x", "y", "z"), *follow,
         ),
-        method("moveToGPS", to_gps, *_numbers("latitude", "longitude", "altitude"), *follow, VEHICLE),
+        joined("moveToGPS", to_gps, *_numbers("latitude", "longitude", "altitude"), *follow, VEHICLE),
         move(
             "moveToZ",
             lambda z, speed, limit, yaw, *ahead: move_to_z(z, options(speed, limit, 0, yaw, *ahead)),
             Parameter("z", FLOAT), velocity, TIMEOUT, YAW, *LOOKAHEAD,
         ),
-        method("moveByManual", by_manual, *_numbers("vx_max", "vy_max", "z_min"), DURATION, DRIVETRAIN, YAW, VEHICLE),
+        joined("moveByManual", by_manual, *_numbers("vx_max", "vy_max", "z_min"), DURATION, DRIVETRAIN, YAW, VEHICLE),
         move("rotateToYaw", RotateToYaw, Parameter("yaw", FLOAT), TIMEOUT, optional("margin", FLOAT, 5.0)),
         move("rotateByYawRate", timed.rotate_by_yaw_rate, Parameter("yaw_rate", FLOAT), DURATION),
         method("moveByRC", by_rc, Parameter("rcdata", RC_DATA), VEHICLE),

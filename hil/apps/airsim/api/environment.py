@@ -1,4 +1,4 @@
-"""Methods about the surroundings: wind, weather and time of day."""
+"""Methods about the surroundings: wind, an external force, weather and time of day."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from hil.apps.airsim.rpc.arguments import (
     one_of,
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
+from hil.apps.airsim.settings.settings import MOST_FORCE_N
 from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.surroundings import ENABLED, SUMMER_TIME
 from signals.frames import ned_from_enu
@@ -34,6 +35,13 @@ def methods(simulation: Simulation) -> list[Method]:
         if not all(abs(component) <= _MOST_WIND_MPS for component in wind):
             raise RpcError(f"a component of the wind {tuple(wind)} is beyond {_MOST_WIND_MPS:g} m/s")
         sim.world.set_wind(ned_from_enu((wind.x_val, wind.y_val, wind.z_val)))
+
+    def set_force(force: Vector) -> None:
+        if not sim.flies:
+            raise RpcError("simSetExtForce needs vehicles that fly: SimMode Multirotor and FastPhysicsEngine")
+        if not all(abs(component) <= MOST_FORCE_N for component in force):
+            raise RpcError(f"a component of the force {tuple(force)} is beyond {MOST_FORCE_N:g} N")
+        sim.push(ned_from_enu((force.x_val, force.y_val, force.z_val)))
 
     def enable_weather(enabled: bool) -> None:
         around.weather_enabled = enabled
@@ -69,6 +77,7 @@ def methods(simulation: Simulation) -> list[Method]:
 
     return [
         method("simSetWind", set_wind, Parameter("wind", VECTOR)),
+        method("simSetExtForce", set_force, Parameter("ext_force", VECTOR)),  # Colosseum's
         method("simEnableWeather", enable_weather, Parameter("enable", BOOL)),
         method(
             "simSetWeatherParameter",

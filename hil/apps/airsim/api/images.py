@@ -59,7 +59,10 @@ def methods(simulation: Simulation) -> list[Method]:
             for each in requests
         ]
         taken = sim.cameras.take(wanted)
-        return [_response(sim, *each) for each in zip(requests, wanted, taken, strict=True)]
+        replies = [_response(sim, *each) for each in zip(requests, wanted, taken, strict=True)]
+        if not any(each.instances for each in wanted):
+            sim.large_replies.note("simGetImages", sum(each["image_data_float"].size for each in replies))
+        return replies
 
     def image(camera: str, image_type: int, vehicle: str, external: bool | str) -> bytes:
         wanted = Wanted(sim.cameras.find(camera, vehicle, external is True), image_type, isinstance(external, str))

@@ -1,4 +1,4 @@
-"""Methods about the objects of the scene: list, pose, scale, spawn, destroy."""
+"""Methods about where objects and vehicles are: pose, scale, and the direction from one to the other."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from hil.apps.airsim.rpc.arguments import (
     Vector,
 )
 from hil.apps.airsim.rpc.methods import Method, Parameter, RpcError, method, optional
-from hil.apps.airsim.settings.scene_names import scene_name
 from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.ned import q_WB_from_q_NF
-from hil.apps.airsim.world.objects.names import matching
+from signals._kernel import det_atan2
 from signals.samples import Quat, Vec3
+from signals.units import DEG_PER_RAD
 
 _NAN = math.nan
 NO_POSE = Pose(Vector(_NAN, _NAN, _NAN), Quaternion(_NAN, _NAN, _NAN, _NAN))
@@ -72,61 +72,33 @@ def methods(simulation: Simulation) -> list[Method]:
         if name in sim.drones:
             sim.log(f"{name} is a vehicle and keeps its size")
             return False
-        return objects.rescale(name, _finite("scale", scale))
+        return objects.rescale(name, finite("scale", scale))
 
-    def spawn(name: str, asset: str, pose: Pose, scale: Vector, has_physics: bool, is_blueprint: bool) -> str:
-        p_W, q_W = pose_in_W(sim, pose)
-        if is_blueprint:
-            raise RpcError("there are no blueprints here; spawn an asset of simListAssets with is_blueprint=False")
-        if name in sim.drones:
-            name += "_1"
-        name = objects.spawn(name, asset, p_W, q_W, _finite("scale", scale))
-        if has_physics:
-            sim.log(f"{name} stays where it was spawned: objects with physics_enabled do not fall here")
-        return name
-
-    def list_objects(pattern: str) -> list[str]:
-        return matching(pattern, object_names(sim), any_case=False)
-
-    def load_level(level: str) -> bool:
-        if scene_name(level) == sim.scene.name:
-            return True
-        raise RpcError(
-            f"the scene is {sim.scene.name} until the server ends; start `hil airsim --scene {level[:40]}` for another"
-        )
+    def look_at(vehicle: str, name: str) -> Vector:
+        drone, target = sim.drone(vehicle), get_pose(name, True).position
+        if not target.is_finite:
+            return Vector()  # zeros, as Colosseum
+        p_N = sim.frame.from_W(drone.vehicle.truth.p_WB)
+        north, east, down = (a - b for a, b in zip(target, p_N, strict=True))
+        pitch_rad, yaw_rad = det_atan2(-down, math.sqrt(north * north + east * east)), det_atan2(east, north)
+        return Vector(pitch_rad * DEG_PER_RAD, 0.0, yaw_rad * DEG_PER_RAD)
 
     pose, scale = Parameter("pose", POSE), Parameter("scale", VECTOR_OR_NAN)
     name = Parameter("object_name", NAME)
     return [
-        method("simListSceneObjects", list_objects, optional("name_regex", TEXT, ".*")),
-        method(
-            "simListSceneObjectsTags",
-            lambda pattern: [(each, "") for each in list_objects(pattern)],
-            optional("name_regex", TEXT, ".*"),
-        ),
         method("simGetObjectPose", get_pose, name, optional("ned", BOOL, True)),
         method("simSetObjectPose", set_pose, name, pose, optional("teleport", BOOL, True))._replace(
             is_long=lambda name, _, teleport: not teleport and not sim.present.is_settled and name not in sim.drones
         ),
         method("simGetObjectScale", get_scale, name),
         method("simSetObjectScale", set_scale, name, scale),
-        method("simListAssets", objects.assets),
-        method(
-            "simSpawnObject",
-            spawn,
-            name,
-            Parameter("load_component", TEXT),
-            pose,
-            scale,
-            optional("physics_enabled", BOOL, False),
-            optional("is_blueprint", BOOL, False),
-        ),
-        method("simDestroyObject", objects.destroy, name),
-        method("simLoadLevel", load_level, Parameter("level_name", TEXT)),
+        # Colosseum's; pitch, roll and yaw in degrees, as Unreal counts them.
+        method("simFindLookAtRotation", look_at, Parameter("vehicle_name", TEXT), name),
     ]
 
 
-def _finite(what: str, vector: Vector) -> Vec3:
+def finite(what: str, vector: Vector) -> Vec3:
+    """Return the components of a vector. Raises RpcError if one is not finite."""
     if not vector.is_finite:
         raise RpcError(f"the {what} {tuple(vector)} is not finite")
     return tuple(vector)  # type: ignore[return-value]

@@ -98,6 +98,8 @@ def methods(simulation: Simulation) -> list[Method]:
         numbers, of_point = np.unique(cloud.instances, return_inverse=True)
         names = [cloud.names[number].removeprefix(f"{VEHICLE_CLASS}:") for number in numbers.tolist()]
         ids = np.array([max(sim.cameras.segmentation.id_of(each), 0) for each in names], np.int32)
+        if not sim.settings.added.cosys:
+            sim.large_replies.note("getLidarData", points.size)
         return {
             "time_stamp": stamp_ns,
             "point_cloud": points.astype(np.float32).ravel(),

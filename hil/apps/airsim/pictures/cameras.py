@@ -18,7 +18,7 @@ from hil.apps.airsim.pictures.image_types import Taken, channel
 from hil.apps.airsim.pictures.light import LightState, light_state, present_light
 from hil.apps.airsim.pictures.segmentation import Segmentation
 from hil.apps.airsim.rpc.methods import RpcError
-from hil.apps.airsim.settings.cameras import camera_name
+from hil.apps.airsim.settings.cameras import camera_of
 from hil.apps.airsim.settings.settings import AirSimSettings
 from hil.apps.airsim.world.drone import Drone
 from hil.apps.airsim.world.frames import Frames
@@ -84,7 +84,7 @@ class Cameras:
                 raise RpcError(f"there is no external camera '{name[:60]}'; the external cameras are: {known}")
             return found
         drone = self._find_drone(vehicle)
-        own = camera_name(name)
+        own = camera_of(drone.settings.cameras, name)
         found = self._cameras.get((drone.name, own))
         if found is None:
             settings = drone.settings.cameras.get(own)

@@ -206,7 +206,7 @@ class Connection(asyncio.Protocol):
                 )
             result = self._methods.call(name, values)
         except RpcError as error:
-            self._tell(name, str(error))
+            self._tell(name, error)
             self._reply(request, name, str(error), None)
         except Exception as defect:  # noqa: BLE001 (one client's call ends no other's)
             text = f"{type(defect).__name__}: {defect} (a defect of the server)"
@@ -219,8 +219,9 @@ class Connection(asyncio.Protocol):
             else:
                 self._reply(request, name, None, result)
 
-    def _tell(self, name: str, text: str) -> None:
+    def _tell(self, name: str, error: RpcError) -> None:
         """Log an unknown name or a refused call, each text once per connection."""
+        text = self._methods.refuse(name, error)
         key = f"{name[:80]}: {text[:200]}"
         if key not in self._told and len(self._told) < 100:
             self._told.add(key)
@@ -229,7 +230,7 @@ class Connection(asyncio.Protocol):
     def _reply_later(self, request: int | None, name: str, value: Any) -> None:
         self._unanswered -= 1
         if isinstance(value, RpcError):
-            self._tell(name, str(value))
+            self._tell(name, value)
             self._reply(request, name, str(value), None)
         else:
             self._reply(request, name, None, value)

@@ -65,7 +65,8 @@ class Method(NamedTuple):
     """One RPC method. `call` receives the converted arguments.
 
     `is_long` tells from the arguments if the call must not hold up the event loop (`hil.apps.airsim.rpc.world_lock`).
-    A method that is `free` of the world is answered during such a call.
+    A method that is `free` of the world is answered during such a call. Clients wait for one that `is_joined` with
+    .join(), which hides its error.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Method(NamedTuple):
     parameters: tuple[Parameter, ...] = ()
     is_long: Callable[..., bool] = lambda *_: False
     is_free: bool = False
+    is_joined: bool = False
 
     def arguments(self, values: Sequence[Any]) -> list[Any]:
         """Return the arguments of a call, in Python's form and complete. Raises RpcError with rpclib's texts."""
@@ -132,6 +134,7 @@ class MethodTable:
                 raise ValueError(f"two methods are named {method.name!r}")
             self._methods[method.name] = method
         self.calls: dict[str, int] = {}  # by name, in the order of the first calls
+        self.refused: dict[str, int] = {}  # calls that ended with an error, by name
         self.unknown: dict[str, int] = {}  # names that no method has, as name(number of arguments)
 
     def __contains__(self, name: str) -> bool:
@@ -168,6 +171,18 @@ class MethodTable:
             return work()
         pending = self.lock.run(work)
         return pending.result if pending.done else pending
+
+    def refuse(self, name: str, error: RpcError) -> str:
+        """Count a call that ended with an error, and return the text about it for the log."""
+        method = self._methods.get(name)
+        if method is None:
+            return str(error)
+        self.refused[name] = self.refused.get(name, 0) + 1
+        return (
+            f"{error} The script's .join() does not tell; .get() in its place raises this."
+            if method.is_joined
+            else str(error)
+        )
 
     def waits(self, name: str) -> bool:
         """Return True if a call must wait until a long one has ended."""

@@ -107,6 +107,12 @@ def camera_name(name: str) -> str:
     return _NUMBERS.get(name, name)
 
 
+def camera_of(cameras: Mapping[str, Camera], name: str) -> str:
+    """Return the name in `cameras` of one that a client means: "fpv" is the front one, or one of the file's own."""
+    own = camera_name(name)
+    return "front_center" if own == "fpv" and own not in cameras else own
+
+
 def built_in_cameras(defaults: Camera) -> dict[str, Camera]:
     """Return the five cameras that every vehicle has. Their poses do not come from `CameraDefaults`."""
     return {name: replace(defaults, position_m=p, rotation_deg=r) for name, (p, r) in BUILT_IN.items()}

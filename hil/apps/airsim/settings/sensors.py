@@ -12,6 +12,7 @@ from hil.apps.airsim.settings.reader import Reader
 from signals.samples import Vec3
 
 _NOT_SIMULATED = {7: "Echo", 8: "GPULidar", 9: "SensorTemplate", 10: "MarlocUwb", 11: "Wifi"}  # Cosys-AirSim's
+_MOST_DEG = 3600.0
 _DRAWING = ("DrawDebugPoints", "DrawSensor", "DrawMode", "ExternalController")
 
 
@@ -81,7 +82,7 @@ class Lidar:
     range_m: float = 100.0
     points_per_second: int = 100_000
     horizontal_fov_deg: tuple[float, float] = (0.0, 359.0)  # start, end
-    vertical_fov_deg: tuple[float, float] = (-45.0, -15.0)  # lower, upper
+    vertical_fov_deg: tuple[float, float] = (-45.0, -15.0)  # lower, upper, in any order
     in_sensor_frame: bool = False
     position_m: Vec3 = (0.0, 0.0, 0.0)
     rotation_deg: Vec3 = (0.0, 0.0, 0.0)  # roll, pitch, yaw
@@ -243,14 +244,12 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) ->
     points = reader.whole("PointsPerSecond", 100_000, 1, 50_000_000)
     if reader.has("MeasurementsPerCycle"):  # Cosys-AirSim: points of one channel in one rotation
         points = round(channels * rate_hz * reader.whole("MeasurementsPerCycle", 512, 1, 100_000))
-    lower = reader.optional("VerticalFOVLower", -90.0, 90.0)
-    upper = reader.optional("VerticalFOVUpper", -90.0, 90.0)
+    lower = reader.optional("VerticalFOVLower", -_MOST_DEG, _MOST_DEG)
+    upper = reader.optional("VerticalFOVUpper", -_MOST_DEG, _MOST_DEG)
     vertical = (
         (-45.0 if multirotor else -10.0) if lower is None else lower,
         (-15.0 if multirotor else 10.0) if upper is None else upper,
     )
-    if vertical[0] > vertical[1]:
-        reader.problem(None, f"has VerticalFOVLower {vertical[0]:g} above VerticalFOVUpper {vertical[1]:g}")
     in_sensor_frame = cosys  # Cosys-AirSim has no other frame and does not read DataFrame
     if cosys:
         reader.without_meaning("DataFrame")
@@ -266,8 +265,8 @@ def _read_lidar(reader: Reader, enabled: bool, multirotor: bool, cosys: bool) ->
         reader.number("Range", 100.0, 0.01, 1e4),
         points,
         (
-            reader.number("HorizontalFOVStart", 0.0, -360.0, 360.0),
-            reader.number("HorizontalFOVEnd", 359.0, -360.0, 360.0),
+            reader.number("HorizontalFOVStart", 0.0, -_MOST_DEG, _MOST_DEG),
+            reader.number("HorizontalFOVEnd", 359.0, -_MOST_DEG, _MOST_DEG),
         ),
         vertical,
         in_sensor_frame,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from hil.apps.airsim.settings.cameras import Camera, read_camera
+from hil.apps.airsim.settings.cameras import Camera, camera_of, read_camera
 from hil.apps.airsim.settings.reader import Reader, Report
 from hil.apps.airsim.settings.relaxed_json import strict_json
 from hil.apps.airsim.settings.sensors import default_sensors, read_sensors
@@ -28,7 +28,7 @@ from signals.samples import Vec3
 DEFAULT_PORT = 41451
 _VERSION = 1.2  # the first that has the keys read here
 _COSYS_VERSION = 2.0
-_MOST_WIND_MPS, _MOST_FORCE_N = 100.0, 200.0
+_MOST_WIND_MPS, MOST_FORCE_N = 100.0, 200.0
 _NOT_SIMULATED = ("Car", "SkidVehicle")
 _RENAMED = ("AdditionalCameras", "CaptureSettings", "NoiseSettings", "UsageScenario", "SimpleFlight", "PX4")
 _WITHOUT_MEANING = (
@@ -109,7 +109,7 @@ def read_settings(text: str, source: str) -> AirSimSettings:
         root.choice("PhysicsEngineName", "FastPhysicsEngine", ("FastPhysicsEngine", "ExternalPhysicsEngine", "PhysX")),
         read_origin(root),
         read_vector(root, "Wind", _MOST_WIND_MPS),
-        read_vector(root, "ExternalForce", _MOST_FORCE_N),
+        read_vector(root, "ExternalForce", MOST_FORCE_N),
         read_time_of_day(root),
         read_segmentation(root),
         read_recording(root),
@@ -118,8 +118,6 @@ def read_settings(text: str, source: str) -> AirSimSettings:
     _check_recording(root, settings)
     if settings.clock_type == "ScalableClock":
         root.note("ClockType", "has no meaning here", "choose with --clock")
-    if settings.external_force_n != (0.0, 0.0, 0.0):
-        root.note("ExternalForce", "is not simulated and left out")
     root.without_meaning(*_WITHOUT_MEANING)
     for key in ("Beacons", "PassiveEchoBeacons", "WorldLights"):
         if root.child(key) is not None:
@@ -158,7 +156,7 @@ def _check_recording(root: Reader, settings: AirSimSettings) -> None:
         vehicle = settings.vehicles.get(image.vehicle or next(iter(settings.vehicles), ""))
         if vehicle is None and settings.vehicles:
             what, known = f"vehicle {image.vehicle[:60]!r}", settings.vehicles.keys()
-        elif vehicle is not None and image.camera not in vehicle.cameras:
+        elif vehicle is not None and camera_of(vehicle.cameras, image.camera) not in vehicle.cameras:
             what, known = f"camera {image.camera[:60]!r}", vehicle.cameras.keys()
         else:
             continue

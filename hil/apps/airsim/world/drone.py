@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from hil.apps.airsim.flight.simple_flight import SimpleFlight
@@ -23,6 +23,8 @@ _RESTING_MPS = 0.1  # FastPhysicsEngine::kRestingVelocityMax
 _LEAST_UPWARD = 0.7  # z of a normal of a surface that a vehicle can stand on
 _RESTING_DEPTH_M = 1e-3  # a vehicle that was put deeper into something is moved out of it
 _MOST_PUSHES = 8
+_MOST_TEXTS = 1000
+_WARNING = 4  # severity of MAVLink
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class Drone:
     touching: bool = False
     touched: str = ""  # name of the object of the last contact
     departed_ns: int | None = None  # last time that the vehicle left the range of the model
+    texts: list[tuple[int, int, str]] = field(default_factory=list)  # for the page: t_ns, severity, text
 
     def reset(self) -> None:
         """Return to the start; api control and arming must be asked for again."""
@@ -61,6 +64,11 @@ class Drone:
         if self.flight is not None:
             self.flight.reset()
             self.flight.landed = self.touching
+
+    def refuse(self, t_ns: int, text: str) -> None:
+        """Keep a text about a move that was refused, for the page."""
+        if len(self.texts) < _MOST_TEXTS:
+            self.texts.append((t_ns, _WARNING, text))
 
     def collide(self, contact: SceneContact) -> None:
         """Keep a contact with the scene."""

@@ -60,14 +60,14 @@ class NedFrame:
         return Pose(Vector(*self.from_W(p_W)), Quaternion(*q_NF_from_q_WB(q_WB)))
 
     def kinematics(self, truth: TruthState) -> Kinematics:
-        """Return AirSim's kinematics: position and velocity in NED; rates and accelerations along the body's axes."""
+        """Return AirSim's kinematics: rates and angular acceleration along the body's axes, all else in NED."""
         pose = self.pose(truth.p_WB, truth.q_WB)
         return {
             "position": pose.position,
             "orientation": pose.orientation,
             "linear_velocity": Vector(*ned_from_enu(truth.v_WB_W)),
             "angular_velocity": Vector(*frd_from_flu(truth.w_WB_B)),
-            "linear_acceleration": Vector(*body_from_W(truth.q_WB, truth.a_WB_W)),
+            "linear_acceleration": Vector(*ned_from_enu(truth.a_WB_W)),
             "angular_acceleration": Vector(*frd_from_flu(truth.alpha_WB_B)),
         }
 

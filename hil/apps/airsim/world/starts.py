@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from math import pi
 
 from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
@@ -16,35 +18,44 @@ from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 
 _GROUND_SEARCH_M = 3.0  # a vehicle that starts within this height of the ground stands on it
-_NEAR_BY_M = ((0.0, 0.0), *((a * m, b * m) for m in (1.0, 2.0) for a, b in ((0, 1), (1, 0), (0, -1), (-1, 0))))
+# Moves to the north and east [m], the shortest first: room for the greatest number of vehicles at one place.
+_NEAR_BY_M = sorted(product(range(-10, 11), repeat=2), key=lambda m: (m[0] * m[0] + m[1] * m[1], -m[1], -m[0]))
 
 
 class Starts:
     """Starts of all vehicles of one server."""
 
-    def __init__(self, scene: Scene, frame: NedFrame, present: PresentWorld, *, on_ground: bool) -> None:
+    def __init__(
+        self, scene: Scene, frame: NedFrame, present: PresentWorld, *, on_ground: bool, log: Callable[[str], None]
+    ) -> None:
         """`frame`: of the settings. `on_ground`: vehicles near the ground stand on it."""
         self._scene, self._frame, self._present, self._on_ground = scene, frame, present, on_ground
+        self._log = log
         self._taken: dict[str, tuple[Vehicle, FlightStart]] = {}
 
-    def take(self, settings: VehicleSettings, model: Vehicle) -> FlightStart:
-        """Return the start of a vehicle. Raises ConfigError if that is inside another one's start."""
-        start = self._start(settings, model)
-        other = self._inside(settings.name, model, start)
-        if other is not None:
-            hint = "give Vehicles different X and Y in settings.json"
-            raise ConfigError([Problem(f"vehicle {settings.name!r}", f"starts inside vehicle {other!r}", hint)])
-        self._taken[settings.name] = (model, start)
-        return start
+    def take(self, settings: VehicleSettings, model: Vehicle) -> tuple[VehicleSettings, FlightStart]:
+        """Return settings and start of a vehicle, near by if it would start inside another one, as AirSim does.
 
-    def beside_others(self, settings: VehicleSettings, model: Vehicle) -> VehicleSettings:
-        """Return the settings with a place near by if the vehicle would start inside another one, as AirSim does."""
-        x, y, z = settings.position_m
+        Raises ConfigError if there is no room within 10 m.
+        """
+        inside, name, (x, y, z) = "", settings.name, settings.position_m
         for north_m, east_m in _NEAR_BY_M:
             moved = replace(settings, position_m=(x + north_m, y + east_m, z))
-            if self._inside(settings.name, model, self._start(moved, model)) is None:
-                return moved
-        return settings
+            start = self._start(moved, model)
+            other = self._inside(name, model, start)
+            inside = inside or other or ""
+            if other is None:
+                break
+        else:
+            hint = "give Vehicles different X and Y in settings.json"
+            raise ConfigError([Problem(f"vehicle {name!r}", f"starts inside vehicle {inside!r}", hint)])
+        if inside:
+            self._log(
+                f"warning: vehicle '{name}' would start inside vehicle '{inside}', so it starts {north_m} m north and "
+                f"{east_m} m east of its place; its own coordinates begin there"
+            )
+        self._taken[name] = (model, start)
+        return moved, start
 
     def _inside(self, name: str, model: Vehicle, start: FlightStart) -> str | None:
         """Return a vehicle whose start overlaps with this one."""

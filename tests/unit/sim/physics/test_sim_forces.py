@@ -13,6 +13,7 @@ from sim import _kernels
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.buoyancy import Buoyancy
 from sim.physics.forces.force import Effects, ForceParameters, kinds
+from sim.physics.forces.push import Push
 from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
@@ -72,6 +73,27 @@ def test_buoyancy_lifts_and_swings_the_body_like_a_pendulum() -> None:
     omega = math.sqrt(lift_n * arm / X500.inertia_kgm2[0])
     assert truth.v_WB_W[2] == pytest.approx(climb * t, rel=1e-7)
     assert 2.0 * truth.q_WB[1] == pytest.approx(tilt * math.cos(omega * t), abs=1e-10)
+
+
+def test_a_push_accelerates_a_turning_body_along_the_axes_of_the_world() -> None:
+    physics = VehiclePhysics(
+        bare(forces=(Push(kind="push", force_W_n=(3.0, 0.0, 0.0)),)), load_scene("airfield"), TICK_NS, start=ALOFT
+    )
+    physics.state[10:13] = (1.0, 2.0, 3.0)
+    m, g = X500.mass_kg, physics.scene.gravity_mps2
+    for tick in range(251):
+        physics.advance(tick, [])
+    assert physics.truth.v_WB_W == pytest.approx((3.0 / m, 0.0, -g), abs=1e-9)
+    physics.set_push((0.0, -5.0, 1.0))
+    for tick in range(251, 501):
+        physics.advance(tick, [])
+    assert physics.truth.v_WB_W == pytest.approx((3.0 / m, -5.0 / m, 1.0 / m - 2.0 * g), abs=1e-9)
+    assert physics.restart(1).v_WB_W == (0.0, 0.0, 0.0)
+    for tick in range(1, 251):
+        physics.advance(tick, [])
+    assert physics.truth.v_WB_W == pytest.approx((3.0 / m, 0.0, -g), abs=1e-9)  # the force of the vehicle's file again
+    with pytest.raises(ValueError, match="no force of kind push"):
+        flown(bare(), 0).set_push((1.0, 0.0, 0.0))
 
 
 def test_one_rotor_and_a_gas_cell_is_a_vehicle() -> None:

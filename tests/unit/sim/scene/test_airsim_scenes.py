@@ -87,6 +87,18 @@ def test_a_ball_of_two_metres_follows_the_path_along_the_streets_of_the_neighbou
         assert name.split("_")[0] in {"road", "marking"}, at
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("towards", [(0, 1), (1, 0), (0, -1), (-1, 0)], ids=["north", "east", "south", "west"])
+def test_the_neighbourhood_has_houses_on_all_sides_of_the_start(towards: tuple[int, int], seed: int) -> None:
+    model, data = compiled("airsim_nh", seed)
+    names = [str(mujoco.mj_id2name(model, BODY, i)) for i in range(model.nbody)]
+    houses = np.array([data.xpos[i, :2] for i, name in enumerate(names) if name.startswith("house_")])
+    along, across = houses @ np.array(towards), houses @ np.array([-towards[1], towards[0]])
+    ahead = along[np.abs(across) < 60.0]
+    for near, far in ((0.0, 50.0), (50.0, 100.0), (100.0, 140.0), (140.0, 165.0)):
+        assert np.any((near < ahead) & (ahead < far)), (near, far)
+
+
 @pytest.mark.parametrize("seed", range(1, 9))
 def test_blocks_keep_the_free_room_and_the_heights_of_the_documentation(seed: int) -> None:
     model, data = compiled("blocks", seed)

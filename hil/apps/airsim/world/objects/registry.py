@@ -59,6 +59,10 @@ class Objects:
             found.p_W, found.q_W = tuple(p[0].tolist()), tuple(q[0].tolist())
         return found
 
+    def class_of(self, name: str) -> str:
+        """Return the class of an object that exists."""
+        return self._known[name].class_name
+
     # Changes ---------------------------------------------------------------------------------------------------------
 
     def put(self, name: str, p_W: Vec3, q_W: Quat) -> bool:
@@ -122,7 +126,9 @@ class Objects:
         name = self._free_name(name or asset_name)
         self._check_surfaces(template)
         copied = self._copy(name, template, scale)
-        self._known[name] = SceneObject(name, p_W, q_W, scale, template=template, actor=copied.actor, spawned=True)
+        self._known[name] = SceneObject(
+            name, template.class_name, p_W, q_W, scale, template=template, actor=copied.actor, spawned=True
+        )
         self._world.add(copied)
         self._world.put(copied.actor, p_W, q_W)
         return name

@@ -27,6 +27,7 @@ class SceneObject:
     """Object of the scene. `p_W`, `q_W`: its pose (FLU to ENU); `scale` along its own axes."""
 
     name: str
+    class_name: str
     p_W: Vec3
     q_W: Quat = NO_TURN
     scale: Vec3 = UNSCALED
@@ -50,13 +51,14 @@ def scene_objects(world: World) -> dict[str, SceneObject]:
             continue
         geom = first_geom[number]
         body = int(model.geom_bodyid[geom])
+        class_name = world.class_names[int(world.geom_class[geom])]
         if name in movers:
-            found[name] = SceneObject(name, (0.0, 0.0, 0.0), mover=movers[name])
+            found[name] = SceneObject(name, class_name, (0.0, 0.0, 0.0), mover=movers[name])
             continue
         while body and model.body_parentid[body]:
             body = int(model.body_parentid[body])
         p, q = (data.xpos[body], data.xquat[body]) if body else (data.geom_xpos[geom], np.array(NO_TURN))
         x, y, z = np.round(p, _DIGITS).tolist()  # MuJoCo's last digits depend on the machine
         w, i, j, k = np.round(q, _DIGITS).tolist()
-        found[name] = SceneObject(name, (x, y, z), (w, i, j, k), body=body)
+        found[name] = SceneObject(name, class_name, (x, y, z), (w, i, j, k), body=body)
     return found

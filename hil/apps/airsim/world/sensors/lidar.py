@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,11 +65,16 @@ def _parameters(settings: kinds.Lidar) -> dict[str, Any]:
     """Return parameters of sim.sensors.lidar: one turn per sample, all rays at once."""
     n, (low, high) = settings.channels, settings.vertical_fov_deg
     step = (high - low) / (n - 1) if n > 1 else 0.0
+    elevation_deg = [math.remainder(high - step * i, 360.0) for i in range(n)]
+    behind = [abs(e) > 90.0 for e in elevation_deg]  # the beam points over the top, to the other side
     roll, pitch, yaw = settings.rotation_deg
     return {
         "pattern": {
             "kind": "spinning",
-            "elevation_deg": [high - step * i for i in range(n)],
+            "elevation_deg": [
+                math.copysign(180.0, e) - e if over else e for e, over in zip(elevation_deg, behind, strict=True)
+            ],
+            "azimuth_offset_deg": [180.0 if over else 0.0 for over in behind] if any(behind) else [],
             "firing_ns": 0,
             "columns": _columns(settings),
         },
@@ -95,12 +101,13 @@ def in_view(
     AirSim. The azimuth is that of the beam's column, so it does not depend on the range or the machine.
     """
     begin, end = settings.horizontal_fov_deg
-    if end - begin >= 359.0 or (end - begin) % 360.0 == 0.0:
+    width = (end - begin) % 360.0
+    if width == 0.0 or width >= 359.0:
         return points_L, instances
     count = _columns(settings)
     column = np.rint(np.arctan2(-points_L[:, 1], points_L[:, 0]) * (count / (2.0 * np.pi)) + 0.5 * count)
     azimuth = column.astype(np.float64) * 360.0 / count - 180.0
-    inside = (azimuth - begin) % 360.0 <= (end - begin) % 360.0
+    inside = (azimuth - begin) % 360.0 <= width
     return points_L[inside], instances[inside]
 
 

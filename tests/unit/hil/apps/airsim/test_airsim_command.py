@@ -132,11 +132,6 @@ def vehicles(**each: object) -> str:
         (("--scene", "atlantis"), 2, "atlantis"),
         (("--settings", "{"), 2, "--settings"),
         (("--settings", "/no/such/settings.json"), 2, "/no/such/settings.json"),
-        (
-            ("--settings", vehicles(A={"VehicleType": "SimpleFlight"}, B={"VehicleType": "SimpleFlight"})),
-            2,
-            "vehicle 'B': starts inside vehicle 'A'",
-        ),
         (("--settings", vehicles(A={"VehicleType": "PX4Multirotor"})), 2, "autopilot.binary"),
     ],
 )

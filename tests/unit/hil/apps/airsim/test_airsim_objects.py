@@ -64,7 +64,37 @@ def test_the_list_holds_the_names_that_airsims_users_know(client: Client) -> Non
     assert sorted(client.call("simListSceneObjects", "Cylinder_[12]")) == ["Cylinder_1", "Cylinder_2"]
     assert client.call("simListSceneObjects", "Cylinder") == []  # the whole name must match
     assert client.call("simListSceneObjects", "orangeball") == []
-    assert ["OrangeBall", ""] in client.call("simListSceneObjectsTags", "Orange.*")
+
+
+def test_the_tag_of_an_object_is_its_class(client: Client) -> None:
+    spawn(client, "spawned_car", "sedan", pose(20.0, 0.0, 0.0))
+    tags = dict(client.call("simListSceneObjectsTags"))
+    assert (tags["OrangeBall"], tags["Ground"], tags["spawned_car"], tags["A"]) == (
+        "object", "ground", "vehicle", "drone",
+    )  # fmt: skip
+    assert client.call("simListSceneObjectsByTag", "veh.*|drone") == ["spawned_car", "A"]
+    assert client.call("simListSceneObjectsByTag", "VEHICLE") == []
+    assert client.call("simListSceneObjectsByTag") == client.call("simListSceneObjects")
+
+
+@pytest.mark.parametrize(
+    ("place", "turn_deg"),
+    [
+        ((10.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.0, 7.0, -7.0), (45.0, 0.0, 90.0)),
+        ((-3.0, -3.0, 0.0), (0.0, 0.0, -135.0)),
+    ],
+)
+def test_the_direction_to_an_object_is_pitch_roll_and_yaw_of_unreal(
+    client: Client, place: tuple[float, float, float], turn_deg: tuple[float, float, float]
+) -> None:
+    client.call("simSetVehiclePose", pose(0.0, 0.0, -30.0), True, "A")
+    x, y, z = place
+    spawn(client, "spawned_mark", "Sphere", pose(x, y, z - 30.0))
+    assert xyz(client.call("simFindLookAtRotation", "A", "spawned_mark")) == pytest.approx(turn_deg, abs=1e-4)
+    assert xyz(client.call("simFindLookAtRotation", "", "nothing")) == (0.0, 0.0, 0.0)
+    with pytest.raises(RpcFailed, match="The vehicles are: A"):
+        client.call("simFindLookAtRotation", "Z", "spawned_mark")
 
 
 @pytest.mark.parametrize("pattern", ["(", "x" * 100_000, "[z-a]", "(a)\\1", "a++", "(?=a)a"])

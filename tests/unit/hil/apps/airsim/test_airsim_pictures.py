@@ -36,6 +36,7 @@ SETTINGS = {
                         {"ImageType": kind, "Width": 32, "Height": 64, "FOV_Degrees": 90} for kind in (0, 1, 2)
                     ]
                 },
+                "wide": {"CaptureSettings": [{"ImageType": 1, "Width": 400, "Height": 250}]},
                 "held": {"X": 0.3, "Pitch": -20, "Gimbal": {"Stabilization": 1, "Roll": 0, "Pitch": -20, "Yaw": 0}},
             },
         },
@@ -222,6 +223,15 @@ def test_pose_and_field_of_view_of_a_camera(client: Client) -> None:
     assert client.call("simGetCameraInfo", "4", "A")["fov"] == pytest.approx(wanted, rel=1e-6)
 
 
+def test_fpv_is_the_front_camera_unless_the_file_has_one_of_that_name(client: Client) -> None:
+    front, fpv = (client.call("simGetCameraInfo", name, "A", False) for name in ("front_center", "fpv"))
+    assert fpv == front
+    own = '{"SettingsVersion": 1.2, "Vehicles": {"A": {"VehicleType": "SimpleFlight", "Cameras": {"fpv": {"X": 2}}}}}'
+    with served(own) as world:
+        places = [world.client().call("simGetCameraInfo", name, "A", False)["pose"] for name in ("0", "fpv")]
+    assert [place["position"]["x_val"] for place in places] == pytest.approx([0.46, 2.0])
+
+
 def test_a_gimbal_holds_its_angles(client: Client) -> None:
     half = math.radians(20.0)
     q = {"w_val": math.cos(half), "x_val": 0.0, "y_val": math.sin(half), "z_val": 0.0}
@@ -333,6 +343,21 @@ def test_poses_of_instances(client: Client) -> None:
     assert len(names) == len(poses)
     position = poses[names.index("A")]["position"]
     assert [position[key] for key in ("x_val", "y_val", "z_val")] == pytest.approx([3.0, 1.0, -20.0], abs=0.3)
+
+
+def test_the_log_says_once_that_airsims_client_unpacks_many_numbers_slowly(client: Client, world: Served) -> None:
+    def told() -> list[str]:
+        return [line for line in world.log if "rpc-msgpack" in line]
+
+    numbers(client, "wide", PLANAR, annotation_name="")  # Cosys-AirSim's client stands on rpc-msgpack
+    one(client, "wide", PLANAR)  # bytes
+    numbers(client, "0", PLANAR)
+    assert told() == []
+    for _ in range(2):
+        assert numbers(client, "wide", PLANAR).size == 100_000
+    (line,) = told()
+    assert "simGetImages has 100,000 numbers" in line
+    assert "docs/airsim.md" in line
 
 
 def test_older_clients_give_fewer_arguments(client: Client) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import itertools
 import json
 import math
 import resource
@@ -179,6 +180,21 @@ def test_a_client_may_add_a_vehicle() -> None:
         assert position(client, "Near") == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert xyz(client.call("simGetVehiclePose", "Near")["position"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
         assert not client.call("simGetCollisionInfo", "Near")["has_collided"]
+
+
+def test_vehicles_at_one_place_start_beside_each_other() -> None:
+    settings = {"Vehicles": {name: {"VehicleType": "SimpleFlight", "X": 2} for name in "ABCDEFG"}}
+    with served(json.dumps(settings)) as world:
+        client = world.client()
+        assert sum(line.startswith("warning: vehicle ") for line in world.log) == 6
+        assert any("'B' would start inside vehicle 'A', so it starts 0 m north and 1 m" in line for line in world.log)
+        places = [xyz(client.call("simGetObjectPose", name, True)["position"]) for name in "ABCDEFG"]
+        assert places[:2] == [pytest.approx((2.0, 0.0, 0.0), abs=1e-5), pytest.approx((2.0, 1.0, 0.0), abs=1e-5)]
+        assert min(math.dist(a, b) for a, b in itertools.combinations(places, 2)) == pytest.approx(1.0, abs=1e-6)
+        client.call("simContinueForTime", 0.1)
+        for name in "ABCDEFG":
+            assert position(client, name) == pytest.approx((0.0, 0.0, 0.0), abs=1e-4)
+            assert not client.call("simGetCollisionInfo", name)["has_collided"]
 
 
 def test_there_is_a_limit_of_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -443,12 +459,12 @@ def test_a_falling_vehicle(client: Client) -> None:
     assert math.sqrt(x * x + y * y + z * z) < 0.6
 
 
-def test_the_acceleration_of_a_tilted_vehicle_is_along_its_axes(client: Client) -> None:
+def test_the_acceleration_of_a_tilted_vehicle_is_in_the_world(client: Client) -> None:
     client.call("reset")
     client.call("simSetVehiclePose", pose(0.0, 0.0, -50.0, (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)), True, "B")
     client.call("simContinueForTime", 0.1)
     x, y, z = xyz(client.call("simGetGroundTruthKinematics", "B")["linear_acceleration"])
-    assert (x, y, z) == pytest.approx((0.0, 9.8, 0.0), abs=0.4)  # its right side is down
+    assert (x, y, z) == pytest.approx((0.0, 0.0, 9.8), abs=0.4)  # as the velocity, though its right side is down
 
 
 def test_a_vehicle_of_another_type_is_not_added(client: Client, world: Served) -> None:
@@ -684,6 +700,20 @@ def test_points_of_a_lidar_have_the_id_and_the_name_of_their_object(client: Clie
     assert set(ids[~vehicle].tolist()) == {client.call("simGetSegmentationObjectID", "ground")}
 
 
+def test_a_lidar_whose_angles_are_the_other_way_round_sees_the_same() -> None:
+    clouds = []
+    for angles in ((-60, -30), (-30, -60), (-150, -120), (240, 210)):  # over the top and down behind; a turn on
+        scan = {"SensorType": 6, "Enabled": True, "NumberOfChannels": 4, "PointsPerSecond": 4000}
+        scan |= dict(zip(("VerticalFOVLower", "VerticalFOVUpper"), angles, strict=True))
+        with served(json.dumps({"DefaultSensors": {"L": scan}})) as world:
+            data = world.client().call("getLidarData", "L", "")
+        points = np.array(data["point_cloud"], np.float32).reshape(-1, 3)
+        clouds.append(points[np.lexsort(np.round(points, 3).T)])
+    assert len(clouds[0]) > 100
+    for cloud in clouds[1:]:
+        assert cloud == pytest.approx(clouds[0], abs=2e-3)
+
+
 def test_lidar_in_its_own_frame_and_field_of_view(client: Client) -> None:
     client.call("simSetVehiclePose", pose(0.0, 0.0, -5.0, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))), True, "A")
     client.call("simContinueForTime", 0.104)
@@ -733,6 +763,60 @@ def test_wind_carries_a_vehicle_away(client: Client) -> None:
     assert position(client, "B")[1] > 0.1
     with pytest.raises(RpcFailed, match="beyond 100 m/s"):
         client.call("simSetWind", vector(0.0, 101.0, 0.0))
+
+
+def test_an_external_force_accelerates_every_vehicle() -> None:
+    mass_kg, calm = load_vehicle("x500").mass_kg, {"PhysicsEngineName": "FastPhysicsEngine"}
+    accelerations = []
+    for settings, force in (
+        (calm, None),
+        (calm, (4.0, -2.0, 3.0)),
+        ({"ExternalForce": {"X": 4, "Y": -2, "Z": 3}}, None),
+    ):
+        with served(json.dumps(settings)) as world:
+            client = world.client()
+            client.call("simAddVehicle", "B", "simpleflight", pose(0.0, 5.0, 0.0), "")
+            if force is not None:
+                client.call("simSetExtForce", vector(*force))
+            client.call("simSetVehiclePose", pose(0.0, 0.0, -90.0), True, "B")
+            client.call("simContinueForTime", 0.004)
+            acceleration = client.call("simGetGroundTruthKinematics", "B")["linear_acceleration"]
+            accelerations.append(np.array(xyz(acceleration)))
+    calm_mps2, called_mps2, given_mps2 = accelerations
+    assert called_mps2 - calm_mps2 == pytest.approx(np.array([4.0, -2.0, 3.0]) / mass_kg, abs=1e-3)
+    assert np.array_equal(given_mps2, called_mps2)
+
+
+def test_a_vehicle_holds_its_place_against_a_force(client: Client) -> None:
+    take_off(client)
+    client.call("simSetExtForce", vector(0.0, 2.0, 3.0))
+    client.call("simContinueForTime", 4.0)
+    assert position(client) == pytest.approx((0.0, 0.0, -2.0), abs=0.1)
+    with pytest.raises(RpcFailed, match="beyond 200 N"):
+        client.call("simSetExtForce", vector(0.0, 201.0, 0.0))
+    client.call("simSetExtForce", vector(0.0, 0.0, 0.0))
+
+
+def test_car_calls_say_that_there_are_no_cars(client: Client) -> None:
+    for call in (("setCarControls", {"throttle": 1.0}, "A"), ("getCarControls", ""), ("getCarState",)):
+        with pytest.raises(RpcFailed, match="there are no cars here; the vehicles are A, B: take MultirotorClient"):
+            client.call(*call)
+
+
+def test_a_refused_move_is_told_where_join_does_not(client: Client, world: Served) -> None:
+    """The client's `.join()` drops the error of a reply, so the log, the report and the page have it."""
+    before = world.server.methods.refused.get("takeoff", 0)
+    for _ in range(2):
+        with pytest.raises(RpcFailed, match="enableApiControl"):
+            client.call("takeoff", 20.0, "B")
+    told = [line for line in world.log if f"{client.socket.getsockname()[1]}: " in line]
+    assert len(told) == 1
+    assert "'takeoff'" in told[0]
+    assert "call enableApiControl(True) first" in told[0]
+    assert told[0].endswith("The script's .join() does not tell; .get() in its place raises this.")
+    assert world.server.methods.refused["takeoff"] == before + 2
+    _, severity, text = world.simulation.drone("B").texts[-1]
+    assert (severity, text[:20]) == (4, "takeoff was refused:")
 
 
 def test_weather_and_time_of_day_are_kept(client: Client, world: Served) -> None:

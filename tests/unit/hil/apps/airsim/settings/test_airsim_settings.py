@@ -113,6 +113,15 @@ def test_cosys_airsim_counts_points_by_rotation_and_has_a_quiet_imu() -> None:
     assert "DefaultSensors.e is a sensor of type Echo, which is not simulated" in settings.notes[0]
 
 
+@pytest.mark.parametrize(("lower", "upper"), [(-15, -45), (-100, 100), (0, 720)])
+def test_angles_of_a_lidar_are_taken_as_they_come(lower: float, upper: float) -> None:
+    angles = f'"VerticalFOVLower": {lower}, "VerticalFOVUpper": {upper}, "HorizontalFOVStart": -540'
+    settings = read('{"DefaultSensors": {"L": {"SensorType": 6, "Enabled": true, ' + angles + "}}}")
+    lidar = settings.added.sensors["L"]
+    assert isinstance(lidar, Lidar)
+    assert (lidar.vertical_fov_deg, lidar.horizontal_fov_deg) == ((lower, upper), (-540.0, 359.0))
+
+
 def test_unknown_keys_are_told_once_with_the_nearest_and_meaningless_ones_in_one_line() -> None:
     notes = read(
         '{"clockspeed": 2, "ViewMode": "Fpv", "EngineSound": false,\n"Vehicles": {\n'
