@@ -1,4 +1,4 @@
-"""The commands and mission scripts of the book run as printed, with shorter flights where the length is not the point."""
+"""The commands and mission scripts of the book run as printed; some flights are cut short."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,16 +50,20 @@ def test_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
                 done = hil(*words[1:], *more, cwd=tmp_path, timeout=600)
             else:
                 path = {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-                done = subprocess.run(
-                    ["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True, env=os.environ | path, check=False
-                )
+                shell: dict[str, Any] = {
+                    "cwd": tmp_path,
+                    "env": os.environ | path,
+                    "capture_output": True,
+                    "text": True,
+                }
+                done = subprocess.run(["bash", "-c", line], **shell, check=False)
             cut_short = words[1] in ("run", "campaign")  # a flight that ends early is a FAIL
             shown = f"{block.place}: {' '.join(words)}\n{done.stdout}{done.stderr}"
             assert done.returncode in ((0, 1) if cut_short else (0,)), shown
             assert "Traceback" not in done.stderr, shown
 
 
-SCRIPTS = [block for block in blocks(ROOT / "docs/mission-scripts.md", "yaml")]
+SCRIPTS = blocks(ROOT / "docs/mission-scripts.md", "yaml")
 
 
 @pytest.mark.parametrize("block", SCRIPTS, ids=lambda block: block.place)

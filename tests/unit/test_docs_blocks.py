@@ -49,7 +49,7 @@ def test_commands_of_a_page_parse_and_name_benches_that_pass_the_check(page: Pat
                 continue
             try:
                 check_command(words)
-            except Exception as error:  # usage errors have no common public base
+            except Exception as error:  # noqa: BLE001 - usage errors have no common public base
                 pytest.fail(f"{block.place}: {' '.join(words)}: {type(error).__name__}: {error}")
 
 

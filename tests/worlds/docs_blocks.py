@@ -1,4 +1,4 @@
-"""The fenced blocks of the book's pages: their language, the commands of a console, and files that readers are told of."""
+"""The fenced blocks of the book's pages: their language, and the commands of a console."""
 
 from __future__ import annotations
 
@@ -40,7 +40,5 @@ class Block:
 def blocks(page: Path, *languages: str) -> list[Block]:
     """Return the blocks of a page in these languages; of every language if none is named."""
     text = page.read_text()
-    found = [
-        Block(page, text.count("\n", 0, match.start()) + 2, match[1], match[2]) for match in _BLOCK.finditer(text)
-    ]
+    found = [Block(page, text.count("\n", 0, match.start()) + 2, match[1], match[2]) for match in _BLOCK.finditer(text)]
     return [block for block in found if not languages or block.language in languages]

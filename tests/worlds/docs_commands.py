@@ -76,7 +76,7 @@ def why_not_run(words: Sequence[str]) -> str:
 
 
 def make_folder(folder: Path) -> None:
-    """Fill `folder` with what the pages name: the checkout's files, programs of firmware, and the reader's own files."""
+    """Fill `folder` with what the pages name: the checkout's files, firmware, and the reader's own files."""
     for name in ("hil.yaml", "rigs", "docs", "tests"):
         (folder / name).symlink_to(ROOT / name)
     for name, marker in _FIRMWARE.items():
@@ -98,7 +98,7 @@ def make_folder(folder: Path) -> None:
 
 
 def parsed(words: Sequence[str]) -> tuple[str, dict[str, Any]]:
-    """Return the name and the values of a command line of `hil`, as the real parser sees them. UsageError if refused."""
+    """Return the name and the values of a command line of `hil`, as the real parser sees them, or raise its error."""
     seen: list[tuple[str, dict[str, Any]]] = []
 
     def replace(command: Any, name: str) -> None:
