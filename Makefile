@@ -39,14 +39,20 @@ test-all: setup
 wheel: setup
 	$(PY) tools/check_wheel.py
 
+# What browsers run: JavaScript and its pages.
+PAGES := hil/apps
+
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
+	.venv/bin/oxlint $(PAGES)
+	.venv/bin/oxfmt --check $(PAGES)
 
 format: setup
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
+	.venv/bin/oxfmt $(PAGES)
 
 # The variable silences mkdocs-material's notice about its successor.
 docs: setup

@@ -15,7 +15,7 @@ class Line:
 
     to_autopilot: frozenset[str] = frozenset()
     from_autopilot: frozenset[str] = frozenset()
-    others: bool = True  # every message that is no HIL message travels here, in both directions
+    others: bool = True  # every message but HIL messages travels here, in both directions
 
     def carries(self, message: str, direction: str) -> bool:
         """Return True if a message can travel on this line in a direction: to_autopilot, from_autopilot or both."""

@@ -290,7 +290,7 @@ class Part:
         return ()
 
     def told(self) -> Sequence[str]:
-        """Return texts of the autopilot that this part tells in its own words: they are no warnings besides."""
+        """Return texts of the autopilot that this part tells in its own words, so that no warning repeats them."""
         return ()
 
     def may_arm(self) -> bool:

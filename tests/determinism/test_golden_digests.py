@@ -8,10 +8,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import gymnasium
 import pytest
 
-from tests.golden.digests import FLIGHTS
+from hil.gym import IDS
+from tests.golden.digests import EPISODES, FLIGHTS
 from tests.worlds.bench_process import hil
+from tests.worlds.gym_rollouts import rollout
 
 
 @pytest.mark.slow
@@ -24,5 +27,13 @@ def test_digest(name: str, tmp_path: Path) -> None:
     assert run["digest"] == flight["digest"]
 
 
+@pytest.mark.parametrize("name", EPISODES)
+def test_digest_of_an_episode(name: str) -> None:
+    episode = EPISODES[name]
+    assert episode["environment"] in IDS
+    env = gymnasium.make(episode["environment"], **episode["options"])
+    assert rollout(env, seed=1) == episode["digest"]
+
+
 def test_a_digest_has_a_reason() -> None:
-    assert all(flight["changed"] and len(flight["digest"]) == 64 for flight in FLIGHTS.values())
+    assert all(each["changed"] and len(each["digest"]) == 64 for each in (FLIGHTS | EPISODES).values())

@@ -37,8 +37,10 @@ def test_the_digest_is_the_golden_one(flown: Path) -> None:
 def test_the_book_prints_what_the_command_prints(flown: Path) -> None:
     console = [line.rstrip() for line in (flown.parent / CONSOLE).read_text().splitlines()]
     verdict = [line for line in console[console.index("PASS") :] if not line.startswith(("speed", "results"))]
-    page = (Path(__file__).resolve().parents[2] / "docs/start.md").read_text()
-    assert "\n".join(verdict) in page
+    docs = Path(__file__).resolve().parents[2] / "docs"
+    assert "\n".join(verdict) in (docs / "start.md").read_text()
+    cross_track_m = json.loads((flown / "run.json").read_text())["mission"]["max_cross_track_m"]
+    assert f"everything recorded | cross-track {cross_track_m:.3f} m |" in (docs / "accuracy.md").read_text()
 
 
 def assert_accurate(mission: dict[str, Any]) -> None:

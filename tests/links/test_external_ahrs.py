@@ -156,6 +156,7 @@ def test_another_ground_stations_answer_is_not_taken_for_ours(board):
     board.say(Ack(511, 2, 0, 0, 255, 190))
     bench.run(5)
     assert board.requested == [6000.0]
+    assert {sysid for sysid, _ in board.commands} == {255}  # a board may obey its MAV_GCS_SYSID alone
 
 
 def test_commands_go_out_at_once_and_telemetry_comes_back(board):

@@ -23,11 +23,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from firmware_bridge.codecs.ardupilot_json import PwmRange
-from firmware_bridge.codecs.mavlink_frame import Frame
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder
 from firmware_bridge.codecs.vectornav import VectorNavDevice, ardupilot_outputs
+from firmware_bridge.ground_station.vehicle_link import GCS_SYSID
 from firmware_bridge.links.ardupilot.servo_outputs import INTERVALS_US, ServoOutputs
 from firmware_bridge.links.ardupilot.vectornav_stream import Geodetic, InsErrors, InsSolution, VectorNavStream
-from firmware_bridge.links.autopilot_link import LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import SIMULATOR_COMPID, LinkCaps, LinkTimeouts
 from firmware_bridge.links.realtime.health import Finding
 from firmware_bridge.links.realtime.link import RealtimeLink
 from firmware_bridge.links.timesync import TIMESYNC
@@ -93,7 +94,9 @@ class ExternalAhrsLink(RealtimeLink):
         self.device = VectorNavDevice(_MODEL)
         solution = InsSolution(self._geodetic, self._errors)
         self._stream = VectorNavStream(self.device, solution, period_ns=self._period_ns)
-        self._servos = ServoOutputs(self._encoder, self._pwm, loop_hz=NS_PER_S / self._period_ns / 2)
+        # As the ground station: a board may obey no system id but that of its MAV_GCS_SYSID.
+        requests = FrameEncoder(GCS_SYSID, SIMULATOR_COMPID)
+        self._servos = ServoOutputs(requests, self._pwm, loop_hz=NS_PER_S / self._period_ns / 2)
 
     def findings(self) -> list[Finding]:
         """Return the faults in this run's timing that affect the autopilot."""
@@ -283,7 +286,7 @@ class ExternalAhrsLink(RealtimeLink):
     def _no_outputs(self) -> str:
         servos = self._servos
         if servos.result is None:
-            why = "it never answered the request for them: is MAV_GCS_SYSID set to another system id?"
+            why = f"it never answered the request for them: is MAV_GCS_SYSID not {GCS_SYSID}?"
         elif servos.granted_us is None:
             why = (
                 f"it refused them even every {INTERVALS_US[-1]} us (MAV_RESULT {servos.result}); raise SCHED_LOOP_RATE"

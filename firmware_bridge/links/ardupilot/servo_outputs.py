@@ -100,7 +100,8 @@ class ServoOutputs:
 
     def _take_ack(self, frame: Frame) -> None:
         ack = unpack(frame)
-        if ack.command != _SET_MESSAGE_INTERVAL or ack.target_system != self._encoder.sysid:
+        ours = (self._encoder.sysid, self._encoder.compid)
+        if ack.command != _SET_MESSAGE_INTERVAL or (ack.target_system, ack.target_component) != ours:
             return
         self.result = ack.result
         if ack.result == _ACCEPTED:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.apps.detect.evaluate import Evaluation
     from hil.apps.detect.pictures import Picture
     from hil.apps.detect.training.settings import Settings
-    from hil.apps.detect.training.train import Epoch
+    from hil.apps.detect.training.train import Epoch, Training
 
 NAME = "hil_ssdlite"  # stem of the model files that a training writes
 
@@ -39,6 +39,21 @@ class TrainingData:
     part: str = "train"  # of `data_sets`: train, or all
     validation: Sequence[Path] = ()
     test: Sequence[Path] = ()
+
+    def read(self) -> tuple[Sequence[Picture], Sequence[Picture], Sequence[Picture]]:
+        """Return the pictures for training, validation and test (none with part `all`). Raises ConfigError."""
+        from hil.apps.detect.pictures import read_data_sets
+
+        pictures = read_data_sets(self.data_sets, self.part)
+        if self.part == "all" and not self.validation:
+            hint = "give data sets for validation with --validation"
+            raise ConfigError([Problem("--part all", "leaves no pictures of these data sets for validation", hint)])
+
+        def of(given: Sequence[Path], part: str) -> Sequence[Picture]:
+            return read_data_sets(given, "all") if given else read_data_sets(self.data_sets, part)
+
+        validation = of(self.validation, "validation")
+        return pictures, validation, [] if self.part == "all" and not self.test else of(self.test, "test")
 
 
 def train_detector(
@@ -63,22 +78,9 @@ def train_detector(
     except ImportError as error:
         hint = "pip install 'hil-bench[train]', or torch alone; flying and evaluating work without it"
         raise ConfigError([Problem("hil detect train", f"needs PyTorch ({error})", hint)]) from None
-    from hil.apps.detect import curves
     from hil.apps.detect.picture_store import digest
-    from hil.apps.detect.pictures import read_data_sets
 
-    pictures = read_data_sets(data.data_sets, data.part)
-    if data.part == "all" and not data.validation:
-        hint = "give data sets for validation with --validation"
-        raise ConfigError([Problem("--part all", "leaves no pictures of these data sets for validation", hint)])
-    validation = (
-        read_data_sets(data.validation, "all") if data.validation else read_data_sets(data.data_sets, "validation")
-    )
-    test: Sequence[Picture] = []
-    if data.test:
-        test = read_data_sets(data.test, "all")
-    elif data.part != "all":
-        test = read_data_sets(data.data_sets, "test")
+    pictures, validation, test = data.read()
     training = Training(pictures, validation, settings, out=out)
     if weights is not None:
         loaded, total = training.load_weights(weights)
@@ -93,35 +95,7 @@ def train_detector(
         )
         if left_out:
             console.print(f"left out, fewer than {settings.min_objects} objects: {left_out}", markup=False)
-        epochs: list[Epoch] = []
-        began_s = time.monotonic()
-        columns = (
-            TextColumn("epoch {task.fields[epoch]}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[loss]}"),
-        )
-        bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=quiet)
-        with bar as progress:
-            steps = len(training.batches)
-            total = (settings.epochs - training.epochs_done) * steps
-            task = progress.add_task("", total=total, epoch=training.epochs_done + 1, loss="")
-
-            def step(number: int, _: int, loss: float) -> None:
-                progress.update(task, advance=1, epoch=number, loss=f"loss {loss:.3f}")
-
-            def report(epoch: Epoch) -> None:
-                epochs.append(epoch)
-                curves.write_table(epochs, out / "curves.csv")
-                curves.draw(epochs, out / "curves.png")
-                text = f"epoch {epoch.number}: loss {epoch.loss_scores:.3f} + {epoch.loss_boxes:.3f}"
-                if epoch.evaluation is not None:
-                    text += f", mAP {epoch.evaluation.mean_average_precision:.3f}"
-                    people = epoch.evaluation.classes.get("person")
-                    text += f", person {people.average_precision:.3f}" if people is not None else ""
-                progress.console.print(f"{text}  ({time.monotonic() - began_s:.0f} s)", markup=False)
-
-            training.run(on_step=step, on_epoch=report)
+        _run_training(training, settings.epochs, console, out, quiet=quiet)
         path = out / f"{NAME}.onnx"
         model = export.export(training.averaged, path, training.classes, threshold=0.5)
         validation_result = _run_evaluation(model, validation, "opencv", console, "validation", quiet=quiet)
@@ -143,6 +117,41 @@ def train_detector(
         }
         _write_json(out / "training.json", record)
         return path
+
+
+def _run_training(training: Training, last_epoch: int, console: Console, out: Path, *, quiet: bool) -> None:
+    """Train to the end, with a line on the console and a row of the curves in `out` for each epoch."""
+    from hil.apps.detect import curves
+
+    epochs: list[Epoch] = []
+    began_s = time.monotonic()
+    columns = (
+        TextColumn("epoch {task.fields[epoch]}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[loss]}"),
+    )
+    bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=quiet)
+    with bar as progress:
+        steps = len(training.batches)
+        total = (last_epoch - training.epochs_done) * steps
+        task = progress.add_task("", total=total, epoch=training.epochs_done + 1, loss="")
+
+        def step(number: int, _: int, loss: float) -> None:
+            progress.update(task, advance=1, epoch=number, loss=f"loss {loss:.3f}")
+
+        def report(epoch: Epoch) -> None:
+            epochs.append(epoch)
+            curves.write_table(epochs, out / "curves.csv")
+            curves.draw(epochs, out / "curves.png")
+            text = f"epoch {epoch.number}: loss {epoch.loss_scores:.3f} + {epoch.loss_boxes:.3f}"
+            if epoch.evaluation is not None:
+                text += f", mAP {epoch.evaluation.mean_average_precision:.3f}"
+                people = epoch.evaluation.classes.get("person")
+                text += f", person {people.average_precision:.3f}" if people is not None else ""
+            progress.console.print(f"{text}  ({time.monotonic() - began_s:.0f} s)", markup=False)
+
+        training.run(on_step=step, on_epoch=report)
 
 
 def evaluate_detector(

@@ -59,7 +59,7 @@ class Film:
         self.vehicle = vehicle or next(iter(names))
         if self.vehicle not in names:
             hint = nearest(self.vehicle, names)
-            raise ConfigError([Problem("vehicle", f"{self.vehicle!r} is no vehicle of the bench", hint)])
+            raise ConfigError([Problem("vehicle", f"{self.vehicle!r} is not a vehicle of the bench", hint)])
         own = names[self.vehicle]
         camera = _camera_of(own, view)
         world = bench.world if bench.vehicles else with_vehicles(load_world(bench.scene), {ALONE: bench.vehicle})
@@ -190,7 +190,7 @@ def _camera_of(bench: Bench, view: str) -> str:
     if view in cameras:
         return view
     known = ", ".join([CHASE, *([SPLIT] if cameras else []), *cameras])
-    text = "shows a camera, and the bench has none" if view == SPLIT else f"{view!r} is no camera of the bench"
+    text = "shows a camera, and the bench has none" if view == SPLIT else f"{view!r} is not a camera of the bench"
     raise ConfigError([Problem("view", text, f"choose one of {known}")])
 
 

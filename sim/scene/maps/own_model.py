@@ -58,7 +58,7 @@ def read_own_model(path: Path, shipped: Model) -> Model:
         solid = [False]
     if not all(solid):
         hint = f"as in {shipped.name}.glb, or leave it out"
-        raise file.error("extras.contact of its scene", "is no list of boxes, cylinders and hulls", hint)
+        raise file.error("extras.contact of its scene", "is not a list of boxes, cylinders and hulls", hint)
     return made
 
 

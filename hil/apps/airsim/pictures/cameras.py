@@ -146,7 +146,7 @@ class Cameras:
         return out
 
     def _follow(self, frames: SharedFrames) -> None:
-        """Drop the renderers of a world or a light that is no more."""
+        """Drop the renderers of a world or a light that is gone."""
         if self._frames.generation != self._generation:
             self._generation = self._frames.generation
             self._renderers.clear()

@@ -279,22 +279,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-SCRIPT = """
-for (const list of document.querySelectorAll(".list")) {
-  const input = list.querySelector("input"), count = input.nextElementSibling;
-  const rows = [...list.querySelectorAll("tr")].slice(1).map((row) => [row, row.textContent.toLowerCase()]);
-  input.hidden = rows.length < 8;
-  input.oninput = () => {
-    const words = input.value.toLowerCase().split(/\\s+/);
-    let shown = 0;
-    for (const [row, text] of rows) {
-      row.hidden = !words.every((word) => text.includes(word));
-      shown += !row.hidden;
-    }
-    count.textContent = input.value ? `${shown} of ${rows.length}` : "";
-  };
-}
-"""
+SCRIPT = Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
 # Source of a Content-Security-Policy that allows this script and no other.
 SCRIPT_SOURCE = f"'sha256-{base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()}'"
 

@@ -1,10 +1,10 @@
 // Campaigns in the folder beside the past runs: counts, which change while a campaign goes on, and the report of each.
 
-import { json } from "/page/runs.js";
-import { cell } from "/page/panes/tables.js";
+import { json } from "./runs.js";
+import { cell } from "./panes/tables.js";
 
 const PERIOD_MS = 2000;
-const SILENT_S = 60;  // a campaign that goes on is written every two seconds; older than this, the row says so
+const SILENT_S = 60; // a campaign that goes on is written every two seconds; older than this, the row says so
 
 export class Campaigns {
   constructor(card, list) {
@@ -18,11 +18,14 @@ export class Campaigns {
     this.card.hidden = !campaigns.length;
     const head = document.createElement("tr");
     for (const text of ["campaign", "state"]) cell(head, text, { tag: "th" });
-    for (const text of ["PASS", "FAIL", "ERROR", "FLAKE", "pass rate, 95 %"]) cell(head, text, { tag: "th", kind: "num" });
+    for (const text of ["PASS", "FAIL", "ERROR", "FLAKE", "pass rate, 95 %"])
+      cell(head, text, { tag: "th", kind: "num" });
     cell(head, "", { tag: "th" });
     this.list.replaceChildren(head, ...campaigns.map(rowOf));
     if (campaigns.some((campaign) => campaign.doing)) {
-      this.timer = setTimeout(() => { if (isShown()) this.load(isShown); }, PERIOD_MS);
+      this.timer = setTimeout(() => {
+        if (isShown()) this.load(isShown);
+      }, PERIOD_MS);
     }
   }
 }
@@ -36,7 +39,12 @@ function rowOf(campaign) {
     return row;
   }
   cell(row, stateOf(campaign));
-  for (const [key, kind] of [["pass", "good"], ["fail", "warned"], ["error", "bad"], ["flake", "bad"]]) {
+  for (const [key, kind] of [
+    ["pass", "good"],
+    ["fail", "warned"],
+    ["error", "bad"],
+    ["flake", "bad"],
+  ]) {
     cell(row, campaign[key].toLocaleString("en"), { kind: campaign[key] ? `num ${kind}` : "num" });
   }
   const [low, rate, high] = campaign.pass_rate.map((value) => `${(100 * value).toFixed(1)} %`);
@@ -44,7 +52,9 @@ function rowOf(campaign) {
   const last = cell(row, "");
   if (campaign.report) {
     const link = document.createElement("a");
-    link.href = `/campaigns/${encodeURIComponent(campaign.name)}/report.html`; link.target = "_blank"; link.rel = "noopener";
+    link.href = `/campaigns/${encodeURIComponent(campaign.name)}/report.html`;
+    link.target = "_blank";
+    link.rel = "noopener";
     link.textContent = campaign.doing ? "Earlier report" : "Report";
     last.append(link);
   }
@@ -53,7 +63,10 @@ function rowOf(campaign) {
 
 function stateOf({ doing, complete, stopped, age_s: age }) {
   if (doing) {
-    const silent = age > SILENT_S ? `; not updated for ${age > 7200 ? `${(age / 3600).toFixed(0)} h` : `${(age / 60).toFixed(0)} min`}` : "";
+    const silent =
+      age > SILENT_S
+        ? `; not updated for ${age > 7200 ? `${(age / 3600).toFixed(0)} h` : `${(age / 60).toFixed(0)} min`}`
+        : "";
     return `${doing.phase}: ${doing.done.toLocaleString("en")} of ${doing.total.toLocaleString("en")}${silent}`;
   }
   if (complete) return "complete";

@@ -1,36 +1,51 @@
 // Entry point of the page: shows the updates from the socket and sends the user's commands.
 
-import { Faults } from "/page/faults.js";
-import { Chart } from "/page/panes/charts.js";
-import { drawHorizon } from "/page/panes/horizon.js";
-import { LiveSocket, parse } from "/page/socket.js";
-import { overlayMap } from "/page/panes/maps.js";
-import { attitude } from "/page/panes/matrices.js";
-import { Panes } from "/page/panes/panes.js";
-import { Replay } from "/page/replay.js";
-import { Campaigns } from "/page/campaigns.js";
-import { Runs, json } from "/page/runs.js";
-import { Sticks } from "/page/sticks.js";
-import { base, bytes, number, options, reachedOf, sensorRows, table } from "/page/panes/tables.js";
-import { View3d } from "/page/panes/view3d.js";
+import { Faults } from "./faults.js";
+import { Chart } from "./panes/charts.js";
+import { drawHorizon } from "./panes/horizon.js";
+import { LiveSocket, parse } from "./socket.js";
+import { overlayMap } from "./panes/maps.js";
+import { attitude } from "./panes/matrices.js";
+import { Panes } from "./panes/panes.js";
+import { Replay } from "./replay.js";
+import { Campaigns } from "./campaigns.js";
+import { Runs, json } from "./runs.js";
+import { Sticks } from "./sticks.js";
+import { base, bytes, number, options, reachedOf, sensorRows, table } from "./panes/tables.js";
+import { View3d } from "./panes/view3d.js";
 
 const $ = (id) => document.getElementById(id);
-const LOG_LINES = 200, NS = 1e9, OTHER_STEP_M = 0.2;
-const LINK_ROWS = [["messages sent", (l) => l.steps], ["late", (l) => l.late ?? "–"], ["lost, damaged", (l) => `${l.lost}, ${l.bad}`],
-  ["round trip, median", (l) => `${number(l.rtt_p50_us, 0)} µs`], ["round trip, worst 1 %", (l) => `${number(l.rtt_p99_us, 0)} µs`],
-  ["out, in", (l) => `${bytes(l.tx_bytes ?? 0)}, ${bytes(l.rx_bytes ?? 0)}`]];
+const LOG_LINES = 200,
+  NS = 1e9,
+  OTHER_STEP_M = 0.2;
+const LINK_ROWS = [
+  ["messages sent", (l) => l.steps],
+  ["late", (l) => l.late ?? "–"],
+  ["lost, damaged", (l) => `${l.lost}, ${l.bad}`],
+  ["round trip, median", (l) => `${number(l.rtt_p50_us, 0)} µs`],
+  ["round trip, worst 1 %", (l) => `${number(l.rtt_p99_us, 0)} µs`],
+  ["out, in", (l) => `${bytes(l.tx_bytes ?? 0)}, ${bytes(l.rx_bytes ?? 0)}`],
+];
 const charts = {
   altitude: new Chart($("c-altitude"), { range: [0, 5] }),
   speed: new Chart($("c-speed"), { range: [0, 2] }),
   motors: new Chart($("c-motors"), { range: [0, 1] }),
 };
 const view = new View3d($("view"), $("view-note"), $("texts"));
-let replay = null, running = false, stopping = false, about = {}, state = {}, slow = {}, run = -1, sceneOf = null;
-let shownVehicle;  // in a run of several
-let trail = [], fresh = false;  // [t, x, y, z] of the flight so far; fresh: true until the charts show it
-const otherTrails = new Map();  // flown by the vehicles that are not shown: name -> x, y, z, x, ...
-let drawn = null;  // newest drawings of the scripts that fly (hil airsim)
-let maps = [];  // streams of the companions that publish a map
+let replay = null,
+  running = false,
+  stopping = false,
+  about = {},
+  state = {},
+  slow = {},
+  run = -1,
+  sceneOf = null;
+let shownVehicle; // in a run of several
+let trail = [],
+  fresh = false; // [t, x, y, z] of the flight so far; fresh: true until the charts show it
+const otherTrails = new Map(); // flown by the vehicles that are not shown: name -> x, y, z, x, ...
+let drawn = null; // newest drawings of the scripts that fly (hil airsim)
+let maps = []; // streams of the companions that publish a map
 
 // -- updates -------------------------------------------------------------------------------------------------------
 
@@ -43,7 +58,10 @@ function update(head, frames) {
   if (head.slow) {
     slow = head.slow;
     trail = slow.trail ?? [];
-    if (fresh && trail.length) { fresh = false; if (!replay?.on) fillCharts(); }
+    if (fresh && trail.length) {
+      fresh = false;
+      if (!replay?.on) fillCharts();
+    }
   }
   // Between two trails from the run, updates extend the trail.
   if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
@@ -58,7 +76,9 @@ function update(head, frames) {
   if (state.p) showState();
   showStatus(head.result);
   panes.boxes = state.boxes ?? {};
-  for (const frame of frames) if (frame === drawn) view.setDrawings(frame.data, frame.texts); else panes.show(frame);
+  for (const frame of frames)
+    if (frame === drawn) view.setDrawings(frame.data, frame.texts);
+    else panes.show(frame);
 }
 
 // Fill the charts of altitude and speed from the trail, for a page that is opened during a flight.
@@ -66,7 +86,9 @@ function fillCharts() {
   charts.altitude.clear();
   charts.speed.clear();
   trail.forEach((point, k) => {
-    const [t0, ...p0] = trail[Math.max(0, k - 1)], [t, ...p] = point, dt = t - t0 || 1;
+    const [t0, ...p0] = trail[Math.max(0, k - 1)],
+      [t, ...p] = point,
+      dt = t - t0 || 1;
     charts.altitude.add(t, [p[2]]);
     charts.speed.add(t, [Math.hypot(p[0] - p0[0], p[1] - p0[1]) / dt, (p[2] - p0[2]) / dt]);
   });
@@ -84,7 +106,10 @@ function begin(head) {
 }
 
 function showRun() {
-  $("vehicle").onchange = () => { live.vehicle = $("vehicle").value; live.watch(live.streams); };
+  $("vehicle").onchange = () => {
+    live.vehicle = $("vehicle").value;
+    live.watch(live.streams);
+  };
   for (const chart of Object.values(charts)) chart.clear();
   $("log").replaceChildren();
   showWorld(about);
@@ -120,7 +145,9 @@ function offerVehicles(names, name) {
 
 // Show the other vehicles at their places, name -> [p, q] or null, and extend their trails.
 function showOthers(places) {
-  const others = Object.fromEntries(Object.entries(places ?? {}).filter(([name, place]) => place && name !== shownVehicle));
+  const others = Object.fromEntries(
+    Object.entries(places ?? {}).filter(([name, place]) => place && name !== shownVehicle),
+  );
   view.setOthers(others);
   for (const [name, [p]] of Object.entries(others)) {
     const flown = otherTrails.get(name) ?? [];
@@ -149,7 +176,11 @@ function showState() {
   view.setActors(state.actors);
   showOthers(state.places);
   view.setPose(state.p, state.q);
-  view.setLine("trail", trail.flatMap((point) => point.slice(1)), { colour: "--trail" });
+  view.setLine(
+    "trail",
+    trail.flatMap((point) => point.slice(1)),
+    { colour: "--trail" },
+  );
   faults.show(state.by_hand);
   const t = state.t_ns / NS;
   charts.altitude.add(t, [state.p[2]]);
@@ -163,21 +194,35 @@ function showVehicle(s, t) {
   const angles = attitude(s.q);
   drawHorizon($("horizon"), angles);
   $("clock").textContent = `${t.toFixed(2)} s`;
-  const rows = [["altitude", `${number(s.p[2])} m`], ["east", `${number(s.p[0])} m`], ["north", `${number(s.p[1])} m`],
-    ["ground speed", `${number(Math.hypot(s.v[0], s.v[1]))} m/s`], ["climb", `${number(s.v[2])} m/s`],
-    ["roll", `${number(angles.roll * 57.29578, 1)}°`], ["pitch", `${number(angles.pitch * 57.29578, 1)}°`]];
+  const rows = [
+    ["altitude", `${number(s.p[2])} m`],
+    ["east", `${number(s.p[0])} m`],
+    ["north", `${number(s.p[1])} m`],
+    ["ground speed", `${number(Math.hypot(s.v[0], s.v[1]))} m/s`],
+    ["climb", `${number(s.v[2])} m/s`],
+    ["roll", `${number(angles.roll * 57.29578, 1)}°`],
+    ["pitch", `${number(angles.pitch * 57.29578, 1)}°`],
+  ];
   if (s.w) rows.push(["angular speed", `${number(57.29578 * Math.hypot(...s.w), 0)}°/s`]);
   if (s.contact) rows.push(["contact", "yes"]);
   if (s.wind) rows.push(["wind", `${number(Math.hypot(...s.wind), 1)} m/s`]);
   if (s.armed !== undefined) rows.push(["motors", s.armed ? "armed" : "disarmed"]);
   if (s.mode !== undefined) rows.push(["mode bits", `0x${s.mode.toString(16).padStart(2, "0")}`]);
-  if (s.battery) rows.push(["battery", `${number(100 * s.battery[0], 0)} %, ${number(s.battery[1], 1)} V, ${number(s.battery[2], 1)} A`]);
+  if (s.battery)
+    rows.push([
+      "battery",
+      `${number(100 * s.battery[0], 0)} %, ${number(s.battery[1], 1)} V, ${number(s.battery[2], 1)} A`,
+    ]);
   const list = $("numbers");
-  list.replaceChildren(...rows.flatMap(([name, value]) => {
-    const dt = document.createElement("dt"), dd = document.createElement("dd");
-    dt.textContent = name; dd.textContent = value;
-    return [dt, dd];
-  }));
+  list.replaceChildren(
+    ...rows.flatMap(([name, value]) => {
+      const dt = document.createElement("dt"),
+        dd = document.createElement("dd");
+      dt.textContent = name;
+      dd.textContent = value;
+      return [dt, dd];
+    }),
+  );
   const motors = $("motors");
   while (motors.children.length > s.controls.length) motors.lastChild.remove();
   s.controls.forEach((u, k) => {
@@ -189,7 +234,8 @@ function showVehicle(s, t) {
     }
     motor.firstChild.textContent = `${k}: ${number(100 * u, 0)} %`;
     const speed = s.rotors?.[k];
-    motor.title = `command of motor ${k}` + (speed === undefined ? "" : `; it turns at ${number(speed * 9.549297, 0)} rpm`);
+    motor.title =
+      `command of motor ${k}` + (speed === undefined ? "" : `; it turns at ${number(speed * 9.549297, 0)} rpm`);
     motor.lastChild.value = u;
   });
 }
@@ -197,32 +243,55 @@ function showVehicle(s, t) {
 // Reports of the companions, one row each.
 function clientRows(reports) {
   return Object.entries(reports).flatMap(([client, report]) =>
-    Object.entries(report).filter(([, value]) => value !== "").map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]));
+    Object.entries(report)
+      .filter(([, value]) => value !== "")
+      .map(([name, value]) => [`${client}: ${name.replaceAll("_", " ")}`, value]),
+  );
 }
 
 let slowShown = null;
 function showSlow() {
   if (slow.battery) state.battery = slow.battery;
-  if (slow.maps && slow.maps.join() !== maps.join()) { maps = slow.maps; offerPanes(); }
+  if (slow.maps && slow.maps.join() !== maps.join()) {
+    maps = slow.maps;
+    offerPanes();
+  }
   if (slow.links) faults.offer({ ...about, companions: slow.companions });
-  state.byHand = slow.flying_by_hand === true;  // includes the gamepad at the bench's own machine
+  state.byHand = slow.flying_by_hand === true; // includes the gamepad at the bench's own machine
   if (slow === slowShown) return;
   slowShown = slow;
   table($("reports"), [], clientRows(slow.told ?? {}));
   if (slow.links) {
-    table($("links"), ["", ...slow.links.map((l) => l.name)], LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]));
+    table(
+      $("links"),
+      ["", ...slow.links.map((l) => l.name)],
+      LINK_ROWS.map(([name, value]) => [name, ...slow.links.map(value)]),
+    );
   }
   table($("sensors"), [], sensorRows(slow.sensors));
   const notes = [];
   if (slow.own_us !== undefined) notes.push(`time per tick in the bench itself: ${number(slow.own_us, 0)} µs`);
   if (slow.late_ticks) notes.push(`${slow.late_ticks} ticks began late`);
-  if (slow.router) notes.push("router: " + Object.entries(slow.router).filter(([, count]) => count).map(([name, count]) => `${name.replaceAll("_", " ")} ${number(count)}`).join(", "));
+  if (slow.router)
+    notes.push(
+      "router: " +
+        Object.entries(slow.router)
+          .filter(([, count]) => count)
+          .map(([name, count]) => `${name.replaceAll("_", " ")} ${number(count)}`)
+          .join(", "),
+    );
   $("pace-note").textContent = notes.join("; ");
-  if (slow.skipped) table($("skipped"), ["what", "why", "saved"], slow.skipped.map((s) => [s.what, s.why, s.saved]));
+  if (slow.skipped)
+    table(
+      $("skipped"),
+      ["what", "why", "saved"],
+      slow.skipped.map((s) => [s.what, s.why, s.saved]),
+    );
 }
 
 function showStatus(result) {
-  $("mission").textContent = about.rig === undefined ? "no run yet: press Start" : [state.phase, reachedOf(state)].filter(Boolean).join(", ");
+  $("mission").textContent =
+    about.rig === undefined ? "no run yet: press Start" : [state.phase, reachedOf(state)].filter(Boolean).join(", ");
   $("progress").value = result?.status === "PASS" ? 1 : state.waypoints ? state.reached / state.waypoints : 0;
   const runName = about.rig === undefined ? "" : `${base(about.rig)}, ${about.scene}, seed ${about.seed}`;
   if (running) {
@@ -232,18 +301,24 @@ function showStatus(result) {
     $("headline").textContent = runName + speed + (state.altered ? ", altered by hand" : "");
   } else if (result) {
     setStatus(result.status, { PASS: "good", FAIL: "warn", ERROR: "bad" }[result.status]);
-    $("headline").textContent = `${runName}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
+    $("headline").textContent =
+      `${runName}, digest ${result.digest.slice(0, 12)}${result.deterministic ? "" : " (not deterministic)"}`;
     $("headline").title = result.digest;
   } else {
     setStatus("no run", "");
-    if (about.rig === undefined) $("headline").textContent = "ready: press Start. The panes show the scene from 2 m above the take-off place";
+    if (about.rig === undefined)
+      $("headline").textContent = "ready: press Start. The panes show the scene from 2 m above the take-off place";
   }
-  const chip = $("deadman"), held = running && (state.held || state.byHand);
+  const chip = $("deadman"),
+    held = running && (state.held || state.byHand);
   chip.textContent = held ? "flying by hand" : "sticks released";
   chip.className = `chip ${held ? "good" : ""}`;
 }
 
-function setStatus(text, kind) { $("status").textContent = text; $("status").className = `chip ${kind}`; }
+function setStatus(text, kind) {
+  $("status").textContent = text;
+  $("status").className = `chip ${kind}`;
+}
 function showMessage(text) {
   if ($("message").textContent === text) return;
   $("message").hidden = !text;
@@ -251,7 +326,8 @@ function showMessage(text) {
 }
 
 function log([t_ns, kind, text]) {
-  const line = document.createElement("li"), list = $("log");
+  const line = document.createElement("li"),
+    list = $("log");
   line.textContent = `${(t_ns / NS).toFixed(2).padStart(7)}  ${kind}: ${text}`;
   if (kind === "error" || kind === "refused") line.className = "bad";
   if (kind === "warning" || kind === "fault" || kind === "by_hand") line.className = "warned";
@@ -267,43 +343,64 @@ function buttons() {
   $("resume").disabled = !running || !paused;
   $("stop").disabled = !running;
   $("reset").disabled = run < 1;
-  for (const control of document.querySelectorAll("[data-request], [data-gust], #inject-rotor, #inject-sensor, #inject-link, #wind-speed, #wind-dir"))
+  for (const control of document.querySelectorAll(
+    "[data-request], [data-gust], #inject-rotor, #inject-sensor, #inject-link, #wind-speed, #wind-dir",
+  ))
     control.disabled = !running;
 }
 
 // -- commands ------------------------------------------------------------------------------------------------------
 
 const panes = new Panes({
-  chips: $("pane-chips"), box: $("panes"),
-  onChange: (streams) => { if (!replay?.on) live.watch(streams); else showMoment(Number($("replay-time").value)); },
-  onCloud: (stream, cloud) => view.setLine(`cloud ${stream}`, cloud?.points ?? [],
-    { colour: "--warn", mode: view.gl?.POINTS, size: 2, at: cloud?.at ?? null }),
+  chips: $("pane-chips"),
+  box: $("panes"),
+  onChange: (streams) => {
+    if (!replay?.on) live.watch(streams);
+    else showMoment(Number($("replay-time").value));
+  },
+  onCloud: (stream, cloud) =>
+    view.setLine(`cloud ${stream}`, cloud?.points ?? [], {
+      colour: "--warn",
+      mode: view.gl?.POINTS,
+      size: 2,
+      at: cloud?.at ?? null,
+    }),
   onMap: (stream, frame) => overlayMap(view, stream, frame),
   flown: () => (replay?.on ? replay.flown : trail),
 });
 const faults = new Faults((message) => live.send(message));
 
 for (const kind of ["pause", "step", "resume", "stop", "reset"]) $(kind).onclick = () => live.send({ kind });
-$("stop").addEventListener("click", () => { stopping = true; });
+$("stop").addEventListener("click", () => {
+  stopping = true;
+});
 $("start-form").onsubmit = (event) => {
   event.preventDefault();
   if (replay.on) $("replay-close").click();
   const message = { kind: "start", paused: $("f-paused").checked, gamepad: $("f-gamepad").checked };
-  for (const name of ["bench", "rig", "scene", "mission"]) if ($(`f-${name}`).value) message[name] = $(`f-${name}`).value;
+  for (const name of ["bench", "rig", "scene", "mission"])
+    if ($(`f-${name}`).value) message[name] = $(`f-${name}`).value;
   if ($("f-seed").value !== "") message.seed = Number($("f-seed").value);
   if ($("f-pace").value !== "") message.pace = Number($("f-pace").value);
   live.send(message);
 };
-$("f-pace").onchange = () => { if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) }); };
+$("f-pace").onchange = () => {
+  if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) });
+};
 
 new Sticks({
-  pad: $("hold"), left: $("stick-left"), right: $("stick-right"),
+  pad: $("hold"),
+  left: $("stick-left"),
+  right: $("stick-right"),
   send: (message) => live.send(message),
   mode: () => $("take-mode").value,
   mayFly: () => running && !replay.on && !$("live").hidden,
   onTake: () => {
     // A pilot can only fly in real time.
-    if (about.lockstep !== false && state.pace !== 1) { live.send({ kind: "pace", pace: 1 }); $("f-pace").value = "1"; }
+    if (about.lockstep !== false && state.pace !== 1) {
+      live.send({ kind: "pace", pace: 1 });
+      $("f-pace").value = "1";
+    }
   },
 }).bind($("requests"));
 
@@ -321,7 +418,11 @@ $("v-behind").onclick = () => {
 // -- past runs -----------------------------------------------------------------------------------------------------
 
 replay = new Replay({
-  bar: $("replay-bar"), slider: $("replay-time"), text: $("replay-text"), play: $("replay-play"), close: $("replay-close"),
+  bar: $("replay-bar"),
+  slider: $("replay-time"),
+  text: $("replay-text"),
+  play: $("replay-play"),
+  close: $("replay-close"),
   show: showReplay,
   onClose: () => {
     view.setLine("other", [], { colour: "--other" });
@@ -340,8 +441,12 @@ function loadRuns() {
 $("runs-refresh").onclick = loadRuns;
 
 async function openReplay(name, summary, other = null, vehicle = "") {
-  if (!(await replay.open(name, summary, other, vehicle))) { showMessage(`${name}: its recording has no flight`); return; }
-  const { track, second } = replay, ofRun = summary;
+  if (!(await replay.open(name, summary, other, vehicle))) {
+    showMessage(`${name}: its recording has no flight`);
+    return;
+  }
+  const { track, second } = replay,
+    ofRun = summary;
   if (track.vehicle) summary = (await json(`/api/runs/${name}/summary?vehicle=${track.vehicle}`)) ?? summary;
   offerVehicles(track.vehicles, track.vehicle);
   $("vehicle").onchange = () => openReplay(name, ofRun, other, $("vehicle").value);
@@ -350,11 +455,33 @@ async function openReplay(name, summary, other = null, vehicle = "") {
   $("headline").textContent = `${name}, digest ${ofRun.digest.slice(0, 12)}`;
   $("mission").textContent = reachedOf(summary.mission);
   $("sensors-card").hidden = true;
-  table($("reports"), [], clientRows(Object.fromEntries(Object.entries(summary.companion?.clients ?? {}).map(([name, client]) => [name, client.report ?? {}]))));
+  table(
+    $("reports"),
+    [],
+    clientRows(
+      Object.fromEntries(
+        Object.entries(summary.companion?.clients ?? {}).map(([name, client]) => [name, client.report ?? {}]),
+      ),
+    ),
+  );
   $("progress").value = summary.mission.waypoints ? summary.mission.reached / summary.mission.waypoints : 0;
-  table($("links"), ["link", "steps", "late", "round trip p50, p99"], [[summary.autopilot.kind, summary.autopilot.steps,
-    summary.autopilot.late, `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`]]);
-  table($("skipped"), ["what", "why", "saved"], summary.skipped.map((s) => [s.what, s.why, s.saved]));
+  table(
+    $("links"),
+    ["link", "steps", "late", "round trip p50, p99"],
+    [
+      [
+        summary.autopilot.kind,
+        summary.autopilot.steps,
+        summary.autopilot.late,
+        `${number(summary.autopilot.rtt_us.p50, 0)}, ${number(summary.autopilot.rtt_us.p99, 0)} µs`,
+      ],
+    ],
+  );
+  table(
+    $("skipped"),
+    ["what", "why", "saved"],
+    summary.skipped.map((s) => [s.what, s.why, s.saved]),
+  );
   slowShown = null;
   $("log").replaceChildren();
   for (const event of track.events) log(event);
@@ -363,11 +490,17 @@ async function openReplay(name, summary, other = null, vehicle = "") {
   view.setDrawings(new ArrayBuffer(0), []);
   view.setLine("other", second ? second.p.flat() : [], { colour: "--other" });
   if (second && !track.vehicles.length) $("legend-other").innerHTML = "<i class='k-other'></i>second run";
-  const rotors = Math.max(1, track.controls.reduce((count, row) => Math.max(count, row.findLastIndex((u) => u > 0) + 1), 4));
+  const rotors = Math.max(
+    1,
+    track.controls.reduce((count, row) => Math.max(count, row.findLastIndex((u) => u > 0) + 1), 4),
+  );
   replay.rotors = rotors;
   const set = (chart, value) => {
     chart.clear();
-    chart.set(track.t, track.t.map((_, k) => value(track, k)));
+    chart.set(
+      track.t,
+      track.t.map((_, k) => value(track, k)),
+    );
     if (second) chart.other = { t: second.t, rows: second.t.map((_, k) => value(second, k).slice(0, 1)) };
   };
   set(charts.altitude, (t, k) => [t.p[k][2]]);
@@ -377,36 +510,50 @@ async function openReplay(name, summary, other = null, vehicle = "") {
   if (!track.streams.length) $("pane-chips").textContent = "this run recorded no pictures, sweeps or detections";
   replay.begin();
   const scene = await fetch(`/api/runs/${encodeURIComponent(name)}/scene`);
-  if (scene.ok && replay.on) { view.setScene(await scene.arrayBuffer()); sceneOf = null; showMoment(Number($("replay-time").value)); }
+  if (scene.ok && replay.on) {
+    view.setScene(await scene.arrayBuffer());
+    sceneOf = null;
+    showMoment(Number($("replay-time").value));
+  }
 }
 
 function showReplay(k, t) {
   const { track, rotors } = replay;
   const shown = { p: track.p[k], q: track.q[k], v: track.v[k], controls: track.controls[k].slice(0, rotors) };
   view.setPose(shown.p, shown.q);
-  const at = (poses) => Math.min(k, poses.length - 1), others = Object.entries(track.others).filter(([, other]) => other.p.length);
+  const at = (poses) => Math.min(k, poses.length - 1),
+    others = Object.entries(track.others).filter(([, other]) => other.p.length);
   for (const [name, other] of others) {
     otherTrails.set(name, []);
     view.setLine(`trail of ${name}`, other.p.slice(0, k + 1).flat(), { colour: "--other" });
   }
-  view.setOthers(Object.fromEntries(others.map(([name, other]) => [name, [other.p[at(other.p)], other.q[at(other.q)]]])));
+  view.setOthers(
+    Object.fromEntries(others.map(([name, other]) => [name, [other.p[at(other.p)], other.q[at(other.q)]]])),
+  );
   view.setLine("trail", track.p.slice(0, k + 1).flat(), { colour: "--trail" });
-  for (const chart of Object.values(charts)) { chart.cursor = t; chart.draw(); }
+  for (const chart of Object.values(charts)) {
+    chart.cursor = t;
+    chart.draw();
+  }
   showVehicle(shown, t);
   showMoment(t);
 }
 
 // Request one moment at a time. Afterwards, request the one at the slider if it has moved meanwhile.
-let momentWanted = null, momentBusy = false;
+let momentWanted = null,
+  momentBusy = false;
 async function showMoment(t) {
   momentWanted = t;
   if (momentBusy) return;
   momentBusy = true;
   try {
     while (momentWanted !== null && replay.on) {
-      const moment = momentWanted, streams = [...panes.open.keys()];
+      const moment = momentWanted,
+        streams = [...panes.open.keys()];
       momentWanted = null;
-      const answer = await fetch(`/api/runs/${replay.name}/moment?t_ns=${Math.round(moment * NS)}&streams=${encodeURIComponent(streams.join())}&vehicle=${replay.track.vehicle}`);
+      const answer = await fetch(
+        `/api/runs/${replay.name}/moment?t_ns=${Math.round(moment * NS)}&streams=${encodeURIComponent(streams.join())}&vehicle=${replay.track.vehicle}`,
+      );
       if (!answer.ok || !replay.on) continue;
       const { head, frames } = parse(await answer.arrayBuffer());
       view.setActors(head.actors);
@@ -415,7 +562,9 @@ async function showMoment(t) {
       for (const stream of streams) if (!frames.some((frame) => frame.stream === stream)) panes.showNone(stream);
       view.touch();
     }
-  } finally { momentBusy = false; }
+  } finally {
+    momentBusy = false;
+  }
 }
 
 // -- tabs, theme, start --------------------------------------------------------------------------------------------
@@ -448,11 +597,19 @@ $("theme").onclick = () => {
 
 async function start() {
   buttons();
-  view.setVehicle([[0.17, 0.17, 0.02], [-0.17, 0.17, 0.02], [-0.17, -0.17, 0.02], [0.17, -0.17, 0.02]]);
+  view.setVehicle([
+    [0.17, 0.17, 0.02],
+    [-0.17, 0.17, 0.02],
+    [-0.17, -0.17, 0.02],
+    [0.17, -0.17, 0.02],
+  ]);
   options($("fault-rotor"), ["0", "1", "2", "3"]);
   const lists = await json("/api/choices");
-  if (lists) for (const name of ["bench", "rig", "scene", "mission"])
-    options($(`f-${name}`), lists[name], { none: name === "bench" ? null : `bench's${lists.defaults[name] ? ` (${base(lists.defaults[name])})` : ""}` });
+  if (lists)
+    for (const name of ["bench", "rig", "scene", "mission"])
+      options($(`f-${name}`), lists[name], {
+        none: name === "bench" ? null : `bench's${lists.defaults[name] ? ` (${base(lists.defaults[name])})` : ""}`,
+      });
   document.documentElement.dataset.ready = "yes";
 }
 start();

@@ -1,14 +1,15 @@
 // WebSocket to the page's server. Each update answers a request of this page, so updates are not queued.
 
 const READER = new TextDecoder();
-const FAST_DRAW_MS = 40, MAX_PAUSE_MS = 500;
+const FAST_DRAW_MS = 40,
+  MAX_PAUSE_MS = 500;
 
 export class LiveSocket {
   constructor(onUpdate, onLost) {
     this.onUpdate = onUpdate;
     this.onLost = onLost;
     this.streams = [];
-    this.vehicle = "";  // whose streams, in a run of several; empty: the first
+    this.vehicle = ""; // whose streams, in a run of several; empty: the first
     this.socket = null;
     this.open();
   }
@@ -26,7 +27,11 @@ export class LiveSocket {
       const receivedMs = performance.now();
       // A hidden page gets no animation frames, and so requests nothing.
       requestAnimationFrame(() => {
-        try { this.onUpdate(head, frames); } finally { requestAnimationFrame(() => this.requestNext(receivedMs)); }
+        try {
+          this.onUpdate(head, frames);
+        } finally {
+          requestAnimationFrame(() => this.requestNext(receivedMs));
+        }
       });
     };
     socket.onclose = () => {
@@ -40,10 +45,13 @@ export class LiveSocket {
   // the run is often on the browser's machine.
   requestNext(receivedMs) {
     const extra = performance.now() - receivedMs - FAST_DRAW_MS;
-    if (extra > 0) setTimeout(() => this.next(), Math.min(extra, MAX_PAUSE_MS)); else this.next();
+    if (extra > 0) setTimeout(() => this.next(), Math.min(extra, MAX_PAUSE_MS));
+    else this.next();
   }
 
-  next() { this.send({ kind: "next" }); }
+  next() {
+    this.send({ kind: "next" });
+  }
 
   watch(streams) {
     this.streams = streams;

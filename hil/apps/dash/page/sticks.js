@@ -1,15 +1,25 @@
 // Manual control by keys, a gamepad of this browser, or the dead-man pad on the page. Sticks are sent only while the
 // dead-man switch is held; a page that loses the focus, is hidden or closed releases it.
 
-import { css } from "/page/panes/charts.js";
+import { css } from "./panes/charts.js";
 
 const PERIOD_MS = 50;
-const KEYS = { KeyW: ["throttle", 1], KeyS: ["throttle", -1], KeyA: ["yaw", -1], KeyD: ["yaw", 1],
-  ArrowUp: ["pitch", 1], ArrowDown: ["pitch", -1], ArrowLeft: ["roll", -1], ArrowRight: ["roll", 1] };
-const DEAD_ZONE = 0.08, KEY_DEFLECTION = 0.5, REQUEST_MS = 300;
+const KEYS = {
+  KeyW: ["throttle", 1],
+  KeyS: ["throttle", -1],
+  KeyA: ["yaw", -1],
+  KeyD: ["yaw", 1],
+  ArrowUp: ["pitch", 1],
+  ArrowDown: ["pitch", -1],
+  ArrowLeft: ["roll", -1],
+  ArrowRight: ["roll", 1],
+};
+const DEAD_ZONE = 0.08,
+  KEY_DEFLECTION = 0.5,
+  REQUEST_MS = 300;
 // An autopilot accepts a manual mode only after it has received stick positions.
 const MODE_REQUEST_AFTER_MS = 250;
-const L1 = 4;  // index of the button
+const L1 = 4; // index of the button
 
 export class Sticks {
   constructor({ pad, left, right, send, mode, mayFly, onTake }) {
@@ -22,10 +32,19 @@ export class Sticks {
     window.addEventListener("keydown", (event) => this.key(event, true));
     window.addEventListener("keyup", (event) => this.key(event, false));
     for (const name of ["blur", "pagehide"]) window.addEventListener(name, () => this.release());
-    document.addEventListener("visibilitychange", () => { if (document.hidden) this.release(); });
-    pad.addEventListener("pointerdown", (event) => { pad.setPointerCapture(event.pointerId); this.finger = true; this.tick(); });
+    document.addEventListener("visibilitychange", () => {
+      if (document.hidden) this.release();
+    });
+    pad.addEventListener("pointerdown", (event) => {
+      pad.setPointerCapture(event.pointerId);
+      this.finger = true;
+      this.tick();
+    });
     for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
-      pad.addEventListener(name, () => { this.finger = false; this.tick(); });
+      pad.addEventListener(name, () => {
+        this.finger = false;
+        this.tick();
+      });
     setInterval(() => this.tick(), PERIOD_MS);
     this.draw([0, 0, 0, 0]);
   }
@@ -35,23 +54,35 @@ export class Sticks {
     const field = event.target.closest?.("select, input:not([type=checkbox]):not([type=range])");
     if (field || !(event.code === "Space" || event.code in KEYS || event.code.startsWith("Shift"))) return;
     if (!this.mayFly() && !this.held) return;
-    if (!event.code.startsWith("Shift")) event.preventDefault();  // the space bar neither scrolls nor presses a button
-    if (down) this.down.add(event.code); else this.down.delete(event.code);
+    if (!event.code.startsWith("Shift")) event.preventDefault(); // the space bar neither scrolls nor presses a button
+    if (down) this.down.add(event.code);
+    else this.down.delete(event.code);
     if (!event.repeat) this.tick();
   }
 
-  release() { this.down.clear(); this.finger = false; this.tick(); }
+  release() {
+    this.down.clear();
+    this.finger = false;
+    this.tick();
+  }
 
   bind(box) {
-    for (const button of box.querySelectorAll("[data-request]")) button.onclick = () => this.request(button.dataset.request);
+    for (const button of box.querySelectorAll("[data-request]"))
+      button.onclick = () => this.request(button.dataset.request);
   }
 
   // Send a request for a button of the page. The switch counts as held meanwhile.
-  request(what) { this.requested = what; this.requestUntil = performance.now() + REQUEST_MS; this.tick(); }
+  request(what) {
+    this.requested = what;
+    this.requestUntil = performance.now() + REQUEST_MS;
+    this.tick();
+  }
 
   tick() {
     const requesting = performance.now() < this.requestUntil;
-    const gamepad = [...(navigator.getGamepads?.() ?? [])].find((pad) => pad && pad.connected && pad.mapping === "standard");
+    const gamepad = [...(navigator.getGamepads?.() ?? [])].find(
+      (pad) => pad && pad.connected && pad.mapping === "standard",
+    );
     const byPad = Boolean(gamepad && document.hasFocus() && gamepad.buttons[L1]?.pressed);
     const held = this.mayFly() && (this.down.has("Space") || this.finger || byPad);
     const axes = byPad ? padAxes(gamepad) : this.keyAxes();
@@ -88,20 +119,35 @@ export class Sticks {
     const state = [pitch, roll, throttle, yaw, this.held, css("--ink")].join();
     if (state === this.drawnState) return;
     this.drawnState = state;
-    for (const [canvas, x, y] of [[this.left, yaw, throttle], [this.right, roll, pitch]]) {
-      const g = canvas.getContext("2d"), n = canvas.width;
+    for (const [canvas, x, y] of [
+      [this.left, yaw, throttle],
+      [this.right, roll, pitch],
+    ]) {
+      const g = canvas.getContext("2d"),
+        n = canvas.width;
       g.clearRect(0, 0, n, n);
-      g.strokeStyle = css("--line"); g.lineWidth = 2;
+      g.strokeStyle = css("--line");
+      g.lineWidth = 2;
       g.strokeRect(1, 1, n - 2, n - 2);
-      g.beginPath(); g.moveTo(n / 2, 4); g.lineTo(n / 2, n - 4); g.moveTo(4, n / 2); g.lineTo(n - 4, n / 2); g.stroke();
+      g.beginPath();
+      g.moveTo(n / 2, 4);
+      g.lineTo(n / 2, n - 4);
+      g.moveTo(4, n / 2);
+      g.lineTo(n - 4, n / 2);
+      g.stroke();
       g.fillStyle = css(this.held ? "--good" : "--quiet");
-      g.beginPath(); g.arc(n / 2 + x * (n / 2 - 10), n / 2 - y * (n / 2 - 10), 8, 0, 7); g.fill();
+      g.beginPath();
+      g.arc(n / 2 + x * (n / 2 - 10), n / 2 - y * (n / 2 - 10), 8, 0, 7);
+      g.fill();
     }
   }
 }
 
+function withDeadZone(v) {
+  return Math.abs(v) < DEAD_ZONE ? 0 : (v - Math.sign(v) * DEAD_ZONE) / (1 - DEAD_ZONE);
+}
+
 function padAxes(gamepad) {
-  const withDeadZone = (v) => (Math.abs(v) < DEAD_ZONE ? 0 : (v - Math.sign(v) * DEAD_ZONE) / (1 - DEAD_ZONE));
   const [leftX, leftY, rightX, rightY] = gamepad.axes.map(withDeadZone);
   return [-rightY, rightX, -leftY, leftX];
 }

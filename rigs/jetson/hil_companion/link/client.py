@@ -155,7 +155,7 @@ class Client:
             if header["k"] == "refused":
                 raise _refused(header)
         except BadMessage as error:
-            raise NoBench(f"{connection.address}: the program that answers there is no bench ({error})") from error
+            raise NoBench(f"{connection.address}: the program that answers there is not a bench ({error})") from error
         return None  # a late message to an earlier client
 
     # --- receiving ---

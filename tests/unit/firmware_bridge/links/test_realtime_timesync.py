@@ -110,6 +110,26 @@ def test_a_clock_that_stands_still_for_a_moment_has_not_rebooted(lost_ns: int) -
     assert abs(best.offset_ns - (autopilot.clock(best.t_ns) - best.t_ns)) < 4 * MS
 
 
+@pytest.mark.parametrize(
+    ("apart_ns", "rtts_ns", "allowed_ns"),
+    [
+        (200 * MS, (2 * MS, 10 * MS), 6 * MS + 100_000 + MS),  # half of both round trips, 500 ppm of drift, 1 ms
+        (10 * S, (MS, MS), MS + 5 * MS + MS),
+    ],
+)
+def test_a_jump_counts_beyond_its_uncertainty(apart_ns: int, rtts_ns: tuple[int, int], allowed_ns: int) -> None:
+    for jump_ns, slips in ((allowed_ns - 50_000, 0), (allowed_ns + 50_000, 1), (-allowed_ns - 50_000, 1)):
+        sync = TimeSync()
+        for heard_ns, rtt_ns, ahead_ns in zip(
+            (START, START + apart_ns), rtts_ns, (5 * S, 5 * S + jump_ns), strict=True
+        ):
+            asked_ns = heard_ns - rtt_ns
+            assert sync.request(asked_ns) is not None
+            answer = on_the_wire(pack(Timesync(asked_ns + rtt_ns // 2 + ahead_ns, asked_ns)))
+            assert sync.take(answer, heard_ns) is not None
+        assert (sync.slips, sync.slipped_ns) == (slips, jump_ns * slips)
+
+
 def test_only_answers_to_our_own_requests_count_and_only_once() -> None:
     sync = TimeSync()
     payload = sync.request(START)

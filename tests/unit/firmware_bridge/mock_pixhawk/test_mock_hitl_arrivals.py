@@ -156,3 +156,30 @@ def test_a_pause_is_not_jitter_but_a_queue_is():
         if k == 2_100:
             assert (paused.bad, queued.bad) == (False, True)
     assert not queued.bad
+
+
+def test_a_late_sample_counts_for_500_samples_and_ten_of_them_are_bad_until_fewer_than_five_are_left() -> None:
+    arrivals, t_us = Arrivals(), 0
+    arrivals.note(t_us)
+
+    def come(*intervals_us: int) -> None:
+        nonlocal t_us
+        for interval_us in intervals_us:
+            t_us += interval_us
+            arrivals.note(t_us)
+
+    come(34_000)
+    assert arrivals.late_samples == 1
+    come(*[4000] * 499)
+    assert arrivals.late_samples == 1
+    come(4000)
+    assert arrivals.late_samples == 0
+    for _ in range(9):
+        come(34_000, *[4000] * 19)
+    assert (arrivals.late_samples, arrivals.bad) == (9, False)
+    come(34_000, *[4000] * 19)
+    assert (arrivals.late_samples, arrivals.bad) == (10, True)
+    come(*[4000] * 400)  # the first five leave the window
+    assert (arrivals.late_samples, arrivals.bad) == (5, True)
+    come(*[4000] * 20)
+    assert (arrivals.late_samples, arrivals.bad) == (4, False)

@@ -187,7 +187,7 @@ def bad_options() -> list[tuple[str, dict[str, Any], str]]:
         ),
         ("hil/Hover-v0", {"height_m": len}, "takes no function"),
         ("hil/Hover-v0", {"height_m": np.float32(3)}, "numbers"),
-        ("hil/Hover-v0", {"render_view": "front"}, "render_view: 'front' is no camera of the bench.*chase"),
+        ("hil/Hover-v0", {"render_view": "front"}, "render_view: 'front' is not a camera of the bench.*chase"),
         ("hil/Hover-v0", {"render_size": [63, 480]}, "render_size"),
         ("hil/Hover-v0", {"tolerance_m": 0.0}, "tolerance_m"),
         ("hil/Hover-v0", {"randomize": {"mass": [1.2, 0.8]}}, "the lower limit 1.2 is above the upper one 0.8"),

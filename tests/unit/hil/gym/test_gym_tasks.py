@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import hil.gym
+from hil.gym.batch import Batch
+from hil.gym.tasks.task import Step
 from hil.run.sensors.frame_stages import available_ports
 from signals.errors import ConfigError, HilError
 from sim.frame.source import SharedFrames
@@ -41,6 +43,68 @@ def test_the_reward_of_hover_is_that_of_its_formula() -> None:
     assert max(d for d, _ in seen) - min(d for d, _ in seen) > 0.3
     assert min(w for _, w in seen) < 8.0
     assert max(w for _, w in seen) > 2.0
+
+
+def judged(task: Any, measures: list[list[float]], crashed: list[bool]) -> tuple[Any, Any]:
+    """Return reward and termination of a step that ends with these measures (d [m], |v|, |w| [rad/s], cos tilt)."""
+    task.measures[:] = measures
+    count = len(measures)
+    flies, crashes = np.ones(count, bool), np.array(crashed)
+    return task.judge(Step(np.zeros((count, 4)), flies, np.zeros((count, task.features), np.float32), crashes))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_hover_is_judged_by_its_formula_alone_and_in_a_batch(count: int) -> None:
+    task = Batch("hover", count, None, (), {"range_m": 5.0}).task
+    for d, rate_radps, cos_tilt, crashed, ends in [
+        (0.0, 0.0, 1.0, False, False),
+        (1.5, 4.0, 0.3, False, False),
+        (4.99, 30.0, 0.01, False, False),
+        (5.01, 0.0, 1.0, False, True),
+        (0.0, 0.0, -0.01, False, True),
+        (0.0, 0.0, 1.0, True, True),
+    ]:
+        rewards, ended = judged(task, [[d, 9.0, rate_radps, cos_tilt]] * count, [crashed] * count)
+        expected = 1.0 / (1.0 + 4.0 * d * d) - 0.05 * min(1.0, rate_radps / 10.0)
+        assert rewards == pytest.approx([expected] * count, rel=1e-12)
+        assert ended.tolist() == [ends] * count
+    # Two seconds of steps near the target in succession are a success.
+    judged(task, [[0.26, 0.0, 0.0, 1.0]] * count, [False] * count)
+    steps = round(2.0 / task._o.step_s)
+    for step in range(steps + 1):
+        assert task.info_of(0)["is_success"] is (step >= steps)
+        judged(task, [[0.24, 0.0, 0.0, 1.0]] * count, [False] * count)
+
+
+def test_waypoints_are_judged_by_their_formula() -> None:
+    task = Batch("waypoints", 1, None, (), {"course_m": [[3, 0, 5], [3, 4, 5]], "range_m": 15.0}).task
+    task.begin(0, task.flights[0], np.random.default_rng(1))
+    assert judged(task, [[2.25, 0.0, 0.0, 1.0]], [False])[0] == pytest.approx([3.0 - 2.25])
+    assert judged(task, [[2.75, 0.0, 0.0, 1.0]], [False])[0] == pytest.approx([-0.5])
+    assert judged(task, [[2.0, 0.0, 0.0, 0.01]], [False])[1].tolist() == [False]
+    assert judged(task, [[2.0, 0.0, 0.0, -0.01]], [False])[1].tolist() == [True]
+    assert judged(task, [[15.01, 0.0, 0.0, 1.0]], [False])[1].tolist() == [True]
+    assert judged(task, [[2.0, 0.0, 0.0, 1.0]], [True])[1].tolist() == [True]
+    rewards, ended = judged(task, [[0.49, 0.0, 0.0, 1.0]], [False])
+    assert rewards == pytest.approx([2.0 - 0.49 + 1.0])
+    assert (task.info_of(0)["reached"], ended.tolist()) == (1, [False])
+
+
+def test_explore_is_judged_by_its_formula() -> None:
+    task = Batch("explore", 1, None, (), {"reach_m": 1.0, "range_m": 50.0}).task
+    task.begin(0, task.flights[0], np.random.default_rng(1))
+    far_m = float(task._left_m[0])
+    rewards, ended = judged(task, [[far_m - 0.75, 0.0, 0.0, 1.0]], [False])
+    assert rewards == pytest.approx([0.75 - 0.02])
+    assert not ended[0]
+    rewards, ended = judged(task, [[far_m - 0.25, 0.0, 0.0, 1.0]], [True])
+    assert rewards == pytest.approx([-0.5 - 0.02 - 10.0])
+    assert ended[0]
+    rewards, ended = judged(task, [[0.99, 0.0, 0.0, 1.0]], [False])
+    assert rewards == pytest.approx([far_m - 0.25 - 0.99 - 0.02 + 10.0])
+    assert ended[0]
+    assert judged(task, [[50.01, 0.0, 0.0, 1.0]], [False])[1][0]
+    assert judged(task, [[20.0, 0.0, 0.0, -0.01]], [False])[1][0]
 
 
 def test_flying_to_each_waypoint_ends_with_success() -> None:

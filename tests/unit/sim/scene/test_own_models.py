@@ -144,8 +144,8 @@ def test_a_car_that_drives_needs_wheels(assets: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "extras", "message"),
     [
-        ("vehicles/bus", {"contact": [{"kind": "box", "size": [1.0], "pos": [0, 0, 0]}]}, "is no list of boxes"),
-        ("vehicles/bus", {"contact": 5}, "is no list of boxes"),
+        ("vehicles/bus", {"contact": [{"kind": "box", "size": [1.0], "pos": [0, 0, 0]}]}, "is not a list of boxes"),
+        ("vehicles/bus", {"contact": 5}, "is not a list of boxes"),
         ("people/m_mid", {}, "lacks nodes that people/m_mid.glb has: thigh, shank"),
         ("vehicles/bicycle_ridden", {}, "lacks nodes .*: frame, saddle"),
     ],

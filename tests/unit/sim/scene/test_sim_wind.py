@@ -99,7 +99,7 @@ def test_gust_is_one_minus_cosine() -> None:
     gust = GustEvent(at_s=1.0, velocity_W_mps=(8.0, 0.0, 0.0), rise_s=0.4, hold_s=0.2, fall_s=0.8)
     for t_s, share in ((0.9, 0.0), (1.0, 0.0), (1.1, 0.5 * (1 - math.sqrt(0.5))), (1.2, 0.5), (1.4, 1.0), (1.59, 1.0)):
         assert gust.strength(round(t_s * 1e9)) == pytest.approx(share, abs=1e-12)
-    for t_s, share in ((1.6, 1.0), (2.0, 0.5), (2.4, 0.0), (9.0, 0.0)):
+    for t_s, share in ((1.6, 1.0), (1.8, 0.5 * (1 + math.sqrt(0.5))), (2.0, 0.5), (2.4, 0.0), (9.0, 0.0)):
         assert gust.strength(round(t_s * 1e9)) == pytest.approx(share, abs=1e-12)
     front = gust.model_copy(update={"fall_s": None})
     assert front.strength(10**12) == 1.0
@@ -150,3 +150,19 @@ def test_hovering_in_calm_air_still_meets_turbulence() -> None:
 def test_wrong_wind_is_refused_by_name(data: dict[str, object], said: str) -> None:
     with pytest.raises(pydantic.ValidationError, match=said):
         Wind.model_validate(data)
+
+
+def test_turbulence_depends_on_the_airspeed_whatever_its_direction() -> None:
+    def sampled(steady: tuple[float, float, float], v_WB_W: tuple[float, float, float]) -> tuple[float, float, float]:
+        wind = WindAtVehicle(
+            Wind(steady_W_mps=steady, turbulence=Turbulence(level="severe")), seed=1, tick_ns=4_000_000
+        )
+        wind.start(50.0)
+        for tick in range(1, 200):
+            blown = wind.at(tick, 50.0, v_WB_W)
+        return tuple(b - s for b, s in zip(blown, steady, strict=True))  # type: ignore[return-value]
+
+    along = sampled((3.0, 0.0, 0.0), (3.0, 0.0, 9.0))
+    assert along == pytest.approx(sampled((3.0, 0.0, 0.0), (12.0, 0.0, 0.0)), rel=1e-12)
+    assert along == pytest.approx(sampled((3.0, 0.0, 0.0), (3.0, -9.0, 0.0)), rel=1e-12)
+    assert along != pytest.approx(sampled((3.0, 0.0, 0.0), (3.0, 0.0, 3.0)), rel=1e-3)

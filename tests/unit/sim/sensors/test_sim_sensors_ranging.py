@@ -200,10 +200,13 @@ def test_flow_integrates_back_to_the_distance_flown() -> None:
     assert way == pytest.approx(0.5 * 1.5 * 1.0, abs=1e-8)
 
 
-def test_flow_of_an_offset_sensor_sees_the_lever_arm_move() -> None:
-    """At (0.2, 0, 0) with w about z, the sensor moves to the left: a turn of the picture about +x."""
-    sample = made("optical_flow", IDEAL_FLOW | {"mount_m": (0.2, 0.0, 0.0)}).sample(at(2.0, w_WB_B=(0.0, 0.0, 1.0)), 0)
-    assert sample.flow_rad == pytest.approx((0.2 / 2.0 * 0.02, 0.0), abs=1e-11)
+@pytest.mark.parametrize("r_B", [(0.2, 0.0, 0.0), (0.1, -0.3, 0.05)])
+def test_flow_of_an_offset_sensor_sees_the_lever_arm_move(r_B: tuple[float, float, float]) -> None:
+    """u = v + w x r over the distance from the sensor to the ground."""
+    v, w = (0.5, -0.25, 0.0), (0.3, -0.2, 1.0)
+    sample = made("optical_flow", IDEAL_FLOW | {"mount_m": r_B}).sample(at(2.0, v_WB_W=v, w_WB_B=w), 0)
+    u, d = np.array(v) + np.cross(w, r_B), 2.0 + r_B[2]
+    assert sample.flow_rad == pytest.approx(((w[0] + u[1] / d) * 0.02, (w[1] - u[0] / d) * 0.02), abs=1e-11)
 
 
 def test_flow_falls_silent_out_of_its_limits() -> None:
@@ -220,10 +223,14 @@ def test_flow_falls_silent_out_of_its_limits() -> None:
 
 
 def test_flow_quality_falls_with_height() -> None:
+    """From its best value at the ground to a third of it at the maximum distance, with a deviation of 4."""
     flow = made("optical_flow", IDEAL_FLOW)
-    low, high = ([flow.sample(at(h), k).quality for k in range(50)] for h in (1.0, 90.0))
-    assert min(low) > max(high) > 0
-    assert max(low) <= 255
+    for height_m in (20.0, 50.0, 99.0):
+        qualities = [flow.sample(at(height_m), k).quality for k in range(400)]
+        assert np.mean(qualities) == pytest.approx(255 * (1.0 - height_m / 100.0 * 2.0 / 3.0), abs=0.8)
+        assert np.std(qualities) == pytest.approx(4.0, rel=0.15)
+    low = [flow.sample(at(1.0), k).quality for k in range(50)]
+    assert max(low) == 255
 
 
 def test_flow_noise_has_the_stated_statistics() -> None:

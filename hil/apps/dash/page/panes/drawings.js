@@ -1,6 +1,6 @@
 // Drawings of scripts in the 3-D view: segments with a width and a colour, one instanced draw call for all, and texts.
 
-const BYTES = 32;  // of a segment: two ends [m], width (in pixels; negative: metres), four colour bytes
+const BYTES = 32; // of a segment: two ends [m], width (in pixels; negative: metres), four colour bytes
 
 export const SEGMENT_VERTEX = `#version 300 es
 in vec3 begin, end; in float width; in vec4 colour; uniform mat4 screen; uniform vec2 pixels; uniform float near, perMetre, ratio;
@@ -26,21 +26,30 @@ precision highp float; in vec4 paint; out vec4 colour; void main() { colour = pa
 export class Drawings {
   // `made`: the program of the two shaders. `box`: element over the view that holds the texts.
   constructor(gl, made, box) {
-    this.gl = gl; this.made = made; this.box = box;
+    this.gl = gl;
+    this.made = made;
+    this.box = box;
     this.count = 0;
-    this.texts = [];  // [element, x, y, z]
+    this.texts = []; // [element, x, y, z]
     this.buffer = gl.createBuffer();
     this.array = gl.createVertexArray();
     gl.bindVertexArray(this.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    for (const [name, size, kind, at] of [["begin", 3, gl.FLOAT, 0], ["end", 3, gl.FLOAT, 12], ["width", 1, gl.FLOAT, 24], ["colour", 4, gl.UNSIGNED_BYTE, 28]]) {
+    for (const [name, size, kind, at] of [
+      ["begin", 3, gl.FLOAT, 0],
+      ["end", 3, gl.FLOAT, 12],
+      ["width", 1, gl.FLOAT, 24],
+      ["colour", 4, gl.UNSIGNED_BYTE, 28],
+    ]) {
       const location = gl.getAttribLocation(made, name);
       gl.enableVertexAttribArray(location);
       gl.vertexAttribPointer(location, size, kind, kind === gl.UNSIGNED_BYTE, BYTES, at);
       gl.vertexAttribDivisor(location, 1);
     }
     gl.bindVertexArray(null);
-    this.uniforms = Object.fromEntries(["screen", "pixels", "near", "perMetre", "ratio"].map((name) => [name, gl.getUniformLocation(made, name)]));
+    this.uniforms = Object.fromEntries(
+      ["screen", "pixels", "near", "perMetre", "ratio"].map((name) => [name, gl.getUniformLocation(made, name)]),
+    );
   }
 
   set(data, texts) {
@@ -58,7 +67,8 @@ export class Drawings {
   }
 
   draw(screen, { width, height, ratio, near, fov }) {
-    const gl = this.gl, u = this.uniforms;
+    const gl = this.gl,
+      u = this.uniforms;
     if (this.count) {
       gl.useProgram(this.made);
       gl.uniformMatrix4fv(u.screen, false, screen);
@@ -71,10 +81,12 @@ export class Drawings {
       gl.bindVertexArray(null);
     }
     for (const [element, x, y, z] of this.texts) {
-      const [cx, cy, , cw] = [0, 1, 2, 3].map((r) => screen[r] * x + screen[4 + r] * y + screen[8 + r] * z + screen[12 + r]);
+      const [cx, cy, , cw] = [0, 1, 2, 3].map(
+        (r) => screen[r] * x + screen[4 + r] * y + screen[8 + r] * z + screen[12 + r],
+      );
       element.hidden = cw < near;
-      element.style.left = `${50 + 50 * cx / cw}%`;
-      element.style.top = `${50 - 50 * cy / cw}%`;
+      element.style.left = `${50 + (50 * cx) / cw}%`;
+      element.style.top = `${50 - (50 * cy) / cw}%`;
     }
   }
 }

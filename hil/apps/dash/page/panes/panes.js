@@ -1,20 +1,28 @@
 // Panes with sensor pictures, sweeps, detections and maps. Only streams of open panes are requested and computed.
 
-import { css, sized } from "/page/panes/charts.js";
-import { drawMap, captionOf } from "/page/panes/maps.js";
+import { css, sized } from "./charts.js";
+import { drawMap, captionOf } from "./maps.js";
 
-const PREVIEWS = { "view/camera/rgb": "camera", "view/camera/depth": "depth", "view/camera/segmentation": "classes",
-  "view/lidar/points": "LiDAR", "view/radar/range_doppler": "radar map", "view/radar/points": "radar detections" };
-const CLOUD_RANGE_M = 40, DETECTION_RANGE_M = 20, MAP = /^companion\/(.+)\/map$/;
+const PREVIEWS = {
+  "view/camera/rgb": "camera",
+  "view/camera/depth": "depth",
+  "view/camera/segmentation": "classes",
+  "view/lidar/points": "LiDAR",
+  "view/radar/range_doppler": "radar map",
+  "view/radar/points": "radar detections",
+};
+const CLOUD_RANGE_M = 40,
+  DETECTION_RANGE_M = 20,
+  MAP = /^companion\/(.+)\/map$/;
 
 export class Panes {
   // `flown`: the path flown so far, for maps.
   constructor({ chips, box, onChange, onCloud, onMap, flown }) {
     Object.assign(this, { chips, box, onChange, onCloud, onMap, flown });
     this.open = new Map();
-    this.last = new Map();  // newest frame, by stream
+    this.last = new Map(); // newest frame, by stream
     this.all = [];
-    this.boxes = {};  // newest detections of a companion, by stream
+    this.boxes = {}; // newest detections of a companion, by stream
     this.wanted = new Set(["view/camera/rgb", "view/lidar/points", "view/radar/range_doppler"]);
     this.missing = new Set();
     this.offer([]);
@@ -33,7 +41,11 @@ export class Panes {
     for (const stream of this.all) {
       const chip = document.createElement("button");
       chip.textContent = titleOf(stream);
-      chip.title = PREVIEWS[stream] ? "a preview computed for this page, without sensor errors" : MAP.test(stream) ? "map that the companion publishes" : "the run's own sensor";
+      chip.title = PREVIEWS[stream]
+        ? "a preview computed for this page, without sensor errors"
+        : MAP.test(stream)
+          ? "map that the companion publishes"
+          : "the run's own sensor";
       chip.dataset.stream = stream;
       chip.setAttribute("aria-pressed", String(this.wanted.has(stream)));
       chip.onclick = () => {
@@ -47,26 +59,31 @@ export class Panes {
 
   arrange() {
     const open = this.all.filter((stream) => this.wanted.has(stream));
-    for (const chip of this.chips.children) chip.setAttribute("aria-pressed", String(this.wanted.has(chip.dataset.stream)));
-    for (const [stream, pane] of this.open) if (!open.includes(stream)) {
-      pane.remove();
-      this.open.delete(stream);
-      this.last.delete(stream);
-      if (stream.endsWith("/points")) this.onCloud(stream, null);
-      if (MAP.test(stream)) this.onMap(stream, null);
-    }
-    for (const stream of open) if (!this.open.has(stream)) {
-      const pane = document.createElement("div");
-      pane.className = "pane";
-      pane.dataset.stream = stream;
-      const canvas = document.createElement("canvas"), caption = document.createElement("p");
-      canvas.width = 320; canvas.height = 240;
-      caption.innerHTML = "<span></span><span class='quiet'>waiting</span>";
-      caption.firstChild.textContent = this.captionOf(stream);
-      pane.append(canvas, caption);
-      this.box.append(pane);
-      this.open.set(stream, pane);
-    }
+    for (const chip of this.chips.children)
+      chip.setAttribute("aria-pressed", String(this.wanted.has(chip.dataset.stream)));
+    for (const [stream, pane] of this.open)
+      if (!open.includes(stream)) {
+        pane.remove();
+        this.open.delete(stream);
+        this.last.delete(stream);
+        if (stream.endsWith("/points")) this.onCloud(stream, null);
+        if (MAP.test(stream)) this.onMap(stream, null);
+      }
+    for (const stream of open)
+      if (!this.open.has(stream)) {
+        const pane = document.createElement("div");
+        pane.className = "pane";
+        pane.dataset.stream = stream;
+        const canvas = document.createElement("canvas"),
+          caption = document.createElement("p");
+        canvas.width = 320;
+        canvas.height = 240;
+        caption.innerHTML = "<span></span><span class='quiet'>waiting</span>";
+        caption.firstChild.textContent = this.captionOf(stream);
+        pane.append(canvas, caption);
+        this.box.append(pane);
+        this.open.set(stream, pane);
+      }
     this.onChange(open);
   }
 
@@ -78,13 +95,16 @@ export class Panes {
   }
 
   // Draw again in the colours of another theme.
-  redraw() { for (const frame of [...this.last.values()]) if (!frame.as.startsWith("image/")) this.show(frame); }
+  redraw() {
+    for (const frame of this.last.values()) if (!frame.as.startsWith("image/")) this.show(frame);
+  }
 
   async show(frame) {
     const pane = this.open.get(frame.stream);
     if (!pane) return;
     this.last.set(frame.stream, frame);
-    const canvas = pane.firstChild, note = pane.lastChild.lastChild;
+    const canvas = pane.firstChild,
+      note = pane.lastChild.lastChild;
     note.textContent = `${(frame.t_ns / 1e9).toFixed(2)} s`;
     pane.dataset.frames = String(Number(pane.dataset.frames ?? 0) + 1);
     if (frame.as.startsWith("image/")) {
@@ -112,9 +132,13 @@ export class Panes {
   }
 }
 
-function nameOf(pane) { return pane.lastChild.firstChild; }
+function nameOf(pane) {
+  return pane.lastChild.firstChild;
+}
 
-function titleOf(stream) { return PREVIEWS[stream] ?? stream.replace(MAP, "map of $1"); }
+function titleOf(stream) {
+  return PREVIEWS[stream] ?? stream.replace(MAP, "map of $1");
+}
 
 async function showPicture(canvas, blob) {
   const picture = await createImageBitmap(blob);
@@ -127,29 +151,47 @@ async function showPicture(canvas, blob) {
 }
 
 function drawBoxes(canvas, boxes) {
-  const g = canvas.getContext("2d"), { width, height } = canvas;
-  g.lineWidth = 1.5; g.font = "10px system-ui, sans-serif";
+  const g = canvas.getContext("2d"),
+    { width, height } = canvas;
+  g.lineWidth = 1.5;
+  g.font = "10px system-ui, sans-serif";
   for (const [x0, y0, x1, y1, words] of boxes) {
     g.strokeStyle = "#ffd400";
     g.strokeRect(x0 * width, y0 * height, (x1 - x0) * width, (y1 - y0) * height);
-    const textWidth = g.measureText(words).width, x = Math.max(0, Math.min(x0 * width, width - textWidth)), y = Math.max(10, y0 * height - 2);
-    g.fillStyle = "#000a"; g.fillRect(x, y - 9, textWidth + 2, 11);
-    g.fillStyle = "#fff"; g.fillText(words, x + 1, y);
+    const textWidth = g.measureText(words).width,
+      x = Math.max(0, Math.min(x0 * width, width - textWidth)),
+      y = Math.max(10, y0 * height - 2);
+    g.fillStyle = "#000a";
+    g.fillRect(x, y - 9, textWidth + 2, 11);
+    g.fillStyle = "#fff";
+    g.fillText(words, x + 1, y);
   }
 }
 
 function polarGrid(canvas, range_m) {
-  const ratio = sized(canvas), g = canvas.getContext("2d"), { width, height } = canvas;
+  const ratio = sized(canvas),
+    g = canvas.getContext("2d"),
+    { width, height } = canvas;
   g.clearRect(0, 0, width, height);
-  const scale = Math.min(width, height) / (2 * range_m), x = (left) => width / 2 - left * scale, y = (ahead) => height / 2 - ahead * scale;
-  g.strokeStyle = css("--line"); g.fillStyle = css("--quiet"); g.lineWidth = ratio; g.font = `${10 * ratio}px system-ui, sans-serif`;
+  const scale = Math.min(width, height) / (2 * range_m),
+    x = (left) => width / 2 - left * scale,
+    y = (ahead) => height / 2 - ahead * scale;
+  g.strokeStyle = css("--line");
+  g.fillStyle = css("--quiet");
+  g.lineWidth = ratio;
+  g.font = `${10 * ratio}px system-ui, sans-serif`;
   for (let r = range_m / 4; r <= range_m; r += range_m / 4) {
-    g.beginPath(); g.arc(width / 2, height / 2, r * scale, 0, 7); g.stroke();
+    g.beginPath();
+    g.arc(width / 2, height / 2, r * scale, 0, 7);
+    g.stroke();
     g.fillText(`${r.toFixed(0)} m`, width / 2 + 3 * ratio, height / 2 - r * scale + 11 * ratio);
   }
   g.fillStyle = css("--bad");
-  g.beginPath(); g.moveTo(width / 2, height / 2 - 7 * ratio); g.lineTo(width / 2 - 5 * ratio, height / 2 + 5 * ratio);
-  g.lineTo(width / 2 + 5 * ratio, height / 2 + 5 * ratio); g.fill();
+  g.beginPath();
+  g.moveTo(width / 2, height / 2 - 7 * ratio);
+  g.lineTo(width / 2 - 5 * ratio, height / 2 + 5 * ratio);
+  g.lineTo(width / 2 + 5 * ratio, height / 2 + 5 * ratio);
+  g.fill();
   return { g, x, y, ratio };
 }
 
@@ -166,9 +208,13 @@ function drawCloud(canvas, points) {
 function drawDetections(canvas, records) {
   const { g, x, y, ratio } = polarGrid(canvas, DETECTION_RANGE_M);
   for (const record of records) {
-    const ahead = record.x_R ?? record.p_R?.[0] ?? 0, left = record.y_R ?? record.p_R?.[1] ?? 0, speed = record.speed_mps ?? 0;
+    const ahead = record.x_R ?? record.p_R?.[0] ?? 0,
+      left = record.y_R ?? record.p_R?.[1] ?? 0,
+      speed = record.speed_mps ?? 0;
     g.fillStyle = Math.abs(speed) < 0.2 ? css("--trail") : css("--bad");
-    g.beginPath(); g.arc(x(left), y(ahead), 4 * ratio, 0, 7); g.fill();
+    g.beginPath();
+    g.arc(x(left), y(ahead), 4 * ratio, 0, 7);
+    g.fill();
     g.fillStyle = css("--ink");
     g.fillText(`${speed.toFixed(1)} m/s`, x(left) + 6 * ratio, y(ahead));
   }

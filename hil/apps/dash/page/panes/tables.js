@@ -11,10 +11,15 @@ export function cell(row, text, { tag = "td", kind = "", title = "" } = {}) {
 
 export function table(element, heads, rows) {
   const head = document.createElement("tr");
-  heads.forEach((text, k) => cell(head, text, { tag: "th", kind: k && rows.some((row) => typeof row[k] === "number") ? "num" : "" }));
+  heads.forEach((text, k) =>
+    cell(head, text, { tag: "th", kind: k && rows.some((row) => typeof row[k] === "number") ? "num" : "" }),
+  );
   const body = rows.map((values) => {
     const row = document.createElement("tr");
-    for (const value of values) cell(row, typeof value === "number" ? number(value) : value, { kind: typeof value === "number" || value === "–" ? "num" : "" });
+    for (const value of values)
+      cell(row, typeof value === "number" ? number(value) : value, {
+        kind: typeof value === "number" || value === "–" ? "num" : "",
+      });
     return row;
   });
   element.replaceChildren(...(heads.length ? [head] : []), ...body);
@@ -28,14 +33,25 @@ export function number(value, digits = 2) {
 }
 
 export function bytes(value) {
-  return value >= 1e6 ? `${(value / 1e6).toFixed(1)} MB` : value >= 1e3 ? `${(value / 1e3).toFixed(0)} kB` : `${value} B`;
+  return value >= 1e6
+    ? `${(value / 1e6).toFixed(1)} MB`
+    : value >= 1e3
+      ? `${(value / 1e3).toFixed(0)} kB`
+      : `${value} B`;
 }
 
 // The name of a file without folder and suffix.
-export function base(path) { return (path ?? "").split("/").pop().replace(/\.yaml$/, ""); }
+export function base(path) {
+  return (path ?? "")
+    .split("/")
+    .pop()
+    .replace(/\.yaml$/, "");
+}
 
 // "6 of 6 waypoints", from run.json's mission or a live state; empty without waypoints.
-export function reachedOf(mission) { return mission?.waypoints ? `${mission.reached} of ${mission.waypoints} waypoints` : ""; }
+export function reachedOf(mission) {
+  return mission?.waypoints ? `${mission.reached} of ${mission.waypoints} waypoints` : "";
+}
 
 // Fill a list. The selection is kept if the list still has it.
 export function options(select, values, { none = null, chosen = null } = {}) {
@@ -50,14 +66,22 @@ const FIX = ["no GPS", "no fix", "2-D fix", "3-D fix", "DGPS", "RTK float", "RTK
 
 // One row per sensor that measures numbers, with its newest values.
 export function sensorRows(sensors) {
-  return Object.entries(sensors ?? {}).sort(([a], [b]) => a.localeCompare(b)).map(([name, sample]) => [name, valuesOf(sample)]);
+  return Object.entries(sensors ?? {})
+    .sort(([a], [b]) => a.localeCompare(b))
+    .map(([name, sample]) => [name, valuesOf(sample)]);
 }
 
 function valuesOf(s) {
   const vector = (v, unit, digits = 2) => `${v.map((value) => number(value, digits)).join(", ")} ${unit}`;
   if (s.accel_mps2) return `${vector(s.accel_mps2, "m/s²")}; ${vector(s.gyro_radps, "rad/s")}`;
-  if (s.field_tesla) return vector(s.field_tesla.map((v) => v * 1e6), "µT", 1);
-  if (s.pressure_altitude_m !== undefined) return `${number(s.pressure_pa / 100, 2)} hPa, ${number(s.pressure_altitude_m)} m`;
+  if (s.field_tesla)
+    return vector(
+      s.field_tesla.map((v) => v * 1e6),
+      "µT",
+      1,
+    );
+  if (s.pressure_altitude_m !== undefined)
+    return `${number(s.pressure_pa / 100, 2)} hPa, ${number(s.pressure_altitude_m)} m`;
   if (s.fix_type !== undefined)
     return `${FIX[s.fix_type] ?? s.fix_type}, ${s.satellites} satellites, ±${number(s.horizontal_accuracy_m)} m; ${s.latitude_deg?.toFixed(6)}°, ${s.longitude_deg?.toFixed(6)}°, ${number(s.altitude_m)} m`;
   if (s.flow_rad) return `${vector(s.flow_rad, "rad", 3)}, quality ${s.quality}`;

@@ -1,8 +1,8 @@
 // 3-D view of scene, vehicle, plan, trail and LiDAR points, in plain WebGL 2. It draws only when something has changed.
 
-import { css, sized } from "/page/panes/charts.js";
-import { Drawings, SEGMENT_FRAGMENT, SEGMENT_VERTEX } from "/page/panes/drawings.js";
-import { IDENTITY, cross, lookAt, minus, multiply, perspective, pose, unit } from "/page/panes/matrices.js";
+import { css, sized } from "./charts.js";
+import { Drawings, SEGMENT_FRAGMENT, SEGMENT_VERTEX } from "./drawings.js";
+import { IDENTITY, cross, lookAt, minus, multiply, perspective, pose, unit } from "./matrices.js";
 
 const MESH_VERTEX = `#version 300 es
 in vec3 at; in vec4 colour; uniform mat4 world, screen; out vec3 where_; out vec4 paint;
@@ -29,23 +29,31 @@ export class View3d {
     this.canvas = canvas;
     this.note = note;
     this.target = [0, 0, 2];
-    this.yaw = -2.2; this.pitch = 0.45; this.distance = 24;
+    this.yaw = -2.2;
+    this.pitch = 0.45;
+    this.distance = 24;
     this.follow = true;
     this.vehicle = null;
     this.lines = new Map();
     this.dirty = false;
     this.scene = null;
-    this.actors = [];  // meshes of people and vehicles
-    this.places = [];  // place of each: x, y, z [m], yaw [rad]
-    this.bodies = new Map();  // meshes by name of the vehicle; the name of the shown one is empty
-    this.others = {};  // pose [p, q] of each other vehicle, by name
+    this.actors = []; // meshes of people and vehicles
+    this.places = []; // place of each: x, y, z [m], yaw [rad]
+    this.bodies = new Map(); // meshes by name of the vehicle; the name of the shown one is empty
+    this.others = {}; // pose [p, q] of each other vehicle, by name
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     this.gl = gl;
-    if (!gl) { note.textContent = "no 3-D view: WebGL 2 is off in this browser"; return; }
+    if (!gl) {
+      note.textContent = "no 3-D view: WebGL 2 is off in this browser";
+      return;
+    }
     this.mesh = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.line = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.drawings = new Drawings(gl, program(gl, SEGMENT_VERTEX, SEGMENT_FRAGMENT).program, texts);
-    canvas.addEventListener("webglcontextlost", (event) => { event.preventDefault(); location.reload(); });
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      location.reload();
+    });
     this.listen();
     new ResizeObserver(() => this.touch()).observe(canvas);
   }
@@ -53,14 +61,22 @@ export class View3d {
   setScene(buffer) {
     const gl = this.gl;
     if (!gl) return;
-    if (this.scene) { gl.deleteBuffer(this.scene.buffer); gl.deleteVertexArray(this.scene.array); this.scene = null; }
+    if (this.scene) {
+      gl.deleteBuffer(this.scene.buffer);
+      gl.deleteVertexArray(this.scene.array);
+      this.scene = null;
+    }
     const count = buffer.byteLength >= 4 ? new DataView(buffer).getUint32(0, true) : 0;
     if (count) this.scene = meshOf(gl, this.mesh, new Uint8Array(buffer, 4, 16 * count), count);
-    for (const actor of this.actors) { gl.deleteBuffer(actor.buffer); gl.deleteVertexArray(actor.array); }
+    for (const actor of this.actors) {
+      gl.deleteBuffer(actor.buffer);
+      gl.deleteVertexArray(actor.array);
+    }
     this.actors = [];
     this.places = [];
     let at = 4 + 16 * count;
-    const numbers = new DataView(buffer), actors = at + 4 <= buffer.byteLength ? numbers.getUint32(at, true) : 0;
+    const numbers = new DataView(buffer),
+      actors = at + 4 <= buffer.byteLength ? numbers.getUint32(at, true) : 0;
     at += 4;
     for (let k = 0; k < actors; k++) {
       this.places.push([0, 4, 8, 12].map((offset) => numbers.getFloat32(at + offset, true)));
@@ -76,7 +92,10 @@ export class View3d {
   setVehicle(rotors, name = "") {
     if (!this.gl) return;
     const old = this.bodies.get(name);
-    if (old) { this.gl.deleteBuffer(old.buffer); this.gl.deleteVertexArray(old.array); }
+    if (old) {
+      this.gl.deleteBuffer(old.buffer);
+      this.gl.deleteVertexArray(old.array);
+    }
     const { bytes, count } = vehicleMesh(rotors, name ? [128, 136, 146, 255] : [255, 96, 56, 255]);
     this.bodies.set(name, meshOf(this.gl, this.mesh, bytes, count));
   }
@@ -112,7 +131,9 @@ export class View3d {
     this.touch();
   }
 
-  setActors(places) { if (places && places.length === this.actors.length) this.places = places; }
+  setActors(places) {
+    if (places && places.length === this.actors.length) this.places = places;
+  }
 
   setPose(p, q) {
     this.vehicle = { p, q };
@@ -123,13 +144,19 @@ export class View3d {
   touch() {
     if (this.dirty || !this.gl) return;
     this.dirty = true;
-    requestAnimationFrame(() => { this.dirty = false; this.draw(); });
+    requestAnimationFrame(() => {
+      this.dirty = false;
+      this.draw();
+    });
   }
 
   eye() {
     const c = Math.cos(this.pitch);
-    return [this.target[0] + this.distance * c * Math.cos(this.yaw), this.target[1] + this.distance * c * Math.sin(this.yaw),
-      this.target[2] + this.distance * Math.sin(this.pitch)];
+    return [
+      this.target[0] + this.distance * c * Math.cos(this.yaw),
+      this.target[1] + this.distance * c * Math.sin(this.yaw),
+      this.target[2] + this.distance * Math.sin(this.pitch),
+    ];
   }
 
   draw() {
@@ -146,8 +173,14 @@ export class View3d {
     const eye = this.eye();
     eye[2] = Math.max(eye[2], 0.3);
     const near = Math.max(0.05, this.distance / 100);
-    const screen = multiply(perspective(FOV, this.canvas.width / this.canvas.height, near, near * 20000),
-      lookAt(eye, this.target, Math.abs(this.pitch) > 1.55 ? [Math.cos(this.yaw + Math.PI), Math.sin(this.yaw + Math.PI), 0] : [0, 0, 1]));
+    const screen = multiply(
+      perspective(FOV, this.canvas.width / this.canvas.height, near, near * 20000),
+      lookAt(
+        eye,
+        this.target,
+        Math.abs(this.pitch) > 1.55 ? [Math.cos(this.yaw + Math.PI), Math.sin(this.yaw + Math.PI), 0] : [0, 0, 1],
+      ),
+    );
     gl.useProgram(this.mesh.program);
     gl.uniformMatrix4fv(this.mesh.screen, false, screen);
     gl.uniform3fv(this.mesh.eye, eye);
@@ -182,10 +215,16 @@ export class View3d {
     this.drawings.draw(screen, { width: this.canvas.width, height: this.canvas.height, ratio, near, fov: FOV });
   }
 
-  look(yaw, pitch, distance) { this.yaw = yaw; this.pitch = pitch; this.distance = distance; this.touch(); }
+  look(yaw, pitch, distance) {
+    this.yaw = yaw;
+    this.pitch = pitch;
+    this.distance = distance;
+    this.touch();
+  }
 
   listen() {
-    const canvas = this.canvas, fingers = new Map();
+    const canvas = this.canvas,
+      fingers = new Map();
     let spread = 0;
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("pointerdown", (event) => {
@@ -199,14 +238,18 @@ export class View3d {
     canvas.addEventListener("pointermove", (event) => {
       const before = fingers.get(event.pointerId);
       if (!before) return;
-      const dx = event.clientX - before[0], dy = event.clientY - before[1];
+      const dx = event.clientX - before[0],
+        dy = event.clientY - before[1];
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
       if (fingers.size === 2) {
-        const [a, b] = [...fingers.values()], now = Math.hypot(a[0] - b[0], a[1] - b[1]);
-        if (spread) this.distance = clamp(this.distance * spread / now, 1, 2000);
+        const [a, b] = [...fingers.values()],
+          now = Math.hypot(a[0] - b[0], a[1] - b[1]);
+        if (spread) this.distance = clamp((this.distance * spread) / now, 1, 2000);
         spread = now;
       } else if (event.buttons & 2 || event.shiftKey) {
-        const forward = unit(minus(this.target, this.eye())), right = unit(cross(forward, [0, 0, 1])), over = cross(right, forward);
+        const forward = unit(minus(this.target, this.eye())),
+          right = unit(cross(forward, [0, 0, 1])),
+          over = cross(right, forward);
         const step = this.distance * 0.0018;
         this.follow = false;
         this.target = this.target.map((v, k) => v - dx * step * right[k] + dy * step * over[k]);
@@ -216,15 +259,21 @@ export class View3d {
       }
       this.touch();
     });
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.distance = clamp(this.distance * Math.exp(event.deltaY * 0.001), 1, 2000);
-      this.touch();
-    }, { passive: false });
+    canvas.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        this.distance = clamp(this.distance * Math.exp(event.deltaY * 0.001), 1, 2000);
+        this.touch();
+      },
+      { passive: false },
+    );
   }
 }
 
-function clamp(v, low, high) { return Math.max(low, Math.min(high, v)); }
+function clamp(v, low, high) {
+  return Math.max(low, Math.min(high, v));
+}
 
 function rgb(name) {
   const text = css(name);
@@ -233,7 +282,10 @@ function rgb(name) {
 
 function program(gl, vertex, fragment) {
   const made = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+  for (const [kind, source] of [
+    [gl.VERTEX_SHADER, vertex],
+    [gl.FRAGMENT_SHADER, fragment],
+  ]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
@@ -242,13 +294,18 @@ function program(gl, vertex, fragment) {
   }
   gl.linkProgram(made);
   const names = ["world", "screen", "eye", "sky", "paint", "size"];
-  return { program: made, at: gl.getAttribLocation(made, "at"), colour: gl.getAttribLocation(made, "colour"),
-    ...Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])) };
+  return {
+    program: made,
+    at: gl.getAttribLocation(made, "at"),
+    colour: gl.getAttribLocation(made, "colour"),
+    ...Object.fromEntries(names.map((name) => [name, gl.getUniformLocation(made, name)])),
+  };
 }
 
 // 16 bytes per corner: three floats and four colour bytes.
 function meshOf(gl, { at, colour }, bytes, count) {
-  const array = gl.createVertexArray(), buffer = gl.createBuffer();
+  const array = gl.createVertexArray(),
+    buffer = gl.createBuffer();
   gl.bindVertexArray(array);
   gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
   gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
@@ -262,31 +319,43 @@ function meshOf(gl, { at, colour }, bytes, count) {
 
 function vehicleMesh(rotors, nose) {
   const corners = [];
-  const add = (points, colour) => { for (const p of points) corners.push([p, colour]); };
-  const box = ([x, y, z], [a, b, c], colour) => {
-    for (let axis = 0; axis < 3; axis++) for (const side of [-1, 1]) {
-      const half = [a, b, c], p = (s, t) => {
-        const v = [0, 0, 0];
-        v[axis] = side * half[axis]; v[(axis + 1) % 3] = s * half[(axis + 1) % 3]; v[(axis + 2) % 3] = t * half[(axis + 2) % 3];
-        return [v[0] + x, v[1] + y, v[2] + z];
-      };
-      const quad = [p(-1, -1), p(1, -1), p(1, 1), p(-1, -1), p(1, 1), p(-1, 1)];
-      add(side > 0 ? quad : quad.reverse(), colour);
-    }
+  const add = (points, colour) => {
+    for (const p of points) corners.push([p, colour]);
   };
-  const dark = [40, 46, 56, 255], light = [236, 240, 244, 255];
+  const box = ([x, y, z], [a, b, c], colour) => {
+    for (let axis = 0; axis < 3; axis++)
+      for (const side of [-1, 1]) {
+        const half = [a, b, c],
+          p = (s, t) => {
+            const v = [0, 0, 0];
+            v[axis] = side * half[axis];
+            v[(axis + 1) % 3] = s * half[(axis + 1) % 3];
+            v[(axis + 2) % 3] = t * half[(axis + 2) % 3];
+            return [v[0] + x, v[1] + y, v[2] + z];
+          };
+        const quad = [p(-1, -1), p(1, -1), p(1, 1), p(-1, -1), p(1, 1), p(-1, 1)];
+        add(side > 0 ? quad : quad.reverse(), colour);
+      }
+  };
+  const dark = [40, 46, 56, 255],
+    light = [236, 240, 244, 255];
   box([0, 0, 0], [0.09, 0.06, 0.03], dark);
   box([0.1, 0, 0.01], [0.03, 0.03, 0.02], nose);
   for (const [x, y, z] of rotors) {
-    for (let k = 0; k < 6; k++) box([x * k / 6, y * k / 6, z * k / 6], [0.012, 0.012, 0.008], dark);
-    const r = 0.13, disc = x > 0 ? nose : light;
+    for (let k = 0; k < 6; k++) box([(x * k) / 6, (y * k) / 6, (z * k) / 6], [0.012, 0.012, 0.008], dark);
+    const r = 0.13,
+      disc = x > 0 ? nose : light;
     for (let k = 0; k < 16; k++) {
-      const a = (k / 16) * 2 * Math.PI, b = ((k + 1) / 16) * 2 * Math.PI, h = z + 0.03;
-      const u = [x + r * Math.cos(a), y + r * Math.sin(a), h], v = [x + r * Math.cos(b), y + r * Math.sin(b), h];
+      const a = (k / 16) * 2 * Math.PI,
+        b = ((k + 1) / 16) * 2 * Math.PI,
+        h = z + 0.03;
+      const u = [x + r * Math.cos(a), y + r * Math.sin(a), h],
+        v = [x + r * Math.cos(b), y + r * Math.sin(b), h];
       add([[x, y, h], u, v], disc);
     }
   }
-  const bytes = new ArrayBuffer(corners.length * 16), view = new DataView(bytes);
+  const bytes = new ArrayBuffer(corners.length * 16),
+    view = new DataView(bytes);
   corners.forEach(([p, colour], k) => {
     p.forEach((v, axis) => view.setFloat32(k * 16 + axis * 4, v, true));
     colour.forEach((v, c) => view.setUint8(k * 16 + 12 + c, v));
@@ -297,7 +366,7 @@ function vehicleMesh(rotors, nose) {
 function gridLines() {
   const points = [];
   // Short pieces, because some drivers drop a line if one of its ends is behind the eye.
-  for (let k = -200; k <= 200; k += 10) for (let s = -200; s < 200; s += 10)
-    points.push(k, s, 0.03, k, s + 10, 0.03, s, k, 0.03, s + 10, k, 0.03);
+  for (let k = -200; k <= 200; k += 10)
+    for (let s = -200; s < 200; s += 10) points.push(k, s, 0.03, k, s + 10, 0.03, s, k, 0.03, s + 10, k, 0.03);
   return points;
 }

@@ -36,7 +36,7 @@ class Service:
         self._requests, self._replies = node.service_endpoints(name, type_name)
 
     def take(self, refuse: Callable[[ValueError], None]) -> Iterator[Request]:
-        """Return the requests since the last call. `refuse` is called for one whose texts are no UTF-8."""
+        """Return the requests since the last call. `refuse` is called for one whose texts are not UTF-8."""
         for message in self._requests.take(refuse):
             yield Request(message, partial(self._send, message))
 

@@ -70,8 +70,8 @@ def test_the_camera_on_board_is_filmed(run_dir: Path, tmp_path: Path, view: str)
 
 def test_wrong_wishes_are_told(run_dir: Path, tmp_path: Path) -> None:
     for options, message in (
-        (replace(SMALL, view="rear"), "'rear' is no camera of the bench.*chase, split, front"),
-        (replace(SMALL, vehicle="b"), "'b' is no vehicle"),
+        (replace(SMALL, view="rear"), "'rear' is not a camera of the bench.*chase, split, front"),
+        (replace(SMALL, vehicle="b"), "'b' is not a vehicle"),
         (replace(SMALL, size="12"), "must be WIDTHxHEIGHT"),
     ):
         with pytest.raises(ConfigError, match=message):

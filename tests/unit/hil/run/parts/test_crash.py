@@ -104,6 +104,41 @@ def test_lying_on_its_side_before_take_off_and_after() -> None:
     assert "tilt 90 deg" in judged.reasons[0]
 
 
+def test_a_second_on_its_side_is_a_crash_and_less_is_not() -> None:
+    judged = Judged()
+    judged.stay(0.98, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=True)
+    assert judged.reasons == ()
+    judged.stay(0.04, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=True)
+    assert judged.reasons
+
+
+@pytest.mark.parametrize(("apart_s", "crashed"), [(0.45, True), (0.55, False)])
+def test_a_bounce_of_up_to_half_a_second_is_still_contact(apart_s: float, crashed: bool) -> None:
+    judged = Judged()
+    for seconds, contact in ((0.4, True), (apart_s, False), (0.2, True)):
+        judged.stay(seconds, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=contact)
+    assert bool(judged.reasons) is crashed
+
+
+@pytest.mark.parametrize(("away_m", "crashed"), [(4.9, False), (5.1, True)])
+def test_rest_within_five_metres_of_the_start_is_no_crash(away_m: float, crashed: bool) -> None:
+    judged = Judged()
+    judged.stay(1.0, (0.0, -away_m, 3.0))
+    judged.stay(11.0, (0.0, -away_m, 0.2), contact=True)
+    assert bool(judged.reasons) is crashed
+
+
+def test_rest_counts_from_its_limit_on_and_the_flight_ends_a_second_later() -> None:
+    judged = Judged(Crash(rest_s=4.0))
+    judged.stay(1.0, (40.0, 60.0, 3.0))
+    judged.stay(3.98, (40.0, 60.0, 0.2), contact=True)
+    assert judged.reasons == ()
+    judged.stay(0.04, (40.0, 60.0, 0.2), contact=True)
+    assert judged.reasons
+    assert not judged.stay(0.94, (40.0, 60.0, 0.2), contact=True)
+    assert judged.stay(0.08, (40.0, 60.0, 0.2), contact=True)
+
+
 def test_a_flip_in_the_air_is_no_crash() -> None:
     judged = Judged()
     assert not judged.stay(5.0, (0.0, 0.0, 30.0), q=ON_ITS_SIDE, v=(0.0, 0.0, 3.0))

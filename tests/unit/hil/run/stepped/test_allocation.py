@@ -86,3 +86,10 @@ def test_rotors_that_all_turn_one_way_cannot_be_controlled() -> None:
     rotors = tuple(rotor.model_copy(update={"spin": Spin.CCW}) for rotor in vehicle.rotors)
     with pytest.raises(ValueError, match=r"cannot be controlled: .* check positions, spins and moment_ratio_m"):
         Allocation(vehicle.model_copy(update={"rotors": rotors}), least_n=0.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_yaw_torque_of_a_change_moves_one_rotor_by_it_and_none_further(name: str) -> None:
+    allocation = Allocation(load_vehicle(name), least_n=0.0)
+    changes = allocation.mix[:, 2] * allocation.yaw_torque_nm(0.5)
+    assert np.abs(changes).max() == pytest.approx(0.5)

@@ -185,6 +185,26 @@ def test_sloping_legs_have_no_height_to_keep() -> None:
     assert measured.final_error_m == pytest.approx(0.0)
 
 
+def test_height_counts_from_five_metres_of_level_flight_on() -> None:
+    top, far = (0.0, 0.0, 15.2), (30.0, 0.0, 10.2)
+    legs = [
+        Leg(LegKind.CLIMB, 0, HOME, top),
+        Leg(LegKind.FLY, 1, top, far),
+        Leg(LegKind.FLY, 2, far, (60.0, 0.0, 10.2)),
+    ]
+    measured = flown(legs, [HOME, top, (30.0, 0.0, 11.2), (40.0, 0.0, 10.2), (60.0, 0.0, 10.2)])
+    assert measured.altitude_error_m == pytest.approx(
+        0.5, abs=0.006
+    )  # 0.1 m a metre, 5 m before its end; steps of 5 cm
+
+
+@pytest.mark.parametrize(("slope_m", "judged"), [(0.04, True), (0.06, False)])
+def test_a_leg_is_level_below_five_centimetres(slope_m: float, judged: bool) -> None:
+    top, far = (0.0, 0.0, 10.2), (30.0, 0.0, 10.2 + slope_m)
+    legs = [Leg(LegKind.CLIMB, 0, HOME, top), Leg(LegKind.FLY, 1, top, far)]
+    assert (flown(legs, [HOME, top, far]).altitude_error_m is not None) is judged
+
+
 def test_one_waypoint_is_measured_on_the_way_to_it() -> None:
     top, far = (0.0, 0.0, 10.2), (30.0, 0.0, 10.2)
     legs = [
