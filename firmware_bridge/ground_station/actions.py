@@ -147,8 +147,7 @@ class ActionSource:
             else:
                 heapq.heappush(self._due, (action.at_ns or 0, index))
         self._queue: deque[tuple[int, int]] = deque()  # (due time, index)
-        self._running: int | None = None
-        self._job: _Job | None = None
+        self._running: tuple[int, _Job] | None = None  # index of the action, and its exchange with the vehicle
         self._began_ns: list[int | None] = [None] * len(self._actions)
         self._outcome = ["waiting"] * len(self._actions)
         self._autopilot: int | None = None
@@ -194,7 +193,7 @@ class ActionSource:
 
     def _work(self, t_ns: int) -> bool:
         """Continue the action under way, or begin the next one. Return False when there is no more to do now."""
-        if self._job is None:
+        if self._running is None:
             if not self._queue:
                 return False
             due_ns, index = self._queue[0]
@@ -207,22 +206,21 @@ class ActionSource:
             if not self._may_begin():
                 return False
             self._queue.popleft()
-            self._running = index
             self._begin(index, t_ns)
             try:
-                self._job = self._start(self._actions[index], self._autopilot, t_ns)
+                self._running = index, self._start(self._actions[index], self._autopilot, t_ns)
             except HandshakeError as error:
-                self._end(t_ns, error)
+                self._end(index, t_ns, error)
                 return True
-        assert self._running is not None
+        index, job = self._running
         try:
-            done = self._job.step(t_ns)
+            done = job.step(t_ns)
         except HandshakeError as error:
-            self._end(t_ns, error)
+            self._end(index, t_ns, error)
             return True
         if done:
-            self._outcome[self._running] = "done"
-            self._job = self._running = None
+            self._outcome[index] = "done"
+            self._running = None
         return done
 
     def _start(self, action: Action, autopilot: int, t_ns: int) -> _Job:
@@ -239,10 +237,8 @@ class ActionSource:
         self._outcome[index] = "running"
         self._report(t_ns, "action", self._actions[index].name)
 
-    def _end(self, t_ns: int, error: HandshakeError) -> None:
-        index = self._running
-        assert index is not None
-        self._job = self._running = None
+    def _end(self, index: int, t_ns: int, error: HandshakeError) -> None:
+        self._running = None
         self._refuse(index, t_ns, str(error).removeprefix(f"{error.port}: "))
 
     def _refuse(self, index: int, t_ns: int, why: str) -> None:
@@ -259,8 +255,8 @@ class ActionSource:
     def _wake_ns(self) -> int:
         """Return the time of the next step that is due without frames."""
         wake = [self._due[0][0]] if self._due else []
-        if self._job is not None:
-            wake.append(self._job.due_ns)
+        if self._running is not None:
+            wake.append(self._running[1].due_ns)
         elif self._queue:
             wake.append(self._queue[0][0] + _HEARTBEAT_LIMIT_NS)
         return min(wake, default=1 << 62)
@@ -291,8 +287,8 @@ class ActionSource:
             self._on_vehicle_event(VehicleEvent("landed"))
 
     def _on_param_value(self, message: Any) -> None:
-        if isinstance(self._job, _ParamJob):
-            self._job.on_value(self._t_ns, message)
+        if self._running is not None and isinstance(job := self._running[1], _ParamJob):
+            job.on_value(self._t_ns, message)
 
 
 class _CommandJob:

@@ -204,6 +204,9 @@ def test_gps_antenna_on_a_lever_arm() -> None:
     at = LocalFrame(SCENE.site).enu_from_geodetic(sample.latitude_deg, sample.longitude_deg, sample.altitude_m)
     assert at == pytest.approx((0.0, 0.1, 0.3), abs=1e-8)
     assert sample.v_W == pytest.approx((-0.2, 0.0, 0.0), abs=1e-12)  # facing north, turning left
+    arm, w = (0.1, -0.2, 0.3), (0.5, -0.7, 2.0)
+    sample = sensor("m8n", 1, 10.0, **exact, antenna_m=arm).sample(still(w_WB_B=w), 0)
+    assert sample.v_W == pytest.approx(np.cross(w, arm), abs=1e-12)
 
 
 def test_gps_loss_keeps_the_receiver_talking() -> None:

@@ -181,18 +181,17 @@ class CompanionStage:
                 self._send_if_idle(session)
 
     def _send_if_idle(self, session: ClientSession) -> None:
-        if session.pending is None or session.awaited_frame is not None or self._dropped_by_fault(session):
+        pending = session.pending
+        if pending is None or session.awaited_frame is not None or self._dropped_by_fault(session, pending):
             return
-        if self._send(session):
-            assert session.pending is not None
-            session.awaited_frame, session.awaited_t_ns = session.pending.number, session.pending.t_ns
+        if self._send(session, pending):
+            session.awaited_frame, session.awaited_t_ns = pending.number, pending.t_ns
             session.sent_s = time.monotonic()
             session.pending = None
 
-    def _dropped_by_fault(self, session: ClientSession) -> bool:
+    def _dropped_by_fault(self, session: ClientSession, pending: Bundle) -> bool:
         """Return True if a fault drops the pending frame with all its samples."""
-        assert session.pending is not None
-        if self._faults is None or not self._faults.lose(session.client.name, session.pending.number):
+        if self._faults is None or not self._faults.lose(session.client.name, pending.number):
             return False
         session.dropped += 1
         session.pending = None
@@ -243,9 +242,9 @@ class CompanionStage:
         for session in sorted(self.sessions.values(), key=lambda session: session.client.control):
             pending = session.pending
             if pending is not None and session.free_ns <= until_ns:
-                if self._dropped_by_fault(session):
+                if self._dropped_by_fault(session, pending):
                     continue
-                requests.append((session, pending, self._send(session)))
+                requests.append((session, pending, self._send(session, pending)))
                 session.pending = None
         for session, bundle, sent in reversed(requests):
             answer = self._answer(session, bundle, sent)
@@ -259,10 +258,9 @@ class CompanionStage:
             session.free_ns = start_ns + answer.t2_ns + link_ns
             self._apply(session, answer, session.free_ns, bundle.t_ns)
 
-    def _send(self, session: ClientSession) -> bool:
-        assert session.pending is not None
-        frame = session.pending.frame(session.client.topics)
-        if not self._answers.send(session.client.name, frame, session.pending.dropped):
+    def _send(self, session: ClientSession, pending: Bundle) -> bool:
+        frame = pending.frame(session.client.topics)
+        if not self._answers.send(session.client.name, frame, pending.dropped):
             return False
         session.sent += 1
         return True
@@ -287,9 +285,7 @@ class CompanionStage:
             lost_s = now_s if lost_s is None else lost_s
             if not self._reconnected(session, number, reason, self._timeouts.reconnect_s - (now_s - lost_s)):
                 return None
-            session.pending = bundle
-            sent = self._send(session)
-            session.pending = None
+            sent = self._send(session, bundle)
 
     def _reconnected(self, session: ClientSession, frame: int, reason: str, limit_s: float) -> bool:
         """Disconnect a client that did not answer `frame`. If it is in control, wait until it reconnects."""

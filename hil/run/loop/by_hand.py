@@ -96,6 +96,8 @@ class HandledVehicle:
 class HandControl:
     """Holds the ticks of a run and alters it on command. All vehicles of a run have one."""
 
+    serving: HandledVehicle  # from the first tick on: the vehicle whose tick comes next
+
     def __init__(
         self,
         vehicles: MutableMapping[str, Any],
@@ -104,13 +106,9 @@ class HandControl:
         pace: float | None = None,
         clock_ns: Callable[[], int] = time.perf_counter_ns,
     ) -> None:
-        """`vehicles`: HandledVehicle by name. `paused`: wait at tick 0. `pace`: times real time; None: no limit.
-
-        `serving` is the vehicle whose tick comes next.
-        """
+        """`vehicles`: HandledVehicle by name. `paused`: wait at tick 0. `pace`: times real time; None: no limit."""
         self._vehicles = vehicles
         self._clock_ns = clock_ns
-        self.serving: HandledVehicle | None = None
         self.paused = paused
         self.pace = pace
         self.paces = False  # a command has taken over the pace from the vehicles' schedulers
@@ -149,7 +147,6 @@ class HandControl:
         `lost`: True if no commands can arrive any more.
         """
         serving = self.serving
-        assert serving is not None
         began_ns = self._clock_ns()
         while self.paused and not self._steps and not lost():
             wait(_PAUSED_WAIT_S)
@@ -207,7 +204,6 @@ class HandControl:
 
     def _control_time(self, kind: str, message: Mapping[str, Any]) -> None:
         serving = self.serving
-        assert serving is not None
         if not self.can_hold:
             raise Refused(f"{kind}: this autopilot runs on wall-clock time and cannot be held")
         self._pace_from = None
@@ -234,7 +230,6 @@ class HandControl:
 
         Raises what `requested_fault` raises if it does not fit this run.
         """
-        assert self.serving is not None
         scheduler = self.serving.access.scheduler
         if any(sum(row["alters"] for row in each.commands) >= MAX_COMMANDS for each in self._vehicles.values()):
             raise Refused(f"{kind}: no more than {MAX_COMMANDS} commands may alter one run; start a new run")

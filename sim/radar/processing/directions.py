@@ -80,9 +80,9 @@ def _spans_plane(normal: Float64) -> bool:
 
 def _spans(normal: Float64, b: Float64) -> bool:
     """Return True if the bases summed in `normal` determine d . b."""
+    if _spans_plane(normal):
+        return True
     size = normal[0, 0] + normal[1, 1]
-    if size <= 0.0 or _spans_plane(normal):
-        return bool(size > 0.0)
     off = b[0] * b[0] * normal[1, 1] - 2.0 * b[0] * b[1] * normal[0, 1] + b[1] * b[1] * normal[0, 0]
     return bool(off < 1e-6 * (b[0] * b[0] + b[1] * b[1]) * size)  # squared, across the line
 

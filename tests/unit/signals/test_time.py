@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hil.run.loop.scheduler import ReleaseQueue
 from signals.samples import BaroSample
-from signals.time import RateAccumulator, period_ns_from_hz
+from signals.time import RateAccumulator, is_due, period_ns_from_hz
 
 
 def due_ticks(event_hz: float, tick_hz: float, ticks: int) -> list[int]:
@@ -36,6 +36,7 @@ def test_event_n_falls_on_the_first_tick_at_or_after_its_time(event: int, tick: 
         expected.append(k)
         n += 1
     assert due == expected
+    assert [k for k in range(ticks) if is_due(k, event_millihz=event, tick_millihz=tick)] == expected
 
 
 def test_period() -> None:

@@ -32,6 +32,7 @@ _AFTERMATH_NS = NS_PER_S
 
 class CrashPart(Part):
     name = "crash"
+    _start_z_m: float  # from `begin` on
 
     def __init__(self, limits: Crash, *, wanted: bool = False) -> None:
         """`wanted`: the script of the flight demands the crash (`outcome: crashed`)."""
@@ -40,7 +41,6 @@ class CrashPart(Part):
         self._rest_ns = None if limits.rest_s is None else round(limits.rest_s * NS_PER_S)
         self._allowed_W: list[Vec3] = []  # places of rest
         self._has_plan = False
-        self._start_z_m: float | None = None
         self._airborne = False
         self._previous: TruthState | None = None
         self._contact_ns: int | None = None  # newest contact
@@ -62,7 +62,6 @@ class CrashPart(Part):
         if truth is None or self._reason is not None:
             return
         previous, self._previous = self._previous, truth
-        assert self._start_z_m is not None
         if not truth.in_contact:
             self._airborne = self._airborne or truth.p_WB[2] > self._start_z_m + AIRBORNE_M
             if self._contact_ns is None or truth.t_ns - self._contact_ns > _GAP_NS:
@@ -70,11 +69,10 @@ class CrashPart(Part):
                 return
         else:
             self._contact_ns = truth.t_ns
-            touched = previous is not None and not previous.in_contact
-            if touched and self._airborne and self._limits.impact_mps is not None:
-                assert previous is not None
+            limit_mps = self._limits.impact_mps
+            if self._airborne and limit_mps is not None and previous is not None and not previous.in_contact:
                 speed = _speed_mps(previous)
-                if not speed <= self._limits.impact_mps:
+                if not speed <= limit_mps:
                     self._crashed(truth, speed, f"impact at {speed:.1f} m/s")
                     return
         self._lies(truth)

@@ -24,10 +24,10 @@ _BUSY_WAIT_NS = 300_000  # PX4 answers within about 60 us
 
 class AutopilotPart(Part):
     name = "autopilot"
+    _run: RunContext  # from `build` on
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._run: RunContext | None = None
         self._link: AutopilotLink | None = None
         self._processors: LockstepProcessors | None = None
         self._denied: dict[str, list[str]] = {}  # scheduling that the sender and the bench were not granted
@@ -59,7 +59,6 @@ class AutopilotPart(Part):
     def around_flight(self) -> Iterator[None]:
         link, run, config = self._link, self._run, self._bench.config
         assert link is not None
-        assert run is not None
         if not link.caps.lockstep:
             # The thread that prepares samples for a free-running autopilot must not wait for a processor.
             with self._in_real_time(link):
@@ -84,7 +83,7 @@ class AutopilotPart(Part):
             refused = {"sender": timing.sent.denied if timing is not None else (), "bench": producer.denied}
             texts = [f"{who}: {', '.join(names)}" for who, names in refused.items() if names]
             self._denied = {who: list(names) for who, names in refused.items()}
-            if texts and self._run is not None:
+            if texts:
                 self._run.say("timing", "not granted to the " + "; to the ".join(texts))
             yield
 
@@ -94,7 +93,6 @@ class AutopilotPart(Part):
         warning = self._processors.watch(self._check_period_ticks * self._bench.config.tick_ns)
         if warning is not None:
             self._check_period_ticks = 0
-            assert self._run is not None
             self._run.scheduler.record_first = False
             self._run.event("warning", warning)
 

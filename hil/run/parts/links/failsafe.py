@@ -25,12 +25,12 @@ _ENDINGS = (" ended", " is over")
 
 class FailsafePart(Part):
     name = "failsafe"
+    _run: RunContext  # from `build` on
 
     def __init__(self, firmware: Firmware, expected: FailsafeExpected | None, *, judged: bool = True) -> None:
         """`judged`: False for a flight that is to crash, which failsafes precede."""
         self._firmware, self._expected, self._judged = firmware, expected, judged
         self._watch = FailsafeWatch(firmware)
-        self._run: RunContext | None = None
         self._told: list[tuple[Failsafe, str]] = []  # with its line for the user
 
     def build(self, run: RunContext) -> None:
@@ -42,12 +42,10 @@ class FailsafePart(Part):
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Look for failsafes in last tick's `frames`. Nothing is sent."""
         if frames and (found := self._watch.step(t_ns, frames)):
-            assert self._run is not None
             self._tell(found, self._run.say)
         return b""
 
     def _tell(self, found: Sequence[Failsafe], tell: Callable[[str, str, int], None]) -> None:
-        assert self._run is not None
         for failsafe in found:
             cause = cause_of(failsafe.t_ns, self._run.recorder.events)
             line = (
@@ -58,8 +56,7 @@ class FailsafePart(Part):
             tell("failsafe", line, failsafe.t_ns)
 
     def finish(self, run: RunContext) -> None:
-        if self._run is not None:
-            self._tell(self._watch.conclude(), run.say)
+        self._tell(self._watch.conclude(), run.say)
 
     def _is_expected(self, failsafe: Failsafe) -> bool:
         return self._expected is not None and self._expected.covers(failsafe.t_ns / NS_PER_S, failsafe.mode)

@@ -28,10 +28,10 @@ _MAX_PICTURE_BYTES = 8 << 20  # of a picture that a client made for the report
 
 class CompanionPart(Part):
     name = "companion"
+    _run: RunContext  # from `open` on
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._run: RunContext | None = None
         self._pilot: OffboardPilot | None = None
         self._outcomes: dict[str, str] = {}  # by client, as last reported
         self.link: CompanionLink | None = None
@@ -106,7 +106,7 @@ class CompanionPart(Part):
         return Report(pictures, [] if self.link is None else [section(self.link.report())])
 
     def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (a client needs no preparation for a fault)
-        if not isinstance(fault, CompanionFault) or self.link is None or self._run is None:
+        if not isinstance(fault, CompanionFault) or self.link is None:
             return False
         self.link.inject(fault, self._run.now_ns())
         return True
@@ -121,19 +121,16 @@ class CompanionPart(Part):
 
     def _event(self, t_ns: int, kind: str, text: str) -> None:
         """Record an event of the link; a negative time means now."""
-        assert self._run is not None
         self._run.recorder.event(self._run.now_ns() if t_ns < 0 else t_ns, kind, text)
 
     def _desire(self, desired: DesiredState, t_apply_ns: int, t_frame_ns: int) -> None:
         """Fly a desired state from `t_apply_ns` on; the client computed it from the frame of `t_frame_ns`."""
-        assert self._run is not None
         assert self._pilot is not None
         for part in self._run.parts:
             part.on_desired(desired, t_apply_ns)
         self._pilot.set_desired(desired, t_apply_ns, t_frame_ns)
 
     def _reported(self, client: str, report: Mapping[str, Any], t_ns: int) -> None:
-        assert self._run is not None
         for part in self._run.parts:
             part.on_report(client, report, t_ns, control=self._pilot is not None)
         outcome = report.get("outcome")
@@ -143,7 +140,6 @@ class CompanionPart(Part):
             self._event(t_ns, "companion_outcome", f"{client}: {outcome}{why}")
 
     def _detected(self, client: str, detections: Detections, t_ns: int) -> None:
-        assert self._run is not None
         self._run.recorder.detected(t_ns, client, detections)
         for part in self._run.parts:
             part.on_detections(client, detections, t_ns)

@@ -23,11 +23,11 @@ class ManualPart(Part):
     """Manual control from one source of sticks. `make_source` opens it, when the run is built."""
 
     name = "manual"
+    _run: RunContext  # from `build` on
 
     def __init__(self, make_source: Callable[[], ManualControlSource]) -> None:
         self._make_source = make_source
         self._source: ManualControlSource | None = None
-        self._run: RunContext | None = None
 
     @property
     def flying(self) -> bool:
@@ -45,7 +45,6 @@ class ManualPart(Part):
 
     def _record_events(self, truth: TruthState) -> None:  # noqa: ARG002 (called once a tick)
         assert self._source is not None
-        assert self._run is not None
         for event in self._source.take_events():
             self._run.recorder.event(*event)
 

@@ -82,6 +82,7 @@ class Detect:
 
     control = False
     settings_type = DetectSettings
+    _geolocation: Geolocation  # from `start` on
 
     def __init__(self, **settings: Any) -> None:
         s = self._settings = DetectSettings(**settings)
@@ -97,7 +98,6 @@ class Detect:
         self.topics = tuple(topic for topic in (s.camera, s.depth, s.radar, *own_pose, *truth) if topic)
         self.detections: Detections | None = None
         self.report: dict[str, Any] = {}
-        self._geolocation: Geolocation | None = None
         self._own_pose: OwnPose | None = None
         self._radar_mount: tuple[np.ndarray, np.ndarray] | None = None
         self._pictures: BoxPictures | None = None
@@ -141,7 +141,6 @@ class Detect:
             self._own_pose.update(frame)
         if self._settings.camera not in frame:
             return
-        assert self._geolocation is not None
         picture = frame[self._settings.camera]
         rgb = picture.array
         self._check_size(rgb)
@@ -190,7 +189,6 @@ class Detect:
         return without_duplicates(found)
 
     def _check_size(self, rgb: np.ndarray) -> None:
-        assert self._geolocation is not None
         width, height = self._geolocation.camera.size_px
         if rgb.ndim != 3 or rgb.shape != (height, width, 3):
             raise CutError(
@@ -240,7 +238,6 @@ class Detect:
     ) -> list[Found] | None:
         """Add all boxes with a position to the tracks; return the objects to report, None if they are unchanged."""
         geolocation, sightings = self._geolocation, []
-        assert geolocation is not None
         own_m, yaw_rad = (
             (0.0, 0.0) if self._own_pose is None else (self._own_pose.sigma_m, self._own_pose.yaw_sigma_rad)
         )

@@ -58,6 +58,8 @@ _UNSURE_M, _LOST_M = 0.3, 3.0
 class Explorer:
     """One flight to a goal; call `step` for every frame, in order."""
 
+    _landing: Landing  # from the first `_sense` on
+
     def __init__(
         self,
         settings: FlightSettings,
@@ -80,7 +82,6 @@ class Explorer:
         self._localiser = localiser
         self._mapped_W = mapped_W
         self._ground: Ground | None = None
-        self._landing: Landing | None = None
         x0, y0, x1, y1 = mapped_W or (-math.inf, -math.inf, math.inf, math.inf)
         self._goal_off_map = not (x0 < goal_W[0] < x1 and y0 < goal_W[1] < y1)
         self._clock_s = clock_s
@@ -288,7 +289,6 @@ class Explorer:
     def _hover(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float) -> np.ndarray:
         """Return the velocity command after an outcome: hold the position, and retreat from near obstacles."""
         assert self._ground is not None
-        assert self._landing is not None
         self.report.below = self._ground.below(float(p_W[0]), float(p_W[1]))
         since_s = (frame.t_ns - self._outcome_ns) * 1e-9
         self.finished = self.finished or self._landing.due(self.report.outcome, self.report.below, since_s)
@@ -318,7 +318,6 @@ class Explorer:
         self, frame: Frame, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, clearances: Clearances, dt_s: float
     ) -> np.ndarray | None:
         """Return the velocity command towards bare ground; None if there is none, or no path."""
-        assert self._landing is not None
         assert self.estimate is not None
         if self._planned_ns != near.t_ns and self.map is not None:
             spot = self._landing.spot(p_W, self.map, clearances)

@@ -113,6 +113,12 @@ def test_a_long_stall_ends_in_a_reported_termination():
     assert world.autopilot.vehicle.armed
 
 
+@pytest.mark.parametrize(("seconds", "terminated"), [(1.95, False), (2.05, True)])
+def test_an_imu_lost_for_two_seconds_terminates_the_flight(seconds, terminated):
+    said = texts(bench_pauses(hovering(), seconds))
+    assert ("Failsafe activated: IMU timeout" in said) is terminated
+
+
 def test_commanded_termination_keeps_the_telemetry():
     world = hovering()
     world.command(185, 1)

@@ -58,6 +58,19 @@ def test_drag_alone_gives_the_closed_form_of_a_fall() -> None:
     assert physics.truth.v_WB_W[2] == pytest.approx(-end * math.tanh(g * t / end), rel=1e-10)
 
 
+def test_drag_of_a_slanting_flow_is_along_each_axis_with_the_whole_airspeed() -> None:
+    """F = -(l_j + q_j |u|) u_j, over a tick that hardly slows the body."""
+    linear, quadratic, v = (0.02, 0.03, 0.05), (0.01, 0.02, 0.04), np.array([3.0, -4.0, 12.0])
+    body = bare(body_drag_linear_n_per_mps=linear, body_drag_quadratic_n_per_m2ps2=quadratic)
+    physics = VehiclePhysics(body, load_scene("airfield"), TICK_NS, start=ALOFT)
+    physics.state[7:10] = v
+    for tick in range(2):
+        physics.advance(tick, [])
+    force_n = -(np.array(linear) + np.array(quadratic) * np.linalg.norm(v)) * v
+    expected = force_n / X500.mass_kg - (0.0, 0.0, physics.scene.gravity_mps2)
+    assert physics.truth.a_WB_W == pytest.approx(expected, rel=5e-3)
+
+
 def test_buoyancy_lifts_and_swings_the_body_like_a_pendulum() -> None:
     arm = 0.3
     cell = Buoyancy(kind="buoyancy", volume_m3=0.5, centre_m=(0.0, 0.0, arm))

@@ -67,7 +67,8 @@ def test_ground_effect_follows_cheeseman_and_bennett(radii: float, airfield: Sce
     ratio = thrust_ratio(vehicle, airfield, hub_m=radii * vehicle.rotor_constants.radius_m)
     theirs = 1.0 / (1.0 - (1.0 / (4.0 * radii)) ** 2)
     assert ratio == pytest.approx(theirs, abs=1e-3)
-    assert ratio > 1.0
+    floor, faded = 2.0 / (2.0 - 1.0), (1.0 - (radii / 32.0) ** 2) ** 4
+    assert ratio == pytest.approx(1.0 / (1.0 - faded / (floor + (4.0 * radii) ** 2)), abs=2e-6)
 
 
 def test_ground_effect_is_bounded_at_the_ground_and_gone_aloft(airfield: Scene) -> None:

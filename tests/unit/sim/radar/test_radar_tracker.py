@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim.radar.processing.parameters import Processing, TrackerParameters
 from sim.radar.processing.points import POINT_DTYPE
-from sim.radar.processing.tracker import TRACK_DTYPE, Tracker
+from sim.radar.processing.tracker import TRACK_DTYPE, Tracker, _Filter, _Points
 from tests.worlds.radar_point_targets import CHIRP, direction
 
 PERIOD_NS = 50_000_000
@@ -37,6 +37,28 @@ def run(frames: Sequence[Sequence[Seen]], **changes: Any) -> list[NDArray[np.voi
 
 def away(i: int, speed: float = 1.2, near: float = 1.0, azimuth: float = 10.0) -> Seen:
     return near + speed * i * 0.05, speed, azimuth, 30.0
+
+
+def test_the_filter_is_that_of_white_acceleration() -> None:
+    """x' = F x, P' = F P F^T + Q, and the update with gain P H^T / (H P H^T + s^2), in matrices."""
+    dt, q, sigma = 0.3, 1.7, 0.4
+    f = _Filter(2.0, -0.5, 0.9, 0.2, 0.6)
+    x, p = np.array([f.value, f.rate]), np.array([[f.p00, f.p01], [f.p01, f.p11]])
+    step = np.array([[1.0, dt], [0.0, 1.0]])
+    x, p = step @ x, step @ p @ step.T + q * q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    f.predict(dt, q)
+    for i, update in ((0, f.update_value), (1, f.update_rate)):
+        assert [f.value, f.rate, f.p00, f.p01, f.p11] == pytest.approx([*x, p[0, 0], p[0, 1], p[1, 1]], rel=1e-12)
+        gain = p[:, i] / (p[i, i] + sigma**2)
+        x, p = x + gain * (1.2 - x[i]), p - np.outer(gain, p[i])
+        update(1.2, sigma)
+    assert [f.value, f.rate, f.p00, f.p01, f.p11] == pytest.approx([*x, p[0, 0], p[0, 1], p[1, 1]], rel=1e-12)
+
+
+def test_range_is_weighted_by_amplitude_and_speed_by_power() -> None:
+    seen = _Points(points((2.0, 0.0, 0.0, 20.0), (3.0, 0.0, 0.0, 6.0)))
+    assert seen.weight == pytest.approx([10.0, 10.0**0.3])
+    assert seen.power == pytest.approx([100.0, 10.0**0.6])
 
 
 def test_a_walker_is_found_within_three_frames_and_followed() -> None:

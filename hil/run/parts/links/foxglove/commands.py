@@ -70,7 +70,6 @@ class Commands:
             except Refused as refusal:
                 command.refusal = str(refusal)
                 self._server.status(f"refused: {refusal}", level="Error")
-            assert control.serving is not None
             command.tick = control.serving.access.scheduler.tick
             command.done.set()
 

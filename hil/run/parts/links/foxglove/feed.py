@@ -70,12 +70,13 @@ class VehicleFeed:
     """Tap of the recorder and exchange of the scheduler. `step` and the tap belong to the run's thread."""
 
     free_running = False
+    _run: RunContext  # from `attach` on
+    _messages: LiveMessages  # likewise
 
     def __init__(self, server: LiveServer, name: str, jpeg_quality: int) -> None:
         """`name`: of the vehicle in a run of several; empty in a run of one."""
         self.watched = False  # a client has subscribed to something
         self._server, self._names, self._quality = server, Names(name), jpeg_quality
-        self._run: RunContext | None = None
         self._ticks: deque[Tick] = deque(maxlen=_MAX_TICKS)
         self._last: Tick | None = None
         self._frames: dict[str, Sample] = {}
@@ -85,7 +86,6 @@ class VehicleFeed:
         self._sent: deque[tuple[int, int, bytes]] = deque(maxlen=_MAX_FRAMES)
         self._received: deque[tuple[int, int, bytes]] = deque(maxlen=_MAX_FRAMES)
         self._selection = _Selection()
-        self._messages: LiveMessages | None = None
         self._jpeg: dict[str, BlobEncoder] = {}  # by camera
         self._series: dict[str, Any] = {}
 
@@ -131,7 +131,6 @@ class VehicleFeed:
     def step(self, truth: TruthState, released: Sequence[tuple[str, Sample]]) -> None:
         """Keep one tick."""
         run = self._run
-        assert run is not None
         rest = []
         for item in released:
             if isinstance(item[1], FRAME_SAMPLES):
@@ -154,7 +153,6 @@ class VehicleFeed:
 
     def detected(self, client: str, detections: Detections) -> None:
         """Keep detections of a companion."""
-        assert self._run is not None
         self._detections.append((self._run.now_ns(), client, detections))
 
     def sent(self, t_ns: int, pieces: Iterable[tuple[int, bytes]]) -> None:
@@ -186,7 +184,6 @@ class VehicleFeed:
 
     def publish(self, pending: Pending, wanted: frozenset[str]) -> None:
         """Encode and send what clients have subscribed to."""
-        assert self._messages is not None
         self._selection.topics = wanted
         ticks = _selected(pending.ticks)
         for tick in ticks:
@@ -206,7 +203,6 @@ class VehicleFeed:
         return any(f"{topic}/".startswith(self._names.topic(f"/{port}/")) for port in frames)
 
     def _send(self, tick: Tick, released: Iterable[tuple[str, Sample]], *, latch: str = "") -> None:
-        assert self._messages is not None
         log, t_ns = self._server.log, tick.truth.t_ns
         for message in self._messages.of_tick(tick.truth, released, tick.actuators, tick.battery):
             name, data = message.topic.name, bytes(message.data)
@@ -218,7 +214,6 @@ class VehicleFeed:
     def _compressed(self, port: str, sample: ImageSample) -> bytes:
         encoder = self._jpeg.get(port)
         if encoder is None:
-            assert self._run is not None
             description = self._run.sensors.descriptions.get(port)
             frame_id = self._names.frame(port if description is None else description.frame_id)
             strings = {"header.frame_id": frame_id, "format": "jpeg"}
@@ -238,7 +233,6 @@ class VehicleFeed:
         publish(self._series["events"].pending.block())
         for t_ns, client, detections in pending.detections:
             series = self._series.setdefault(f"detections {client}", DetectionSeries(client))
-            assert self._run is not None
             description = self._run.sensors.descriptions.get(detections.topic.partition("/")[0])
             frame_id = detections.topic if description is None else description.frame_id
             series.add(t_ns, detections, self.frame(frame_id))

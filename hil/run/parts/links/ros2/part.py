@@ -37,18 +37,18 @@ _STALE_S = 1.0  # simulated time without a set-point after which the vehicle hol
 class Ros2Part(Part):
     name = "ros2"
     free_running = False
+    _run: RunContext  # from `open` on
+    _live: LiveMessages  # from `build` on
 
     def __init__(self, bench: Bench, topics: Sequence[LiveTopic]) -> None:
         self._bench, self._topics = bench, tuple(topics)
         self._settings = bench.config.ros2
         self._names = Names(bench.config.name)
-        self._run: RunContext | None = None
         self._node: Any = None
         self._publishers: dict[str, Any] = {}
         self._always: frozenset[str] = frozenset()  # topics that are sent to nobody too: late subscribers get them
         self._awaited: list[Any] = []  # publishers whose subscribers are waited for
         self._selected: set[str] = set()
-        self._live: LiveMessages | None = None
         self._pilot: OffboardPilot | None = None
         self._subscriptions: list[tuple[Any, Callable[[Any, TruthState], DesiredState]]] = []
         self._commands: Any = None  # services; with `control`
@@ -229,8 +229,6 @@ class Ros2Part(Part):
         """Send the messages of a tick, and take the set-points that have come."""
         began_ns = time.thread_time_ns()
         run, live = self._run, self._live
-        assert run is not None
-        assert live is not None
         if truth.tick % _LOOK_TICKS == 0:
             self._look()
         counts, publishers = self._counts, self._publishers
@@ -272,7 +270,6 @@ class Ros2Part(Part):
         before = self._commands.requested
         desired = list(self._commands.take(truth, self._pilot, partial(self._refuse, "the commands")))
         if before == 0 < self._commands.requested:
-            assert self._run is not None
             self._run.event("ros2", "first command: the flight has an input from outside")
         for each in desired:
             self._set_point("the commands", each, truth)
@@ -297,7 +294,6 @@ class Ros2Part(Part):
             self._warn(text)
 
     def _warn(self, text: str) -> None:
-        assert self._run is not None
         self._run.event("warning", f"ros2: {text}")
 
     def _await_receipt(self, publisher: Any) -> None:
@@ -321,7 +317,6 @@ class Ros2Part(Part):
 
     def _set_point(self, name: str, desired: DesiredState, truth: TruthState) -> None:
         run, pilot = self._run, self._pilot
-        assert run is not None
         assert pilot is not None
         self._set_points += 1
         if self._set_points == 1:
