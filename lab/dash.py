@@ -33,13 +33,13 @@ import numpy as np
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import FlightCost, processor_s
 from hil.apps.dash.command import server_process
-from hil.apps.dash.live.live_run import UPDATE_NS, LiveRun
-from hil.apps.dash.messages import Unpacker, packed
 from hil.apps.dash.part import DashboardPart
 from hil.apps.dash.server.serve import open_port
-from hil.apps.dash.views.payloads import array_payload
 from hil.config import Bench, load_bench
 from hil.run.bench_run import run_bench
+from hil.run.feed.live_run import UPDATE_NS, LiveRun
+from hil.run.feed.messages import Unpacker, packed
+from hil.run.feed.payloads import array_payload
 from hil.run.part import Part
 from signals.errors import HilError
 

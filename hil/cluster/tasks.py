@@ -13,8 +13,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from hil.cluster.join import installed_ray, join_cluster
+from hil.cluster.join import join_ray
 from hil.cluster.program import OtherProgram
+from hil.cluster.waiting import AGAIN_S, Say
 from signals.errors import ConfigError, Problem, RecordingError
 
 _NODES_PERIOD_S = 2.0  # the nodes are counted this often
@@ -59,13 +60,16 @@ class Ended(NamedTuple):
 class RayTasks:
     """Calls of one function, each a task on a node of the cluster."""
 
-    def __init__(self, function: Callable[..., Any], needs: Needs, *, address: str | None, at_once: int | None) -> None:
+    def __init__(
+        self, function: Callable[..., Any], needs: Needs, *, address: str | None, at_once: int | None, say: Say
+    ) -> None:
         """`at_once` limits the tasks at a time on the cluster at `address`; None: as many as fit.
 
-        `address` None: a cluster of `at_once` tasks on this machine. Raises ConfigError, RecordingError.
+        `address` None: a cluster of `at_once` tasks on this machine. `say` is called with what is waited for, until the
+        first task has ended. Raises ConfigError, RecordingError.
         """
-        self._ray = installed_ray(alone=address is None)
-        join_cluster(self._ray, address, (at_once or 1) * needs.cores)
+        self._ray = join_ray(address, (at_once or 1) * needs.cores, say)
+        self._say: Say | None = say  # None: a task has ended
         self._at_once = None if address is None else at_once
         self._needs = needs
         self._task = self._ray.remote(function)
@@ -79,6 +83,8 @@ class RayTasks:
         if not self._places:
             self.close()
             raise ConfigError([Problem("--engine ray", f"no node of the cluster has {needs}", needs.hint)])
+        say(f"Ray: {len(self._places)} node(s) with room for {sum(self._places.values())} task(s) at a time")
+        self._begun_s = self._said_s = time.monotonic()
 
     @property
     def capacity(self) -> int:
@@ -126,7 +132,20 @@ class RayTasks:
                 ready, _ = self._ray.wait(
                     list(self._running), num_returns=len(self._running), timeout=0.0, fetch_local=False
                 )
+        self._tell_first(bool(ready))
         return [self._ended(reference) for reference in ready]
+
+    def _tell_first(self, ended: bool) -> None:
+        """Say again and again that no task has ended yet."""
+        now_s = time.monotonic()
+        if ended:
+            self._say = None
+        elif self._say is not None and now_s - self._said_s >= AGAIN_S:
+            self._said_s = now_s
+            self._say(
+                f"Ray: waiting for the first of {len(self._running)} task(s), for {now_s - self._begun_s:.0f} s now; "
+                "each node starts processes first, which load hil-bench"
+            )
 
     def cancel(self) -> None:
         """Forget all tasks and end their processes."""

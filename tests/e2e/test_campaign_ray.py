@@ -14,7 +14,16 @@ from typing import Any
 
 import pytest
 
-from tests.worlds.ray_cluster import WAIT_S, processes, raylet_of, require_ray, two_nodes, until
+from tests.worlds.ray_cluster import (
+    ON_LOOPBACK,
+    WAIT_S,
+    head_with_token,
+    processes,
+    raylet_of,
+    require_ray,
+    two_nodes,
+    until,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
@@ -159,6 +168,31 @@ def test_a_node_of_a_cluster_is_killed(spec: Path, table: bytes, tmp_path: Path,
     assert end(process) == 1
     assert (out / "results.csv").read_bytes() == table
     cluster.remove_node(node, allow_graceful=False)
+
+
+def test_a_cluster_that_asks_for_its_token(spec: Path, table: bytes, tmp_path: Path) -> None:
+    with head_with_token(tmp_path / "h") as address:
+        ended = []
+        for name in ("h", "elsewhere"):
+            line = [sys.executable, "-m", "hil.cli", "campaign", str(spec), "--engine", "ray", "--address", address]
+            (tmp_path / name).mkdir(exist_ok=True)
+            environment = {key: value for key, value in os.environ.items() if not key.startswith("RAY_AUTH")}
+            ended.append(
+                subprocess.run(
+                    [*line, "--out", str(tmp_path / name / "out")],
+                    env=environment | {"HOME": str(tmp_path / name), **ON_LOOPBACK},
+                    capture_output=True,
+                    text=True,
+                    timeout=WAIT_S,
+                    cwd=spec.parent,
+                )
+            )
+    inside, outside = ended
+    assert inside.returncode == 1, inside.stderr
+    assert (tmp_path / "h" / "out" / "results.csv").read_bytes() == table
+    assert f"Ray: waiting for the cluster at {address}" in inside.stdout.replace("\n", " ")
+    assert outside.returncode == 3
+    assert "it asks for its token, and this machine has none" in outside.stderr.replace("\n", " ")
 
 
 def test_a_cluster_without_the_resources_that_a_case_declares(spec: Path, tmp_path: Path, cluster: Any) -> None:

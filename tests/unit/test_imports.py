@@ -16,7 +16,8 @@ PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "rigs", "lab")
 FLOORS: dict[str, Sequence[str]] = {
     "hil": ("cli", "apps", "cluster gym", "run", "config", "own_packages"),
     "hil.run": (
-        *("replay", "bench_run", "stepped", "runs", "parts", "autopilot", "part", "report", "live companion film"),
+        *("replay", "bench_run", "stepped", "runs", "parts", "autopilot", "part", "feed"),
+        *("report", "live companion film"),
         *("sensors", "loop", "recorder verdict"),
     ),
     "hil.config": (
@@ -140,6 +141,17 @@ def test_floors_import_downwards_only(package: str) -> None:
             other = name.removeprefix(prefix).split(".")[0]
             if name.startswith(prefix) and other in floor_of and other != own:
                 assert floor_of[other] > floor_of[own], f"{path} imports {name}"
+
+
+def test_apps_import_one_another_only_where_one_is_left_to_be_parted() -> None:
+    prefix, apart = "hil.apps.", dict[str, set[str]]()
+    for path in sources("hil/apps"):
+        own = module_name(path).removeprefix(prefix).split(".")[0]
+        for name in imported(path):
+            other = name.removeprefix(prefix).split(".")[0]
+            if name.startswith(prefix) and other != own:
+                apart.setdefault(own, set()).add(other)
+    assert apart == {"dash": {"campaign"}, "detect": {"dataset"}, "fly": {"dash"}, "pytest_plugin": {"fly"}}
 
 
 def test_lab_is_above_apps_and_nothing_imports_it() -> None:

@@ -8,8 +8,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from hil.apps.dash.live.live_run import LiveRun
-from hil.apps.dash.messages import Unpacker, packed
+from hil.run.feed.live_run import LiveRun
+from hil.run.feed.messages import Unpacker, packed
 
 Script = Callable[["PageThread", dict[str, Any]], None]
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
+import socket
 import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,7 +16,10 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.bench_process import free_port
+
 WAIT_S = 600.0
+ON_LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}  # 127.0.0.1 stays that address, on Linux too
 
 
 def require_ray() -> None:
@@ -31,6 +38,34 @@ def two_nodes() -> Iterator[Any]:
     made.add_node(num_cpus=1)
     yield made
     made.shutdown()
+
+
+@contextmanager
+def head_with_token(home: Path) -> Iterator[str]:
+    """Run a cluster of one node with two processors that asks for the token in `home`; its address."""
+    require_ray()
+    folder = tempfile.mkdtemp(prefix="ray-")  # a short path, for sockets
+    port = free_port(socket.SOCK_STREAM)
+    (home / ".ray").mkdir(parents=True)
+    (home / ".ray" / "auth_token").write_text("7e" * 32)
+    options = ["--head", "--block", "--node-ip-address=127.0.0.1", f"--port={port}", "--num-cpus=2"]
+    options += ["--include-dashboard=false", f"--temp-dir={folder}", "--object-store-memory=200000000"]
+    head = subprocess.Popen(
+        [sys.executable, "-m", "ray.scripts.scripts", "start", *options],
+        env=os.environ | {"HOME": str(home), **ON_LOOPBACK},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    assert head.stdout is not None
+    lines = []
+    while not lines or "Ray runtime started" not in lines[-1]:
+        lines.append(head.stdout.readline())
+        assert lines[-1], "".join(lines)
+    yield f"127.0.0.1:{port}"
+    head.terminate()
+    head.communicate(timeout=WAIT_S)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def raylet_of(node: Any) -> int:

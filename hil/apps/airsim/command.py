@@ -36,8 +36,10 @@ from sim.scene.compile.placed_worlds import limit_mesh_cache
 
 if TYPE_CHECKING:
     from hil.apps.airsim.served_page import ServedPage
+    from hil.run.feed.live_run import LiveRun
 
 _LONGEST_LINE = 1000
+PageServer = Callable[[Path], contextlib.AbstractContextManager["LiveRun"]]  # of the folder of runs
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,7 @@ class Choice:
     scene: str | None = None
     out: Path | None = None
     files: Path | None = None  # folder of the files that clients have written; None: that of the results
-    dash: bool = False  # serve a page that shows the scene, the vehicles and the drawings
-    dash_host: str = "127.0.0.1"
-    dash_port: int = 8710
+    page: PageServer | None = None  # serves a page that shows the scene, the vehicles and the drawings
 
 
 def printable(text: str) -> str:
@@ -99,7 +99,7 @@ def serve_airsim(choice: Choice, console: Console) -> None:
             limit_mesh_cache()
             if settings.recording.enabled:
                 simulation.recorder.start()
-            with _page(choice, simulation, console, results) as page:
+            with _page(choice, simulation, results) as page:
                 server = asyncio.run(_serve(choice, simulation, console, page))
         finally:
             simulation.close()
@@ -140,21 +140,15 @@ def make_simulation(choice: Choice, settings: AirSimSettings, log: Callable[[str
 
 
 @contextlib.contextmanager
-def _page(
-    choice: Choice, simulation: Simulation, console: Console, results: Callable[[], Path]
-) -> Iterator[ServedPage | None]:
+def _page(choice: Choice, simulation: Simulation, results: Callable[[], Path]) -> Iterator[ServedPage | None]:
     """Serve the dashboard's page, if it is wanted. The folder of the results holds its scene."""
-    if not choice.dash:
+    if choice.page is None:
         yield None
         return
     from hil.apps.airsim.served_page import ServedPage
-    from hil.apps.dash.command import dashboard_beside
 
     folder = results()
-    runs = folder.resolve().parent
-    with dashboard_beside(
-        choice.config, console, host=choice.dash_host, port=choice.dash_port, runs=runs, lingers=False
-    ) as live:
+    with choice.page(folder.resolve().parent) as live:
         try:
             save_bench(simulation.bench, folder)
         except OSError as error:

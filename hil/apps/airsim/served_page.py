@@ -15,10 +15,10 @@ from hil.apps.airsim.pictures.image_types import SCENE, colours
 from hil.apps.airsim.rpc.methods import RpcError
 from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.drone import Drone
-from hil.apps.dash.live.live_run import LiveRun
-from hil.apps.dash.live.live_vehicle import RunAccess
-from hil.apps.dash.streams import DRAWINGS
-from hil.apps.dash.views.payloads import array_payload, thinned
+from hil.run.feed.live_run import LiveRun
+from hil.run.feed.live_vehicle import RunAccess
+from hil.run.feed.payloads import array_payload, thinned
+from hil.run.feed.streams import DRAWINGS
 from signals.samples import ActuatorFrame, TruthState
 
 _PERIOD_S = 0.012

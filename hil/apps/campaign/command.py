@@ -19,6 +19,7 @@ from hil.apps.campaign.results.statistics import Tally
 from hil.apps.campaign.stop_rule import parse_stop
 from hil.apps.campaign.store import STORE_NAME, Store
 from hil.cluster.join import uses_ray
+from hil.cluster.waiting import said_on
 from hil.config import load_bench
 from hil.run.report.page import PAGE_NAME
 from hil.run.report.run_folder import run_folder
@@ -90,7 +91,7 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
         hint = "continue it with --resume, or name another folder with --out"
         raise ConfigError([Problem(str(out), "holds a campaign", hint)])
     check_name(out, file.name)
-    with closing(make_engine(options, file, workers)) as engine, run_folder(out), Store(out) as store:
+    with closing(make_engine(options, file, workers, console)) as engine, run_folder(out), Store(out) as store:
         with CampaignProgress(file.name, len(plan), quiet=options.quiet) as progress:
             campaign = Campaign(file, plan, store, engine, out, stop)
             campaign.show = LiveSummary(out, progress.update, lambda: facts_of(campaign))
@@ -102,12 +103,18 @@ def run_campaign(path: Path, options: CampaignOptions, console: Console) -> int:
     return tally.exit_status
 
 
-def make_engine(options: CampaignOptions, file: CampaignFile, workers: int) -> Engine:
+def make_engine(options: CampaignOptions, file: CampaignFile, workers: int, console: Console) -> Engine:
     """Return the engine that the options name. Raises HilError if it cannot be used."""
     if uses_ray(options.engine, options.address):
         from hil.apps.campaign.engines.ray import RayEngine
 
-        return RayEngine(file.spec, address=options.address, workers=options.workers, processors=usable_processors())
+        return RayEngine(
+            file.spec,
+            address=options.address,
+            workers=options.workers,
+            processors=usable_processors(),
+            say=said_on(console, quiet=options.quiet),
+        )
     return LocalEngine(workers, cores=file.spec.cores, timeout_s=file.spec.flight_timeout_s)
 
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from signals.errors import ConfigError, Problem
 
 if TYPE_CHECKING:
-    from hil.apps.dash.live.live_run import LiveRun
+    from hil.run.feed.live_run import LiveRun
 
 
 def serve_dashboard(config: Path | None, console: Console, *, host: str, port: int, runs: Path) -> None:
@@ -38,7 +38,7 @@ def serve_dashboard(config: Path | None, console: Console, *, host: str, port: i
 
 def live_on_fd(fd: int, *, paused: bool, pace: float | None) -> LiveRun:
     """Return the LiveRun of an inherited socket to the page's server. Raises ConfigError if `fd` is not a socket."""
-    from hil.apps.dash.live.live_run import LiveRun
+    from hil.run.feed.live_run import LiveRun
 
     try:
         link = socket.socket(fileno=fd)
@@ -68,12 +68,15 @@ def server_process(
 
 @contextlib.contextmanager
 def dashboard_beside(
-    config: Path | None, console: Console, *, host: str, port: int, runs: Path, lingers: bool = True
+    config: Path | None, console: Console, runs: Path, *, host: str, port: int, lingers: bool = True
 ) -> Iterator[LiveRun]:
-    """Serve a page for a run in this process. With `lingers` the server stays until all pages are closed."""
-    from hil.apps.dash.live.live_run import LiveRun
+    """Serve a page for a run in this process, and for those in `runs`.
+
+    With `lingers` the server stays until all pages are closed.
+    """
     from hil.apps.dash.server.serve import address_of, new_token, open_port
     from hil.config.files import default_bench
+    from hil.run.feed.live_run import LiveRun
 
     token = new_token(host)
     config = config or default_bench()

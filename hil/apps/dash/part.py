@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from firmware_bridge.manual.manual_control import ManualControlSource
-from hil.apps.dash.live.live_run import LiveRun
-from hil.apps.dash.live.live_vehicle import LiveVehicle, RunAccess
-from hil.apps.dash.live.page_sticks import page_buttons
-from hil.apps.dash.live.run_facts import run_description, slow_facts
+from hil.apps.dash.run_facts import run_description, slow_facts
+from hil.run.feed.live_run import LiveRun
+from hil.run.feed.live_vehicle import LiveVehicle, RunAccess
+from hil.run.feed.page_sticks import page_buttons
 from hil.run.part import Part, RunContext
 from hil.run.parts.pilots.manual import ManualPart, manual_settings, mission_mode
 from signals.samples import TruthState

@@ -13,6 +13,7 @@ from rich.console import Console
 from hil.apps.dataset.make import DatasetResult, MakeOptions, make_dataset
 from hil.apps.dataset.plan import DatasetPlan
 from hil.cluster.join import uses_ray
+from hil.cluster.waiting import Say, said_on
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, Problem, RecordingError
 from signals.processors import usable_processors
@@ -41,7 +42,7 @@ def run_dataset(
     with ExitStack() as stack:
         plan = plan_in(Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-dataset-"))))
         if on_ray:
-            options = _with_ray(options, plan, address, stack)
+            options = _with_ray(options, plan, address, stack, said_on(console, quiet=options.quiet))
         out = stack.enter_context(new_run_dir(out, "dataset"))
         try:
             result = make_dataset(plan, out, options)
@@ -58,11 +59,11 @@ def run_dataset(
     return result
 
 
-def _with_ray(options: MakeOptions, plan: DatasetPlan, address: str | None, stack: ExitStack) -> MakeOptions:
+def _with_ray(options: MakeOptions, plan: DatasetPlan, address: str | None, stack: ExitStack, say: Say) -> MakeOptions:
     """Join the cluster, before anything is written, and return the options that make the batches on it."""
     from hil.apps.dataset.engines.ray import RayWorkers, batch_tasks
 
     at_once = options.workers if address is not None else options.workers or usable_processors()
-    tasks = batch_tasks(address=address, at_once=at_once)
+    tasks = batch_tasks(address=address, at_once=at_once, say=say)
     stack.callback(tasks.close)
     return replace(options, make_workers=lambda _, factory: RayWorkers(tasks, plan, factory))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -60,7 +61,16 @@ def airsim(o: AirSimOptions) -> None:
     """Serve AirSim's API: scripts written for AirSim fly here unchanged."""
     from hil.apps.airsim.command import Choice, serve_airsim
 
-    options = vars(o) | {"clock": o.clock.value}
-    choice = Choice(**options)
+    choice = Choice(
+        config=o.config, settings=o.settings, clock=o.clock.value, host=o.host, port=o.port, scene=o.scene, out=o.out,
+        files=o.files, page=_page(o) if o.dash else None,
+    )  # fmt: skip
     with exit_on_error():
         serve_airsim(choice, console)
+
+
+def _page(o: AirSimOptions) -> Any:
+    """Return what serves the dashboard's page for runs of a folder."""
+    from hil.apps.dash.command import dashboard_beside
+
+    return partial(dashboard_beside, o.config, console, host=o.dash_host, port=o.dash_port, lingers=False)

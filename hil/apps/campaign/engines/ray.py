@@ -12,6 +12,7 @@ from hil.apps.campaign.engines.ray_node import Order, fly_task
 from hil.apps.campaign.flight import Job, Outcome
 from hil.cluster.program import Program
 from hil.cluster.tasks import Ended, Needs, RayTasks, short_name
+from hil.cluster.waiting import Say
 from hil.config import load_bench
 from signals.errors import HilError
 
@@ -19,15 +20,18 @@ from signals.errors import HilError
 class RayEngine:
     """Flights as tasks on the nodes of a Ray cluster."""
 
-    def __init__(self, spec: CampaignSpec, *, address: str | None, workers: int | None, processors: int) -> None:
+    def __init__(
+        self, spec: CampaignSpec, *, address: str | None, workers: int | None, processors: int, say: Say
+    ) -> None:
         """`address` None: a cluster of `workers` flights on this machine, by default as many as `processors` allow.
 
-        Otherwise `workers` limits the flights at a time. Raises ConfigError, RecordingError.
+        Otherwise `workers` limits the flights at a time. `say` is called with what is waited for at the begin.
+        Raises ConfigError, RecordingError.
         """
         if address is None:
             workers = workers or max(1, processors // spec.cores)
         needs = Needs(spec.cores, spec.memory_mb, spec.resources, _NEEDS_HINT)
-        self._tasks = RayTasks(fly_task, needs, address=address, at_once=workers)
+        self._tasks = RayTasks(fly_task, needs, address=address, at_once=workers, say=say)
         self._order = Order(Program.here(), 0, spec.cores, spec.flight_timeout_s)
         self._packer = Packer()
         self._unflown: list[Done] = []  # jobs that ended before they began

@@ -2,7 +2,7 @@
 
 Pictures, point clouds and radar detections come from the recording, and maps from the companions' view log. People and
 vehicles come from the scene, where their poses are a function of time. Streams have the names of the live page
-(`hil.apps.dash.streams`).
+(`hil.run.feed.streams`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 
 from firmware_bridge.codecs.companion_view import View
-from hil.apps.dash.messages import StreamFrame, packed_update
 from hil.apps.dash.past.summary import read_summary
-from hil.apps.dash.streams import CLOUD_CHANNEL, map_client, map_stream
-from hil.apps.dash.views.companion_views import boxes_of, view_payload
-from hil.apps.dash.views.payloads import MAX_POINTS, array_payload, thinned
 from hil.apps.dash.views.pictures import encoded_frame
 from hil.apps.dash.views.preview_sensors import PreviewSensors
 from hil.run.companion.view_log import VIEWS_NAME, read_views
+from hil.run.feed.companion_views import boxes_of, view_payload
+from hil.run.feed.messages import StreamFrame, packed_update
+from hil.run.feed.payloads import MAX_POINTS, array_payload, thinned
+from hil.run.feed.streams import CLOUD_CHANNEL, map_client, map_stream
 from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage
 from hil.run.recorder.reading_frames import CLOUD, DETECTIONS, IMAGE, cloud, detections, image
 from hil.run.recorder.recorder import MCAP_NAME
@@ -83,7 +83,7 @@ class Moments:
             return [] if past is None else [map_stream(client) for client in sorted(past.maps)]
 
     def at(self, name: str, t_ns: int, streams: Sequence[str], vehicle: str = "") -> bytes | None:
-        """Return the moment as `hil.apps.dash.messages.packed_update` encodes it; None if there is no such run.
+        """Return the moment as `hil.run.feed.messages.packed_update` encodes it; None if there is no such run.
 
         `vehicle`: whose streams, in a run of several.
         """

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import rigs
-from hil.apps.dash.messages import is_number
 from hil.config.files import available, dashboard_bench, default_bench
+from hil.run.feed.messages import is_number
 from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError
 

@@ -21,8 +21,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.apps.dash.messages import UINT32, StreamFrame, Unpacker, packed, packed_update
-from hil.apps.dash.streams import PREVIEW_PREFIX, PREVIEW_STREAMS
+from hil.run.feed.messages import UINT32, StreamFrame, Unpacker, packed, packed_update
+from hil.run.feed.streams import PREVIEW_PREFIX, PREVIEW_STREAMS
 from signals.classes import Classes
 from signals.errors import HilError
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.apps.dash.messages import StreamFrame
-from hil.apps.dash.views.payloads import payload_array
+from hil.run.feed.messages import StreamFrame
+from hil.run.feed.payloads import payload_array
 from hil.run.report.channel_images import channel_image
 from signals.classes import Classes
 
 
 def encoded_frame(stream: str, payload: Mapping[str, Any], classes: Classes = Classes()) -> StreamFrame:  # noqa: B008 (immutable)
-    """Encode a payload of `hil.apps.dash.views.payloads` for the page."""
+    """Encode a payload of `hil.run.feed.payloads` for the page."""
     head = {"stream": stream, "t_ns": payload["t_ns"], "p": payload["p"], "q": payload["q"]}
     if "points" in payload:
         return StreamFrame(head | {"as": "points"}, bytes(payload["points"]))

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hil.apps.dash.streams import CLOUD_CHANNEL, PREVIEW_PREFIX, PREVIEW_STREAMS
-from hil.apps.dash.views.payloads import MAX_POINTS, frame_streams
+from hil.run.feed.payloads import MAX_POINTS, frame_streams
+from hil.run.feed.streams import CLOUD_CHANNEL, PREVIEW_PREFIX, PREVIEW_STREAMS
 from signals.classes import Classes
 from signals.samples import TruthState
 
@@ -61,7 +61,7 @@ class PreviewSensors:
     def render(
         self, wanted: list[str], places: Mapping[str, tuple[Any, Any]], t_ns: int, vehicle: str = ""
     ) -> dict[str, Any]:
-        """Return payloads as `hil.apps.dash.views.payloads` makes them, by stream.
+        """Return payloads as `hil.run.feed.payloads` makes them, by stream.
 
         `places`: position and attitude of each vehicle by name; `vehicle`: the one with the sensors. The names are
         empty in a run of one.

@@ -16,18 +16,21 @@ from hil.apps.dataset.storage.recording import is_complete
 from hil.cluster.program import Program
 from hil.cluster.tasks import Ended, Needs, RayTasks
 from hil.cluster.trees import packed_files, tree_name
+from hil.cluster.waiting import Say
 from signals.errors import RecordingError
 
 ATTEMPTS = 3  # tasks of a batch whose worker is lost
 _WAIT_S = 0.5
 
 
-def batch_tasks(*, address: str | None, at_once: int | None) -> RayTasks:
+def batch_tasks(*, address: str | None, at_once: int | None, say: Say) -> RayTasks:
     """Join the cluster at `address`, where `at_once` limits the tasks at a time; None: one of `at_once` tasks here.
+
+    `say` is called with what is waited for at the begin.
 
     Raises ConfigError, RecordingError.
     """
-    return RayTasks(make_batch, Needs(), address=address, at_once=at_once)
+    return RayTasks(make_batch, Needs(), address=address, at_once=at_once, say=say)
 
 
 class RayWorkers:

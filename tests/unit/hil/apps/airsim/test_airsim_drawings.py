@@ -18,8 +18,8 @@ from hil.apps.airsim.rpc.arguments import Pose, Quaternion, Vector
 from hil.apps.airsim.served_page import ServedPage
 from hil.apps.airsim.world.drawings import MOST_SEGMENTS, MOST_TEXTS, SEGMENT, SHORTEST_NS, Drawings, Pen
 from hil.apps.airsim.world.ned import NedFrame
-from hil.apps.dash.live.live_run import LiveRun
-from hil.apps.dash.messages import packed
+from hil.run.feed.live_run import LiveRun
+from hil.run.feed.messages import packed
 from signals.time import NS_PER_S
 from tests.worlds.airsim_process import AirSimProcess
 from tests.worlds.airsim_server import Client, pose, served, vector

@@ -15,8 +15,10 @@ import sys
 import time
 from collections import deque
 from contextlib import suppress
+from importlib.machinery import ModuleSpec
 from itertools import product
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -338,7 +340,9 @@ def test_a_ray_that_is_missing_or_cannot_be_reached(tmp_path: Path, monkeypatch:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ConfigError, match="needs Ray, which is not installed"):
         campaign(tmp_path, "axes: {seed: [1]}", engine="ray")
-    monkeypatch.setitem(sys.modules, "ray", object())
+    found = ModuleType("ray")
+    found.__spec__ = ModuleSpec("ray", None)
+    monkeypatch.setitem(sys.modules, "ray", found)
     with pytest.raises(ConfigError, match="is not HOST:PORT"):
         campaign(tmp_path, "axes: {seed: [1]}", engine="ray", address="ray://nowhere")
     with pytest.raises(RecordingError, match=r"no Ray cluster answers at 127\.0\.0\.1:1 "):

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.apps.dash.messages import packed
 from hil.apps.dash.past.past_runs import PastRuns
 from hil.apps.dash.server.choices import choices, run_arguments
 from hil.apps.dash.server.hub import Hub, Page
-from hil.apps.dash.views.payloads import array_payload
 from hil.config import load_bench
 from hil.config.files import dashboard_bench
+from hil.run.feed.messages import packed
+from hil.run.feed.payloads import array_payload
 from signals.errors import RecordingError
 
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks
-from hil.apps.dash.live.live_vehicle import LiveVehicle
-from hil.apps.dash.live.page_sticks import REQUESTS, PageSticks, page_buttons
-from hil.apps.dash.live.server_connection import ServerConnection
-from hil.apps.dash.messages import MAX_MESSAGE, Unpacker, packed
-from hil.apps.dash.views.payloads import frame_streams, payload_array
+from hil.run.feed.live_vehicle import LiveVehicle
+from hil.run.feed.messages import MAX_MESSAGE, Unpacker, packed
+from hil.run.feed.page_sticks import REQUESTS, PageSticks, page_buttons
+from hil.run.feed.payloads import frame_streams, payload_array
+from hil.run.feed.server_connection import ServerConnection
 from hil.run.report.channel_images import channel_image
 from signals.classes import Classes
 from signals.samples import ImageSample, PointCloudSample

@@ -13,10 +13,10 @@ import numpy as np
 from hil.apps.dash.part import DashboardPart
 from hil.apps.dash.past.past_runs import PastRuns
 from hil.apps.dash.server.hub import Hub, Page
-from hil.apps.dash.views.payloads import array_payload, payload_array
 from hil.apps.dash.views.preview_sensors import PreviewSensors
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
+from hil.run.feed.payloads import array_payload, payload_array
 from tests.worlds.dashboard_page import PageThread
 
 BENCH = """

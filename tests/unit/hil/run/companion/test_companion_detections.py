@@ -13,7 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 from firmware_bridge.codecs.companion import Done, decode_client
 from firmware_bridge.codecs.companion_detections import detections_from_map, detections_map
 from firmware_bridge.codecs.errors import CodecError
-from hil.apps.dash.views.companion_views import boxes_of
+from hil.run.feed.companion_views import boxes_of
 from hil.run.recorder.recorder import Recorder
 from signals.detections import Detection, Detections, FoundObject
 from tests.worlds.scripted_bench import CLIENT

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.codecs.companion_view import View
-from hil.apps.dash.live.page_sticks import PageSticks
-from hil.apps.dash.views.companion_views import boxes_of, view_streams
-from hil.apps.dash.views.payloads import frame_streams, scalar_samples
+from hil.run.feed.companion_views import boxes_of, view_streams
+from hil.run.feed.page_sticks import PageSticks
+from hil.run.feed.payloads import frame_streams, scalar_samples
 from hil.run.loop.by_hand import HandledVehicle, Present
 from signals.detections import Detections
 from signals.samples import Sample, Vec3

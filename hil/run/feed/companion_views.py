@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from firmware_bridge.codecs.companion_view import View
-from hil.apps.dash.streams import map_client
+from hil.run.feed.streams import map_client
 from signals.detections import Detections, detection_text
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.dash.streams import CLOUD_CHANNEL
+from hil.run.feed.streams import CLOUD_CHANNEL
 from signals.samples import FRAME_SAMPLES, FrameSample, ImageSample, PointCloudSample, RadarSample, Sample
 
 _MAX_WIDTH_PX = 320  # wider pictures are thinned before they leave the run

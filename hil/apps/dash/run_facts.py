@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from firmware_bridge.links.autopilot_link import AutopilotLink
-from hil.apps.dash.streams import map_stream
-from hil.apps.dash.views.payloads import shown_channels
+from hil.run.feed.payloads import shown_channels
+from hil.run.feed.streams import map_stream
 from hil.run.part import RunContext
 from sim.sensors.catalog import KINDS
 

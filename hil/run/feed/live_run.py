@@ -16,8 +16,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from hil.apps.dash.live.live_vehicle import LiveVehicle, RunAccess
-from hil.apps.dash.live.server_connection import ServerConnection
+from hil.run.feed.live_vehicle import LiveVehicle, RunAccess
+from hil.run.feed.server_connection import ServerConnection
 from hil.run.loop.by_hand import HandControl, Refused
 
 _POLL_NS = 12_000_000  # wall clock between two polls of the connection

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from hil.apps.dash.messages import Unpacker, packed
+from hil.run.feed.messages import Unpacker, packed
 
 _READ_BYTES = 1 << 16
 

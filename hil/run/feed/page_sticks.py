@@ -12,7 +12,7 @@ from typing import Any
 
 from firmware_bridge.manual.manual_control import Buttons
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks, StickState
-from hil.apps.dash.messages import is_number
+from hil.run.feed.messages import is_number
 
 _MESSAGE_VALID_NS = 400_000_000  # wall clock; the page sends a message every 50 ms while the switch is held
 _PRESS_NS = 250_000_000
