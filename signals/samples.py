@@ -123,6 +123,20 @@ class FlowSample(NamedTuple):
     temperature_degc: Annotated[float, "degC"]
 
 
+class OdometrySample(NamedTuple):
+    """Pose and velocity of the body origin that external vision estimates, in a level frame O of its own (z up)."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    p_OB: Annotated[Vec3, "m", "O"]
+    q_OB: Annotated[Quat, "1", "B->O"]  # w-x-y-z
+    v_OB_B: Annotated[Vec3, "m/s", "B"]
+    position_sigma_m: Annotated[float, "m", "O"]  # 1 sigma of each axis, as the estimator states it: without its drift
+    attitude_sigma_rad: Annotated[float, "rad", "B"]
+    velocity_sigma_mps: Annotated[float, "m/s", "B"]
+
+
 class ImageSample(NamedTuple):
     """Picture of a camera: one array per channel, rows from the top, (height, width) or (height, width, 3).
 
@@ -192,7 +206,17 @@ class ActuatorFrame(NamedTuple):
 
 
 FrameSample = ImageSample | PointCloudSample | RadarSample
-Sample = ImuSample | MagSample | BaroSample | GpsSample | RangeSample | FlowSample | ScalarSample | FrameSample
+Sample = (
+    ImuSample
+    | MagSample
+    | BaroSample
+    | GpsSample
+    | RangeSample
+    | FlowSample
+    | OdometrySample
+    | ScalarSample
+    | FrameSample
+)
 FRAME_SAMPLES = (ImageSample, PointCloudSample, RadarSample)
 
 

@@ -25,6 +25,8 @@ class Firmware:
     name: str  # for messages to the user
     mav_autopilot: int = 0  # HEARTBEAT.autopilot (MAV_AUTOPILOT)
     failsafe_texts: Sequence[str] = ()  # regular expressions; a STATUSTEXT that one matches, in flight, is a failsafe
+    # Names (regular expressions) that belong to one board, not to how it flies: calibration, outputs, ports, identity.
+    board_params: Sequence[str] = ()
     bytewise_params: bool = False  # PARAM_VALUE carries an integer's bits, not its value as a float
     airframe_parameter: str = ""  # holds the number of the airframe; empty: the firmware has no such numbers
     project: Projection | None = None  # its map projection
@@ -40,6 +42,10 @@ class Firmware:
     modes: Mapping[str, ModeNumber] = field(default_factory=dict)  # by the words of `ground_station.modes`
     # Modes for a person at the sticks, by name: parameters 2 and 3 of DO_SET_MODE.
     manual_modes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def is_of_board(self, parameter: str) -> bool:
+        """Return True if a parameter of this name belongs to one board, and says nothing about how it flies."""
+        return any(re.fullmatch(pattern, parameter) for pattern in self.board_params)
 
     def is_failsafe(self, text: str) -> bool:
         """Return True if a STATUSTEXT of an armed vehicle says that a failsafe has acted."""

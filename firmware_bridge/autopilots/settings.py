@@ -56,6 +56,10 @@ class AutopilotSettings(Section):
     arguments: tuple[str, ...] = ()  # more command-line arguments of `binary`
     env: dict[str, str] = Field(default_factory=dict)  # environment of `binary`
     params: dict[str, float] = Field(default_factory=dict)  # flight-controller parameters by name
+    # A file of parameters that a ground station has saved, and what was read from it: set like `params`, which go over
+    # them, but those that the firmware does not have are left out.
+    params_file: str | None = None
+    params_of_file: dict[str, float] = Field(default_factory=dict)
     reconnect_s: Annotated[float, Field(ge=0, le=600)] = (
         10.0  # free-running links: longest time that a board may be unplugged
     )
@@ -73,6 +77,11 @@ class AutopilotSettings(Section):
     faults: MockFaults = MockFaults()
 
     @property
+    def all_params(self) -> dict[str, float]:
+        """Parameters of the file, with `params` over them."""
+        return self.params_of_file | self.params
+
+    @property
     def system_id(self) -> int:
         """MAVLink system id of an autopilot that the bench starts; PX4 and ArduPilot number theirs alike."""
         return self.instance + 1
@@ -85,7 +94,7 @@ class AutopilotSettings(Section):
                 raise ValueError(f"{name!r} cannot be an environment variable")
         return env
 
-    @field_validator("params")
+    @field_validator("params", "params_of_file")
     @classmethod
     def _names_fit_mavlink(cls, params: dict[str, float]) -> dict[str, float]:
         for name in params:

@@ -1,4 +1,4 @@
-"""The MAVLink messages of range finder and optical flow, as pure functions of samples.
+"""The MAVLink messages beside HIL_SENSOR and HIL_GPS as pure functions of samples: range finder and optical flow.
 
 Axes and units as in `firmware_bridge.codecs.hil`: B (FLU) -> F (FRD) changes the sign of y and z, for positions and
 rotations alike. Integers are rounded to nearest and saturate; a number that is not finite is refused with `CodecError`.
@@ -10,9 +10,10 @@ import struct
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil import integer
+from firmware_bridge.codecs.hil_odometry import ODOMETRY, odometry_payload
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.codecs.sensor_rotation import CUSTOM, named_rotation, rotation_to
-from signals.samples import FlowSample, RangeSample, Sample
+from signals.samples import FlowSample, OdometrySample, RangeSample, Sample
 
 HIL_OPTICAL_FLOW = MSGID["HIL_OPTICAL_FLOW"]
 DISTANCE_SENSOR = MSGID["DISTANCE_SENSOR"]
@@ -83,9 +84,11 @@ def hil_optical_flow_payload(t_ns: int, sample: FlowSample, *, sensor_id: int = 
 
 
 def ranging_message(t_ns: int, sample: Sample) -> tuple[int, bytes]:
-    """Return message id and payload of a range or flow sample. CodecError for any other."""
+    """Return message id and payload of a sample of range, flow or external vision. CodecError for any other."""
     if isinstance(sample, RangeSample):
         return DISTANCE_SENSOR, distance_sensor_payload(t_ns, sample)
     if isinstance(sample, FlowSample):
         return HIL_OPTICAL_FLOW, hil_optical_flow_payload(t_ns, sample)
+    if isinstance(sample, OdometrySample):
+        return ODOMETRY, odometry_payload(t_ns, sample)
     raise CodecError(f"no message carries a {type(sample).__name__} to an autopilot")

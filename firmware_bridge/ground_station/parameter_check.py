@@ -6,6 +6,9 @@ Each parameter is read by name (PARAM_REQUEST_READ, answered by PARAM_VALUE), an
 answer or another value: firmware loads its parameters while it boots. If one stays unanswered, the whole list is read:
 it tells a misspelt name, for which it has the nearest, from answers that were lost.
 
+Parameters of a file are compared with the whole list, which PX4 restricts to those that its modules use, once these
+have had time to start. What does not hold is told and does no harm: the file may be of another build.
+
 A pure function of (simulated time, frames received), as the ground station is, with a component id of its own.
 """
 
@@ -32,6 +35,8 @@ _RETRY_NS = NS_PER_S
 _AT_ONCE = 10  # ArduPilot queues 20 requests and drops the others
 _LIST_GAP_NS = 4 * NS_PER_S  # without another parameter, after which the list is taken as complete
 _LIST_LIMIT_NS = 40 * NS_PER_S
+_START_NS = 5 * NS_PER_S  # for the modules of a firmware, from its first heartbeat on
+_SHOWN = 10  # names of a finding
 _REAL32_STEP = 1.2e-7  # two neighbouring values of 32 bits, relative to them: firmware reads decimals its own way
 _REAL32 = 9  # MAV_PARAM_TYPE
 
@@ -46,14 +51,25 @@ class Reported(NamedTuple):
 class ParameterCheck:
     """Compares with `wanted` (name -> value). A command source: `step` returns the requests.
 
-    `named`: parameters that must exist, with the place that names each, for messages.
+    `named`: parameters that must exist, with the place that names each, for messages. `of_file`: those that the
+    firmware need not have; `finding` says then how many of them hold.
+
     `step` raises ConfigError if a parameter does not exist or has another value, HandshakeError if none is reported.
     """
 
-    def __init__(self, wanted: Mapping[str, float], firmware: Firmware, named: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        wanted: Mapping[str, float],
+        firmware: Firmware,
+        named: Mapping[str, str] | None = None,
+        of_file: Mapping[str, float] | None = None,
+    ) -> None:
         self._wanted: dict[str, float | None] = dict.fromkeys(named or ()) | dict(wanted)
         self._named = {name: where for name, where in (named or {}).items() if name not in wanted}
         self._firmware = firmware
+        self._of_file = dict(of_file or {})
+        self.finding = ""
+        self._heard_ns: int | None = None  # first heartbeat
         self._link = VehicleLink(target_sysid=None, compid=_COMPID)
         self._reported: dict[str, Reported] = {}
         self._tries = dict.fromkeys(self._wanted, 0)
@@ -64,7 +80,8 @@ class ParameterCheck:
         self._came_ns = 0  # the newest PARAM_VALUE
         self._count = 0  # parameters that the autopilot says it has
         self._handlers = {MSGID["HEARTBEAT"]: lambda _: None, MSGID["PARAM_VALUE"]: self._on_value}
-        self.done = not self._wanted
+        self._strict_done = not self._wanted
+        self.done = self._strict_done and not self._of_file
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`; return the requests to send at `t_ns`."""
@@ -74,10 +91,14 @@ class ParameterCheck:
         changed = self._link.dispatch(frames, self._handlers)
         if not self._link.target_sysid or not (changed or t_ns >= self._due_ns):
             return b""
+        if self._heard_ns is None:
+            self._heard_ns = t_ns
         if self._list_ns is not None:
             self._read_list(t_ns, self._list_ns)
-        else:
+        elif not self._strict_done:
             self._read(t_ns)
+        elif t_ns >= self._heard_ns + _START_NS:
+            self._request_list(t_ns)
         return self._link.take()
 
     def _open(self) -> list[str]:
@@ -102,17 +123,42 @@ class ParameterCheck:
         if all(name in self._reported for name in left):
             self._conclude(left)
             return
+        self._request_list(t_ns)
+
+    def _request_list(self, t_ns: int) -> None:
         self._list_ns = self._came_ns = t_ns
+        self._due_ns = t_ns + _RETRY_NS
         self._link.send(_RequestList(self._link.target_sysid, self._link.target_compid))
 
     def _read_list(self, t_ns: int, since_ns: int) -> None:
-        complete = 0 < self._count <= len(self._reported)
-        if complete or t_ns - self._came_ns >= _LIST_GAP_NS or t_ns - since_ns >= _LIST_LIMIT_NS:
-            self._conclude(self._open())
         self._due_ns = t_ns + _RETRY_NS
+        complete = 0 < self._count <= len(self._reported)
+        if not (complete or t_ns - self._came_ns >= _LIST_GAP_NS or t_ns - since_ns >= _LIST_LIMIT_NS):
+            return
+        self._list_ns = None
+        if self._strict_done:
+            self._compare_file()
+        else:
+            self._conclude(self._open())
+
+    def _compare_file(self) -> None:
+        self.done = True
+        missing = [name for name in self._of_file if name not in self._reported]
+        other = [
+            f"{name} {self._reported[name].value:g} instead of {value:g}"
+            for name, value in self._of_file.items()
+            if name in self._reported and not same_value(value, self._reported[name])
+        ]
+        parts = [
+            f"{len(self._of_file) - len(missing) - len(other)} of {len(self._of_file)} parameters of the file hold",
+            *([f"not in use in this firmware ({len(missing)}): {_first(missing)}"] if missing else []),
+            *([f"other values ({len(other)}): {_first(other)}"] if other else []),
+        ]
+        self.finding = "; ".join(parts)
 
     def _conclude(self, left: Sequence[str]) -> None:
-        self.done = True
+        self._strict_done = True
+        self.done = not self._of_file
         if left and not self._reported:
             raise HandshakeError(
                 self._firmware.name,
@@ -178,6 +224,11 @@ def parameter_problem(
         else "it is out of the parameter's range, or set by the firmware itself or on the board"
     )
     return Problem(where, f"is {found.value:.9g} on {firmware}, not {wanted:.9g}", hint)
+
+
+def _first(texts: Sequence[str]) -> str:
+    more = len(texts) - _SHOWN
+    return ", ".join([*texts[:_SHOWN], *([f"and {more} more"] if more > 0 else [])])
 
 
 _NO_NEAREST = "the firmware has no parameter of a similar name; those of other versions may differ"

@@ -143,7 +143,7 @@ class AutopilotLink:
         extra: bytes,
         ranging: Sequence[Sample] = (),
     ) -> bytes:
-        """Write [extra][range and flow][HIL_GPS if given][HIL_SENSOR] at once and return exactly these bytes."""
+        """Write [extra][range, flow, vision][HIL_GPS if given][HIL_SENSOR] at once and return exactly these bytes."""
         raise NotImplementedError
 
     def wait(self, tick: int, t_ns: int) -> ActuatorFrame | None:

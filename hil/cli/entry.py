@@ -16,16 +16,20 @@ from types import FrameType
 from hil.cli.status import ERROR_STATUS
 from hil.cli.streams import keep_streams
 from signals.shortage import CRASHED, OUT_OF_MEMORY, has_memory, named
+from signals.stop_signals import stop_signals
 
 
 class Stopped(KeyboardInterrupt):
     """Request of a signal to end the command. It is handled like Ctrl-C, so that a run closes its recordings."""
 
+    newest: Stopped | None = None
+
 
 def _stop(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     if number == signal.SIGINT and not has_memory():
         raise MemoryError("a library stopped the program, as OpenBLAS does when it gets no thread")
-    raise Stopped(f"stopped by {signal.Signals(number).name}")
+    Stopped.newest = Stopped(f"stopped by {signal.Signals(number).name}")
+    raise Stopped.newest
 
 
 def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
@@ -48,7 +52,6 @@ def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
 
 def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
-    # SIGINT needs a handler too, because a shell makes commands ignore it that a script starts in the background.
     _handle_signals(_stop)
     keep_streams()
     sys.unraisablehook = _raise_again
@@ -66,7 +69,8 @@ def main() -> None:
     except Exception as defect:
         if os.environ.get("HIL_TRACEBACK"):
             raise
-        told = named(defect)
+        # A signal within the import of an extension module becomes an ImportError.
+        told = named(defect) if Stopped.newest is None else Stopped.newest
         defect_text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
         status = _print_error(defect_text if told is None else str(told), ERROR_STATUS)
     _end_crashes(status)
@@ -89,9 +93,8 @@ def _end_crashes(status: int) -> None:
 
 
 def _handle_signals(handler: Callable[[int, FrameType | None], object]) -> None:
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), handler)
+    for number in stop_signals():
+        signal.signal(number, handler)
 
 
 def _end_at_signals(status: int) -> None:

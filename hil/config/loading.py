@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config.bench import Bench, site_of
 from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
@@ -30,8 +31,9 @@ from hil.config.missions.script_file import (
     read_script,
     with_gusts,
 )
+from hil.config.params_file import read_params_file
 from hil.config.scenes import read_scene, world_problems
-from hil.config.schema import STANDARD_SENSORS, BenchConfig, Start
+from hil.config.schema import STANDARD_SENSORS, Autopilot, BenchConfig, Start
 from hil.config.sensors import radar_checks
 from hil.config.sensors.noise import noise_problems
 from hil.config.sensors.resolve import resolve_sensors, sample_types
@@ -235,10 +237,34 @@ class BenchLoading:
             self.problems += error.problems
             return None
 
+    def _take_params_file(self) -> None:
+        """Put the parameters of `autopilot.params_file` into `autopilot.params_of_file`, without those of a board."""
+        section = self.settings.data.get("autopilot")
+        name = section.get("params_file") if isinstance(section, dict) else None
+        if not isinstance(section, dict) or not isinstance(name, str):
+            return
+        place = ("autopilot", "params_file")
+        path = find("mission", name, self.beside)
+        profile = PROFILES.get(str(section.get("kind", Autopilot.model_fields["kind"].default)))
+        if path is None:
+            self.problems.append(at(self.settings, place, f"names a file that does not exist: {name}"))
+        elif profile is not None and "params_file" in profile.keys:
+            try:
+                parameters = read_params_file(path)
+            except ConfigError as error:
+                self.problems += error.problems
+                return
+            for parameter in parameters:
+                if not profile.firmware.is_of_board(parameter.name):
+                    value_place = ("autopilot", "params_of_file", parameter.name)
+                    self.settings.set(value_place, parameter.value, parameter.where)
+            self.settings.set(place, None, self.settings.where(place))
+
     def bench(self) -> Bench:
         """Build the bench. Raises ConfigError with every problem found."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
+        self._take_params_file()
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
         config, config_problems = validate(BenchConfig, data, self.settings)

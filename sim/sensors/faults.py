@@ -27,6 +27,7 @@ from signals.samples import (
     ImageSample,
     ImuSample,
     MagSample,
+    OdometrySample,
     PointCloudSample,
     RadarSample,
     RangeSample,
@@ -47,6 +48,7 @@ FAULT_FIELDS: dict[type, dict[str, int]] = {
     RangeSample: {"distance_m": 1},
     ScalarSample: {"value": 1},
     FlowSample: {"flow_rad": 2, "gyro_rad": 3, "distance_m": 1},
+    OdometrySample: {"p_OB": 3, "v_OB_B": 3},
     # Frames can only freeze or drop out.
     ImageSample: {},
     PointCloudSample: {},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -77,6 +78,64 @@ def test_a_signal_before_the_work_is_one_line_and_the_status_of_an_error(
         [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stderr) == (3, f"error: stopped by {name}\n")
+
+
+def test_a_signal_within_the_import_of_an_extension_is_no_defect() -> None:
+    code = (
+        "import os, signal\n"
+        "from hil.cli import app, entry\n"
+        "def load(arguments):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "    except KeyboardInterrupt:\n"
+        "        raise ImportError('initialization failed')\n"
+        "app.run_command_line = load\n"
+        "entry.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50, check=False
+    )
+    assert (done.returncode, done.stderr) == (3, "error: stopped by SIGINT\n")
+
+
+BACKGROUND_CAMPAIGN = """
+bench: null
+settings: {mission: null, autopilot: {transport: loopback}, duration_s: 0.1}
+axes: {seed: {first: 1, count: 100000}}
+"""
+
+
+def cases(campaign: Path) -> int:
+    file = campaign / "campaign.json"  # written every two seconds
+    return json.loads(file.read_text())["cases"] if file.is_file() else 0
+
+
+def test_a_campaign_in_the_background_outlives_its_terminal_and_answers_sigint(tmp_path: Path) -> None:
+    """`nohup` ignores SIGHUP, and a script's shell SIGINT in what it starts in the background."""
+    (tmp_path / "long.yaml").write_text(BACKGROUND_CAMPAIGN)
+    words = f"{sys.executable} -m hil.cli.entry campaign {tmp_path}/long.yaml --out {tmp_path}/out --workers 1"
+    script = f"nohup {words} >{tmp_path}/log 2>&1 & echo $!; wait $!; echo $?"
+    with subprocess.Popen(["sh", "-c", script], cwd=ROOT, stdout=subprocess.PIPE, text=True) as shell:
+        assert shell.stdout is not None
+        process = int(shell.stdout.readline())
+        wait_for(lambda: cases(tmp_path / "out") > 0)
+        os.kill(process, signal.SIGHUP)
+        before = cases(tmp_path / "out")
+        wait_for(lambda: cases(tmp_path / "out") > before + 10)
+        os.kill(process, signal.SIGINT)
+        assert shell.stdout.readline() == "3\n"
+    assert (tmp_path / "log").read_text().endswith("error: stopped by SIGINT\n")
+
+
+@pytest.mark.parametrize("name", ["SIGINT", pytest.param("SIGTERM", marks=pytest.mark.slow)])
+def test_a_run_that_flies_nothing_of_its_own_ends_at_a_signal_as_at_its_end(name: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "hil.cli.entry", "run", "-q", "--out", str(tmp_path), "--set", "mission=null"]
+    command += ["--set", "pace=1", "--set", "record.report=false", "--set", "autopilot.transport=loopback"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as bench:
+        wait_for(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))
+        bench.send_signal(getattr(signal, name))
+        assert bench.wait(60) == 0
+    assert status_of(tmp_path) == "PASS"
 
 
 def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_run() -> None:

@@ -379,11 +379,17 @@ def command(folder: Path, *settings: str) -> list[str]:
     return words + [word for setting in (*settings, "record.report=false") for word in ("--set", setting)]
 
 
-def error_of(folder: Path, *settings: str) -> str:
+def failed(folder: Path, status: int, *settings: str) -> str:
+    """Return what a run that ends with this status says on standard error."""
     words = command(folder, *settings)
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode in (2, 3), done.stderr
+    assert done.returncode == status, done.stderr
     assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+def error_of(folder: Path, *settings: str) -> str:
+    failed(folder, 3, *settings)
     return str(json.loads((folder / "run.json").read_text())["error"]["message"])
 
 
@@ -396,8 +402,9 @@ def test_a_busy_port_and_an_address_of_another_machine_are_named(tmp_path: Path)
         )
     text = error_of(tmp_path / "b", "foxglove.port=0", "foxglove.host=192.0.2.7")
     assert text.startswith("192.0.2.7:0: Foxglove's server cannot listen there (")
-    assert "host" in error_of(tmp_path / "c", "foxglove.port=0", "foxglove.host=example")
-    assert "nobody could resume" in error_of(tmp_path / "d", "foxglove.paused=true", "foxglove.control=false")
+    assert "foxglove.host" in failed(tmp_path / "c", 2, "foxglove.port=0", "foxglove.host=example")
+    assert "nobody could resume" in failed(tmp_path / "c", 2, "foxglove.paused=true", "foxglove.control=false")
+    assert not (tmp_path / "c").exists()  # nothing began
 
 
 def test_an_interrupt_ends_a_paused_run_and_frees_the_port(tmp_path: Path) -> None:

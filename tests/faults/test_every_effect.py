@@ -74,7 +74,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FAKE_PX4 = ROOT / "tests/worlds/fake_px4_sitl.py"
 HELD_S, PERIOD_S, FIRST_S = 0.3, 0.6, 1.0
 LATE_S = 0.25  # a sample's latency: the effect of a fault comes that much later at most
-HIL = frozenset(MSGID[name] for name in ("HIL_SENSOR", "HIL_GPS", "DISTANCE_SENSOR", "HIL_OPTICAL_FLOW"))
+HIL = frozenset(MSGID[name] for name in ("HIL_SENSOR", "HIL_GPS", "DISTANCE_SENSOR", "HIL_OPTICAL_FLOW", "ODOMETRY"))
 
 
 def load(folder: Path, rig: str, **settings: Any) -> Any:
@@ -101,12 +101,10 @@ class Wire:
 
     def _add(self, t_s: float, data: bytes) -> None:
         state = data.find(b'{"timestamp"')  # of ArduPilot's JSON link, after MAVLink
-        if state >= 0:
-            self.sent[t_s] = data[state:]
-            return
-        frames = [frame for frame in self._parser.feed(data) if frame.msgid in HIL]
+        mavlink, more = (data, []) if state < 0 else (data[:state], [data[state:]])
+        frames = [frame for frame in self._parser.feed(mavlink) if frame.msgid in HIL]
         # The number of a frame counts all frames before it: only content is compared.
-        self.sent[t_s] = [(frame.msgid, frame.payload) for frame in frames]
+        self.sent[t_s] = [*((frame.msgid, frame.payload) for frame in frames), *more]
 
     def _sample(self, port: str, sample: Any) -> None:
         self.samples.setdefault(port, {})[sample.t_capture_ns * 1e-9] = sample
@@ -217,7 +215,7 @@ def test_every_fault_of_a_sensor_is_seen_by_ardupilot(tmp_path: Path, wire: Wire
     asked = json.loads((tmp_path / "faulty/autopilot/parameters.json").read_text())
     bench = load(tmp_path, "ardupilot_sitl", duration_s=schedule(cells)[2], autopilot=autopilot)
     fly(bench, tmp_path / "sound", wire)
-    own = {cell: at_s for cell, at_s in begins.items() if cell.kind not in ("imu", "range_finder")}
+    own = {cell: at_s for cell, at_s in begins.items() if cell.kind not in ("imu", "range_finder", "external_vision")}
     check_seen({cell: at_s for cell, at_s in begins.items() if cell not in own}, faulty, wire.sent)
     set_s = [steps / 400 for what, _, _, steps in asked if what == "set"]
     assert [cell for cell, at_s in own.items() if not any(at_s <= t < at_s + HELD_S - 0.01 for t in set_s)] == []

@@ -22,7 +22,7 @@ FLOORS: dict[str, Sequence[str]] = {
     ),
     "hil.config": (
         *("load saved", "vehicles", "loading", "checks", "companion formation multirotor_facts", "bench scenes"),
-        *("sensors", "missions", "schema", "group_schema", "layers", "files"),
+        *("sensors", "missions", "schema", "group_schema", "layers", "files params_file"),
     ),
 }
 SCENE_FLOORS = ("compile", "placed", "maps", "imports")  # likewise; the files of sim/scene itself are below all of them

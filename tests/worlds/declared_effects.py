@@ -41,6 +41,7 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "magnetometer": ("mag", {"preset": "ist8310", "rate_hz": 50}),
     "range_finder": ("range", {"preset": "lidar_lite_v3", "rate_hz": 50}),
     "optical_flow": ("flow", {"preset": "px4flow", "rate_hz": 50, "min_distance_m": 0.0}),
+    "external_vision": ("vision", {"kind": "external_vision", "rate_hz": 50}),
     "camera": ("front", {"kind": "camera", "resolution": [16, 12], "fov_deg": 90, "rate_hz": 10, "channels": ["rgb"]}),
     "lidar": ("lidar", {"preset": "vlp16", "rate_hz": 10}),
     "radar": ("radar", {"preset": "bgt60tr13c", "rate_hz": 10}),

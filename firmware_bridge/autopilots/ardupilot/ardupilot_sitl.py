@@ -56,13 +56,13 @@ def _mavlink_address(installation: Installation) -> str:
 
 
 def _vehicle_parameters(installation: Installation) -> dict[str, float]:
-    """Return the parameters of this vehicle, its sensors and the tick, with `autopilot.params` over them."""
+    """Return the parameters of this vehicle, its sensors and the tick, with those of the bench over them."""
     vehicle, sensors = installation.vehicle, dict(installation.sensor_parameters)
     return copter_parameters(
         hover_control=vehicle.hover_control,
         thrust_model_factor=vehicle.thrust_model_factor,
         tick_hz=installation.tick_hz,
-        more=frame_parameters(vehicle) | sensors | installation.settings.params,
+        more=frame_parameters(vehicle) | sensors | installation.settings.all_params,
     )
 
 
@@ -104,7 +104,7 @@ PROFILE = Profile(
     sensors=SITL,
     make_link=make_link,
     lockstep=True,
-    keys=frozenset({"binary", "arguments", "mavlink_port", "on_restart"}),
+    keys=frozenset({"binary", "arguments", "mavlink_port", "on_restart", "params_file"}),
     program=PROGRAM,
     vehicle_misfits=lambda settings, vehicle: frame_misfits(vehicle),  # noqa: ARG005
     wall_clock_telemetry=True,

@@ -31,6 +31,10 @@ ARDUPILOT = Firmware(
         r"^crash: disarming",
         r"^terminating",
     ),
+    board_params=(
+        r"(INS|COMPASS|BARO\d?|GPS\d?|SERIAL\d|BRD|CAN|NET|STAT|RC\d*|SERVO\d+|SIM|BATT\d?|LOG|AHRS_TRIM|EAHRS|NTF)_\w+",
+        r"(SYSID_THISMAV|MAV_SYSID|FORMAT_VERSION|FS_THR_ENABLE|AUTO_OPTIONS|SCHED_LOOP_RATE|MOT_(PWM|SPIN|BAT)_\w+)",
+    ),
     mav_autopilot=MAV_AUTOPILOT_ARDUPILOT,
     first_mission_item=1,
     arms_in_guided=True,

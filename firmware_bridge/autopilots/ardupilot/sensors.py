@@ -1,7 +1,8 @@
 """Sensors that ArduPilot takes, over the JSON link of its SITL and as External AHRS.
 
-JSON carries the IMU and range finders. GPS, barometer and compass are SITL's own, made from the vehicle's true pose;
-its parameters SIM_* have the meaning of some faults (libraries/SITL/SITL.cpp, SITL_Baro.cpp, SIM_GPS.cpp):
+JSON carries the IMU and range finders, MAVLink external vision. GPS, barometer and compass are SITL's own, made from
+the vehicle's true pose; its parameters SIM_* have the meaning of some faults (libraries/SITL/SITL.cpp, SITL_Baro.cpp,
+SIM_GPS.cpp):
 
     SIM_GPS1_ENABLE 0      the receiver sends messages without a fix. Before 4.7: SIM_GPS_DISABLE 1
     SIM_GPS1_GLTCH_X, ...  added to latitude [deg], longitude [deg] and altitude [m]. Before 4.7: SIM_GPS_GLITCH_X, ...
@@ -61,6 +62,7 @@ SITL: dict[str, Intake] = {
     "range_finder": Samples(
         ("distance_m",), whole=("freeze",), parameters={"RNGFND1_TYPE": 100.0}, direction="RNGFND1_ORIENT"
     ),
+    "external_vision": Samples(("p_OB", "v_OB_B"), parameters={"VISO_TYPE": 1.0}),
     "gps": Simulated(
         dropout=((Held("SIM_GPS1_ENABLE", 0.0), Held("SIM_GPS_DISABLE", 1.0)),),
         offset={"latitude_deg": _glitch("X"), "longitude_deg": _glitch("Y"), "altitude_m": _glitch("Z")},

@@ -107,7 +107,7 @@ def airframe_and_params(installation: Installation, rotors: Mapping[str, float] 
     """
     settings, vehicle = installation.settings, installation.vehicle
     airframe = settings.airframe or matching_airframe(vehicle)
-    params = settings.params
+    params = {name: value for name, value in settings.params_of_file.items() if name in _table()} | settings.params
     if airframe is None:
         airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
     return airframe, [f"{name}={value!r}" for name, value in params.items()]
@@ -132,10 +132,13 @@ def misfits(settings: AutopilotSettings) -> Sequence[Misfit]:
     if settings.airframe is not None and settings.airframe not in known:
         message = f"is unknown to the mock autopilot: {settings.airframe!r}"
         found.append(Misfit(("autopilot", "airframe"), message, nearest(settings.airframe, known)))
-    for name, value in settings.params.items():
-        place = ("autopilot", "params", name)
+    for name, value in settings.all_params.items():
+        of_bench = name in settings.params
+        place = ("autopilot", "params" if of_bench else "params_of_file", name)
         param = _table().find(name)
         if param is None:
+            if not of_bench:
+                continue  # another build's, which is left out
             hint = nearest(name, _table().names())
             if not hint.startswith("did"):
                 hint = "names are PX4's; the mock has those in firmware_bridge/mock_pixhawk/parameters/parameters.txt"
@@ -161,7 +164,7 @@ PROFILE = Profile(
     make_link=make_link,
     lockstep=True,
     repeatable=True,
-    keys=frozenset({"transport", "port", "airframe", "faults"}),
+    keys=frozenset({"transport", "port", "airframe", "faults", "params_file"}),
     misfits=misfits,
     known_params=True,
     vehicle_misfits=vehicle_misfits,

@@ -20,6 +20,12 @@ PX4 = Firmware(
     name="PX4",
     mav_autopilot=MAV_AUTOPILOT_PX4,
     failsafe_texts=(r"^failsafe (?!warning|.*deactivated)", r"^flight terminat"),
+    board_params=(
+        r"SYS_(AUTOSTART|AUTOCONFIG|HITL|HAS_\w+|FMU_TASK|USB_AUTO|PARAM_VER|SUPPLY_\w+)",
+        r"(CAL|TC|SENS|SER|UAVCAN|CANNODE|BAT\d?|EKF2_(MAG|ABIAS|BARO|GBIAS)BIAS)_\w+",
+        r"(PWM|HIL_ACT|DSHOT|UAVCAN|RC|RC\d+|MAV|GPS_\d|UXRCE_DDS|NET|LED)_\w+",
+        r"(LND_FLIGHT_T|COM_FLIGHT_UUID|COM_RC_IN_MODE|CBRK_\w+|IMU_\w+|SDLOG_\w+)\w*",
+    ),
     bytewise_params=True,
     airframe_parameter="SYS_AUTOSTART",
     project=px4_ned,

@@ -46,9 +46,9 @@ def airframe_and_params(installation: Installation) -> tuple[str, dict[str, floa
     """
     settings, vehicle = installation.settings, installation.vehicle
     if settings.airframe is not None:
-        return settings.airframe, settings.params
+        return settings.airframe, settings.all_params
     rotors = {} if matching_airframe(vehicle) == "iris" else px4_parameters(vehicle)
-    return EXTERNAL_AIRFRAME, rotors | settings.params
+    return EXTERNAL_AIRFRAME, rotors | settings.all_params
 
 
 def start_command(installation: Installation, folder: Path) -> StartCommand:  # noqa: ARG001 (PX4 needs no file)
@@ -79,7 +79,7 @@ PROFILE = Profile(
     line=HIL_LINE,
     make_link=make_link,
     lockstep=True,
-    keys=frozenset({"binary", "arguments", "env", "airframe"}),
+    keys=frozenset({"binary", "arguments", "env", "airframe", "params_file"}),
     program=Program("PX4", b"SYS_AUTOSTART", "`make px4_sitl` in PX4-Autopilot makes build/px4_sitl_default/bin/px4"),
     misfits=misfits,
     wall_clock_telemetry=True,

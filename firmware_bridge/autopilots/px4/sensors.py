@@ -1,4 +1,4 @@
-"""Sensors that PX4 takes, from HIL_SENSOR, HIL_GPS, DISTANCE_SENSOR and HIL_OPTICAL_FLOW.
+"""Sensors that PX4 takes, from HIL_SENSOR, HIL_GPS, DISTANCE_SENSOR, HIL_OPTICAL_FLOW and ODOMETRY.
 
 The temperature in HIL_SENSOR is the barometer's.
 """
@@ -14,4 +14,5 @@ SENSORS: dict[str, Intake] = {
     "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
     "range_finder": Samples(("distance_m",)),
     "optical_flow": Samples(("flow_rad", "gyro_rad", "distance_m")),
+    "external_vision": Samples(("p_OB", "v_OB_B")),
 }

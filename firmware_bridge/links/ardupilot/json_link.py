@@ -41,11 +41,19 @@ from firmware_bridge.codecs.ardupilot_json import (
     state_from_truth,
 )
 from firmware_bridge.codecs.errors import CodecError
-from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser
+from firmware_bridge.codecs.hil_odometry import ODOMETRY, odometry_payload
+from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.links.ardupilot.home_check import Home, HomeCheck
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
 from firmware_bridge.links.ardupilot.servo_outputs import motor_command
-from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps, LinkStats, LinkTimeouts
+from firmware_bridge.links.autopilot_link import (
+    SIMULATOR_COMPID,
+    SIMULATOR_SYSID,
+    AutopilotLink,
+    LinkCaps,
+    LinkStats,
+    LinkTimeouts,
+)
 from firmware_bridge.links.child_process import ChildProcess
 from firmware_bridge.links.silence import VehicleMonitor, process_is_stopped
 from firmware_bridge.transports.udp import Address, UdpInbox
@@ -56,6 +64,7 @@ from signals.samples import (
     GpsSample,
     ImuSample,
     MagSample,
+    OdometrySample,
     RangeSample,
     Sample,
     TruthState,
@@ -119,6 +128,7 @@ class ArduPilotJsonLink(AutopilotLink):
     ) -> None:
         self._inbox = inbox
         self._mavlink = mavlink
+        self._encoder = FrameEncoder(SIMULATOR_SYSID, SIMULATOR_COMPID)
         self._pwm = PwmRange()
         self._home: Home | None = None
         self._gravity_mps2 = gravity_mps2
@@ -184,12 +194,18 @@ class ArduPilotJsonLink(AutopilotLink):
         extra: bytes,
         ranging: Sequence[Sample] = (),
     ) -> bytes:
-        """Write `extra` to MAVLink, then the state line. Return both. CodecError if a value is not a number."""
+        """Write `extra` and external vision to MAVLink, then the state line. Return all of it.
+
+        CodecError if a value is not a number.
+        """
         if imu is not None:
             self._imu = imu
         ranges_m = tuple(sample.distance_m for sample in ranging if isinstance(sample, RangeSample))
         if ranges_m:
             self._ranges_m = ranges_m
+        for sample in ranging:
+            if isinstance(sample, OdometrySample):
+                extra += self._encoder.frame(ODOMETRY, odometry_payload(t_ns, sample))
         if self._epoch_ns is None:
             self._epoch_ns = t_ns
         data = encode_state(self._state(tick, t_ns, self._epoch_ns))

@@ -93,7 +93,7 @@ def tick_messages(
     *,
     request: bytes | None = None,
 ) -> bytes:
-    """Return [range and flow][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
+    """Return [range, flow, vision][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
 
     CodecError if a sample is not a number.
     """

@@ -8,7 +8,6 @@ import gc
 import hashlib
 import ipaddress
 import json
-import signal
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +30,7 @@ from hil.config import Bench, load_bench
 from hil.config.saved import save_bench
 from hil.run.report.run_folder import new_run_dir
 from signals.errors import ConfigError, HilError, RecordingError
+from signals.stop_signals import stop_signals
 from signals.time import NS_PER_S
 from sim.scene.compile.placed_worlds import limit_mesh_cache
 
@@ -164,9 +164,9 @@ async def _serve(choice: Choice, simulation: Simulation, console: Console, page:
     server = RpcServer(method_table(simulation), simulation.log, digest=repeatable)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        with contextlib.suppress(AttributeError, NotImplementedError, ValueError):
-            loop.add_signal_handler(getattr(signal, name), stop.set)
+    for number in stop_signals():
+        with contextlib.suppress(NotImplementedError, ValueError):
+            loop.add_signal_handler(number, stop.set)
     clock = CallsClock(simulation) if repeatable else WallClock(simulation, settings.clock_speed)
     truths = TruthDigest(simulation) if repeatable else None
     chosen = await server.start(host, port)

@@ -52,7 +52,11 @@ class RunOptions:
 
 @takes(RunOptions)
 def run(o: RunOptions) -> None:
-    """Fly a mission on a rig and judge the flight."""
+    """Fly a mission on a rig and judge the flight.
+
+    Exit status: 0 PASS, 1 FAIL, 2 a wrong file or option, 3 ERROR or stopped by a signal (Ctrl-C). A run without a
+    mission, goal, search or companion in control ends at a signal as at duration_s: 0, or 1 if a limit is missed.
+    """
     from hil.apps.fly.choice import BenchChoice
     from hil.apps.fly.command import fly
     from hil.apps.fly.dashboard import DashboardLink

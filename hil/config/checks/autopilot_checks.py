@@ -33,7 +33,7 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
     if autopilot.transport == "loopback" and autopilot.port is not None:
         report("port", "has no meaning with the transport 'loopback'", "leave it out")
     if profile.is_program:
-        for key in ("params", "arguments", "env"):
+        for key in ("params", "params_of_file", "arguments", "env"):
             if getattr(autopilot, key) and not autopilot.start:
                 message = "has no effect: the bench does not start the autopilot (autopilot.start is false)"
                 report(key, message, "give it to the program that you start")

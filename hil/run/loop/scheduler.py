@@ -7,7 +7,7 @@
                                                           -> samples with t_capture, t_available, seq
     3 release    take the samples with t_available <= t_k, in the order of (t_available, port, seq)
     4 commands   collect bytes from the command sources (ground station, router clients) for the autopilot
-    5 send       one write: command bytes, range and flow, HIL_GPS, HIL_SENSOR
+    5 send       one write: command bytes, range, flow and vision, HIL_GPS, HIL_SENSOR
     6 frames     sample the frame sensors at TruthState[k]; their samples with t_available <= t_k are released too
       record     write what this tick produced so far
       companion  pass the released samples to the clients under test; their setpoints are commanded from tick k+1 on
@@ -48,7 +48,7 @@ from sim.physics.vehicle_physics import VehiclePhysics
 
 _SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
 _HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
-_RANGING_KINDS = ("range_finder", "optical_flow")
+_RANGING_KINDS = ("range_finder", "optical_flow", "external_vision")
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
 
 
@@ -386,7 +386,7 @@ class Scheduler:
             self._recorder.actuators(actuators)
 
     def _for_autopilot(self, released: list[tuple[str, Sample]]) -> tuple[dict[str, Any], list[Sample]]:
-        """Return the newest sample by kind for HIL_SENSOR and HIL_GPS, and all range and flow samples, in order."""
+        """Return the newest sample by kind for HIL_SENSOR and HIL_GPS, and all of range, flow and vision, in order."""
         newest: dict[str, Any] = {}
         ranging: list[Sample] = []
         for port, sample in released:

@@ -58,7 +58,9 @@ _PILOTS: tuple[tuple[str, Condition], ...] = (
 _LINKS: tuple[tuple[str, Condition], ...] = (
     (
         "links.parameters",
-        lambda bench: bool(bench.config.autopilot.params or bench.config.autopilot.airframe) or _script_params(bench),
+        lambda bench: (
+            bool(bench.config.autopilot.all_params or bench.config.autopilot.airframe) or _script_params(bench)
+        ),
     ),
     ("links.signing", lambda bench: bench.config.autopilot.signing_key_file is not None),
     ("links.router", lambda bench: bool(bench.config.router.endpoints())),

@@ -12,7 +12,9 @@ max_cross_track_m  Greatest horizontal distance, from the first waypoint reached
                    and the nearest point of the leg being flown (to the next waypoint not yet reached) or its
                    neighbours. The neighbours are included because the count changes legs a little before the corner:
                    one on each side, or more past short legs and repeated waypoints, at most `WINDOW_LEGS`. A mission of
-                   a single waypoint is measured on the leg that leads to it, from the end of the climb.
+                   a single waypoint is measured on the leg that leads to it, from the end of the climb. A plan that
+                   stays over one place has no leg: the distance from that place counts, from the end of the climb to
+                   the descent.
 altitude_error_m   Greatest |z - planned z| while cross-track is measured and the leg being flown is level. After a
                    climb or a sloping leg the first `SETTLE_M` of level flight do not count.
 final_error_m      Horizontal distance from the last true position to the end of the plan. If the plan ends at a
@@ -45,6 +47,7 @@ REACH_HEIGHT_M = 2.0
 UNJUDGED_M = 10.0
 SETTLE_M = 5.0
 LEVEL_M = 0.05  # a leg is level if the heights of its ends differ by less
+STILL_M = 0.05  # a plan whose legs are all shorter stays over one place
 AIRBORNE_M = 0.3  # height above the start
 REST_SPEED_MPS = 0.3
 REST_CONTACT_NS = 500_000_000  # a vehicle at rest touched the ground within this time
@@ -87,6 +90,8 @@ class FlightMeasurement:
         self._settle_m = _settle_distances_m(self._fly_legs)
         self._nearby_legs = [self._neighbours(target) for target in range(len(self._fly_legs))]
         self._last_leg = legs[-1] if legs else None
+        stays = all(_length_m(leg) <= STILL_M for leg in legs)
+        self._hover_W = self._fly_legs[-1].end_W if self._fly_legs and stays else None
         endless = self._last_leg is not None and self._last_leg.kind is LegKind.ENDLESS
         self._endless_item = legs[-1].seq if endless else None
         self._waypoint = 0  # index of the next waypoint to reach
@@ -158,6 +163,9 @@ class FlightMeasurement:
                 self._min_upright = upright
         if self._airborne and self._waypoint < len(self._fly_legs):
             self._follow(truth.p_WB)
+        if self._airborne and self._hover_W is not None and up >= self._hover_W[2] - REACH_HEIGHT_M / 2:
+            drift_m = math.dist(truth.p_WB[:2], self._hover_W[:2])
+            self._cross_track_m = _greater(self._cross_track_m, drift_m)
 
     def _follow(self, p_WB: Vec3) -> None:
         """Count waypoints, and measure against the leg being flown."""

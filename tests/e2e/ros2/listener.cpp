@@ -2,9 +2,10 @@
 //
 //   listener DOMAIN IDLE_S [--slow_ms N] TOPIC=TYPE[=best_effort] ...
 //
-// Prints "ready" once every topic has a publisher. Ends IDLE_S seconds after the last message, or on SIGTERM, and prints
-// for each topic: name, messages, gaps in the sequence numbers of the writer, first and last stamp [ns], smallest and
-// largest step between stamps [ns], sum of the CRC-32 of all messages, encapsulations other than little-endian CDR.
+// Prints "ready" once every topic has a publisher, and "receiving" at the first message. Ends IDLE_S seconds after the
+// last message, or on SIGTERM, and prints for each topic: name, messages, gaps in the sequence numbers of the writer,
+// first and last stamp [ns], smallest and largest step between stamps [ns], sum of the CRC-32 of all messages,
+// encapsulations other than little-endian CDR.
 
 #include <algorithm>
 #include <array>
@@ -157,8 +158,15 @@ int main(int argc, char **argv) {
         while (!tally->publishers && !stopped) std::this_thread::sleep_for(std::chrono::milliseconds(5));
     std::printf("ready\n");
     std::fflush(stdout);
-    while (!stopped && (!newest_ms || now_ms() - newest_ms < idle_s * 1000))
+    bool told = false;
+    while (!stopped && (!newest_ms || now_ms() - newest_ms < idle_s * 1000)) {
+        if (newest_ms && !told) {
+            told = true;
+            std::printf("receiving\n");
+            std::fflush(stdout);
+        }
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
     for (auto *reader : readers) reader->set_listener(nullptr);
     for (const auto &t : tallies)
         std::printf("%s %llu %llu %lld %lld %lld %lld %llu %llu\n", t->name.c_str(), (unsigned long long)t->messages,

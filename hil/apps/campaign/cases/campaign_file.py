@@ -1,7 +1,7 @@
 """The file of a campaign: a base bench, the settings that vary, and how many flights to make.
 
     bench: hil.yaml
-    settings: {mission: rigs/missions/short.plan}        # of every flight
+    settings: {mission: rigs/missions/short.waypoints}        # of every flight
     axes:                                                # crossed: every combination is flown
       scene: [airfield, city_park]
       seed: {first: 1, count: 5}

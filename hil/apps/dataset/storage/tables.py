@@ -24,7 +24,16 @@ from hil.apps.dataset.storage.journal import BatchRecord
 from hil.apps.dataset.storage.tree import Written, make_folder, unwritable
 from hil.run.recorder.mcap.topics import Columns
 from signals.errors import RecordingError
-from signals.samples import BaroSample, FlowSample, GpsSample, ImuSample, MagSample, RangeSample, ScalarSample
+from signals.samples import (
+    BaroSample,
+    FlowSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    OdometrySample,
+    RangeSample,
+    ScalarSample,
+)
 
 PERIOD_S = 2.0  # wall-clock time between checkpoints; a power cut can lose the rows of one period
 TABLE = "data.csv"
@@ -34,6 +43,10 @@ BARO_HEADER = "#timestamp [ns],pressure [Pa],pressure_altitude [m],temperature [
 RANGE_HEADER = "#timestamp [ns],distance [m],quality []"
 SCALAR_HEADER = "#timestamp [ns],value"
 FLOW_HEADER = "#timestamp [ns],integration [ns],flow_x [rad],flow_y [rad],quality []"
+ODOMETRY_HEADER = (
+    "#timestamp [ns],p_OB_O_x [m],p_OB_O_y [m],p_OB_O_z [m],q_OB_w [],q_OB_x [],q_OB_y [],q_OB_z [],"
+    "v_OB_B_x [m s^-1],v_OB_B_y [m s^-1],v_OB_B_z [m s^-1]"
+)
 
 HEADERS: Mapping[type, str] = {
     ImuSample: euroc.IMU_HEADER,
@@ -43,6 +56,7 @@ HEADERS: Mapping[type, str] = {
     RangeSample: RANGE_HEADER,
     ScalarSample: SCALAR_HEADER,
     FlowSample: FLOW_HEADER,
+    OdometrySample: ODOMETRY_HEADER,
 }
 
 COLUMNS: Mapping[type, euroc.TableColumns] = {
@@ -53,6 +67,7 @@ COLUMNS: Mapping[type, euroc.TableColumns] = {
     RangeSample: ("distance_m", "quality"),
     ScalarSample: ("value",),
     FlowSample: ("integration_ns", "flow_rad", "quality"),
+    OdometrySample: ("p_OB", "q_OB", "v_OB_B"),
 }
 
 

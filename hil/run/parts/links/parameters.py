@@ -20,6 +20,14 @@ class ParametersPart(Part):
     def may_arm(self) -> bool:
         return self._check.done
 
+    def begin(self, run: RunContext) -> None:
+        self._run = run
+
+    def before_tick(self) -> None:
+        if self._check.finding:
+            self._run.say("parameters", f"autopilot.params_file: {self._check.finding}")
+            self._check.finding = ""
+
     def conclude(self, run: RunContext) -> None:
         if not (self._check.done or run.stopped_by_hand):
             raise self._check.unfinished()
@@ -36,4 +44,5 @@ def make(bench: Bench) -> Part:
     named = {}
     if script is not None and not autopilot.profile.known_params:
         named = {str(place[-1]): f"{script.document.where(place)}: {dotted(place)}" for place in script.required_params}
-    return ParametersPart(ParameterCheck(wanted, firmware, named))
+    of_file = {name: value for name, value in autopilot.params_of_file.items() if name not in wanted}
+    return ParametersPart(ParameterCheck(wanted, firmware, named, of_file))

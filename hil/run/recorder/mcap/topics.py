@@ -24,6 +24,7 @@ from signals.samples import (
     GpsSample,
     ImuSample,
     MagSample,
+    OdometrySample,
     RangeSample,
     ScalarSample,
     TruthState,
@@ -37,6 +38,7 @@ WORLD, MAP = "world", "map"  # common to all vehicles
 ODOM, BODY = "odom", "base_link"  # of each vehicle (REP 105)
 OWN = ""  # the frame of the sensor itself, named as its port
 _NO_FIX, _FIX = -1, 0
+_UNKNOWN_RATE = 1e6  # variance of rates that an odometry does not give
 _FIX_3D = 3  # MAVLink GPS_FIX_TYPE from which the position counts
 
 
@@ -238,6 +240,21 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
         ),
     ),
     ScalarSample: (Topic("", "hil_msgs/Scalar", BODY, {"value": "value"}),),
+    OdometrySample: (
+        Topic(
+            "",
+            "nav_msgs/Odometry",
+            OWN,
+            {
+                "pose.pose.position": "p_OB",
+                "pose.pose.orientation": "q_OB_xyzw",
+                "pose.covariance": "pose_covariance",
+                "twist.twist.linear": "v_OB_B",
+                "twist.covariance": "twist_covariance",
+            },
+            child_frame=BODY,
+        ),
+    ),
     FlowSample: (
         Topic(
             "",
@@ -275,6 +292,10 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
         covariance[:, 8] = np.square(columns["vertical_accuracy_m"])
         columns["position_covariance_m2"] = covariance
         columns["status"] = np.where(columns["fix_type"] >= _FIX_3D, _FIX, _NO_FIX)
+    elif kind is OdometrySample:
+        columns["q_OB_xyzw"] = columns["q_OB"][:, [1, 2, 3, 0]]
+        columns["pose_covariance"] = np.array([_pose_covariance(row) for row in rows])
+        columns["twist_covariance"] = np.array([_twist_covariance(row) for row in rows])
     elif kind is RangeSample:
         columns["range_m"] = np.where(columns["quality"] > 0, columns["distance_m"], np.inf)
         columns["variance"] = np.square(columns["sigma_m"])
@@ -293,6 +314,19 @@ def _covariance_m2(gps: GpsSample) -> tuple[float, ...]:
     return (h, 0.0, 0.0, 0.0, h, 0.0, 0.0, 0.0, v)
 
 
+def _diagonal(*variances: float) -> tuple[float, ...]:
+    """Return a 6 x 6 covariance with the same variance for three axes each."""
+    return tuple(variances[i // 21] if i % 7 == 0 else 0.0 for i in range(36))
+
+
+def _pose_covariance(odometry: OdometrySample) -> tuple[float, ...]:
+    return _diagonal(odometry.position_sigma_m**2, odometry.attitude_sigma_rad**2)
+
+
+def _twist_covariance(odometry: OdometrySample) -> tuple[float, ...]:
+    return _diagonal(odometry.velocity_sigma_mps**2, _UNKNOWN_RATE)
+
+
 def _xyzw(truth: TruthState) -> tuple[float, float, float, float]:
     w, x, y, z = truth.q_WB
     return x, y, z, w
@@ -304,6 +338,9 @@ _DERIVED: dict[tuple[type, str], Callable[[Any], Any]] = {
     (TruthState, "v_WB_B"): lambda truth: rotate_into_body(truth.q_WB, truth.v_WB_W),
     (GpsSample, "position_covariance_m2"): _covariance_m2,
     (GpsSample, "status"): lambda gps: _FIX if gps.fix_type >= _FIX_3D else _NO_FIX,
+    (OdometrySample, "q_OB_xyzw"): lambda odometry: (*odometry.q_OB[1:], odometry.q_OB[0]),
+    (OdometrySample, "pose_covariance"): _pose_covariance,
+    (OdometrySample, "twist_covariance"): _twist_covariance,
     (RangeSample, "range_m"): lambda sample: sample.distance_m if sample.quality > 0 else math.inf,
     (RangeSample, "variance"): lambda sample: sample.sigma_m**2,
     (BatteryState, "drawn_a"): lambda battery: -battery.current_a,  # negative while discharging

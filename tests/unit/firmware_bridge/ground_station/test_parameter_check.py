@@ -67,6 +67,22 @@ def test_right_values_take_one_exchange(firmware: Firmware) -> None:
     assert compare({"WPNAV_SPEED": 500.0, "FRAME_CLASS": 1.0}, Vehicle(firmware, TABLE)) < 0.1
 
 
+def test_parameters_of_a_file_are_compared_with_the_whole_list_and_end_nothing() -> None:
+    of_file = {"WPNAV_SPEED": 500.0, "WPNAV_ACCEL": 100.0, "MY_DRIVER": 1.0}
+    vehicle = Vehicle(PX4, TABLE)
+    check = ParameterCheck({"FRAME_CLASS": 1.0}, PX4, of_file=of_file)
+    frames = [vehicle.frame(Heartbeat(2, 12, 0x81, 0, 3, 3))]
+    seconds = 0.0
+    while not check.done:
+        frames = vehicle.answer(check.step(round(seconds * 1e9), frames))
+        seconds += 0.004
+    assert 5.0 <= seconds < 12.0  # its modules have had time to start
+    assert check.finding == (
+        "1 of 3 parameters of the file hold; not in use in this firmware (1): MY_DRIVER; "
+        "other values (1): WPNAV_ACCEL 250 instead of 100"
+    )
+
+
 def test_many_parameters_are_read_in_turn() -> None:
     table = {f"P{number}": (number / 3.0, REAL32) for number in range(95)}
     stored = {name: (Reported(value, kind).value, kind) for name, (value, kind) in table.items()}

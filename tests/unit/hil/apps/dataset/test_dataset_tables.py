@@ -36,6 +36,7 @@ from signals.samples import (
     GpsSample,
     ImuSample,
     MagSample,
+    OdometrySample,
     PointCloudSample,
     RangeSample,
     TruthState,
@@ -86,6 +87,10 @@ def test_truth_has_the_columns_of_euroc() -> None:
             "5,47.1,8.5,400.25,1.0,2.0,3.0,0.8,1.2,3,11",
         ),
         (RangeSample(0, 5, 9, 1.5, 0.1, 12.0, 0.02, 87, (0.0, 0.0, -1.0)), "5,1.5,87"),
+        (
+            OdometrySample(0, 5, 9, (1.0, -2.5, 0.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, -0.25), 0.01, 0.003, 0.03),
+            "5,1.0,-2.5,0.0,1.0,0.0,0.0,0.0,0.5,0.0,-0.25",
+        ),
         (FlowSample(0, 5, 9, 4_000_000, (0.25, -1e-07), (0.0, 0.0, 0.0), 200, 1.5, 30.0), "5,4000000,0.25,-1e-07,200"),
     ],
 )

@@ -21,7 +21,7 @@ from hil.run.recorder.mcap.cdr import decode
 from hil.run.recorder.mcap.mcap_file import SafeFile, VehicleTopics
 from hil.run.recorder.mcap.mcap_sink import McapRecording
 from hil.run.recorder.recorder import MCAP_NAME, Recorder
-from signals.samples import FlowSample, RadarSample, RangeSample, Sample, ScalarSample, TruthState
+from signals.samples import FlowSample, OdometrySample, RadarSample, RangeSample, Sample, ScalarSample, TruthState
 from sim.physics.battery import BatteryState
 from tests.worlds.synthetic_flight import POSE, TICK_NS, cloud, image, make_flight
 
@@ -40,6 +40,7 @@ def more_samples(k: int) -> list[tuple[str, Sample]]:
     samples: list[tuple[str, Sample]] = [
         ("down", RangeSample(k, t_ns, t_ns, 0.1 * k, 0.3, 12.0, 0.02, k % 3, (0.0, 0.0, -1.0))),
         ("flow", FlowSample(k, t_ns, t_ns, TICK_NS, (0.01 * k, -0.3), (0.1, 0.2 * k, 1e-12), k, -1.0, 30.0 + k)),
+        ("vision", OdometrySample(k, t_ns, t_ns, (0.1 * k, 2.0, -1e-9), POSE[1], (1.0, 0.2 * k, 0.0), 0.01, 3e-3, 0.1)),
         ("fuel", ScalarSample(k, t_ns, t_ns, 1.0 / (k + 1))),
     ]
     if k % 10 == 0:

@@ -69,6 +69,21 @@ def tour(
     return [HOME, (0.0, 0.0, height), *flight, (*end, height), (*end, HOME[2])]
 
 
+@pytest.mark.parametrize("height", [1.7, 10.2])
+@pytest.mark.parametrize(("drift_m", "status"), [(0.0, "PASS"), (0.9, "PASS"), (1.2, "FAIL")])
+def test_a_hover_is_judged_by_its_distance_from_the_place(height: float, drift_m: float, status: str) -> None:
+    above = (0.0, 0.0, height)
+    legs = [
+        Leg(LegKind.CLIMB, 0, HOME, above),
+        Leg(LegKind.FLY, 1, above, above),
+        Leg(LegKind.DESCENT, 2, above, HOME),
+    ]
+    measured = flown(legs, tour([(drift_m, 0.0), (0.0, 0.0)], height))
+    assert measured.completed
+    assert measured.max_cross_track_m == pytest.approx(drift_m, abs=1e-9)
+    assert judge(measured, Limits()).status == status
+
+
 def test_a_perfect_flight_passes_with_zeros() -> None:
     measured = flown(rectangle(), tour(CORNERS))
     assert (measured.waypoints, measured.reached, measured.completed, measured.landed) == (5, 5, True, True)
