@@ -25,7 +25,7 @@ _LIMIT_S = 240.0
 @cache
 def documented_clients() -> dict[str, tuple[str, ...]]:
     """Return the lines of `pip install` in each code block of the page, by the client that they install."""
-    blocks = re.findall(r"```\n((?:pip install .*\n)+)```", _PAGE.read_text())
+    blocks = re.findall(r"```sh\n((?:pip install .*\n)+)```", _PAGE.read_text())
     names = ("airsim", "airsim over rpc-msgpack", "cosysairsim")
     return {name: tuple(block.splitlines()) for name, block in zip(names, blocks, strict=True)}
 
