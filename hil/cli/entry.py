@@ -70,7 +70,7 @@ def main() -> None:
         if os.environ.get("HIL_TRACEBACK"):
             raise
         # A signal within the import of an extension module becomes an ImportError.
-        told = named(defect) if Stopped.newest is None else Stopped.newest
+        told = Stopped.newest if isinstance(defect, ImportError) and Stopped.newest is not None else named(defect)
         defect_text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
         status = _print_error(defect_text if told is None else str(told), ERROR_STATUS)
     _end_crashes(status)

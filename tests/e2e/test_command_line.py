@@ -98,6 +98,25 @@ def test_a_signal_within_the_import_of_an_extension_is_no_defect() -> None:
     assert (done.returncode, done.stderr) == (3, "error: stopped by SIGINT\n")
 
 
+def test_a_defect_after_a_signal_is_told() -> None:
+    code = (
+        "import os, signal\n"
+        "from hil.cli import app, entry\n"
+        "def close(arguments):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "    except KeyboardInterrupt:\n"
+        "        raise KeyError('the end of a run')\n"
+        "app.run_command_line = close\n"
+        "entry.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50, check=False
+    )
+    assert done.returncode == 3
+    assert done.stderr.startswith("error: KeyError: 'the end of a run' (a defect of the bench")
+
+
 BACKGROUND_CAMPAIGN = """
 bench: null
 settings: {mission: null, autopilot: {transport: loopback}, duration_s: 0.1}
