@@ -181,7 +181,7 @@ class VehiclePhysics:
         """Make the kernel of the vehicle, on `truth` or on a new array; return the number of its forces' own states."""
         forces = self.vehicle.make_forces(self._effects)
         self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
-        self._push = next((force for force in forces if isinstance(force, Push)), None)
+        self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
         self._commands = sum(force.commands for force in forces)
         own = sum(force.states for force in forces)
         self._truth: NDArray[np.float64] = np.zeros(13 + own + 6) if truth is None else truth
@@ -504,7 +504,7 @@ class VehiclePhysics:
             self.body.set_wind(wind_W_mps, wind_W_mps)
 
     def set_push(self, force_W_n: Vec3) -> None:
-        """Set the force of the vehicle's entry `push` from the next tick on. Raises ValueError without one."""
+        """Set the force of the vehicle's last entry `push` from the next tick on. Raises ValueError without one."""
         if self._push is None:
             raise ValueError(f"the vehicle {self.vehicle.name!r} has no force of kind push")
         self._push.set(force_W_n)

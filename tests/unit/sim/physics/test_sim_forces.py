@@ -109,6 +109,16 @@ def test_a_push_accelerates_a_turning_body_along_the_axes_of_the_world() -> None
         flown(bare(), 0).set_push((1.0, 0.0, 0.0))
 
 
+def test_the_last_push_is_set_and_what_a_file_declares_before_it_stays() -> None:
+    forces = (Push(kind="push", force_W_n=(3.0, 0.0, 0.0)), Push(kind="push"))
+    physics = VehiclePhysics(bare(forces=forces), load_scene("airfield"), TICK_NS, start=ALOFT)
+    physics.set_push((0.0, -5.0, 0.0))
+    for tick in range(251):
+        physics.advance(tick, [])
+    m, g = X500.mass_kg, physics.scene.gravity_mps2
+    assert physics.truth.v_WB_W == pytest.approx((3.0 / m, -5.0 / m, -g), abs=1e-9)
+
+
 def test_one_rotor_and_a_gas_cell_is_a_vehicle() -> None:
     cell = Buoyancy(kind="buoyancy", volume_m3=1.0)
     vehicle = bare(rotors=X500.rotors[:1], forces=(cell,))
