@@ -1,4 +1,4 @@
-"""Search path of benches, rigs, scenes, vehicles, missions and campaigns.
+"""Search path of benches, rigs, scenes, vehicles, missions, campaigns and files of parameters.
 
 They are searched for beside the file that names them, then in the working directory, then in the installed `rigs`
 package. A bench can therefore have its own rig beside it, and `hil run` works in an empty folder.
@@ -12,7 +12,7 @@ from pathlib import Path
 import rigs
 
 _PACKAGE = Path(rigs.__file__).resolve().parent
-FOLDERS = {"rig": "", "scene": "scenes", "vehicle": "vehicles", "mission": "missions", "campaign": "campaigns"}
+FOLDERS = {"rig": "", "scene": "scenes", "vehicle": "vehicles", "campaign": "campaigns"}
 
 
 def default_bench() -> Path | None:
@@ -52,7 +52,7 @@ def _is_file(path: Path) -> bool:
 
 
 def find(kind: str, name: str, beside: Sequence[Path]) -> Path | None:
-    """Return a file of a kind of `FOLDERS` by bare name or relative path, None if there is none.
+    """Return a file of a kind of `FOLDERS` by bare name or relative path, of another by path; None if there is none.
 
     `beside` are the folders to search first.
     """
@@ -76,8 +76,8 @@ def _candidates(kind: str, name: str, folder: Path, rigs_folder: Path) -> list[P
 
 
 def is_bare(kind: str, name: str) -> bool:
-    """Return True if `name` is a name and not the path of a file. Missions have paths only."""
-    return kind != "mission" and "/" not in name and "\\" not in name and not Path(name).suffix
+    """Return True if `name` is a name and not the path of a file. Kinds without a folder have paths only."""
+    return kind in FOLDERS and "/" not in name and "\\" not in name and not Path(name).suffix
 
 
 def available(kind: str, beside: Sequence[Path]) -> list[str]:

@@ -244,7 +244,7 @@ class BenchLoading:
         if not isinstance(section, dict) or not isinstance(name, str):
             return
         place = ("autopilot", "params_file")
-        path = find("mission", name, self.beside)
+        path = find("params", name, self.beside)
         profile = PROFILES.get(str(section.get("kind", Autopilot.model_fields["kind"].default)))
         if path is None:
             self.problems.append(at(self.settings, place, f"names a file that does not exist: {name}"))

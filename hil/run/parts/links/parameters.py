@@ -10,6 +10,7 @@ from signals.documents.yaml_lines import dotted
 
 class ParametersPart(Part):
     name = "parameters"
+    _run: RunContext  # from `begin` on
 
     def __init__(self, check: ParameterCheck) -> None:
         self._check = check
