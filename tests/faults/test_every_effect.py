@@ -8,9 +8,7 @@ truth, in the messages of the autopilot, or as the named error of the run.
 from __future__ import annotations
 
 import json
-import random
 import shlex
-import socket
 import sys
 import time
 from collections.abc import Callable
@@ -49,6 +47,7 @@ from sim.scene.weather import Weather
 from sim.scene.wind import Wind
 from sim.sensors.catalog import KINDS
 from tests.worlds import external_ahrs_board, fake_arducopter
+from tests.worlds.bench_process import free_instance
 from tests.worlds.declared_effects import (
     ACTIONS,
     LINK_FAULTS,
@@ -184,19 +183,6 @@ def started(rig: str, folder: Path) -> dict[str, Any]:
     binary.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} {shlex.quote(str(FAKE_PX4))} "$@"\n')
     binary.chmod(0o755)
     return {"start": True, "binary": str(binary), "instance": free_instance()}
-
-
-def free_instance() -> int:
-    for number in random.sample(range(20, 100), 80):
-        with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
-            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                tcp.bind(("127.0.0.1", 4560 + number))
-                udp.bind(("127.0.0.1", 18570 + number))
-            except OSError:
-                continue
-            return number
-    raise AssertionError("no instance is free")
 
 
 def test_every_fault_of_a_sensor_is_seen_by_px4(tmp_path: Path, wire: Wire) -> None:

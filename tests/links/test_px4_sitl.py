@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import shlex
 import socket
 import sys
@@ -23,6 +22,7 @@ from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
+from tests.worlds.bench_process import free_instance
 from tests.worlds.fake_px4_sitl import FakePx4
 from tests.worlds.resting_vehicle import Drive
 
@@ -48,17 +48,8 @@ HOP = """QGC WPL 110
 
 @pytest.fixture
 def instance() -> int:
-    """Return an instance number whose two ports are free."""
-    for number in random.sample(range(20, 100), 80):
-        with socket.socket() as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
-            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                tcp.bind(("127.0.0.1", 4560 + number))
-                udp.bind(("127.0.0.1", 18570 + number))
-            except OSError:
-                continue
-            return number
-    raise AssertionError("no instance is free")
+    """Return an instance number whose ports are free."""
+    return free_instance()
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import json
 import os
+import random
 import re
 import signal
 import socket
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -69,6 +71,22 @@ def free_port(kind: int = socket.SOCK_DGRAM) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def free_instance() -> int:
+    """Return an `autopilot.instance` whose ports are free, of PX4 and of ArduPilot. A fixed one meets other workers."""
+    for number in random.sample(range(20, 100), 80):
+        with ExitStack() as stack:
+            tcp = stack.enter_context(socket.socket())
+            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                tcp.bind(("127.0.0.1", 4560 + number))
+                for port in (18570 + number, 9002 + 10 * number):
+                    stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)).bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return number
+    raise AssertionError("no instance is free")
 
 
 class Hil:

@@ -11,6 +11,7 @@ import pytest
 from hil.run.bench_run import run_bench
 from hil.run.part import Part
 from tests.worlds.bench_files import elsewhere, load
+from tests.worlds.bench_process import free_instance
 
 __all__ = ["elsewhere"]
 
@@ -22,7 +23,7 @@ assert home.endswith(",270.0000") and model == "JSON:127.0.0.1" and "MOT_THST_HO
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 link.settimeout(120.0)
 for count in range(100):
-    link.sendto(struct.pack("<HHI16H", 18458, 400, count, *(16 * [1000])), ("127.0.0.1", 9002 + 10 * 67))
+    link.sendto(struct.pack("<HHI16H", 18458, 400, count, *(16 * [1000])), ("127.0.0.1", 9002 + 10 * int(sys.argv[2])))
     link.recv(4096)
 print("the last words")
 sys.exit(int(sys.argv[1]))
@@ -34,17 +35,23 @@ HARD_LANDING = SUITE.replace("range(100)", "range(1200)").replace(
 BENCH = """rig: ardupilot_sitl
 mission: null
 start: {yaw_deg: 180}
-autopilot: {start: false, instance: 67, mavlink_port: none, on_restart: reset}
+autopilot: {start: false, instance: %d, mavlink_port: none, on_restart: reset}
 record: {mcap: false, tlog: false, report: false}
 parts:
   test_suite:
-    command: ["%s", suite.py, "%s"]
+    command: ["%s", suite.py, "%s", "%d"]
 """
+
+
+def bench(status: int) -> str:
+    """Return a bench whose suite ends with this status."""
+    instance = free_instance()
+    return BENCH % (instance, sys.executable, status, instance)
 
 
 def run_suite(status: int, out: Path, suite: str = SUITE) -> dict[str, Any]:
     Path("suite.py").write_text(suite, encoding="utf-8")
-    return run_bench(load(BENCH % (sys.executable, status)), out, quiet=True).run
+    return run_bench(load(bench(status)), out, quiet=True).run
 
 
 @pytest.mark.parametrize("status", [0, 3])
@@ -83,13 +90,13 @@ def test_a_suite_that_passes_decides_alone_and_a_hard_landing_is_a_warning(tmp_p
 
 def test_limits_and_crashes_that_the_bench_sets_itself_are_judged(tmp_path: Path) -> None:
     Path("suite.py").write_text(HARD_LANDING, encoding="utf-8")
-    text = BENCH % (sys.executable, 0) + "limits: {landing_speed_mps: 2.5}\n"
+    text = bench(0) + "limits: {landing_speed_mps: 2.5}\n"
     (reason,) = run_bench(load(text), tmp_path / "out", quiet=True).run["verdict"]["reasons"]
     assert "more than the 2.5 m/s allowed" in reason
     config = load(text + "crash: {tilt_deg: 80}\n").config
     assert config.crash is not None
     assert config.limits.final_error_m is None
-    assert load(BENCH % (sys.executable, 0)).config.crash is None
+    assert load(bench(0)).config.crash is None
 
 
 class Stop(Part):
