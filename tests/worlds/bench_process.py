@@ -74,8 +74,13 @@ def free_port(kind: int = socket.SOCK_DGRAM) -> int:
 
 
 def free_instance() -> int:
-    """Return an `autopilot.instance` whose ports are free, of PX4 and of ArduPilot. A fixed one meets other workers."""
-    for number in random.sample(range(20, 100), 80):
+    """Return an `autopilot.instance` whose ports are free, of PX4 and of ArduPilot.
+
+    Each of up to five workers of pytest-xdist has numbers of its own: looking whether a port is free takes it, for a
+    moment, from a test of another worker.
+    """
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 5
+    for number in random.sample(range(20 + 16 * worker, 36 + 16 * worker), 16):
         with ExitStack() as stack:
             tcp = stack.enter_context(socket.socket())
             tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
