@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -179,15 +179,14 @@ def test_an_encoded_imu_sample_costs_less_than_a_numpy_record() -> None:
     def encode() -> None:
         live.of_tick(flight[1].truth, [(port, sample)])
 
-    def fastest(call) -> float:
-        times = []
-        for _ in range(200):
-            begin = time.process_time_ns()
-            call()
-            times.append(time.process_time_ns() - begin)
-        return min(times)
+    def spent_ns(call: Callable[[], None]) -> int:
+        begin_ns = time.process_time_ns()
+        call()
+        return time.process_time_ns() - begin_ns
 
-    record_ns, encode_ns = fastest(record), fastest(encode)
+    # In turns: a shared processor runs at twice the speed at some moments, and both must meet these.
+    times = [(spent_ns(record), spent_ns(encode)) for _ in range(200)]
+    record_ns, encode_ns = map(min, zip(*times, strict=True))
     print(f"IMU and temperature: {encode_ns} ns, as numpy records {record_ns} ns")
     assert encode_ns < 0.5 * record_ns
 
