@@ -25,6 +25,11 @@ class TcpClient(StreamTransport):
     def name(self) -> str:
         return f"tcp {self._address[0]}:{self._address[1]}"
 
+    @property
+    def port(self) -> int:
+        """The port connected to."""
+        return self._address[1]
+
     def open(self) -> None:
         """Connect. PortNotFound if there is no listener within the limit."""
         try:

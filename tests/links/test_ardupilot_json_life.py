@@ -2,6 +2,8 @@
 
 import math
 import socket
+import subprocess
+import sys
 import threading
 import time
 
@@ -14,7 +16,7 @@ from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
 from firmware_bridge.links.autopilot_link import LinkTimeouts
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpInbox
-from signals.errors import HandshakeError, LinkClosed, LockstepLost
+from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortBusy
 from tests.worlds.ardupilot_json_sitl import (
     HOVER,
     LOOPBACK,
@@ -205,6 +207,32 @@ def test_messages_over_tcp_and_again_after_a_reboot(sitl):
         for connection in connections:
             connection.close()
         listener.close()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads Linux's table of connections")
+def test_another_client_of_the_tcp_port_is_named(sitl, tmp_path):
+    """MAVProxy, as sim_vehicle.py starts it, takes the one client that SITL serves on 5760."""
+    client = tmp_path / "mavproxy.py"
+    client.write_text(
+        "import socket, sys\n"
+        "held = socket.create_connection(('127.0.0.1', int(sys.argv[1])))\nprint(1, flush=True)\nsys.stdin.read()\n"
+    )
+    with socket.create_server((LOOPBACK, 0)) as listener:
+        port = listener.getsockname()[1]
+        command = [sys.executable, str(client), str(port)]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+            other.stdout.readline()
+            side = MavlinkChannel(TcpClient(port))
+            side.open()
+            with pytest.raises(PortBusy, match=rf"mavproxy.py \(process {other.pid}\) .*mavlink_port=tcp:{port + 2}"):
+                side.read()
+            side.close()
+            other.stdin.close()
+        again = MavlinkChannel(TcpClient(port))  # the other one has ended
+        again.open()
+        assert again.read() == []
+        assert again.fileno() is not None
+        again.close()
 
 
 def test_a_silence_error_names_the_messages_still_received(make, sitl):

@@ -35,6 +35,7 @@ def test_command_line(tmp_path):
     assert pairs["--serial0"] == f"udpclient:127.0.0.1:{link._mavlink.udp_port}"
     assert pairs["--serial1"] == "none"
     assert "--serial3" not in pairs
+    assert pairs["--rc-in-port"] == "0"  # any free one
     assert argv[-2:] == ["--rate", "400"]
     with pytest.raises(LinkError, match="home 0, 0"):
         ardupilot_sitl(home=(0.0, 0.0, 0.0, 0.0), **settings)._start_process()

@@ -13,7 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from firmware_bridge.links.ardupilot.sitl import arducopter_command, copter_parameters, program_at, write_defaults
+from firmware_bridge.links.ardupilot.sitl import (
+    OWN_RC,
+    arducopter_command,
+    copter_parameters,
+    program_at,
+    write_defaults,
+)
 from firmware_bridge.links.child_process import ChildProcess, FirmwareBuild
 from firmware_bridge.transports.pty import PtyTransport
 
@@ -126,7 +132,7 @@ def arducopter_on_ptys(
             home=home,
             defaults=write_defaults(where / "bench.parm", parameters),
             serials=dict.fromkeys(range(9), "none") | {n: f"uart:{path}:{BAUD}" for n, path in ports.items()},
-            arguments=build.arguments,
+            arguments=[*OWN_RC, *build.arguments],
         )
         return ChildProcess(command, stderr_path=build.log.resolve(), cwd=where, env=build.env, log_output=True)
 

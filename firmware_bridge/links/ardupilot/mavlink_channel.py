@@ -4,6 +4,9 @@ UDP (`--serial0 udpclient:127.0.0.1:PORT`): SITL sends to the bench's port from 
 reboot. TCP (its default): SITL waits for the bench on 5760 + 10 * instance, before its first servo packet and again
 after every reboot; and it stands still while a TCP client leaves more than 1 kB unread.
 
+SITL serves one client on each of its TCP ports. A second one connects too, and hears nothing: where another program has
+the port, such as MAVProxy of sim_vehicle.py, that is a PortBusy which names it.
+
 SITL reads its serial port once per step, right after the step's state has come: bytes written before the state take
 effect in that step.
 """
@@ -13,12 +16,14 @@ from __future__ import annotations
 import time
 
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameParser, datagrams, split_frames
+from firmware_bridge.transports.port_client import other_client
 from firmware_bridge.transports.tcp import TcpClient
 from firmware_bridge.transports.udp import UdpTransport
-from signals.errors import LinkClosed, PortNotFound
+from signals.errors import LinkClosed, PortBusy, PortNotFound
 
 _KEPT_LIMIT = 65536
 _RETRY_S = 0.1
+_NEXT_PORT = 2  # from SITL's SERIAL0 to its SERIAL1
 
 
 class MavlinkChannel:
@@ -110,6 +115,14 @@ class MavlinkChannel:
             self._retry_at_s = now_s + _RETRY_S
             return False
         self._connected = True
+        assert isinstance(self._transport, TcpClient)
+        if (holder := other_client(self._transport.port)) is not None:
+            port = self._transport.port + _NEXT_PORT
+            raise PortBusy(
+                self.name,
+                f"{holder} is connected there, and ArduPilot serves one client on a port: take its next one with --set "
+                f"autopilot.mavlink_port=tcp:{port}, or end that program (sim_vehicle.py --no-mavproxy starts none)",
+            )
         return True
 
     def _disconnect(self) -> None:

@@ -18,6 +18,8 @@ from signals.errors import LinkError, PortNotFound
 
 SERVO_PORT = 9002  # + 10 * instance
 TCP_PORT = 5760  # + 10 * instance
+# Any free port for RC input: on 5501 + 10 * instance, sticks meant for another SITL would steer this one.
+OWN_RC = ("--rc-in-port", "0")
 DEFAULTS_PATH = Path(__file__).with_name("copter_x.parm")
 # As in copter_x.parm.
 SPIN_MIN, SPIN_MAX = 0.15, 0.95
@@ -167,7 +169,7 @@ def ardupilot_sitl(
             defaults=write_defaults(where / "bench.parm", parameters or {}),
             instance=instance,
             serials={} if port is None else serials_for(f"udp:{port}"),
-            arguments=["--sim-port-out", str(inbox.port), *build.arguments],
+            arguments=["--sim-port-out", str(inbox.port), *OWN_RC, *build.arguments],
         )
         return ChildProcess(command, stderr_path=build.log.resolve(), cwd=where, env=build.env, log_output=True)
 
