@@ -40,6 +40,8 @@ class Firmware:
     plain_masks: bool = False  # set-points only with type masks that ignore whole groups
     auto: str = ""  # before the names of modes in which it flies by itself
     modes: Mapping[str, ModeNumber] = field(default_factory=dict)  # by the words of `ground_station.modes`
+    # Logs that it writes as a program, as a pattern in its working folder: what they are.
+    flight_logs: Mapping[str, str] = field(default_factory=dict)
     # Modes for a person at the sticks, by name: parameters 2 and 3 of DO_SET_MODE.
     manual_modes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 

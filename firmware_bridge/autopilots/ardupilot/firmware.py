@@ -40,6 +40,7 @@ ARDUPILOT = Firmware(
     arms_in_guided=True,
     fails_until_ready=True,
     plain_masks=True,
+    flight_logs={"logs/*.BIN": "DataFlash: MAVExplorer, UAV Log Viewer, pymavlink"},
     modes={word: ModeNumber(number, 0, number) for word, number in _COPTER_MODES.items()},
     project=ardupilot_ned,
     manual_modes={

@@ -12,5 +12,6 @@ MOCK = replace(
     name="mock",
     failsafe_texts=(r"^failsafe", r"^flight termination"),  # the other texts come with MAV_STATE_CRITICAL
     airframe_parameter="",
+    flight_logs={},
     project=tangent_ned,
 )

@@ -31,6 +31,7 @@ PX4 = Firmware(
     project=px4_ned,
     resumes_missions=True,
     auto="AUTO.",
+    flight_logs={"log/*/*.ulg": "ULog: Flight Review, PlotJuggler, pyulog"},
     modes={
         "MISSION": _mode(4, 4),
         "HOLD": _mode(4, 3),

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import reduce
+from html import escape
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
-from firmware_bridge.autopilots.installation import Surroundings
+from firmware_bridge.autopilots.installation import LOG_NAME, WORK_FOLDER, Surroundings
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.realtime.health import Finding, Punctuality
 from firmware_bridge.links.realtime.processor import LockstepProcessors, RealtimeProducer
@@ -19,6 +23,7 @@ from hil.run.report.page import Report
 from hil.run.report.quantiles import quantiles_us
 
 _LINK_KEYS = ("tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls")
+_CLOCK_S = 1.0  # by which the time of a file may be behind
 _BUSY_WAIT_NS = 300_000  # PX4 answers within about 60 us
 
 
@@ -31,6 +36,7 @@ class AutopilotPart(Part):
         self._link: AutopilotLink | None = None
         self._processors: LockstepProcessors | None = None
         self._denied: dict[str, list[str]] = {}  # scheduling that the sender and the bench were not granted
+        self._began_s = 0.0  # by `time.time`
         self._check_period_ticks = 0  # between two checks of the shared processor; 0: it is not shared
 
     def check(self) -> None:
@@ -40,7 +46,7 @@ class AutopilotPart(Part):
         def wrap(transport: Transport) -> Transport:
             return reduce(lambda wrapped, part: part.wrap_link(wrapped), run.parts, transport)
 
-        self._run = run
+        self._run, self._began_s = run, time.time()
         installation = installation_of(self._bench, run.physics.state)
         around = Surroundings(run.out, wrap, run.event, run.say)
         self._link = self._bench.config.autopilot.profile.make_link(installation, around)
@@ -136,7 +142,23 @@ class AutopilotPart(Part):
         timing = link.punctuality()
         if timing is not None:
             pictures += punctuality_pictures(run.out, timing.sent.lateness.bins(), timing.age.age.bins())
-        return Report(pictures)
+        return Report(pictures, self._logs(run.out))
+
+    def _logs(self, out: Path) -> list[tuple[str, str]]:
+        """Return a section with links to what the firmware has written in this run; none if it wrote nothing."""
+        own = self._bench.config.autopilot.profile.firmware.flight_logs
+        patterns = {LOG_NAME: "output", f"{WORK_FOLDER}/*.log": "output"}
+        patterns |= {f"{WORK_FOLDER}/{pattern}": what for pattern, what in own.items()}
+        items = [
+            f"<li><a href='{quote(file)}'>{escape(file)}</a> {escape(what)}</li>"
+            for pattern, what in patterns.items()
+            for file in sorted(path.relative_to(out).as_posix() for path in out.glob(pattern) if self._is_new(path))
+        ]
+        return [("Logs of the firmware", f"<ul>{''.join(items)}</ul>")] if items else []
+
+    def _is_new(self, path: Path) -> bool:
+        """Return True for a file of this run; its folder may have those of an earlier one."""
+        return path.is_file() and path.stat().st_size > 0 and path.stat().st_mtime >= self._began_s - _CLOCK_S
 
 
 def _timing_keys(timing: Punctuality | None, findings: Sequence[Finding]) -> dict[str, Any]:
