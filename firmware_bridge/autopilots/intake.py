@@ -49,13 +49,15 @@ class Samples:
 
     `fields`: those fields of a sample that it gets. `whole`: faults of the whole sample that reach it as what they are.
     `parameters`: those without which its firmware would not use them. `direction`: parameter that tells it where the
-    sensor looks, as a MAV_SENSOR_ROTATION; None: the samples carry their axis.
+    sensor looks, as a MAV_SENSOR_ROTATION; None: the samples carry their axis. `limits`: those that tell it the least
+    and the greatest distance [m].
     """
 
     fields: tuple[str, ...]
     whole: tuple[str, ...] = ("dropout", "freeze")
     parameters: Mapping[str, float] = field(default_factory=dict)
     direction: str | None = None
+    limits: tuple[str, str] | None = None
 
     def takes(self, fault: str, field: str | None) -> bool:
         """Return True if a fault of this kind reaches the autopilot; `field`: the one on which it acts."""

@@ -60,7 +60,11 @@ def _compass_offset(compass: str, axis: int) -> Change:
 SITL: dict[str, Intake] = {
     "imu": Samples(("accel_mps2", "gyro_radps"), whole=("freeze",)),
     "range_finder": Samples(
-        ("distance_m",), whole=("freeze",), parameters={"RNGFND1_TYPE": 100.0}, direction="RNGFND1_ORIENT"
+        ("distance_m",),
+        whole=("freeze",),
+        parameters={"RNGFND1_TYPE": 100.0},
+        direction="RNGFND1_ORIENT",
+        limits=("RNGFND1_MIN", "RNGFND1_MAX"),  # before 4.7: RNGFND1_MIN_CM, _MAX_CM
     ),
     "external_vision": Samples(("p_OB", "v_OB_B"), parameters={"VISO_TYPE": 1.0}),
     "gps": Simulated(

@@ -62,6 +62,9 @@ def intake_parameters(config: BenchConfig) -> dict[str, float]:
             parameters |= intake.parameters
             if intake.direction is not None and (rotation := _rotation(sensor)) is not None:
                 parameters[intake.direction] = float(rotation)
+            if intake.limits is not None:
+                p = sensor.parameters
+                parameters |= dict(zip(intake.limits, (p.min_distance_m, p.max_distance_m), strict=True))
     return parameters
 
 

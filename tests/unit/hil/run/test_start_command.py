@@ -43,7 +43,8 @@ def test_ardupilot_uses_the_range_finder_of_the_bench(tmp_path: Path) -> None:
     for sensors, used in ((", down: {preset: tfmini, rate_hz: 50}}\n", True), ("}\n", False)):
         start_command(load(text + sensors), tmp_path)
         lines = (tmp_path / "bench.parm").read_text().splitlines()
-        assert ("RNGFND1_TYPE 100.0" in lines) == ("RNGFND1_ORIENT 25.0" in lines) == used
+        told = ("RNGFND1_TYPE 100.0", "RNGFND1_ORIENT 25.0", "RNGFND1_MIN 0.3", "RNGFND1_MAX 12.0")
+        assert [line in lines for line in told] == [used] * 4
 
 
 def test_ardupilot_is_told_where_the_range_finder_looks(tmp_path: Path) -> None:
