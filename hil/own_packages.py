@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 NAMES = ("signals", "sim", "firmware_bridge", "rigs")
-_FOLDER = Path(__file__).resolve().parent.parent
+_FOLDER = Path(__file__).absolute().parent.parent  # not resolved: a tree may be made of links to files of another
 
 
 class PackageCollision(ImportError):
@@ -37,7 +37,7 @@ def claim() -> None:
         if loaded is None:
             continue
         file = getattr(loaded, "__file__", None) or next(iter(getattr(loaded, "__path__", [])), "")
-        if not Path(file).resolve().is_relative_to(_FOLDER / name):
+        if not Path(file).absolute().is_relative_to(_FOLDER / name):
             raise PackageCollision(
                 f"hil-bench has a package {name!r}, and this process has already imported another one of that name "
                 f"({file}); rename that one, or import it by a longer name (mypackage.{name})"
