@@ -68,7 +68,7 @@ def flown(
     file.write_text(text.replace("rigs/", f"{ROOT}/rigs/"))
     clients: list[FoxgloveClient] = []
     failures: list[BaseException] = []
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
 
     def follow(act: Script) -> None:
         end_s = time.monotonic() + 60.0
@@ -408,7 +408,7 @@ def test_a_busy_port_and_an_address_of_another_machine_are_named(tmp_path: Path)
 
 
 def test_an_interrupt_ends_a_paused_run_and_frees_the_port(tmp_path: Path) -> None:
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     words = command(tmp_path, f"foxglove.port={port}", "foxglove.paused=true")
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ)
     end_s = time.monotonic() + 60.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import http.server
-import socket
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -64,7 +63,7 @@ def test_a_page_reaches_a_run_only_if_its_origin_is_named(page: Any) -> None:
 
 
 def test_a_page_reaches_no_server_behind_the_gate(page: Any) -> None:
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     open_to_all = foxglove.start_server(host="127.0.0.1", port=port, context=foxglove.Context())
     assert page.evaluate(TRY, [f"ws://127.0.0.1:{port}", PROTOCOL]) == "got serverInfo"  # what the gate is for
     open_to_all.stop()

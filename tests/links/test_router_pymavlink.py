@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -68,7 +67,7 @@ def upload(peer: Peer, items: list[Any]) -> None:
 
 
 def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -> None:
-    listens, comes, connects = free_port(), free_port(), free_port(socket.SOCK_STREAM)
+    listens, comes, connects = free_port(), free_port(), free_port()
     settings = ["mission=null", "duration_s=3000", "pace=5", f"router.sdk=udp:127.0.0.1:{listens}"]
     settings += [f"router.companion=udpin:127.0.0.1:{comes}", f"router.more=[tcp:127.0.0.1:{connects}]"]
     first = Peer(f"udpin:127.0.0.1:{listens}", 245)

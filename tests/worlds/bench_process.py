@@ -67,27 +67,48 @@ def until(condition: Callable[[], Any], what: str, limit_s: float = 60.0) -> Any
     return found
 
 
-def free_port(kind: int = socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+def _worker() -> int:
+    """Return the number of this worker of pytest-xdist, of which there are up to five."""
+    return int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 5
+
+
+def _take(stack: ExitStack, kind: socket.SocketKind, port: int) -> None:
+    """Hold a port of loopback for as long as the stack is open. Raises OSError if it is in use."""
+    holder = stack.enter_context(socket.socket(socket.AF_INET, kind))
+    if kind is socket.SOCK_STREAM:
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    holder.bind(("127.0.0.1", port))
+
+
+def free_port(following: int = 0) -> int:
+    """Return a port that is free for UDP and TCP, as are the `following` next ones.
+
+    Each worker has numbers of its own, below those that the system gives out, so that no other test takes the port
+    before it is used.
+    """
+    for port in random.sample(range(20_000 + 1000 * _worker(), 21_000 + 1000 * _worker() - following), 100):
+        with ExitStack() as stack:
+            try:
+                for each in range(port, port + following + 1):
+                    _take(stack, socket.SOCK_DGRAM, each)
+                    _take(stack, socket.SOCK_STREAM, each)
+            except OSError:
+                continue
+            return port
+    raise AssertionError("no port is free")
 
 
 def free_instance() -> int:
     """Return an `autopilot.instance` whose ports are free, of PX4 and of ArduPilot.
 
-    Each of up to five workers of pytest-xdist has numbers of its own: looking whether a port is free takes it, for a
-    moment, from a test of another worker.
+    Each worker has numbers of its own: looking whether a port is free takes it, for a moment, from a test of another.
     """
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 5
-    for number in random.sample(range(20 + 16 * worker, 36 + 16 * worker), 16):
+    for number in random.sample(range(20 + 16 * _worker(), 36 + 16 * _worker()), 16):
         with ExitStack() as stack:
-            tcp = stack.enter_context(socket.socket())
-            tcp.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
-                tcp.bind(("127.0.0.1", 4560 + number))
+                _take(stack, socket.SOCK_STREAM, 4560 + number)
                 for port in (18570 + number, 9002 + 10 * number):
-                    stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)).bind(("127.0.0.1", port))
+                    _take(stack, socket.SOCK_DGRAM, port)
             except OSError:
                 continue
             return number

@@ -29,7 +29,7 @@ NOT_RUN = {
     r"ros2|rviz2": "needs an installation of ROS 2",
     r".*(/dev/tty|px4_hitl|--watch)": "needs a board",
     r".*(px4_sitl|px4\.yaml|px4$)": "needs PX4",
-    r".*(ardupilot)": "needs ArduPilot",
+    r".*ardupilot|sim_vehicle\.py": "needs ArduPilot",
     r"hil run --set manual": "needs a gamepad, or a keyboard in a terminal",
     r".*--colour path_traced|.*park\.yaml": "needs Mitsuba: tests/unit/sim/frame, where it is installed",
     r".*--engine ray": "needs Ray: tests/e2e/test_campaign_ray.py and test_dataset_ray.py, where it is installed",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -45,7 +44,7 @@ def head_with_token(home: Path) -> Iterator[str]:
     """Run a cluster of one node with two processors that asks for the token in `home`; its address."""
     require_ray()
     folder = tempfile.mkdtemp(prefix="ray-")  # a short path, for sockets
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     (home / ".ray").mkdir(parents=True)
     (home / ".ray" / "auth_token").write_text("7e" * 32)
     options = ["--head", "--block", "--node-ip-address=127.0.0.1", f"--port={port}", "--num-cpus=2"]

@@ -70,7 +70,7 @@ def test_foxglove_follows_the_first_of_several_flights() -> None:
 
 
 def test_two_flights_at_a_time_have_a_router_each(tmp_path: Path) -> None:
-    port = free_port()
+    port = free_port(following=1)
     texts = ("autopilot.transport=loopback", "mission=rigs/missions/short.waypoints", "duration_s=3")
     engine = LocalEngine(2)
     try:
