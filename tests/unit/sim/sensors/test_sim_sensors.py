@@ -9,8 +9,11 @@ import numpy as np
 import pydantic
 import pytest
 
+import signals.noise
+import sim.sensors.imu
 from signals.errors import ModelRangeError
 from signals.geodesy import LocalFrame
+from signals.noise import noise_key
 from signals.samples import TruthState, Vec3
 from sim._kernels import ideal_imu
 from sim.physics import multirotor
@@ -193,6 +196,17 @@ def test_gps_without_errors_is_the_truth() -> None:
     assert sample.v_W == (1.0, 2.0, 3.0)
 
 
+def test_gps_measures_at_its_antenna() -> None:
+    """p + R r and v + R (w x r), each axis by a different amount."""
+    r_B, w_B, v_W = np.array((0.3, -0.2, 0.15)), np.array((0.5, -1.0, 2.0)), np.array((1.0, 2.0, 3.0))
+    q = (math.sqrt(0.1), 0.5, -0.3, math.sqrt(0.56))
+    gps = sensor("here_plus", **NOISELESS["here_plus"], antenna_m=tuple(r_B))
+    sample = gps.sample(at_rest(q_WB=q, v_WB_W=tuple(v_W), w_WB_B=tuple(w_B)), 0)
+    at = LocalFrame(SCENE.site).enu_from_geodetic(sample.latitude_deg, sample.longitude_deg, sample.altitude_m)
+    assert at == pytest.approx((0.0, 0.0, 2.0) + rotation(q) @ r_B, abs=1e-8)
+    assert sample.v_W == pytest.approx(v_W + rotation(q) @ np.cross(w_B, r_B), abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("latitude_deg", "p_W", "turned_deg"),
     [
@@ -223,6 +237,25 @@ def test_drift_does_not_depend_on_how_it_was_read() -> None:
     read = {k: steady.at(k) for k in range(600)}
     for k in (0, 599, 3, 3, 300, 599, 0):
         assert jumping.at(k) == read[k]
+
+
+def test_every_noise_has_the_name_of_its_sensor_and_is_used_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two sensors of one kind would else err alike, or two errors of one sensor."""
+    names: list[str] = []
+
+    def told(seed: int, name: str) -> tuple[int, int]:
+        names.append(name)
+        return noise_key(seed, name)
+
+    for module in (signals.noise, sim.sensors.imu):
+        monkeypatch.setattr(module, "noise_key", told)
+    for name, preset in PRESETS.items():
+        if not KINDS[preset.kind].needs_frames:
+            names.clear()
+            sensor(name, name="mine")
+            assert names, name
+            assert all(stream.startswith("mine.") for stream in names), (name, names)
+            assert len(set(names)) == len(names), (name, names)
 
 
 def test_config_errors_are_found() -> None:
