@@ -112,6 +112,15 @@ def verdict_of(script: dict[str, Any], states: list[TruthState], records: tuple[
     return judge_script(observer.results(), records)
 
 
+@pytest.mark.parametrize("limit", ["at_most", "at_least"])
+def test_a_limit_on_what_was_never_measured_fails(limit: str) -> None:
+    never = verdict_of({"expect": ({"measure": "max_speed_mps", "from_s": 50.0, limit: 1.0},)}, hop())
+    assert never.status == "FAIL"
+    assert never.reasons == (
+        "max_speed_mps has a limit but was never measured: the run ended too early or without a touch-down",
+    )
+
+
 def test_limits_on_measurements_decide() -> None:
     good = verdict_of({"expect": ({"measure": "max_tilt_deg", "at_most": 21.0},)}, hop())
     assert good.status == "PASS"
