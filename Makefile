@@ -30,7 +30,10 @@ unexport PYTHONDONTWRITEBYTECODE
 test: setup
 	$(PY) -m pytest -m "not slow" $(PARALLEL) $(ARGS)
 
-check: setup
+# Lint before a build of C++, which takes minutes.
+check:
+	@if [ -x .venv/bin/ruff ]; then .venv/bin/ruff check . && .venv/bin/ruff format --check .; fi
+	@$(PYTHON) tools/setup_env.py
 	$(PY) tools/check.py
 
 test-all: setup

@@ -21,6 +21,7 @@ PACKAGES = ("signals", "sim", "firmware_bridge", "hil", "lab", "rigs", "tools", 
 LIMIT_S = 22.0  # no test begins later: the last ones and pytest's end need the rest of half a minute
 MOST_FILES = 60  # collecting more costs more time than is then left to run them
 
+_BASES = ("main", "origin/main")
 _STEPS = 2  # imports between a test and a changed module
 _STARTERS = {"subprocess", "multiprocessing", "playwright", "playwright.sync_api"}
 # What C++ of a folder is linked into; `make setup`, which goes before, builds it.
@@ -95,10 +96,19 @@ def _starters(imports: Mapping[Path, set[str]]) -> set[Path]:
     return found
 
 
-def changed_files(base: str = "main") -> list[Path]:
-    """Return the files that differ from where this branch left `base`, with new ones, relative to the root."""
-    ask = ["git", "-C", str(ROOT)]
-    fork = _lines(*ask, "merge-base", base, "HEAD")[0]
+def changed_files(root: Path = ROOT) -> list[Path]:
+    """Return the files that differ from where this branch left `main`, with new ones, relative to the root.
+
+    A clone of another branch has `origin/main` only. Ends the program with the remedy if there is neither.
+    """
+    ask = ["git", "-C", str(root)]
+    forks = (subprocess.run([*ask, "merge-base", base, "HEAD"], capture_output=True, text=True) for base in _BASES)
+    fork = next((found.stdout.strip() for found in forks if found.returncode == 0), None)
+    if fork is None:
+        raise SystemExit(
+            f"make check: {root} has no commit in common with {' or '.join(_BASES)}, so what changed is unknown: "
+            "fetch it (git fetch --unshallow origin main:main), or run `make lint` and `make test`"
+        )
     names = [*_lines(*ask, "diff", "--name-only", fork), *_lines(*ask, "ls-files", "--others", "--exclude-standard")]
     return [Path(name) for name in names]
 
@@ -125,9 +135,10 @@ def main() -> int:
     for command in (["ruff", "check", "."], ["ruff", "format", "--check", "."]):
         if status := subprocess.run([here / command[0], *command[1:]], cwd=ROOT).returncode:
             return status
+    changed = changed_files()
     types = subprocess.Popen([here / "mypy"], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     paths = [path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
-    tests = near_tests(changed_files(), {path: imports_of((ROOT / path).read_text("utf-8")) for path in paths})
+    tests = near_tests(changed, {path: imports_of((ROOT / path).read_text("utf-8")) for path in paths})
     _tell_tests(tests)
     status = 0
     if tests:
