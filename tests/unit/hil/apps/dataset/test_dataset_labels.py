@@ -135,6 +135,15 @@ def test_catalogue_of_a_house_with_its_door() -> None:
     assert catalogue.object_classes == {2, 3}
 
 
+@pytest.mark.parametrize(("width_px", "difficult"), [(7, "1"), (8, "0")])
+def test_voc_calls_fewer_than_64_pixels_difficult(width_px: int, difficult: str) -> None:
+    instance, depth = scene()
+    instance[:], depth[:] = 0, 9.0
+    instance[10:18, 10 : 10 + width_px] = 4
+    root = ElementTree.fromstring(annotation_xml("7.png", labels_of(instance, depth), CLASSES))
+    assert [o.findtext("difficult") for o in root.findall("object")] == [difficult]
+
+
 def test_voc_boxes_count_from_one_and_include_the_last() -> None:
     instance, depth = scene()
     instance[5:55, 60:64], depth[5:55, 60:64] = 4, 6.0
