@@ -91,6 +91,7 @@ def test_other_host_names_are_refused(host: str) -> None:
 def test_a_request_that_changes_something_needs_an_origin() -> None:
     assert status(method="POST") == 403
     assert status(sec_fetch_site="cross-site") == 403
+    assert status(sec_fetch_site="same-site") == 403  # a page of another port of this machine
     assert status(sec_fetch_site="cross-site", path="/") == 200  # a link to the page, followed by a person
 
 
