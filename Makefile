@@ -32,7 +32,9 @@ test: setup
 
 # Lint before a build of C++, which takes minutes.
 check:
-	@if [ -x .venv/bin/ruff ]; then .venv/bin/ruff check . && .venv/bin/ruff format --check .; fi
+	@[ -x .venv/bin/ruff ] || $(PYTHON) tools/setup_env.py
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
 	@$(PYTHON) tools/setup_env.py
 	$(PY) tools/check.py
 
