@@ -17,6 +17,7 @@ from hil.apps.dash.past.served_folders import ServedFolders
 from hil.apps.dash.past.summary import read_summary
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.recorder import MCAP_NAME
+from hil.run.report.run_folder import is_under_way
 from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 
@@ -42,7 +43,7 @@ class PastRuns(ServedFolders):
         runs: list[dict[str, Any]] = []
         for folder in self.folders():
             try:
-                summary = read_summary(folder)
+                summary = _result(folder)
             except RecordingError as error:
                 runs.append({"name": folder.name, "status": "broken", "broken": str(error)})
                 continue
@@ -80,7 +81,7 @@ class PastRuns(ServedFolders):
     def summary(self, name: str, vehicle: str = "") -> dict[str, Any] | None:
         """Return run.json of a run or of one of its vehicles; None if there is none. Raises RecordingError."""
         folder = self.folder(name)
-        return None if folder is None else read_summary(folder / vehicle)
+        return None if folder is None else _result(folder, vehicle)
 
     def track(self, name: str, vehicle: str = "") -> dict[str, Any]:
         """Return the flight as columns of at most 3000 rows, its events and recorded streams. Raises RecordingError.
@@ -111,6 +112,15 @@ class PastRuns(ServedFolders):
             track["streams"] += self.moments.maps(path.parent.name, vehicle)
             track["path"] = _path_of(path.parent / vehicle, home_W)
         return tracks
+
+
+def _result(folder: Path, vehicle: str = "") -> dict[str, Any] | None:
+    """Return run.json of a run or of one of its vehicles; of one that goes on with the status "running"."""
+    summary = read_summary(folder / vehicle)
+    error = (summary or {}).get("error") or {}
+    if summary is not None and error.get("type") == "Killed" and is_under_way(folder):
+        return {**summary, "status": "running", "error": None}
+    return summary
 
 
 def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
