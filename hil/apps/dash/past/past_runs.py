@@ -36,7 +36,12 @@ class PastRuns(ServedFolders):
         self._tracks = lru_cache(_CACHED_TRACKS)(self._tracks_of)
         self._damaged: dict[str, tuple[int, str]] = {}  # run -> time of its recording, and what is wrong with it
         self._lock = threading.Lock()
+        self._ends = threading.Event()
         self.moments = Moments(self.folder)
+
+    def end(self) -> None:
+        """Let recordings that are being read be left: the process waits for its threads before it ends."""
+        self._ends.set()
 
     def listed(self) -> list[dict[str, Any]]:
         """Return the runs, newest first. Folders without a run.json are left out; `broken` says what is damaged."""
@@ -106,7 +111,7 @@ class PastRuns(ServedFolders):
         return tracks[vehicle] | {"vehicle": vehicle, "vehicles": list(filter(None, tracks)), "others": others}
 
     def _tracks_of(self, path: Path, _written_ns: int) -> dict[str, dict[str, Any]]:
-        tracks = _read_tracks(path)
+        tracks = _read_tracks(path, self._ends)
         for vehicle, track in tracks.items():
             home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
             track["streams"] += self.moments.maps(path.parent.name, vehicle)
@@ -138,13 +143,18 @@ def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
     return [list(leg.end_W) for leg in planned_path(bench.mission, bench.scene, home_W=(x, y, z))]
 
 
-def _read_tracks(path: Path) -> dict[str, dict[str, Any]]:
-    """Return the track of each vehicle by name; of a run of one, under the empty name."""
+def _read_tracks(path: Path, ends: threading.Event) -> dict[str, dict[str, Any]]:
+    """Return the track of each vehicle by name; of a run of one, under the empty name.
+
+    Raises RecordingError for a damaged recording, or once `ends` is set.
+    """
     recording = Recording(path).scan()
     stride_ns = recording.last_ns // _MAX_POINTS
     rows = {name: _TrackRows(stride_ns) for name in recording.vehicles or [""]}
     try:
         for message in recording.messages():
+            if ends.is_set():
+                raise RecordingError(f"{path}: the dashboard ends")
             if "" in rows:
                 rows[""].add(message)
                 continue

@@ -69,6 +69,12 @@ class Dashboard:
 
         return Campaigns(self._runs_folder.parent / "campaigns")
 
+    async def end(self) -> None:
+        """End the run that was started, and what is being read for pages."""
+        if "_past" in self.__dict__:
+            self._past.end()
+        await self.run.stop()
+
     def _default_bench(self) -> Path | None:
         from hil.config.files import dashboard_bench
 

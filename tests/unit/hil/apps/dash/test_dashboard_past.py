@@ -125,3 +125,15 @@ def test_a_run_is_one_zip_of_its_own_files(tmp_path: Path) -> None:
         assert archive.namelist() == ["good/autopilot/log.bin", "good/run.json"]
         assert archive.read("good/run.json") == (folder / "run.json").read_bytes()
         assert archive.read("good/autopilot/log.bin") == (folder / "autopilot/log.bin").read_bytes()
+
+
+def test_a_recording_that_is_read_does_not_keep_the_process_from_ending(tmp_path: Path) -> None:
+    past = runs_folder(tmp_path, good=json.dumps(GOOD))
+    recorder = Recorder(tmp_path / "good", mcap=True, tlog=False, tick_ns=TICK_NS)
+    fly(recorder, make_flight(100))
+    recorder.close("PASS")
+    assert past.track("good")["t"]
+    other = PastRuns(tmp_path)
+    other.end()
+    with pytest.raises(RecordingError, match="the dashboard ends"):
+        other.track("good")
