@@ -113,6 +113,10 @@ def page(browser: Any, address: str) -> Iterator[Any]:
     tab.on("pageerror", lambda error: wrong.append(str(error)))
     tab.on("request", lambda request: wrong.append(request.url) if not local(request.url, address) else None)
     tab.add_init_script("navigator.getGamepads = () => (window.pad ? [window.pad] : [null]);")
+    tab.add_init_script(
+        "window.sockets = []; const Socket = WebSocket;"
+        "window.WebSocket = class extends Socket { constructor(url) { super(url); window.sockets.push(this); } };"
+    )
     tab.goto(address)
     tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
     yield tab
@@ -337,6 +341,10 @@ def test_own_missions_and_a_run_to_keep(page: Any, tmp_path: Path) -> None:
     page.click("#resume")
     until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
     assert page.inner_text("#status") == "PASS"
+    page.locator("html").evaluate("() => window.sockets.at(-1).close()")  # as a slow page loses its connection
+    until(lambda: page.inner_text("#status") == "no connection", page=page)
+    until(lambda: page.inner_text("#status") == "PASS", page=page)
+    assert page.inner_text("#log").count("Takeoff detected") == 1
     with page.expect_download() as download:
         page.click("#after-download")
     with zipfile.ZipFile(download.value.path()) as archive:

@@ -98,7 +98,10 @@ function fillCharts() {
 
 function begin(head) {
   about = head.about;
-  if (head.run === run && about.vehicle === shownVehicle) return;
+  if (head.run === run && about.vehicle === shownVehicle) {
+    if (!replay.on) $("log").replaceChildren(); // a new connection: all events come again
+    return;
+  }
   run = head.run;
   shownVehicle = about.vehicle;
   drawn = null;
