@@ -406,6 +406,7 @@ $("f-pace").onchange = () => {
 
 const missions = new Missions({
   view,
+  follow: $("v-follow"),
   file: $("mission-file"),
   draw: $("mission-draw"),
   bar: {

@@ -4,8 +4,8 @@ const NEAR_TOP = 1.5; // pitch of the view, rad
 
 export class Missions {
   // `bar`: elements of the form under the view. `home()`: where the vehicle starts. `onMission(path)`: a mission is in the list of the server now.
-  constructor({ view, file, draw, bar, home, message, onMission }) {
-    Object.assign(this, { view, draw, bar, home, message, onMission });
+  constructor({ view, follow, file, draw, bar, home, message, onMission }) {
+    Object.assign(this, { view, follow, draw, bar, home, message, onMission });
     this.points = []; // east, north [m]
     this.ground = 0; // height at which they are drawn [m]
     file.onchange = async () => {
@@ -28,6 +28,7 @@ export class Missions {
     if (on) {
       this.ground = this.home()[2];
       this.view.follow = false;
+      this.follow.setAttribute("aria-pressed", "false");
       if (this.view.pitch < NEAR_TOP) this.view.look(-Math.PI / 2, 1.55, Math.max(this.view.distance, 70));
     }
     this.change(on ? this.points : []);
