@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 
 from hil.config import Bench
 from hil.gym.actions import checked
@@ -72,10 +71,9 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         """Fly an action for a step. Raises ValueError for a wrong action, RuntimeError before the first reset."""
         if not self._runs:
             raise RuntimeError(f"{self._name}: call reset() before step(), and after the end of an episode")
-        values = np.array([checked(action, self._shape, self._name)])
-        observation, rewards, ends, late = self.batch.step(values, _FLIES)
+        observation, reward, ends, late = self.batch.step_alone(checked(action, self._shape, self._name))
         self._show()
-        return self._one(observation), float(rewards[0]), bool(ends[0]), bool(late[0]), self.batch.info(0)
+        return self._one(observation), reward, ends, late, self.batch.info(0)
 
     def _one(self, observation: Any) -> Any:
         if self._is_array:
@@ -99,6 +97,3 @@ class FlightEnv(gymnasium.Env[Any, Any]):
         if self._window is not None:
             self._window.close()
         self.batch.close()
-
-
-_FLIES = np.ones(1, np.bool_)

@@ -69,10 +69,10 @@ class _Measured:
     def steps_per_s(self) -> float:
         return 1.0 / self.step_s
 
-    def over(self, all_measured: Sequence[_Measured]) -> float:
+    def over(self, all_measured: Sequence[_Measured], *, tolerance_m: float | None = None) -> float:
         """Return the steps a second of this project over these, in as many worlds with the same kind of action.
 
-        The fastest counts whose error is no larger than that of these.
+        The fastest counts whose error is no larger than that of these; with `tolerance_m`, the one of that tolerance.
         """
         key = self.worlds, self.decision_s, self.simulator.action
         own = [
@@ -80,7 +80,7 @@ class _Measured:
             for each in all_measured
             if each.simulator.is_own
             and key == (each.worlds, each.decision_s, each.simulator.action)
-            and each.error_m <= self.error_m
+            and (each.error_m <= self.error_m if tolerance_m is None else each.simulator.tolerance_m == tolerance_m)
         ]
         return max(own, default=float("nan")) / self.steps_per_s
 
@@ -197,11 +197,25 @@ def _checks(single: Sequence[_Measured], batched: Sequence[_Measured] = ()) -> l
 
 
 def _table(measured: Sequence[_Measured]) -> TextTable:
-    header = ("simulator", "worlds", "decision [ms]", "steps a second", "this project's over it", "error [m]")
+    header = (
+        "simulator",
+        "worlds",
+        "decision [ms]",
+        "steps a second",
+        "this project's over it",
+        "untuned",
+        "error [m]",
+    )
     rows: list[tuple[str, ...]] = []
     for each in measured:
-        ratio = "" if each.simulator.is_own else f"{each.over(measured):.3g}"
-        figures = (f"{each.worlds}", f"{1e3 * each.decision_s:g}", f"{each.steps_per_s:.4g}", ratio)
+        ratios = ("", "")
+        if not each.simulator.is_own:
+            ratios = (f"{each.over(measured):.3g}", f"{each.over(measured, tolerance_m=OWN_RATES.tolerance_m):.3g}")
+        figures = (f"{each.worlds}", f"{1e3 * each.decision_s:g}", f"{each.steps_per_s:.4g}", *ratios)
         rows.append((each.simulator.name, *figures, f"{each.error_m:.2g}"))
-    note = "steps of a world a second of processor time of one core; each simulator in a process of its own, in turns"
+    note = (
+        "steps of a world a second of processor time of one core; each simulator in a process of its own, in turns; "
+        "this project's over it: with its fastest tolerance_m whose error is no larger; untuned: with the default of "
+        f"{OWN_RATES.tolerance_m:g} m, as an environment is made without options"
+    )
     return TextTable(header, rows, note)

@@ -38,8 +38,8 @@ def package_of(client: str) -> str:
 @cache
 def client_python(client: str, version: str = PYTHONS[-1]) -> Path:
     """Return the Python of the environment of a client. Skips the test where it cannot be made."""
-    base = shutil.which(f"python{version}")
-    if base is None or subprocess.run([base, "--version"], capture_output=True).returncode:
+    base = _interpreter(version)
+    if base is None:
         pytest.skip(f"the client {client} needs Python {version}, which was not found")
     folder = _cache_folder() / f"{client.replace(' ', '-')}-py{version}"
     lines = documented_clients()[client]
@@ -57,6 +57,16 @@ def client_python(client: str, version: str = PYTHONS[-1]) -> Path:
                 _run(client, [str(python), "-m", pip, install, *options, *words])
             stamp.write_text(wanted)
     return python
+
+
+def _interpreter(version: str) -> str | None:
+    """Return an interpreter of a version: that of the path, or one of pyenv, whose own command may be switched off."""
+    root = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv")
+    own = sorted(str(path) for path in root.glob(f"versions/{version}.*/bin/python{version}"))
+    for found in (shutil.which(f"python{version}"), *own):
+        if found is not None and not subprocess.run([found, "--version"], capture_output=True).returncode:
+            return found
+    return None
 
 
 def _run(client: str, command: list[str]) -> None:

@@ -77,18 +77,17 @@ class HoverTask(TargetTask):
         flight.begin(seed_of(random), target)
 
     def judge(self, step: Step) -> tuple[Rewards, Ends]:
-        o, near, flies = self._o, self._near, step.flies
-        if len(near) > 1:
-            d, _, rate_radps, cos_tilt = self.measures.T
-            near[flies] = np.where(d[flies] < NEAR_M, near[flies] + 1, 0)
-            rewards = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * np.minimum(1.0, 0.1 * rate_radps)
-            return rewards, (d > o.range_m) | (cos_tilt < 0.0) | step.crashed
-        # Numbers, not arrays: for one vehicle, arrays of one element would take longer than its physics.
+        near, flies = self._near, step.flies
+        d, _, rate_radps, cos_tilt = self.measures.T
+        near[flies] = np.where(d[flies] < NEAR_M, near[flies] + 1, 0)
+        rewards = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * np.minimum(1.0, 0.1 * rate_radps)
+        return rewards, (d > self._o.range_m) | (cos_tilt < 0.0) | step.crashed
+
+    def judge_alone(self, step: Step) -> tuple[float, bool]:
         ((d, _, rate_radps, cos_tilt),) = self.measures.tolist()
-        if flies[0]:
-            near[0] = near[0] + 1 if d < NEAR_M else 0
+        self._near[0] = self._near[0] + 1 if d < NEAR_M else 0
         reward = 1.0 / (1.0 + 4.0 * (d * d)) - 0.05 * min(1.0, 0.1 * rate_radps)
-        return np.array([reward]), np.array([d > o.range_m or cos_tilt < 0.0 or bool(step.crashed[0])])
+        return reward, d > self._o.range_m or cos_tilt < 0.0 or bool(step.crashed[0])
 
     def info(self) -> dict[str, Any]:
         return {"is_success": self._near >= self._near_steps, "distance_m": self.distance_m}

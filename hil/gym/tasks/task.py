@@ -59,6 +59,11 @@ class Task(ABC):
     def judge(self, step: Step) -> tuple[Rewards, Ends]:
         """Return reward and termination of a step; rows of vehicles that have not flown mean nothing."""
 
+    def judge_alone(self, step: Step) -> tuple[float, bool]:
+        """Return what `judge` does for a batch of one, as numbers."""
+        rewards, ends = self.judge(step)
+        return float(rewards[0]), bool(ends[0])
+
     def info(self) -> dict[str, NDArray[Any]]:
         """Return what `info` has at every step, a value for each vehicle."""
         return {}

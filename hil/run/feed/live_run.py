@@ -162,6 +162,10 @@ class LiveRun:
             connection.push()
         for message in sorted(connection.read(), key=lambda message: message.get("kind") != "stop"):
             self._carry_out(message)
+        for vehicle in self._vehicles.values():
+            if connection.lost:  # and is no longer listened to
+                vehicle.sticks.move({"held": False})
+            vehicle.sticks.listened()
         idle = not connection.busy and not connection.lost
         if self._requested is not None and idle and now_ns >= self._update_ns:
             # A late update, such as after a rendered frame, does not delay the updates after it.

@@ -2,6 +2,9 @@
 
 The dead-man switch counts as held only while the page repeats the message that it is held. A page that is closed, loses
 its network or moves to the background therefore releases the switch.
+
+The time counts where messages are looked for (`listened`): a tick that takes half a second on a loaded machine leaves
+the messages of the page unread, and is no reason to release.
 """
 
 from __future__ import annotations
@@ -34,6 +37,7 @@ class PageSticks:
 
     def __init__(self, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
         self._clock_ns = clock_ns
+        self._now_ns = 0  # when messages were looked for last
         self._sticks = NEUTRAL
         self._held_until_ns = 0
         self._pressed: dict[int, int] = {}  # button -> end of the press [ns]
@@ -41,7 +45,7 @@ class PageSticks:
     def move(self, message: Mapping[str, Any]) -> None:
         """Take a message of the page: `axes` [pitch, roll, throttle, yaw], `held`, and optionally `ask` (a request)."""
         axes = message.get("axes")
-        now_ns = self._clock_ns()
+        now_ns = self._now_ns = self._clock_ns()
         held = message.get("held") is True
         self._held_until_ns = now_ns + _MESSAGE_VALID_NS if held else now_ns
         if held and isinstance(axes, list | tuple) and len(axes) == 4 and all(is_number(axis) for axis in axes):
@@ -52,14 +56,17 @@ class PageSticks:
         if request in REQUESTS:
             self._pressed[REQUESTS.index(request) + 1] = now_ns + _PRESS_NS
 
+    def listened(self) -> None:
+        """Take notice that all messages which have arrived were given to `move`."""
+        self._now_ns = self._clock_ns()
+
     @property
     def held(self) -> bool:
-        return self._clock_ns() < self._held_until_ns
+        return self._now_ns < self._held_until_ns
 
     def poll(self) -> StickState | None:
-        now_ns = self._clock_ns()
-        held = now_ns < self._held_until_ns
-        self._pressed = {button: end_ns for button, end_ns in self._pressed.items() if now_ns < end_ns}
+        held = self.held
+        self._pressed = {button: end_ns for button, end_ns in self._pressed.items() if self._now_ns < end_ns}
         return StickState(self._sticks if held else NEUTRAL, held, frozenset(self._pressed))
 
     def close(self) -> None:

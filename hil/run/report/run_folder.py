@@ -54,6 +54,23 @@ def locked_folder(out: Path) -> Iterator[None]:
         os.close(folder)
 
 
+def is_under_way(folder: Path) -> bool:
+    """Return True while a process of this machine holds the lock of a folder."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
 @contextlib.contextmanager
 def run_folder(out: Path, vehicles: Iterable[str] | None = None) -> Iterator[None]:
     """Make the folder of a run and those of its `vehicles`, hold their locks, and remove links where the run writes.

@@ -12,6 +12,7 @@ from lab.gym import gym as bench
 from lab.gym.peers import (
     CRAZYFLOW_FITTED,
     OWN_10_MS,
+    OWN_COARSE,
     OWN_RATES,
     PYFLYT,
     ROTORPY,
@@ -116,6 +117,14 @@ def test_checks_compare_at_the_same_time_of_a_decision_and_kind_of_action() -> N
     assert not pyflyt.ok
     assert crazyflow.value == pytest.approx(20.0)
     assert checks["position error over the least of the others"].value == pytest.approx(8e-6)
+
+
+def test_the_table_also_gives_the_ratio_of_the_default_tolerance() -> None:
+    own = [measured(OWN_RATES, 5.6e-6, 3e-11), measured(OWN_COARSE, 1.25e-6, 5e-6)]
+    table = bench._table([*own, measured(CRAZYFLOW_FITTED, 3.8e-6, 0.07)])
+    row = dict(zip(table.header, table.rows[-1], strict=True))
+    assert (row["this project's over it"], row["untuned"]) == ("3.04", "0.679")
+    assert "default of 1e-09 m" in table.note
 
 
 def test_checks_without_other_simulators_judge_the_error_alone() -> None:

@@ -6,6 +6,7 @@ import { drawHorizon } from "./panes/horizon.js";
 import { LiveSocket, parse } from "./socket.js";
 import { overlayMap } from "./panes/maps.js";
 import { attitude } from "./panes/matrices.js";
+import { Missions } from "./missions.js";
 import { Panes } from "./panes/panes.js";
 import { Replay } from "./replay.js";
 import { Campaigns } from "./campaigns.js";
@@ -75,6 +76,7 @@ function update(head, frames) {
   showSlow();
   if (state.p) showState();
   showStatus(head.result);
+  showAfter(head.result);
   panes.boxes = state.boxes ?? {};
   for (const frame of frames)
     if (frame === drawn) view.setDrawings(frame.data, frame.texts);
@@ -96,7 +98,10 @@ function fillCharts() {
 
 function begin(head) {
   about = head.about;
-  if (head.run === run && about.vehicle === shownVehicle) return;
+  if (head.run === run && about.vehicle === shownVehicle) {
+    if (!replay.on) $("log").replaceChildren(); // a new connection: all events come again
+    return;
+  }
   run = head.run;
   shownVehicle = about.vehicle;
   drawn = null;
@@ -121,6 +126,7 @@ function showWorld(description) {
   view.setLine("plan", plan.flat(), { colour: "--plan" });
   view.setLine("corners", (description.path ?? []).flat(), { colour: "--plan", mode: view.gl?.POINTS, size: 6 });
   view.setLine("trail", [], { colour: "--trail" });
+  if (!missions.bar.box.hidden) missions.open(false);
   view.setDrawings(drawn?.data ?? new ArrayBuffer(0), drawn?.texts ?? []);
   document.body.classList.toggle("watches", description.watches === true);
   offerVehicles(Object.keys(description.vehicles ?? {}), description.vehicle);
@@ -315,6 +321,16 @@ function showStatus(result) {
   chip.className = `chip ${held ? "good" : ""}`;
 }
 
+// Offer the folder of the run that has ended.
+function showAfter(result) {
+  const name = base(about.out),
+    over = !running && result !== null && result !== undefined && name !== "";
+  $("after").hidden = !over;
+  if (!over) return;
+  $("after-report").href = `/runs/${encodeURIComponent(name)}/report.html`;
+  $("after-download").href = `/api/runs/${encodeURIComponent(name)}/download`;
+}
+
 function setStatus(text, kind) {
   $("status").textContent = text;
   $("status").className = `chip ${kind}`;
@@ -337,7 +353,7 @@ function log([t_ns, kind, text]) {
 
 function buttons() {
   const paused = state.paused === true;
-  $("start").disabled = running;
+  $("start").disabled = $("start-top").disabled = running;
   $("pause").disabled = !running || paused || about.lockstep === false;
   $("step").disabled = !running || about.lockstep === false;
   $("resume").disabled = !running || !paused;
@@ -387,6 +403,30 @@ $("start-form").onsubmit = (event) => {
 $("f-pace").onchange = () => {
   if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) });
 };
+
+const missions = new Missions({
+  view,
+  follow: $("v-follow"),
+  file: $("mission-file"),
+  draw: $("mission-draw"),
+  bar: {
+    box: $("draw-bar"),
+    text: $("draw-text"),
+    height: $("draw-height"),
+    speed: $("draw-speed"),
+    home: $("draw-home"),
+    undo: $("draw-undo"),
+    clear: $("draw-clear"),
+    close: $("draw-close"),
+    use: $("draw-use"),
+  },
+  home: () => about.home ?? [0, 0, 0],
+  message: showMessage,
+  onMission: async (path) => {
+    await offerChoices();
+    $("f-mission").value = path;
+  },
+});
 
 new Sticks({
   pad: $("hold"),
@@ -595,6 +635,19 @@ $("theme").onclick = () => {
   theme(next);
 };
 
+// Fill the lists of the form, with the values of the chosen bench as the first entries.
+async function offerChoices() {
+  const bench = $("f-bench").value;
+  const lists = await json(`/api/choices${bench ? `?bench=${encodeURIComponent(bench)}` : ""}`);
+  if (!lists) return;
+  const own = lists.defaults;
+  for (const name of ["bench", "rig", "scene", "mission"])
+    options($(`f-${name}`), lists[name], {
+      none: name === "bench" ? null : own[name] ? `${base(own[name])} (the bench's)` : "the bench's (none)",
+    });
+  $("f-seed").placeholder = own.seed ?? "the bench's";
+}
+
 async function start() {
   buttons();
   view.setVehicle([
@@ -604,12 +657,12 @@ async function start() {
     [0.17, -0.17, 0.02],
   ]);
   options($("fault-rotor"), ["0", "1", "2", "3"]);
-  const lists = await json("/api/choices");
-  if (lists)
-    for (const name of ["bench", "rig", "scene", "mission"])
-      options($(`f-${name}`), lists[name], {
-        none: name === "bench" ? null : `bench's${lists.defaults[name] ? ` (${base(lists.defaults[name])})` : ""}`,
-      });
+  $("f-bench").onchange = async () => {
+    for (const name of ["rig", "scene", "mission"]) $(`f-${name}`).value = ""; // the bench's own
+    $("f-seed").value = "";
+    await offerChoices();
+  };
+  await offerChoices();
   document.documentElement.dataset.ready = "yes";
 }
 start();

@@ -3,7 +3,7 @@
 import { Chart } from "./panes/charts.js";
 import { base, cell, number, reachedOf, table } from "./panes/tables.js";
 
-const VERDICT_CLASS = { PASS: "good", FAIL: "warned", ERROR: "bad" };
+const VERDICT_CLASS = { PASS: "good", FAIL: "warned", ERROR: "bad", running: "live" };
 
 export class Runs {
   constructor({ list, detail, compare, onReplay }) {
@@ -88,6 +88,12 @@ export class Runs {
       report.textContent = "Report with plots";
       buttons.append(report);
     }
+    const download = document.createElement("a");
+    download.href = `/api/runs/${encodeURIComponent(run.name)}/download`;
+    download.download = `${run.name}.zip`;
+    download.id = "download";
+    download.textContent = "Download this run";
+    buttons.append(download);
     parts.push(buttons);
     const rows = summary.verdict?.rows ?? [];
     parts.push(line(reachedOf(summary.mission)));

@@ -1,5 +1,6 @@
-// Manual control by keys, a gamepad of this browser, or the dead-man pad on the page. Sticks are sent only while the
-// dead-man switch is held; a page that loses the focus, is hidden or closed releases it.
+// Manual control by keys, a gamepad of this browser, the dead-man pad or the two sticks on the page. A finger on a stick
+// holds the dead-man switch, too. Sticks are sent only while the switch is held; a page that loses the focus, is hidden
+// or closed releases it.
 
 import { css } from "./panes/charts.js";
 
@@ -16,7 +17,8 @@ const KEYS = {
 };
 const DEAD_ZONE = 0.08,
   KEY_DEFLECTION = 0.5,
-  REQUEST_MS = 300;
+  REQUEST_MS = 300,
+  END_PX = 12; // from full deflection to the rim of a stick
 // An autopilot accepts a manual mode only after it has received stick positions.
 const MODE_REQUEST_AFTER_MS = 250;
 const L1 = 4; // index of the button
@@ -45,8 +47,35 @@ export class Sticks {
         this.finger = false;
         this.tick();
       });
+    this.drags = new Map(); // canvas -> x, y of its finger, -1..1
+    for (const canvas of [left, right]) this.listen(canvas);
     setInterval(() => this.tick(), PERIOD_MS);
     this.draw([0, 0, 0, 0]);
+  }
+
+  // Let a finger move a stick. It returns to the middle when the finger leaves.
+  listen(canvas) {
+    const move = (event) => {
+      const reach = canvas.clientWidth / 2 - END_PX;
+      const place = [event.offsetX - canvas.clientWidth / 2, canvas.clientHeight / 2 - event.offsetY];
+      this.drags.set(
+        canvas,
+        place.map((v) => withDeadZone(Math.max(-1, Math.min(1, v / reach)))),
+      );
+      this.tick();
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      if (!this.mayFly()) return;
+      canvas.setPointerCapture(event.pointerId);
+      move(event);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      if (this.drags.has(canvas)) move(event);
+    });
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"])
+      canvas.addEventListener(name, () => {
+        if (this.drags.delete(canvas)) this.tick();
+      });
   }
 
   key(event, down) {
@@ -62,6 +91,7 @@ export class Sticks {
 
   release() {
     this.down.clear();
+    this.drags.clear();
     this.finger = false;
     this.tick();
   }
@@ -84,8 +114,8 @@ export class Sticks {
       (pad) => pad && pad.connected && pad.mapping === "standard",
     );
     const byPad = Boolean(gamepad && document.hasFocus() && gamepad.buttons[L1]?.pressed);
-    const held = this.mayFly() && (this.down.has("Space") || this.finger || byPad);
-    const axes = byPad ? padAxes(gamepad) : this.keyAxes();
+    const held = this.mayFly() && (this.down.has("Space") || this.finger || this.drags.size > 0 || byPad);
+    const axes = byPad ? padAxes(gamepad) : this.drags.size ? this.dragAxes() : this.keyAxes();
     const began = held && !this.held;
     if (began) {
       this.onTake();
@@ -115,6 +145,12 @@ export class Sticks {
     return [out.pitch, out.roll, out.throttle, out.yaw];
   }
 
+  dragAxes() {
+    const [yaw, throttle] = this.drags.get(this.left) ?? [0, 0],
+      [roll, pitch] = this.drags.get(this.right) ?? [0, 0];
+    return [pitch, roll, throttle, yaw];
+  }
+
   draw([pitch, roll, throttle, yaw]) {
     const state = [pitch, roll, throttle, yaw, this.held, css("--ink")].join();
     if (state === this.drawnState) return;
@@ -127,7 +163,7 @@ export class Sticks {
         n = canvas.width;
       g.clearRect(0, 0, n, n);
       g.strokeStyle = css("--line");
-      g.lineWidth = 2;
+      g.lineWidth = 3;
       g.strokeRect(1, 1, n - 2, n - 2);
       g.beginPath();
       g.moveTo(n / 2, 4);
@@ -137,7 +173,7 @@ export class Sticks {
       g.stroke();
       g.fillStyle = css(this.held ? "--good" : "--quiet");
       g.beginPath();
-      g.arc(n / 2 + x * (n / 2 - 10), n / 2 - y * (n / 2 - 10), 8, 0, 7);
+      g.arc(n / 2 + x * (n / 2 - 2 * END_PX), n / 2 - y * (n / 2 - 2 * END_PX), 16, 0, 7);
       g.fill();
     }
   }

@@ -17,6 +17,7 @@ from hil.apps.dash.past.served_folders import ServedFolders
 from hil.apps.dash.past.summary import read_summary
 from hil.run.recorder.reading import RecordedMessage, Recording
 from hil.run.recorder.recorder import MCAP_NAME
+from hil.run.report.run_folder import is_under_way
 from signals.errors import HilError, RecordingError
 from signals.time import NS_PER_S
 
@@ -35,14 +36,19 @@ class PastRuns(ServedFolders):
         self._tracks = lru_cache(_CACHED_TRACKS)(self._tracks_of)
         self._damaged: dict[str, tuple[int, str]] = {}  # run -> time of its recording, and what is wrong with it
         self._lock = threading.Lock()
+        self._ends = threading.Event()
         self.moments = Moments(self.folder)
+
+    def end(self) -> None:
+        """Let recordings that are being read be left: the process waits for its threads before it ends."""
+        self._ends.set()
 
     def listed(self) -> list[dict[str, Any]]:
         """Return the runs, newest first. Folders without a run.json are left out; `broken` says what is damaged."""
         runs: list[dict[str, Any]] = []
         for folder in self.folders():
             try:
-                summary = read_summary(folder)
+                summary = _result(folder)
             except RecordingError as error:
                 runs.append({"name": folder.name, "status": "broken", "broken": str(error)})
                 continue
@@ -80,7 +86,7 @@ class PastRuns(ServedFolders):
     def summary(self, name: str, vehicle: str = "") -> dict[str, Any] | None:
         """Return run.json of a run or of one of its vehicles; None if there is none. Raises RecordingError."""
         folder = self.folder(name)
-        return None if folder is None else read_summary(folder / vehicle)
+        return None if folder is None else _result(folder, vehicle)
 
     def track(self, name: str, vehicle: str = "") -> dict[str, Any]:
         """Return the flight as columns of at most 3000 rows, its events and recorded streams. Raises RecordingError.
@@ -105,12 +111,21 @@ class PastRuns(ServedFolders):
         return tracks[vehicle] | {"vehicle": vehicle, "vehicles": list(filter(None, tracks)), "others": others}
 
     def _tracks_of(self, path: Path, _written_ns: int) -> dict[str, dict[str, Any]]:
-        tracks = _read_tracks(path)
+        tracks = _read_tracks(path, self._ends)
         for vehicle, track in tracks.items():
             home_W = track["p"][0] if track["p"] else (0.0, 0.0, 0.0)
             track["streams"] += self.moments.maps(path.parent.name, vehicle)
             track["path"] = _path_of(path.parent / vehicle, home_W)
         return tracks
+
+
+def _result(folder: Path, vehicle: str = "") -> dict[str, Any] | None:
+    """Return run.json of a run or of one of its vehicles; of one that goes on with the status "running"."""
+    summary = read_summary(folder / vehicle)
+    error = (summary or {}).get("error") or {}
+    if summary is not None and error.get("type") == "Killed" and is_under_way(folder):
+        return {**summary, "status": "running", "error": None}
+    return summary
 
 
 def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
@@ -128,13 +143,18 @@ def _path_of(folder: Path, home_W: Sequence[float]) -> list[list[float]]:
     return [list(leg.end_W) for leg in planned_path(bench.mission, bench.scene, home_W=(x, y, z))]
 
 
-def _read_tracks(path: Path) -> dict[str, dict[str, Any]]:
-    """Return the track of each vehicle by name; of a run of one, under the empty name."""
+def _read_tracks(path: Path, ends: threading.Event) -> dict[str, dict[str, Any]]:
+    """Return the track of each vehicle by name; of a run of one, under the empty name.
+
+    Raises RecordingError for a damaged recording, or once `ends` is set.
+    """
     recording = Recording(path).scan()
     stride_ns = recording.last_ns // _MAX_POINTS
     rows = {name: _TrackRows(stride_ns) for name in recording.vehicles or [""]}
     try:
         for message in recording.messages():
+            if ends.is_set():
+                raise RecordingError(f"{path}: the dashboard ends")
             if "" in rows:
                 rows[""].add(message)
                 continue

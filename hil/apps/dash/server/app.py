@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import re
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,7 +15,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
@@ -52,6 +53,7 @@ class Dashboard:
         self.run = RunProcess(self.hub)
         self._config = config
         self._runs_folder = runs.resolve()
+        self._missions = self._runs_folder.parent / "missions"  # of pages
         self._last_arguments: list[str] | None = None  # of the last start
         self._loading: asyncio.Task[None] | None = None
 
@@ -66,6 +68,12 @@ class Dashboard:
         from hil.apps.dash.past.campaigns import Campaigns
 
         return Campaigns(self._runs_folder.parent / "campaigns")
+
+    async def end(self) -> None:
+        """End the run that was started, and what is being read for pages."""
+        if "_past" in self.__dict__:
+            self._past.end()
+        await self.run.stop()
 
     def _default_bench(self) -> Path | None:
         from hil.config.files import dashboard_bench
@@ -88,12 +96,15 @@ class Dashboard:
         routes = [
             Route("/", self._index),
             Route("/api/choices", self._choices),
+            Route("/api/missions/file", self._mission_file, methods=["POST"]),
+            Route("/api/missions/drawn", self._mission_drawn, methods=["POST"]),
             Route("/api/scene", self._scene),
             Route("/api/runs", self._runs),
             Route("/api/runs/{name}/scene", self._past_scene),
             Route("/api/runs/{name}/summary", self._summary),
             Route("/api/runs/{name}/track", self._track),
             Route("/api/runs/{name}/moment", self._moment),
+            Route("/api/runs/{name}/download", self._download),
             Route("/runs/{name}/{path:path}", self._file),
             Route("/api/campaigns", self._campaigns),
             Route("/campaigns/{name}/{path:path}", self._campaign_file),
@@ -110,12 +121,36 @@ class Dashboard:
     async def _scene(self, _request: Request) -> Response:
         return Response(await self.hub.scene(), media_type=_BYTES)
 
+    async def _mission_file(self, request: Request) -> Response:
+        from hil.apps.dash.server.missions import keep_file
+
+        name = request.query_params.get("name", "")
+        return await self._keep(keep_file, name, await _body(request), self._missions)
+
+    async def _mission_drawn(self, request: Request) -> Response:
+        from hil.apps.dash.server.missions import keep_drawn
+
+        course = _message((await _body(request)).decode(errors="replace"))
+        place = await self.hub.site_and_start()
+        if course is None or place is None:
+            raise HTTPException(400, "a course and a scene are needed")
+        return await self._keep(keep_drawn, course, *place, self._missions)
+
+    @staticmethod
+    async def _keep(keep: Callable[..., Path], *arguments: Any) -> Response:
+        try:
+            path = await run_in_threadpool(keep, *arguments)
+        except (ValueError, OSError) as error:
+            return PlainTextResponse(str(error), 422)
+        return JSONResponse({"mission": str(path)})
+
     # These are not asynchronous, so Starlette runs them in threads.
 
-    def _choices(self, _request: Request) -> Response:
+    def _choices(self, request: Request) -> Response:
         from hil.apps.dash.server.choices import choices
 
-        return JSONResponse(choices(self._config))
+        lists = choices(self._config, self._missions, bench=request.query_params.get("bench"))
+        return JSONResponse(_or_404(lists))
 
     def _runs(self, _request: Request) -> Response:
         return JSONResponse(self._past.listed())
@@ -144,6 +179,13 @@ class Dashboard:
     def _file(self, request: Request) -> Response:
         path = _or_404(self._past.file(request.path_params["name"], request.path_params["path"]))
         return FileResponse(path, headers={"content-security-policy": _REPORT_POLICY})
+
+    def _download(self, request: Request) -> Response:
+        from hil.apps.dash.past.archive import zipped
+
+        folder = _or_404(self._past.folder(request.path_params["name"]))
+        headers = {"content-disposition": f'attachment; filename="{folder.name}.zip"'}
+        return StreamingResponse(zipped(folder), media_type="application/zip", headers=headers)
 
     def _campaigns(self, _request: Request) -> Response:
         return JSONResponse(self._past_campaigns.listed())
@@ -196,7 +238,9 @@ class Dashboard:
         from hil.apps.dash.server.choices import run_arguments
 
         try:
-            arguments = run_arguments(message, self._config) if kind == "start" else self._last_arguments
+            arguments = (
+                run_arguments(message, self._config, self._missions) if kind == "start" else self._last_arguments
+            )
         except ValueError as error:
             self.hub.message = str(error)
             self.hub.publish()
@@ -209,6 +253,18 @@ class Dashboard:
         self._last_arguments = arguments
         self.hub.message = ""  # clear the message of the last start
         self.run.start([*arguments, f"--dash-runs={self._runs_folder}"])
+
+
+async def _body(request: Request) -> bytes:
+    """Return the body of a request. Raises HTTPException for one that is larger than any mission."""
+    from hil.apps.dash.server.missions import MAX_FILE_BYTES
+
+    body = b""
+    async for piece in request.stream():
+        body += piece
+        if len(body) > MAX_FILE_BYTES:
+            raise HTTPException(413, f"more than {MAX_FILE_BYTES >> 20} MB, which no mission needs")
+    return body
 
 
 def _message(text: str) -> dict[str, Any] | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import rigs
+from hil.config import BenchConfig
 from hil.config.files import available, dashboard_bench, default_bench
 from hil.run.feed.messages import is_number
 from signals.documents.yaml_lines import read_yaml
@@ -15,26 +16,36 @@ from signals.errors import ConfigError
 _PACKAGE = Path(rigs.__file__).resolve().parent
 _MISSIONS = ("*.plan", "*.waypoints", "*.yaml")
 _MAX_SEED = 2**63 - 1
+_FIELDS = ("rig", "scene", "mission", "seed", "pace")
 
 
-def choices(config: Path | None) -> dict[str, Any]:
-    """Return the lists of the start form. `config`: the bench file of `hil dash`."""
+def choices(config: Path | None, own: Path | None = None, *, bench: str | None = None) -> dict[str, Any] | None:
+    """Return the lists of the start form, and what a bench has in its fields.
+
+    `config`: the bench file of `hil dash`. `own`: folder of the missions that pages have brought. `bench`: one of the
+    list, by default the first; None is returned for another.
+    """
     benches = sorted({*_files(Path("rigs/benches"), ("*.yaml",)), *_files(_PACKAGE / "benches", ("*.yaml",))})
     missions = sorted({*_files(Path("rigs/missions"), _MISSIONS), *_files(_PACKAGE / "missions", _MISSIONS)})
+    missions = ([] if own is None else sorted(_files(own, _MISSIONS))) + missions
     default = config or dashboard_bench()
     first = [str(bench) for bench in (default, default_bench()) if bench is not None]
+    listed = list(dict.fromkeys([*first, *benches]))
+    if bench is not None and bench not in listed:
+        return None
     return {
-        "bench": list(dict.fromkeys([*first, *benches])),
+        "bench": listed,
         "rig": available("rig", ()),
         "scene": available("scene", ()),
         "mission": missions,
-        "defaults": _defaults(default),
+        "defaults": _defaults(default if bench is None else Path(bench)),
     }
 
 
-def run_arguments(message: Mapping[str, Any], config: Path | None) -> list[str]:
+def run_arguments(message: Mapping[str, Any], config: Path | None, own: Path | None = None) -> list[str]:
     """Return the arguments of `hil run` for a form. Raises ValueError for a value that is not on the lists."""
-    lists = choices(config)
+    lists = choices(config, own)
+    assert lists is not None
     bench = message.get("bench") or (str(config) if config is not None else None)
     for name, value in (("bench", bench), *((name, message.get(name)) for name in ("rig", "scene", "mission"))):
         if value not in (None, "", *lists[name]):
@@ -63,10 +74,10 @@ def _files(folder: Path, patterns: tuple[str, ...]) -> list[str]:
 
 
 def _defaults(bench: Path | None) -> dict[str, Any]:
-    """Return the values in the bench file of the form's fields, not validated."""
+    """Return the values that the form's fields have in a bench, not validated: those of its file, else the schema's."""
     try:
         data = read_yaml(bench).data if bench is not None else {}
     except ConfigError:
         data = {}
     values = data if isinstance(data, dict) else {}
-    return {name: values.get(name) for name in ("rig", "scene", "mission", "seed")}
+    return {name: values.get(name, BenchConfig.model_fields[name].default) for name in _FIELDS}

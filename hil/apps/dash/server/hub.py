@@ -28,6 +28,8 @@ from signals.errors import HilError
 
 if TYPE_CHECKING:  # imported later at run time: OpenCV and the scene take half a second
     from hil.apps.dash.views.preview_sensors import PreviewSensors
+    from signals.geodesy import Site
+    from signals.samples import Vec3
 
 _NICE = 10  # of the threads that render and encode, so that the run has priority
 _EVENTS = 300
@@ -331,6 +333,16 @@ class Hub:
         if previews is None:
             return UINT32.pack(0)
         return await asyncio.get_running_loop().run_in_executor(self._threads, previews.triangles)
+
+    async def site_and_start(self) -> tuple[Site, Vec3] | None:
+        """Return the site of the scene that is shown and where the vehicle starts in it; None without a scene.
+
+        Raises HilError if the scene cannot be loaded.
+        """
+        previews = self._current_previews()
+        if previews is None:
+            return None
+        return await asyncio.get_running_loop().run_in_executor(self._threads, previews.site_and_start)
 
     def _seen_from(self) -> dict[str, Any]:
         """Return the state from which previews are rendered: the run's; before the first run `_BEFORE_THE_FIRST_RUN`.

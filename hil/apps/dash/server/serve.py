@@ -84,7 +84,7 @@ async def serve(
             following.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await following
-        await dashboard.run.stop()
+        await dashboard.end()
 
 
 async def _follow(dashboard: Dashboard, run_link: socket.socket, server: uvicorn.Server) -> None:

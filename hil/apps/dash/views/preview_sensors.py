@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 from hil.run.feed.payloads import MAX_POINTS, frame_streams
 from hil.run.feed.streams import CLOUD_CHANNEL, PREVIEW_PREFIX, PREVIEW_STREAMS
 from signals.classes import Classes
-from signals.samples import TruthState
+from signals.samples import TruthState, Vec3
 
 if TYPE_CHECKING:
+    from signals.geodesy import Site
     from sim.frame.scene_mesh import Actors
 
 _SIZE = (320, 240)
@@ -53,6 +54,14 @@ class PreviewSensors:
             triangles = scene_triangles(world)
         self._actors = Actors(world)
         return triangles
+
+    def site_and_start(self) -> tuple[Site, Vec3]:
+        """Return the site of the scene and where the (first) vehicle starts, in W. Raises HilError as `triangles`."""
+        with self._lock:
+            self._source("")
+            bench = self._bench
+        first = next(iter(bench.vehicles.values()), bench)
+        return bench.scene.site, first.config.start.p_W
 
     def places(self, t_ns: int) -> list[tuple[float, float, float, float]]:
         """Return x, y, z [m, W] and yaw [rad] of people and vehicles; empty before `triangles` was called."""

@@ -21,7 +21,8 @@ void main() { gl_Position = screen * world * vec4(at, 1.0); gl_Position.z -= 0.0
 const LINE_FRAGMENT = `#version 300 es
 precision highp float; uniform vec4 paint; out vec4 colour; void main() { colour = paint; }`;
 
-const FOV = 0.9;
+const FOV = 0.9,
+  TAP_PX = 6;
 
 export class View3d {
   // `texts`: element over the canvas for the texts of drawings.
@@ -40,6 +41,7 @@ export class View3d {
     this.actors = []; // meshes of people and vehicles
     this.places = []; // place of each: x, y, z [m], yaw [rad]
     this.bodies = new Map(); // meshes by name of the vehicle; the name of the shown one is empty
+    this.onTap = null; // called with the place of a tap or click, in pixels of the canvas
     this.others = {}; // pose [p, q] of each other vehicle, by name
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     this.gl = gl;
@@ -215,6 +217,23 @@ export class View3d {
     this.drawings.draw(screen, { width: this.canvas.width, height: this.canvas.height, ratio, near, fov: FOV });
   }
 
+  // Return east and north of the point at height `z` that is seen at a pixel of the canvas; null above the horizon.
+  groundAt(x, y, z) {
+    const eye = this.eye();
+    eye[2] = Math.max(eye[2], 0.3);
+    const forward = unit(minus(this.target, eye)),
+      right = unit(cross(forward, [0, 0, 1])),
+      up = cross(right, forward),
+      size = Math.tan(FOV / 2);
+    const across =
+        (((2 * x) / this.canvas.clientWidth - 1) * size * this.canvas.clientWidth) / this.canvas.clientHeight,
+      above = (1 - (2 * y) / this.canvas.clientHeight) * size;
+    const ray = forward.map((v, k) => v + across * right[k] + above * up[k]);
+    if (ray[2] > -1e-3) return null;
+    const far = (z - eye[2]) / ray[2];
+    return far > 0 ? [eye[0] + far * ray[0], eye[1] + far * ray[1]] : null;
+  }
+
   look(yaw, pitch, distance) {
     this.yaw = yaw;
     this.pitch = pitch;
@@ -225,15 +244,20 @@ export class View3d {
   listen() {
     const canvas = this.canvas,
       fingers = new Map();
-    let spread = 0;
+    let spread = 0,
+      moved = 0; // pixels since the first finger came down
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
       spread = 0;
+      moved = fingers.size > 1 ? Infinity : 0;
     });
     const up = (event) => fingers.delete(event.pointerId);
-    canvas.addEventListener("pointerup", up);
+    canvas.addEventListener("pointerup", (event) => {
+      up(event);
+      if (moved < TAP_PX) this.onTap?.(event.offsetX, event.offsetY);
+    });
     canvas.addEventListener("pointercancel", up);
     canvas.addEventListener("pointermove", (event) => {
       const before = fingers.get(event.pointerId);
@@ -241,6 +265,7 @@ export class View3d {
       const dx = event.clientX - before[0],
         dy = event.clientY - before[1];
       fingers.set(event.pointerId, [event.clientX, event.clientY]);
+      moved += Math.hypot(dx, dy);
       if (fingers.size === 2) {
         const [a, b] = [...fingers.values()],
           now = Math.hypot(a[0] - b[0], a[1] - b[1]);

@@ -270,6 +270,7 @@ def test_a_page_starts_only_what_is_on_the_lists(form: dict[str, Any]) -> None:
 
 def test_a_form_becomes_the_arguments_of_hil_run() -> None:
     lists = choices(None)
+    assert lists is not None
     mission = next(path for path in lists["mission"] if path.endswith("rectangle.plan"))
     form = {
         "kind": "start",
@@ -293,7 +294,7 @@ def test_a_form_becomes_the_arguments_of_hil_run() -> None:
 def test_the_page_opens_on_the_park_with_camera_lidar_and_radar(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lists = choices(None)  # in the checkout ./hil.yaml is the installation's own
+    lists: Any = choices(None)  # in the checkout ./hil.yaml is the installation's own
     assert Path(lists["bench"][0]).name == "dashboard.yaml"
     assert any(Path(bench).name == "hil.yaml" for bench in lists["bench"])
     assert lists["defaults"]["scene"] == "city_park"
@@ -302,8 +303,21 @@ def test_the_page_opens_on_the_park_with_camera_lidar_and_radar(
     assert bench.mission is not None
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hil.yaml").write_text("rig: mock\nscene: airfield\n")
-    assert choices(None)["bench"][0] == "hil.yaml"  # the user's own comes first
-    assert choices(None)["defaults"]["scene"] == "airfield"
+    lists = choices(None)
+    assert lists["bench"][0] == "hil.yaml"  # the user's own comes first
+    assert lists["defaults"]["scene"] == "airfield"
+
+
+def test_the_form_shows_the_values_of_the_chosen_bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "rigs/benches"
+    folder.mkdir(parents=True)
+    (folder / "mine.yaml").write_text("scene: village\nseed: 7\npace: 2\n")
+    lists = choices(None, bench="rigs/benches/mine.yaml")
+    assert lists is not None
+    wanted = {"rig": "mock", "scene": "village", "mission": None, "seed": 7, "pace": 2}
+    assert lists["defaults"] == wanted  # the rig is the schema's
+    assert choices(None, bench="/etc/passwd") is None
 
 
 def test_panes_show_the_scene_before_the_first_run() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from firmware_bridge.manual.sticks import NEUTRAL, Sticks
+from hil.run.feed.live_run import LiveRun
 from hil.run.feed.live_vehicle import LiveVehicle
 from hil.run.feed.messages import MAX_MESSAGE, Unpacker, packed
 from hil.run.feed.page_sticks import REQUESTS, PageSticks, page_buttons
@@ -40,14 +41,45 @@ def test_sticks_count_only_while_the_page_repeats_them() -> None:
     state = sticks.poll()
     assert (state.sticks, state.held) == (Sticks(0.5, -1.0, 0.0, 1.0), True)
     clock.now_ns += 399 * MS
+    sticks.listened()
     assert sticks.poll().held is True
     clock.now_ns += 2 * MS  # nothing came for 0.4 s: the page is gone, or hidden
+    sticks.listened()
     state = sticks.poll()
     assert (state.sticks, state.held) == (NEUTRAL, False)
     # Letting go acts at once.
     sticks.move({"held": True, "axes": [1, 1, 1, 1]})
     sticks.move({"held": False, "axes": [1, 1, 1, 1]})
     assert sticks.poll() == (NEUTRAL, False, frozenset())
+
+
+def test_a_slow_tick_does_not_release_the_switch_while_messages_wait() -> None:
+    clock = Clock()
+    sticks = PageSticks(clock)
+    sticks.move({"held": True, "axes": [1, 0, 0, 0]})
+    clock.now_ns += 900 * MS  # a tick of a loaded machine, in which nobody reads what the page repeats
+    assert sticks.held
+    assert sticks.poll() == (Sticks(1.0, 0.0, 0.0, 0.0), True, frozenset())
+    sticks.move({"held": True, "axes": [1, 0, 0, 0]})  # the messages that have waited
+    sticks.listened()
+    assert sticks.held
+    clock.now_ns += 401 * MS
+    sticks.listened()  # nothing has waited: the page is gone
+    assert not sticks.held
+
+
+def test_sticks_are_released_with_the_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    ours, theirs = socket.socketpair()
+    clock = Clock()
+    live = LiveRun(ours, clock_ns=clock)
+    vehicle = live.vehicle()
+    monkeypatch.setattr(vehicle, "extend_trail", lambda: None)  # it has not flown
+    vehicle.sticks.move({"held": True, "axes": [1, 0, 0, 0]})
+    live._poll(0)
+    assert vehicle.sticks.held
+    theirs.close()
+    live._poll(0)
+    assert not vehicle.sticks.held
 
 
 @pytest.mark.parametrize("axes", [None, [1.0], ["1", 0, 0, 0], [float("nan"), 0, 0, 0], [True, 0, 0, 0], "abcd"])
@@ -69,6 +101,7 @@ def test_a_button_is_one_press() -> None:
     assert set(buttons.modes.values()) == {"position", "mission"}
     sticks.move({"held": True, "axes": [0, 0, 0, 0], "ask": "self-destruct"})
     clock.now_ns += 251 * MS
+    sticks.listened()
     assert sticks.poll().pressed == frozenset()
     assert REQUESTS[buttons.arm - 1] == "arm"
     assert REQUESTS[buttons.disarm - 1] == "disarm"
