@@ -45,7 +45,7 @@ wheel: setup
 	$(PY) tools/check_wheel.py
 
 # What browsers run: JavaScript and its pages.
-PAGES := hil/apps
+PAGES := hil/apps hil/run/report
 
 lint: setup
 	.venv/bin/ruff check .

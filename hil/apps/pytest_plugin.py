@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from hil.apps.fly.flown_run import HEALTH, BenchError, Run, health, unseen_crashes
+from hil.flown_run import HEALTH, BenchError, Run, health, unseen_crashes
 
 if TYPE_CHECKING:
     from firmware_bridge.devices.mock_bus import MockDesk, MockHid, MockSerialPorts, MockUsbBus

@@ -5,13 +5,17 @@ It has few imports, so that an error in any other import ends in one message and
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import faulthandler
+import gc
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from types import FrameType
+from typing import NoReturn
 
 from hil.cli.status import ERROR_STATUS
 from hil.cli.streams import keep_streams
@@ -52,6 +56,9 @@ def _raise_again(ignored: sys.UnraisableHookArgs) -> None:
 
 def main() -> None:
     """Run the command line and exit with its status: 0 PASS, 1 FAIL, 2 wrong files or options, 3 ERROR."""
+    # Loading the bench's modules makes some hundred thousand objects that stay, and the collector would search them
+    # again and again: an eighth of a short command's time.
+    gc.set_threshold(20_000)
     _handle_signals(_stop)
     keep_streams()
     sys.unraisablehook = _raise_again
@@ -74,7 +81,17 @@ def main() -> None:
         defect_text = f"{type(defect).__name__}: {defect} (a defect of the bench; HIL_TRACEBACK=1 shows where)"
         status = _print_error(defect_text if told is None else str(told), ERROR_STATUS)
     _end_crashes(status)
-    sys.exit(status)
+    _exit(status)
+
+
+def _exit(status: int) -> NoReturn:
+    """End as the interpreter would, but without freeing every object: a fifth of a short command's time."""
+    threading._shutdown()  # type: ignore[attr-defined]  # waits for threads
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(status)
 
 
 def _guard_crashes() -> None:

@@ -31,7 +31,7 @@ from hil.run.stepped.ideal_controller import (
     VELOCITY,
     IdealController,
 )
-from hil.run.stepped.vehicle import SteppedVehicle
+from hil.run.stepped.vehicle import FlyingVehicle
 from hil.run.stepped.world import SteppedWorld
 from signals.desired import DesiredState
 from signals.errors import HilError
@@ -104,7 +104,7 @@ class MotorDriver:
     held: Sequence[float] = ()
     cruises = True
 
-    def __init__(self, vehicle: SteppedVehicle) -> None:
+    def __init__(self, vehicle: FlyingVehicle) -> None:
         self._vehicle = vehicle
 
     def rest(self) -> Sequence[float]:
@@ -129,7 +129,7 @@ class MotorDriver:
 class IdealDriver:
     """Set-points for the ideal controller."""
 
-    def __init__(self, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
+    def __init__(self, vehicle: FlyingVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._vehicle, self._options = vehicle, options
         self.held = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2).kernel
         self._aim = self.held.aim
@@ -180,7 +180,7 @@ class RigDriver:
         """Return the action of a hover."""
         return (0.0, 0.0, 0.0, 0.0)
 
-    def __init__(self, bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> None:
+    def __init__(self, bench: Bench, vehicle: FlyingVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._bench, self._vehicle, self._world, self._options = bench, vehicle, world, options
         self._origin_W: Vec3 = (0.0, 0.0, 0.0)
         self._pilot: Any = None
@@ -195,9 +195,7 @@ class RigDriver:
 
         self.close()
         self._origin_W = origin_W
-        physics = self._vehicle.physics
-        assert physics is not None
-        pilot = self._pilot = RigPilot(self._bench, physics, lambda _text: None)
+        pilot = self._pilot = RigPilot(self._bench, self._vehicle.physics, lambda _text: None)
         self._vehicle.pilot = self.pilot
         ticks = round(_BOOT_S * self._bench.config.tick_hz)
         while not pilot.ready:
@@ -248,7 +246,7 @@ def position_W(origin_W: Vec3, values: Sequence[float], options: FlightOptions) 
     return x + values[0] * ex, y + values[1] * ey, z + values[2] * ez
 
 
-def make_driver(bench: Bench, vehicle: SteppedVehicle, world: SteppedWorld, options: FlightOptions) -> Driver:
+def make_driver(bench: Bench, vehicle: FlyingVehicle, world: SteppedWorld, options: FlightOptions) -> Driver:
     """Return the driver of a vehicle."""
     if options.action == "motors":
         return MotorDriver(vehicle)

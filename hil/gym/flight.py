@@ -14,7 +14,7 @@ from hil.gym.actions import make_driver
 from hil.gym.options import FlightOptions
 from hil.gym.ports import Ports
 from hil.gym.randomize import Draw, switch
-from hil.run.stepped.vehicle import SteppedVehicle
+from hil.run.stepped.vehicle import FlyingVehicle
 from hil.run.stepped.world import Departure, SteppedWorld
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
@@ -31,14 +31,13 @@ class Flight:
         self._world = SteppedWorld(
             bench.scene, config.tick_ns, seed=config.noise_seed, wind=config.wind, integration=options.integration()
         )
-        self._vehicle: SteppedVehicle = self._world.add(
+        self._vehicle = self._world.add(
             config.name or "vehicle",
             bench.vehicle,
             config.start.flight_start(),
             effects=config.physics.effects,
             faults=config.faults.rotors,
         )
-        assert self._vehicle.physics is not None
         self.physics = self._vehicle.physics
         self.driver = make_driver(bench, self._vehicle, self._world, options)
         self.ports = Ports(bench, ports) if ports else None
@@ -62,9 +61,10 @@ class Flight:
         return self._world
 
     @property
-    def vehicle(self) -> SteppedVehicle:
+    def vehicle(self) -> FlyingVehicle:
         """The vehicle, at the present tick."""
-        return self.world.vehicles[self._vehicle.name]
+        _ = self.world  # takes notice of ticks that it does not know yet
+        return self._vehicle
 
     @property
     def truth(self) -> TruthState:

@@ -42,7 +42,7 @@ _UNITS = {
 class StrictModel(BaseModel):
     """Base of settings: frozen, no unknown keys, no NaN or infinity."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(defer_build=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Section(StrictModel):

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # loads its packages when they are first used
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from signals.errors import ConfigError, Problem
 from sim.radar.comparison import odd_code_share
@@ -166,7 +166,9 @@ def _frame_start(mean: Float64, repetition_s: float, noise: Float64) -> _Start:
     if best in (0, len(grid) - 1):
         return _Start(mean.mean(axis=1), np.zeros_like(mean[:, 0]), None)
     low, high = float(grid[best - 1]), float(grid[best + 1])
-    decay_s = float(minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3 * low}).x)
+    decay_s = float(
+        scipy.optimize.minimize_scalar(cost, bounds=(low, high), method="bounded", options={"xatol": 1e-3 * low}).x
+    )
     p, q, e = _decompose(mean, decay_s, repetition_s)
     # Variance of q by noise alone, that is of the coefficient of e in a fit of a constant and e.
     expected = noise / ((e - e.mean()) ** 2).sum()

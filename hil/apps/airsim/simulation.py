@@ -30,7 +30,7 @@ from hil.apps.airsim.world.sensors.suite import SensorSuite
 from hil.apps.airsim.world.starts import Starts
 from hil.apps.airsim.world.surroundings import Surroundings
 from hil.config import Bench
-from hil.run.stepped.vehicle import Pilot, SteppedVehicle
+from hil.run.stepped.vehicle import FlyingVehicle, Pilot, SteppedVehicle
 from hil.run.stepped.world import Departure, SteppedWorld
 from signals.errors import ConfigError, LinkError, Problem
 from signals.frames import ned_from_enu
@@ -131,7 +131,7 @@ class Simulation:
         """Set the external force on each vehicle that flies, those that are added later too."""
         self._push_W_n = force_W_n
         for drone in self.drones.values():
-            if drone.vehicle.physics is not None:
+            if isinstance(drone.vehicle, FlyingVehicle):
                 drone.vehicle.physics.set_push(force_W_n)
 
     # Time ------------------------------------------------------------------------------------------------------------
@@ -228,15 +228,18 @@ class Simulation:
         if settings.collisions and settings.pass_through:
             self.log(f"{name}: a collision stops the vehicle: EnableCollisionPassthrogh has no effect")
         settings, start = self._starts.take(settings, model)
-        vehicle = self.world.add(name, model, start, effects=self._effects, has_physics=self.flies)
-        if vehicle.physics is not None:
-            vehicle.physics.collides = settings.collisions
-            vehicle.physics.set_push(self._push_W_n)
-        origin = self._origin(settings, vehicle)
+        vehicle: SteppedVehicle
         flight: SimpleFlight | None = None
         if self.flies:
-            flight = self._flight(name, vehicle, rig, origin)
-            vehicle.pilot = self._pilot(name, flight)
+            vehicle = flying = self.world.add(name, model, start, effects=self._effects)
+            flying.physics.collides = settings.collisions
+            flying.physics.set_push(self._push_W_n)
+            origin = self._origin(settings, flying)
+            flight = self._flight(name, flying, rig, origin)
+            flying.pilot = self._pilot(name, flight)
+        else:
+            vehicle = self.world.stand(name, model, start, effects=self._effects)
+            origin = self._origin(settings, vehicle)
         measured = Measured(
             name,
             self.scene,
@@ -295,14 +298,13 @@ class Simulation:
         start_W = vehicle.truth.p_WB
         return NedFrame(start_W if math.dist(p_W, start_W) < _SETTLED_M else p_W)
 
-    def _flight(self, name: str, vehicle: SteppedVehicle, rig: Bench | None, origin: NedFrame) -> SimpleFlight:
+    def _flight(self, name: str, vehicle: FlyingVehicle, rig: Bench | None, origin: NedFrame) -> SimpleFlight:
         model, gravity, start_W = vehicle.vehicle, self.scene.gravity_mps2, origin.origin_W
         if rig is None:
             return SimpleFlight(model, TICK_NS, gravity, start_W)
         from hil.apps.airsim.world.rig_flight import RigFlight, RigPilot
 
         physics = vehicle.physics
-        assert physics is not None
         self.log(f"{name}: starting {rig.config.autopilot.kind}")
         return RigFlight(
             model, TICK_NS, gravity, start_W, lambda: RigPilot(rig, physics, lambda text: self.log(f"{name}: {text}"))

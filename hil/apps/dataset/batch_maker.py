@@ -34,6 +34,7 @@ from hil.apps.dataset.storage.manifest import BENCH_NAME
 from hil.apps.dataset.storage.recording import EncodedFrames, is_complete, pack_frames
 from hil.apps.dataset.storage.tree import PREVIEW, WORK, TreeWriter, Written
 from hil.config import load_bench
+from hil.data_set_files import ANNOTATIONS, CLASS_MASKS, IMAGES
 from hil.run.sensors.frame_stages import description
 from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.errors import RecordingError
@@ -217,10 +218,10 @@ class BatchWriter:
         maker, t_ns = self._maker, sample.t_capture_ns
         labels = maker.labels.read(sample.channels)
         file_name = f"{t_ns}.png"
-        self._write(f"{voc.ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, maker.catalogue.classes))
-        self._write(f"{voc.CLASS_MASKS}/{file_name}", maker.encoder.indexed_png(sample.channels["segmentation"]))
+        self._write(f"{ANNOTATIONS}/{t_ns}.xml", voc.annotation_xml(file_name, labels, maker.catalogue.classes))
+        self._write(f"{CLASS_MASKS}/{file_name}", maker.encoder.indexed_png(sample.channels["segmentation"]))
         masks = mask_texts(sample.channels["instance"], labels)
-        self._pictures.append(coco_picture(frame, f"{voc.IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
+        self._pictures.append(coco_picture(frame, f"{IMAGES}/{file_name}", labels, masks, t_ns=t_ns))
         self._objects.append(dict(sorted(Counter(o.class_id for o in labels.objects).items())))
         self._class_pixels += labels.class_pixels
         return labels

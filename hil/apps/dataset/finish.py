@@ -31,7 +31,6 @@ from hil.apps.dataset.storage.tree import (
     ANNOTATIONS,
     CHECKSUMS,
     JOURNAL,
-    MANIFEST,
     PREVIEW,
     RECORDING,
     WORK,
@@ -39,6 +38,7 @@ from hil.apps.dataset.storage.tree import (
     Written,
     unwritable,
 )
+from hil.data_set_files import IMAGE_SETS, IMAGES, MANIFEST
 from signals.channels import CHANNELS
 from signals.errors import RecordingError
 from signals.time import NS_PER_S
@@ -115,11 +115,11 @@ def finish(
     written = [*files, *batch_files, *tables.written()]
     if plan.labelled is not None:
         names = [str(t_ns) for t_ns in counts.frame_t_ns]
-        written += [tree.write(f"{voc.IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
+        written += [tree.write(f"{IMAGE_SETS}/{n}", t.encode()) for n, t in voc.image_sets(names, split).items()]
         written += _coco_files(plan, tree, split, catalogue, store.coco_pictures)
     written.append(tree.write(SPLIT_NAME, split_text(split).encode()))
     if plan.labelled is not None:
-        _link(root / voc.IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
+        _link(root / IMAGES, f"{ROOT}/{plan.folder(plan.labelled, 'rgb')}/data")
     previews = [file.path for record in records[:1] for file in record.files if file.path.startswith(PREVIEW)]
     for file in _radar_previews(plan, tree, records):
         written.append(file)

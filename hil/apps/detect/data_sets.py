@@ -22,7 +22,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from hil.apps.dataset.storage.tree import MANIFEST
+from hil.data_set_files import MANIFEST
 from signals.errors import RecordingError
 from sim.scene.map_section import GeneratedMap
 from sim.scene.scene import load_scene

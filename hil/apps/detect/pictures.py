@@ -21,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.dataset.formats.voc import ANNOTATIONS, DIFFICULT_BELOW_PX, IMAGE_SETS, IMAGES
+from hil.data_set_files import ANNOTATIONS, DIFFICULT_BELOW_PX, IMAGE_SETS, IMAGES
 from signals.errors import ConfigError, Problem
 
 PARTS = ("train", "validation", "test", "all")

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from hil.apps.fly.choice import BenchChoice
-from hil.apps.fly.dashboard import DashboardLink
 from hil.apps.fly.result_table import print_result
 from hil.run.report.run_folder import guard_unbegun, new_run_dir, write_unbegun
 from signals.errors import ConfigError, HilError
@@ -20,12 +19,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from hil.config import Bench
-    from hil.run.bench_run import RunResult
+    from hil.run.bench_run import MoreParts, RunResult
+
+    # Opens what follows a run (bench file, folder of the runs, console), and yields the maker of its parts.
+    Follower = Callable[[Path | None, Path, Console], contextlib.AbstractContextManager[MoreParts]]
 
 
 def fly(
     choice: BenchChoice,
-    link: DashboardLink,
+    follower: Follower,
     console: Console,
     errors: Console,
     *,
@@ -45,10 +47,10 @@ def fly(
     try:
         bench, run_bench = _load(choice, out, runs)
         with (
-            link.parts(choice.config, runs if out is None else out.parent, console) as dashboard_parts,
+            follower(choice.config, runs if out is None else out.parent, console) as parts,
             new_run_dir(out, bench.config.rig, runs) as folder,
         ):
-            result = run_bench(bench, folder, quiet=quiet, more=dashboard_parts)
+            result = run_bench(bench, folder, quiet=quiet, more=parts)
             if result.config_error is not None:
                 raise result.config_error
             print_result(result.run, folder, time.monotonic() - began_s, console, errors)

@@ -57,9 +57,9 @@ def run(o: RunOptions) -> None:
     Exit status: 0 PASS, 1 FAIL, 2 a wrong file or option, 3 ERROR or stopped by a signal (Ctrl-C). A run without a
     mission, goal, search or companion in control ends at a signal as at duration_s: 0, or 1 if a limit is missed.
     """
+    from hil.apps.dash.run_link import DashboardLink
     from hil.apps.fly.choice import BenchChoice
     from hil.apps.fly.command import fly
-    from hil.apps.fly.dashboard import DashboardLink
 
     choice = BenchChoice(o.config, o.rig, o.scene, o.mission, o.seed, tuple(o.settings or ()))
     if o.print_command:
@@ -72,5 +72,5 @@ def run(o: RunOptions) -> None:
         serve=o.dash, host=o.dash_host, port=o.dash_port, fd=o.dash_fd, pace=o.dash_pace, paused=o.dash_paused
     )
     with exit_on_error():
-        status = fly(choice, link, console, error_console, out=o.out, runs=o.dash_runs, quiet=o.quiet)
+        status = fly(choice, link.parts, console, error_console, out=o.out, runs=o.dash_runs, quiet=o.quiet)
     raise typer.Exit(status)

@@ -1,4 +1,4 @@
-"""One vehicle of a stepped world: its physics, its true state, and the pilot that commands its rotors."""
+"""One vehicle of a stepped world: its true state, and of one that flies its physics and the pilot of its rotors."""
 
 from __future__ import annotations
 
@@ -20,25 +20,15 @@ from sim.scene.scene_map import Actor
 Pilot = Callable[[TruthState], Sequence[float]]  # true state -> commands 0..1 of the rotors until the next tick
 
 
-class SteppedVehicle:
-    """Vehicle with physics, or one that only stands where it is put (`physics` None). Made by `SteppedWorld.add`."""
+class FlyingVehicle:
+    """Vehicle with physics. Made by `SteppedWorld.add`."""
 
-    def __init__(
-        self,
-        name: str,
-        vehicle: Vehicle,
-        start: TruthState,
-        physics: VehiclePhysics | None,
-        make_physics: Callable[[], VehiclePhysics],
-    ) -> None:
-        """`make_physics`: makes the model that finds contacts of a vehicle without physics."""
+    def __init__(self, name: str, vehicle: Vehicle, start: TruthState, physics: VehiclePhysics) -> None:
         self.name = name
         self.vehicle = vehicle
         self.physics = physics
-        self._make_physics = make_physics
-        self._contact_model: VehiclePhysics | None = None
         self.start = start
-        self._truth: TruthState | None = start
+        self._truth: TruthState | None = start  # None: the physics knows it
         self.pilot: Pilot | None = None  # None: the rotors stand still
         self.is_empty = False  # the battery: rotors stand still until `reset`
         self._still = (0.0,) * len(vehicle.rotors)
@@ -47,7 +37,6 @@ class SteppedVehicle:
     def truth(self) -> TruthState:
         """True state at the last tick, or where the vehicle was placed since."""
         if self._truth is None:
-            assert self.physics is not None
             self._truth = self.physics.truth
         return self._truth
 
@@ -62,7 +51,6 @@ class SteppedVehicle:
 
         Raises ValueError for a command that is not finite.
         """
-        assert self.physics is not None
         if not isinstance(commands, Kernel) and not all(map(isfinite, commands)):
             raise ValueError(f"{self.name}: the commands are {list(commands)}; every command must be finite")
         self._truth = None
@@ -74,14 +62,13 @@ class SteppedVehicle:
 
     def cruised(self, ticks: int) -> None:
         """Take notice of ticks that `cruise_flights` has flown."""
-        assert self.physics is not None
         self._truth = None
         self.physics.cruised(ticks)
 
     @property
     def cruises(self) -> bool:
         """True if `cruise_flights` may fly the coming ticks."""
-        return self.physics is not None and self.physics.cruises and self.pilot is None and not self.is_empty
+        return self.physics.cruises and self.pilot is None and not self.is_empty
 
     def controls(self) -> Sequence[float]:
         """Return the pilot's commands for the coming tick. Raises ValueError for one that is not finite."""
@@ -101,46 +88,78 @@ class SteppedVehicle:
         rotor_speed_radps: Sequence[float] | None = None,
     ) -> None:
         """Put the vehicle elsewhere; see `VehiclePhysics.place`. Raises ValueError."""
-        if self.physics is not None:
-            self.truth = self.physics.place(p_WB, q_WB, v_WB_W, w_WB_B, rotor_speed_radps)
-        else:
-            check_motion(p_WB, q_WB, v_WB_W, w_WB_B)
-            self.truth = self.truth._replace(p_WB=p_WB, q_WB=q_WB, v_WB_W=v_WB_W, w_WB_B=w_WB_B)
+        self.truth = self.physics.place(p_WB, q_WB, v_WB_W, w_WB_B, rotor_speed_radps)
 
     def touch(self) -> SceneContact | None:
         """Return the contact of the vehicle with the scene where it is now; None if it touches nothing."""
-        truth, model = self.truth, self.physics
-        if model is None:
-            model = self._contact_model = self._contact_model or self._make_physics()
-            model.place(truth.p_WB, truth.q_WB)
-        return model.touch(truth.t_ns)
+        return self.physics.touch(self.truth.t_ns)
 
     def surround(self, scene: Scene) -> None:
         """Put the vehicle, where it is, into another scene of the same gravity and friction."""
+        self.physics.surround(scene)
+
+    def reset(self) -> None:
+        """Put the vehicle back to its start."""
+        self.is_empty = False
+        self.truth = self.physics.reset()
+
+    def restart(self, seed: int) -> None:
+        """Return to the start and to tick 0, as a new vehicle of a world of this seed."""
+        self.is_empty = False
+        self.truth = self.physics.restart(seed)
+
+
+class StandingVehicle:
+    """Vehicle that only stands where it is put. Made by `SteppedWorld.stand`."""
+
+    def __init__(
+        self, name: str, vehicle: Vehicle, start: TruthState, make_physics: Callable[[], VehiclePhysics]
+    ) -> None:
+        """`make_physics`: makes the model that finds contacts."""
+        self.name = name
+        self.vehicle = vehicle
+        self.start = start
+        self.truth = start
+        self._make_physics = make_physics
+        self._contact_model: VehiclePhysics | None = None
+
+    def place(
+        self,
+        p_WB: Vec3,
+        q_WB: Quat = NO_TURN,
+        v_WB_W: Vec3 = NO_MOTION,
+        w_WB_B: Vec3 = NO_MOTION,
+        rotor_speed_radps: Sequence[float] | None = None,  # noqa: ARG002 (its rotors stand still)
+    ) -> None:
+        """Put the vehicle elsewhere. Raises ValueError."""
+        check_motion(p_WB, q_WB, v_WB_W, w_WB_B)
+        self.truth = self.truth._replace(p_WB=p_WB, q_WB=q_WB, v_WB_W=v_WB_W, w_WB_B=w_WB_B)
+
+    def touch(self) -> SceneContact | None:
+        """Return the contact of the vehicle with the scene where it is now; None if it touches nothing."""
+        model = self._contact_model = self._contact_model or self._make_physics()
+        model.place(self.truth.p_WB, self.truth.q_WB)
+        return model.touch(self.truth.t_ns)
+
+    def surround(self, scene: Scene) -> None:  # noqa: ARG002 (the model that finds contacts is made anew)
+        """Take notice of another scene."""
         self._contact_model = None
-        if self.physics is not None:
-            self.physics.surround(scene)
 
     def actor_changed(self, actor: Actor, t_ns: int) -> None:
-        """Take notice, in the model of a vehicle without physics, that an actor was put elsewhere."""
+        """Take notice that an actor was put elsewhere."""
         if self._contact_model is not None:
             self._contact_model.actor_changed(actor, t_ns)
 
     def reset(self) -> None:
         """Put the vehicle back to its start."""
-        self.is_empty = False
-        if self.physics is not None:
-            self.truth = self.physics.reset()
-        else:
-            self.truth = self.start._replace(tick=self.truth.tick, t_ns=self.truth.t_ns)
+        self.truth = self.start._replace(tick=self.truth.tick, t_ns=self.truth.t_ns)
 
-    def restart(self, seed: int) -> None:
-        """Return to the start and to tick 0, as a new vehicle of a world of this seed."""
-        self.is_empty = False
-        if self.physics is not None:
-            self.truth = self.physics.restart(seed)
-        else:
-            self.truth = self.start._replace(tick=0, t_ns=0)
+    def restart(self, seed: int) -> None:  # noqa: ARG002 (nothing of it is random)
+        """Return to the start and to tick 0."""
+        self.truth = self.start._replace(tick=0, t_ns=0)
+
+
+SteppedVehicle = FlyingVehicle | StandingVehicle
 
 
 def standing_truth(vehicle: Vehicle, start: FlightStart) -> TruthState:

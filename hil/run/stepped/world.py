@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from hil.run.stepped.vehicle import SteppedVehicle, standing_truth
+from hil.run.stepped.vehicle import FlyingVehicle, StandingVehicle, SteppedVehicle, standing_truth
 from signals.errors import ModelRangeError
 from signals.samples import TruthState, Vec3
 from sim._kernels import IdealController as Kernel
@@ -60,7 +60,8 @@ class SteppedWorld:
         self._seed, self._downwash = seed, downwash
         self._wind = self._declared_wind = wind if wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._group: VehicleGroup | None = None
-        self._flying: list[SteppedVehicle] = []
+        self._flying: list[FlyingVehicle] = []
+        self._standing: list[StandingVehicle] = []
         self._departures: list[Departure] = []
 
     @property
@@ -81,33 +82,48 @@ class SteppedWorld:
         *,
         effects: Effects = Effects(),  # noqa: B008 (frozen)
         faults: Sequence[RotorFault] = (),
-        has_physics: bool = True,
-    ) -> SteppedVehicle:
+    ) -> FlyingVehicle:
         """Add a vehicle between two ticks. Raises ValueError for a name that is taken, or a battery that is missing."""
+        self._check_free(name)
+        physics = self._physics(vehicle, start, effects, faults)
+        truth = physics.join(self.tick)._replace(tick=self.tick, t_ns=self.t_ns)
+        added = self.vehicles[name] = FlyingVehicle(name, vehicle, truth, physics)
+        self._flying.append(added)
+        self._group = VehicleGroup({each.name: each.physics for each in self._flying}, downwash=self._downwash)
+        return added
+
+    def stand(
+        self,
+        name: str,
+        vehicle: Vehicle,
+        start: FlightStart = FlightStart(),  # noqa: B008 (frozen)
+        *,
+        effects: Effects = Effects(),  # noqa: B008 (frozen)
+    ) -> StandingVehicle:
+        """Add a vehicle without physics between two ticks. Raises ValueError for a name that is taken."""
+        self._check_free(name)
+        truth = standing_truth(vehicle, start)._replace(tick=self.tick, t_ns=self.t_ns)
+        added = StandingVehicle(name, vehicle, truth, lambda: self._physics(vehicle, start, effects))
+        self.vehicles[name] = added
+        self._standing.append(added)
+        return added
+
+    def _check_free(self, name: str) -> None:
         if name in self.vehicles:
             raise ValueError(f"there is a vehicle {name!r} already")
 
-        def make_physics() -> VehiclePhysics:
-            return VehiclePhysics(
-                vehicle,
-                self.scene,
-                self.tick_ns,
-                start=start,
-                effects=effects,
-                disturbances=Disturbances(wind=self._wind, seed=self._seed, faults=faults),
-                integration=self._integration,
-            )
-
-        physics = make_physics() if has_physics else None
-        truth = standing_truth(vehicle, start) if physics is None else physics.join(self.tick)
-        truth = truth._replace(tick=self.tick, t_ns=self.t_ns)
-        added = SteppedVehicle(name, vehicle, truth, physics, make_physics)
-        self.vehicles[name] = added
-        if physics is not None:
-            self._flying.append(added)
-            bodies = {each.name: each.physics for each in self._flying if each.physics is not None}
-            self._group = VehicleGroup(bodies, downwash=self._downwash)
-        return added
+    def _physics(
+        self, vehicle: Vehicle, start: FlightStart, effects: Effects, faults: Sequence[RotorFault] = ()
+    ) -> VehiclePhysics:
+        return VehiclePhysics(
+            vehicle,
+            self.scene,
+            self.tick_ns,
+            start=start,
+            effects=effects,
+            disturbances=Disturbances(wind=self._wind, seed=self._seed, faults=faults),
+            integration=self._integration,
+        )
 
     def step(self) -> None:
         """Advance all vehicles by one tick. Raises ValueError if a pilot's command is not finite."""
@@ -116,9 +132,8 @@ class SteppedWorld:
         if self._group is not None:
             self._advance(self._group, controls)
         t_ns = self.t_ns
-        for vehicle in self.vehicles.values():
-            if vehicle.physics is None:
-                vehicle.truth = vehicle.truth._replace(tick=self.tick, t_ns=t_ns)
+        for vehicle in self._standing:
+            vehicle.truth = vehicle.truth._replace(tick=self.tick, t_ns=t_ns)
         for observer in self.observers:
             observer(self)
 
@@ -138,7 +153,6 @@ class SteppedWorld:
             cruised = None
             self.tick = last if departed is None else departed.tick
             if departed is not None:
-                assert vehicle.physics is not None
                 vehicle.truth = self._stop(vehicle, vehicle.physics.body.position_before(), departed)
         for observer in self.observers:
             observer(self)
@@ -160,14 +174,12 @@ class SteppedWorld:
         for vehicle, truth in zip(self._flying, truths, strict=True):
             vehicle.truth = truth
 
-    def _stopped(self, vehicle: SteppedVehicle, before: TruthState, error: ModelRangeError) -> TruthState:
-        assert vehicle.physics is not None
+    def _stopped(self, vehicle: FlyingVehicle, before: TruthState, error: ModelRangeError) -> TruthState:
         if vehicle.name != error.vehicle:
             return vehicle.physics.truth
         return self._stop(vehicle, before.p_WB, error)
 
-    def _stop(self, vehicle: SteppedVehicle, p_WB: Vec3, error: ModelRangeError) -> TruthState:
-        assert vehicle.physics is not None
+    def _stop(self, vehicle: FlyingVehicle, p_WB: Vec3, error: ModelRangeError) -> TruthState:
         self._departures.append(Departure(self.t_ns, vehicle.name, str(error)))
         self.forget_contacts(vehicle.name)
         if error.variable == "battery_charge":
@@ -191,7 +203,6 @@ class SteppedWorld:
         """Set the steady wind for all vehicles from the next tick on."""
         self._wind = self._wind.model_copy(update={"steady_W_mps": wind_W_mps})
         for vehicle in self._flying:
-            assert vehicle.physics is not None
             vehicle.physics.set_steady_wind(wind_W_mps)
 
     def surround(self, scene: Scene) -> None:
@@ -206,12 +217,12 @@ class SteppedWorld:
         """Take notice that an actor of the scene that rests was put elsewhere."""
         if self._group is not None:
             self._group.actor_changed(actor, self.t_ns)
-        for vehicle in self.vehicles.values():
+        for vehicle in self._standing:
             vehicle.actor_changed(actor, self.t_ns)
 
     def forget_contacts(self, name: str) -> None:
         """Forget the contacts with other vehicles of one that was placed elsewhere."""
-        if self._group is not None and self.vehicles[name].physics is not None:
+        if self._group is not None and isinstance(self.vehicles[name], FlyingVehicle):
             self._group.forget(name)
 
     def take_contacts(self) -> list[VehicleContact]:

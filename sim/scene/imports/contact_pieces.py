@@ -21,10 +21,8 @@ from dataclasses import dataclass, field
 from math import sqrt
 
 import numpy as np
+import scipy  # loads its packages when they are first used
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError
 
 Float64 = NDArray[np.float64]
 
@@ -125,8 +123,8 @@ def _parts(corners: Float64) -> list[Float64]:
     n = len(points)
     rows = np.concatenate([index[:, 0], index[:, 1]])
     columns = np.concatenate([index[:, 1], index[:, 2]])
-    count, label = connected_components(
-        coo_array((np.ones(len(rows), bool), (rows, columns)), shape=(n, n)), directed=False
+    count, label = scipy.sparse.csgraph.connected_components(
+        scipy.sparse.coo_array((np.ones(len(rows), bool), (rows, columns)), shape=(n, n)), directed=False
     )
     of_triangle = label[index[:, 0]]
     order = np.argsort(of_triangle, kind="stable")
@@ -144,8 +142,8 @@ def _convex(corners: Float64, slack_m: float) -> Float64 | None:
     if np.any(counts != 1) or len(np.unique(np.sort(keys, axis=1), axis=0)) * 2 != len(keys):
         return None  # an edge without its opposite: the surface is open
     try:
-        hull = points[ConvexHull(points).vertices]
-    except (QhullError, ValueError):
+        hull = points[scipy.spatial.ConvexHull(points).vertices]
+    except (scipy.spatial.QhullError, ValueError):
         return None
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)

@@ -6,7 +6,7 @@ import hashlib
 
 import numpy as np
 import pytest
-import scipy.special
+import scipy  # loads its packages when they are first used
 
 from signals.noise import NoiseStream, normal_from_uniform
 

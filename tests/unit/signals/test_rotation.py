@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy  # loads its packages when they are first used
 
 from signals._kernel import quaternion_of_axes, roll_pitch_yaw, rotate_into_body, rotate_into_world
 from signals.rotation import applied, conjugate, cos_tilt_of, matrix_of, product, yaw_of
 
-TURNS = Rotation.random(200, rng=3)
-Q = [tuple(q) for q in TURNS.as_quat(scalar_first=True).tolist()]
+Q = [tuple((q / np.linalg.norm(q)).tolist()) for q in np.random.default_rng(3).normal(size=(200, 4))]
 VECTORS = np.random.default_rng(4).normal(size=(200, 3)).tolist()
 
 
+def turns() -> Any:
+    """Return SciPy's rotations of Q."""
+    return scipy.spatial.transform.Rotation.from_quat(Q, scalar_first=True)
+
+
 def test_products_and_matrices_are_scipys() -> None:
-    for one, (a, b) in zip(TURNS, zip(Q, Q[::-1], strict=True), strict=True):
-        both = (one * Rotation.from_quat(b, scalar_first=True)).as_matrix()
+    for one, other, a, b in zip(turns(), turns()[::-1], Q, Q[::-1], strict=True):
+        both = (one * other).as_matrix()
         np.testing.assert_allclose(np.reshape(matrix_of(product(a, b)), (3, 3)), both, atol=1e-14)
         np.testing.assert_allclose(matrix_of(conjugate(a)), one.inv().as_matrix().ravel(), atol=1e-14)
 
@@ -28,7 +34,7 @@ def test_arrays_of_quaternions_give_the_same_bits_as_one_by_one() -> None:
 
 
 def test_vectors_turn_as_scipy_turns_them_and_back() -> None:
-    for turn, q, v in zip(TURNS, Q, VECTORS, strict=True):
+    for turn, q, v in zip(turns(), Q, VECTORS, strict=True):
         there = rotate_into_world(q, tuple(v))
         np.testing.assert_allclose(there, turn.apply(v), atol=1e-13)
         np.testing.assert_allclose(applied(matrix_of(q), tuple(v)), there, atol=1e-13)
@@ -36,7 +42,7 @@ def test_vectors_turn_as_scipy_turns_them_and_back() -> None:
 
 
 def test_angles_are_those_of_z_y_x() -> None:
-    for turn, q in zip(TURNS, Q, strict=True):
+    for turn, q in zip(turns(), Q, strict=True):
         yaw, pitch, roll = turn.as_euler("ZYX")
         np.testing.assert_allclose(roll_pitch_yaw(q), (roll, pitch, yaw), atol=1e-12)
         np.testing.assert_allclose(yaw_of(q), yaw, atol=1e-13)

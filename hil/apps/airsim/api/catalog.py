@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hil.apps.airsim.api import (
+    attitude,
     cameras,
     cars,
     control,
@@ -16,10 +17,12 @@ from hil.apps.airsim.api import (
     labels,
     looks,
     objects,
+    ranging,
     recording,
     sensors,
     session,
     state,
+    sticks,
 )
 from hil.apps.airsim.rpc.methods import Method, MethodTable
 from hil.apps.airsim.simulation import Simulation
@@ -27,8 +30,11 @@ from hil.apps.airsim.simulation import Simulation
 GROUPS: tuple[Callable[[Simulation], list[Method]], ...] = (
     session.methods,
     control.methods,
+    attitude.methods,
+    sticks.methods,
     state.methods,
     sensors.methods,
+    ranging.methods,
     images.methods,
     cameras.methods,
     labels.methods,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hil.apps.airsim.flight.simple_flight import SimpleFlight
 from hil.apps.airsim.rpc.arguments import BOOL, COUNT, FLOAT, INT, POSE, TEXT, Pose
 from hil.apps.airsim.rpc.methods import Method, Parameter, Pending, RpcError, method, optional
 from hil.apps.airsim.rpc.packing import Double
@@ -26,14 +27,14 @@ def geo_point(simulation: Simulation, p_W: tuple[float, float, float]) -> dict[s
     return {"latitude": Double(latitude), "longitude": Double(longitude), "altitude": float(altitude)}
 
 
-def flown(drone: Drone, name: str) -> Drone:
-    """Return the vehicle if it can fly. Raises RpcError in ComputerVision and with ExternalPhysicsEngine."""
+def flight_of(drone: Drone, name: str) -> SimpleFlight:
+    """Return the flight controller of a vehicle. Raises RpcError in ComputerVision and with ExternalPhysicsEngine."""
     if drone.flight is None:
         raise RpcError(
             f"{name} needs a vehicle that flies, and {drone.name} only stands where simSetVehiclePose puts it; set "
             "SimMode to Multirotor and PhysicsEngineName to FastPhysicsEngine in settings.json"
         )
-    return drone
+    return drone.flight
 
 
 def methods(simulation: Simulation) -> list[Method]:
@@ -50,10 +51,10 @@ def methods(simulation: Simulation) -> list[Method]:
         return flight is not None and flight.api_control
 
     def arm(armed: bool, vehicle: str) -> bool:
-        drone = flown(sim.drone(vehicle), "armDisarm")
-        assert drone.flight is not None
-        done = drone.flight.arm(armed)
-        if not drone.flight.api_control:
+        drone = sim.drone(vehicle)
+        flight = flight_of(drone, "armDisarm")
+        done = flight.arm(armed)
+        if not flight.api_control:
             sim.log(f"armDisarm of {drone.name} was refused: call enableApiControl(True) first")
         return done
 

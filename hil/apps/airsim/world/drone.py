@@ -12,7 +12,7 @@ from hil.apps.airsim.settings.vehicles import Vehicle as VehicleSettings
 from hil.apps.airsim.world.ned import NedFrame
 from hil.apps.airsim.world.past import Past
 from hil.apps.airsim.world.sensors.suite import SensorSuite
-from hil.run.stepped.vehicle import SteppedVehicle
+from hil.run.stepped.vehicle import FlyingVehicle, SteppedVehicle
 from signals.frames import ned_from_enu
 from signals.rotation import norm
 from signals.samples import TruthState, Vec3
@@ -87,15 +87,15 @@ class Drone:
 
         Standing on something, and leaving something, is not a collision.
         """
-        truth, physics, flight = self.vehicle.truth, self.vehicle.physics, self.flight
+        vehicle, truth, flight = self.vehicle, self.vehicle.truth, self.flight
         begins, self.touching = not self.touching, truth.in_contact
         if not truth.in_contact:
             self.touched = ""
-        if not truth.in_contact or physics is None:
+        if not truth.in_contact or not isinstance(vehicle, FlyingVehicle):
             return
         if not begins and flight is not None and flight.landed and norm(truth.v_WB_W) <= _RESTING_MPS:
             return  # without a look at the contacts, because vehicles stand for a long time
-        contact = physics.contact()
+        contact = vehicle.physics.contact()
         if contact is None:
             return
         if begins or _collides(truth, contact) or self.touched not in ("", contact.name):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -17,6 +16,7 @@ from hil.apps.campaign.results.summary import FEW, SAMPLE, PairRates, Rates, Sum
 from hil.apps.campaign.store import Case
 from hil.run.report.html import table
 from hil.run.report.page import CSS, PAGE_NAME
+from hil.run.report.row_search import SCRIPT
 from hil.run.runs.progress import minutes
 from signals.errors import RecordingError
 
@@ -278,10 +278,6 @@ def _varies(summary: Summary, axis: str) -> bool:
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
-
-SCRIPT = Path(__file__).with_suffix(".js").read_text(encoding="utf-8")
-# Source of a Content-Security-Policy that allows this script and no other.
-SCRIPT_SOURCE = f"'sha256-{base64.b64encode(hashlib.sha256(SCRIPT.encode()).digest()).decode()}'"
 
 _CSS = """
 .soft{color:var(--soft)}

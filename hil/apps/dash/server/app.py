@@ -191,7 +191,8 @@ class Dashboard:
         return JSONResponse(self._past_campaigns.listed())
 
     def _campaign_file(self, request: Request) -> Response:
-        from hil.apps.campaign.results.page import PAGE_NAME, SCRIPT_SOURCE
+        from hil.run.report.page import PAGE_NAME
+        from hil.run.report.row_search import SCRIPT_SOURCE
 
         path = request.path_params["path"]
         file = _or_404(self._past_campaigns.file(request.path_params["name"], path))

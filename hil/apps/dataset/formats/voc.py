@@ -11,14 +11,10 @@ from xml.sax.saxutils import escape
 
 from hil.apps.dataset.formats.labels import PictureLabels
 from hil.apps.dataset.formats.split import Split
+from hil.data_set_files import DIFFICULT_BELOW_PX, IMAGES
 from signals.classes import Classes
 from signals.errors import RecordingError
 
-ANNOTATIONS = "Annotations"
-IMAGES = "JPEGImages"
-IMAGE_SETS = "ImageSets/Main"
-CLASS_MASKS = "SegmentationClass"  # indexed PNG
-DIFFICULT_BELOW_PX = 64
 _VOC_SETS = {"train": "train", "validation": "val", "test": "test"}
 
 

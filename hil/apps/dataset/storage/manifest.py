@@ -15,9 +15,10 @@ from typing import Any
 
 from hil.apps.dataset.formats.datasheet import LICENCE
 from hil.apps.dataset.plan import BATCH_FRAMES, EPOCH_NS, DatasetPlan
-from hil.apps.dataset.storage.tree import MANIFEST, WORK, TreeWriter
+from hil.apps.dataset.storage.tree import WORK, TreeWriter
 from hil.cluster.program import installed_version
 from hil.config.saved import save_with_vehicles
+from hil.data_set_files import MANIFEST
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError, Problem, RecordingError
 

@@ -17,7 +17,6 @@ from signals.errors import RecordingError
 ANNOTATIONS = "annotations"  # COCO
 PREVIEW = "preview"
 RECORDING = "run.mcap"
-MANIFEST = "dataset.json"
 CHECKSUMS = "checksums.csv"
 JOURNAL = "journal.sqlite3"
 WORK = ".work"  # folder of temporary files, deleted when the data set is complete

@@ -130,20 +130,20 @@ class Explorer:
             return self._brake_without_position(frame, dt_s)
         p_W, v_W = np.asarray(estimate.p_W, float), np.asarray(estimate.v_W, float)
         self._up_m = float(p_W[2])
-        if self._start_W is None:
-            self._start_W = p_W[:2].copy()
-        self._sense(frame, estimate, p_W)
+        start_W = self._start_W = p_W[:2].copy() if self._start_W is None else self._start_W
+        ground = self._sense(frame, estimate, p_W)
         if not self.finished:
             self.report.goal_distance_m = float(np.hypot(*(p_W[:2] - self.goal_W)))
         if self.report.phase == "climb":
-            return self._climb(frame, p_W, dt_s)
+            return self._climb(frame, estimate, start_W, p_W, dt_s)
         if self.report.outcome == FLYING:
             v_xy = self._fly(frame, estimate, p_W[:2], v_W[:2], sigma, dt_s)
         else:
-            v_xy = self._hover(frame, p_W[:2], v_W[:2], sigma, dt_s)
+            v_xy = self._hover(frame, estimate, ground, p_W[:2], v_W[:2], sigma, dt_s)
         return self._desired(v_xy, p_W[2], estimate.yaw_rad, dt_s)
 
-    def _sense(self, frame: Frame, estimate: SlamEstimate, p_W: np.ndarray) -> None:
+    def _sense(self, frame: Frame, estimate: SlamEstimate, p_W: np.ndarray) -> Ground:
+        """Take what the frame shows, and return what is known of the ground."""
         before = self._senses.near
         self._senses.update(frame, estimate)
         near = self._senses.near
@@ -155,11 +155,11 @@ class Explorer:
             self._landing = Landing(s, self._ground)
         if near is not None and near is not before and estimate.imu_ok:
             self._ground.add(near.points_W)
+        return self._ground
 
-    def _climb(self, frame: Frame, p_W: np.ndarray, dt_s: float) -> Desired:
-        estimate = self.estimate
-        assert self._start_W is not None
-        assert estimate is not None
+    def _climb(
+        self, frame: Frame, estimate: SlamEstimate, start_W: np.ndarray, p_W: np.ndarray, dt_s: float
+    ) -> Desired:
         lost = self._senses.lost(frame.t_ns)
         if lost is not None:
             self._end(frame, *lost)
@@ -170,7 +170,7 @@ class Explorer:
         if not self._senses.ready(frame.t_ns):
             v_xy = self._steering.stop(dt_s)
             return Desired(v_W=(float(v_xy[0]), float(v_xy[1]), 0.0), yaw_rad=self._steering.yaw_rad)
-        v_xy = _limited(_HOLD_GAIN_PER_S * (self._start_W - p_W[:2]), _HOLD_MPS)
+        v_xy = _limited(_HOLD_GAIN_PER_S * (start_W - p_W[:2]), _HOLD_MPS)
         return self._desired(self._steering.slew(v_xy, dt_s), p_W[2], estimate.yaw_rad, dt_s)
 
     def _fly(
@@ -286,25 +286,31 @@ class Explorer:
         self._outcome_ns = frame.t_ns
         self._hold_W = None
 
-    def _hover(self, frame: Frame, p_W: np.ndarray, v_W: np.ndarray, sigma: float, dt_s: float) -> np.ndarray:
+    def _hover(
+        self,
+        frame: Frame,
+        estimate: SlamEstimate,
+        ground: Ground,
+        p_W: np.ndarray,
+        v_W: np.ndarray,
+        sigma: float,
+        dt_s: float,
+    ) -> np.ndarray:
         """Return the velocity command after an outcome: hold the position, and retreat from near obstacles."""
-        assert self._ground is not None
-        self.report.below = self._ground.below(float(p_W[0]), float(p_W[1]))
+        self.report.below = ground.below(float(p_W[0]), float(p_W[1]))
         since_s = (frame.t_ns - self._outcome_ns) * 1e-9
         self.finished = self.finished or self._landing.due(self.report.outcome, self.report.below, since_s)
         near = self._senses.near
         if near is None or not self._senses.sees(frame.t_ns):
             self._hold_W = None
             return self._steering.stop(dt_s)
-        estimate = self.estimate
-        assert estimate is not None
         clearances = clearances_for(self.settings, sigma, float(estimate.grid.cell_m))
         away = self._retreat_velocity(clearances, near, p_W, v_W, *near.nearest(*p_W))
         if away is not None:
             self._hold_W = None
             return self._steering.slew(away, dt_s, hard=True)
         if self.report.below != GROUND and not self.finished and self._senses.ready(frame.t_ns):
-            v_xy = self._to_bare_ground(frame, near, p_W, v_W, clearances, dt_s)
+            v_xy = self._to_bare_ground(frame, estimate, near, p_W, v_W, clearances, dt_s)
             if v_xy is not None:
                 self._hold_W = None
                 return v_xy
@@ -315,14 +321,20 @@ class Explorer:
         return self._steering.slew(_limited(_HOLD_GAIN_PER_S * (self._hold_W - p_W), _HOLD_MPS), dt_s)
 
     def _to_bare_ground(
-        self, frame: Frame, near: Nearby, p_W: np.ndarray, v_W: np.ndarray, clearances: Clearances, dt_s: float
+        self,
+        frame: Frame,
+        estimate: SlamEstimate,
+        near: Nearby,
+        p_W: np.ndarray,
+        v_W: np.ndarray,
+        clearances: Clearances,
+        dt_s: float,
     ) -> np.ndarray | None:
         """Return the velocity command towards bare ground; None if there is none, or no path."""
-        assert self.estimate is not None
         if self._planned_ns != near.t_ns and self.map is not None:
             spot = self._landing.spot(p_W, self.map, clearances)
             try:
-                self.route = NO_ROUTE if spot is None else self._plan(frame, self.estimate, near, p_W, clearances, spot)
+                self.route = NO_ROUTE if spot is None else self._plan(frame, estimate, near, p_W, clearances, spot)
             except TooFar:
                 self.route = NO_ROUTE
             self._planned_ns = near.t_ns

@@ -4,9 +4,9 @@ import math
 import struct
 
 import pytest
+import scipy  # loads its packages when they are first used
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
@@ -102,7 +102,7 @@ def solve(readings, q_WB, **changes):
 
 def rotated(q, v):
     """Return R(q) v with q = (x, y, z, w)."""
-    return tuple(Rotation.from_quat(q).apply(v))
+    return tuple(scipy.spatial.transform.Rotation.from_quat(q).apply(v))
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: sum(c * c for c in q) > 0.01))

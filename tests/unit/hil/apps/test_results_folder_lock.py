@@ -57,6 +57,10 @@ def test_the_folder_is_free_afterwards(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     save_recording(tmp_path / "r.npz", recording())
-    for _ in range(2):
-        assert run_command_line(arguments) == 0
-    assert (tmp_path / "out" / "radar.npz").is_file()
+    result = tmp_path / "out" / "radar.npz"
+    result.parent.mkdir()
+    result.write_bytes(b"an earlier result")
+    assert run_command_line(arguments) == 0
+    assert result.read_bytes() != b"an earlier result"
+    with locked_folder(result.parent):
+        pass

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from hil.apps.campaign.results.page import SCRIPT_SOURCE
 from hil.apps.dash.past.campaigns import Campaigns
 from hil.apps.dash.server.app import Dashboard
+from hil.run.report.row_search import SCRIPT_SOURCE
 
 COUNTS = {"cases": 3, "pass": 2, "fail": 1, "error": 0, "flake": 0, "pass_rate": [0.2, 0.67, 0.9]}
 HOSTILE = [

@@ -7,7 +7,6 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.apps.radar.results import TrackSpectraCollector, rows_over_frames
-from hil.run.report.radar_pictures import micro_doppler_figure, radar_figure
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.processor import Processed
 from sim.radar.processing.tracker import TRACK_DTYPE
@@ -40,6 +39,8 @@ def test_the_ranges_about_the_track_that_came_the_farthest() -> None:
     assert np.all(rows[0] == sum(range(8, 13)))
     assert np.all(np.isnan(rows[1]))
     assert np.all(rows[2] == sum(range(10, 15)))
+    from hil.run.report.radar_pictures import micro_doppler_figure  # matplotlib
+
     t_s = 0.05 * frames
     figure = micro_doppler_figure("walk", t_s, rows, t_s[[0, 2]], np.array(longest.speed_mps), CHIRP)
     shown = figure.axes[0].get_images()[0]
@@ -54,6 +55,8 @@ def test_without_tracks_there_is_none() -> None:
 
 
 def test_a_frame_beside_what_the_camera_saw() -> None:
+    from hil.run.report.radar_pictures import radar_figure  # matplotlib
+
     shown = frame((1, 5.0))
     channels = {name: getattr(shown, name) for name in ("range_doppler", "points", "tracks")}
     rgb = np.arange(12 * 16 * 3, dtype=np.uint8).reshape(12, 16, 3)

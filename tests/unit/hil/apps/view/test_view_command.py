@@ -14,8 +14,6 @@ import pytest
 from hil.apps.view.command import SHEET_NAME, ViewCamera, view_scene
 from hil.apps.view.points import default_points, extent_of, looking_at, pose_of
 from hil.cli.app import run_command_line
-from hil.run.report import figures
-from hil.run.report.frame_pictures import coloured, frame_figure, palette, sheet_figure
 from signals.channels import CHANNELS
 from signals.classes import Classes
 from signals.errors import ConfigError
@@ -107,6 +105,8 @@ def test_an_unknown_scene_is_named_with_the_nearest(capfd: pytest.CaptureFixture
 
 
 def test_every_channel_can_be_coloured_whatever_it_holds() -> None:
+    from hil.run.report.frame_pictures import coloured, palette  # matplotlib
+
     classes = Classes(("none", "tree"), ((0, 0, 0), (1, 2, 3)))
     for channel in CHANNELS:
         shape = (3, 4, 3) if channel in ("rgb", "normal") else (3, 4)
@@ -121,6 +121,9 @@ def test_every_channel_can_be_coloured_whatever_it_holds() -> None:
 
 @pytest.mark.parametrize("n", [0, 500])
 def test_a_sweep_becomes_a_picture_whatever_it_holds(tmp_path: Path, n: int) -> None:
+    from hil.run.report.figures import save  # matplotlib
+    from hil.run.report.frame_pictures import frame_figure, sheet_figure
+
     rng = np.random.default_rng(n)
     points = rng.normal(scale=20.0, size=(n, 3)).astype(np.float32)
     sweep = PointCloudSample(
@@ -136,9 +139,9 @@ def test_a_sweep_becomes_a_picture_whatever_it_holds(tmp_path: Path, n: int) -> 
         np.zeros(n, np.int32),
         rng.integers(0, 3, n).astype(np.uint8),
     )
-    figures.save(frame_figure("lidar", sweep, FormulaFrames.classes), tmp_path / "cloud.png")
+    save(frame_figure("lidar", sweep, FormulaFrames.classes), tmp_path / "cloud.png")
     views = [(ViewPoint(name="a", at_m=(0, 0, 1), look_deg=(0, 0)), "title", {"rgb": np.zeros((6, 8, 3), np.uint8)})]
-    figures.save(sheet_figure(views, sweep), tmp_path / "sheet.png")
+    save(sheet_figure(views, sweep), tmp_path / "sheet.png")
     for name in ("cloud.png", "sheet.png"):
         assert cv2.imread(str(tmp_path / name)).shape[1] > 1200
 

@@ -68,7 +68,7 @@ def test_a_failsafe_is_a_fail_on_the_console_in_run_json_and_in_the_report(
 
 @pytest.mark.parametrize("declared", ["{}", "{from_s: 8, to_s: 20}", "{required: false, mode: MISSION}"])
 def test_a_declared_failsafe_passes(tmp_path: Path, declared: str) -> None:
-    run = fly(tmp_path, f"{NO_GPS}failsafe: {declared}\n").run
+    run = fly(tmp_path, f"{NO_GPS}failsafe: {declared}\n", "record.report=false").run
     assert (run["status"], run["verdict"]["reasons"]) == ("PASS", [])
     assert run["failsafes"][0]["expected"] is True
 

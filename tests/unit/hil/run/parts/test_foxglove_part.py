@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from hil.config import load_bench
 from hil.run.loop.by_hand import HandControl, HandledVehicle, Refused
@@ -29,6 +28,8 @@ def test_the_model_has_the_triangles_upright_and_coloured() -> None:
         Piece(5.0, corners + 10, np.array([188, 188, 188, 255], np.uint8)),
     ]
     data = glb(pieces)
+    import trimesh  # here, as every process that collects tests imports the rest
+
     mesh = trimesh.load(BytesIO(data), file_type="glb", force="mesh", process=False)
     x, y, z = mesh.vertices.T  # glTF: y up
     assert np.allclose(np.stack((x, -z, y), axis=1), np.vstack((corners, corners + 10)))

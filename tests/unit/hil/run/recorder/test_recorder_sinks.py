@@ -16,8 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pymavlink import mavutil
-from pymavlink.dialects.v10 import common as common_v1
 
 from firmware_bridge.codecs.mavlink_frame import NO_FRAME, split_frames
 from firmware_bridge.codecs.signing import Signer, SigningKey
@@ -79,6 +77,8 @@ def test_digest_is_described(flight: list[Tick]) -> None:
 
 
 def test_split_frames_keeps_every_byte(flight: list[Tick]) -> None:
+    from pymavlink.dialects.v10 import common as common_v1
+
     v1 = common_v1.MAVLink(None, srcSystem=9, srcComponent=9)
     heartbeat_v1 = v1.heartbeat_encode(6, 8, 0, 0, 4).pack(v1)
     assert split_frames(flight[25].sent)[0][0] == 0
@@ -107,6 +107,8 @@ def test_telemetry_log_is_read_by_pymavlink(flight: list[Tick], tmp_path: Path) 
     for tick in flight:
         frames = [raw for _, raw in split_frames(tick.sent)] + [f.raw for f in tick.received]
         expected += [(tick.t_ns, raw) for raw in frames]
+    from pymavlink import mavutil
+
     log = mavutil.mavlogfile(str(tmp_path / "flight.tlog"))
     found = []
     while (message := log.recv_msg()) is not None:
@@ -206,6 +208,8 @@ def test_killed_process_leaves_both_files_readable(tmp_path: Path) -> None:
     assert done.returncode == -signal.SIGKILL
     poses = [m for m in read_messages(tmp_path / "run.mcap") if m.topic == "/truth/pose"]
     assert len(poses) == 500
+    from pymavlink import mavutil
+
     log = mavutil.mavlogfile(str(tmp_path / "flight.tlog"))
     count = 0
     while log.recv_msg() is not None:

@@ -14,9 +14,7 @@ import pytest
 from hil.config.missions.path import PlanPoint
 from hil.run.recorder.recorder import Event
 from hil.run.recorder.track import Track, TrackArrays
-from hil.run.report import figures
 from hil.run.report.page import Report, write_page
-from hil.run.report.pictures import flight_pictures, timing_pictures
 from hil.run.report.run_json import write_run_json
 from hil.run.runs.progress import Progress
 from signals.errors import RecordingError
@@ -57,6 +55,9 @@ def test_run_json_is_written_whole_with_finite_numbers_in_order(tmp_path: Path) 
 
 
 def test_page_stands_alone_and_says_it_all(tmp_path: Path, track: TrackArrays) -> None:
+    from hil.run.report import figures  # matplotlib
+    from hil.run.report.pictures import flight_pictures, timing_pictures
+
     corners = [(0.0, 0.0, 10.0), (40.0, 0.0, 10.0), (40.0, 25.0, 10.0), (0.0, 25.0, 10.0), (0.0, 0.0, 10.0)]
     plan = [PlanPoint(p_W, str(number)) for number, p_W in enumerate(corners)]
     events = [Event(1_500_000_000, "statustext", "Ready <b>to</b> fly")]
@@ -77,6 +78,8 @@ def test_page_stands_alone_and_says_it_all(tmp_path: Path, track: TrackArrays) -
 
 
 def test_page_of_a_run_that_never_began(tmp_path: Path) -> None:
+    from hil.run.report.pictures import flight_pictures  # matplotlib
+
     run = copy.deepcopy(RUN) | {
         "status": "ERROR",
         "error": {"type": "PortNotFound", "message": "/dev/ttyACM7: no such port"},
@@ -93,6 +96,8 @@ def test_page_of_a_run_that_never_began(tmp_path: Path) -> None:
 
 
 def test_page_with_nothing_but_one_row_or_no_plan(tmp_path: Path) -> None:
+    from hil.run.report.pictures import flight_pictures  # matplotlib
+
     track = Track(TICK_NS)
     track.truth(make_flight(1)[0].truth)
     for plan in ([], [PlanPoint((1.0, 2.0, 3.0), "1")]):

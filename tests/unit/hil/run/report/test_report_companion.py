@@ -9,7 +9,6 @@ import numpy as np
 from hil.run.companion.files import FrameTimes
 from hil.run.report.companion_section import companion_rows, console_rows, section
 from hil.run.report.page import Report, write_page
-from hil.run.report.pictures import companion_pictures
 from tests.worlds.run_json_schema import RUN
 
 QUIET = {"p50": None, "p99": None, "max": None}
@@ -45,6 +44,8 @@ def _times(rows: int) -> FrameTimes:
 
 def _page(out: Path, run: dict, timing: dict[str, FrameTimes] | None = None) -> str:
     sections = [section(run["companion"])] if "companion" in run else []
+    from hil.run.report.pictures import companion_pictures  # matplotlib
+
     return write_page(out, run, [], Report(companion_pictures(out, timing or {}), sections)).read_text()
 
 

@@ -79,7 +79,7 @@ def test_place_and_reset() -> None:
 
 def test_a_vehicle_without_physics_stands_where_it_is_put() -> None:
     world = SteppedWorld(AIRFIELD, TICK_NS)
-    vehicle = world.add("a", X500, has_physics=False)
+    vehicle = world.stand("a", X500)
     vehicle.place((1.0, 2.0, 30.0))
     run(world, 0.1)
     assert vehicle.truth.p_WB == (1.0, 2.0, 30.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull, Delaunay, cKDTree
+import scipy  # loads its packages when they are first used
 
 from sim.scene.imports.contact_pieces import Pieces, contact_pieces
 from tests.worlds.glb_file import box, joined
@@ -36,16 +36,16 @@ def hulls_of(pieces: Pieces) -> list[np.ndarray]:
 def check(corners: np.ndarray, pieces: Pieces, *, hollow: bool = True) -> None:
     """Every seen point lies in a piece; for a hollow shape no point of a piece is farther away than stated."""
     seen = samples(corners, 0.05 * pieces.error_m / 0.2)
-    tree = cKDTree(seen)
+    tree = scipy.spatial.cKDTree(seen)
     covered = np.zeros(len(seen), bool)
     for hull in hulls_of(pieces):
         low, high = hull.min(axis=0) - 1e-6, hull.max(axis=0) + 1e-6
         near = np.flatnonzero(((seen >= low) & (seen <= high)).all(axis=1) & ~covered)
-        equations = ConvexHull(hull).equations
+        equations = scipy.spatial.ConvexHull(hull).equations
         inside = (seen[near] @ equations[:, :3].T + equations[:, 3]).max(axis=1) < 1e-4
         covered[near[inside]] = True
         if hollow:
-            points = samples(hull[ConvexHull(hull).simplices], 0.1)
+            points = samples(hull[scipy.spatial.ConvexHull(hull).simplices], 0.1)
             assert tree.query(points)[0].max() <= pieces.error_m + 0.03
     assert covered.all()
 
@@ -60,7 +60,7 @@ def test_a_house_round_a_courtyard_stays_open() -> None:
     pieces = contact_pieces(walls, error_m=0.2, max_pieces=100, up=UP)
     check(walls, pieces, hollow=False)
     for point in ((0.0, 0.0, 2.0), (4.7, 3.7, 1.0)):
-        assert not any(Delaunay(hull).find_simplex(point) >= 0 for hull in hulls_of(pieces))
+        assert not any(scipy.spatial.Delaunay(hull).find_simplex(point) >= 0 for hull in hulls_of(pieces))
 
 
 def test_a_wall_with_a_window_is_solid_beside_it_only() -> None:
@@ -75,7 +75,7 @@ def test_a_wall_with_a_window_is_solid_beside_it_only() -> None:
     pieces = contact_pieces(corners, error_m=0.2, max_pieces=50, up=UP)
     assert pieces.count <= 6
     check(corners, pieces)
-    assert not any(Delaunay(hull).find_simplex((3.0, 0.05, 1.5)) >= 0 for hull in hulls_of(pieces))
+    assert not any(scipy.spatial.Delaunay(hull).find_simplex((3.0, 0.05, 1.5)) >= 0 for hull in hulls_of(pieces))
 
 
 @pytest.mark.parametrize("budget", [400, 60])
@@ -93,7 +93,7 @@ def test_a_torus_within_the_stated_error(budget: int) -> None:
 
 
 def test_a_ball_is_one_hull() -> None:
-    hull = ConvexHull(np.random.default_rng(1).normal(size=(60, 3)))
+    hull = scipy.spatial.ConvexHull(np.random.default_rng(1).normal(size=(60, 3)))
     corners = hull.points[hull.simplices]
     flip = (
         np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]) < 0

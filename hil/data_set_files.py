@@ -1,0 +1,13 @@
+"""Names of files and folders in a data set: `hil dataset` writes them, training reads them.
+
+The folders with capitals are those of Pascal VOC 2012.
+"""
+
+from __future__ import annotations
+
+MANIFEST = "dataset.json"
+ANNOTATIONS = "Annotations"
+IMAGES = "JPEGImages"
+IMAGE_SETS = "ImageSets/Main"
+CLASS_MASKS = "SegmentationClass"  # indexed PNG
+DIFFICULT_BELOW_PX = 64  # visible pixels of an object; VOC's `difficult` marks those that a detector need not find
