@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
 from signals.documents.validate import StrictModel
-
 
 GAS_CONSTANT_J_PER_MOL_K = 8.31446261815324
 
@@ -36,7 +36,7 @@ class BatteryThermal(StrictModel):
     @model_validator(mode="after")
     def _ascending(self) -> BatteryThermal:
         at_degc = [degc for degc, _ in self.capacity_share]
-        if any(not upper > lower for lower, upper in zip(at_degc, at_degc[1:], strict=False)):
+        if any(not upper > lower for lower, upper in pairwise(at_degc)):
             raise ValueError(f"capacity_share needs ascending temperatures, not {at_degc}")
         return self
 
