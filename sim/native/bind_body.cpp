@@ -160,7 +160,6 @@ class RigidBody {
     double fly_in_parts() {
         const double lengths_s[2] = {delay_.change_s(), times_.tick_s - delay_.change_s()};
         double travelled_m = 0.0;
-        std::vector<double> &part_before = part_before_;
         int steps = 0;
         work_j_ = 0.0;
         for (int part = 0; part < 2; ++part) {
@@ -172,10 +171,10 @@ class RigidBody {
             if (part == 1) {
                 for (int j = 0; j < 3; ++j) wind.start_W[j] += lengths_s[0] * wind_.slope_W[j];
             }
-            for (int k = kPoseVelocity; k < body_.states; ++k) part_before[k] = state()[k];
+            for (int k = kPoseVelocity; k < body_.states; ++k) part_before_[k] = state()[k];
             travelled_m += hil::sim::free_flight_tick(body_, times, wind, state(), path_.data() + 7 * steps, steps_);
             steps += steps_;
-            if (pack_.fitted) work_j_ += work_j(part_before.data());
+            if (pack_.fitted) work_j_ += work_j(part_before_.data());
         }
         steps_ = steps;
         prepare(times_);

@@ -24,6 +24,7 @@ from sim.sensors.imu import Imu
 
 _MOST_SAMPLES = 2_000_000  # of an IMU; of a longer flight the first
 _SHORTEST = 512  # samples of a spectrum
+_SHOWN = (("p50", np.median), ("max", np.max))
 _FLOOR_HZ, _LEVEL_HZ = 5.0, 2.0
 
 
@@ -69,7 +70,8 @@ class VibrationPart(Part):
         for name, imu in self._imus.items():
             levels = vibe_mps2(self._samples[name].array()[:, :3], self._rates_hz[name])
             keys[name] = {
-                "vibe_mps2": [round(level, 4) for level in levels.max(axis=0, initial=0.0).tolist()],  # greatest
+                # Take-off and touch-down make the greatest, the rotors the median.
+                "vibe_mps2": {what: _rounded(of(levels, axis=0)) for what, of in _SHOWN if len(levels)},
                 "clipped_readings": list(imu.clipped_readings),
             }
         return {"vibration": keys}
@@ -94,6 +96,10 @@ def vibe_mps2(accel_mps2: NDArray[np.float64], rate_hz: float) -> NDArray[np.flo
     slow, _ = lfilter([floor], [1.0, floor - 1.0], accel_mps2, axis=0, zi=past)
     mean: NDArray[np.float64] = lfilter([level], [1.0, level - 1.0], (accel_mps2 - slow) ** 2, axis=0)
     return np.sqrt(mean)
+
+
+def _rounded(levels: NDArray[np.float64]) -> list[float]:
+    return [round(float(level), 4) for level in levels]
 
 
 def _share(corner_hz: float, rate_hz: float) -> float:
