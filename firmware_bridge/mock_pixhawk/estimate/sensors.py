@@ -177,7 +177,7 @@ class SensorIntake:
             stepped = self._estimator.step_fifo(t_us, gx, gy, gz, ax, ay, az)
             self.not_finite += not stepped
             if self.vibration is not None and stepped:
-                self.vibration.note((ax, ay, az), (gx, gy, gz))
+                self.vibration.note(t_us, (ax, ay, az), (gx, gy, gz))
         elif fields & IMU_BITS:
             self.incomplete_groups += 1
         if fields & MAG_BITS:

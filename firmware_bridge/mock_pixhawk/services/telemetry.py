@@ -279,7 +279,7 @@ class Telemetry:
         metrics = self._sensors.vibration
         if metrics is None:
             metrics = self._sensors.vibration = VibrationMetrics()
-        return cls(now_us, metrics.coning_rad2ps2, metrics.gyro_radps, metrics.accel_mps2, metrics.clipped, 0, 0)
+        return cls(now_us, metrics.coning_rad2, metrics.gyro_radps, metrics.accel_mps2, metrics.clipped, 0, 0)
 
     def _estimator_status(self, cls: Any, now_us: int) -> Any:
         e = self._estimate

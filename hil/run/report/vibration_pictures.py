@@ -27,7 +27,8 @@ def density(values: NDArray[np.float64], rate_hz: float) -> tuple[NDArray[np.flo
         power += np.abs(np.fft.rfft((part - part.mean(axis=0)) * window, axis=0)) ** 2
     power *= 2.0 / (len(starts) * rate_hz * float((window**2).sum()))
     power[[0, -1]] *= 0.5
-    return np.arange(_WINDOW // 2 + 1) * (rate_hz / _WINDOW), power
+    hz: NDArray[np.float64] = np.linspace(0.0, 0.5 * rate_hz, _WINDOW // 2 + 1, dtype=np.float64)
+    return hz, power
 
 
 def vibration_pictures(
