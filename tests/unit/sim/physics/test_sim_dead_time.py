@@ -136,3 +136,11 @@ def test_a_command_that_is_not_finite_is_named_when_it_is_given() -> None:
     made.advance(0, (0.0,) * 4)
     with pytest.raises(ModelRangeError, match=r"controls\[2\]"):
         made.advance(1, (0.5, 0.5, math.nan, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("dead_time_s", "first", "count"), [(-0.001, 0, 4), (math.nan, 0, 4), (0.004, 0, 5), (0.004, -1, 2)]
+)
+def test_the_kernel_refuses_delays_that_cannot_be(dead_time_s: float, first: int, count: int) -> None:
+    with pytest.raises(ValueError, match="dead time"):
+        physics(0.0).body.delay_commands(dead_time_s=dead_time_s, first=first, count=count)

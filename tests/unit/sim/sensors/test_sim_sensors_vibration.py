@@ -15,7 +15,7 @@ from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.physics.vibration import OFFSET_M, Mount, Vibration
 from sim.scene.scene import load_scene
 from sim.sensors.catalog import PRESETS, make_sensor
-from sim.sensors.rotor_lines import vibration_of
+from sim.sensors.rotor_lines import vibration_arguments, vibration_of
 from sim.sensors.sensor import Installation
 
 TICK_NS = 4_000_000
@@ -328,3 +328,28 @@ def test_every_shipped_vehicle_vibrates_within_what_autopilots_call_good(name: s
 def test_a_vehicle_without_rotors_is_refused() -> None:
     with pytest.raises(ValueError, match="'x500' has none"):
         imu(vehicle(rotors=()))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"readings": [0, 8]}, "at least 1"),
+        ({"cosine": [0.0] * 7}, "6 values"),
+        ({"order": []}, "6 values"),
+        ({"g_sensitivity": [0.0] * 8}, "g_sensitivity"),
+        ({"broadband": [0.0] * 3}, "broadband"),
+    ],
+)
+def test_the_kernel_refuses_arguments_that_do_not_fit(changes: dict[str, Any], message: str) -> None:
+    arguments: dict[str, Any] = {
+        "readings": [8, 8],
+        "low_pass_radps": [0.0, 0.0],
+        "g_sensitivity": [0.0] * 9,
+        "rectification_s2pm": 0.0,
+        "step_s": DT,
+        **vibration_arguments(vehicle(), 1, ZERO),
+    }
+    kernel = imu(None)._kernel
+    kernel.take_readings(**arguments)
+    with pytest.raises(ValueError, match=message):
+        kernel.take_readings(**arguments | changes)
