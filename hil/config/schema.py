@@ -414,6 +414,7 @@ class BenchConfig(Section):
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     start: Start = Start()
     physics: Physics = Physics()
+    vibration: Literal["off", "estimated"] = "off"  # of the rotors, as the IMU feels it (docs/sensors.md)
     wind: Wind | None = None  # null: the scene's steady wind
     weather: Weather | None = None  # null: the scene's
     randomize: Randomize = Randomize()

@@ -10,6 +10,16 @@
 // duty cycle with the command), so commands are constant within a tick. The charge drawn over the tick, with each
 // rotor's speed O = c + l e^{-t/tau}, is an integral in closed form.
 //
+// With a thermal model, the cells have one temperature T (lumped, as Bernardi, Pawlikowski and Newman, J. Electrochem.
+// Soc. 132, 1985, without their entropic term), and the pack's resistance and capacity follow it:
+//
+//   resistance          R(T) = R_leads + R_cells e^{E/k (1/T - 1/T_ref)}                                (Arrhenius)
+//   capacity            C(T) = C s(T),  s linear between the points of a table, constant beyond its ends
+//   temperature         c dT/dt = I^2 R_cells(T) - h (T - T_a)
+//
+// R and C have their values at the start of a tick, I is its mean current; over the tick T then has the closed form
+// T_inf + (T - T_inf) e^{-h t / c} with T_inf = T_a + I^2 R_cells / h. The heat of the leads goes into the air.
+//
 // Deterministic: + - * / sqrt and det::exp.
 #pragma once
 
@@ -27,6 +37,46 @@ struct BatteryParams {
     double efficiency = 1.0;       // electrical to shaft
     double auxiliary_w = 0.0;      // P_0
     double nominal_voltage_v = 0.0;  // voltage at which rotors reach max_speed_radps
+};
+
+inline constexpr double kZeroDegC_k = 273.15;
+
+struct BatteryThermal {
+    static constexpr int kMostPoints = 16;
+    bool fitted = false;
+    double cells_ohm = 0.0, leads_ohm = 0.0;  // at the reference; their sum is the resistance of the pack
+    double reference_k = 298.15;
+    double activation_k = 0.0;  // E/k
+    double heat_capacity_j_per_k = 1.0, cooling_w_per_k = 1.0;
+    double ambient_degc = 15.0;
+    int points = 0;
+    double table_degc[kMostPoints], table_share[kMostPoints];  // s(T), ascending
+
+    double cells_ohm_at(double degc) const {
+        return cells_ohm * det::exp(activation_k * (1.0 / (degc + kZeroDegC_k) - 1.0 / reference_k));
+    }
+    double capacity_share_at(double degc) const {
+        if (points == 0) return 1.0;
+        if (!(degc > table_degc[0])) return table_share[0];
+        for (int i = 1; i < points; ++i) {
+            if (degc > table_degc[i]) continue;
+            const double part = (degc - table_degc[i - 1]) / (table_degc[i] - table_degc[i - 1]);
+            return table_share[i - 1] + part * (table_share[i] - table_share[i - 1]);
+        }
+        return table_share[points - 1];
+    }
+    // Temperature after `time_s` with a constant current.
+    double after(double degc, double current_a, double time_s) const {
+        const double end = ambient_degc + current_a * current_a * cells_ohm_at(degc) / cooling_w_per_k;
+        return end + (degc - end) * det::exp(-cooling_w_per_k * time_s / heat_capacity_j_per_k);
+    }
+    // The pack as it is at this temperature.
+    BatteryParams pack_at(const BatteryParams &pack, double degc) const {
+        BatteryParams now = pack;
+        now.resistance_ohm = leads_ohm + cells_ohm_at(degc);
+        now.capacity_c = pack.capacity_c * capacity_share_at(degc);
+        return now;
+    }
 };
 
 inline double open_circuit_v(const BatteryParams &b, double drawn_c) {

@@ -12,6 +12,7 @@
 #include "bind_arrays.hpp"
 #include "body.hpp"
 #include "clearance.hpp"
+#include "command_delay.hpp"
 #include "downwash.hpp"
 #include "free_flight.hpp"
 #include "ideal_controller.hpp"
@@ -55,17 +56,46 @@ class RigidBody {
         set_wind(wind_W_mps, wind_W_mps);
         path_.resize(7 * (static_cast<std::size_t>(substeps) << (hil::sim::kLevels - 1)));
         before_.resize(body_.states);
+        part_before_.resize(body_.states);
         commanded_.resize(body_.commands);
         remember();
     }
 
     void fit_battery(Out<double, -1> battery, double cells, double capacity_c, double resistance_ohm, double efficiency,
                      double auxiliary_w, double nominal_voltage_v) {
-        if (battery.shape(0) != 3) throw std::invalid_argument("battery must hold 3 values");
+        if (battery.shape(0) != 4) throw std::invalid_argument("battery must hold 4 values");
         battery_ = battery;
-        pack_ = {true, cells, capacity_c, resistance_ohm, efficiency, auxiliary_w, nominal_voltage_v};
+        rated_ = pack_ = {true, cells, capacity_c, resistance_ohm, efficiency, auxiliary_w, nominal_voltage_v};
+        if (thermal_.fitted) pack_ = thermal_.pack_at(rated_, battery_.data()[3]);
         battery_.data()[1] = hil::sim::loaded_v(pack_, battery_.data()[0], 0.0);
     }
+
+    void fit_battery_thermal(double cells_ohm, double leads_ohm, double reference_degc, double activation_k,
+                             double heat_capacity_j_per_k, double cooling_w_per_k, double ambient_degc,
+                             const std::vector<double> &table_degc, const std::vector<double> &table_share) {
+        if (table_degc.size() != table_share.size() || table_degc.size() > hil::sim::BatteryThermal::kMostPoints) {
+            throw std::invalid_argument("the capacity's table needs as many shares as temperatures, at most 16");
+        }
+        thermal_ = {true, cells_ohm, leads_ohm, reference_degc + hil::sim::kZeroDegC_k, activation_k,
+                    heat_capacity_j_per_k, cooling_w_per_k, ambient_degc, static_cast<int>(table_degc.size()), {}, {}};
+        for (std::size_t i = 0; i < table_degc.size(); ++i) {
+            thermal_.table_degc[i] = table_degc[i];
+            thermal_.table_share[i] = table_share[i];
+        }
+    }
+
+    double battery_capacity_c() const { return pack_.capacity_c; }
+
+    void delay_commands(double dead_time_s, int first, int count) {
+        if (!(dead_time_s >= 0.0) || first < 0 || count < 0 || first + count > body_.commands) {
+            throw std::invalid_argument("a dead time must be 0 or more, for commands that the forces take");
+        }
+        delay_ = hil::sim::CommandDelay(dead_time_s, times_.tick_s, body_.commands, first, count);
+        const std::size_t parts = delay_.splits() ? 2 : 1;
+        path_.resize(parts * 7 * (static_cast<std::size_t>(times_.base) << (hil::sim::kLevels - 1)));
+    }
+
+    void forget_commands() { delay_.forget(); }
 
     void set_wind(Vec3 start_W_mps, Vec3 end_W_mps) {
         wind_.changes = false;
@@ -93,18 +123,25 @@ class RigidBody {
     }
 
     int latch(const double *controls) {
-        double voltage = 1.0;
+        voltage_ = 1.0;
         if (pack_.fitted) {
+            if (thermal_.fitted) pack_ = thermal_.pack_at(rated_, battery_.data()[3]);
             double *battery = battery_.data(), power_w = 0.0;
             for (std::size_t k = 0; k < body_.forces.size(); ++k) {
                 power_w += body_.forces[k]->power_w(state() + body_.first_state[k]);
             }
             battery[1] = hil::sim::loaded_v(pack_, battery[0], power_w);
-            voltage = battery[1] / pack_.nominal_voltage_v;
+            voltage_ = battery[1] / pack_.nominal_voltage_v;
         }
+        if (!delay_.on()) return command_forces(controls);
+        const int bad = delay_.push(controls);
+        return bad >= 0 ? bad : command_forces(delay_.first());
+    }
+
+    int command_forces(const double *controls) {
         int first = 0;
         for (Force *force : body_.forces) {
-            const int bad = force->command(controls + first, voltage);
+            const int bad = force->command(controls + first, voltage_);
             if (bad >= 0) return first + bad;
             first += force->commands();
         }
@@ -113,7 +150,35 @@ class RigidBody {
 
     double fly() {
         remember();
+        in_parts_ = delay_.splits() && delay_.changes();
+        if (in_parts_) return fly_in_parts();
         return hil::sim::free_flight_tick(body_, times_, wind_, state(), path_.data(), steps_);
+    }
+
+    // A tick in which the delayed commands change: one flight up to the change, one from there. Each has constant
+    // commands, so the integrator keeps its order.
+    double fly_in_parts() {
+        const double lengths_s[2] = {delay_.change_s(), times_.tick_s - delay_.change_s()};
+        double travelled_m = 0.0;
+        int steps = 0;
+        work_j_ = 0.0;
+        for (int part = 0; part < 2; ++part) {
+            hil::sim::StepTimes times = times_;
+            times.tick_s = lengths_s[part];
+            prepare(times);
+            if (part == 1) command_forces(delay_.second());
+            hil::sim::TickWind wind = wind_;
+            if (part == 1) {
+                for (int j = 0; j < 3; ++j) wind.start_W[j] += lengths_s[0] * wind_.slope_W[j];
+            }
+            for (int k = kPoseVelocity; k < body_.states; ++k) part_before_[k] = state()[k];
+            travelled_m += hil::sim::free_flight_tick(body_, times, wind, state(), path_.data() + 7 * steps, steps_);
+            steps += steps_;
+            if (pack_.fitted) work_j_ += work_j(part_before_.data());
+        }
+        steps_ = steps;
+        prepare(times_);
+        return travelled_m;
     }
 
     // Takes the way of a tick from what remains of the clearances. False, and nothing is taken, where it is too long.
@@ -156,7 +221,7 @@ class RigidBody {
             touching = false;
             out.violation = finish();
             ++out.done;
-            if (!controller && pack_.fitted && out.done < ticks) out.bad = latch(commands);
+            if (!controller && (pack_.fitted || delay_.on()) && out.done < ticks) out.bad = latch(commands);
         }
         return out;
     }
@@ -213,6 +278,7 @@ class RigidBody {
     int steps() const { return steps_; }
 
     void rewind() {
+        in_parts_ = false;
         for (std::size_t k = 0; k < before_.size(); ++k) state()[k] = before_[k];
     }
 
@@ -289,6 +355,10 @@ class RigidBody {
     void contact_load(int substep, bool hard) {
         const double *s = state();
         const double h = times_.contact_s(hard);
+        if (delay_.splits()) {  // at the nearest border of sub-steps: a sub-step is of order 1
+            if (substep == 0) command_forces(delay_.first());
+            if (substep == static_cast<int>(delay_.change_s() / h + 0.5)) command_forces(delay_.second());
+        }
         double wind[3];
         for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + substep * h * wind_.slope_W[j];
         for (int k = 0; k < 7; ++k) qpos_.data()[k] = s[k];
@@ -345,15 +415,26 @@ class RigidBody {
         for (std::size_t k = 0; k < before_.size(); ++k) before_[k] = state()[k];
     }
 
-    void draw() {
-        double work_j = 0.0;
+    void prepare(const hil::sim::StepTimes &times) {
+        for (Force *force : body_.forces) force->prepare(times, body_.inertia);
+    }
+
+    // Work of the forces over the tick, or part of one, for which they are prepared.
+    double work_j(const double *before) const {
+        double sum = 0.0;
         for (std::size_t k = 0; k < body_.forces.size(); ++k) {
-            work_j += body_.forces[k]->work_j(before_.data() + body_.first_state[k]);
+            sum += body_.forces[k]->work_j(before + body_.first_state[k]);
         }
+        return sum;
+    }
+
+    void draw() {
+        const double work = in_parts_ ? work_j_ : work_j(before_.data());
         double *battery = battery_.data();
-        const double drawn_c = (work_j / pack_.efficiency + pack_.auxiliary_w * times_.tick_s) / battery[1];
+        const double drawn_c = (work / pack_.efficiency + pack_.auxiliary_w * times_.tick_s) / battery[1];
         battery[0] += drawn_c;
         battery[2] = drawn_c / times_.tick_s;
+        if (thermal_.fitted) battery[3] = thermal_.after(battery[3], battery[2], times_.tick_s);
     }
 
     // 0 in range; else the violated limit: 1 not finite, 2 speed, 3 body rate, 4 position, 5 no voltage left, 6 battery
@@ -377,9 +458,14 @@ class RigidBody {
     inline static RigidBody *served_ = nullptr;
     Out<double, -1> truth_, battery_, qpos_, qvel_, act_, qfrc_applied_, qacc_;
     nb::object kept_;  // the forces
-    std::vector<double> path_, before_, commanded_;
+    std::vector<double> path_, before_, part_before_, commanded_;
     hil::sim::Body body_{};
-    hil::sim::BatteryParams pack_;
+    hil::sim::BatteryParams pack_, rated_;  // as it is now, and at the reference temperature
+    hil::sim::BatteryThermal thermal_;
+    hil::sim::CommandDelay delay_;
+    double voltage_ = 1.0;    // over the nominal one, at the start of the tick
+    double work_j_ = 0.0;     // of a tick flown in parts
+    bool in_parts_ = false;
     hil::sim::StepTimes times_{};
     hil::sim::TickWind wind_{};
     int steps_ = 0;
@@ -529,7 +615,14 @@ void bind_body(nb::module_ &m) {
         .def("fit_battery", &RigidBody::fit_battery, nb::kw_only(), "battery"_a.noconvert(), "cells"_a, "capacity_c"_a,
              "resistance_ohm"_a, "efficiency"_a, "auxiliary_w"_a, "nominal_voltage_v"_a,
              "Fit a pack on the caller's `battery`: charge drawn [C], voltage at the tick's start [V], mean current "
-             "over the tick [A]. See battery.hpp.")
+             "over the tick [A], temperature [degC] (read and written with a thermal model only). See battery.hpp.")
+        .def("fit_battery_thermal", &RigidBody::fit_battery_thermal, nb::kw_only(), "cells_ohm"_a, "leads_ohm"_a,
+             "reference_degc"_a, "activation_k"_a, "heat_capacity_j_per_k"_a, "cooling_w_per_k"_a, "ambient_degc"_a,
+             "table_degc"_a, "table_share"_a, "Give the pack a temperature, before fit_battery().")
+        .def("battery_capacity_c", &RigidBody::battery_capacity_c, "Return the capacity at the pack's temperature [C].")
+        .def("delay_commands", &RigidBody::delay_commands, nb::kw_only(), "dead_time_s"_a, "first"_a, "count"_a,
+             "Delay these commands. See command_delay.hpp.")
+        .def("forget_commands", &RigidBody::forget_commands, "Forget the commands on their way: all are 0.")
         .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind of the coming tick, linear from start to end.")
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")

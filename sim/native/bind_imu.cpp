@@ -43,7 +43,7 @@ class Imu {
         unpack(alpha_WB_B, truth.alpha_WB_B, "alpha_WB_B");
         double speed[kMostRotors];
         truth.rotors = 0;
-        if (imu_.rotors_with_phase() != 0) {
+        if (imu_.needs_rotors()) {
             const std::size_t n = rotor_speed_radps.size();
             if (n > kMostRotors) throw std::invalid_argument("rotor_speed_radps must hold at most 16 rotors");
             for (std::size_t i = 0; i < n; ++i) {
@@ -56,6 +56,46 @@ class Imu {
         double out[kImuChannels + 1];
         imu_.sample(truth, index, out);
         return nb::make_tuple(nb::make_tuple(out[0], out[1], out[2]), nb::make_tuple(out[3], out[4], out[5]), out[6]);
+    }
+
+    void take_readings(const std::vector<int> &readings, const Values &low_pass_radps, const Values &g_sensitivity,
+                       double rectification_s2pm, double step_s, const Values &order, const Values &cosine,
+                       const Values &sine, double mount_radps, double mount_damping, const Values &broadband,
+                       const Values &broadband_radps, double reference_radps, Key key) {
+        hil::sim::ImuReadingsParams chain{};
+        if (readings.size() != 2 || readings[0] < 1 || readings[1] < 1) {
+            throw std::invalid_argument("readings needs two counts of at least 1");
+        }
+        chain.count[0] = readings[0];
+        chain.count[1] = readings[1];
+        copy(low_pass_radps, chain.low_pass_radps, "low_pass_radps");
+        copy(g_sensitivity, chain.g_sensitivity, "g_sensitivity");
+        chain.rectification_s2pm = rectification_s2pm;
+        hil::sim::RotorVibrationParams p;
+        const std::size_t one_rotor = order.size() * kImuChannels;
+        if (one_rotor == 0 || cosine.size() != sine.size() || cosine.size() % one_rotor != 0) {
+            throw std::invalid_argument("cosine and sine need 6 values for each rotor and line");
+        }
+        p.rotors = static_cast<int>(cosine.size() / one_rotor);
+        if (p.rotors > kMostRotors) throw std::invalid_argument("at most 16 rotors shake a sensor");
+        p.order = order;
+        p.cosine = cosine;
+        p.sine = sine;
+        p.mount_radps = mount_radps;
+        p.mount_damping = mount_damping;
+        copy(broadband, p.broadband, "broadband");
+        copy(broadband_radps, p.broadband_radps, "broadband_radps");
+        p.reference_radps = reference_radps;
+        for (int i = 0; i < 2; ++i) p.key[i] = key.data()[i];
+        p.step_s = step_s;
+        imu_.take_readings(chain, hil::sim::RotorVibration(std::move(p)));
+    }
+
+    nb::tuple clipped() const {
+        const hil::sim::ImuReadings *readings = imu_.readings();
+        std::uint64_t n[kImuChannels] = {};
+        for (int i = 0; readings && i < kImuChannels; ++i) n[i] = readings->clipped()[i];
+        return nb::make_tuple(n[0], n[1], n[2], n[3], n[4], n[5]);
     }
 
     void noise(std::uint64_t first, Out<double, -1, kImuChannels + 1> out) {
@@ -128,6 +168,11 @@ void bind_imu(nb::module_ &m) {
              "order"_a, "amplitude"_a, "phase_cos"_a, "phase_sin"_a, "reference_speed_radps"_a)
         .def("sample", &Imu::sample, "q_WB"_a, "a_WB_W"_a, "w_WB_B"_a, "alpha_WB_B"_a, "rotor_speed_radps"_a, "t_ns"_a,
              "index"_a, "Return ((accel x, y, z), (gyro x, y, z), temperature).")
+        .def("take_readings", &Imu::take_readings, nb::kw_only(), "readings"_a, "low_pass_radps"_a, "g_sensitivity"_a,
+             "rectification_s2pm"_a, "step_s"_a, "order"_a, "cosine"_a, "sine"_a, "mount_radps"_a, "mount_damping"_a,
+             "broadband"_a, "broadband_radps"_a, "reference_radps"_a, "key"_a,
+             "Let the rotors shake the sensor. See imu_readings.hpp and rotor_vibration.hpp.")
+        .def("clipped", &Imu::clipped, "Return the readings cut at full scale so far: accel x, y, z, gyro x, y, z.")
         .def("noise", &Imu::noise, "first"_a, "out"_a.noconvert(),
              "Fill `out` [count][7] with the noise of samples first .. first + count - 1, before rounding.");
 }

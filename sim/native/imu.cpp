@@ -133,10 +133,22 @@ void Imu::sample(const ImuTruth &truth, std::uint64_t index, double *out) {
         temperature -= p.temperature_rise_degc * det::exp(-(static_cast<double>(truth.t_ns) * 1e-9) / p.warm_up_time_s);
     }
     const double away = temperature - p.temperature_reference_degc;
+    double mean[kImuChannels];
+    if (readings_) {
+        double bias[kImuChannels];
+        for (int i = 0; i < kImuChannels; ++i) bias[i] = p.bias[i] + p.temperature_gain[i] * away;
+        readings_->take(truth.rotor_speed_radps, truth.rotors, truth.t_ns, p.gravity_mps2, p.gain, bias, p.limit, p.word, y,
+                        mean);
+    }
     for (int i = 0; i < kImuChannels; ++i) {
         const double *m = p.gain[i / 3] + 3 * (i % 3), *v = y + 3 * (i / 3);
-        double value = m[0] * v[0] + m[1] * v[1] + m[2] * v[2];
-        value += p.bias[i] + p.temperature_gain[i] * away + error[i];
+        double value;
+        if (readings_) {
+            value = mean[i] + error[i];
+        } else {
+            value = m[0] * v[0] + m[1] * v[1] + m[2] * v[2];
+            value += p.bias[i] + p.temperature_gain[i] * away + error[i];
+        }
         value = std::floor(value / p.lsb[i] + 0.5) * p.lsb[i];
         const double top = p.limit[i] - p.word[i];
         out[i] = value > top ? top : value < -p.limit[i] ? -p.limit[i] : value;

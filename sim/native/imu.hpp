@@ -14,7 +14,8 @@
 //   k[n]   = k[n-1] + K_i sqrt(period) n,                   k[0] = 0     rate (acceleration) random walk
 //   x_p[n] = phi_p x_p[n-1] + step_ip n,  x_p[0] = start_ip n            bias instability (table: flicker.py)
 //   T(t)   = T_end - rise e^{-t / tau}                                   temperature of the warming sensor
-// Q rounds to `lsb_i` and saturates at -limit_i and limit_i - word_i.
+// Q rounds to `lsb_i` and saturates at -limit_i and limit_i - word_i. With `take_readings`, y_i + b_i + c_i (T - T_ref) is
+// the mean of readings that the rotors shake and that saturate one by one: imu_readings.hpp.
 //
 // State advances with `index`: reading sample n advances the processes to n, one step per index. For an index before the
 // last one, they restart from 0. The rotor phases advance with the time between samples. The attitude of the last sample
@@ -25,8 +26,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
+#include "imu_readings.hpp"
 #include "noise_stream.hpp"
 
 namespace hil::sim {
@@ -71,7 +75,13 @@ class Imu {
     // the values that `sample` adds at those indices.
     void noise(std::uint64_t first, std::size_t count, double *out);
 
-    std::size_t rotors_with_phase() const { return rotor_phase_.size(); }
+    // From now on the airframe vibrates, and a sample is the mean of internal readings.
+    void take_readings(ImuReadingsParams params, RotorVibration vibration) {
+        readings_ = std::make_unique<ImuReadings>(params, std::move(vibration));
+    }
+    const ImuReadings *readings() const { return readings_.get(); }
+
+    bool needs_rotors() const { return !rotor_phase_.empty() || readings_; }
 
   private:
     void noise_at(std::uint64_t index, double *out);
@@ -87,6 +97,7 @@ class Imu {
     double walk_state_[kImuChannels] = {};
     std::vector<double> flicker_state_;
     std::vector<double> rotor_phase_;
+    std::unique_ptr<ImuReadings> readings_;
     bool phase_started_ = false;
     std::int64_t phase_t_ns_ = 0;
     bool q_known_ = false;

@@ -21,6 +21,7 @@ from sim.physics.battery import Battery
 from sim.physics.forces.force import Effects, ForceParameters, Point, any_kind
 from sim.physics.forces.rotors import Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
 from sim.physics.integration import TickSteps
+from sim.physics.vibration import Vibration
 
 VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
 
@@ -61,6 +62,7 @@ class Vehicle(StrictModel):
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
     forces: Annotated[tuple[AnyForce, ...], Field(max_length=64)] = ()
     battery: Battery | None = None
+    vibration: Vibration | None = None  # null: estimated from the size of the rotors, where a bench asks for it
 
     @pydantic.field_validator("rotors")
     @classmethod

@@ -40,7 +40,7 @@ from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
 from sim._kernels import IdealController, Push, Rotors
 from sim.physics.actors import Actors
-from sim.physics.battery import BatteryState
+from sim.physics.battery import GAS_CONSTANT_J_PER_MOL_K, BatteryState
 from sim.physics.contact_model import build_model, set_inertia, soften_contact
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault, check_faults
@@ -50,6 +50,7 @@ from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import Vehicle, rigid_body
+from sim.scene.atmosphere import ZERO_DEGC_K, geopotential_m, temperature_k
 from sim.scene.scene import Scene
 from sim.scene.scene_map import Actor
 from sim.scene.solids import solid_tree
@@ -148,8 +149,16 @@ class VehiclePhysics:
             b = vehicle.battery
             self._battery_capacity_c = 3600.0 * b.capacity_ah
             self._battery_start_c = (1.0 - b.initial_charge) * self._battery_capacity_c
-            self._battery = np.array([self._battery_start_c, 0.0, 0.0])
+            self._battery_start_degc = 0.0
+            if b.thermal is not None:
+                ambient_degc, start_degc = self._air_degc(b.thermal.ambient_degc), b.thermal.initial_degc
+                self._battery_start_degc = ambient_degc if start_degc is None else start_degc
+            self._battery = np.array([self._battery_start_c, 0.0, 0.0, self._battery_start_degc])
             self._fit_battery(b.auxiliary_w)
+            if b.thermal is not None:
+                self._battery_start_c = (1.0 - b.initial_charge) * self.body.battery_capacity_c()
+                self._battery[0] = self._battery_start_c
+                self._fit_battery(b.auxiliary_w)
         self._radius_m = vehicle.bounding_radius_m
         self._min_sphere_radius_m = min(sphere.radius_m for sphere in vehicle.contact_spheres)
         self._enter(scene)
@@ -193,6 +202,9 @@ class VehiclePhysics:
             wind_W_mps=wind_W_mps,
             steps=self._steps,
         )
+        dead_time_s = self.vehicle.rotor_constants.dead_time_s
+        if dead_time_s > 0.0:  # the rotors' commands are the first
+            self.body.delay_commands(dead_time_s=dead_time_s, first=0, count=len(self.vehicle.rotors))
         return own
 
     @property
@@ -345,7 +357,7 @@ class VehiclePhysics:
         self._truth[:] = self._start_truth
         self._data.qacc_warmstart[:] = self._start_warmstart
         if self._battery is not None and self.vehicle.battery is not None:
-            self._battery[:] = (self._battery_start_c, 0.0, 0.0)
+            self._battery[:] = (self._battery_start_c, 0.0, 0.0, self._battery_start_degc)
             self._fit_battery(self.vehicle.battery.auxiliary_w)
         return self._placed(touching=self._standing)
 
@@ -398,6 +410,7 @@ class VehiclePhysics:
     def _placed(self, *, touching: bool) -> TruthState:
         """Forget what was known of the way so far."""
         self.body.touching = touching
+        self.body.forget_commands()
         self.hard = False
         self.body.remaining_m = 0.0
         if self._actors is not None:
@@ -422,6 +435,19 @@ class VehiclePhysics:
         battery = self.vehicle.battery
         assert battery is not None
         assert self._battery is not None
+        thermal = battery.thermal
+        if thermal is not None:
+            self.body.fit_battery_thermal(
+                cells_ohm=battery.resistance_ohm - thermal.leads_ohm,
+                leads_ohm=thermal.leads_ohm,
+                reference_degc=thermal.reference_degc,
+                activation_k=thermal.activation_j_per_mol / GAS_CONSTANT_J_PER_MOL_K,
+                heat_capacity_j_per_k=thermal.heat_capacity_j_per_k,
+                cooling_w_per_k=thermal.cooling_w_per_k,
+                ambient_degc=self._air_degc(thermal.ambient_degc),
+                table_degc=[degc for degc, _ in thermal.capacity_share],
+                table_share=[share for _, share in thermal.capacity_share],
+            )
         self.body.fit_battery(
             battery=self._battery,
             cells=float(battery.cells),
@@ -431,6 +457,12 @@ class VehiclePhysics:
             auxiliary_w=auxiliary_w,
             nominal_voltage_v=battery.nominal_voltage_v,
         )
+
+    def _air_degc(self, given_degc: float | None) -> float:
+        """Return the temperature of the air at the site: the given one, else the standard atmosphere's."""
+        if given_degc is not None:
+            return given_degc
+        return temperature_k(geopotential_m(self.scene.site.altitude_m)) - ZERO_DEGC_K
 
     def surround(self, scene: Scene) -> None:
         """Fly in another scene from the next tick on; its gravity and friction must be the same. The state stays."""
@@ -468,7 +500,7 @@ class VehiclePhysics:
     def end_battery(self) -> None:
         """Let an empty battery deliver nothing from now on, until `reset`; its vehicle stays within the model."""
         if self._battery is not None:
-            self._battery[:] = (self._battery_capacity_c, 0.0, 0.0)
+            self._battery[:3] = (self.body.battery_capacity_c(), 0.0, 0.0)
             self.switch_off()
 
     @property
@@ -476,8 +508,10 @@ class VehiclePhysics:
         """State of the battery; None without one."""
         if self._battery is None:
             return None
-        drawn_c, voltage_v, current_a = self._battery.tolist()
-        return BatteryState(1.0 - drawn_c / self._battery_capacity_c, voltage_v, current_a)
+        drawn_c, voltage_v, current_a, degc = self._battery.tolist()
+        thermal = self.vehicle.battery is not None and self.vehicle.battery.thermal is not None
+        charge = 1.0 - drawn_c / self.body.battery_capacity_c()
+        return BatteryState(charge, voltage_v, current_a, degc if thermal else None)
 
     @property
     def actor_poses(self) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from signals._kernel import det_exp, det_log, det_pow
 
 SEA_LEVEL_PA = 101_325.0
 SEA_LEVEL_K = 288.15
+ZERO_DEGC_K = 273.15
 LAPSE_K_PER_M = 0.0065
 # g M / (R L) with g 9.80665, M 0.0289644, R 8.31432 (the standard's own), L 0.0065
 EXPONENT = 5.255_876
@@ -25,6 +26,11 @@ _SCALE_HEIGHT_M = TROPOPAUSE_K / (EXPONENT * LAPSE_K_PER_M)  # R T1 / (g M)
 def geopotential_m(altitude_m: float) -> float:
     """Return the geopotential height of a geometric height above mean sea level."""
     return _EARTH_RADIUS_M * altitude_m / (_EARTH_RADIUS_M + altitude_m)
+
+
+def temperature_k(geopotential_height_m: float) -> float:
+    """Return the temperature at a geopotential height up to 20 km."""
+    return max(SEA_LEVEL_K - LAPSE_K_PER_M * geopotential_height_m, TROPOPAUSE_K)
 
 
 def pressure_pa(geopotential_height_m: float) -> float:

@@ -16,6 +16,10 @@ N white noise density, B bias instability, K random walk of the bias. N^2 is the
 variance of a sample is N^2 F with F the sample rate. A datasheet's noise density is one-sided if its RMS noise in a
 bandwidth b is density sqrt(b): then N = density / sqrt(2). N is the density at the output (sim/sensors/rounding.py),
 whose word has steps of q = word / m, as a sample is the mean of m internal readings.
+
+With `vibration: estimated` in the bench file, the airframe vibrates with its rotors (rotor_lines.py), and the sensor's
+own chain is modelled (sim/native/imu_readings.hpp): low-pass with its delay, internal readings, rectification of
+vibration, sensitivity of the gyroscope to acceleration, and saturation of single readings.
 """
 
 from __future__ import annotations
@@ -35,6 +39,7 @@ from signals.time import NS_PER_S
 from signals.units import TURN_RAD
 from sim._kernels import Imu as ImuKernel
 from sim.sensors.flicker import flicker_processes
+from sim.sensors.rotor_lines import vibration_arguments
 from sim.sensors.rounding import drawn_sigma, noise_with_rounding
 from sim.sensors.sensor import Installation, InstalledSensor, Kind, Position
 
@@ -82,6 +87,11 @@ class ImuParameters(StrictModel):
     reference_temperature_degc: Annotated[float, Field(ge=-40.0, le=125.0)] | None = None
     accel_temperature_drift_mps2_per_degc: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     gyro_temperature_drift_radps_per_degc: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    # The chain of a sensor that vibrates; without vibration these have no effect. 0: no low-pass.
+    accel_low_pass_hz: Annotated[float, Field(ge=0.0, le=50_000.0)] = 0.0  # -3 dB
+    gyro_low_pass_hz: Annotated[float, Field(ge=0.0, le=50_000.0)] = 0.0
+    gyro_g_sensitivity_radps_per_mps2: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0  # each of nine terms
+    accel_rectification_s2pm: Annotated[float, Field(ge=-1.0, le=1.0)] = 0.0  # bias per square of vibration
     lever_arm_m: Position = (0.0, 0.0, 0.0)  # from the centre of mass, in B
     vibration: tuple[Harmonic, ...] = ()
     vibration_reference_radps: Annotated[float, Field(gt=0.0, le=1e5)] = 1000.0
@@ -145,6 +155,22 @@ class Imu(InstalledSensor):
             flicker_step=[b * x.step for b in instability for x in flicker],
             **_vibration(seed, name, p),
         )
+        if installation.shaken_by is not None:
+            step_s = installation.step_ns / NS_PER_S
+            sensitivity = p.gyro_g_sensitivity_radps_per_mps2
+            self._kernel.take_readings(
+                readings=[_readings(p.accel_output_rate_hz, step_s), _readings(p.gyro_output_rate_hz, step_s)],
+                low_pass_radps=[TURN_RAD * p.accel_low_pass_hz, TURN_RAD * p.gyro_low_pass_hz],
+                g_sensitivity=[sensitivity * n for n in NoiseStream(seed, f"{name}.g_sensitivity", lanes=9).normal(0)],
+                rectification_s2pm=p.accel_rectification_s2pm,
+                step_s=step_s,
+                **vibration_arguments(installation.shaken_by, seed, p.lever_arm_m),
+            )
+
+    @property
+    def clipped_readings(self) -> tuple[int, ...]:
+        """Internal readings cut at full scale so far: accel x, y, z, gyro x, y, z. Counted while it vibrates."""
+        return self._kernel.clipped()
 
     def sample(self, truth: TruthState, seq: int) -> ImuSample:
         """Return sample `seq`. Specific force at rest, level: (0, 0, +g)."""

@@ -18,6 +18,7 @@ from signals.samples import FRAME_SAMPLES, Sample, TruthState
 from signals.time import NS_PER_S, period_ns_from_hz
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
+from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 
 _Offset = Annotated[float, Field(ge=-10.0, le=10.0)]
@@ -37,6 +38,7 @@ class Installation:
     step_ns: int  # the physics tick
     frames: FrameSource | None = None  # the world's geometry, for cameras, LiDARs and radars
     shared: SharedPicture | None = None  # of a camera whose pictures other sensors read, and of those sensors
+    shaken_by: Vehicle | None = None  # whose rotors make an IMU vibrate; None: nothing vibrates
 
     @property
     def period_ns(self) -> int:

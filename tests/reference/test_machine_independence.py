@@ -185,7 +185,9 @@ for name in sorted(PRESETS.keys() - LEFT_OUT):
         sensors.append((made, 250, 250))  # above the ground
         continue
     every = 25 if kind == "gps" else 1 if kind == "imu" else 5
-    installation = Installation(name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns)
+    installation = Installation(
+        name, rate_hz=250.0 / every, seed=1, scene=scene, step_ns=tick_ns, shaken_by=physics.vehicle
+    )
     made = make_sensor(installation, preset=name, overrides=EXTRA.get(kind, {}))
     sensors.append((made, every, 0))
     faults = FAULT_LIST.validate_python([f | {"sensor": name} for f in FAULTS])

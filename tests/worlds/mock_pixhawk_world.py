@@ -24,13 +24,17 @@ GCS, GCS_COMPONENT = 255, 190
 class World:
     """A vehicle on the airfield with the default sensors; `autopilot` flies it."""
 
-    def __init__(self, *, seed: int = 1, gps: bool = True, vehicle: str = "x500", **autopilot: Any) -> None:
-        scene = load_scene("airfield")
-        self.physics = VehiclePhysics(load_vehicle(vehicle), scene, TICK_NS)
+    def __init__(
+        self, *, seed: int = 1, gps: bool = True, vehicle: str = "x500", shaken: bool = False, **autopilot: Any
+    ) -> None:
+        scene, flown = load_scene("airfield"), load_vehicle(vehicle)
+        self.physics = VehiclePhysics(flown, scene, TICK_NS)
+        shaken_by = flown if shaken else None
 
         def sensor(name: str, preset: str, rate_hz: float) -> Any:
             return make_sensor(
-                Installation(name, rate_hz=rate_hz, seed=seed, scene=scene, step_ns=TICK_NS), preset=preset
+                Installation(name, rate_hz=rate_hz, seed=seed, scene=scene, step_ns=TICK_NS, shaken_by=shaken_by),
+                preset=preset,
             )
 
         self._imu = sensor("imu", "icm20689", TICK_HZ)

@@ -14,6 +14,7 @@ from typing import Any
 
 from firmware_bridge._native import FlightCore
 from firmware_bridge.mock_pixhawk import elementary as el
+from firmware_bridge.mock_pixhawk.estimate.vibration import VibrationMetrics
 from signals.units import STANDARD_GRAVITY_MPS2
 
 IMU_BITS, MAG_BITS, BARO_BITS = 0x3F, 0x1C0, 0x1A00
@@ -125,6 +126,7 @@ class SensorIntake:
         self.not_finite = 0
         self.gps: GpsFix | None = None
         self.baro_hpa = 1013.25
+        self.vibration: VibrationMetrics | None = None  # measured from the first request for VIBRATION on
         self._next_mag_us = 0
         self._next_baro_us = 0
 
@@ -174,6 +176,8 @@ class SensorIntake:
             self.last_us[ACCEL] = self.last_us[GYRO] = t_us
             stepped = self._estimator.step_fifo(t_us, gx, gy, gz, ax, ay, az)
             self.not_finite += not stepped
+            if self.vibration is not None and stepped:
+                self.vibration.note(t_us, (ax, ay, az), (gx, gy, gz))
         elif fields & IMU_BITS:
             self.incomplete_groups += 1
         if fields & MAG_BITS:

@@ -13,6 +13,7 @@ from typing import Any
 from firmware_bridge.codecs.messages import message_class
 from firmware_bridge.mock_pixhawk.estimate.sensors import ACCEL, BARO, GPS, GYRO, MAG, UNKNOWN_ACCURACY, SensorIntake
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate
+from firmware_bridge.mock_pixhawk.estimate.vibration import VibrationMetrics
 from firmware_bridge.mock_pixhawk.ids import (
     AUTOPILOT_PX4,
     BaseMode,
@@ -44,6 +45,7 @@ DEFAULT_PERIOD_US = {
     "HOME_POSITION": 2_000_000,
     "GPS_GLOBAL_ORIGIN": 0,
     "EXTENDED_SYS_STATE": 500_000,
+    "VIBRATION": 0,
 }
 _HITL_PERIOD_US = {"TIMESYNC": 100_000}  # a board with its own clock asks for the time of the other side
 
@@ -271,6 +273,13 @@ class Telemetry:
             time_remaining=0,
             charge_state=state,
         )
+
+    def _vibration(self, cls: Any, now_us: int) -> Any:
+        """Return the metrics in the fields that PX4 uses; all 0 at the first request, from which they are measured."""
+        metrics = self._sensors.vibration
+        if metrics is None:
+            metrics = self._sensors.vibration = VibrationMetrics()
+        return cls(now_us, metrics.coning_rad2, metrics.gyro_radps, metrics.accel_mps2, metrics.clipped, 0, 0)
 
     def _estimator_status(self, cls: Any, now_us: int) -> Any:
         e = self._estimate

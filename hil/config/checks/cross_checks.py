@@ -88,6 +88,9 @@ def vehicle_problems(config: BenchConfig, vehicle: Vehicle, settings: Settings) 
     if config.physics.effects.battery and vehicle.battery is None:
         message = f"is true, but the vehicle {vehicle.name!r} has no battery"
         problems.append(at(settings, ("physics", "effects", "battery"), message))
+    if config.vibration != "off" and not vehicle.rotors:
+        message = f"is that of rotors, and the vehicle {vehicle.name!r} has none"
+        problems.append(at(settings, ("vibration",), message))
     return problems
 
 

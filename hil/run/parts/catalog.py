@@ -37,6 +37,7 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
     ("simulated.vehicle", _always),
     ("links.intake", _always),  # before the sensors: it refuses faults that the autopilot would not notice
     ("simulated.sensors", _always),
+    ("simulated.vibration", lambda bench: bench.config.vibration != "off"),
     ("links.faults", _always),
     ("simulated.unmet_faults", _has_faults),
 )

@@ -196,6 +196,23 @@ def motion_figure(track: TrackArrays) -> Figure:
     return figure
 
 
+def spectrum_figure(
+    hz: NDArray[np.float64], accel: NDArray[np.float64], gyro: NDArray[np.float64], name: str
+) -> Figure:
+    """Draw root spectral densities (n, 3) of specific force [m/s2/sqrt(Hz)] and rate [rad/s/sqrt(Hz)] by axis."""
+    figure = Figure(figsize=(12.0, 3.2), layout="constrained")
+    for axes, values, unit in zip(
+        figure.subplots(1, 2), (accel, gyro), ("m/s\N{SUPERSCRIPT TWO}", "rad/s"), strict=True
+    ):
+        for i, label in enumerate("xyz"):
+            axes.plot(hz, np.maximum(values[:, i], 1e-12), color=_MOTORS[i], lw=1.1, label=label)
+        axes.set_yscale("log")
+        what = "specific force" if unit.startswith("m") else "rate"
+        axes.set(title=f"Spectrum of {name}: {what}", xlabel="[Hz]", ylabel=f"[{unit}/\N{SQUARE ROOT}Hz]")
+        _legend(axes)
+    return figure
+
+
 def timing_figure(rtt_bins_ns: Sequence[tuple[float, int]], phase_us: Mapping[str, float]) -> Figure:
     """Draw a histogram of the autopilot's round trips, and the mean wall time per tick by phase."""
     figure = Figure(figsize=(12.0, 3.2), layout="constrained")

@@ -19,6 +19,7 @@ from signals.time import RateAccumulator
 from sim.frame.source import FrameSource
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FaultySensor
+from sim.sensors.imu import Imu
 from sim.sensors.radar import Radar
 
 
@@ -40,6 +41,7 @@ class SensorSlots:
         """
         self._bench, self._recorder = bench, recorder
         self.radars: dict[str, Radar] = {}
+        self.imus: dict[str, Imu] = {}
         self.descriptions: dict[str, FrameDescription] = {}  # of sensors with a mount
         self.deviations: dict[str, Mapping[str, float]] = {}  # of the noise of a sample, by sensor and field
         self._without_faults: dict[str, Any] = {}  # by name
@@ -54,6 +56,8 @@ class SensorSlots:
             recorder.describe_noise(name, self.deviations[name])
             if isinstance(sensor, Radar):
                 self.radars[name] = sensor
+            if isinstance(sensor, Imu):
+                self.imus[name] = sensor
             if hasattr(sensor, "mount"):
                 self.descriptions[name] = description(name, sensor)
                 recorder.describe(name, self.descriptions[name])

@@ -54,6 +54,7 @@ class SimulatedSensors:
                 step_ns=config.tick_ns,
                 frames=self._frames,
                 shared=self._shared.get(getattr(settings.parameters, "frame", None) or name),
+                shaken_by=self._bench.vehicle if config.vibration == "estimated" else None,
             ),
             kind=settings.kind,
             overrides=self._bench.sensor_parameters(name).model_dump() | dict(parts or {}),

@@ -68,6 +68,7 @@ class RotorConstants(StrictModel):
     thrust_coefficient_n_per_radps2: Annotated[float, Field(gt=0.0, le=1.0)]
     moment_ratio_m: Annotated[float, Field(ge=0.0, le=1.0)]
     max_speed_radps: Annotated[float, Field(gt=0.0, le=10_000.0)]
+    dead_time_s: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0  # of the speed controller, before the time constants
     time_constant_up_s: Annotated[float, Field(ge=1e-3, le=1.0)]
     time_constant_down_s: Annotated[float, Field(ge=1e-3, le=1.0)]
     inertia_kgm2: Annotated[float, Field(ge=0.0, le=1.0)]

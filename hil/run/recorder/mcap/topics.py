@@ -146,10 +146,9 @@ BATTERY_TOPIC = Topic(
     "battery",
     "sensor_msgs/BatteryState",
     BODY,
-    {"voltage": "voltage_v", "current": "drawn_a", "percentage": "charge"},
+    {"voltage": "voltage_v", "current": "drawn_a", "percentage": "charge", "temperature": "degc"},
     lengths={"cell_voltage": "none", "cell_temperature": "none"},
     values={
-        "temperature": _NAN,
         "charge": _NAN,
         "capacity": _NAN,
         "design_capacity": _NAN,
@@ -344,6 +343,7 @@ _DERIVED: dict[tuple[type, str], Callable[[Any], Any]] = {
     (RangeSample, "range_m"): lambda sample: sample.distance_m if sample.quality > 0 else math.inf,
     (RangeSample, "variance"): lambda sample: sample.sigma_m**2,
     (BatteryState, "drawn_a"): lambda battery: -battery.current_a,  # negative while discharging
+    (BatteryState, "degc"): lambda battery: _NAN if battery.temperature_degc is None else battery.temperature_degc,
     (BatteryState, "none"): lambda battery: (),  # noqa: ARG005
 }
 

@@ -50,6 +50,8 @@ MAY_STAY = {
 G = 9.80665
 TO_SI = {
     "m": 1.0,
+    "Hz": 1.0,
+    "dps/g": math.radians(1.0) / G,
     # A datasheet's density is one-sided, the parameter is Allan's N.
     "ug/rtHz": 1e-6 * G / math.sqrt(2.0),
     "mdps/rtHz": math.radians(1e-3) / math.sqrt(2.0),
