@@ -42,6 +42,7 @@ class Measured(NamedTuple):
 
     expectation: Expectation
     value: float | None
+    lift_off_s: float | None = None
 
 
 class DeclaredMeasurements:
@@ -74,6 +75,7 @@ class DeclaredMeasurements:
         """Return every declared measurement in the order of the script; call it after the flight."""
         values = {id(window.expectation): window.value for window in self._windows}
         touch_down_ns, lift_off_ns = self._touch_down_ns, self._lift_off_ns
+        lift_off_s = None if lift_off_ns is None else lift_off_ns / NS_PER_S
         results: list[Measured] = []
         for e in self._expectations:
             if e.measure == "time_to_complete_s":
@@ -88,7 +90,7 @@ class DeclaredMeasurements:
                     )
                 )
             else:
-                results.append(Measured(e, values[id(e)]))
+                results.append(Measured(e, values[id(e)], lift_off_s))
         return results
 
 
@@ -143,8 +145,8 @@ def judge_script(declared: Sequence[Measured], records: Sequence[Record] = ()) -
     """Return the verdict on the measurements and actions of a script. A required action that never ran fails."""
     rows: list[Row] = []
     reasons: list[str] = []
-    for expectation, value in declared:
-        row, row_reasons = _row_and_reasons(expectation, value)
+    for measured in declared:
+        row, row_reasons = _row_and_reasons(measured)
         rows.append(row)
         reasons += row_reasons
     for outcome, text in _NOT_DONE.items():
@@ -152,11 +154,13 @@ def judge_script(declared: Sequence[Measured], records: Sequence[Record] = ()) -
     return Verdict(rows, reasons)
 
 
-def _row_and_reasons(e: Expectation, value: float | None) -> tuple[Row, list[str]]:
+def _row_and_reasons(measured: Measured) -> tuple[Row, list[str]]:
     """Return a row of the verdict, with the limit nearer to the value, and the reasons why it fails."""
+    e, value = measured.expectation, measured.value
     reasons: list[str] = []
     unit, label = e.unit, e.label
     limits = [limit for limit in (e.at_most, e.at_least) if limit is not None]
+    when = _when(measured)
     if value is None:
         if limits:
             reasons.append(
@@ -164,10 +168,21 @@ def _row_and_reasons(e: Expectation, value: float | None) -> tuple[Row, list[str
             )
     else:
         if e.at_most is not None and not value <= e.at_most:
-            reasons.append(f"{label} is {value:.3g} {unit}, more than the {e.at_most:g} {unit} allowed")
+            reasons.append(f"{label} is {value:.3g} {unit}, more than the {e.at_most:g} {unit} allowed{when}")
         if e.at_least is not None and not value >= e.at_least:
-            reasons.append(f"{label} is {value:.3g} {unit}, less than the required {e.at_least:g} {unit}")
+            reasons.append(f"{label} is {value:.3g} {unit}, less than the required {e.at_least:g} {unit}{when}")
     shown = None
     if limits:
         shown = min(limits, key=lambda limit: abs(limit - value)) if value is not None else limits[0]
     return Row(label, value, shown, unit, not reasons), reasons
+
+
+def _when(measured: Measured) -> str:
+    """Return the window and the take-off, since autopilots take off at different times; "" without a window."""
+    e = measured.expectation
+    if e.from_s is None:
+        return ""
+    end = "the end" if e.to_s is None else f"{e.to_s:g} s"
+    lift_off_s = measured.lift_off_s
+    took_off = "it never took off" if lift_off_s is None else f"it took off at {lift_off_s:.1f} s"
+    return f" (from {e.from_s:g} s to {end}; {took_off})"

@@ -121,6 +121,15 @@ def test_a_limit_on_what_was_never_measured_fails(limit: str) -> None:
     )
 
 
+def test_a_missed_window_names_the_take_off() -> None:
+    late = [truth(tick) for tick in range(2000)]
+    late += [truth(2000 + i, p_WB=s.p_WB, in_contact=s.in_contact) for i, s in enumerate(hop())]
+    window = {"expect": ({"measure": "min_altitude_m", "from_s": 5, "to_s": 15.5, "at_least": 1.4},)}
+    missed = "min_altitude_m is 0 m, less than the required 1.4 m (from 5 s to 15.5 s; "
+    assert verdict_of(window, late).reasons == (missed + "it took off at 20.3 s)",)
+    assert verdict_of(window, late[:2000]).reasons == (missed + "it never took off)",)
+
+
 def test_limits_on_measurements_decide() -> None:
     good = verdict_of({"expect": ({"measure": "max_tilt_deg", "at_most": 21.0},)}, hop())
     assert good.status == "PASS"
