@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import pydantic
@@ -55,6 +55,7 @@ class Vehicle(StrictModel):
     inertia_kgm2: tuple[Inertia, Inertia, Inertia]
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
+    rotor_model: Literal["blade_element", "quadratic"] = "quadratic"
     body_drag_linear_n_per_mps: NonNegative3
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
@@ -83,6 +84,8 @@ class Vehicle(StrictModel):
             raise ValueError(f"contact spheres must have different names, not {names}")
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
+        if self.rotor_model == "blade_element" and self.rotor_constants.blade_element is None:
+            raise ValueError("rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model")
         return self
 
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:

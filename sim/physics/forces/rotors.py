@@ -15,6 +15,7 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from sim import _kernels
+from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, Point
 
 
@@ -81,6 +82,13 @@ class RotorConstants(StrictModel):
     descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
     # Thrust of the lower rotor of a coaxial pair over that of the upper one, at equal speeds.
     coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
+    blade_element: BladeElement | None = None  # for `rotor_model: blade_element`
+
+    @pydantic.model_validator(mode="after")
+    def _consistent(self) -> RotorConstants:
+        if self.blade_element is not None:
+            lumps_of(self, self.blade_element)
+        return self
 
 
 def check_coaxial_pairs(rotors: Sequence[Rotor]) -> None:
