@@ -93,7 +93,9 @@ class Vehicle(StrictModel):
         drag = _kernels.AirDrag(
             linear_n_per_mps=self.body_drag_linear_n_per_mps, quadratic_n_per_m2ps2=self.body_drag_quadratic_n_per_m2ps2
         )
-        rotors = [rotors_force(self.rotors, self.rotor_constants, effects)] if self.rotors else []
+        c = self.rotor_constants
+        blades = c.blade_element if self.rotor_model == "blade_element" else None
+        rotors = [rotors_force(self.rotors, c, effects, blades=blades)] if self.rotors else []
         return [drag, *rotors, *(force.make(effects) for force in self.forces)]
 
     @property
@@ -139,9 +141,13 @@ def rigid_body(
     gravity_mps2: float,
     wind_W_mps: Vec3,
     steps: TickSteps,
+    air: tuple[float, float] | None = None,
 ) -> _kernels.RigidBody:
-    """Return the kernel for a vehicle; it works on the caller's `truth` [13 + own states of the forces + 6]."""
-    return _kernels.RigidBody(
+    """Return the kernel for a vehicle; it works on the caller's `truth` [13 + own states of the forces + 6].
+
+    `air`: altitude of the site and kelvins over the standard atmosphere; without it the density is that of sea level.
+    """
+    body = _kernels.RigidBody(
         truth=truth,
         mass_kg=vehicle.mass_kg,
         inertia_kgm2=vehicle.inertia_kgm2,
@@ -154,3 +160,6 @@ def rigid_body(
         hard_contact_substeps=steps.contact[True],
         classical=steps.classical,
     )
+    if air is not None:
+        body.set_air(*air)
+    return body

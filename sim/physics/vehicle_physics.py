@@ -192,8 +192,15 @@ class VehiclePhysics:
             gravity_mps2=self.scene.gravity_mps2,
             wind_W_mps=wind_W_mps,
             steps=self._steps,
+            air=self._air,
         )
         return own
+
+    @property
+    def _air(self) -> tuple[float, float] | None:
+        if not self._effects.air_density or self.vehicle.rotor_model == "quadratic":
+            return None
+        return self.scene.site.altitude_m, self.scene.site.warmer_k
 
     @property
     def state(self) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ import pydantic
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
+from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
 if TYPE_CHECKING:
     from sim.physics.forces.rotors import RotorConstants
@@ -43,7 +44,7 @@ class BladeElement(StrictModel):
     profile_power_growth: Annotated[float, Field(ge=0.0, le=10.0)] = 4.65  # with mu^2: Leishman, ch. 5
     hub_moment_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5  # 1 rigid blades, 0 freely hinged
     ground_inflow_loss: Annotated[float, Field(ge=0.0, le=0.95)] = 0.6  # at the ground; far above it Hayden's
-    air_density_kgpm3: Annotated[float, Field(gt=0.01, le=5.0)] = 1.225  # for which the file's constants hold
+    air_density_kgpm3: Annotated[float, Field(gt=0.01, le=5.0)] = SEA_LEVEL_KGPM3  # for which the file's constants hold
 
     @pydantic.model_validator(mode="after")
     def _one_way(self) -> BladeElement:
@@ -85,7 +86,7 @@ def lumps(
     profile_power_growth: float = 4.65,
     hub_moment_share: float = 0.5,
     ground_inflow_loss: float = 0.6,
-    air_density_kgpm3: float = 1.225,
+    air_density_kgpm3: float = SEA_LEVEL_KGPM3,
     thrust_left: float = 1.0,
 ) -> RotorLumps:
     """Return the lumps of a rotor with static thrust k O^2 and static torque m_ratio k O^2, of which a share is left.
