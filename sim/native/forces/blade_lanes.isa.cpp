@@ -1,4 +1,4 @@
-// Loads of four rotors at a time. Contract: blade_lanes.hpp; equations: blade_rotors.hpp.
+// Loads of four or eight rotors at a time. Contract: blade_lanes.hpp; equations: blade_rotors.hpp.
 #include "blade_lanes.hpp"
 #include "quad.hpp"
 
@@ -14,83 +14,86 @@ constexpr double kTiny = 1e-30;      // (m/s)^2: 0/0 of a rotor that stands in s
 constexpr int kMostSteps = 12;       // 8 are enough from the start below (rotor_equations.py)
 constexpr double kSettled2 = 1e-16;  // (last step / v)^2: the next one would be below the rounding
 
+template <int N>
 struct Flux {
-    Quad square, half_slope;  // W^2, dW^2/dv / 2
+    Quads<N> square, half_slope;  // W^2, dW^2/dv / 2
 };
 
-HIL_QUAD Flux flux(const Quad &u, const Quad &u2, const Quad &spread0, const Quad &across2, const Quad &v) {
-    const Quad v2 = v * v, lean = u + kShift * v;
-    const Quad inverse = splat(1.0) / (v2 + kInverseWidth2 * (lean * lean) + spread0);
-    const Quad share = v2 * inverse, share2 = share * share;
-    const Quad curve = (kDip * v2 + kSkew * (u * v)) + kMixing * u2;
-    const Quad pull = u2 * inverse, through = u + v;
-    const Quad spread_slope = v + (kInverseWidth2 * kShift) * lean;  // half of dE/dv
-    const Quad curve_slope = kDip * v + (0.5 * kSkew) * u;           // half
-    const Quad square = (across2 + through * through) + pull * (share2 * share * curve);
-    const Quad slope = through + pull * share2 *
+template <int N>
+HIL_QUAD Flux<N> flux(const Quads<N> &u, const Quads<N> &u2, const Quads<N> &spread0, const Quads<N> &across2, const Quads<N> &v) {
+    const Quads<N> v2 = v * v, lean = u + kShift * v;
+    const Quads<N> inverse = splat<N>(1.0) / (v2 + kInverseWidth2 * (lean * lean) + spread0);
+    const Quads<N> share = v2 * inverse, share2 = share * share;
+    const Quads<N> curve = (kDip * v2 + kSkew * (u * v)) + kMixing * u2;
+    const Quads<N> pull = u2 * inverse, through = u + v;
+    const Quads<N> spread_slope = v + (kInverseWidth2 * kShift) * lean;  // half of dE/dv
+    const Quads<N> curve_slope = kDip * v + (0.5 * kSkew) * u;           // half
+    const Quads<N> square = (across2 + through * through) + pull * (share2 * share * curve);
+    const Quads<N> slope = through + pull * share2 *
                                      (share * (curve_slope - 4.0 * (curve * spread_slope * inverse)) +
                                       3.0 * (v * curve * inverse));
-    return {square + splat(kTiny), slope};
+    return {square + splat<N>(kTiny), slope};
 }
 
-HIL_QUAD void block(BladeLanes &l, int at, const Quad &wake) {
-    const Quad rx = load(l.r[0] + at), ry = load(l.r[1] + at), rz = load(l.r[2] + at);
-    const Quad nx = load(l.n[0] + at), ny = load(l.n[1] + at), nz = load(l.n[2] + at);
+template <int N>
+HIL_QUAD void block(BladeLanes &l, int at, const Quads<N> &wake) {
+    const Quads<N> rx = load<N>(l.r[0] + at), ry = load<N>(l.r[1] + at), rz = load<N>(l.r[2] + at);
+    const Quads<N> nx = load<N>(l.n[0] + at), ny = load<N>(l.n[1] + at), nz = load<N>(l.n[2] + at);
     const double *w = l.w;
-    const Quad ux = splat(l.air_B[0]) + (w[1] * rz - w[2] * ry);
-    const Quad uy = splat(l.air_B[1]) + (w[2] * rx - w[0] * rz);
-    const Quad uz = splat(l.air_B[2]) + (w[0] * ry - w[1] * rx);
-    const Quad along = (ux * nx + uy * ny) + uz * nz;
-    const Quad ax = ux - along * nx, ay = uy - along * ny, az = uz - along * nz;
-    const Quad across2 = (ax * ax + ay * ay) + az * az;
-    const Quad u = along + wake;
+    const Quads<N> ux = splat<N>(l.air_B[0]) + (w[1] * rz - w[2] * ry);
+    const Quads<N> uy = splat<N>(l.air_B[1]) + (w[2] * rx - w[0] * rz);
+    const Quads<N> uz = splat<N>(l.air_B[2]) + (w[0] * ry - w[1] * rx);
+    const Quads<N> along = (ux * nx + uy * ny) + uz * nz;
+    const Quads<N> ax = ux - along * nx, ay = uy - along * ny, az = uz - along * nz;
+    const Quads<N> across2 = (ax * ax + ay * ay) + az * az;
+    const Quads<N> u = along + wake;
 
-    const Quad speed = load(l.speed + at), speed2 = speed * speed;
-    const Quad induced2 = load(l.kappa + at) * speed2;
+    const Quads<N> speed = load<N>(l.speed + at), speed2 = speed * speed;
+    const Quads<N> induced2 = load<N>(l.kappa + at) * speed2;
     const double radius2 = l.radius_m * l.radius_m;
-    const Quad per_speed = radius2 * speed / (radius2 * speed2 + across2 + splat(kTiny));  // p / O
-    const Quad edgewise = per_speed * speed;
-    const Quad edge = edgewise * across2;
-    Quad left = splat(1.0);  // 1 - gamma
+    const Quads<N> per_speed = radius2 * speed / (radius2 * speed2 + across2 + splat<N>(kTiny));  // p / O
+    const Quads<N> edgewise = per_speed * speed;
+    const Quads<N> edge = edgewise * across2;
+    Quads<N> left = splat<N>(1.0);  // 1 - gamma
     if (l.ground_floor > 0.0) {
-        const Quad height = splat(l.height_m) + ((l.up_B[0] * rx + l.up_B[1] * ry) + l.up_B[2] * rz);
-        const Quad level = positive((l.up_B[0] * nx + l.up_B[1] * ny) + l.up_B[2] * nz), level2 = level * level;
+        const Quads<N> height = splat<N>(l.height_m) + ((l.up_B[0] * rx + l.up_B[1] * ry) + l.up_B[2] * rz);
+        const Quads<N> level = positive((l.up_B[0] * nx + l.up_B[1] * ny) + l.up_B[2] * nz), level2 = level * level;
         const double reach = kGroundReachRadii * l.radius_m;
-        const Quad near = positive(splat(1.0) - (1.0 / (reach * reach)) * (height * height)), near2 = near * near;
-        const Quad fade = (level2 * level2) * (near2 * near2) * induced2;
-        const Quad z = (4.0 / l.radius_m) * height;
-        left = left - kHayden * fade / ((splat(l.ground_floor) + z * z) * (induced2 + across2 + splat(kTiny)));
+        const Quads<N> near = positive(splat<N>(1.0) - (1.0 / (reach * reach)) * (height * height)), near2 = near * near;
+        const Quads<N> fade = (level2 * level2) * (near2 * near2) * induced2;
+        const Quads<N> z = (4.0 / l.radius_m) * height;
+        left = left - kHayden * fade / ((splat<N>(l.ground_floor) + z * z) * (induced2 + across2 + splat<N>(kTiny)));
     }
 
-    const Quad loading = load(l.l_disc + at) * speed, slowed = loading * left;
-    const Quad pushed = (load(l.t_disc + at) * speed2 + load(l.v_disc + at) * edge) - loading * u;
-    const Quad u2 = u * u, spread0 = kAcross * across2 + splat(kTiny);
-    Quad v = pushed / (slowed + sqrt(across2 + induced2 + 0.3 * u2 + splat(kTiny)) + 0.3 * u);
-    Quad flow, square, half_slope, step;
+    const Quads<N> loading = load<N>(l.l_disc + at) * speed, slowed = loading * left;
+    const Quads<N> pushed = (load<N>(l.t_disc + at) * speed2 + load<N>(l.v_disc + at) * edge) - loading * u;
+    const Quads<N> u2 = u * u, spread0 = kAcross * across2 + splat<N>(kTiny);
+    Quads<N> v = pushed / (slowed + sqrt(across2 + induced2 + 0.3 * u2 + splat<N>(kTiny)) + 0.3 * u);
+    Quads<N> flow, square, half_slope, step;
     for (int k = 0; k < kMostSteps; ++k) {
-        const Flux f = flux(u, u2, spread0, across2, v);
+        const Flux<N> f = flux(u, u2, spread0, across2, v);
         square = f.square;
         half_slope = f.half_slope;
         flow = sqrt(square);
         step = (v * (flow + slowed) - pushed) * flow / (square + v * half_slope + slowed * flow);
         v = v - step;
-        if (!any_above(step * step, kSettled2 * (v * v) + splat(kTiny))) break;
+        if (!any_above(step * step, kSettled2 * (v * v) + splat<N>(kTiny))) break;
     }
-    const Quad induced = left * v, through = u + induced;
-    const Quad c_t = load(l.c_t + at), c_l = load(l.c_l + at), c_v = load(l.c_v + at), c_q = load(l.c_q + at);
-    const Quad ratio = splat(l.density_ratio);
-    const Quad thrust_per_speed = (c_t * speed + c_v * (per_speed * across2)) - c_l * through;
-    const Quad across_per_speed = (splat(l.k_d) + c_v * (per_speed * through)) + (2.0 / radius2) * c_q;
-    const Quad torque = (thrust_per_speed * (u + l.induced_power_factor * induced) - across_per_speed * across2) +
+    const Quads<N> induced = left * v, through = u + induced;
+    const Quads<N> c_t = load<N>(l.c_t + at), c_l = load<N>(l.c_l + at), c_v = load<N>(l.c_v + at), c_q = load<N>(l.c_q + at);
+    const Quads<N> ratio = splat<N>(l.density_ratio);
+    const Quads<N> thrust_per_speed = (c_t * speed + c_v * (per_speed * across2)) - c_l * through;
+    const Quads<N> across_per_speed = (splat<N>(l.k_d) + c_v * (per_speed * through)) + (2.0 / radius2) * c_q;
+    const Quads<N> torque = (thrust_per_speed * (u + l.induced_power_factor * induced) - across_per_speed * across2) +
                         c_q * (speed2 + (l.profile_power_growth / radius2) * edge);
-    const Quad strength = ratio * speed;
-    const Quad thrust = strength * thrust_per_speed, drag = strength * across_per_speed;
-    const Quad share = splat(l.hub_moment_share) * ratio;
-    const Quad roll = load(l.spin + at) * share * edgewise * (c_t * speed - 0.5 * (c_l * through));
+    const Quads<N> strength = ratio * speed;
+    const Quads<N> thrust = strength * thrust_per_speed, drag = strength * across_per_speed;
+    const Quads<N> share = splat<N>(l.hub_moment_share) * ratio;
+    const Quads<N> roll = load<N>(l.spin + at) * share * edgewise * (c_t * speed - 0.5 * (c_l * through));
     // W at the new v to first order: the last step is small.
-    const Quad pitch = (0.25 * 1.4142135623730951 * l.radius_m) * (share * c_l * induced * speed * flow) /
+    const Quads<N> pitch = (0.25 * 1.4142135623730951 * l.radius_m) * (share * c_l * induced * speed * flow) /
                        (square - half_slope * step);
-    const Quad fx = thrust * nx - drag * ax, fy = thrust * ny - drag * ay, fz = thrust * nz - drag * az;
+    const Quads<N> fx = thrust * nx - drag * ax, fy = thrust * ny - drag * ay, fz = thrust * nz - drag * az;
     store(l.force[0] + at, fx);
     store(l.force[1] + at, fy);
     store(l.force[2] + at, fz);
@@ -101,13 +104,18 @@ HIL_QUAD void block(BladeLanes &l, int at, const Quad &wake) {
     store(l.induced + at, v);
 }
 
+// Rotors `from` to `to` - 1, each with the flow of `wake` from above.
+void group(BladeLanes &l, int from, int to, const double *wake) {
+    int at = from;
+    for (; at + 8 <= to; at += 8) block<2 * kQuadParts>(l, at, load<2 * kQuadParts>(wake + at));
+    if (at < to) block<kQuadParts>(l, at, load<kQuadParts>(wake + at));
+}
+
 void loads(BladeLanes &l) {
-    for (int at = 0; at < l.uppers; at += 4) block(l, at, splat(0.0));
-    for (int at = l.uppers; at < l.lanes; at += 4) {
-        double wake[4];
-        for (int k = 0; k < 4; ++k) wake[k] = l.wake[at + k] * l.induced[l.above[at + k]];
-        block(l, at, load(wake));
-    }
+    double wake[kBladeLanes] = {};
+    group(l, 0, l.uppers, wake);
+    for (int at = l.uppers; at < l.lanes; ++at) wake[at] = l.wake[at] * l.induced[l.above[at]];
+    group(l, l.uppers, l.lanes, wake);
 }
 
 }  // namespace

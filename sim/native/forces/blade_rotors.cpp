@@ -96,7 +96,8 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
         const double all2 = (hub[0] * hub[0] + hub[1] * hub[1]) + hub[2] * hub[2];
         const double rest = all2 - along * along, across2 = rest > 0.0 ? rest : 0.0;
         const double speed = command_[i] + lag_[i], rate = std::fabs(rate_[i] * lag_[i]);
-        double distance2 = speed * speed + all2 / p_.air.kappa_m2;
+        const double edge2 = across2 / (p_.air.radius_m * p_.air.radius_m), flow2 = all2 / p_.air.kappa_m2;
+        double distance2 = speed * speed + (edge2 < flow2 ? edge2 : flow2);
         if (along < 0.0) {
             const double per = 1.0 / std::sqrt(p_.air.kappa_m2);
             const double ahead = speed + 0.54 * along * per;

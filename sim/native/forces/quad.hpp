@@ -1,5 +1,5 @@
-// Four doubles at once, for files that are compiled once per instruction set (frame/lanes.hpp says what binds them): one
-// register of AVX, two of SSE2 or NEON. + - * / and sqrt round the same everywhere, so results have the same bits.
+// Four or eight doubles at once, for files that are compiled once per instruction set (frame/lanes.hpp says what binds them): one
+// register of AVX for four, two of SSE2 or NEON. Eight keep twice as many operations in flight. + - * / and sqrt round the same everywhere, so results have the same bits.
 #pragma once
 
 #if defined(__SSE2__)
@@ -11,7 +11,7 @@
 #endif
 
 #define HIL_QUAD inline __attribute__((always_inline))
-#define HIL_QUAD_PARTS _Pragma("GCC unroll 2") for (int k = 0; k < kQuadParts; ++k)
+#define HIL_QUAD_PARTS _Pragma("GCC unroll 4") for (int k = 0; k < N; ++k)
 
 namespace hil::sim::HIL_ISA {
 
@@ -25,46 +25,57 @@ constexpr int kQuadParts = 32 / kQuadBytes;
 typedef double QuadRegister __attribute__((vector_size(kQuadBytes)));
 typedef double QuadMemory __attribute__((vector_size(kQuadBytes), aligned(8), may_alias));
 
-struct Quad {
-    QuadRegister r[kQuadParts];
+// N registers.
+template <int N>
+struct Quads {
+    QuadRegister r[N];
 };
 
-HIL_QUAD Quad splat(double x) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> splat(double x) {
+    Quads<N> q;
     HIL_QUAD_PARTS q.r[k] = x - QuadRegister{};
     return q;
 }
-HIL_QUAD Quad load(const double *from) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> load(const double *from) {
+    Quads<N> q;
     HIL_QUAD_PARTS q.r[k] = *reinterpret_cast<const QuadMemory *>(from + k * (kQuadBytes / 8));
     return q;
 }
-HIL_QUAD void store(double *to, const Quad &q) {
+template <int N>
+HIL_QUAD void store(double *to, const Quads<N> &q) {
     HIL_QUAD_PARTS *reinterpret_cast<QuadMemory *>(to + k * (kQuadBytes / 8)) = q.r[k];
 }
-HIL_QUAD Quad operator+(const Quad &a, const Quad &b) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> operator+(const Quads<N> &a, const Quads<N> &b) {
+    Quads<N> q;
     HIL_QUAD_PARTS q.r[k] = a.r[k] + b.r[k];
     return q;
 }
-HIL_QUAD Quad operator-(const Quad &a, const Quad &b) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> operator-(const Quads<N> &a, const Quads<N> &b) {
+    Quads<N> q;
     HIL_QUAD_PARTS q.r[k] = a.r[k] - b.r[k];
     return q;
 }
-HIL_QUAD Quad operator*(const Quad &a, const Quad &b) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> operator*(const Quads<N> &a, const Quads<N> &b) {
+    Quads<N> q;
     HIL_QUAD_PARTS q.r[k] = a.r[k] * b.r[k];
     return q;
 }
-HIL_QUAD Quad operator/(const Quad &a, const Quad &b) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> operator/(const Quads<N> &a, const Quads<N> &b) {
+    Quads<N> q;
     HIL_QUAD_PARTS q.r[k] = a.r[k] / b.r[k];
     return q;
 }
-HIL_QUAD Quad operator*(double x, const Quad &a) { return splat(x) * a; }
-HIL_QUAD Quad sqrt(const Quad &a) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> operator*(double x, const Quads<N> &a) { return splat<N>(x) * a; }
+template <int N>
+HIL_QUAD Quads<N> sqrt(const Quads<N> &a) {
+    Quads<N> q;
     HIL_QUAD_PARTS {
 #if defined(__AVX__)
         q.r[k] = (QuadRegister)_mm256_sqrt_pd((__m256d)a.r[k]);
@@ -77,13 +88,15 @@ HIL_QUAD Quad sqrt(const Quad &a) {
     return q;
 }
 // max(a, 0)
-HIL_QUAD Quad positive(const Quad &a) {
-    Quad q;
+template <int N>
+HIL_QUAD Quads<N> positive(const Quads<N> &a) {
+    Quads<N> q;
     HIL_QUAD_PARTS for (int j = 0; j < kQuadBytes / 8; ++j) q.r[k][j] = a.r[k][j] > 0.0 ? a.r[k][j] : 0.0;
     return q;
 }
 // True if a > b in any lane.
-HIL_QUAD bool any_above(const Quad &a, const Quad &b) {
+template <int N>
+HIL_QUAD bool any_above(const Quads<N> &a, const Quads<N> &b) {
     bool any = false;
     HIL_QUAD_PARTS for (int j = 0; j < kQuadBytes / 8; ++j) any = any | (a.r[k][j] > b.r[k][j]);
     return any;
