@@ -9,7 +9,7 @@ namespace hil::sim {
 
 namespace {
 
-constexpr double kPolePerStep = 0.4;  // distances to the nearest singularity of a rotor's inflow
+constexpr double kPolePerStep = 0.3;  // distances to the nearest singularity of a rotor's inflow
 
 int padded(int lanes) { return (lanes + 3) / 4 * 4; }
 
@@ -100,8 +100,8 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
         double distance2 = speed * speed + (edge2 < flow2 ? edge2 : flow2);
         if (along < 0.0) {
             const double per = 1.0 / std::sqrt(p_.air.kappa_m2);
-            const double ahead = speed + 0.54 * along * per;
-            const double aside = (0.7 * std::sqrt(across2) - 0.08 * along) * per;
+            const double ahead = speed + 0.5 * along * per;
+            const double aside = (0.2 * std::sqrt(across2) - 0.08 * along) * per;
             const double ring2 = ahead * ahead + aside * aside;
             if (ring2 < distance2) distance2 = ring2;
         }
