@@ -80,8 +80,8 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
     bool far = true;
     for (int i = 0; i < p_.count; ++i) {
         const double change = std::fabs(rate_[i] * lag_[i]) * longest_s;
-        // Without descent the nearest singularity is at least |O| away; in it, a seventh of that.
-        if (change > 0.14 * kPolePerStep * (command_[i] + lag_[i])) far = false;
+        // Without descent the nearest singularity is at least |O| away; in it, a tenth of that.
+        if (change > 0.1 * kPolePerStep * (command_[i] + lag_[i])) far = false;
     }
     if (far) return longest_s;
     double R[9], air[3];
@@ -101,7 +101,7 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
         if (along < 0.0) {
             const double per = 1.0 / std::sqrt(p_.air.kappa_m2);
             const double ahead = speed + 0.5 * along * per;
-            const double aside = (0.2 * std::sqrt(across2) - 0.08 * along) * per;
+            const double aside = (0.2 * std::sqrt(across2) - 0.05 * along) * per;
             const double ring2 = ahead * ahead + aside * aside;
             if (ring2 < distance2) distance2 = ring2;
         }

@@ -29,7 +29,7 @@
 //
 // Limits of a step, besides those of rotors.hpp (instead of its last): |dO/dt| h <= 0.3 d, d the distance from the speed O
 // to the nearest singularity of the inflow as a function of complex O that was found by solving dT/dv = 0 numerically:
-// where the vortex ring state turns into the windmill state, (0.5 |u_n| +- i (0.08 |u_n| + 0.2 V)) / sqrt(kappa);
+// where the vortex ring state turns into the windmill state, (0.5 |u_n| +- i (0.05 |u_n| + 0.2 V)) / sqrt(kappa);
 // +-i sqrt(V^2 + u_n^2) / sqrt(kappa); and the pole of p, +-i V / R.
 #pragma once
 

@@ -168,15 +168,3 @@ def lumps_of(c: RotorConstants, model: BladeElement, *, thrust_left: float = 1.0
             "alone: raise it, or lower induced_power_factor"
         )
     return found
-
-
-def coaxial_wake(c: RotorConstants, found: RotorLumps) -> float:
-    """Return chi: the flow at a lower rotor from above is chi times the upper rotor's induced velocity.
-
-    The lower rotor's static thrust at equal speeds is t k O^2, t = `coaxial_thrust_ratio`. With v_l = n v_h,
-    t = n (n + chi) by momentum theory and t k = k + c_l sqrt(kappa) (1 - (n + chi)) by blade element theory:
-    n + chi = 1 + (1 - t) k / (c_l sqrt(kappa)).
-    """
-    t = c.coaxial_thrust_ratio
-    through = 1.0 + (1.0 - t) * c.thrust_coefficient_n_per_radps2 / (found.c_l * math.sqrt(found.kappa_m2))
-    return through - t / through

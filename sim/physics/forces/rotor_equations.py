@@ -46,9 +46,12 @@ rotor's induced velocity added to u_n in all of this.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from sim.physics.forces.blade_element import HAYDEN, RotorLumps
+
+if TYPE_CHECKING:
+    from sim.physics.forces.rotors import RotorConstants
 
 # Newton's method from this start reaches |v - exact| <= 1e-13 max(v_h, |v|) in 8 steps, for every |u_n|, V <= 3000 v_h.
 NEWTON_STEPS = 8
@@ -118,6 +121,25 @@ def ground_inflow_loss(lumps: RotorLumps, speed: Value, across2: Value, height_m
     fade = level**4 * near**4 * induced2 / (induced2 + across2 + _TINY)
     z = 4.0 * height_m / lumps.radius_m
     return HAYDEN * fade / (lumps.ground_floor + z * z)
+
+
+def coaxial_wake(c: RotorConstants, lumps: RotorLumps) -> float:
+    """Return chi: the flow at a lower rotor from above is chi times the upper rotor's induced velocity.
+
+    The lower rotor's static thrust at equal speeds is t k O^2, t = `coaxial_thrust_ratio`. With v_l = n v_h and
+    s = n + chi the flow through it, blade element theory gives t k = k + c_l sqrt(kappa) (1 - s), and momentum theory
+    t = n W / v_h, which is n s but for the closure. n is found by bisection.
+    """
+    t = c.coaxial_thrust_ratio
+    through = 1.0 + (1.0 - t) * c.thrust_coefficient_n_per_radps2 / (lumps.c_l * float(lumps.kappa_m2**0.5))
+    low, high = 0.0, through
+    for _ in range(60):
+        n = 0.5 * (low + high)
+        if n * flux2(through - n, 0.0, n)[0] ** 0.5 < t:
+            low = n
+        else:
+            high = n
+    return through - 0.5 * (low + high)
 
 
 def loads(

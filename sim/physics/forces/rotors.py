@@ -15,8 +15,9 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from sim import _kernels
-from sim.physics.forces.blade_element import BladeElement, coaxial_wake, lumps_of
+from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, Point
+from sim.physics.forces.rotor_equations import coaxial_wake
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
 

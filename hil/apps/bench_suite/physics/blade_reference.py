@@ -130,12 +130,15 @@ def _wake(vehicle: Vehicle) -> float:
     disc = 2 * c.blade_element.air_density_kgpm3 * np.pi * c.radius_m**2
     hover = np.sqrt(k / disc)
 
-    def excess(chi: float) -> float:
-        thrust = c.coaxial_thrust_ratio * k
-        v = (-chi * hover + np.sqrt((chi * hover) ** 2 + 4 * thrust / disc)) / 2  # v (v + chi v_u) = T / 2 rho A
-        return float(k + slope * hover - slope * (v + chi * hover) - thrust)
+    thrust = c.coaxial_thrust_ratio * k
+    through = hover + (k - thrust) / slope  # blade element theory
 
-    return float(brentq(excess, 0.0, 20.0, xtol=1e-15, rtol=1e-15))
+    def excess(v: float) -> float:
+        climb = through - v
+        ring = (-1.24 + 0.46 * climb / v + 2.73 * (climb / v) ** 2) / (1 + 1.21 * (climb / v + 0.19) ** 2) ** 4
+        return float(disc * v * np.sqrt(through**2 + climb**2 * ring) - thrust)
+
+    return float(through - brentq(excess, 1e-6 * through, through, xtol=1e-16, rtol=1e-15)) / float(hover)
 
 
 class InflowRoots:
