@@ -78,8 +78,17 @@ void BladeRotors::prepare(const StepTimes &times, const Inertia &inertia) {
 
 double BladeRotors::longest_step(const double *s, const double *wind_W, double longest_s) const {
     bool far = true;
+    // A turning body changes u_n by |w| |u|, which counts as a change of speed by 0.5 / sqrt(kappa) of it.
+    double turning2 = 0.0, through2 = 0.0;
+    for (int j = 0; j < 3; ++j) {
+        const double through = s[kV + j] - wind_W[j];
+        turning2 += s[kW + j] * s[kW + j];
+        through2 += through * through;
+    }
+    const double per = 1.0 / std::sqrt(p_.air.kappa_m2);
+    const double turned = 0.5 * per * std::sqrt(turning2 * through2);
     for (int i = 0; i < p_.count; ++i) {
-        const double change = std::fabs(rate_[i] * lag_[i]) * longest_s;
+        const double change = (std::fabs(rate_[i] * lag_[i]) + turned) * longest_s;
         // Without descent the nearest singularity is at least |O| away; in it, a tenth of that.
         if (change > 0.1 * kPolePerStep * (command_[i] + lag_[i])) far = false;
     }
@@ -95,11 +104,12 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
         const double along = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
         const double all2 = (hub[0] * hub[0] + hub[1] * hub[1]) + hub[2] * hub[2];
         const double rest = all2 - along * along, across2 = rest > 0.0 ? rest : 0.0;
-        const double speed = command_[i] + lag_[i], rate = std::fabs(rate_[i] * lag_[i]);
+        const double speed = command_[i] + lag_[i];
+        double rate = std::fabs(rate_[i] * lag_[i]);
         const double edge2 = across2 / (p_.air.radius_m * p_.air.radius_m), flow2 = all2 / p_.air.kappa_m2;
         double distance2 = speed * speed + (edge2 < flow2 ? edge2 : flow2);
         if (along < 0.0) {
-            const double per = 1.0 / std::sqrt(p_.air.kappa_m2);
+            rate += turned;
             const double ahead = speed + 0.5 * along * per;
             const double aside = (0.2 * std::sqrt(across2) - 0.05 * along) * per;
             const double ring2 = ahead * ahead + aside * aside;

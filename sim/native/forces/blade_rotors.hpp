@@ -27,7 +27,8 @@
 // Lower rotor of a coaxial pair: chi times the upper rotor's v is added to its u_n. chi is such that its static thrust at
 // equal speeds is the share 1 - c_i of that alone.
 //
-// Limits of a step, besides those of rotors.hpp (instead of its last): |dO/dt| h <= 0.3 d, d the distance from the speed O
+// Limits of a step, besides those of rotors.hpp (instead of its last): (|dO/dt| + 0.5 |w| |u| / sqrt(kappa)) h <= 0.3 d, the
+// second rate that of u_n in a descent of a body that turns with w, as a change of speed; d the distance from the speed O
 // to the nearest singularity of the inflow as a function of complex O that was found by solving dT/dv = 0 numerically:
 // where the vortex ring state turns into the windmill state, (0.5 |u_n| +- i (0.05 |u_n| + 0.2 V)) / sqrt(kappa);
 // +-i sqrt(V^2 + u_n^2) / sqrt(kappa); and the pole of p, +-i V / R.
