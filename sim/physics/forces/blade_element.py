@@ -7,7 +7,7 @@ of `RotorConstants`, k O^2 and m_ratio k O^2, at the density of the air for whic
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Protocol
 
 import pydantic
 from pydantic import Field
@@ -15,10 +15,22 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
-if TYPE_CHECKING:
-    from sim.physics.forces.rotors import RotorConstants
-
 _WAYS = ("inflow_thrust_kg_per_rad", "zero_thrust_advance_ratio", "blades")
+
+
+class StaticRotor(Protocol):
+    """What the model takes of `RotorConstants`."""
+
+    @property
+    def thrust_coefficient_n_per_radps2(self) -> float: ...
+    @property
+    def moment_ratio_m(self) -> float: ...
+    @property
+    def drag_kg_per_rad(self) -> float: ...
+    @property
+    def radius_m(self) -> float: ...
+    @property
+    def coaxial_thrust_ratio(self) -> float: ...
 
 
 class Blades(StrictModel):
@@ -119,7 +131,7 @@ def lumps(
     )
 
 
-def inflow_thrust_kg_per_rad(c: RotorConstants, model: BladeElement) -> float:
+def inflow_thrust_kg_per_rad(c: StaticRotor, model: BladeElement) -> float:
     """Return c_l of a rotor. Raises ValueError if the advance ratio is below what the static thrust needs.
 
     blades    c_l = rho a N c R^2 / 4: blade element theory with uniform inflow (Leishman, ch. 3)
@@ -145,7 +157,7 @@ def inflow_thrust_kg_per_rad(c: RotorConstants, model: BladeElement) -> float:
     return k / room
 
 
-def lumps_of(c: RotorConstants, model: BladeElement, *, thrust_left: float = 1.0) -> RotorLumps:
+def lumps_of(c: StaticRotor, model: BladeElement, *, thrust_left: float = 1.0) -> RotorLumps:
     """Return the lumps of a rotor of a vehicle's file. Raises ValueError for constants that contradict each other."""
     found = lumps(
         k=c.thrust_coefficient_n_per_radps2,

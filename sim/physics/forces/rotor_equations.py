@@ -46,12 +46,9 @@ rotor's induced velocity added to u_n in all of this.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from sim.physics.forces.blade_element import HAYDEN, RotorLumps
-
-if TYPE_CHECKING:
-    from sim.physics.forces.rotors import RotorConstants
+from sim.physics.forces.blade_element import HAYDEN, RotorLumps, StaticRotor
 
 # Newton's method from this start reaches |v - exact| <= 1e-13 max(v_h, |v|) in 8 steps, for every |u_n|, V <= 3000 v_h.
 NEWTON_STEPS = 8
@@ -123,7 +120,7 @@ def ground_inflow_loss(lumps: RotorLumps, speed: Value, across2: Value, height_m
     return HAYDEN * fade / (lumps.ground_floor + z * z)
 
 
-def coaxial_wake(c: RotorConstants, lumps: RotorLumps) -> float:
+def coaxial_wake(c: StaticRotor, lumps: RotorLumps) -> float:
     """Return chi: the flow at a lower rotor from above is chi times the upper rotor's induced velocity.
 
     The lower rotor's static thrust at equal speeds is t k O^2, t = `coaxial_thrust_ratio`. With v_l = n v_h and

@@ -77,29 +77,29 @@ class BladeRotor:
         calm = 1 / (1 + ca.sumsqr(self._across(hub)) / (self._hover * speed) ** 2)
         return fade * calm / (1 / self._b.ground_inflow_loss + z**2 / hayden)
 
-    def _flow(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def _flow(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX | float) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return flow along the axis without the rotor's own, with it, and the share of edgewise flow that counts."""
         climb = ca.dot(hub.velocity, self.axis) + self.wake * wake
         mu2 = ca.sumsqr(self._across(hub)) / (speed * self._c.radius_m) ** 2
         return climb, climb + (1 - self._loss(hub, speed)) * v, 1 / (1 + mu2)
 
-    def blade_thrust(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX) -> ca.SX:
+    def blade_thrust(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX | float) -> ca.SX:
         _, through, counts = self._flow(hub, speed, v, wake)
         edgewise = self._edge * counts * ca.sumsqr(self._across(hub))
         return self._pitch * speed**2 + edgewise - self._slope * speed * through
 
-    def flux(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX) -> ca.SX:
+    def flux(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX | float) -> ca.SX:
         climb, _, _ = self._flow(hub, speed, v, wake)
         across2 = ca.sumsqr(self._across(hub))
         x, y2 = climb / v, across2 / v**2
         ring = (-1.24 + 0.46 * x + 2.73 * x**2) / (1 + 1.21 * (x + 0.19) ** 2 + 2 * y2) ** 4
         return ca.sqrt(across2 + (climb + v) ** 2 + climb**2 * ring)
 
-    def gap(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX) -> ca.SX:
+    def gap(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX | float) -> ca.SX:
         """Return the thrust of the blades less that of momentum theory [N]: 0 for the induced velocity."""
         return self.blade_thrust(hub, speed, v, wake) - self._momentum * v * self.flux(hub, speed, v, wake)
 
-    def force_and_moment(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX) -> tuple[ca.SX, ca.SX]:
+    def force_and_moment(self, hub: Hub, speed: ca.SX, v: ca.SX, wake: ca.SX | float) -> tuple[ca.SX, ca.SX]:
         """Return force and moment on the hub at the density of the file, without the spin's own."""
         R, b = self._c.radius_m, self._b
         across = self._across(hub)
