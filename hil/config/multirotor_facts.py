@@ -7,8 +7,11 @@ from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 
-def multirotor_facts(vehicle: Vehicle) -> Multirotor:
-    """Return the facts about a vehicle that `multirotor.unfit` finds fit."""
+def multirotor_facts(vehicle: Vehicle, density_ratio: float = 1.0) -> Multirotor:
+    """Return the facts about a vehicle that `multirotor.unfit` finds fit.
+
+    `density_ratio`: density of the air where it flies over that of its file.
+    """
     c = vehicle.rotor_constants
     return Multirotor(
         name=vehicle.name,
@@ -21,8 +24,9 @@ def multirotor_facts(vehicle: Vehicle) -> Multirotor:
         moment_ratio_m=c.moment_ratio_m,
         time_constant_s=max(c.time_constant_up_s, c.time_constant_down_s),
         thrust_model_factor=c.thrust_model_factor,
-        hover_control=multirotor.hover_control(vehicle),
-        full_effect=multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
+        hover_control=multirotor.hover_control(vehicle, density_ratio),
+        full_effect=density_ratio
+        * multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
         * c.thrust_coefficient_n_per_radps2
         * c.max_speed_radps**2,
     )

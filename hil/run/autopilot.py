@@ -21,6 +21,7 @@ from hil.run.loop.restartable_physics import make_physics
 from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame
 from signals.rotation import yaw_of
+from sim.physics.multirotor import density_ratio
 from sim.scene.scene import Site
 
 State = NDArray[float64]  # of the vehicle: p_W [m], q_WB (w, x, y, z), then velocities
@@ -31,7 +32,7 @@ def installation_of(bench: Bench, state: State) -> Installation:
     config, scene = bench.config, bench.scene
     return Installation(
         settings=config.autopilot,
-        vehicle=multirotor_facts(bench.vehicle),
+        vehicle=multirotor_facts(bench.vehicle, density_ratio(bench.vehicle, scene.site, config.physics.effects)),
         tick_hz=config.tick_hz,
         home=home_of(scene.site, state),
         geodetic=LocalFrame(scene.site).geodetic_from_enu,

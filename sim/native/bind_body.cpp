@@ -38,6 +38,7 @@ class RigidBody {
         body_.gravity_mps2 = gravity_mps2;
         body_.states = kPoseVelocity;
         body_.commands = 0;
+        body_.integrals = 0;
         for (nb::handle item : forces) {
             auto *force = nb::cast<Force *>(item);
             if (force->attached) throw std::invalid_argument("a force belongs to one body only");
@@ -45,7 +46,9 @@ class RigidBody {
             body_.first_state.push_back(body_.states);
             body_.states += force->states();
             body_.commands += force->commands();
+            body_.integrals += force->integrals();
         }
+        if (body_.integrals > hil::sim::kMostIntegrals) throw std::invalid_argument("too many integrated values");
         if (truth.shape(0) != static_cast<std::size_t>(body_.states) + 6) {
             throw std::invalid_argument("truth must hold 13 + own states of the forces + 6 values");
         }
@@ -97,6 +100,12 @@ class RigidBody {
 
     void forget_commands() { delay_.forget(); }
 
+    void set_air(double site_altitude_m, double warmer_k) {
+        body_.air = hil::sim::AirDensity(site_altitude_m, warmer_k);
+    }
+
+    double density_ratio() const { return body_.air.ratio(state()[2]); }
+
     void set_wind(Vec3 start_W_mps, Vec3 end_W_mps) {
         wind_.changes = false;
         for (int j = 0; j < 3; ++j) {
@@ -127,8 +136,10 @@ class RigidBody {
         if (pack_.fitted) {
             if (thermal_.fitted) pack_ = thermal_.pack_at(rated_, battery_.data()[3]);
             double *battery = battery_.data(), power_w = 0.0;
+            hil::sim::Instant now;
+            hil::sim::instant_at(body_, state(), wind_.start_W, now);
             for (std::size_t k = 0; k < body_.forces.size(); ++k) {
-                power_w += body_.forces[k]->power_w(state() + body_.first_state[k]);
+                power_w += body_.forces[k]->power_w(now, state() + body_.first_state[k]);
             }
             battery[1] = hil::sim::loaded_v(pack_, battery[0], power_w);
             voltage_ = battery[1] / pack_.nominal_voltage_v;
@@ -623,6 +634,10 @@ void bind_body(nb::module_ &m) {
         .def("delay_commands", &RigidBody::delay_commands, nb::kw_only(), "dead_time_s"_a, "first"_a, "count"_a,
              "Delay these commands. See command_delay.hpp.")
         .def("forget_commands", &RigidBody::forget_commands, "Forget the commands on their way: all are 0.")
+        .def("set_air", &RigidBody::set_air, "site_altitude_m"_a, "warmer_k"_a,
+             "Let the density of the air follow the height, in an atmosphere warmer than the standard one; without a call "
+             "it is 1.225 kg/m3 everywhere. See air_density.hpp.")
+        .def("density_ratio", &RigidBody::density_ratio, "Return the density of the air at the body over 1.225 kg/m3.")
         .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind of the coming tick, linear from start to end.")
         .def("command", &RigidBody::command, "controls"_a,
              "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")

@@ -47,10 +47,15 @@ void normalise_quaternion(double *q) {
     for (int i = 0; i < 4; ++i) q[i] *= s;
 }
 
-void wrench_at(const Body &body, const double *s, const double *wind_W, Instant &now, Wrench &out) {
+void instant_at(const Body &body, const double *s, const double *wind_W, Instant &now) {
     now.s = s;
     rotation_matrix(s + kQ, now.R);
     air_velocity(now.R, s, wind_W, now.air_B);
+    now.density_ratio = body.air.ratio(s[kP + 2]);
+}
+
+void wrench_at(const Body &body, const double *s, const double *wind_W, Instant &now, Wrench &out) {
+    instant_at(body, s, wind_W, now);
     // Minus zero is the one number to which anything is added without a change.
     for (int j = 0; j < 3; ++j) {
         out.force_B[j] = -0.0;

@@ -17,6 +17,7 @@
 
 #include <vector>
 
+#include "air_density.hpp"
 #include "forces/force.hpp"
 
 namespace hil::sim {
@@ -28,7 +29,12 @@ struct Body {
     std::vector<int> first_state;  // of each force, in the state
     int states;                    // 13 + n
     int commands;
+    int integrals;                 // values of the forces that are integrated with the body
+    AirDensity air;
 };
+
+// What forces see of the body at `s` (p, q, v, w).
+void instant_at(const Body &body, const double *s, const double *wind_W, Instant &now);
 
 // Sum of the forces at `s` (p, q, v, w), with the own states that they hold. `now` is written too.
 void wrench_at(const Body &body, const double *s, const double *wind_W, Instant &now, Wrench &out);

@@ -20,18 +20,28 @@ void wind_at(const TickWind &wind, double t, double *out) {
 }
 
 // Sets s to `next` with q normalised; returns the distance moved.
-double finish_step(double *s, double *next, double *path) {
+double finish_step(int width, double *s, double *next, double *path) {
     const double dx = next[0] - s[0], dy = next[1] - s[1], dz = next[2] - s[2];
-    for (int k = 0; k < kPoseVelocity; ++k) s[k] = next[k];
+    for (int k = 0; k < width; ++k) s[k] = next[k];
     normalise_quaternion(s + kQ);
     for (int k = 0; k < 7; ++k) path[k] = s[k];
     return std::sqrt(dx * dx + dy * dy + dz * dz);
 }
 
-// d/dt of (p, q, v, w) at a node of a step that begins `t` after the tick.
+void set_integrated(const Body &body, const double *s) {
+    const double *values = s + kPoseVelocity;
+    for (Force *force : body.forces) {
+        force->set_integrated(values);
+        values += force->integrals();
+    }
+}
+
+// d/dt of (p, q, v, w) and of the integrated values at a node of a step that begins `t` after the tick.
+template <int kWidth>
 void derivative_at(const Body &body, const TickWind &wind, int level, int node, double t, double reach, const double *s,
                    double *ds) {
     for (Force *force : body.forces) force->at(level, node, reach);
+    if constexpr (kWidth > kPoseVelocity) set_integrated(body, s);
     double moved[3];
     const double *wind_now = wind.start_W;
     if (wind.changes) {
@@ -39,39 +49,58 @@ void derivative_at(const Body &body, const TickWind &wind, int level, int node, 
         wind_now = moved;
     }
     derivative(body, s, wind_now, ds);
+    if constexpr (kWidth > kPoseVelocity) {
+        double *rates = ds + kPoseVelocity;
+        for (const Force *force : body.forces) {
+            force->rates(rates);
+            rates += force->integrals();
+        }
+    }
 }
 
+template <int kWidth>
 double classical_step(const Body &body, const TickWind &wind, int level, double t, double h, double *s, double *path) {
-    double k1[kPoseVelocity], k2[kPoseVelocity], k3[kPoseVelocity], k4[kPoseVelocity], mid[kPoseVelocity];
+    double k1[kWidth] = {}, k2[kWidth] = {}, k3[kWidth] = {}, k4[kWidth] = {}, mid[kWidth];
     const double reach = 0.5 * h;
-    derivative_at(body, wind, level, 0, t, 0.0, s, k1);
-    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + reach * k1[k];
-    derivative_at(body, wind, level, 1, t, reach, mid, k2);
-    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + reach * k2[k];
-    derivative_at(body, wind, level, 1, t, reach, mid, k3);
-    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + h * k3[k];
-    derivative_at(body, wind, level, 2, t, h, mid, k4);
+    derivative_at<kWidth>(body, wind, level, 0, t, 0.0, s, k1);
+    for (int k = 0; k < kWidth; ++k) mid[k] = s[k] + reach * k1[k];
+    derivative_at<kWidth>(body, wind, level, 1, t, reach, mid, k2);
+    for (int k = 0; k < kWidth; ++k) mid[k] = s[k] + reach * k2[k];
+    derivative_at<kWidth>(body, wind, level, 1, t, reach, mid, k3);
+    for (int k = 0; k < kWidth; ++k) mid[k] = s[k] + h * k3[k];
+    derivative_at<kWidth>(body, wind, level, 2, t, h, mid, k4);
     const double sixth = h / 6.0;
-    for (int k = 0; k < kPoseVelocity; ++k) mid[k] = s[k] + sixth * ((k1[k] + k4[k]) + 2.0 * (k2[k] + k3[k]));
-    return finish_step(s, mid, path);
+    for (int k = 0; k < kWidth; ++k) mid[k] = s[k] + sixth * ((k1[k] + k4[k]) + 2.0 * (k2[k] + k3[k]));
+    return finish_step(kWidth, s, mid, path);
 }
 
+template <int kWidth>
 double order8_step(const Body &body, const TickWind &wind, int level, double t, double h, double *s, double *path) {
-    double k[dp8::kStages][kPoseVelocity], y[kPoseVelocity];
+    double k[dp8::kStages][kWidth] = {}, y[kWidth];
     for (int stage = 0; stage < dp8::kStages; ++stage) {
-        for (int j = 0; j < kPoseVelocity; ++j) {
+        for (int j = 0; j < kWidth; ++j) {
             double sum = 0.0;
             for (int earlier = 0; earlier < stage; ++earlier) sum += dp8::kA[stage][earlier] * k[earlier][j];
             y[j] = s[j] + h * sum;
         }
-        derivative_at(body, wind, level, stage, t, dp8::kC[stage] * h, y, k[stage]);
+        derivative_at<kWidth>(body, wind, level, stage, t, dp8::kC[stage] * h, y, k[stage]);
     }
-    for (int j = 0; j < kPoseVelocity; ++j) {
+    for (int j = 0; j < kWidth; ++j) {
         double sum = 0.0;
         for (int stage = 0; stage < dp8::kStages; ++stage) sum += dp8::kB[stage] * k[stage][j];
         y[j] = s[j] + h * sum;
     }
-    return finish_step(s, y, path);
+    return finish_step(kWidth, s, y, path);
+}
+
+using Step = double (*)(const Body &, const TickWind &, int, double, double, double *, double *);
+
+// Widths are compiled in, for the speed of the sums over stages; the values beyond those of the body stay 0.
+Step step_of(const Body &body, bool classical) {
+    constexpr int kBare = kPoseVelocity, kOne = kPoseVelocity + 1, kMost = kPoseVelocity + kMostIntegrals;
+    if (classical) return body.integrals > 0 ? &classical_step<kMost> : &classical_step<kBare>;
+    if (body.integrals > 1) return &order8_step<kMost>;
+    return body.integrals > 0 ? &order8_step<kOne> : &order8_step<kBare>;
 }
 
 // Number of times to halve the steps.
@@ -107,8 +136,14 @@ int level_for(const Body &body, const StepTimes &times, const TickWind &wind, co
 double free_flight_tick(const Body &body, const StepTimes &times, const TickWind &wind, double *state, double *path,
                         int &steps) {
     for (std::size_t k = 0; k < body.forces.size(); ++k) body.forces[k]->begin_tick(state + body.first_state[k]);
-    double s[kPoseVelocity];
+    double s[kPoseVelocity + kMostIntegrals] = {};
     for (int k = 0; k < kPoseVelocity; ++k) s[k] = state[k];
+    double *values = s + kPoseVelocity;
+    for (const Force *force : body.forces) {
+        force->integrated(values);
+        values += force->integrals();
+    }
+    const Step step = step_of(body, times.classical);
 
     const int level = level_for(body, times, wind, s);
     const int shortest = times.base << (kLevels - 1);  // the unit of `done`: steps begin at multiples of their length
@@ -126,9 +161,9 @@ double free_flight_tick(const Body &body, const StepTimes &times, const TickWind
         while (done % (1 << (kLevels - 1 - fine)) != 0) ++fine;
         const double h = times.step_s(fine);
         double *reached = path + 7 * steps;
-        travelled += times.classical ? classical_step(body, wind, fine, t, h, s, reached)
-                                     : order8_step(body, wind, fine, t, h, s, reached);
+        travelled += step(body, wind, fine, t, h, s, reached);
         for (Force *force : body.forces) force->end_step(fine, h);
+        if (body.integrals > 0) set_integrated(body, s);
         done += 1 << (kLevels - 1 - fine);
     }
     for (int k = 0; k < kPoseVelocity; ++k) state[k] = s[k];

@@ -8,7 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics.forces.force import Effects
 from sim.physics.vehicle import Vehicle
+from sim.scene.atmosphere import SEA_LEVEL_KGPM3
+from sim.scene.scene import Site
 
 LEAST_ROTORS = 3
 _MOST_HOVER_CONTROL = 0.95
@@ -49,15 +52,26 @@ def effectiveness(vehicle: Vehicle) -> NDArray[np.float64]:
     return np.column_stack(columns)
 
 
-def hover_control(vehicle: Vehicle) -> float:
-    """Return the command of each rotor at which the thrust aloft equals the standard weight, at nominal voltage."""
+def hover_control(vehicle: Vehicle, density_ratio: float = 1.0) -> float:
+    """Return the command of each rotor at which the thrust aloft equals the standard weight, at nominal voltage.
+
+    `density_ratio`: density of the air over that of the vehicle's file.
+    """
     c = vehicle.rotor_constants
     lift = sum(share * rotor.axis[2] for share, rotor in zip(thrust_shares(vehicle), vehicle.rotors, strict=True))
-    max_thrust_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * lift
+    max_thrust_n = density_ratio * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * lift
     share, f = vehicle.mass_kg * STANDARD_GRAVITY_MPS2 / max_thrust_n, c.thrust_model_factor
     if f == 0.0:
         return share
     return (math.sqrt((1.0 - f) * (1.0 - f) + 4.0 * f * share) - (1.0 - f)) / (2.0 * f)
+
+
+def density_ratio(vehicle: Vehicle, site: Site, effects: Effects) -> float:
+    """Return the density of the air at a site over that for which the vehicle's thrust holds, as the physics has it."""
+    blades = vehicle.rotor_constants.blade_element
+    if vehicle.rotor_model == "quadratic" or blades is None or not effects.air_density:
+        return 1.0
+    return site.density_ratio * SEA_LEVEL_KGPM3 / blades.air_density_kgpm3
 
 
 def speed_radps(vehicle: Vehicle, control: float) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from sim.physics.forces.blade_element import lumps_of
 from sim.physics.integration import TickSteps
 from sim.physics.vehicle import Vehicle
 
@@ -35,6 +36,11 @@ def too_stiff(vehicle: Vehicle, steps: TickSteps, v_WB_W: Sequence[float], wind_
         (c.drag_kg_per_rad * mobility, "rotor_constants.drag_kg_per_rad", f"{c.drag_kg_per_rad:g}"),
         (c.axial_drag_kg_per_rad * mobility, "rotor_constants.axial_drag_kg_per_rad", f"{c.axial_drag_kg_per_rad:g}"),
     ]
+    if vehicle.rotor_model == "blade_element" and c.blade_element is not None:
+        found = lumps_of(c, c.blade_element)
+        slope = found.c_l + 2.0 * found.c_q / (c.radius_m * c.radius_m)
+        edge = 2.0 * found.c_v * airspeed * mobility / c.max_speed_radps
+        terms.append((slope * mobility + edge, "rotor_constants.blade_element", f"{slope:g} kg/rad"))
     fastest_per_s = _PER_STEP[steps.classical] / _shortest_s(steps)
     if sum(rate for rate, _, _ in terms) <= fastest_per_s:
         return None

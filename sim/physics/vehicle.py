@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import pydantic
@@ -56,6 +56,7 @@ class Vehicle(StrictModel):
     inertia_kgm2: tuple[Inertia, Inertia, Inertia]
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
+    rotor_model: Literal["blade_element", "quadratic"] = "quadratic"
     body_drag_linear_n_per_mps: NonNegative3
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
@@ -85,6 +86,8 @@ class Vehicle(StrictModel):
             raise ValueError(f"contact spheres must have different names, not {names}")
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
+        if self.rotor_model == "blade_element" and self.rotor_constants.blade_element is None:
+            raise ValueError("rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model")
         return self
 
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:
@@ -92,7 +95,9 @@ class Vehicle(StrictModel):
         drag = _kernels.AirDrag(
             linear_n_per_mps=self.body_drag_linear_n_per_mps, quadratic_n_per_m2ps2=self.body_drag_quadratic_n_per_m2ps2
         )
-        rotors = [rotors_force(self.rotors, self.rotor_constants, effects)] if self.rotors else []
+        c = self.rotor_constants
+        blades = c.blade_element if self.rotor_model == "blade_element" else None
+        rotors = [rotors_force(self.rotors, c, effects, blades=blades)] if self.rotors else []
         return [drag, *rotors, *(force.make(effects) for force in self.forces)]
 
     @property
@@ -138,9 +143,13 @@ def rigid_body(
     gravity_mps2: float,
     wind_W_mps: Vec3,
     steps: TickSteps,
+    air: tuple[float, float] | None = None,
 ) -> _kernels.RigidBody:
-    """Return the kernel for a vehicle; it works on the caller's `truth` [13 + own states of the forces + 6]."""
-    return _kernels.RigidBody(
+    """Return the kernel for a vehicle; it works on the caller's `truth` [13 + own states of the forces + 6].
+
+    `air`: altitude of the site and kelvins over the standard atmosphere; without it the density is that of sea level.
+    """
+    body = _kernels.RigidBody(
         truth=truth,
         mass_kg=vehicle.mass_kg,
         inertia_kgm2=vehicle.inertia_kgm2,
@@ -153,3 +162,6 @@ def rigid_body(
         hard_contact_substeps=steps.contact[True],
         classical=steps.classical,
     )
+    if air is not None:
+        body.set_air(*air)
+    return body

@@ -50,7 +50,6 @@ from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import Vehicle, rigid_body
-from sim.scene.atmosphere import ZERO_DEGC_K, geopotential_m, temperature_k
 from sim.scene.scene import Scene
 from sim.scene.scene_map import Actor
 from sim.scene.solids import solid_tree
@@ -201,11 +200,18 @@ class VehiclePhysics:
             gravity_mps2=self.scene.gravity_mps2,
             wind_W_mps=wind_W_mps,
             steps=self._steps,
+            air=self._air,
         )
         dead_time_s = self.vehicle.rotor_constants.dead_time_s
         if dead_time_s > 0.0:  # the rotors' commands are the first
             self.body.delay_commands(dead_time_s=dead_time_s, first=0, count=len(self.vehicle.rotors))
         return own
+
+    @property
+    def _air(self) -> tuple[float, float] | None:
+        if not self._effects.air_density or self.vehicle.rotor_model == "quadratic":
+            return None
+        return self.scene.site.altitude_m, self.scene.site.warmer_k
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -459,10 +465,8 @@ class VehiclePhysics:
         )
 
     def _air_degc(self, given_degc: float | None) -> float:
-        """Return the temperature of the air at the site: the given one, else the standard atmosphere's."""
-        if given_degc is not None:
-            return given_degc
-        return temperature_k(geopotential_m(self.scene.site.altitude_m)) - ZERO_DEGC_K
+        """Return the temperature of the air at the battery: the given one, else that of the site."""
+        return self.scene.site.air_degc if given_degc is None else given_degc
 
     def surround(self, scene: Scene) -> None:
         """Fly in another scene from the next tick on; its gravity and friction must be the same. The state stays."""

@@ -3,6 +3,7 @@
 h = r z / (r + z)                                       geopotential height of the geometric height z
 p = p0 (1 - L h / T0)^n                                 h <= 11 km
 p = p1 e^{-(h - h1) g M / (R T1)}                       11 to 20 km, T1 = 216.65 K
+rho = rho0 (p / p0) T0 / (T + dT)                       air that is warmer by dT than the standard, at the same pressure
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from signals._kernel import det_exp, det_log, det_pow
 SEA_LEVEL_PA = 101_325.0
 SEA_LEVEL_K = 288.15
 ZERO_DEGC_K = 273.15
+SEA_LEVEL_KGPM3 = 1.225
 LAPSE_K_PER_M = 0.0065
 # g M / (R L) with g 9.80665, M 0.0289644, R 8.31432 (the standard's own), L 0.0065
 EXPONENT = 5.255_876
@@ -28,11 +30,6 @@ def geopotential_m(altitude_m: float) -> float:
     return _EARTH_RADIUS_M * altitude_m / (_EARTH_RADIUS_M + altitude_m)
 
 
-def temperature_k(geopotential_height_m: float) -> float:
-    """Return the temperature at a geopotential height up to 20 km."""
-    return max(SEA_LEVEL_K - LAPSE_K_PER_M * geopotential_height_m, TROPOPAUSE_K)
-
-
 def pressure_pa(geopotential_height_m: float) -> float:
     """Return the pressure at a geopotential height from -5 to 20 km. Raises ValueError beyond."""
     h = geopotential_height_m
@@ -41,6 +38,18 @@ def pressure_pa(geopotential_height_m: float) -> float:
     if h <= TROPOPAUSE_M:
         return SEA_LEVEL_PA * det_pow(1.0 - LAPSE_K_PER_M * h / SEA_LEVEL_K, EXPONENT)
     return _TROPOPAUSE_PA * det_exp(-(h - TROPOPAUSE_M) / _SCALE_HEIGHT_M)
+
+
+def temperature_k(geopotential_height_m: float) -> float:
+    """Return the temperature of the standard at a geopotential height up to 20 km."""
+    return SEA_LEVEL_K - LAPSE_K_PER_M * min(geopotential_height_m, TROPOPAUSE_M)
+
+
+def density_kgpm3(altitude_m: float, warmer_k: float = 0.0) -> float:
+    """Return the density at a geometric height above the sea, of air warmer than the standard by so many kelvins."""
+    h = geopotential_m(altitude_m)
+    share = pressure_pa(h) / SEA_LEVEL_PA
+    return SEA_LEVEL_KGPM3 * share * SEA_LEVEL_K / (temperature_k(h) + warmer_k)
 
 
 def pressure_altitude_m(pressure: float) -> float:

@@ -17,6 +17,7 @@ from signals.documents.document import Document, shown_path
 from signals.documents.validate import StrictModel, load_model
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.scene.appearance import Appearance
+from sim.scene.atmosphere import SEA_LEVEL_KGPM3, ZERO_DEGC_K, density_kgpm3, geopotential_m, temperature_k
 from sim.scene.budget import Budget
 from sim.scene.light import Light, time_of
 from sim.scene.limited_process import limited
@@ -43,6 +44,24 @@ class Site(StrictModel):
     latitude_deg: Annotated[float, Field(ge=-89.9, le=89.9)]
     longitude_deg: Annotated[float, Field(ge=-180.0, le=180.0)]
     altitude_m: Annotated[float, Field(ge=-500.0, le=9_000.0)]
+    temperature_degc: Annotated[float, Field(ge=-60.0, le=60.0)] | None = None  # of the air there; null: standard
+
+    @property
+    def warmer_k(self) -> float:
+        """Temperature of the air over that of the standard atmosphere, the same at every height."""
+        if self.temperature_degc is None:
+            return 0.0
+        return self.temperature_degc + ZERO_DEGC_K - temperature_k(geopotential_m(self.altitude_m))
+
+    @property
+    def air_degc(self) -> float:
+        """Temperature of the air at the site."""
+        return temperature_k(geopotential_m(self.altitude_m)) + self.warmer_k - ZERO_DEGC_K
+
+    @property
+    def density_ratio(self) -> float:
+        """Density of the air at the site over 1.225 kg/m3."""
+        return density_kgpm3(self.altitude_m, self.warmer_k) / SEA_LEVEL_KGPM3
 
 
 class Box(StrictModel):

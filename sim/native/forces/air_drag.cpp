@@ -1,6 +1,6 @@
 // Drag of the airframe.
 //
-//   D_j = -(d1_j + d2_j |a|) a_j,   a the velocity through the air in B, j its axes
+//   D_j = -r (d1_j + d2_j |a|) a_j,   a the velocity through the air in B, j its axes, r the density over 1.225 kg/m3
 //
 // Drag uses the magnitude of the whole velocity, not each axis alone, which keeps the force smooth where a component
 // changes sign. It acts at the centre of mass.
@@ -36,7 +36,7 @@ class AirDrag : public Force {
         const double *a = now.air_B;
         const double airspeed = std::sqrt((a[0] * a[0] + a[1] * a[1]) + a[2] * a[2]);
         for (int j = 0; j < 3; ++j) {
-            out.force_B[j] += -(linear_n_per_mps_[j] + quadratic_n_per_m2ps2_[j] * airspeed) * a[j];
+            out.force_B[j] += -now.density_ratio * (linear_n_per_mps_[j] + quadratic_n_per_m2ps2_[j] * airspeed) * a[j];
         }
     }
 

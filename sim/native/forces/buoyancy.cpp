@@ -17,7 +17,7 @@ class Buoyancy : public Force {
     void add(const Instant &now, Wrench &out) const override {
         double f[3];
         for (int j = 0; j < 3; ++j) {
-            f[j] = lift_n_ * now.R[6 + j];  // z_W in B
+            f[j] = now.density_ratio * lift_n_ * now.R[6 + j];  // z_W in B
             out.force_B[j] += f[j];
         }
         const ::Vec3 &r = centre_m_;

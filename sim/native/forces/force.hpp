@@ -8,11 +8,14 @@
 // which follow those of the body in `truth`. It advances them itself, in closed form for constant commands: body and
 // forces are then consistent at every stage of the integrator, and a lag does not reduce the order of the body.
 //
+// Integrated quantities. What has no closed form (work, a speed that depends on the flow) is integrated with the body, by
+// the same method: a force names how many such values it has, and their rates at each stage after `add`.
+//
 // One tick of free flight, in this order:
 //   command        latches the commands of the tick
 //   begin_tick     reads the own states
 //   step_rate, damping_per_s, longest_step   bound the steps
-//   for each step: at (each stage), add (after each `at`), end_step
+//   for each step: at (each stage), set_integrated, add, rates; then end_step, set_integrated
 //   end_tick       writes the own states
 // A contact sub-step: at_contact, add, end_contact.
 //
@@ -27,6 +30,8 @@ namespace hil::sim {
 inline constexpr int kPoseVelocity = 13;  // p_WB[3], q_WB[4], v_WB_W[3], w_WB_B[3]: the states of the body
 inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
 
+inline constexpr int kMostIntegrals = 9;  // of all forces of a body: of 8 rotors, and their work
+
 struct Jet;
 
 // Body at one instant.
@@ -34,6 +39,7 @@ struct Instant {
     const double *s;  // p, q, v, w
     double R[9];      // R(q_WB), row-major
     double air_B[3];  // velocity through the air [m/s]
+    double density_ratio;  // of the air, over 1.225 kg/m3
 };
 
 struct Wrench {
@@ -82,6 +88,12 @@ class Force {
     virtual int command(const double * /*control*/, double /*voltage*/) { return -1; }
 
     virtual void begin_tick(const double * /*own*/) {}
+    // Values that the integrator advances with the body; `integrated` writes them at the start of a tick.
+    virtual int integrals() const { return 0; }
+    virtual void integrated(double * /*values*/) const {}
+    virtual void set_integrated(const double * /*values*/) {}
+    // Their rates by the last `add`.
+    virtual void rates(double * /*values*/) const {}
     virtual void end_tick(double * /*own*/) {}
 
     // Greatest rate of the force's own change in this tick [1/s]: a step is no longer than its inverse.
@@ -106,7 +118,7 @@ class Force {
     virtual void at_instant(const double * /*own*/) {}
 
     // Mechanical power now [W], and work over a tick that began at these own states [J]: what a battery must deliver.
-    virtual double power_w(const double * /*own*/) const { return 0.0; }
+    virtual double power_w(const Instant &, const double * /*own*/) { return 0.0; }
     virtual double work_j(const double * /*own_before*/) const { return 0.0; }
 
     // Wake that other vehicles feel. `s`: p, q, v, w. Returns false without one.

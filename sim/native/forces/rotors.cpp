@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "battery.hpp"
+#include "blade_rotors.hpp"
 #include "detmath.hpp"
 #include "downwash.hpp"
 #include "force_binding.hpp"
@@ -289,6 +290,34 @@ void Rotors::add_tilted(const Instant &now, Wrench &out) const {
     torque[2] -= w[0] * h[1] - w[1] * h[0];
 }
 
+void Rotors::add_imbalance(Wrench &out) const {
+    for (int i = 0; i < p_.count; ++i) {
+        const double *r = p_.position_m[i];
+        double f[3];
+        for (int j = 0; j < 3; ++j) {
+            f[j] = push_x_[i] * plane_[i][0][j] + push_y_[i] * plane_[i][1][j];
+            out.force_B[j] += f[j];
+        }
+        out.torque_B[0] += r[1] * f[2] - r[2] * f[1];
+        out.torque_B[1] += r[2] * f[0] - r[0] * f[2];
+        out.torque_B[2] += r[0] * f[1] - r[1] * f[0];
+    }
+}
+
+void Rotors::add_gyroscopic(const double *w, Wrench &out) const {
+    double h[3] = {0.0, 0.0, 0.0}, rate[3] = {0.0, 0.0, 0.0};
+    for (int i = 0; i < p_.count; ++i) {
+        const double along = p_.spin[i] * p_.inertia_kgm2;
+        for (int j = 0; j < 3; ++j) {
+            h[j] += along * speed_[i] * p_.axis[i][j];
+            rate[j] += along * accel_[i] * p_.axis[i][j];
+        }
+    }
+    out.torque_B[0] -= (w[1] * h[2] - w[2] * h[1]) + rate[0];
+    out.torque_B[1] -= (w[2] * h[0] - w[0] * h[2]) + rate[1];
+    out.torque_B[2] -= (w[0] * h[1] - w[1] * h[0]) + rate[2];
+}
+
 void Rotors::at_contact(const double *own, bool hard) {
     const Decay d = contact_[hard];
     for (int i = 0; i < p_.count; ++i) {
@@ -318,7 +347,7 @@ void Rotors::at_instant(const double *own) {
 }
 
 // sum m_i O_i^3
-double Rotors::power_w(const double *own) const {
+double Rotors::power_w(const Instant &, const double *own) {
     double power = 0.0;
     for (int i = 0; i < p_.count; ++i) power += thrust_left_[i] * (own[i] * own[i] * own[i]);
     return p_.moment_ratio_m * p_.thrust_coefficient_n_per_radps2 * power;
@@ -402,6 +431,37 @@ const ForceBinding binding{[](nb::module_ &m) {
             },
             "rotor"_a, "thrust_left"_a, "forced_speed_radps"_a, "imbalance_kgm"_a,
             "Set the state of a rotor from the next tick on; with a forced speed < 0 it follows its command.");
+
+    nb::class_<BladeRotors, Rotors>(m, "BladeRotors",
+                                    "Rotors by blade-element momentum theory; see forces/blade_rotors.hpp.")
+        .def(
+            "__init__",
+            [](BladeRotors *self, const Rotors &rotors, double inflow_thrust_kg_per_rad,
+               double translational_thrust_kg_per_m, double induced_power_factor, double profile_power_growth,
+               double hub_moment_share, double ground_floor, double density_ratio, double coaxial_wake) {
+                new (self) BladeRotors(rotors.params(), {inflow_thrust_kg_per_rad, translational_thrust_kg_per_m,
+                                                         induced_power_factor, profile_power_growth, hub_moment_share,
+                                                         ground_floor, density_ratio, coaxial_wake});
+            },
+            "rotors"_a, nb::kw_only(), "inflow_thrust_kg_per_rad"_a, "translational_thrust_kg_per_m"_a,
+            "induced_power_factor"_a, "profile_power_growth"_a, "hub_moment_share"_a, "ground_floor"_a,
+            "density_ratio"_a, "coaxial_wake"_a, "The rotors of `rotors`, with these blades; see BladeParams.")
+        .def_prop_ro(
+            "induced_mps",
+            [](const BladeRotors &self) {
+                nb::list out;
+                for (int i = 0; i < self.states(); ++i) out.append(self.induced_mps(i));
+                return nb::tuple(out);
+            },
+            "Induced velocity aloft of each rotor where the forces were computed last [m/s].")
+        .def_prop_ro(
+            "torque_nm",
+            [](const BladeRotors &self) {
+                nb::list out;
+                for (int i = 0; i < self.states(); ++i) out.append(self.torque_nm(i));
+                return nb::tuple(out);
+            },
+            "Shaft torque of each rotor against its spin, there [N m].");
 }};
 
 }  // namespace

@@ -1,4 +1,4 @@
-// Rotors of a vehicle: thrust, torque, drag and gyroscopic moment of each, and their speeds.
+// Rotors of a vehicle: thrust, torque, drag and gyroscopic moment of each, and their speeds. `rotor_model: quadratic`.
 //
 // Own states: speed O_i of each rotor [rad/s], >= 0. Commands: u_i of each.
 //
@@ -57,8 +57,9 @@ class Rotors : public Force {
     explicit Rotors(const RotorsParams &params);
 
     // State of a rotor from the next tick on; with a forced speed < 0 it follows its command.
-    void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm);
+    virtual void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm);
 
+    const RotorsParams &params() const { return p_; }
     int commands() const override { return p_.count; }
     int states() const override { return p_.count; }
     void prepare(const StepTimes &times, const Inertia &inertia) override;
@@ -74,13 +75,13 @@ class Rotors : public Force {
     void at_contact(const double *own, bool hard) override;
     void end_contact(double *own, bool hard) override;
     void at_instant(const double *own) override;
-    double power_w(const double *own) const override;
+    double power_w(const Instant &now, const double *own) override;
     double work_j(const double *own_before) const override;
     bool jet(const double *s, const double *own, const double *wind_W, Jet &out) const override;
     double full_scale(int) const override { return p_.max_speed_radps; }
     void repair() override;
 
-  private:
+  protected:
     // e^{-dt/tau} for spin-up and spin-down.
     struct Decay {
         double up, down;
@@ -91,6 +92,10 @@ class Rotors : public Force {
     void push(int i, double t_s, double lag);
     void add_upright(const Instant &now, Wrench &out) const;
     void add_tilted(const Instant &now, Wrench &out) const;
+    // Adds the force of unbalanced rotors.
+    void add_imbalance(Wrench &out) const;
+    // Adds the torque of the rotors' own spin: -w x h - dh/dt.
+    void add_gyroscopic(const double *w, Wrench &out) const;
 
     RotorsParams p_;
     bool upright_ = true;

@@ -15,7 +15,10 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from sim import _kernels
+from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, Point
+from sim.physics.forces.rotor_equations import coaxial_wake
+from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
 
 class Spin(StrEnum):
@@ -82,6 +85,13 @@ class RotorConstants(StrictModel):
     descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
     # Thrust of the lower rotor of a coaxial pair over that of the upper one, at equal speeds.
     coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
+    blade_element: BladeElement | None = None  # for `rotor_model: blade_element`
+
+    @pydantic.model_validator(mode="after")
+    def _consistent(self) -> RotorConstants:
+        if self.blade_element is not None:
+            lumps_of(self, self.blade_element)
+        return self
 
 
 def check_coaxial_pairs(rotors: Sequence[Rotor]) -> None:
@@ -117,9 +127,14 @@ def no_rotors() -> RotorConstants:
     )
 
 
-def rotors_force(rotors: Sequence[Rotor], c: RotorConstants, effects: Effects) -> _kernels.Rotors:
-    """Return the force of these rotors; its commands and own states (speeds) are in their order."""
-    return _kernels.Rotors(
+def rotors_force(
+    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, *, blades: BladeElement | None = None
+) -> _kernels.Rotors:
+    """Return the force of these rotors; its commands and own states (speeds) are in their order.
+
+    With `blades` it is that of blade-element momentum theory.
+    """
+    quadratic = _kernels.Rotors(
         position_m=[rotor.position_m for rotor in rotors],
         spin=[rotor.spin.sign for rotor in rotors],
         axis=[rotor.axis for rotor in rotors],
@@ -137,4 +152,20 @@ def rotors_force(rotors: Sequence[Rotor], c: RotorConstants, effects: Effects) -
         radius_m=c.radius_m,
         ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
         descent_loss=c.descent_loss if effects.descent_loss else 0.0,
+        air_density_kgpm3=SEA_LEVEL_KGPM3 if blades is None else blades.air_density_kgpm3,
+    )
+    if blades is None:
+        return quadratic
+    found = lumps_of(c, blades)
+    given = blades.translational_thrust_kg_per_m
+    return _kernels.BladeRotors(
+        quadratic,
+        inflow_thrust_kg_per_rad=found.c_l,
+        translational_thrust_kg_per_m=-1.0 if given is None else given,
+        induced_power_factor=blades.induced_power_factor,
+        profile_power_growth=blades.profile_power_growth,
+        hub_moment_share=blades.hub_moment_share,
+        ground_floor=found.ground_floor if effects.ground_effect else 0.0,
+        density_ratio=SEA_LEVEL_KGPM3 / blades.air_density_kgpm3,
+        coaxial_wake=coaxial_wake(c, found) if c.coaxial_thrust_ratio < 1.0 else 0.0,
     )

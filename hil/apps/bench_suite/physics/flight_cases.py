@@ -33,13 +33,13 @@ from sim.physics.forces.rotors import Rotor
 from sim.physics.integration import Integration, TickSteps
 from sim.physics.vehicle import Vehicle, load_vehicle, rigid_body
 from sim.physics.vehicle_physics import VehiclePhysics
-from sim.scene.scene import Scene, load_scene
+from sim.scene.scene import Scene, Site, load_scene
 from sim.scene.wind import Wind
 
 Float64 = NDArray[np.float64]
 TICK_NS = 4_000_000
 TICK_S = 0.004
-PLAIN = Effects(ground_effect=False, descent_loss=False)
+PLAIN = Effects(ground_effect=False, descent_loss=False, air_density=False)
 _LAG_S = 0.05
 
 
@@ -81,6 +81,12 @@ class Flight:
     effects: Effects = PLAIN
 
     @property
+    def site(self) -> Site | None:
+        """Site whose air the vehicle flies in; None for that of sea level."""
+        blades = self.vehicle.rotor_model == "blade_element"
+        return self.scene.site if self.effects.air_density and blades else None
+
+    @property
     def duration_s(self) -> float:
         """Duration of the commands."""
         return len(self.commands) * self.tick_ns / 1e9
@@ -104,9 +110,9 @@ def vigorous(seconds: float = 5.0, *, tick_ns: int = TICK_NS, vehicle: Vehicle |
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), np.clip(commands, 0.0, 1.0), tick_ns=tick_ns)
 
 
-def of_shipped_vehicle(name: str, *, tilt_deg: float = 0.0) -> Flight:
+def of_shipped_vehicle(name: str, *, tilt_deg: float = 0.0, model: str = "blade_element") -> Flight:
     """Return the vigorous flight of a vehicle with all effects, its rotors tilted sideways in turn."""
-    vehicle = load_vehicle(name)
+    vehicle = load_vehicle(name).model_copy(update={"rotor_model": model})
     side = math.tan(math.radians(tilt_deg))
     rotors = []
     for rotor in vehicle.rotors:
@@ -134,9 +140,9 @@ def gust(seconds: float = 3.0) -> Flight:
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
 
 
-def switching(seconds: float = 5.0) -> Flight:
+def switching(seconds: float = 5.0, *, model: str = "blade_element") -> Flight:
     """Return a flight of the iris with all effects, whose rotors stop and start at random every 0.1 s."""
-    vehicle = load_vehicle("iris")
+    vehicle = load_vehicle("iris").model_copy(update={"rotor_model": model})
     ticks = round(seconds / TICK_S)
     running = np.random.default_rng(3).integers(0, 2, (-(-ticks // 25), len(vehicle.rotors)))
     commands: Float64 = np.repeat(running.astype(np.float64), 25, axis=0)[:ticks]

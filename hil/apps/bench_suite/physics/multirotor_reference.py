@@ -2,7 +2,8 @@
 
 Written independently of the kernel and in another form: attitude as a 3x3 matrix, angular momentum of body and rotors
 in the world frame with dL/dt = R tau (no gyroscopic terms), forces and their moments by cross products over the rotors,
-rotor speeds and angles integrated and not in closed form, ground effect and descent loss written as in their sources.
+rotor speeds and angles integrated and not in closed form, ground effect and descent loss written as in their sources,
+induced velocities of `rotor_model: blade_element` integrated too (blade_reference.py).
 What is piecewise by tick in the model (commands, wind's slope, rotor faults) is an input of each tick, and CVODES
 starts afresh there.
 """
@@ -16,7 +17,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density
 from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Site
 
 Float64 = NDArray[np.float64]
 AIR_DENSITY = 1.225
@@ -33,6 +36,7 @@ class Inputs:
     thrust_left: Float64 | None = None  # [ticks, rotors]
     imbalance_kgm: Float64 | None = None  # [ticks, rotors]
     effects: dict[str, bool] = field(default_factory=dict)  # ground_effect, descent_loss
+    site: Site | None = None  # whose density the air has; without it 1.225 kg/m3
 
 
 def commanded_speeds(vehicle: Vehicle, commands: Float64) -> Float64:
@@ -60,7 +64,7 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
             whirl,
         ]
     )
-    problem = _equations(vehicle, gravity_mps2, inputs.effects, whirling=bool(whirl.any()))
+    problem, roots = _equations(vehicle, gravity_mps2, inputs, whirling=bool(whirl.any()))
     # Adams, functional iteration: nothing is stiff, and |a| has no Jacobian at a = 0.
     options: dict[str, Any] = {
         "abstol": TOLERANCE,
@@ -75,10 +79,15 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
     R0 = _matrix(start[3:7])
     momentum = R0 @ (inertia @ start[10:13] + _spin_momentum(vehicle, start[13:]))
     x = np.concatenate([start[:3], R0.ravel(order="F"), start[7:10], momentum, start[13:], np.zeros(n)])
+    moving = len(x)
+    if roots is not None:
+        x = np.concatenate([x, np.full(n, 5.0)])
     states = np.empty((ticks + 1, 13 + n))
     states[0] = start
     q = start[3:7]
     for k, control in enumerate(controls, start=1):
+        if roots is not None:
+            x[moving:] = roots.solve(x[:moving], x[moving:], control)
         x = np.array(solver(x0=x, u=control)["xf"]).ravel()
         R = x[3:12].reshape(3, 3, order="F")
         speeds = x[18 : 18 + n]
@@ -98,8 +107,11 @@ def _lags(vehicle: Vehicle, speeds: Float64, targets: Float64, tick_s: float) ->
     return lags
 
 
-def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling: bool) -> dict[str, ca.SX]:
-    c, n = vehicle.rotor_constants, len(vehicle.rotors)
+def _equations(
+    vehicle: Vehicle, g: float, inputs: Inputs, *, whirling: bool
+) -> tuple[dict[str, ca.SX], InflowRoots | None]:
+    c, n, effects = vehicle.rotor_constants, len(vehicle.rotors), inputs.effects
+    by_blades = vehicle.rotor_model == "blade_element"
     t = ca.SX.sym("t")
     p, R, v, L = ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("v", 3), ca.SX.sym("L", 3)
     speed, angle = ca.SX.sym("speed", n), ca.SX.sym("angle", n)
@@ -113,14 +125,35 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
     w = ca.solve(inertia, R.T @ L - c.inertia_kgm2 * (axes @ (spins * speed)))
     through_air = v - (wind0 + t * slope)
     air = R.T @ through_air
+    density = relative_density(p[2], inputs.site) if inputs.site is not None and by_blades else 1.0
     force = -ca.DM(vehicle.body_drag_linear_n_per_mps) * air
     force -= ca.DM(vehicle.body_drag_quadratic_n_per_m2ps2) * ca.sqrt(ca.sumsqr(air) + 1e-24) * air
+    force *= density
     torque = ca.SX.zeros(3)
+    induced = ca.SX.sym("v", n if by_blades else 0)
+    blades = [
+        BladeRotor(vehicle, i, left[i], ground=effects.get("ground_effect", False)) for i in range(n) if by_blades
+    ]
+    gaps = []
     area = np.pi * c.radius_m**2
     for i, rotor in enumerate(vehicle.rotors):
         site = ca.DM(rotor.position_m)
         hub = air + ca.cross(w, site)
         axis = ca.DM(rotor.axis)
+        if whirling:
+            left_of_it = ca.cross(axis, ca.DM([1, 0, 0])) / ca.norm_2(ca.cross(axis, ca.DM([1, 0, 0])))
+            ahead = ca.cross(left_of_it, axis)
+            shake = whirl[i] * speed[i] ** 2 * (ca.cos(angle[i]) * ahead + ca.sin(angle[i]) * left_of_it)
+            force += shake
+            torque += ca.cross(site, shake)
+        if by_blades:
+            seen = Hub(hub, (p + R @ site)[2], (R @ axis)[2])
+            wake = 0.0 if rotor.coaxial_below is None else induced[rotor.coaxial_below]
+            pull, moment = blades[i].force_and_moment(seen, speed[i], induced[i], wake)
+            gaps.append(blades[i].gap(seen, speed[i], induced[i], wake))
+            force += density * blades[i].relative * pull
+            torque += density * blades[i].relative * (ca.cross(site, pull) + moment)
+            continue
         reaction = left[i] * c.thrust_coefficient_n_per_radps2 * c.moment_ratio_m * speed[i] ** 2
         # Of the undamaged rotor: a chipped one moves as much air in spite of its loss of thrust.
         hover_speed2 = c.thrust_coefficient_n_per_radps2 * speed[i] ** 2 / (2 * AIR_DENSITY * area)
@@ -137,10 +170,6 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
             thrust *= _descent(-along / ca.sqrt(hover_speed2), across2 / hover_speed2, c.descent_loss)
         thrust -= c.axial_drag_kg_per_rad * speed[i] * along
         pull = thrust * axis - c.drag_kg_per_rad * speed[i] * ca.cross(ca.cross(axis, hub), axis)
-        if whirling:
-            left_of_it = ca.cross(axis, ca.DM([1, 0, 0])) / ca.norm_2(ca.cross(axis, ca.DM([1, 0, 0])))
-            ahead = ca.cross(left_of_it, axis)
-            pull += whirl[i] * speed[i] ** 2 * (ca.cos(angle[i]) * ahead + ca.sin(angle[i]) * left_of_it)
         force += pull
         torque += ca.cross(site, pull) - spins[i] * reaction * axis
     rates = [
@@ -151,13 +180,17 @@ def _equations(vehicle: Vehicle, g: float, effects: dict[str, bool], *, whirling
         (target - speed) / lag,
         spins * speed * (whirl > 0) if whirling else ca.SX.zeros(n),  # since the fault
     ]
-    state = ca.vertcat(p, ca.vec(R), v, L, speed, angle)
-    return {
-        "x": state,
-        "t": t,
-        "u": ca.vertcat(target, lag, wind0, slope, left, whirl),
-        "ode": ca.vertcat(*rates),
-    }
+    state, moving = ca.vertcat(p, ca.vec(R), v, L, speed, angle), ca.vertcat(*rates)
+    inputs_of_tick = ca.vertcat(target, lag, wind0, slope, left, whirl)
+    problem = {"x": state, "t": t, "u": inputs_of_tick, "ode": moving}
+    if not by_blades:
+        return problem, None
+    gap = ca.vertcat(*gaps)
+    at_start = ca.Function("gap", [state, induced, inputs_of_tick], [ca.substitute(gap, t, 0)])
+    change = ca.jtimes(gap, state, moving) + ca.jacobian(gap, t)
+    problem["x"] = ca.vertcat(state, induced)
+    problem["ode"] = ca.vertcat(moving, -ca.solve(ca.jacobian(gap, induced), change))
+    return problem, InflowRoots(blades, at_start)
 
 
 def _ground(heights: ca.SX, level: ca.SX, across2: ca.SX, at_ground: float) -> ca.SX:

@@ -7,6 +7,8 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     gust       3 s in a wind front of 12 m/s        greatest position error [m]
     switching  5 s with rotors that stop and start  greatest position error [m]; this project only, with all effects
     hexa_x, octa_x, x8, y6, tilted hexa_x           as vigorous, of these vehicles; this project only, with all effects
+    quadratic ...                                   the same with `rotor_model: quadratic`; all others fly with
+                                                    blade-element momentum theory
     tumble     20 rad/s without torque, 60 s        greatest relative drift of energy or angular momentum
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
     several vehicles                                see hil.apps.bench_suite.physics.vehicle_groups
@@ -62,6 +64,8 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     flights = {"hover": hover(), "vigorous": vigorous(), "gust": gust()}
     with_all_effects = {"switching": switching()} | {name: of_shipped_vehicle(name) for name in _MANY_ROTORS}
     with_all_effects["tilted hexa_x"] = of_shipped_vehicle("hexa_x", tilt_deg=20.0)
+    with_all_effects["quadratic switching"] = switching(model="quadratic")
+    with_all_effects["quadratic hexa_x"] = of_shipped_vehicle("hexa_x", model="quadratic")
     for name, flight in (flights | with_all_effects).items():
         compared = own if name in with_all_effects else methods
         status(f"{name}: reference")
@@ -72,6 +76,7 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
                 flight.commands,
                 wind_W=np.tile(flight.wind_W_mps, (len(flight.commands) + 1, 1)),
                 effects=flight.effects.model_dump(),
+                site=flight.site,
             ),
             tick_s=flight.tick_ns / 1e9,
             gravity_mps2=flight.scene.gravity_mps2,
@@ -142,14 +147,24 @@ def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, rounds:
 
 def _flight_checks(result: BenchmarkResult) -> list[Check]:
     row = {(r.case, r.method): r for r in result.rows}
-    own, euler, switched = row["vigorous", _OWN], row["vigorous", _EULER_1MS], row["switching", _OWN]
-    many_rotors = max(row[name, _OWN].error for name in (*_MANY_ROTORS, "tilted hexa_x"))
+    own, euler = row["vigorous", _OWN], row["vigorous", _EULER_1MS]
+    switched = max(row[name, _OWN].error for name in ("switching", "quadratic switching"))
+    many_rotors = max(row[name, _OWN].error for name in (*_MANY_ROTORS, "tilted hexa_x", "quadratic hexa_x"))
+    hexa, quadratic_hexa = row["hexa_x", _OWN], row["quadratic hexa_x", _OWN]
     return [
         Check("hexa, octa, X8, Y6, tilted rotors, 5 s: position error", many_rotors, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: position error", own.error, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: attitude error", own.details["attitude_error_rad"], "<=", 1e-6, "rad"),
-        Check("rotors that stop and start, 5 s: position error", switched.error, "<=", 1e-6, "m"),
+        Check("rotors that stop and start, 5 s: position error", switched, "<=", 1e-6, "m"),
         Check("vigorous flight: processor time per simulated second", 1e3 * own.time_s, "<=", 2.0, "ms", "speed"),
+        Check(
+            "hexa_x: processor time over that of the quadratic rotors",
+            hexa.time_s / quadratic_hexa.time_s,
+            "<=",
+            1.5,
+            "x",
+            "speed",
+        ),
         Check("times more accurate than MuJoCo Euler at 1 ms", euler.error / own.error, ">=", 1000.0, "x"),
         Check("processor time over that of MuJoCo Euler at 1 ms", own.time_s / euler.time_s, "<=", 1.0, "x", "speed"),
     ]
@@ -178,7 +193,7 @@ def _order_checks() -> list[Check]:
 
 
 def _errors_by_step(flight: Flight, steps_ms: Sequence[float], method: str) -> list[float]:
-    inputs = reference.Inputs(flight.commands)
+    inputs = reference.Inputs(flight.commands, site=flight.site)
     exact = reference.fly(flight.vehicle, flight.start, inputs, tick_s=flight.tick_ns / 1e9)
     return [_position_error_m(ThisProject(step, method=method).fly(flight, record=True), exact) for step in steps_ms]
 

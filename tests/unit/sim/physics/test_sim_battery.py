@@ -13,6 +13,7 @@ from sim.physics.forces.force import Effects
 from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 4_000_000
 ON = Effects(battery=True)
@@ -38,7 +39,7 @@ def open_circuit_v(charge: float) -> float:
 
 @pytest.mark.parametrize("charge", [1.0, 0.7, 0.2, 0.03])
 def test_voltage_at_rest(charge: float) -> None:
-    physics = powered(load_vehicle("x500"), initial_charge=charge, auxiliary_w=0.0)
+    physics = powered(quadratic("x500"), initial_charge=charge, auxiliary_w=0.0)
     physics.advance(0, (0.0,) * 4)
     physics.advance(1, (0.0,) * 4)
     assert physics.battery is not None
@@ -50,7 +51,7 @@ def test_voltage_at_rest(charge: float) -> None:
 @pytest.mark.parametrize("name", ["x500", "racer"])
 def test_hover_current_and_the_charge_it_takes(name: str) -> None:
     """V I = P / eta + P0 with P = 4 m_ratio T O, and V = nE - R I."""
-    vehicle = load_vehicle(name)
+    vehicle = quadratic(name)
     b, c = vehicle.battery, vehicle.rotor_constants
     assert b is not None
     physics = powered(vehicle)
@@ -75,7 +76,7 @@ def test_hover_current_and_the_charge_it_takes(name: str) -> None:
 
 
 def test_charge_drawn_while_spinning_up_is_the_integral_of_the_power() -> None:
-    vehicle = load_vehicle("x500")
+    vehicle = quadratic("x500")
     physics = powered(vehicle, auxiliary_w=0.0, resistance_ohm=0.0, efficiency=1.0)
     c = vehicle.rotor_constants
     physics.advance(0, (0.9,) * 4)

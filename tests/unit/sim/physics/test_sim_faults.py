@@ -15,12 +15,13 @@ from sim.physics.flight_start import FlightStart
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 4_000_000
 
 
 def hovering(*faults: RotorFault, tick_ns: int = TICK_NS) -> VehiclePhysics:
-    vehicle = load_vehicle("x500")
+    vehicle = quadratic("x500")
     physics = VehiclePhysics(
         vehicle,
         load_scene("airfield"),

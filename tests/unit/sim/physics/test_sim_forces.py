@@ -17,9 +17,10 @@ from sim.physics.forces.push import Push
 from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 4_000_000
-X500 = load_vehicle("x500")
+X500 = quadratic("x500")
 ALOFT = FlightStart(p_WB=(0.0, 0.0, 500.0))
 
 

@@ -14,6 +14,7 @@ from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 from tests.worlds.rotation_matrices import rotation
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 4_000_000
 TICK_S = 0.004
@@ -40,12 +41,16 @@ def fly(physics: VehiclePhysics, controls: tuple[float, ...], ticks: int) -> Tru
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_hover_control_holds_the_weight(name: str, airfield: Scene) -> None:
-    vehicle = load_vehicle(name)
-    physics = VehiclePhysics(vehicle, airfield, TICK_NS, start=FlightStart(p_WB=HIGH))
-    spin_rotors(physics, multirotor.hover_control(vehicle))
-    truth = fly(physics, (multirotor.hover_control(vehicle),) * len(vehicle.rotors), 250)
-    assert truth.v_WB_W == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-    assert truth.p_WB == pytest.approx(HIGH, abs=1e-9)
+    for vehicle, thin in ((quadratic(name), 1.0), (load_vehicle(name), airfield.site.density_ratio)):
+        hover = multirotor.hover_control(vehicle, thin)
+        low = airfield.model_copy(update={"site": airfield.site.model_copy(update={"altitude_m": 488.0 - HIGH[2]})})
+        physics = VehiclePhysics(vehicle, low, TICK_NS, start=FlightStart(p_WB=HIGH))
+        spin_rotors(physics, hover)
+        truth = fly(physics, (hover,) * len(vehicle.rotors), 250)
+        # By momentum theory the torques of a coaxial pair are only about equal, and a y6 begins to yaw.
+        within = 1e-4 if name == "y6" and vehicle.rotor_model == "blade_element" else 1e-9
+        assert truth.v_WB_W == pytest.approx((0.0, 0.0, 0.0), abs=within)
+        assert truth.p_WB == pytest.approx(HIGH, abs=within)
 
 
 def test_iris_hovers_where_px4_was_measured_to() -> None:

@@ -14,6 +14,7 @@ from sim.physics.integration import Integration
 from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 100_000  # short: accelerations are those of the start
 RHO = 1.225
@@ -26,7 +27,7 @@ def airfield() -> Scene:
 
 def bare(**constants: Any) -> Vehicle:
     """The x500 without drag, with its optional effects off unless given."""
-    vehicle = load_vehicle("x500")
+    vehicle = quadratic("x500")
     off = {"ground_thrust_ratio": 1.0, "descent_loss": 0.0, "drag_kg_per_rad": 0.0}
     return vehicle.model_copy(
         update={
@@ -102,7 +103,7 @@ def test_vortex_ring_takes_its_share_at_its_centre(airfield: Scene) -> None:
 
 
 def test_switches_leave_exactly_the_bare_model(airfield: Scene) -> None:
-    full, off = load_vehicle("x500"), Effects(ground_effect=False, descent_loss=False)
+    full, off = quadratic("x500"), Effects(ground_effect=False, descent_loss=False)
     constants = full.rotor_constants.model_copy(update={"ground_thrust_ratio": 1.0, "descent_loss": 0.0})
     stripped = full.model_copy(update={"rotor_constants": constants})
     tracks = []

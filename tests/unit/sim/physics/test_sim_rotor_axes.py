@@ -16,6 +16,7 @@ from sim.physics.forces.rotors import Rotor
 from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle, vehicle_names
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 100_000  # short: accelerations are those of the start
 G = 9.80665
@@ -27,7 +28,7 @@ def airfield() -> Scene:
 
 
 def with_axes(name: str, axes: dict[int, tuple[float, float, float]]) -> Vehicle:
-    vehicle = load_vehicle(name)
+    vehicle = quadratic(name)
     rotors = [
         Rotor.model_validate(rotor.model_dump() | {"axis": axes.get(i, (0.0, 0.0, 1.0))})
         for i, rotor in enumerate(vehicle.rotors)
@@ -105,7 +106,7 @@ def test_coaxial_ratio_is_that_of_momentum_theory() -> None:
 @pytest.mark.parametrize("name", ["x8", "y6"])
 def test_a_coaxial_pair_hovers_with_its_loss(name: str, airfield: Scene) -> None:
     """At one speed a pair has (1 + t) T; the lower rotor alone, and the upper one, have T."""
-    vehicle = load_vehicle(name)
+    vehicle = quadratic(name)
     c = vehicle.rotor_constants
     t, one_n = c.coaxial_thrust_ratio, c.thrust_coefficient_n_per_radps2 * 400.0**2
     lower = next(i for i, rotor in enumerate(vehicle.rotors) if rotor.coaxial_below is not None)
@@ -127,7 +128,7 @@ def test_a_coaxial_pair_hovers_with_its_loss(name: str, airfield: Scene) -> None
 @pytest.mark.parametrize("name", vehicle_names())
 def test_effectiveness_is_the_slope_of_the_wrench(name: str, airfield: Scene) -> None:
     """Change of force and torque with k O^2 of each rotor, about hover, by differences of the flown physics."""
-    vehicle = load_vehicle(name)
+    vehicle = quadratic(name)
     k, hover = (
         vehicle.rotor_constants.thrust_coefficient_n_per_radps2,
         multirotor.speed_radps(vehicle, multirotor.hover_control(vehicle)),

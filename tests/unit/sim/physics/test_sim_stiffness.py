@@ -8,11 +8,12 @@ import pytest
 
 from signals.errors import ModelRangeError
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
+from tests.worlds.rotor_models import quadratic
 
-X500 = load_vehicle("x500")
+X500 = quadratic("x500")
 
 
 def fly(vehicle: Vehicle, control: float) -> None:
