@@ -8,7 +8,7 @@ raise ConfigError.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -31,6 +31,11 @@ class LogFile:
     columns: Path | None = None
     of: str = ""
     notes: list[Problem] = field(default_factory=list)
+    topics: dict[str, str] = field(default_factory=dict)  # name in the log of each series of FlightLog that it has
+
+    def topic(self, series: str) -> str:
+        """Return the log's own name of a series, such as `rate`."""
+        return self.topics.get(series, series)
 
     def refuse(self, message: str, hint: str = "", *, topic: str = "") -> ConfigError:
         """Return the error for a log that cannot be used; `message` begins with the verb."""
@@ -65,7 +70,7 @@ def read_log(file: LogFile) -> FlightLog:
     """Return the whole log. Raises ConfigError for a file that is no log, or one without what every fit needs."""
     path = file.path
     if path.is_dir() and (path / "run.mcap").is_file():
-        return read_log(LogFile(path / "run.mcap", file.vehicle, file.columns, file.of, file.notes))
+        return read_log(replace(file, path=path / "run.mcap"))
     try:
         with open(path, "rb") as opened:
             head = opened.read(HEAD_BYTES)

@@ -61,6 +61,7 @@ def _read(file: LogFile) -> FlightLog:
     rows = {_POSE: pose, _VELOCITY: velocity, _ACTUATORS: motors, _BATTERY: voltage}
     imu_topic, armed = "", False
     recording = _opened(file)
+    file.topics.update(motors=_ACTUATORS, pose=_POSE, velocity=_VELOCITY, voltage=_BATTERY, rate="/imu", accel="/imu")
     try:
         for message in recording.messages():
             if message.type_name == _IMU_TYPE and message.topic in (imu_topic or message.topic, "/imu"):

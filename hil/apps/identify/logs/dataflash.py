@@ -102,6 +102,7 @@ def _read(file: LogFile) -> FlightLog:
         raise file.refuse(f"is no readable DataFlash log ({error})", "copy it from the vehicle again") from error
     parameters = _parameters(messages)
     motors, kind = _motors(file, messages, parameters)
+    file.topics.update(rate="IMU.Gyr", accel="IMU.Acc", pose="XKQ with XKF1", velocity="XKF1", voltage="BAT")
     imu = messages("IMU", 0)
     rate = accel = None
     if imu is not None:
@@ -168,7 +169,9 @@ def _motors(file: LogFile, messages: _Messages, parameters: Mapping[str, float])
     output_of_rotor = {rotor: functions.get(motor, motor) for motor, rotor in enumerate(rotor_of_motor)}
     found = _esc_speeds(messages, output_of_rotor, count)
     if found is not None:
+        file.topics.update(motors="ESC")
         return found, "speed_radps"
+    file.topics.update(motors="RCOU")
     columns = messages("RCOU")
     if columns is None or any(f"C{output_of_rotor[r] + 1}" not in columns for r in range(count)):
         raise file.refuse(f"has no motor outputs of {count} rotors: neither RCOU nor ESC", _MOTORS_HINT)

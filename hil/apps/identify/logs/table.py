@@ -45,11 +45,19 @@ def _read(file: LogFile) -> FlightLog:
     if len(columns_map.motors.columns) != count:
         message = f"has {len(columns_map.motors.columns)} motor columns in {file.columns.name}"
         raise file.refuse(message, f"the vehicle {file.vehicle.name!r} has {count} rotors, one column for each")
+    file.topics.update(_topics(columns_map))
     wanted = _wanted(columns_map)
     with open(file.path, "rb") as opened:
         parquet = opened.read(len(_PARQUET)) == _PARQUET
     table = _parquet(file, wanted) if parquet else _csv(file, wanted)
     return _log(file, columns_map, table)
+
+
+def _topics(m: ColumnMap) -> dict[str, str]:
+    """Return the columns of each series."""
+    parts = {"pose": m.position, "velocity": m.velocity, "rate": m.rate, "accel": m.accel, "motors": m.motors}
+    found = {name: ", ".join(part.columns) for name, part in parts.items() if part is not None}
+    return found | ({"voltage": m.voltage.column} if m.voltage is not None else {})
 
 
 def _wanted(m: ColumnMap) -> list[str]:

@@ -69,7 +69,7 @@ def _read(file: LogFile) -> FlightLog:
         file.note(f"is cut off or damaged; its data end at {log.last_timestamp * _US:.2f} s", hint)
     _note_dropouts(file, log.dropouts)
     motors, kind = _motors(file, topics, log.initial_parameters)
-    rate, accel = _imu(topics)
+    rate, accel = _imu(file, topics)
     attitude, position, velocity = _state(file, topics)
     battery = topics("battery_status")
     voltage = None if battery is None else series_of(_times(battery), battery[_voltage_field(battery)])
@@ -129,6 +129,7 @@ def _motors(file: LogFile, topics: _Topics, parameters: dict[str, Any]) -> tuple
     if found is None:
         message = f"has no motor outputs of {rotors} rotors: none of actuator_motors, actuator_outputs and esc_status"
         raise file.refuse(message, _MOTORS_HINT)
+    file.topics.update(motors=topic)
     if len(found) > 1:
         hz = 1.0 / float(np.median(np.diff(found.t_s)))
         if hz < _LEAST_MOTOR_HZ:
@@ -198,16 +199,18 @@ def _esc_speeds(topics: _Topics, rotors: int) -> Series | None:
     return series_of(_times(data), np.stack(columns, axis=1))
 
 
-def _imu(topics: _Topics) -> tuple[Series | None, Series | None]:
+def _imu(file: LogFile, topics: _Topics) -> tuple[Series | None, Series | None]:
     """Return rate and specific force in B."""
     data = topics("sensor_combined")
     if data is not None:
         gyro, accel = _columns(data, "gyro_rad", 3), _columns(data, "accelerometer_m_s2", 3)
         t_s = _times(data)
         if gyro is not None and accel is not None:
+            file.topics.update(rate="sensor_combined.gyro_rad", accel="sensor_combined.accelerometer_m_s2")
             relative = data.get("accelerometer_timestamp_relative")
             later_s = 0.0 if relative is None else np.where(np.abs(relative) < 2**30, relative, 0) * _US
             return series_of(t_s, flu_from_frd(gyro)), series_of(t_s + later_s, flu_from_frd(accel))
+    file.topics.update(rate="vehicle_angular_velocity", accel="vehicle_acceleration")
     found: list[Series | None] = []
     for name in ("vehicle_angular_velocity", "vehicle_acceleration"):
         data = topics(name)
@@ -218,6 +221,9 @@ def _imu(topics: _Topics) -> tuple[Series | None, Series | None]:
 
 def _state(file: LogFile, topics: _Topics) -> tuple[Series | None, Series | None, Series | None]:
     """Return attitude, position and velocity of the estimator, each with its own times."""
+    file.topics.update(
+        pose="vehicle_attitude with vehicle_local_position", velocity="vehicle_local_position", voltage="battery_status"
+    )
     data = topics("vehicle_attitude")
     q = None if data is None else _columns(data, "q", 4)
     attitude = None if data is None or q is None else series_of(_times(data), q_WB_from_q_NF(q))
