@@ -74,12 +74,12 @@ def check_flight(log: FlightLog, file: LogFile) -> None:
     t_s = grid_s(log.start_s, log.end_s, _STEP_S)
     if len(t_s) < 50:
         return
+    _check_gravity(log, file, t_s)
     _check_rate(log, file, t_s)
     _check_velocity(log, file, t_s)
-    _check_gravity(log, file, t_s)
+    _check_voltage(log, file)
     _check_motors(log, file)
     _check_order(log, file, t_s)
-    _check_voltage(log, file)
 
 
 def gain_of(log: FlightLog, vehicle: Vehicle) -> float:
