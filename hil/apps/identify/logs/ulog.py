@@ -25,6 +25,9 @@ from hil.apps.identify.columns_of_time import pose_of, series_of
 from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
 from hil.apps.identify.log_format import Format, LogFile
 from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
+from hil.apps.identify.rotor_model import wrench
+from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics.vehicle import Vehicle
 
 _MAGIC = b"ULog\x01\x12\x35"
 _TOPICS = (
@@ -35,7 +38,7 @@ _FIRST_MOTOR = 101  # output function of motor 1 (PWM_MAIN_FUNC1 and the like)
 _MOST_OUTPUTS = 16
 _US = 1e-6
 _RADPS_PER_RPM = 2.0 * math.pi / 60.0
-_MOTORS_HINT = "log actuator_motors: SDLOG_PROFILE with its bit 4 (high rate), and fly again"
+_MOTORS_HINT = "log actuator_motors at its full rate: SDLOG_PROFILE with bit 3 (system identification), and fly again"
 _LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hides between two samples
 _SHORTEST_GAP_MS = 20.0
 
@@ -129,12 +132,28 @@ def _motors(file: LogFile, topics: _Topics, parameters: dict[str, Any]) -> tuple
     if found is None:
         message = f"has no motor outputs of {rotors} rotors: none of actuator_motors, actuator_outputs and esc_status"
         raise file.refuse(message, _MOTORS_HINT)
+    hz = _rate_hz(found)
+    if kind == "command" and hz < _LEAST_MOTOR_HZ:
+        speeds = _esc_speeds(topics, rotors)
+        if speeds is not None and _rate_hz(speeds) >= _LEAST_MOTOR_HZ and _lifts(speeds, file.vehicle):
+            topic, found, kind, hz = "esc_status", speeds, "speed_radps", _rate_hz(speeds)
     file.topics.update(motors=topic)
-    if len(found) > 1:
-        hz = 1.0 / float(np.median(np.diff(found.t_s)))
-        if hz < _LEAST_MOTOR_HZ:
-            file.note(f"has {hz:.0f} values per second; the motors' lags need more", _MOTORS_HINT, topic=topic)
+    if hz < _LEAST_MOTOR_HZ:
+        file.note(f"has {hz:.0f} values per second; the motors' lags need more", _MOTORS_HINT, topic=topic)
     return found, kind
+
+
+def _rate_hz(series: Series) -> float:
+    return 1.0 / float(np.median(np.diff(series.t_s))) if len(series) > 1 else 0.0
+
+
+def _lifts(speeds: Series, vehicle: Vehicle) -> bool:
+    """Return whether measured speeds may be the rotors': PX4's SITL reports 6000 rpm times the command as such."""
+    turning = speeds.values[(speeds.values > 0.2 * speeds.values.max()).all(axis=1)]
+    if not len(turning):
+        return False
+    lift_n = float(np.median(wrench(turning, vehicle)[:, 2]))
+    return 0.5 < lift_n / (vehicle.mass_kg * STANDARD_GRAVITY_MPS2) < 2.0
 
 
 def _commands(file: LogFile, topics: _Topics, rotors: int) -> Series | None:
@@ -236,19 +255,34 @@ def _state(file: LogFile, topics: _Topics) -> tuple[Series | None, Series | None
         )
         return attitude, None, None
     t_s = _times(data)
-    resets = sum(int(np.count_nonzero(np.diff(data[n].astype(np.int64)))) for n in _RESETS if n in data)
-    if resets:
-        message = f"jumped {resets} times (the estimator's resets)"
-        file.note(message, "fly where GPS is good, and wait before take-off", topic="vehicle_local_position")
     p = np.stack([data[name].astype(np.float64) for name in ("x", "y", "z")], axis=1)
     v = np.stack([data[name].astype(np.float64) for name in ("vx", "vy", "vz")], axis=1)
+    _remove_resets(file, data, t_s, p)
     for valid, columns in (("xy_valid", p[:, :2]), ("z_valid", p[:, 2:]), ("v_xy_valid", v[:, :2])):
         if valid in data:
             columns[data[valid] == 0] = np.nan
     return attitude, series_of(t_s, enu_from_ned(p)), series_of(t_s, enu_from_ned(v))
 
 
-_RESETS = ("xy_reset_counter", "z_reset_counter", "vxy_reset_counter", "vz_reset_counter")
+def _remove_resets(
+    file: LogFile, data: dict[str, NDArray[Any]], t_s: NDArray[np.float64], p: NDArray[np.float64]
+) -> None:
+    """Take the jumps of the estimator's origin out of the positions `p` [n, 3], and note the last one."""
+    for counter, deltas, first in (
+        ("xy_reset_counter", ("delta_xy[0]", "delta_xy[1]"), 0),
+        ("z_reset_counter", ("delta_z",), 2),
+    ):
+        if counter not in data or any(name not in data for name in deltas):
+            continue
+        jumps = np.flatnonzero(np.diff(data[counter].astype(np.int64))) + 1
+        for k, name in enumerate(deltas):
+            steps = np.zeros(len(t_s))
+            steps[jumps] = data[name][jumps]
+            p[:, first + k] -= np.nan_to_num(np.cumsum(np.nan_to_num(steps)))
+        if len(jumps):
+            message = f"jumped {len(jumps)} times, last at {t_s[jumps[-1]]:.2f} s ({counter})"
+            hint = "the positions are used without the jumps; good GPS and a wait before take-off avoid them"
+            file.note(message, hint, topic="vehicle_local_position")
 
 
 def _voltage_field(battery: dict[str, NDArray[Any]]) -> str:

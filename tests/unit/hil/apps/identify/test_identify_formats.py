@@ -14,6 +14,7 @@ from hil.apps.identify.log_format import LogFile, formats, read_log
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.flight_files import dataflash, ulog
 from tests.worlds.known_motion import Motion, motion
+from tests.worlds.ulog_file import ULogFile
 
 X500 = load_vehicle("x500")
 MOTION = motion(np.arange(0.0, 10.0, 0.01))
@@ -109,3 +110,51 @@ def test_parquet_is_read_as_csv(tmp_path: Path) -> None:
 
 def test_all_formats_are_found() -> None:
     assert len(formats()) == 4
+
+
+def slow_motors(path: Path, *, speeds_per_control: float) -> Path:
+    """Write a log with motors at 10 Hz, and speeds of the ESCs at 100 Hz, in proportion to the commands."""
+    log = ULogFile()
+    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
+    log.nested("esc_report", [("int32_t", "esc_rpm")])
+    log.topic("esc_status", [("esc_report", "esc[4]")])
+    for i, t_s in enumerate(MOTION.t_s):
+        t, u = round(t_s * 1e6) + 1000, MOTION.motors[i]
+        if i % 10 == 0:
+            log.add("actuator_motors", t, t, *u, *[float("nan")] * 8)
+        log.add("esc_status", t, *(round(speeds_per_control * x) for x in u))
+    return log.write(path)
+
+
+def test_esc_speeds_take_the_place_of_slow_outputs_if_they_lift_the_vehicle(tmp_path: Path) -> None:
+    rpm = X500.rotor_constants.max_speed_radps * 30.0 / np.pi
+    log = read_log(LogFile(slow_motors(tmp_path / "a.ulg", speeds_per_control=rpm), X500))
+    assert log.motors_kind == "speed_radps"
+    np.testing.assert_allclose(log.motors.values, 1000.0 * MOTION.motors, atol=0.1)
+    file = LogFile(slow_motors(tmp_path / "b.ulg", speeds_per_control=0.4 * rpm), X500)
+    assert read_log(file).motors_kind == "command"
+    assert "actuator_motors: has 10 values per second" in str(file.notes[0])
+
+
+def test_jumps_of_the_estimators_origin_are_taken_out(tmp_path: Path) -> None:
+    """The estimate jumps by (+3, -2) m in NED at 4 s and by 1.5 m in height at 6 s; the path stays whole."""
+    log = ULogFile()
+    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
+    log.topic("vehicle_attitude", [("uint64_t", "timestamp_sample"), ("float", "q[4]")])
+    fields = [("float", n) for n in ("x", "y", "z", "vx", "vy", "vz", "delta_xy[2]", "delta_z")]
+    counters = [("uint8_t", "xy_reset_counter"), ("uint8_t", "z_reset_counter")]
+    log.topic("vehicle_local_position", [("uint64_t", "timestamp_sample"), *fields, *counters])
+    p, v, q = MOTION.ned(MOTION.p_WB), MOTION.ned(MOTION.v_WB_W), MOTION.q_NF
+    for i, t_s in enumerate(MOTION.t_s):
+        t = round(t_s * 1e6) + 1000
+        level, height = t_s >= 4.0, t_s >= 6.0
+        jump = (3.0 * level, -2.0 * level, 1.5 * height)
+        log.add("actuator_motors", t, t, *MOTION.motors[i], *[float("nan")] * 8)
+        log.add("vehicle_attitude", t, t, *q[i])
+        deltas = (3.0, -2.0, 1.5)  # PX4 keeps the last one in the message
+        log.add("vehicle_local_position", t, t, *(p[i] + jump), *v[i], *deltas, int(level), int(height))
+    file = LogFile(log.write(tmp_path / "a.ulg"), X500)
+    pose = read_log(file).pose
+    assert pose is not None
+    np.testing.assert_allclose(pose.values[:, :3], motion(pose.t_s - 0.001).p_WB, atol=1e-5)
+    assert "jumped 1 times, last at 4.00 s (xy_reset_counter)" in str(file.notes[0])
