@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from hil.apps.identify.flight_log import FlightLog, Series
 from hil.apps.identify.log_format import LogFile, formats, read_log
 from sim.physics.vehicle import load_vehicle
+from tests.worlds.dataflash_file import DataFlashFile
 from tests.worlds.flight_files import dataflash, ulog
 from tests.worlds.known_motion import Motion, motion
 from tests.worlds.ulog_file import ULogFile
@@ -158,3 +159,41 @@ def test_jumps_of_the_estimators_origin_are_taken_out(tmp_path: Path) -> None:
     assert pose is not None
     np.testing.assert_allclose(pose.values[:, :3], motion(pose.t_s - 0.001).p_WB, atol=1e-5)
     assert "jumped 1 times, last at 4.00 s (xy_reset_counter)" in str(file.notes[0])
+
+
+def mixed_dataflash(path: Path, *, limited: bool) -> tuple[Path, np.ndarray]:
+    """Write outputs at 10 Hz and controllers' outputs at 100 Hz, mixed as ArduPilot does; return the true commands."""
+    expo, low, high = 0.6, 0.15, 0.95
+    log = DataFlashFile(
+        {"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0, "MOT_THST_EXPO": expo, "MOT_SPIN_MIN": low, "MOT_SPIN_MAX": high}
+    )
+    log.message("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4")
+    log.message("RATE", "Qffff", "TimeUS,ROut,POut,YOut,AOut")
+    t = MOTION.t_s
+    controls = np.stack(
+        [0.1 * np.sin(7.0 * t), 0.08 * np.sin(9.0 * t), 0.05 * np.sin(3.0 * t), 0.5 + 0.1 * np.sin(t)], 1
+    )
+    mixer = np.array([[-0.5, 0.5, 0.5, 1.0], [0.5, -0.5, 0.5, 1.0], [0.5, 0.5, -0.5, 1.0], [-0.5, -0.5, -0.5, 1.0]])
+    thrust = controls @ mixer.T
+    if limited:
+        thrust = np.minimum(thrust, 0.5)
+    x = (expo - 1.0 + np.sqrt((1.0 - expo) ** 2 + 4.0 * expo * thrust)) / (2.0 * expo)
+    commands = low + (high - low) * x
+    for i, t_s in enumerate(t):
+        t_us = round(t_s * 1e6) + 1000
+        log.add("RATE", t_us, *controls[i])
+        if i % 10 == 0:
+            log.add("RCOU", t_us + 200, *(round(1000 + 1000 * u) for u in commands[i]))
+    return log.write(path), commands
+
+
+def test_controllers_outputs_give_ardupilots_motors_their_rate(tmp_path: Path) -> None:
+    path, commands = mixed_dataflash(tmp_path / "a.bin", limited=False)
+    file = LogFile(path, X500)
+    log = read_log(file)
+    np.testing.assert_allclose(log.motors.t_s, MOTION.t_s + 0.001, atol=1e-9)
+    np.testing.assert_allclose(log.motors.values, commands, atol=1e-3)  # RCOU has whole microseconds
+    assert not file.notes
+    file = LogFile(mixed_dataflash(tmp_path / "b.bin", limited=True)[0], X500)
+    assert len(read_log(file).motors) == 100
+    assert "RCOU: has 10 values per second" in str(file.notes[0])
