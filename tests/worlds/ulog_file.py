@@ -32,6 +32,9 @@ class ULogFile:
         self._topics: dict[str, tuple[int, str]] = {}
         self._data: list[tuple[int, bytes]] = []
 
+    def info(self, name: str, text: str) -> None:
+        self._definitions += _message("I", _key(f"char[{len(text)}] {name}") + text.encode())
+
     def nested(self, name: str, fields: Sequence[tuple[str, str]]) -> None:
         """Declare a type that topics may have as a field."""
         self._definitions += _message("F", f"{name}:{''.join(f'{kind} {field};' for kind, field in fields)}".encode())

@@ -6,9 +6,10 @@
     pose        vehicle_attitude and vehicle_local_position; velocity from the latter
     voltage     battery_status
 
-PX4's motor i is the rotor i of the vehicle file (`CA_ROTORi_*`). Times are those of the sample from which a value was
-computed (`timestamp_sample`) where the topic has it, otherwise of the message: a motor's command otherwise seems as
-late as the controller took to compute it.
+actuator_motors are shares of thrust: the outputs x follow from T = f x^2 + (1 - f) x with f = THR_MDL_FAC
+(mixer_module/functions/FunctionMotors.hpp). PX4's motor i is the rotor i of the vehicle file (`CA_ROTORi_*`). Times are
+those of the sample from which a value was computed (`timestamp_sample`) where the topic has it, otherwise of the
+message: a motor's command otherwise seems as late as the controller took to compute it.
 """
 
 from __future__ import annotations
@@ -76,6 +77,9 @@ def _read(file: LogFile) -> FlightLog:
     attitude, position, velocity = _state(file, topics)
     battery = topics("battery_status")
     voltage = None if battery is None else series_of(_times(battery), battery[_voltage_field(battery)])
+    if voltage is not None and str(log.msg_info_dict.get("ver_hw", "")).startswith("PX4_SITL"):
+        file.note("is that of PX4's own simulated battery", "it is not used", topic="battery_status")
+        voltage = None
     pose = pose_of(attitude, position, velocity) if attitude is not None and position is not None else None
     return FlightLog(
         name=file.path.stem,
@@ -122,7 +126,7 @@ def _columns(data: dict[str, NDArray[Any]], name: str, count: int) -> NDArray[np
 
 def _motors(file: LogFile, topics: _Topics, parameters: dict[str, Any]) -> tuple[Series, MotorsKind]:
     rotors = len(file.vehicle.rotors)
-    found = _commands(file, topics, rotors)
+    found = _commands(file, topics, rotors, float(parameters.get("THR_MDL_FAC", 0.0)))
     kind: MotorsKind = "command"
     topic = "actuator_motors"
     if found is None:
@@ -156,7 +160,7 @@ def _lifts(speeds: Series, vehicle: Vehicle) -> bool:
     return 0.5 < lift_n / (vehicle.mass_kg * STANDARD_GRAVITY_MPS2) < 2.0
 
 
-def _commands(file: LogFile, topics: _Topics, rotors: int) -> Series | None:
+def _commands(file: LogFile, topics: _Topics, rotors: int, thrust_factor: float) -> Series | None:
     data = topics("actuator_motors")
     values = None if data is None else _columns(data, "control", rotors)
     if data is None or values is None:
@@ -171,7 +175,15 @@ def _commands(file: LogFile, topics: _Topics, rotors: int) -> Series | None:
         message = f"never commands the motors {silent} of the vehicle's {rotors}"
         hint = "name the file of the vehicle that made this log; a log without arming has no flight"
         raise file.refuse(message, hint, topic="actuator_motors")
-    return series_of(_times(data), np.nan_to_num(values, nan=0.0))  # NaN: a stopped motor
+    thrust = np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)  # NaN: a stopped motor
+    return series_of(_times(data), _output_of_thrust(thrust, thrust_factor))
+
+
+def _output_of_thrust(thrust: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    if not 0.0 < factor <= 1.0:
+        return thrust
+    half = (1.0 - factor) / (2.0 * factor)
+    return np.asarray(np.sqrt(half * half + thrust / factor) - half, np.float64)
 
 
 def _outputs(topics: _Topics, parameters: dict[str, Any], rotors: int) -> Series | None:

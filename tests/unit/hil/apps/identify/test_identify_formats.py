@@ -80,6 +80,24 @@ def test_ulog(tmp_path: Path) -> None:
     assert log.motors_kind == "command"
 
 
+@pytest.mark.parametrize("factor", [0.3, 1.0])
+def test_px4s_thrust_becomes_the_outputs_of_its_motors(tmp_path: Path, factor: float) -> None:
+    log = ULogFile({"THR_MDL_FAC": factor})
+    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
+    for i, t_s in enumerate(MOTION.t_s):
+        u = MOTION.motors[i]
+        t = round(t_s * 1e6) + 1000
+        log.add("actuator_motors", t, t, *(factor * u * u + (1.0 - factor) * u), *[float("nan")] * 8)
+    read = read_log(LogFile(log.write(tmp_path / "a.ulg"), X500)).motors
+    np.testing.assert_allclose(read.values, MOTION.motors, atol=1e-6)
+
+
+def test_px4s_simulated_battery_is_not_the_vehicles(tmp_path: Path) -> None:
+    file = LogFile(ulog(tmp_path / "a.ulg", MOTION, hardware="PX4_SITL"), X500)
+    assert read_log(file).voltage is None
+    assert "battery_status: is that of PX4's own simulated battery" in str(file.notes[0])
+
+
 @pytest.mark.parametrize(("quaternions", "angle_rad"), [(True, 1e-6), (False, 2e-4)])  # angles are in 0.01 deg
 def test_dataflash(tmp_path: Path, quaternions: bool, angle_rad: float) -> None:
     log = read_log(LogFile(dataflash(tmp_path / "a.bin", MOTION, quaternions=quaternions), X500))
