@@ -56,7 +56,7 @@ def prepare(
         progress(number / len(paths), f"reading {path.name}")
         file = LogFile(path, vehicle, columns, of)
         try:
-            log, found = _flights_of(file)
+            log, found = flights_of(file)
             whole.append(log)
             flights += found
         except ConfigError as error:
@@ -89,7 +89,8 @@ def _refuse_twice_named(paths: Sequence[Path]) -> None:
         seen.add(resolved)
 
 
-def _flights_of(file: LogFile) -> tuple[FlightLog, list[FlightLog]]:
+def flights_of(file: LogFile) -> tuple[FlightLog, list[FlightLog]]:
+    """Return a log and its checked flights. Raises ConfigError."""
     log = with_measured_voltage(read_log(file), file)
     if log.rate is None and log.pose is None:
         raise file.refuse("has neither gyro nor attitude and position: nothing shows how the vehicle moved")

@@ -14,6 +14,8 @@ message: a motor's command otherwise seems as late as the controller took to com
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -64,7 +66,8 @@ def _read(file: LogFile) -> FlightLog:
     except ImportError as error:
         raise file.refuse("is a ULog, and pyulog is not installed", 'pip install "hil-bench[identify]"') from error
     try:
-        log = ULog(str(file.path), list(_TOPICS))
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it finds at a damaged end
+            log = ULog(str(file.path), list(_TOPICS))
     except Exception as error:  # pyulog raises bare exceptions, IndexError and struct.error
         raise file.refuse(f"is no readable ULog ({error})", "copy it from the vehicle again") from error
     topics = _Topics(log.data_list)

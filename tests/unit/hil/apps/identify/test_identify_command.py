@@ -188,12 +188,15 @@ def test_missing_log_and_missing_arguments(tmp_path: Path, capsys: pytest.Captur
     assert run_command_line(["identify", "a.ulg"]) == 2
 
 
-def test_truncated_ulog_is_used_up_to_its_end(flown_ulog: Path, tmp_path: Path) -> None:
+def test_truncated_ulog_is_used_up_to_its_end(
+    flown_ulog: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     data = flown_ulog.read_bytes()
     cut = tmp_path / "cut.ulg"
     cut.write_bytes(data[: round(0.8 * len(data))])
     estimator = StandIn()
     identify([cut], options(tmp_path / "out"), CONSOLE, estimate=estimator)
+    assert not capsys.readouterr().out  # of pyulog
     # 80 % of 40 s, on a clock that begins at 5 s
     assert estimator.flights[-1].end_s == pytest.approx(37.0, abs=0.5)
 

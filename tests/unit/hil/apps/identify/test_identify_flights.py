@@ -154,6 +154,9 @@ def test_two_vehicles_are_told_apart() -> None:
     with pytest.raises(ConfigError, match="two vehicles are mixed"):
         check_one_vehicle([flights[0], other], X500)
     check_one_vehicle([flights[0], scaled(flights[0], "motors", 0.95)], X500)
+    speeds = replace(scaled(flights[0], "motors", 1000.0), motors_kind="speed_radps", source=Path("other.ulg"))
+    with pytest.raises(ConfigError, match=r"other\.ulg: has measured speeds of its motors from"):
+        check_one_vehicle([flights[0], speeds], X500)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.013, 0.05])
