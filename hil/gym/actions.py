@@ -131,7 +131,8 @@ class IdealDriver:
 
     def __init__(self, vehicle: FlyingVehicle, world: SteppedWorld, options: FlightOptions) -> None:
         self._vehicle, self._options = vehicle, options
-        self.held = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2).kernel
+        thin = 1.0 if vehicle.physics is None else vehicle.physics.density_ratio
+        self.held = IdealController(vehicle.vehicle, world.tick_ns, world.scene.gravity_mps2, density_ratio=thin).kernel
         self._aim = self.held.aim
         self._origin_W: Vec3 = (0.0, 0.0, 0.0)
         self.command = {"rates": self._rates, "velocity": self._velocity, "position": self._position}[options.action]

@@ -18,6 +18,7 @@ from signals.documents.validate import StrictModel, load_model
 from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.battery import Battery
+from sim.physics.forces.blade_element import lumps_of
 from sim.physics.forces.force import Effects, ForceParameters, Point, any_kind
 from sim.physics.forces.rotors import Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
 from sim.physics.integration import TickSteps
@@ -86,8 +87,12 @@ class Vehicle(StrictModel):
             raise ValueError(f"contact spheres must have different names, not {names}")
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
-        if self.rotor_model == "blade_element" and self.rotor_constants.blade_element is None:
-            raise ValueError("rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model")
+        if self.rotor_model == "blade_element":
+            if self.rotor_constants.blade_element is None:
+                raise ValueError(
+                    "rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model"
+                )
+            lumps_of(self.rotor_constants, self.rotor_constants.blade_element)  # raises if they contradict each other
         return self
 
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:

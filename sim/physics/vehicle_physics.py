@@ -50,6 +50,7 @@ from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.vehicle import Vehicle, rigid_body
+from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 from sim.scene.scene import Scene
 from sim.scene.scene_map import Actor
 from sim.scene.solids import solid_tree
@@ -212,6 +213,14 @@ class VehiclePhysics:
         if not self._effects.air_density or self.vehicle.rotor_model == "quadratic":
             return None
         return self.scene.site.altitude_m, self.scene.site.warmer_k
+
+    @property
+    def density_ratio(self) -> float:
+        """Density of the air where the vehicle is over that of its file, as `multirotor.density_ratio` at the site."""
+        blades = self.vehicle.rotor_constants.blade_element
+        if self.vehicle.rotor_model == "quadratic" or blades is None:
+            return 1.0
+        return self.body.density_ratio() * SEA_LEVEL_KGPM3 / blades.air_density_kgpm3
 
     @property
     def state(self) -> NDArray[np.float64]:

@@ -52,7 +52,7 @@ def airborne(
         share * rotor.axis[2] for share, rotor in zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)
     )
     k = vehicle.rotor_constants.thrust_coefficient_n_per_radps2
-    physics.state[13:] = sqrt(vehicle.mass_kg * GRAVITY_MPS2 / (lift * k))
+    physics.state[13:] = sqrt(vehicle.mass_kg * GRAVITY_MPS2 / (lift * k * physics.density_ratio))
     return physics
 
 
@@ -61,7 +61,9 @@ class Flown:
 
     def __init__(self, physics: VehiclePhysics) -> None:
         self.physics = physics
-        self.controller = IdealController(physics.vehicle, physics.tick_ns, GRAVITY_MPS2)
+        self.controller = IdealController(
+            physics.vehicle, physics.tick_ns, GRAVITY_MPS2, density_ratio=physics.density_ratio
+        )
         self.truth = physics.advance(0, ())
         self.log: list[TruthState] = []
 

@@ -33,8 +33,9 @@ _SINGULAR = 1e-9  # of the largest entry
 class Allocation:
     """Inverse of one vehicle's rotor geometry. Raises ValueError if it cannot produce all torques and thrust."""
 
-    def __init__(self, vehicle: Vehicle, *, least_n: float) -> None:
-        k, top = vehicle.rotor_constants.thrust_coefficient_n_per_radps2, vehicle.rotor_constants.max_speed_radps
+    def __init__(self, vehicle: Vehicle, *, least_n: float, density_ratio: float = 1.0) -> None:
+        k = density_ratio * vehicle.rotor_constants.thrust_coefficient_n_per_radps2
+        top = vehicle.rotor_constants.max_speed_radps
         effect = multirotor.effectiveness(vehicle)
         self.rows = [[float(value) for value in effect[row]] for row in (3, 4, 5, 2)]  # per newton of T, by axis
         self.columns = list(zip(*self.rows, strict=True))  # by rotor

@@ -65,15 +65,18 @@ class Gains(NamedTuple):
 
 
 class IdealController:
-    """Controller of one vehicle. Raises ValueError if its rotors cannot produce all torques and thrust."""
+    """Controller of one vehicle. Raises ValueError if its rotors cannot produce all torques and thrust.
 
-    def __init__(self, vehicle: Vehicle, tick_ns: int, gravity_mps2: float) -> None:
+    `density_ratio`: density of the air over that of the vehicle's file.
+    """
+
+    def __init__(self, vehicle: Vehicle, tick_ns: int, gravity_mps2: float, *, density_ratio: float = 1.0) -> None:
         c = vehicle.rotor_constants
         dt = tick_ns / NS_PER_S
         weight_n = vehicle.mass_kg * gravity_mps2
-        k, inertia = c.thrust_coefficient_n_per_radps2, vehicle.inertia_kgm2
+        k, inertia = density_ratio * c.thrust_coefficient_n_per_radps2, vehicle.inertia_kgm2
         idle_radps = multirotor.speed_radps(vehicle, IDLE_COMMAND)
-        allocation = Allocation(vehicle, least_n=k * idle_radps * idle_radps)
+        allocation = Allocation(vehicle, least_n=k * idle_radps * idle_radps, density_ratio=density_ratio)
         hover_n = weight_n / allocation.lift  # of one rotor
         usual_n = max(hover_n, 0.05 * allocation.most_n)  # without gravity a rotor hardly turns
         allocation.raised_n = _RAISED * usual_n * allocation.lift

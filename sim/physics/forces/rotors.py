@@ -87,12 +87,6 @@ class RotorConstants(StrictModel):
     coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
     blade_element: BladeElement | None = None  # for `rotor_model: blade_element`
 
-    @pydantic.model_validator(mode="after")
-    def _consistent(self) -> RotorConstants:
-        if self.blade_element is not None:
-            lumps_of(self, self.blade_element)
-        return self
-
 
 def check_coaxial_pairs(rotors: Sequence[Rotor]) -> None:
     """Raise ValueError unless every `coaxial_below` names a rotor above on the same axis, of this pair only."""

@@ -29,7 +29,11 @@ def write_vehicle(name: str, *replacements: tuple[str, str]) -> int:
     ("name", "replacements", "axes"),
     [
         ("x500", [("spin: cw", "spin: ccw")], "yaw and thrust"),
-        ("x500", [("moment_ratio_m: 0.016 ", "moment_ratio_m: 0.0 ")], "yaw"),
+        (
+            "x500",
+            [("moment_ratio_m: 0.016 ", "moment_ratio_m: 0.0 "), ("model: blade_element", "model: quadratic")],
+            "yaw",
+        ),
         ("hexa_x", [(r"(position_m: )\[[-0-9.]+, ([-0-9.]+), 0.1076\], spin", r"\1[0.0, \2, 0.1076], spin")], "pitch"),
     ],
 )

@@ -43,7 +43,8 @@ def test_the_acceleration_is_that_of_the_mass_that_was_drawn() -> None:
         env.step(np.zeros(4))
     bench = env.bench.vehicle
     c, truth = bench.rotor_constants, env.truth
-    thrust_n = sum(c.thrust_coefficient_n_per_radps2 * n * n for n in truth.rotor_speed_radps)
+    static_n = sum(c.thrust_coefficient_n_per_radps2 * n * n for n in truth.rotor_speed_radps)
+    thrust_n = physics.density_ratio * static_n
     assert physics.vehicle.mass_kg == pytest.approx(0.6 * bench.mass_kg)
     drag_n = 0.05 * thrust_n  # axial, of the climb
     assert truth.a_WB_W[2] == pytest.approx(thrust_n / (0.6 * bench.mass_kg) - 9.80665, abs=drag_n / bench.mass_kg)
