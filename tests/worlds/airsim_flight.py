@@ -85,7 +85,9 @@ class Pilot:
         self.physics = physics
         self.truth = physics.advance(0, ())
         self.start_W = self.truth.p_WB
-        self.flight = SimpleFlight(physics.vehicle, physics.tick_ns, GRAVITY_MPS2, self.start_W)
+        self.flight = SimpleFlight(
+            physics.vehicle, physics.tick_ns, GRAVITY_MPS2, self.start_W, density_ratio=physics.density_ratio
+        )
         self._edge = NedEdge(physics.vehicle, GRAVITY_MPS2, self.start_W)
         self.flight.enable_api_control(True)
         self.flight.arm(True)

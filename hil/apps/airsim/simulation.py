@@ -301,7 +301,8 @@ class Simulation:
     def _flight(self, name: str, vehicle: FlyingVehicle, rig: Bench | None, origin: NedFrame) -> SimpleFlight:
         model, gravity, start_W = vehicle.vehicle, self.scene.gravity_mps2, origin.origin_W
         if rig is None:
-            return SimpleFlight(model, TICK_NS, gravity, start_W)
+            thin = 1.0 if vehicle.physics is None else vehicle.physics.density_ratio
+            return SimpleFlight(model, TICK_NS, gravity, start_W, density_ratio=thin)
         from hil.apps.airsim.world.rig_flight import RigFlight, RigPilot
 
         physics = vehicle.physics

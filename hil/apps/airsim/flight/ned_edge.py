@@ -16,13 +16,16 @@ _HALF_PI = 1.5707963267948966
 
 
 class NedEdge:
-    """Frames of one vehicle. `start_W` is the origin of its NED frame."""
+    """Frames of one vehicle. `start_W` is the origin of its NED frame.
 
-    def __init__(self, vehicle: Vehicle, gravity_mps2: float, start_W: Vec3) -> None:
+    `density_ratio`: density of the air over that of the vehicle's file.
+    """
+
+    def __init__(self, vehicle: Vehicle, gravity_mps2: float, start_W: Vec3, *, density_ratio: float = 1.0) -> None:
         self._start_W = start_W
         c = vehicle.rotor_constants
         self._curve = c.thrust_model_factor
-        most_n = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps
+        most_n = density_ratio * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps
         self._full = vehicle.mass_kg * gravity_mps2 / (4.0 * HOVER_THROTTLE * most_n)  # thrust of a pwm of 1
         self._corners = _corners(vehicle)
 

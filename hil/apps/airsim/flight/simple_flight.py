@@ -39,10 +39,12 @@ Done = Callable[[bool | MoveError], None]  # receives the result of a move, or t
 class SimpleFlight:
     """Flight controller of one vehicle. `start_W` is the origin of its NED frame."""
 
-    def __init__(self, vehicle: Vehicle, tick_ns: int, gravity_mps2: float, start_W: Vec3) -> None:
-        self._edge = NedEdge(vehicle, gravity_mps2, start_W)
-        self._controller = IdealController(vehicle, tick_ns, gravity_mps2)
-        k_n = vehicle.rotor_constants.thrust_coefficient_n_per_radps2 * len(vehicle.rotors)
+    def __init__(
+        self, vehicle: Vehicle, tick_ns: int, gravity_mps2: float, start_W: Vec3, *, density_ratio: float = 1.0
+    ) -> None:
+        self._edge = NedEdge(vehicle, gravity_mps2, start_W, density_ratio=density_ratio)
+        self._controller = IdealController(vehicle, tick_ns, gravity_mps2, density_ratio=density_ratio)
+        k_n = density_ratio * vehicle.rotor_constants.thrust_coefficient_n_per_radps2 * len(vehicle.rotors)
         self._idle_radps = sqrt(_IDLING * vehicle.mass_kg * gravity_mps2 / k_n)
         self.receiver = Receiver()
         self._move: Move | None = None

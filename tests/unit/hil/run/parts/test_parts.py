@@ -30,6 +30,7 @@ BENCHES = {
     "people_search": [],
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
     "suite": ["parts.test_suite.command=[suite.py]"],
+    "vibration": ["vibration=estimated"],
     "signing": ["autopilot.signing_key_file={folder}/signing.key"],
 }
 
