@@ -10,6 +10,7 @@ ArduPilot's documents call levels below 15 m/s2 good, 30 acceptable and 60 bad.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -28,18 +29,23 @@ _SHOWN = (("p50", np.median), ("max", np.max))
 _FLOOR_HZ, _LEVEL_HZ = 5.0, 2.0
 
 
-class Samples:
-    """Specific force and rate of one IMU, (n, 6), in order."""
+class ImuSamples:
+    """Specific force and rate of each IMU as they are recorded; a tap."""
 
-    def __init__(self) -> None:
-        self._values: list[tuple[float, ...]] = []
+    def __init__(self, names: Iterable[str]) -> None:
+        self._values: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
 
-    def add(self, sample: ImuSample) -> None:
-        if len(self._values) < _MOST_SAMPLES:
-            self._values.append((*sample.accel_mps2, *sample.gyro_radps))
+    def sample(self, port: str, sample: Sample) -> None:
+        if isinstance(sample, ImuSample) and len(self._values[port]) < _MOST_SAMPLES:
+            self._values[port].append((*sample.accel_mps2, *sample.gyro_radps))
 
-    def array(self) -> NDArray[np.float64]:
-        return np.array(self._values, np.float64).reshape(-1, 6)
+    def event(self, t_ns: int, kind: str, text: str) -> None: ...
+
+    def detected(self, client: str, detections: Detections) -> None: ...
+
+    def array(self, name: str) -> NDArray[np.float64]:
+        """Return the samples of an IMU in order, (n, 6)."""
+        return np.array(self._values[name], np.float64).reshape(-1, 6)
 
 
 class VibrationPart(Part):
@@ -48,19 +54,11 @@ class VibrationPart(Part):
     def __init__(self, rates_hz: dict[str, float]) -> None:
         """`rates_hz`: of the IMUs by name."""
         self._rates_hz = rates_hz
-        self._samples = {name: Samples() for name in rates_hz}
+        self._samples = ImuSamples(rates_hz)
         self._imus: dict[str, Imu] = {}
 
-    def tap(self) -> VibrationPart:
-        return self
-
-    def sample(self, port: str, sample: Sample) -> None:
-        if isinstance(sample, ImuSample) and port in self._samples:
-            self._samples[port].add(sample)
-
-    def event(self, t_ns: int, kind: str, text: str) -> None: ...
-
-    def detected(self, client: str, detections: Detections) -> None: ...
+    def tap(self) -> ImuSamples:
+        return self._samples
 
     def begin(self, run: RunContext) -> None:
         self._imus = run.sensors.imus
@@ -68,7 +66,7 @@ class VibrationPart(Part):
     def run_keys(self) -> dict[str, Any]:
         keys: dict[str, Any] = {}
         for name, imu in self._imus.items():
-            levels = vibe_mps2(self._samples[name].array()[:, :3], self._rates_hz[name])
+            levels = vibe_mps2(self._samples.array(name)[:, :3], self._rates_hz[name])
             keys[name] = {
                 # Take-off and touch-down make the greatest, the rotors the median.
                 "vibe_mps2": {what: _rounded(of(levels, axis=0)) for what, of in _SHOWN if len(levels)},
@@ -77,7 +75,7 @@ class VibrationPart(Part):
         return {"vibration": keys}
 
     def report(self, run: RunContext) -> Report:
-        drawn = {name: values for name in self._imus if len(values := self._samples[name].array()) >= _SHORTEST}
+        drawn = {name: values for name in self._imus if len(values := self._samples.array(name)) >= _SHORTEST}
         if not drawn:
             return Report()
         from hil.run.report.vibration_pictures import vibration_pictures

@@ -15,7 +15,7 @@ from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Wind
 
 TICK_NS = 4_000_000
-FULL = (0.8,) * 4
+FULL = (0.85,) * 4
 
 
 def restartable(**settings: Any) -> RestartablePhysics:

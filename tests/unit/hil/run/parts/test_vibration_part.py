@@ -53,8 +53,8 @@ def test_the_part_adds_keys_and_a_picture(tmp_path: Path) -> None:
     part = VibrationPart({"imu": RATE_HZ})
     part.begin(SimpleNamespace(sensors=SimpleNamespace(imus={"imu": SimpleNamespace(clipped_readings=(1,) * 6)})))  # type: ignore[arg-type]
     for k in range(1000):
-        part.sample("imu", ImuSample(k, 0, 0, ((-1.0) ** k, 0.0, 9.8), (0.0, 0.0, 0.1 * (-1.0) ** k), 45.0))
-        part.sample("other", ImuSample(k, 0, 0, (99.0, 0.0, 9.8), (0.0, 0.0, 0.0), 45.0))
+        part.tap().sample("imu", ImuSample(k, 0, 0, ((-1.0) ** k, 0.0, 9.8), (0.0, 0.0, 0.1 * (-1.0) ** k), 45.0))
+        part.tap().sample("other", ImuSample(k, 0, 0, (99.0, 0.0, 9.8), (0.0, 0.0, 0.0), 45.0))
     keys = part.run_keys()["vibration"]["imu"]
     assert keys["vibe_mps2"]["p50"] == pytest.approx([1.0, 0.0, 0.0], abs=0.1)
     assert keys["vibe_mps2"]["max"][0] >= keys["vibe_mps2"]["p50"][0]
