@@ -36,8 +36,9 @@ class ImuSamples:
         self._values: dict[str, list[tuple[float, ...]]] = {name: [] for name in names}
 
     def sample(self, port: str, sample: Sample) -> None:
-        if isinstance(sample, ImuSample) and len(self._values[port]) < _MOST_SAMPLES:
-            self._values[port].append((*sample.accel_mps2, *sample.gyro_radps))
+        values = self._values.get(port)
+        if values is not None and isinstance(sample, ImuSample) and len(values) < _MOST_SAMPLES:
+            values.append((*sample.accel_mps2, *sample.gyro_radps))
 
     def event(self, t_ns: int, kind: str, text: str) -> None: ...
 
