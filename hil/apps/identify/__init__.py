@@ -1,0 +1,1 @@
+"""`hil identify`: fits a vehicle file to flight logs."""
