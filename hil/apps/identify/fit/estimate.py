@@ -11,26 +11,32 @@ from numpy.typing import NDArray
 from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.flight_model import FlightModel, make_model
-from hil.apps.identify.fit.shooting import Group, Solution, first_states, solve
+from hil.apps.identify.fit.shooting import START_SIGMA, Group, Solution, first_states, solve
 from hil.apps.identify.fit.windows import Motors, Windows
 from hil.apps.identify.flight_log import FlightLog
 from sim.physics.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 WINDOW_S = 0.5
-_FIRST_WINDOWS, _MOST_WINDOWS = 60, 600  # 30 s, then 5 min: what is fitted of longer flights is spread over them
+# Share of the progress, length and greatest number of windows, greatest number of iterations. Over a short window a wrong
+# model has not gone far, so the least squares are nearly linear. The last one's 600 windows are 5 min: of longer flights
+# they are spread over all.
+_STAGES = (
+    ((0.0, 0.1), 0.08, 200, 6), ((0.1, 0.2), 0.2, 80, 6), ((0.2, 0.5), WINDOW_S, 80, 8), ((0.5, 1.0), WINDOW_S, 600, 6),
+)  # fmt: skip
 _STEP_S = {"speed_radps": 0.01, "command": 0.008}
 
 
 def windows_of(
-    log: FlightLog, number: int, step_s: float, *, parts: Callable[[float], bool], nominal_v: float
-) -> Windows:
+    log: FlightLog, number: int, step_s: float, *, parts: Callable[[float], bool], nominal_v: float,
+    motors: Motors | None = None, window_s: float = WINDOW_S,
+) -> Windows:  # fmt: skip
     """Return the windows of a log whose middle, as a share of the log, `parts` accepts."""
-    steps = round(WINDOW_S / step_s)
+    steps = round(window_s / step_s)
     starts = np.arange(log.start_s, log.end_s - (steps + 1) * step_s, steps * step_s)
-    share = (starts + 0.5 * WINDOW_S - log.start_s) / max(log.duration_s, 1e-9)
+    share = (starts + 0.5 * window_s - log.start_s) / max(log.duration_s, 1e-9)
     kept = starts[[parts(float(x)) for x in share]]
-    return Windows(log, number, kept, steps, step_s, Motors.of(log), nominal_v)
+    return Windows(log, number, kept, steps, step_s, motors or Motors.of(log), nominal_v)
 
 
 def steady_speed(vehicle: Vehicle, unknowns: Sequence[at.Unknown]) -> Callable[[Group, Array], Array]:
@@ -81,7 +87,7 @@ def free_unknowns(
 
 def fit_windows(
     flights: Sequence[FlightLog], vehicle: Vehicle, *, fixed: Mapping[str, float], parts: Callable[[float], bool],
-    progress: Callable[[float, str], None], calm: bool = False, most: int = 15,
+    progress: Callable[[float, str], None], calm: bool = False,
 ) -> tuple[FlightModel, list[at.Unknown], Solution]:  # fmt: skip
     """Fit the windows that `parts` accepts; first a few of them, from which the others converge in a few iterations."""
     kind = flights[0].motors_kind
@@ -95,24 +101,27 @@ def fit_windows(
     start = np.array([u.inverse(fixed[u.key]) if u.key in fixed else 0.0 for u in unknowns])
     priors = np.array([u.prior for u in unknowns])
     steady = steady_speed(vehicle, unknowns) if kind == "command" else None
-    whole = [windows_of(log, i, step_s, parts=parts, nominal_v=nominal_v) for i, log in enumerate(flights)]
-    count = sum(w.count for w in whole)
-    sigma, solution, unexplained = None, None, None
-    for share, windows in (((0.0, 0.3), _FIRST_WINDOWS), ((0.3, 1.0), _MOST_WINDOWS)):
-        skip = max(1.0, count / windows)
+    motors = [Motors.of(log) for log in flights]
+    sigma, solution, unexplained, last_s = None, None, None, 0.0
+    for share, window_s, windows, iterations in _STAGES:
+        whole = [
+            windows_of(log, i, step_s, parts=parts, nominal_v=nominal_v, motors=motors[i], window_s=window_s)
+            for i, log in enumerate(flights)
+        ]
+        skip = max(1.0, sum(w.count for w in whole) / windows)
         groups = []
         for number, w in enumerate(whole):
             chosen = np.unique(np.floor(np.arange(0.0, w.count, skip)).astype(int))
             group = first_states(model, replace(w, starts_s=w.starts_s[chosen]))
             if sigma is not None:
-                group.sigma = sigma[number].copy()
+                group.sigma = np.maximum(sigma[number], START_SIGMA) if window_s > last_s else sigma[number].copy()
             groups.append(group)
         solution = solve(
-            model, groups, priors, start=start, free=free, steady=steady, progress=progress, share=share, most=most,
-            unexplained=unexplained,
+            model, groups, priors, start=start, free=free, steady=steady, progress=progress, share=share,
+            most=iterations, unexplained=unexplained,
         )  # fmt: skip
-        start, sigma, unexplained = solution.s, [g.sigma for g in solution.groups], solution.unexplained
-        if skip == 1.0:
+        start, sigma, unexplained, last_s = solution.s, [g.sigma for g in groups], solution.unexplained, window_s
+        if skip == 1.0 and window_s == WINDOW_S:
             break
     assert solution is not None
     return model, unknowns, solution

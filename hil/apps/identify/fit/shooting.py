@@ -28,10 +28,11 @@ from hil.apps.identify.fit.windows import Windows
 Array = NDArray[np.float64]
 
 # Start values of sensor deviations [rad/s, m/s2, m, rad, m/s], and the least that is believed.
-_SIGMA = np.repeat([0.1, 1.0, 0.01, 0.02, 0.1], 3)
+START_SIGMA = np.repeat([0.2, 1.0, 0.02, 0.03, 0.1], 3)
 _LEAST = np.repeat([1e-4, 1e-3, 1e-4, 1e-4, 1e-3], 3)
 _UNEXPLAINED = np.array([0.3, 0.3, 0.3, 2.0, 2.0, 2.0])  # start of the deviations of a_W and b_B
 _LEAST_UNEXPLAINED = np.array([0.003, 0.003, 0.003, 0.01, 0.01, 0.01])
+DEBUG=False
 _CLUSTER = 4
 _SETTLED = 0.05  # a step below this share of every deviation ends the iteration
 
@@ -44,7 +45,7 @@ class Group:
     z0: Array  # [states, W]
     prior_mean: Array
     prior_weight: Array  # diagonal of M [states, W]
-    sigma: Array = field(default_factory=lambda: _SIGMA.copy())
+    sigma: Array = field(default_factory=lambda: START_SIGMA.copy())
 
 
 def rates(f: Differentiated, *args: Array) -> tuple[Array, Array, Array]:
@@ -246,6 +247,7 @@ def solve(
             for g, z in zip(groups, kept, strict=True):
                 g.z0 = z
             damping = max(damping * 10, 1e-4)
+            if DEBUG: print("rejected", cost, new_cost, damping)
             if damping > 1e6:
                 break
             continue
@@ -268,6 +270,7 @@ def solve(
         new_spread = np.maximum(np.sqrt((explained + spread) / windows), _LEAST_UNEXPLAINED)
         changed = max(changed, float(np.max(np.abs(np.log(new_spread / unexplained)))) / 3)
         unexplained = new_spread
+        if DEBUG: print(iteration, cost, damping, moved, changed, [(int(i), round(float(step[i]/priors[i]),3)) for i in np.argsort(-np.abs(step[free]/deviation))[:3]], unexplained.round(3))
         if moved < _SETTLED and changed < 0.05:
             break
         if changed >= 0.03:
