@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from hil.cli.console import error_console
 from hil.cli.live import airsim, check, companion, dash, devices, keys, replay, run
-from hil.cli.offline import bench, calibrate, campaign, dataset, radar, video, view
+from hil.cli.offline import bench, calibrate, campaign, dataset, identify, radar, video, view
 from hil.cli.offline.detect import data, evaluate, train
 from hil.cli.status import CONFIG_STATUS
 
@@ -29,7 +29,7 @@ app = typer.Typer(
 
 for _command in (
     run.run, check.check, dataset.dataset, replay.replay, bench.bench, devices.devices, view.view, video.video,
-    dash.dash, keys.keys, companion.companion, radar.radar, airsim.airsim,
+    dash.dash, keys.keys, companion.companion, radar.radar, identify.identify, airsim.airsim,
 ):  # fmt: skip
     app.command()(_command)
 

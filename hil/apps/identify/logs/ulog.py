@@ -1,0 +1,258 @@
+"""PX4's ULog (.ulg), read with pyulog.
+
+    motors      actuator_motors (0 to 1, NaN when stopped), else actuator_outputs by the functions of the outputs,
+                else esc_status (rpm)
+    rate, accel sensor_combined (each sample of the IMU in use), else vehicle_angular_velocity
+    pose        vehicle_attitude and vehicle_local_position; velocity from the latter
+    voltage     battery_status
+
+PX4's motor i is the rotor i of the vehicle file (`CA_ROTORi_*`). Times are those of the sample from which a value was
+computed (`timestamp_sample`) where the topic has it, otherwise of the message: a motor's command otherwise seems as
+late as the controller took to compute it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.identify.columns_of_time import pose_of, series_of
+from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
+from hil.apps.identify.log_format import Format, LogFile
+from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
+
+_MAGIC = b"ULog\x01\x12\x35"
+_TOPICS = (
+    *("actuator_motors", "actuator_outputs", "esc_status", "sensor_combined", "vehicle_angular_velocity"),
+    *("vehicle_acceleration", "vehicle_attitude", "vehicle_local_position", "battery_status"),
+)
+_FIRST_MOTOR = 101  # output function of motor 1 (PWM_MAIN_FUNC1 and the like)
+_MOST_OUTPUTS = 16
+_US = 1e-6
+_RADPS_PER_RPM = 2.0 * math.pi / 60.0
+_MOTORS_HINT = "log actuator_motors: SDLOG_PROFILE with its bit 4 (high rate), and fly again"
+_LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hides between two samples
+_SHORTEST_GAP_MS = 20.0
+
+
+class _Topics:
+    """Columns of the topics of one log, by name and instance."""
+
+    def __init__(self, datasets: Sequence[Any]) -> None:
+        self._data = {(d.name, d.multi_id): d.data for d in datasets if len(d.data.get("timestamp", ()))}
+
+    def __call__(self, name: str, instance: int = 0) -> dict[str, NDArray[Any]] | None:
+        return self._data.get((name, instance))
+
+
+def _recognises(head: bytes, path: Path) -> bool:
+    return head.startswith(_MAGIC) or path.suffix == ".ulg"
+
+
+def _read(file: LogFile) -> FlightLog:
+    try:
+        from pyulog import ULog
+    except ImportError as error:
+        raise file.refuse("is a ULog, and pyulog is not installed", 'pip install "hil-bench[identify]"') from error
+    try:
+        log = ULog(str(file.path), list(_TOPICS))
+    except Exception as error:  # pyulog raises bare exceptions, IndexError and struct.error
+        raise file.refuse(f"is no readable ULog ({error})", "copy it from the vehicle again") from error
+    topics = _Topics(log.data_list)
+    if log.file_corruption:
+        hint = "copy it from the card again; what comes before is used"
+        file.note(f"is cut off or damaged; its data end at {log.last_timestamp * _US:.2f} s", hint)
+    _note_dropouts(file, log.dropouts)
+    motors, kind = _motors(file, topics, log.initial_parameters)
+    rate, accel = _imu(file, topics)
+    attitude, position, velocity = _state(file, topics)
+    battery = topics("battery_status")
+    voltage = None if battery is None else series_of(_times(battery), battery[_voltage_field(battery)])
+    pose = pose_of(attitude, position, velocity) if attitude is not None and position is not None else None
+    return FlightLog(
+        name=file.path.stem,
+        source=file.path,
+        motors=motors,
+        motors_kind=kind,
+        pose=pose,
+        velocity=velocity,
+        rate=rate,
+        accel=accel,
+        voltage=voltage,
+        estimated=True,
+        start_s=float(motors.t_s[0]),
+        end_s=float(motors.t_s[-1]),
+    )
+
+
+def _note_dropouts(file: LogFile, dropouts: Sequence[Any]) -> None:
+    """Report the stretches that the logger says it lost; the gaps in the series are found later."""
+    lost = [d for d in dropouts if d.duration > _SHORTEST_GAP_MS]
+    if lost:
+        worst = max(lost, key=lambda d: d.duration)
+        message = (
+            f"lost {len(lost)} stretches, the longest of {worst.duration / 1e3:.2f} s at {worst.timestamp * _US:.2f} s"
+        )
+        file.note(message, "log fewer topics, or on a faster card", topic="dropouts")
+
+
+def _times(data: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Return the times of the samples [s]; those of the messages where the sample's is missing or 0."""
+    published = data["timestamp"].astype(np.float64)
+    sampled = data.get("timestamp_sample")
+    if sampled is not None:
+        return np.where(sampled > 0, sampled.astype(np.float64), published) * _US
+    return published * _US
+
+
+def _columns(data: dict[str, NDArray[Any]], name: str, count: int) -> NDArray[np.float64] | None:
+    names = [f"{name}[{i}]" for i in range(count)]
+    if any(n not in data for n in names):
+        return None
+    return np.stack([data[n].astype(np.float64) for n in names], axis=1)
+
+
+def _motors(file: LogFile, topics: _Topics, parameters: dict[str, Any]) -> tuple[Series, MotorsKind]:
+    rotors = len(file.vehicle.rotors)
+    found = _commands(file, topics, rotors)
+    kind: MotorsKind = "command"
+    topic = "actuator_motors"
+    if found is None:
+        topic, found = "actuator_outputs", _outputs(topics, parameters, rotors)
+    if found is None:
+        topic, found, kind = "esc_status", _esc_speeds(topics, rotors), "speed_radps"
+    if found is None:
+        message = f"has no motor outputs of {rotors} rotors: none of actuator_motors, actuator_outputs and esc_status"
+        raise file.refuse(message, _MOTORS_HINT)
+    file.topics.update(motors=topic)
+    if len(found) > 1:
+        hz = 1.0 / float(np.median(np.diff(found.t_s)))
+        if hz < _LEAST_MOTOR_HZ:
+            file.note(f"has {hz:.0f} values per second; the motors' lags need more", _MOTORS_HINT, topic=topic)
+    return found, kind
+
+
+def _commands(file: LogFile, topics: _Topics, rotors: int) -> Series | None:
+    data = topics("actuator_motors")
+    values = None if data is None else _columns(data, "control", rotors)
+    if data is None or values is None:
+        return None
+    following = data.get(f"control[{rotors}]")
+    if following is not None and np.isfinite(following).any():
+        count = rotors + 1
+        message = f"commands motor {count}, and the vehicle {file.vehicle.name!r} has {rotors} rotors"
+        raise file.refuse(message, "name the file of the vehicle that made this log", topic="actuator_motors")
+    if not np.isfinite(values).any(axis=0).all():
+        silent = ", ".join(str(i + 1) for i in np.flatnonzero(~np.isfinite(values).any(axis=0)))
+        message = f"never commands the motors {silent} of the vehicle's {rotors}"
+        hint = "name the file of the vehicle that made this log; a log without arming has no flight"
+        raise file.refuse(message, hint, topic="actuator_motors")
+    return series_of(_times(data), np.nan_to_num(values, nan=0.0))  # NaN: a stopped motor
+
+
+def _outputs(topics: _Topics, parameters: dict[str, Any], rotors: int) -> Series | None:
+    """Return PWM outputs as commands 0 to 1 between the outputs' own limits."""
+    for prefix in ("PWM_MAIN", "PWM_AUX", "HIL_ACT"):
+        outputs = {int(parameters.get(f"{prefix}_FUNC{n + 1}", 0)) - _FIRST_MOTOR: n for n in range(_MOST_OUTPUTS)}
+        if not all(rotor in outputs for rotor in range(rotors)):
+            continue
+        data = topics("actuator_outputs", 1 if prefix == "PWM_AUX" and topics("actuator_outputs", 1) else 0)
+        if data is None:
+            return None
+        columns = []
+        for rotor in range(rotors):
+            n = outputs[rotor]
+            low, high = (0.0, 1.0) if prefix == "HIL_ACT" else _pwm_range(parameters, prefix, n)
+            columns.append((data[f"output[{n}]"].astype(np.float64) - low) / (high - low))
+        return series_of(_times(data), np.clip(np.stack(columns, axis=1), 0.0, 1.0))
+    return None
+
+
+def _pwm_range(parameters: dict[str, Any], prefix: str, n: int) -> tuple[float, float]:
+    """Return the pulse widths of an output for 0 and 1 [us]; PX4's defaults if the log has none."""
+    low = float(parameters.get(f"{prefix}_MIN{n + 1}", 1000.0))
+    high = float(parameters.get(f"{prefix}_MAX{n + 1}", 2000.0))
+    return low, max(high, low + 1.0)
+
+
+def _esc_speeds(topics: _Topics, rotors: int) -> Series | None:
+    """Return rotor speeds; an ESC names its motor by its output function, in older logs by its place."""
+    data = topics("esc_status")
+    if data is None:
+        return None
+    columns: list[NDArray[np.float64]] = []
+    for rotor in range(rotors):
+        place = rotor
+        for i in range(_MOST_OUTPUTS // 2):
+            function = data.get(f"esc[{i}].actuator_function")
+            if function is not None and int(np.median(function)) == _FIRST_MOTOR + rotor:
+                place = i
+        rpm = data.get(f"esc[{place}].esc_rpm")
+        if rpm is None:
+            return None
+        columns.append(np.abs(rpm.astype(np.float64)) * _RADPS_PER_RPM)  # negative: turns backwards
+    return series_of(_times(data), np.stack(columns, axis=1))
+
+
+def _imu(file: LogFile, topics: _Topics) -> tuple[Series | None, Series | None]:
+    """Return rate and specific force in B."""
+    data = topics("sensor_combined")
+    if data is not None:
+        gyro, accel = _columns(data, "gyro_rad", 3), _columns(data, "accelerometer_m_s2", 3)
+        t_s = _times(data)
+        if gyro is not None and accel is not None:
+            file.topics.update(rate="sensor_combined.gyro_rad", accel="sensor_combined.accelerometer_m_s2")
+            relative = data.get("accelerometer_timestamp_relative")
+            later_s = 0.0 if relative is None else np.where(np.abs(relative) < 2**30, relative, 0) * _US
+            return series_of(t_s, flu_from_frd(gyro)), series_of(t_s + later_s, flu_from_frd(accel))
+    file.topics.update(rate="vehicle_angular_velocity", accel="vehicle_acceleration")
+    found: list[Series | None] = []
+    for name in ("vehicle_angular_velocity", "vehicle_acceleration"):
+        data = topics(name)
+        xyz = None if data is None else _columns(data, "xyz", 3)
+        found.append(None if data is None or xyz is None else series_of(_times(data), flu_from_frd(xyz)))
+    return found[0], found[1]
+
+
+def _state(file: LogFile, topics: _Topics) -> tuple[Series | None, Series | None, Series | None]:
+    """Return attitude, position and velocity of the estimator, each with its own times."""
+    file.topics.update(
+        pose="vehicle_attitude with vehicle_local_position", velocity="vehicle_local_position", voltage="battery_status"
+    )
+    data = topics("vehicle_attitude")
+    q = None if data is None else _columns(data, "q", 4)
+    attitude = None if data is None or q is None else series_of(_times(data), q_WB_from_q_NF(q))
+    data = topics("vehicle_local_position")
+    if data is None:
+        file.note(
+            "is missing: position and velocity cannot be predicted or judged",
+            "let the logger have it (SDLOG_PROFILE bit 0)",
+            topic="vehicle_local_position",
+        )
+        return attitude, None, None
+    t_s = _times(data)
+    resets = sum(int(np.count_nonzero(np.diff(data[n].astype(np.int64)))) for n in _RESETS if n in data)
+    if resets:
+        message = f"jumped {resets} times (the estimator's resets)"
+        file.note(message, "fly where GPS is good, and wait before take-off", topic="vehicle_local_position")
+    p = np.stack([data[name].astype(np.float64) for name in ("x", "y", "z")], axis=1)
+    v = np.stack([data[name].astype(np.float64) for name in ("vx", "vy", "vz")], axis=1)
+    for valid, columns in (("xy_valid", p[:, :2]), ("z_valid", p[:, 2:]), ("v_xy_valid", v[:, :2])):
+        if valid in data:
+            columns[data[valid] == 0] = np.nan
+    return attitude, series_of(t_s, enu_from_ned(p)), series_of(t_s, enu_from_ned(v))
+
+
+_RESETS = ("xy_reset_counter", "z_reset_counter", "vxy_reset_counter", "vz_reset_counter")
+
+
+def _voltage_field(battery: dict[str, NDArray[Any]]) -> str:
+    return "voltage_v" if "voltage_v" in battery else "voltage_filtered_v"
+
+
+FORMAT = Format("PX4 ULog (.ulg)", _recognises, _read)
