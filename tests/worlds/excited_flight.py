@@ -73,7 +73,13 @@ def _rotate(q: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def excited_log(
-    vehicle: Vehicle, *, seed: int, duration_s: float, sensing: Sensing, wind_mps: float = 1.0, turbulence_mps: float = 1.0
+    vehicle: Vehicle,
+    *,
+    seed: int,
+    duration_s: float,
+    sensing: Sensing,
+    wind_mps: float = 1.0,
+    turbulence_mps: float = 1.0,
 ) -> FlightLog:
     """Return the log of a flight that turns, climbs and yaws in every direction, held by a controller of its own."""
     random = np.random.default_rng([seed, 1])

@@ -30,17 +30,28 @@ SERIES = 3  # distance in time of rate, accel, and pose with velocity from the g
 
 
 @dataclass(frozen=True)
+class Differentiated:
+    """A function `value(z, s, ...)` and the nonzeros of its Jacobians to z and to s, for many instants at once."""
+
+    function: Any
+    by_z: tuple[np.ndarray, np.ndarray]
+    by_s: tuple[np.ndarray, np.ndarray]
+    shape: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
 class FlightModel:
     """Functions of casadi, one instant each.
 
-    `step(z, theta, u) -> (z_next, d/dz, d/dtheta)`, `read(z, theta, u, q_measured, dt) -> (y, d/dz, d/dtheta)`;
-    theta = [vehicle's unknowns s, log's unknowns s]; u = 3 instants x (motor signals, slopes, curvatures) and V / V_nom.
+    `rates[stage](z, theta, u) -> dz/dt` at the start, middle and end of a step, with Jacobians; `step(z, theta, u)`;
+    `read(z, theta, u, q_measured, dt) -> y` with Jacobians; theta = [vehicle's unknowns s, log's unknowns s]; u = 3 instants x (motor signals, slopes, curvatures) and V / V_nom.
     y = [rate, specific force, position, rotation vector of q_measured^-1 q, velocity], where that rotation vector is to
     be zero.
     """
 
+    rates: list[Differentiated]
     step: Any
-    read: Any
+    read: Differentiated
     forces: Any
     states: int
     inputs: int
@@ -61,9 +72,7 @@ def _cross_matrix_rotate(q: Any, u: Any) -> Any:
 
 
 def _product(a: Any, b: Any) -> Any:
-    return ca.vertcat(
-        a[0] * b[0] - ca.dot(a[1:4], b[1:4]), a[0] * b[1:4] + b[0] * a[1:4] + ca.cross(a[1:4], b[1:4])
-    )
+    return ca.vertcat(a[0] * b[0] - ca.dot(a[1:4], b[1:4]), a[0] * b[1:4] + b[0] * a[1:4] + ca.cross(a[1:4], b[1:4]))
 
 
 def _conjugate(q: Any) -> Any:
@@ -97,8 +106,10 @@ def make_model(
             return signal + slope * delay, slope + bend * delay
         command = ca.fmin(ca.fmax(signal + slope * delay, 1e-6), 1.0)
         f = p[at.SHAPE]
-        target = c.max_speed_radps * u[9 * n] ** p[at.VOLTAGE] * ca.sqrt(
-            ca.fmax(f * command * command + (1 - f) * command, 1e-9)
+        target = (
+            c.max_speed_radps
+            * u[9 * n] ** p[at.VOLTAGE]
+            * ca.sqrt(ca.fmax(f * command * command + (1 - f) * command, 1e-9))
         )
         speed = x[O : O + n]
         return speed, (target - speed) / ca.if_else(target > speed, p[at.TAU_UP], p[at.TAU_DOWN])
@@ -108,7 +119,8 @@ def make_model(
         speed, slope = motors(x, stage)
         force = -p[at.LINEAR_DRAG : at.LINEAR_DRAG + 3] * air_B
         force -= p[at.QUADRATIC_DRAG : at.QUADRATIC_DRAG + 3] * ca.sqrt(ca.dot(air_B, air_B) + 1e-6) * air_B
-        moment = ca.SX.zeros(3)
+        k = p[at.AIR_MOMENT : at.AIR_MOMENT + 2]  # flapping blades and the hull's place: back against the flow
+        moment = ca.vertcat(k[0] * air_B[1], -k[1] * air_B[0], 0)
         for i, rotor in enumerate(vehicle.rotors):
             f, m = wrench(rotor, p, O=speed[i], dO=slope[i], air_B=air_B, w_B=x[W])
             force, moment = force + f, moment + m
@@ -124,6 +136,15 @@ def make_model(
 
     rates = [_with_jacobians(f"rates{stage}", z, s, [u], derivative(z, stage)) for stage in range(3)]
 
+    half, h = 0.5 * step_s, step_s
+    k1 = derivative(z, 0)
+    k2 = derivative(z + half * k1, 1)
+    k3 = derivative(z + half * k2, 1)
+    k4 = derivative(z + h * k3, 2)
+    end = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    end[Q] = end[Q] / ca.norm_2(end[Q])
+    step = ca.Function("step", [z, s, u], ca.cse([end]))
+
     slope_z = derivative(z, 0)
     dt, q_seen = ca.SX.sym("dt", SERIES), ca.SX.sym("q", 4)
 
@@ -132,7 +153,9 @@ def make_model(
 
     at_rate, at_accel, at_pose = moved(dt[0]), moved(dt[1]), moved(dt[2] - of_log[at.POSE_DELAY])
     force, _, _ = force_and_moment(at_accel, 0)
-    specific = force / vehicle.mass_kg + _cross_matrix_rotate(_conjugate(at_accel[Q]), at_accel[states - 6 : states - 3])
+    specific = force / vehicle.mass_kg + _cross_matrix_rotate(
+        _conjugate(at_accel[Q]), at_accel[states - 6 : states - 3]
+    )
     q = at_pose[Q] / ca.norm_2(at_pose[Q])
     half = 0.5 * of_log[at.MISALIGNMENT : at.MISALIGNMENT + 3]
     turned = _product(q, ca.vertcat(1, half))
@@ -147,29 +170,19 @@ def make_model(
     read = _with_jacobians("read", z, s, [u, q_seen, dt], y)
     now, turn, _ = force_and_moment(z, 0)
     forces = ca.Function("forces", [z, s, u], [now / vehicle.mass_kg, turn / inertia])
-    return FlightModel(rates, read, forces, states, inputs, n, kind, step_s)
+    return FlightModel(rates, step, read, forces, states, inputs, n, kind, step_s)
 
 
 def halving_error(model: FlightModel, half: FlightModel, z: np.ndarray, s: np.ndarray, u: np.ndarray) -> float:
     """Return the greatest difference between one step and two half steps over the states of `z` (columns), relative
     to 1 m, 1 rad, 1 m/s and 1 rad/s. `u` holds the motors of the whole step, which the halves interpolate."""
     n = model.rotors
-    whole = np.array(model.step(z, s, u)[0])
+    whole = np.array(model.step(z, s, u))
     start, middle, end = (u[i * 3 * n : (i + 1) * 3 * n] for i in range(3))
     first = np.concatenate([start, (start + middle) / 2, middle, u[9 * n :]])
     second = np.concatenate([middle, (middle + end) / 2, end, u[9 * n :]])
-    halves = np.array(half.step(np.array(half.step(z, s, first)[0]), s, second)[0])
+    halves = np.array(half.step(half.step(z, s, first), s, second))
     return float(np.max(np.abs(whole[:13] - halves[:13])))
-
-
-@dataclass(frozen=True)
-class Differentiated:
-    """A function `value(z, s, ...)` and the nonzeros of its Jacobians to z and to s, for many instants at once."""
-
-    function: Any
-    by_z: tuple[np.ndarray, np.ndarray]
-    by_s: tuple[np.ndarray, np.ndarray]
-    shape: tuple[int, int, int]
 
 
 def _with_jacobians(name: str, z: Any, s: Any, others: list[Any], y: Any) -> Differentiated:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hil.apps.identify.flight_log import Series
 
 Array = NDArray[np.float64]
+_LEARN_FROM = 600  # samples at the start, for the variances
 _CORRELATION_S = 0.03  # of a motor's acceleration: about the lag of small motors
 _RATIOS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the noise to the speed's change within a sample
 
@@ -40,21 +41,29 @@ def _filter(y: Array, h: float, phi: float, q: float, r: float) -> tuple[Array, 
     return xs, Ps, xp, Pp, squares + logs
 
 
-def smoothed(series: Series) -> Array:
-    """Return the speeds at the telemetry's times, smoothed. Evenly spaced telemetry is assumed to within a sample."""
+def smoothed(series: Series, *, lag: int | None = None) -> tuple[Array, Array]:
+    """Return speeds and their slopes at the telemetry's times, from all of it, or from what comes up to `lag` samples later.
+
+    Evenly spaced telemetry is assumed to within a sample.
+    """
     y = series.values
     h = float(np.median(np.diff(series.t_s)))
     phi = float(np.exp(-h / _CORRELATION_S))
-    part = y[: min(len(y), 3000)]
+    part = y[: min(len(y), _LEARN_FROM)]
     scale = max(float(np.var(np.diff(part, axis=0))), 1e-12)
     q0 = scale / (h * h) * (1 - phi * phi)
     best = min(
         ((q, r) for q in (0.1 * q0, 0.3 * q0, q0) for r in (scale * x for x in _RATIOS)),
-        key=lambda pair: _filter(part[:600], h, phi, *pair)[4],
+        key=lambda pair: _filter(part, h, phi, *pair)[4],
     )
     F = np.array([[1.0, h], [0.0, phi]])
     xs, Ps, xp, Pp, _ = _filter(y, h, phi, *best)
-    for k in range(len(y) - 2, -1, -1):
-        C = Ps[k] @ F.T @ np.linalg.inv(Pp[k + 1])
-        xs[k] += C @ (xs[k + 1] - xp[k + 1])
-    return np.ascontiguousarray(xs[:, 0, :])
+    C = Ps[:-1] @ F.T @ np.linalg.inv(Pp[1:])
+    if lag is None:
+        for k in range(len(y) - 2, -1, -1):
+            xs[k] += C[k] @ (xs[k + 1] - xp[k + 1])
+        return np.ascontiguousarray(xs[:, 0, :]), np.ascontiguousarray(xs[:, 1, :])
+    found = xs.copy()
+    for _ in range(lag):  # each time from one sample more
+        found[:-1] = xs[:-1] + C @ (found[1:] - xp[1:])
+    return np.ascontiguousarray(found[:, 0, :]), np.ascontiguousarray(found[:, 1, :])

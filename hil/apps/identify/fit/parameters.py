@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.physics.forces.air_moment import AirMoment
 from sim.physics.vehicle import Vehicle
 
 
@@ -43,9 +44,9 @@ class Unknown:
 
 
 # Of the vehicle, in the order of the model's parameter vector.
-THRUST, MOMENT_RATIO, INERTIA, ROTOR_INERTIA, ROTOR_DRAG, AXIAL_DRAG, HUB_MOMENT = 0, 1, 2, 5, 6, 7, 8
-LINEAR_DRAG, QUADRATIC_DRAG, CENTRE, TAU_UP, TAU_DOWN, SHAPE, VOLTAGE = 9, 12, 15, 18, 19, 20, 21
-VEHICLE_COUNT = 22
+THRUST, MOMENT_RATIO, INERTIA, ROTOR_INERTIA, ROTOR_DRAG, AXIAL_DRAG = 0, 1, 2, 5, 6, 7
+AIR_MOMENT, LINEAR_DRAG, QUADRATIC_DRAG, CENTRE, TAU_UP, TAU_DOWN, SHAPE, VOLTAGE = 8, 10, 13, 16, 19, 20, 21, 22
+VEHICLE_COUNT = 23
 # Of one log, behind those of the vehicle.
 MOTOR_DELAY, WIND, POSE_DELAY, GYRO_BIAS, ACCEL_BIAS, MISALIGNMENT = 0, 1, 4, 5, 8, 11
 LOG_COUNT = 14
@@ -56,12 +57,12 @@ _TURN, _CLIMB = "turn about that axis", "climb and sink"
 def vehicle_unknowns(vehicle: Vehicle) -> list[Unknown]:
     """Return the unknowns of a vehicle, `VEHICLE_COUNT` of them."""
     c = vehicle.rotor_constants
-    hover_radps = math.sqrt(
-        vehicle.mass_kg * 9.81 / (c.thrust_coefficient_n_per_radps2 * max(1, len(vehicle.rotors)))
-    )
+    hover_radps = math.sqrt(vehicle.mass_kg * 9.81 / (c.thrust_coefficient_n_per_radps2 * max(1, len(vehicle.rotors))))
     per_speed = vehicle.mass_kg / (len(vehicle.rotors) * hover_radps)  # kg/rad that brakes at 1 1/s
     arm_m = max((math.hypot(*rotor.position_m[:2]) for rotor in vehicle.rotors), default=1.0)
     linear, quadratic = vehicle.body_drag_linear_n_per_mps, vehicle.body_drag_quadratic_n_per_m2ps2
+    air = [force for force in vehicle.forces if isinstance(force, AirMoment)]
+    moment = (sum(force.about_x_ns for force in air), sum(force.about_y_ns for force in air))
     rc = "rotor_constants"
     found = [
         Unknown(f"{rc}.thrust_coefficient_n_per_radps2", c.thrust_coefficient_n_per_radps2, "N/(rad/s)2", 1.0, "exp"),
@@ -73,14 +74,23 @@ def vehicle_unknowns(vehicle: Vehicle) -> list[Unknown]:
         Unknown(f"{rc}.inertia_kgm2", max(c.inertia_kgm2, 1e-9), "kg m2", 1.0, "exp", "sudden yaw commands"),
         Unknown(f"{rc}.drag_kg_per_rad", c.drag_kg_per_rad, "kg/rad", per_speed, "plus", "fly fast and sideways"),
         Unknown(f"{rc}.axial_drag_kg_per_rad", c.axial_drag_kg_per_rad, "kg/rad", per_speed, "plus", _CLIMB),
-        Unknown(f"{rc}.hub_moment_kgm_per_rad", 0.0, "kg m/rad", 0.3 * per_speed * arm_m, "plus", "fly fast"),
+        *(
+            Unknown(
+                f"air_moment.about_{'xy'[i]}_ns", moment[i], "N s", 0.5 * vehicle.mass_kg * arm_m, "plus", "fly fast"
+            )
+            for i in range(2)
+        ),
         *(
             Unknown(f"body_drag_linear_n_per_mps.{i}", linear[i], "N s/m", 0.3 * vehicle.mass_kg, "plus", "fly fast")
             for i in range(3)
         ),
         *(
             Unknown(
-                f"body_drag_quadratic_n_per_m2ps2.{i}", quadratic[i], "N s2/m2", 0.05 * vehicle.mass_kg, "plus",
+                f"body_drag_quadratic_n_per_m2ps2.{i}",
+                quadratic[i],
+                "N s2/m2",
+                0.05 * vehicle.mass_kg,
+                "plus",
                 "fly at several speeds",
             )
             for i in range(3)

@@ -1,9 +1,8 @@
-"""Force and moment of one rotor on the body, for the fit: the quadratic model of docs/physics.md and a hub moment.
+"""Force and moment of one rotor on the body, for the fit: the quadratic model of docs/physics.md.
 
 Speed O, spin s = +1 counter-clockwise, axis n, velocity u of the hub through the air, u_n = u . n, u_a = u - u_n n:
     thrust        T = (k O^2 - k_z O u_n) n
     rotor drag    H = -k_d O u_a
-    hub moment    M = -k_h O (n x u_a)             flapping blades tilt the rotor back against the flow
     torque        -s (m k O^2 + J dO/dt) n - w x (s J O n)
 """
 
@@ -30,6 +29,6 @@ def wrench(rotor: Rotor, p: Any, *, O: Any, dO: Any, air_B: Any, w_B: Any) -> tu
     thrust = p[at.THRUST] * O * O - p[at.AXIAL_DRAG] * O * u_n
     force = thrust * n - p[at.ROTOR_DRAG] * O * u_a
     s, J = rotor.spin.sign, p[at.ROTOR_INERTIA]
-    moment = ca.cross(r, force) - p[at.HUB_MOMENT] * O * ca.cross(n, u_a)
+    moment = ca.cross(r, force)
     moment -= s * (p[at.MOMENT_RATIO] * p[at.THRUST] * O * O + J * dO) * n + ca.cross(w_B, s * J * O * n)
     return force, moment

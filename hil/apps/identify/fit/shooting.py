@@ -32,7 +32,7 @@ START_SIGMA = np.repeat([0.2, 1.0, 0.02, 0.03, 0.1], 3)
 _LEAST = np.repeat([1e-4, 1e-3, 1e-4, 1e-4, 1e-3], 3)
 _UNEXPLAINED = np.array([0.3, 0.3, 0.3, 2.0, 2.0, 2.0])  # start of the deviations of a_W and b_B
 _LEAST_UNEXPLAINED = np.array([0.003, 0.003, 0.003, 0.01, 0.01, 0.01])
-DEBUG=False
+DEBUG = False
 _CLUSTER = 4
 _SETTLED = 0.05  # a step below this share of every deviation ends the iteration
 
@@ -61,12 +61,12 @@ def rates(f: Differentiated, *args: Array) -> tuple[Array, Array, Array]:
 def advance(model: FlightModel, z: Array, s: Array, u: Array) -> tuple[Array, Array, Array]:
     """Return the state [W, nz] one step on and its Jacobians to z and s: the Runge-Kutta step, differentiated."""
     h = model.step_s
-    k1, a1, b1 = rates(model.step[0], z, s, u)
-    k2, a2, b2 = rates(model.step[1], z + 0.5 * h * k1.T, s, u)
+    k1, a1, b1 = rates(model.rates[0], z, s, u)
+    k2, a2, b2 = rates(model.rates[1], z + 0.5 * h * k1.T, s, u)
     A2, B2 = a2 + 0.5 * h * a2 @ a1, b2 + 0.5 * h * a2 @ b1
-    k3, a3, b3 = rates(model.step[1], z + 0.5 * h * k2.T, s, u)
+    k3, a3, b3 = rates(model.rates[1], z + 0.5 * h * k2.T, s, u)
     A3, B3 = a3 + 0.5 * h * a3 @ A2, b3 + 0.5 * h * a3 @ B2
-    k4, a4, b4 = rates(model.step[2], z + h * k3.T, s, u)
+    k4, a4, b4 = rates(model.rates[2], z + h * k3.T, s, u)
     A4, B4 = a4 + h * a4 @ A3, b4 + h * a4 @ B3
     end = z.T + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     F = np.eye(model.states) + h / 6 * (a1 + 2 * A2 + 2 * A3 + A4)
@@ -198,9 +198,10 @@ def solve(
     prior_weight = 1.0 / priors**2
 
     def set_priors() -> None:
-        for g in groups:
+        means = np.array([g.z0[-6:].mean(axis=1) for g in groups])
+        for g, mean in zip(groups, means - means.mean(axis=0), strict=True):  # a battery's place, say, of one log
             g.prior_weight[-6:] = 1.0 / unexplained[:, None] ** 2
-            g.prior_mean[-6:] = 0.0
+            g.prior_mean[-6:] = mean[:, None]
             if steady is not None:
                 speeds = steady(g, s[_part(s, g.windows.number)])
                 g.prior_mean[fm.O : fm.O + model.rotors] = speeds
@@ -247,7 +248,8 @@ def solve(
             for g, z in zip(groups, kept, strict=True):
                 g.z0 = z
             damping = max(damping * 10, 1e-4)
-            if DEBUG: print("rejected", cost, new_cost, damping)
+            if DEBUG:
+                print("rejected", cost, new_cost, damping)
             if damping > 1e6:
                 break
             continue
@@ -264,13 +266,25 @@ def solve(
             new_sigma = np.clip(new_sigma, 0.2 * g.sigma, 5 * g.sigma)
             changed = max(changed, float(np.max(np.abs(np.log(new_sigma / g.sigma)))))
             g.sigma = new_sigma
-            explained += (g.z0[-6:] ** 2).sum(axis=1)
+            explained += ((g.z0[-6:] - g.prior_mean[-6:]) ** 2).sum(axis=1)
             spread += np.einsum("wii->i", np.linalg.inv(p.Hzz)[:, -6:, -6:])
             windows += g.windows.count
         new_spread = np.maximum(np.sqrt((explained + spread) / windows), _LEAST_UNEXPLAINED)
         changed = max(changed, float(np.max(np.abs(np.log(new_spread / unexplained)))) / 3)
         unexplained = new_spread
-        if DEBUG: print(iteration, cost, damping, moved, changed, [(int(i), round(float(step[i]/priors[i]),3)) for i in np.argsort(-np.abs(step[free]/deviation))[:3]], unexplained.round(3))
+        if DEBUG:
+            print(
+                iteration,
+                cost,
+                damping,
+                moved,
+                changed,
+                [
+                    (int(i), round(float(step[i] / priors[i]), 3))
+                    for i in np.argsort(-np.abs(step[free] / deviation))[:3]
+                ],
+                unexplained.round(3),
+            )
         if moved < _SETTLED and changed < 0.05:
             break
         if changed >= 0.03:

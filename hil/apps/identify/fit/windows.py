@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline
 
 from hil.apps.identify.fit.flight_model import OUTPUTS
 from hil.apps.identify.fit.motor_telemetry import smoothed
@@ -32,19 +32,23 @@ class Motors:
     integral: Array
 
     @staticmethod
-    def of(log: FlightLog, *, smooth: bool = True) -> Motors:
+    def of(log: FlightLog, *, lag: int | None = None) -> Motors:
+        """With `lag`, a value at a sample's time is made of telemetry up to so many samples later, and of no more."""
         t, x = log.motors.t_s, log.motors.values
         if log.motors_kind == "speed_radps":
-            return Motors("speed_radps", CubicSpline(t, smoothed(log.motors) if smooth else x), t, x, x)
+            return Motors("speed_radps", CubicHermiteSpline(t, *smoothed(log.motors, lag=lag)), t, x, x)
         steps = np.diff(t)[:, None] * x[:-1]
         return Motors("command", None, t, x, np.vstack([np.zeros(x.shape[1]), np.cumsum(steps, axis=0)]))
 
-    def inputs(self, t_s: Array, step_s: float) -> Array:
-        """Return [9 rotors, instants]: for start, middle and end of the step from each instant signal, slope, bend."""
+    def inputs(self, t_s: Array, step_s: float, *, latest_s: Array | float = np.inf) -> Array:
+        """Return [9 rotors, instants]: for start, middle and end of the step from each instant signal, slope, bend.
+
+        Speeds after `latest_s` are those of that time: what came later was not known.
+        """
         if self.kind == "speed_radps":
             parts = []
             for part in (0.0, 0.5, 1.0):
-                at = np.clip(t_s + part * step_s, self.t_s[0], self.t_s[-1])
+                at = np.clip(np.minimum(t_s + part * step_s, latest_s), self.t_s[0], self.t_s[-1])
                 parts += [self.spline(at).T, self.spline(at, 1).T, self.spline(at, 2).T]
             return np.concatenate(parts)
         first, last = self._held(t_s), self._held(t_s + step_s)

@@ -1,0 +1,126 @@
+"""State of a vehicle in flight from what was measured up to an instant: an extended Kalman filter on the fitted model.
+
+State [p, q, v, w, (O), a_W, b_B] of flight_model.py and the motors' delay d. a and b, which the model does not explain,
+decay to zero with a time constant and are driven by white noise, so that a bias of the centre of mass, of the thrust
+or of the wind is learnt while the vehicle flies; d is a slow random walk, because it differs from log to log.
+
+Several logs are filtered side by side, one column each: the cost of an instant is mostly that of its call.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.identify.fit import flight_model as fm
+from hil.apps.identify.fit import parameters as at
+from hil.apps.identify.fit.flight_model import FlightModel
+from hil.apps.identify.fit.shooting import rates
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Deviations [SI]: white accelerations (per root second), unexplained accelerations, readings."""
+
+    move: float = 0.02  # m/s sqrt(s)
+    lean: float = 0.01  # rad/s sqrt(s)
+    turn: float = 0.6  # rad/s2 sqrt(s)
+    turn_bias: float = 8.0  # rad/s2, of b
+    turn_bias_s: float = 20.0
+    push: float = 0.1  # m/s2 sqrt(s)
+    push_bias: float = 1.0
+    push_bias_s: float = 5.0
+    rate: float = 0.04
+    position: float = 0.002
+    attitude: float = 0.003
+    velocity: float = 0.01
+    delay_s: float = 0.008  # of the first guess of d
+    delay_walk: float = 0.0003  # s per root second
+
+
+class Track(NamedTuple):
+    """Filtered states [instants, states, logs], and the delays [instants, logs]."""
+
+    z: Array
+    delay_s: Array
+
+
+def track(
+    model: FlightModel, s: Array, inputs: Array, measured: Array, known: NDArray[np.bool_],
+    *, pose_delay_s: float, first_delay_s: float, noise: FilterNoise,
+) -> Track:  # fmt: skip
+    """Filter logs on a common grid.
+
+    `s` of vehicle and log with both delays 0; `inputs` [n, inputs, L] of the motors at delay `first_delay_s`;
+    `measured` [n, 13, L] = p, q, v, w; `known` [n, L]: where a log has begun and not ended.
+    """
+    n, _, L = inputs.shape
+    nz, h = model.states, model.step_s
+    N = nz + 1
+    z = np.zeros((nz, L))
+    z[:13] = measured[0]
+    d = np.zeros(L)  # beyond first_delay_s
+    P = np.zeros((L, N, N))
+    start = np.r_[np.full(3, noise.position), np.full(4, noise.attitude), np.full(3, noise.velocity * 3),
+                  np.full(3, noise.rate), np.full(nz - 19, 100.0), np.full(3, noise.push_bias),
+                  np.full(3, noise.turn_bias), noise.delay_s]  # fmt: skip
+    P[:, np.arange(N), np.arange(N)] = start**2
+    keep_a, keep_b = np.exp(-h / noise.push_bias_s), np.exp(-h / noise.turn_bias_s)
+    Q = np.zeros(N)
+    Q[fm.P], Q[fm.Q] = noise.move**2 * h, (0.5 * noise.lean) ** 2 * h
+    Q[fm.V], Q[fm.W] = noise.push**2 * h, noise.turn**2 * h
+    Q[nz - 6 : nz - 3], Q[nz - 3 : nz] = noise.push_bias**2 * (1 - keep_a**2), noise.turn_bias**2 * (1 - keep_b**2)
+    Q[nz] = noise.delay_walk**2 * h
+    if model.kind == "command":
+        Q[fm.O : fm.O + model.rotors] = 50.0**2 * h
+    R = np.r_[np.full(3, noise.position), np.full(4, noise.attitude / 2), np.full(3, noise.velocity),
+              np.full(3, noise.rate)] ** 2  # fmt: skip
+    S = np.repeat(s[:, None], L, axis=1)
+    where = at.VEHICLE_COUNT + at.MOTOR_DELAY
+    zs, ds = np.zeros((n, nz, L)), np.zeros((n, L))
+    step = model.step.map(L)
+    H = np.zeros((13, N))
+    H[np.arange(13), np.arange(13)] = 1.0
+    H[fm.P, fm.V] = -pose_delay_s * np.eye(3)
+    eye = np.eye(N)
+    slope = np.zeros((nz, L))
+    for k in range(n):
+        y = measured[k].copy()
+        flip = np.sign((y[fm.Q] * z[fm.Q]).sum(axis=0))
+        y[fm.Q] *= np.where(flip == 0, 1, flip)
+        expected = z[:13] - pose_delay_s * np.r_[slope[:10], np.zeros((3, L))]
+        e = y - expected
+        PH = P @ H.T
+        K = PH @ np.linalg.inv(H @ PH + np.diag(R))
+        K[~known[k]] = 0.0
+        gain = (K @ e.T[:, :, None])[:, :, 0].T
+        z = z + gain[:nz]
+        d = d + gain[nz]
+        z[fm.Q] /= np.linalg.norm(z[fm.Q], axis=0)
+        P = (eye - K @ H) @ P
+        P = 0.5 * (P + P.transpose(0, 2, 1))
+        zs[k], ds[k] = z, first_delay_s + d
+        S[where] = d
+        value, A, B = rates(model.rates[0], z, S, inputs[k])
+        slope = value.T
+        F = np.zeros((L, N, N))
+        hA = h * A
+        F[:, :nz, :nz] = np.eye(nz) + hA + 0.5 * hA @ hA
+        F[:, :nz, nz] = h * B[:, :, where] + 0.5 * h * (hA @ B[:, :, where : where + 1])[:, :, 0]
+        F[:, nz, nz] = 1.0
+        F[:, nz - 6 : nz - 3] *= keep_a
+        F[:, nz - 3 : nz] *= keep_b
+        ended = ~known[k]
+        kept_z, kept_P = z[:, ended], P[ended]
+        z = step(z, S, inputs[k]).full()
+        z[nz - 6 : nz - 3] *= keep_a
+        z[nz - 3 : nz] *= keep_b
+        P = F @ P @ F.transpose(0, 2, 1)
+        P[:, np.arange(N), np.arange(N)] += Q
+        z[:, ended], P[ended] = kept_z, kept_P
+    return Track(zs, ds)
