@@ -133,7 +133,8 @@ class Predictor:
         self, grid: Grid, found: Track, log: int, k: NDArray[np.int64], horizons: Sequence[int]
     ) -> dict[int, Array]:
         step_s, longest, noise = self.model.step_s, max(horizons), self.noise
-        keep = np.ones((self.model.states, 1))
+        keep = np.ones((self.model.states, len(k)))
+        keep[10:12] = np.exp(-step_s * found.decay_per_s[k, log])
         keep[-6:-3], keep[-3:] = np.exp(-step_s / noise.push_bias_s), np.exp(-step_s / noise.turn_bias_s)
         z, delay = found.z[k, :, log].T.copy(), found.delay_s[k, log]
         t0 = grid.t_s[k, log]

@@ -32,7 +32,6 @@ START_SIGMA = np.repeat([0.2, 1.0, 0.02, 0.03, 0.1], 3)
 _LEAST = np.repeat([1e-4, 1e-3, 1e-4, 1e-4, 1e-3], 3)
 _UNEXPLAINED = np.array([0.3, 0.3, 0.3, 2.0, 2.0, 2.0])  # start of the deviations of a_W and b_B
 _LEAST_UNEXPLAINED = np.array([0.003, 0.003, 0.003, 0.01, 0.01, 0.01])
-DEBUG = False
 _CLUSTER = 4
 _SETTLED = 0.05  # a step below this share of every deviation ends the iteration
 
@@ -248,8 +247,6 @@ def solve(
             for g, z in zip(groups, kept, strict=True):
                 g.z0 = z
             damping = max(damping * 10, 1e-4)
-            if DEBUG:
-                print("rejected", cost, new_cost, damping)
             if damping > 1e6:
                 break
             continue
@@ -260,10 +257,11 @@ def solve(
         # Deviations of the sensors and of the unexplained accelerations, for the next step.
         changed = 0.0
         explained, spread, windows = np.zeros(6), np.zeros(6), 0
+        # One deviation for all logs: a wild flight has larger errors, of the model, and must not count less for it.
+        squares, counts = sum(p.squares for p in parts), sum(p.counts for p in parts)
+        rms = np.maximum(np.sqrt(squares / np.maximum(counts, 1)), _LEAST)
         for g, p in zip(groups, parts, strict=True):
-            rms = np.sqrt(p.squares / np.maximum(p.counts, 1))
-            new_sigma = np.where(p.counts > 0, np.maximum(rms, _LEAST), g.sigma)
-            new_sigma = np.clip(new_sigma, 0.2 * g.sigma, 5 * g.sigma)
+            new_sigma = np.clip(np.where(counts > 0, rms, g.sigma), 0.2 * g.sigma, 5 * g.sigma)
             changed = max(changed, float(np.max(np.abs(np.log(new_sigma / g.sigma)))))
             g.sigma = new_sigma
             explained += ((g.z0[-6:] - g.prior_mean[-6:]) ** 2).sum(axis=1)
@@ -272,19 +270,6 @@ def solve(
         new_spread = np.maximum(np.sqrt((explained + spread) / windows), _LEAST_UNEXPLAINED)
         changed = max(changed, float(np.max(np.abs(np.log(new_spread / unexplained)))) / 3)
         unexplained = new_spread
-        if DEBUG:
-            print(
-                iteration,
-                cost,
-                damping,
-                moved,
-                changed,
-                [
-                    (int(i), round(float(step[i] / priors[i]), 3))
-                    for i in np.argsort(-np.abs(step[free] / deviation))[:3]
-                ],
-                unexplained.round(3),
-            )
         if moved < _SETTLED and changed < 0.05:
             break
         if changed >= 0.03:

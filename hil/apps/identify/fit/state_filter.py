@@ -4,6 +4,11 @@ State [p, q, v, w, (O), a_W, b_B] of flight_model.py and the motors' delay d. a 
 decay to zero with a time constant and are driven by white noise, so that a bias of the centre of mass, of the thrust
 or of the wind is learnt while the vehicle flies; d is a slow random walk, because it differs from log to log.
 
+A flying vehicle is stabilised: its autopilot turns against every rate, and what the model mistakes for torque (noise of the
+telemetry, errors of the model, both about `stray` sqrt(s)) does not carry it off. Open-loop integration knows nothing of
+that. A prediction therefore lets the roll and pitch rates decay at lambda = min(fastest, stray / rms of the rate in the
+past seconds): the leaky integral that is best, up to a constant, for a stationary signal of that size in white noise.
+
 Several logs are filtered side by side, one column each: the cost of an instant is mostly that of its call.
 """
 
@@ -41,13 +46,17 @@ class FilterNoise:
     velocity: float = 0.01
     delay_s: float = 0.008  # of the first guess of d
     delay_walk: float = 0.0003  # s per root second
+    stray: float = 3.0  # rad/s2
+    fastest_per_s: float = 8.0
+    rate_memory_s: float = 3.0
 
 
 class Track(NamedTuple):
-    """Filtered states [instants, states, logs], and the delays [instants, logs]."""
+    """Filtered states [instants, states, logs], delays and decay rates lambda [instants, logs]."""
 
     z: Array
     delay_s: Array
+    decay_per_s: Array
 
 
 def track(
@@ -88,6 +97,9 @@ def track(
     H[np.arange(13), np.arange(13)] = 1.0
     H[fm.P, fm.V] = -pose_delay_s * np.eye(3)
     eye = np.eye(N)
+    turning2 = np.full(L, 0.2)
+    forget = h / noise.rate_memory_s
+    decays = np.zeros((n, L))
     slope = np.zeros((nz, L))
     for k in range(n):
         y = measured[k].copy()
@@ -105,6 +117,8 @@ def track(
         P = (eye - K @ H) @ P
         P = 0.5 * (P + P.transpose(0, 2, 1))
         zs[k], ds[k] = z, first_delay_s + d
+        turning2 += forget * (0.5 * (z[10] ** 2 + z[11] ** 2) - turning2)
+        decays[k] = np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2))
         S[where] = d
         value, A, B = rates(model.rates[0], z, S, inputs[k])
         slope = value.T
@@ -123,4 +137,4 @@ def track(
         P = F @ P @ F.transpose(0, 2, 1)
         P[:, np.arange(N), np.arange(N)] += Q
         z[:, ended], P[ended] = kept_z, kept_P
-    return Track(zs, ds)
+    return Track(zs, ds, decays)
