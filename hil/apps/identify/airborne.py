@@ -26,8 +26,10 @@ Interval = tuple[float, float]
 _SHORTEST_S = 0.5  # of a stretch with the motors up; less is a test of the motors
 _UP_SHARE = 0.25  # of the flight's median thrust; idling motors give 1 to 5 %
 _WITHOUT_HEIGHT_S = 2.0  # left out after take-off and before landing where no height is known
+_FALL_S = 2.0  # motors that stop in the air: time until the ground is reached
 _LANDING_S = 0.5  # before the height of landing is reached: ground effect
 _CRASH_FACTOR = 2.0  # times the greatest specific force; vibration averages out over 20 ms
+_LANDING_FACTOR = 2.0  # times that again: a hard landing is no crash
 _CRASH_MEAN_S = 0.02
 _BEFORE_CRASH_S, _AFTER_CRASH_S = 0.3, 1.0
 _AFTERMATH_S = 3.0  # shorter flight after a crash is part of it
@@ -71,7 +73,7 @@ def find_flights(log: FlightLog, file: LogFile, up: Sequence[Interval]) -> list[
         free = _above_ground(log, file, interval)
         if free is None:
             continue
-        for before in _without_crashes(log, file, free):
+        for before in _without_crashes(log, file, free, interval[1]):
             stretches += _without_gaps(log, file, before)
     flights: list[FlightLog] = []
     for start_s, end_s in stretches:
@@ -130,9 +132,9 @@ def _above_ground(log: FlightLog, file: LogFile, up: Interval) -> Interval | Non
         return None
     z_m = part.values[:, 2]
     if not began_in_air:
-        start_s = _first_above(part.t_s, z_m, _height_about(log.pose, start_s) + clear_m)
+        start_s = _first_above(part.t_s, z_m, _ground_m(log.pose, start_s - 0.3, start_s + 0.3) + clear_m)
     if not ended_in_air:
-        ground_m = _height_about(log.pose, end_s)
+        ground_m = _ground_m(log.pose, end_s - 0.3, end_s + _FALL_S)
         end_s = -_first_above(-part.t_s[::-1], z_m[::-1], ground_m + clear_m) - _LANDING_S
     return (start_s, end_s) if end_s > start_s else None
 
@@ -142,23 +144,25 @@ def _first_above(t_s: NDArray[np.float64], z_m: NDArray[np.float64], limit_m: fl
     return float(t_s[np.argmax(above)]) if above.any() else float("inf")
 
 
-def _height_about(pose: Series, at_s: float) -> float:
-    """Return the height while the vehicle stood there."""
-    near = pose.between(at_s - 0.3, at_s + 0.3)
+def _ground_m(pose: Series, start_s: float, end_s: float) -> float:
+    """Return the lowest height in a time in which the vehicle stands."""
+    near = pose.between(start_s, end_s)
     source = near if len(near) else pose
     return float(np.min(source.values[:, 2]))
 
 
-def _without_crashes(log: FlightLog, file: LogFile, flight: Interval) -> list[Interval]:
+def _without_crashes(log: FlightLog, file: LogFile, flight: Interval, up_until_s: float) -> list[Interval]:
+    """Return the parts before and after each blow; those below the clearance, until the motors stop, count as well."""
     limit_mps2 = _CRASH_FACTOR * greatest_specific_force_mps2(file.vehicle)
     found: list[tuple[float, str, str]] = []
     if log.accel is not None:
-        part = log.accel.between(*flight)
+        part = log.accel.between(flight[0], max(flight[1], up_until_s))
         if len(part) > 2:
             width = max(1, round(_CRASH_MEAN_S / float(np.median(np.diff(part.t_s)))))
             kernel = np.full(width, 1.0 / width)
             mean = np.stack([np.convolve(c, kernel, "same") for c in part.values.T], axis=1)
-            for start_s, _ in _intervals(part.t_s, np.linalg.norm(mean, axis=1) > limit_mps2):
+            limits_mps2 = np.where(part.t_s > flight[1], _LANDING_FACTOR * limit_mps2, limit_mps2)
+            for start_s, _ in _intervals(part.t_s, np.linalg.norm(mean, axis=1) > limits_mps2):
                 found.append((start_s, f"a blow of more than {limit_mps2:.0f} m/s2", file.topic("accel")))
     if log.pose is not None:
         part = log.pose.between(*flight)
@@ -172,10 +176,11 @@ def _without_crashes(log: FlightLog, file: LogFile, flight: Interval) -> list[In
     for at_s, what, topic in sorted(found):
         if at_s < start_s:
             continue
-        if at_s - _BEFORE_CRASH_S > start_s:
-            kept.append((start_s, at_s - _BEFORE_CRASH_S))
+        cut_s = min(at_s - _BEFORE_CRASH_S, flight[1])
+        if cut_s > start_s:
+            kept.append((start_s, cut_s))
         start_s = at_s + _AFTER_CRASH_S
-        hint = f"the flight is used up to {at_s - _BEFORE_CRASH_S:.2f} s"
+        hint = f"the flight is used up to {cut_s:.2f} s"
         if end_s - start_s < _AFTERMATH_S:
             file.note(f"shows a crash at {at_s:.2f} s: {what}", hint, topic=topic)
             return kept
@@ -204,9 +209,9 @@ def _without_gaps(log: FlightLog, file: LogFile, flight: Interval) -> list[Inter
         if own:
             worst = max(own, key=lambda gap: gap[1] - gap[0])
             total_s = sum(b - a for a, b in own)
-            message = (
-                f"has {len(own)} gaps, {total_s:.2f} s in all, the longest from {worst[0]:.2f} to {worst[1]:.2f} s"
-            )
+            message = f"has a gap from {worst[0]:.2f} to {worst[1]:.2f} s"
+            if len(own) > 1:
+                message = f"has {len(own)} gaps of {total_s:.2f} s in all; the longest is {message[6:]}"
             hint = "the flight is split there; a faster card or fewer topics avoid gaps"
             file.note(message, hint, topic=file.topic(name))
         gaps += own

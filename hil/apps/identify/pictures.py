@@ -29,8 +29,12 @@ def draw_predictions(fit: Fit, path: Path) -> None:
                 for log in dict.fromkeys(p.log for p in predictions):
                     _line(axes, [p for p in predictions if p.log == log], name, colour, lw=0.6)
                 _line(axes, mean_by_horizon(predictions), name, colour, lw=2.2, label=label)
-            axes.set(title=title, xlabel="horizon [s]", ylabel=f"mean error [{unit}]", xscale="log", yscale="log")
-            axes.legend()
+            axes.set(title=title, xlabel="horizon [s]", ylabel=f"mean error [{unit}]")
+            if any(np.isfinite(line.get_ydata()).any() for line in axes.get_lines()):
+                axes.set(xscale="log", yscale="log")
+                axes.legend()
+            else:
+                axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center")
         figures.save(figure, path)
 
 
@@ -79,6 +83,6 @@ def draw_flights(whole: Sequence[FlightLog], flights: Sequence[FlightLog], path:
 def _line(axes: Axes, predictions: Sequence[Prediction], name: str, colour: str, *, lw: float, label: str = "") -> None:
     values = np.array([getattr(p, name) for p in predictions], np.float64)
     horizons = np.array([p.horizon_s for p in predictions], np.float64)
-    there = np.isfinite(values)
+    there = np.isfinite(values) & (values > 0.0)
     style = "o-" if label else "-"
     axes.plot(horizons[there], values[there], style, ms=4, color=colour, lw=lw, label=label or "_")

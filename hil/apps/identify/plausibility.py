@@ -34,7 +34,8 @@ _STEP_S = 0.02
 _CUTOFF_HZ = 4.0
 _LEAST_RATE_RADPS = 0.03  # rms below which a slope says nothing
 _LEAST_SPEED_MPS = 0.03
-_AGREES = 0.6  # least correlation of two measurements of the same motion
+_AGREES = 0.6  # correlation of two measurements of the same motion that leaves no doubt
+_CONTRADICTS = 0.3  # and the one below which they are not of the same motion; between both it may be noise
 _GAIN_NOTED, _GAIN_REFUSED = 1.5, 4.0  # times the weight, or its inverse
 _MIXED = 1.4  # ratio of two flights' gains: a battery that empties, or payload, stays below
 _VOLTS_PER_CELL = (2.5, 4.4)
@@ -73,12 +74,12 @@ def check_flight(log: FlightLog, file: LogFile) -> None:
     t_s = grid_s(log.start_s, log.end_s, _STEP_S)
     if len(t_s) < 50:
         return
+    _check_gravity(log, file, t_s)
     _check_rate(log, file, t_s)
     _check_velocity(log, file, t_s)
-    _check_gravity(log, file, t_s)
+    _check_voltage(log, file)
     _check_motors(log, file)
     _check_order(log, file, t_s)
-    _check_voltage(log, file)
 
 
 def gain_of(log: FlightLog, vehicle: Vehicle) -> float:
@@ -133,14 +134,14 @@ def _check_rate(log: FlightLog, file: LogFile, t_s: Rows) -> None:
     if unit and abs(agreement) > _AGREES:
         message = f"turns {abs(slope):.4g} times as fast as the attitude does {when}: it looks like {unit}, not rad/s"
         raise file.refuse(message, f"say so: unit {unit}", topic=topic)
-    if agreement < _AGREES:
+    if agreement < _CONTRADICTS:
         axes = [f"{name} {_slope(measured[:, [k]], turned[:, [k]])[1]:+.2f}" for k, name in enumerate("xyz")]
         message = f"does not turn as the attitude does {when} (correlations {', '.join(axes)})"
         hint = "check the axes (flu or frd), the order of the quaternion (w first) and its direction (body to world)"
         raise file.refuse(message, hint, topic=topic)
-    if not 0.7 < slope < 1.4:
-        message = f"turns {slope:.3g} times as fast as the attitude does {when}"
-        raise file.refuse(message, "check its unit and scale", topic=topic)
+    if agreement < _AGREES or not 0.7 < slope < 1.4:
+        message = f"turns {slope:.3g} times as fast as the attitude does {when} (correlation {agreement:.2f})"
+        file.note(message, "check its scale, and both for jumps", topic=topic)
 
 
 def _check_velocity(log: FlightLog, file: LogFile, t_s: Rows) -> None:
@@ -159,10 +160,12 @@ def _check_velocity(log: FlightLog, file: LogFile, t_s: Rows) -> None:
     if abs(agreement) > _AGREES and length_unit:
         message = f"changes by {1.0 / abs(slope):.4g} times the velocity {when}: it looks like {length_unit}, not m"
         raise file.refuse(message, f"say so: unit {length_unit}", topic=file.topic("pose"))
-    if agreement < _AGREES or not 0.7 < slope < 1.4:
-        message = f"does not follow the positions {when} (slope {slope:.3g}, correlation {agreement:.2f})"
-        hint = "check units and frame: the velocity is that in the world (enu or ned), not in the body"
+    message = f"does not follow the positions {when} (slope {slope:.3g}, correlation {agreement:.2f})"
+    if agreement < _CONTRADICTS:
+        hint = "check the frame: the velocity is that in the world (enu or ned), not in the body"
         raise file.refuse(message, hint, topic=file.topic("velocity"))
+    if agreement < _AGREES or not 0.7 < slope < 1.4:
+        file.note(message, "check its scale, and both for jumps", topic=file.topic("velocity"))
 
 
 def _check_gravity(log: FlightLog, file: LogFile, t_s: Rows) -> None:

@@ -12,75 +12,11 @@ from scipy.spatial.transform import Rotation
 from hil.apps.identify.flight_log import FlightLog, Series
 from hil.apps.identify.log_format import LogFile, formats, read_log
 from sim.physics.vehicle import load_vehicle
-from tests.worlds.dataflash_file import DataFlashFile
+from tests.worlds.flight_files import dataflash, ulog
 from tests.worlds.known_motion import Motion, motion
-from tests.worlds.ulog_file import ULogFile
 
 X500 = load_vehicle("x500")
 MOTION = motion(np.arange(0.0, 10.0, 0.01))
-START_US = 5_000_000
-
-
-def us(t_s: float) -> int:
-    return START_US + round(t_s * 1e6)
-
-
-def ulog(path: Path, m: Motion, *, positions_every: int = 1, motors_late_us: int = 3000) -> Path:
-    """Write a motion as PX4 logs it: messages later than their samples."""
-    log = ULogFile({"SYS_AUTOSTART": 4001})
-    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
-    log.topic(
-        "sensor_combined",
-        [("float", "gyro_rad[3]"), ("int32_t", "accelerometer_timestamp_relative"), ("float", "accelerometer_m_s2[3]")],
-    )
-    log.topic("vehicle_attitude", [("uint64_t", "timestamp_sample"), ("float", "q[4]")])
-    log.topic(
-        "vehicle_local_position",
-        [("uint64_t", "timestamp_sample"), *(("float", n) for n in ("x", "y", "z", "vx", "vy", "vz"))],
-    )
-    log.topic("battery_status", [("float", "voltage_v")])
-    gyro, accel = m.frd(m.w_WB_B), m.frd(m.accel_B)
-    p, v, q = m.ned(m.p_WB), m.ned(m.v_WB_W), m.q_NF
-    for i, t_s in enumerate(m.t_s):
-        t = us(t_s)
-        log.add("actuator_motors", t + motors_late_us, t, *m.motors[i], *[float("nan")] * 8)
-        log.add("sensor_combined", t, *gyro[i], 0, *accel[i])
-        log.add("vehicle_attitude", t + 2000, t, *q[i])
-        if i % positions_every == 0:
-            log.add("vehicle_local_position", t + 4000, t, *p[i], *v[i])
-            log.add("battery_status", t, 15.2)
-    return log.write(path)
-
-
-def dataflash(path: Path, m: Motion, *, quaternions: bool = True) -> Path:
-    log = DataFlashFile(
-        {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0, **{f"SERVO{i + 1}_FUNCTION": 33.0 + i for i in range(4)}}
-    )
-    log.message("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4")
-    log.message("IMU", "QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ")
-    log.message("XKF1", "QBccCffffff", "TimeUS,C,Roll,Pitch,Yaw,VN,VE,VD,PN,PE,PD")
-    log.message("BAT", "QBf", "TimeUS,I,Volt")
-    if quaternions:
-        log.message("XKQ", "QBffff", "TimeUS,C,Q1,Q2,Q3,Q4")
-    gyro, accel = m.frd(m.w_WB_B), m.frd(m.accel_B)
-    p, v, q = m.ned(m.p_WB), m.ned(m.v_WB_W), m.q_NF
-    w, x, y, z = q.T
-    roll = np.degrees(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)))
-    pitch = np.degrees(np.arcsin(2 * (w * y - z * x)))
-    yaw = np.degrees(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))) % 360.0
-    for i, t_s in enumerate(m.t_s):
-        t = us(t_s)
-        log.add("RCOU", t, *(round(1100 + 800 * u) for u in m.motors[i]))
-        for instance in (0, 1):  # the second IMU must not be mixed with the first
-            log.add("IMU", t, instance, *(gyro[i] + instance), *(accel[i] + instance))
-        angles = (round(100 * roll[i]), round(100 * pitch[i]), round(100 * yaw[i]))
-        log.add("XKF1", t, 0, *angles, *v[i], *p[i])
-        log.add("BAT", t, 0, 15.2)
-        if quaternions:
-            log.add("XKQ", t, 0, *q[i])
-    return log.write(path)
-
-
 COLUMN_MAP = """
 time: {column: t, unit: ms}
 world: ned
@@ -97,7 +33,7 @@ voltage: {column: bat, unit: mV}
 
 
 def table(m: Motion) -> tuple[list[str], np.ndarray]:
-    header = "t m1 m2 m3 m4 x y z qw qx qy qz vx vy vz p q r ax ay az bat".split()
+    header = [*"t m1 m2 m3 m4 x y z qw qx qy qz vx vy vz p q r ax ay az bat".split()]  # noqa: SIM905
     columns = [
         1e3 * m.t_s[:, None], 65535 * m.motors, 100 * m.ned(m.p_WB), m.q_NF, m.ned(m.v_WB_W),
         np.degrees(m.frd(m.w_WB_B)), m.frd(m.accel_B) / 9.80665, np.full((len(m.t_s), 1), 15200.0),
