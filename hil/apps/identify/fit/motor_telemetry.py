@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hil.apps.identify.flight_log import Series
 
 Array = NDArray[np.float64]
+_LEAP, _LEAP_RADPS, _MOST_DOUBTED = 0.5, 100.0, 3  # of a speed from one sample to the next
 _LEARN_FROM = 600  # samples at the start, for the variances
 _CORRELATION_S = 0.03  # of a motor's acceleration: about the lag of small motors
 _RATIOS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the noise to the speed's change within a sample
@@ -41,12 +42,28 @@ def _filter(y: Array, h: float, phi: float, q: float, r: float) -> tuple[Array, 
     return xs, Ps, xp, Pp, squares + logs
 
 
+def without_spikes(y: Array) -> Array:
+    """Return speeds in which one that no rotor can reach within a sample is the one before it; three in a row are true.
+
+    Telemetry of speed controllers has a wrong value now and then, 10 to 50 times too large. Only the past decides.
+    """
+    found = y.copy()
+    for motor in found.T:
+        doubted = 0
+        for k in range(1, len(motor)):
+            if abs(motor[k] - motor[k - 1]) > _LEAP * motor[k - 1] + _LEAP_RADPS and doubted < _MOST_DOUBTED:
+                motor[k], doubted = motor[k - 1], doubted + 1
+            else:
+                doubted = 0
+    return found
+
+
 def smoothed(series: Series, *, lag: int | None = None) -> tuple[Array, Array]:
     """Return speeds and their slopes at the telemetry's times, from all of it, or from what comes up to `lag` samples later.
 
     Evenly spaced telemetry is assumed to within a sample.
     """
-    y = series.values
+    y = without_spikes(series.values)
     h = float(np.median(np.diff(series.t_s)))
     phi = float(np.exp(-h / _CORRELATION_S))
     part = y[: min(len(y), _LEARN_FROM)]

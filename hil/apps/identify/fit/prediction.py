@@ -135,6 +135,8 @@ class Predictor:
         step_s, longest, noise = self.model.step_s, max(horizons), self.noise
         keep = np.ones((self.model.states, len(k)))
         keep[10:12] = np.exp(-step_s * found.decay_per_s[k, log])
+        trust = found.trust[k, log]
+        rho = found.rho[k, log]
         keep[-6:-3], keep[-3:] = np.exp(-step_s / noise.push_bias_s), np.exp(-step_s / noise.turn_bias_s)
         z, delay = found.z[k, :, log].T.copy(), found.delay_s[k, log]
         t0 = grid.t_s[k, log]
@@ -143,7 +145,11 @@ class Predictor:
         out = {}
         for h in range(longest):
             u = grid.motors[log].inputs(t0 + h * step_s + delay, step_s, latest_s=t0 + (h + 1 - LAG) * step_s)
-            z = keep * step(z, S, np.vstack([u, grid.volts[k, log]])).full()
+            before, p0 = z[10:12], z[:2]
+            z = step(z, S, np.vstack([u, grid.volts[k, log]])).full()
+            z[10:12] = before + trust * (z[10:12] - before)
+            z *= keep
+            z[:2] = p0 + rho * (z[:2] - p0)
             if h + 1 in horizons:
                 y = grid.measured[k + h + 1, :, log].T
                 q = np.abs((z[fm.Q] * y[fm.Q]).sum(axis=0)) / np.linalg.norm(y[fm.Q], axis=0)

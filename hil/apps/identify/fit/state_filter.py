@@ -4,10 +4,14 @@ State [p, q, v, w, (O), a_W, b_B] of flight_model.py and the motors' delay d. a 
 decay to zero with a time constant and are driven by white noise, so that a bias of the centre of mass, of the thrust
 or of the wind is learnt while the vehicle flies; d is a slow random walk, because it differs from log to log.
 
-A flying vehicle is stabilised: its autopilot turns against every rate, and what the model mistakes for torque (noise of the
-telemetry, errors of the model, both about `stray` sqrt(s)) does not carry it off. Open-loop integration knows nothing of
-that. A prediction therefore lets the roll and pitch rates decay at lambda = min(fastest, stray / rms of the rate in the
-past seconds): the leaky integral that is best, up to a constant, for a stationary signal of that size in white noise.
+A flying vehicle is stabilised: its autopilot turns against every rate, and what the model mistakes for torque (noise of
+the telemetry, turbulence, errors of the model) does not carry it off. Integration of torques alone knows nothing of
+that. A prediction therefore weighs what it knows of roll and pitch by the rms s of their rates in the past seconds:
+    dw = g torque / I - lambda w,   g = s^2 / (s^2 + doubt^2),   lambda = min(fastest, stray / s)
+g is Wiener's weight of a signal of size s in noise of size `doubt`; lambda makes the integral of the noise a leaky one.
+
+Velocities of some logs are larger than the change of their positions (optical flow: a wrong height, a wrong lens). The
+ratio rho of the two, level, is learnt from the past, and positions advance by rho v.
 
 Several logs are filtered side by side, one column each: the cost of an instant is mostly that of its call.
 """
@@ -26,6 +30,8 @@ from hil.apps.identify.fit.flight_model import FlightModel
 from hil.apps.identify.fit.shooting import rates
 
 Array = NDArray[np.float64]
+
+_SPAN = 10  # instants over which positions are compared with velocities
 
 
 @dataclass(frozen=True)
@@ -46,17 +52,20 @@ class FilterNoise:
     velocity: float = 0.01
     delay_s: float = 0.008  # of the first guess of d
     delay_walk: float = 0.0003  # s per root second
-    stray: float = 3.0  # rad/s2
-    fastest_per_s: float = 8.0
+    stray: float = 1.3  # rad/s2
+    fastest_per_s: float = 20.0
     rate_memory_s: float = 3.0
+    doubt: float = 0.8  # rad/s
 
 
 class Track(NamedTuple):
-    """Filtered states [instants, states, logs], delays and decay rates lambda [instants, logs]."""
+    """Filtered states [instants, states, logs]; delays, lambda, g [instants, logs]; rho [instants, logs]."""
 
     z: Array
     delay_s: Array
     decay_per_s: Array
+    trust: Array
+    rho: Array
 
 
 def track(
@@ -99,7 +108,8 @@ def track(
     eye = np.eye(N)
     turning2 = np.full(L, 0.2)
     forget = h / noise.rate_memory_s
-    decays = np.zeros((n, L))
+    rho, rhos, s1, s2 = np.ones(L), np.ones((n, L)), np.full(L, 0.5), np.full(L, 0.5)
+    decays, trusts = np.zeros((n, L)), np.ones((n, L))
     slope = np.zeros((nz, L))
     for k in range(n):
         y = measured[k].copy()
@@ -118,6 +128,13 @@ def track(
         P = 0.5 * (P + P.transpose(0, 2, 1))
         zs[k], ds[k] = z, first_delay_s + d
         turning2 += forget * (0.5 * (z[10] ** 2 + z[11] ** 2) - turning2)
+        if k >= _SPAN:
+            went = measured[k, :2] - measured[k - _SPAN, :2]
+            said = h * measured[k - _SPAN : k, 7:9].sum(axis=0)
+            s1, s2 = s1 + (went * said).sum(axis=0), s2 + (said * said).sum(axis=0)
+            rho = s1 / s2
+        rhos[k] = rho
+        trusts[k] = turning2 / (turning2 + noise.doubt**2)
         decays[k] = np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2))
         S[where] = d
         value, A, B = rates(model.rates[0], z, S, inputs[k])
@@ -131,10 +148,12 @@ def track(
         F[:, nz - 3 : nz] *= keep_b
         ended = ~known[k]
         kept_z, kept_P = z[:, ended], P[ended]
+        p0 = z[:2]
         z = step(z, S, inputs[k]).full()
+        z[:2] = p0 + rho * (z[:2] - p0)
         z[nz - 6 : nz - 3] *= keep_a
         z[nz - 3 : nz] *= keep_b
         P = F @ P @ F.transpose(0, 2, 1)
         P[:, np.arange(N), np.arange(N)] += Q
         z[:, ended], P[ended] = kept_z, kept_P
-    return Track(zs, ds, decays)
+    return Track(zs, ds, decays, trusts, rhos)
