@@ -7,9 +7,9 @@ advanced over 0.01, 0.1 and 0.5 s with the motors' readings of that time (hil/ap
 compared with what was measured then. A row is a log and a horizon: mean norms of the errors of position, velocity,
 rotation angle and rate. Beside the model stands a prediction without one: constant velocity and constant attitude.
 
-Tables need a map of their columns: of `--set columns=`, or a `*.columns.yaml` beside the logs or the vehicle file, or one
-that comes with the bench, whichever first names columns that the table has. The published figures are checked on flights
-of the set that they were published for.
+Tables need a map of their columns: of `--set columns=`, or a `*.columns.yaml` beside the logs or the vehicle file, or
+one that comes with the bench, whichever first names columns that the table has. The published figures are checked on
+flights of the set that they were published for.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from sim.physics.vehicle import Vehicle, load_vehicle
 
 QUANTITIES = ("position_m", "velocity_mps", "rotation_rad", "rate_radps")
 _UNITS = ("m", "m/s", "rad", "rad/s")
-# Busetto et al., arXiv 2512.14450, at 0.5 s: rotation and rate the best published; position and velocity those of a rigid
-# body with their constants and a linear rotor drag on flights of the kinds that are fitted here.
+# Busetto et al., arXiv 2512.14450, at 0.5 s: rotation and rate the best published; position and velocity those of a
+# rigid body with their constants and a linear rotor drag on flights of the kinds that are fitted here.
 _PUBLISHED = {"idsia": (0.104, 0.456, 0.2268, 0.598)}
 _SHIPPED_MAPS = Path(__file__).resolve().parents[1] / "docs" / "examples" / "identify"
 _SUFFIXES = (".parquet", ".csv", ".ulg", ".bin", ".mcap")
@@ -179,7 +179,7 @@ def _held(grid: Grid, log: int, steps: Sequence[int], every: int) -> dict[int, N
 
 
 def _checks(result: BenchmarkResult, published: Sequence[float] | None) -> list[Check]:
-    """Return the errors at the longest horizon, over all predictions, against what was published or against no model."""
+    """Return the errors at the longest horizon, over all predictions, against published ones or no model's."""
     longest = max(HORIZONS_S)
     checks = []
     for i, (name, unit) in enumerate(zip(QUANTITIES, _UNITS, strict=True)):

@@ -1,4 +1,4 @@
-"""Flights of vehicles with hidden parameters, as a log shows them: noise, delays, light wind, from the physics itself."""
+"""Flights of vehicles with hidden parameters as a log shows them, from the physics: noise, delays, light wind."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hil.apps.identify.flight_log import FlightLog, Series
 from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import Turbulence, Wind
@@ -33,6 +33,13 @@ class Sensing:
     velocity_mps: float = 0.02
     gyro_bias_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     accel_bias_mps2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def nominal_vehicle() -> Vehicle:
+    """Return the x500 with faster motors, so that the heaviest of the hidden vehicles can still climb and turn."""
+    x500 = load_vehicle("x500")
+    constants = x500.rotor_constants.model_copy(update={"max_speed_radps": 1250.0})
+    return x500.model_copy(update={"rotor_constants": constants})
 
 
 def hidden_vehicle(nominal: Vehicle, seed: int) -> Vehicle:
@@ -121,7 +128,7 @@ def excited_log(
         share = np.clip(thrust / (c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2), 0.02, 1.0)
         command = np.clip(np.sqrt(share) + 0.01 * random.standard_normal(len(share)), 0.05, 1.0)
         commands[tick] = command
-        specific = _rotate(back, np.array(truth.a_WB_W) + [0.0, 0.0, 9.80665])
+        specific = _rotate(back, np.add(truth.a_WB_W, (0.0, 0.0, 9.80665)))
         rows.append(np.concatenate([p, q, v, w, specific]))
     x = np.array(rows)
     n = len(x)

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
-from hil.apps.identify.fit.flight_model import FlightModel, make_model
 from hil.apps.identify.fit.fitted_vehicle import fitted_vehicle
+from hil.apps.identify.fit.flight_model import FlightModel, make_model
 from hil.apps.identify.fit.prediction import HORIZONS_S, Predictor, predictions
 from hil.apps.identify.fit.shooting import START_SIGMA, Group, Solution, first_states, solve
 from hil.apps.identify.fit.windows import Motors, Windows
@@ -23,13 +23,17 @@ from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-WINDOW_S = 0.5
-# Share of the progress, length and greatest number of windows, greatest number of iterations. Over a short window a wrong
-# model has not gone far, so the least squares are nearly linear. The last one's 600 windows are 5 min: of longer flights
-# they are spread over all.
+# Speeds from telemetry carry slow errors that a long window would sum up; what a short one shows is fast, and clean.
+WINDOW_S = {"speed_radps": 0.16, "command": 0.5}
+# Share of the progress, length of the windows over that, flight covered [s], greatest number of iterations. Over
+# a short window a wrong model has not gone far, so the least squares are nearly linear. Five minutes are the most that
+# is fitted: of longer flights they are spread over all.
 _STAGES = (
-    ((0.0, 0.1), 0.08, 200, 6), ((0.1, 0.2), 0.2, 80, 6), ((0.2, 0.5), WINDOW_S, 80, 8), ((0.5, 1.0), WINDOW_S, 600, 6),
-)  # fmt: skip
+    ((0.0, 0.1), 0.16, 16.0, 6),
+    ((0.1, 0.2), 0.4, 16.0, 6),
+    ((0.2, 0.5), 1.0, 40.0, 8),
+    ((0.5, 1.0), 1.0, 300.0, 6),
+)
 _BLOCKS = 15  # of a flight; every third one is held out
 _DETERMINED = {"exp": 0.15, "plus": 0.3}  # greatest 1 sigma of ln p; greatest share of the prior's
 _PREDICTION_STEP_S = 0.01
@@ -39,7 +43,7 @@ _STEP_S = {"speed_radps": 0.01, "command": 0.008}
 
 def windows_of(
     log: FlightLog, number: int, step_s: float, *, parts: Callable[[float], bool], nominal_v: float,
-    motors: Motors | None = None, window_s: float = WINDOW_S,
+    motors: Motors | None = None, window_s: float,
 ) -> Windows:  # fmt: skip
     """Return the windows of a log whose start and end, as shares of the log, `parts` accepts."""
     steps = round(window_s / step_s)
@@ -66,7 +70,7 @@ def steady_speed(vehicle: Vehicle, unknowns: Sequence[at.Unknown]) -> Callable[[
             share = float(np.exp(-(back - 0.5) * w.step_s / tau))
             total += share * c_max * np.sqrt(np.maximum(f * u * u + (1 - f) * u, 1e-9))
             weight += share
-        volts = 1.0
+        volts: Array = np.ones(w.count)
         if w.log.voltage is not None:
             volts = np.interp(w.starts_s, w.log.voltage.t_s, w.log.voltage.values[:, 0]) / w.nominal_v
         return total / weight * volts**e
@@ -115,7 +119,10 @@ def fit_windows(
     steady = steady_speed(vehicle, unknowns) if kind == "command" else None
     motors = [Motors.of(log) for log in flights]
     sigma, solution, unexplained, last_s = None, None, None, 0.0
-    for share, window_s, windows, iterations in _STAGES:
+    longest_s = WINDOW_S[kind]
+    for share, part, covered_s, iterations in _STAGES:
+        window_s = max(part * longest_s, 5 * step_s)
+        windows = covered_s / window_s
         whole = [
             windows_of(log, i, step_s, parts=parts, nominal_v=nominal_v, motors=motors[i], window_s=window_s)
             for i, log in enumerate(flights)
@@ -133,7 +140,7 @@ def fit_windows(
             most=iterations, unexplained=unexplained,
         )  # fmt: skip
         start, sigma, unexplained, last_s = solution.s, [g.sigma for g in groups], solution.unexplained, window_s
-        if skip == 1.0 and window_s == WINDOW_S:
+        if skip == 1.0 and part == 1.0:
             break
     assert solution is not None
     return model, unknowns, solution
@@ -195,7 +202,7 @@ def held_out(log: FlightLog, t_s: Array) -> NDArray[np.bool_]:
 def settled(
     unknowns: Sequence[at.Unknown], solution: Solution, free: NDArray[np.bool_]
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return theta with what the flights do not determine put back to where it began, its deviations, and which is kept.
+    """Return theta with what the flights do not determine put back to its start, its deviations, and which is kept.
 
     An unknown is determined if the flights narrow its prior to `_DETERMINED`. Where one is put back the others move to
     what is most likely given that: s_f + C_fu C_uu^-1 (0 - s_u), with the covariance C.
@@ -247,11 +254,11 @@ def residuals_of(model: FlightModel, solution: Solution) -> list[Residual]:
     out = []
     for quantity, values in (("force", np.concatenate(a)), ("turn", np.concatenate(b))):
         for i, axis in enumerate("xyz"):
-            for low, high in ((None, None), *_SPEEDS_MPS):
-                chosen = np.ones(len(v), bool) if low is None else (v >= low) & (v < high)
+            for bounds in (None, *_SPEEDS_MPS):
+                chosen = np.ones(len(v), bool) if bounds is None else (v >= bounds[0]) & (v < bounds[1])
                 if chosen.any():
                     x = values[chosen, i]
-                    middle = None if low is None else 0.5 * (low + high)
+                    middle = None if bounds is None else 0.5 * (bounds[0] + bounds[1])
                     out.append(
                         Residual(quantity, axis, middle, float(x.mean()), float(np.sqrt((x * x).mean())), len(x))
                     )

@@ -1,7 +1,7 @@
 """Motion of the vehicle between two samples, and what its sensors read, with exact derivatives (CasADi).
 
-State z = [p_WB, q_WB, v_WB_W, w_WB_B, (rotor speeds O,) a_W, b_B]; a_W [m/s2] and b_B [rad/s2] are accelerations that the
-model does not explain, constant within a window.
+State z = [p_WB, q_WB, v_WB_W, w_WB_B, (rotor speeds O,) a_W, b_B]; a_W [m/s2] and b_B [rad/s2] are accelerations that
+the model does not explain, constant within a window.
     dp = v,  dq = q (0, w) / 2,  dv = R F / m + g + a,  dw = I^-1 (M - w x I w) + b
     logged speeds     O(t) = O_logged(t + d)                                       d the motors' delay in the log
     logged commands   dO = (c(t + d) - O) / tau,  c = O_max (V / V_nom)^e sqrt(f u^2 + (1 - f) u), tau up or down
@@ -44,7 +44,8 @@ class FlightModel:
     """Functions of casadi, one instant each.
 
     `rates[stage](z, theta, u) -> dz/dt` at the start, middle and end of a step, with Jacobians; `step(z, theta, u)`;
-    `read(z, theta, u, q_measured, dt) -> y` with Jacobians; theta = [vehicle's unknowns s, log's unknowns s]; u = 3 instants x (motor signals, slopes, curvatures) and V / V_nom.
+    `read(z, theta, u, q_measured, dt) -> y` with Jacobians; theta = [vehicle's unknowns s, log's unknowns s];
+    u = 3 instants x (motor signals, slopes, curvatures) and V / V_nom.
     y = [rate, specific force, position, rotation vector of q_measured^-1 q, velocity], where that rotation vector is to
     be zero.
     """
@@ -136,10 +137,11 @@ def make_model(
 
     rates = [_with_jacobians(f"rates{stage}", z, s, [u], derivative(z, stage)) for stage in range(3)]
 
-    half, h = 0.5 * step_s, step_s
+    h = step_s
+    halfway = 0.5 * h
     k1 = derivative(z, 0)
-    k2 = derivative(z + half * k1, 1)
-    k3 = derivative(z + half * k2, 1)
+    k2 = derivative(z + halfway * k1, 1)
+    k3 = derivative(z + halfway * k2, 1)
     k4 = derivative(z + h * k3, 2)
     end = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     end[Q] = end[Q] / ca.norm_2(end[Q])
@@ -189,5 +191,6 @@ def _with_jacobians(name: str, z: Any, s: Any, others: list[Any], y: Any) -> Dif
     jz, js = ca.jacobian(y, z), ca.jacobian(y, s)
     out = ca.cse([y, ca.vertcat(*jz.nonzeros()), ca.vertcat(*js.nonzeros())])
     f = ca.Function(name, [z, s, *others], out)
-    at_z, at_s = (tuple(np.array(i) for i in j.sparsity().get_triplet()) for j in (jz, js))
+    (row_z, col_z), (row_s, col_s) = (j.sparsity().get_triplet() for j in (jz, js))
+    at_z, at_s = (np.array(row_z), np.array(col_z)), (np.array(row_s), np.array(col_s))
     return Differentiated(f, at_z, at_s, (y.shape[0], z.shape[0], s.shape[0]))

@@ -59,7 +59,7 @@ def without_spikes(y: Array) -> Array:
 
 
 def smoothed(series: Series, *, lag: int | None = None) -> tuple[Array, Array]:
-    """Return speeds and their slopes at the telemetry's times, from all of it, or from what comes up to `lag` samples later.
+    """Return speeds and slopes at the telemetry's times, from all of it or from what comes up to `lag` samples later.
 
     Evenly spaced telemetry is assumed to within a sample.
     """

@@ -54,7 +54,7 @@ class Grid:
         for j, log in enumerate(logs):
             if log.pose is None:
                 raise ValueError(f"{log.name}: predictions need poses")
-            first = log.pose.t_s[min(np.searchsorted(log.pose.t_s, log.start_s), len(log.pose) - 1)]
+            first = log.pose.t_s[min(int(np.searchsorted(log.pose.t_s, log.start_s)), len(log.pose) - 1)]
             t[:, j] = first + np.arange(n) * step_s
             known[:, j] = t[:, j] <= log.end_s + 1e-9
             measured[:, :7, j] = _latest(log.pose, t[:, j], step_s)

@@ -91,7 +91,7 @@ def sums(model: FlightModel, group: Group, s: Array) -> Sums:
     """Return cost and normal equations at theta's part `s` (vehicle, then this log)."""
     w, ns = group.windows, len(s)
     u_all = w.inputs(s[at.VEHICLE_COUNT + at.MOTOR_DELAY])
-    y_all, q_all, dt_all, _ = w.readings(s[at.VEHICLE_COUNT + at.POSE_DELAY])
+    y_all, q_all, dt_all = w.readings(s[at.VEHICLE_COUNT + at.POSE_DELAY])
     shifted = s.copy()
     shifted[at.VEHICLE_COUNT + at.MOTOR_DELAY] = shifted[at.VEHICLE_COUNT + at.POSE_DELAY] = 0.0
     S = np.repeat(shifted[:, None], w.count, axis=1)
@@ -173,7 +173,7 @@ class Solution:
     iterations: int
 
 
-def _part(s: Array, number: int) -> NDArray[np.int64]:
+def _part(number: int) -> NDArray[np.int64]:
     first = at.VEHICLE_COUNT + number * at.LOG_COUNT
     return np.r_[np.arange(at.VEHICLE_COUNT), np.arange(first, first + at.LOG_COUNT)]
 
@@ -193,16 +193,16 @@ def solve(
 ) -> Solution:
     """Return the most likely theta. `steady` gives the rotor speeds that the windows' first commands lead to."""
     s, damping = start.copy(), 1e-4
-    unexplained = _UNEXPLAINED.copy() if unexplained is None else unexplained.copy()
+    wander = _UNEXPLAINED.copy() if unexplained is None else unexplained.copy()
     prior_weight = 1.0 / priors**2
 
     def set_priors() -> None:
         means = np.array([g.z0[-6:].mean(axis=1) for g in groups])
         for g, mean in zip(groups, means - means.mean(axis=0), strict=True):  # a battery's place, say, of one log
-            g.prior_weight[-6:] = 1.0 / unexplained[:, None] ** 2
+            g.prior_weight[-6:] = 1.0 / wander[:, None] ** 2
             g.prior_mean[-6:] = mean[:, None]
             if steady is not None:
-                speeds = steady(g, s[_part(s, g.windows.number)])
+                speeds = steady(g, s[_part(g.windows.number)])
                 g.prior_mean[fm.O : fm.O + model.rotors] = speeds
                 g.prior_weight[fm.O : fm.O + model.rotors] = 1.0 / (0.15 * np.abs(speeds).mean() + 1.0) ** 2
 
@@ -214,14 +214,14 @@ def solve(
     def total(parts: Sequence[Sums], s: Array) -> float:
         return sum(p.cost for p in parts) + 0.5 * float((prior_weight * s * s).sum())
 
-    parts = [sums(model, g, s[_part(s, g.windows.number)]) for g in groups]
+    parts = [sums(model, g, s[_part(g.windows.number)]) for g in groups]
     cost = total(parts, s)
     n, iteration = len(s), 0
     for iteration in range(1, most + 1):
         progress(share[0] + (share[1] - share[0]) * iteration / (most + 1), f"iteration {iteration}")
         A, b, inner = np.diag(prior_weight), prior_weight * s, []
         for g, p in zip(groups, parts, strict=True):
-            where = _part(s, g.windows.number)
+            where = _part(g.windows.number)
             inverse = np.linalg.inv(p.Hzz + damping * np.einsum("wii->wi", p.Hzz)[:, :, None] * np.eye(model.states))
             gain = inverse @ p.Hzs
             A[np.ix_(where, where)] += (p.Hss - p.Hzs.transpose(0, 2, 1) @ gain).sum(axis=0)
@@ -233,7 +233,7 @@ def solve(
         step = np.clip(step, -0.7 * priors, 0.7 * priors)
         kept = [g.z0 for g in groups]
         for g, p, (inverse, gain) in zip(groups, parts, inner, strict=True):
-            ds = step[_part(s, g.windows.number)]
+            ds = step[_part(g.windows.number)]
             dz = -(inverse @ p.gz[:, :, None])[:, :, 0] - gain @ ds
             z = g.z0 + dz.T
             z[fm.Q] /= np.linalg.norm(z[fm.Q], axis=0)
@@ -241,7 +241,7 @@ def solve(
                 z[fm.O : fm.O + model.rotors] = np.maximum(z[fm.O : fm.O + model.rotors], 0.0)
             g.z0 = z
         new = s + step
-        trial = [sums(model, g, new[_part(s, g.windows.number)]) for g in groups]
+        trial = [sums(model, g, new[_part(g.windows.number)]) for g in groups]
         new_cost = total(trial, new)
         if not np.isfinite(new_cost) or new_cost > cost + 1e-9 * abs(cost):
             for g, z in zip(groups, kept, strict=True):
@@ -268,25 +268,25 @@ def solve(
             spread += np.einsum("wii->i", np.linalg.inv(p.Hzz)[:, -6:, -6:])
             windows += g.windows.count
         new_spread = np.maximum(np.sqrt((explained + spread) / windows), _LEAST_UNEXPLAINED)
-        changed = max(changed, float(np.max(np.abs(np.log(new_spread / unexplained)))) / 3)
-        unexplained = new_spread
+        changed = max(changed, float(np.max(np.abs(np.log(new_spread / wander)))) / 3)
+        wander = new_spread
         if moved < _SETTLED and changed < 0.05:
             break
         if changed >= 0.03:
             set_priors()
-            parts = [sums(model, g, s[_part(s, g.windows.number)]) for g in groups]
+            parts = [sums(model, g, s[_part(g.windows.number)]) for g in groups]
             cost = total(parts, s)
-    return _with_covariance(model, groups, parts, s, prior_weight, free, cost, unexplained, iteration)
+    return _with_covariance(groups, parts, s, prior_weight, free, cost, wander, iteration)
 
 
 def _with_covariance(
-    model: FlightModel, groups: list[Group], parts: list[Sums], s: Array, prior_weight: Array,
+    groups: list[Group], parts: list[Sums], s: Array, prior_weight: Array,
     free: NDArray[np.bool_], cost: float, unexplained: Array, iterations: int,
 ) -> Solution:  # fmt: skip
     n = len(s)
     A, B = np.diag(prior_weight), np.diag(prior_weight).astype(float)
     for g, p in zip(groups, parts, strict=True):
-        where = _part(s, g.windows.number)
+        where = _part(g.windows.number)
         gain = np.linalg.inv(p.Hzz) @ p.Hzs
         A[np.ix_(where, where)] += (p.Hss - p.Hzs.transpose(0, 2, 1) @ gain).sum(axis=0)
         score = p.gs - (gain.transpose(0, 2, 1) @ p.gz[:, :, None])[:, :, 0]

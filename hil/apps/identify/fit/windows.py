@@ -121,7 +121,7 @@ class Windows:
         flat = np.vstack([flat, volts])
         return flat.reshape(len(flat), *t.shape).transpose(1, 0, 2)
 
-    def readings(self, pose_delay_s: float) -> tuple[Array, Array, Array, Array]:
+    def readings(self, pose_delay_s: float) -> tuple[Array, Array, Array]:
         """Return y [steps, OUTPUTS, W] with NaN where nothing was read, q_measured [steps, 4, W], and dt [steps, 3, W].
 
         The rotation vector's reading is 0 where the attitude was measured.
@@ -147,4 +147,5 @@ class Windows:
                 y[9:12, known] = 0.0
                 q[:, known] = found.series.values[i[known], 3:7].T
         shape = (-1, *t.shape)
-        return tuple(x.reshape(shape).transpose(1, 0, 2) for x in (y, q, dt))[:3] + (flat.reshape(t.shape),)  # type: ignore[return-value]
+        y, q, dt = (x.reshape(shape).transpose(1, 0, 2) for x in (y, q, dt))
+        return y, q, dt
