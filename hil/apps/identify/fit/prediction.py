@@ -134,8 +134,8 @@ class Predictor:
     ) -> dict[int, Array]:
         step_s, longest, noise = self.model.step_s, max(horizons), self.noise
         keep = np.ones((self.model.states, len(k)))
-        keep[10:12] = np.exp(-step_s * found.decay_per_s[k, log])
-        trust = found.trust[k, log]
+        keep[10:13] = np.exp(-step_s * found.decay_per_s[k, :, log].T)
+        trust = found.trust[k, :, log].T
         rho = found.rho[k, log]
         keep[-6:-3], keep[-3:] = np.exp(-step_s / noise.push_bias_s), np.exp(-step_s / noise.turn_bias_s)
         z, delay = found.z[k, :, log].T.copy(), found.delay_s[k, log]
@@ -145,9 +145,9 @@ class Predictor:
         out = {}
         for h in range(longest):
             u = grid.motors[log].inputs(t0 + h * step_s + delay, step_s, latest_s=t0 + (h + 1 - LAG) * step_s)
-            before, p0 = z[10:12], z[:2]
+            before, p0 = z[10:13], z[:2]
             z = step(z, S, np.vstack([u, grid.volts[k, log]])).full()
-            z[10:12] = before + trust * (z[10:12] - before)
+            z[10:13] = before + trust * (z[10:13] - before)
             z *= keep
             z[:2] = p0 + rho * (z[:2] - p0)
             if h + 1 in horizons:

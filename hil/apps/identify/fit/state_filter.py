@@ -6,9 +6,10 @@ or of the wind is learnt while the vehicle flies; d is a slow random walk, becau
 
 A flying vehicle is stabilised: its autopilot turns against every rate, and what the model mistakes for torque (noise of
 the telemetry, turbulence, errors of the model) does not carry it off. Integration of torques alone knows nothing of
-that. A prediction therefore weighs what it knows of roll and pitch by the rms s of their rates in the past seconds:
-    dw = g torque / I - lambda w,   g = s^2 / (s^2 + doubt^2),   lambda = min(fastest, stray / s)
-g is Wiener's weight of a signal of size s in noise of size `doubt`; lambda makes the integral of the noise a leaky one.
+that. How far the torques can be believed is learnt from the past, for each axis: over spans of `SPAN_S`,
+    w(t) - w(t - span) = g D - l w(t - span) + noise,    D the model's torques over the span, integrated
+by least squares that forget in `memory_s`, from a first guess. A prediction then has dw = g torque / I - lambda w with
+exp(-lambda span) = 1 - l. With exact torques g is 1 and lambda 0.
 
 Velocities of some logs are larger than the change of their positions (optical flow: a wrong height, a wrong lens). The
 ratio rho of the two, level, is learnt from the past, and positions advance by rho v.
@@ -31,6 +32,7 @@ from hil.apps.identify.fit.shooting import rates
 
 Array = NDArray[np.float64]
 
+SPAN_S = 0.5
 _SPAN = 10  # instants over which positions are compared with velocities
 
 
@@ -40,9 +42,10 @@ class FilterNoise:
 
     move: float = 0.02  # m/s sqrt(s)
     lean: float = 0.01  # rad/s sqrt(s)
-    turn: float = 0.6  # rad/s2 sqrt(s)
-    turn_bias: float = 8.0  # rad/s2, of b
-    turn_bias_s: float = 20.0
+    turn: float = 2.0  # rad/s2 sqrt(s)
+    yaw: float = 0.1  # of that about z, where torques are smaller
+    turn_bias: float = 3.0  # rad/s2, of b
+    turn_bias_s: float = 30.0
     push: float = 0.1  # m/s2 sqrt(s)
     push_bias: float = 1.0
     push_bias_s: float = 5.0
@@ -52,10 +55,10 @@ class FilterNoise:
     velocity: float = 0.01
     delay_s: float = 0.008  # of the first guess of d
     delay_walk: float = 0.0003  # s per root second
-    stray: float = 1.3  # rad/s2
-    fastest_per_s: float = 20.0
-    rate_memory_s: float = 3.0
-    doubt: float = 0.8  # rad/s
+    memory_s: float = 10.0
+    first_g: float = 0.4
+    first_l: float = 0.5
+    first_weight: float = 1.0  # (rad/s)^2 of the first guess
 
 
 class Track(NamedTuple):
@@ -66,6 +69,38 @@ class Track(NamedTuple):
     decay_per_s: Array
     trust: Array
     rho: Array
+
+
+class _Weights:
+    """Least squares of g and l, for each axis [3, L]."""
+
+    def __init__(self, noise: FilterNoise, logs: int) -> None:
+        self._first = noise.first_weight
+        self._guess = noise.first_g, noise.first_l
+        self._dd, self._dw, self._ww, self._da, self._wa = (np.zeros((3, logs)) for _ in range(5))
+
+    def add(self, change: Array, model: Array, before: Array, forget: float, known: NDArray[np.bool_]) -> None:
+        """Take one span's change of rate, what the model's torques give, and the rate at its start."""
+        h = 0.01 * known  # spans overlap: a second's count as one
+        for total, product in (
+            (self._dd, model * model),
+            (self._dw, -model * before),
+            (self._ww, before * before),
+            (self._da, model * change),
+            (self._wa, -before * change),
+        ):
+            total *= forget
+            total += h * product
+
+    def solve(self) -> tuple[Array, Array]:
+        """Return g from 0 to 1 and lambda from 0 [1/s]."""
+        g0, l0 = self._guess
+        dd, ww = self._dd + self._first, self._ww + self._first
+        da, wa = self._da + self._first * g0, self._wa + self._first * l0
+        det = dd * ww - self._dw * self._dw
+        g = np.clip((da * ww - wa * self._dw) / det, 0.0, 1.0)
+        loss = np.clip((wa * dd - da * self._dw) / det, 0.0, 0.98)
+        return g, -np.log(1.0 - loss) / SPAN_S
 
 
 def track(
@@ -91,7 +126,7 @@ def track(
     keep_a, keep_b = np.exp(-h / noise.push_bias_s), np.exp(-h / noise.turn_bias_s)
     Q = np.zeros(N)
     Q[fm.P], Q[fm.Q] = noise.move**2 * h, (0.5 * noise.lean) ** 2 * h
-    Q[fm.V], Q[fm.W] = noise.push**2 * h, noise.turn**2 * h
+    Q[fm.V], Q[fm.W] = noise.push**2 * h, (noise.turn * np.array([1.0, 1.0, noise.yaw])) ** 2 * h
     Q[nz - 6 : nz - 3], Q[nz - 3 : nz] = noise.push_bias**2 * (1 - keep_a**2), noise.turn_bias**2 * (1 - keep_b**2)
     Q[nz] = noise.delay_walk**2 * h
     if model.kind == "command":
@@ -106,10 +141,11 @@ def track(
     H[np.arange(13), np.arange(13)] = 1.0
     H[fm.P, fm.V] = -pose_delay_s * np.eye(3)
     eye = np.eye(N)
-    turning2 = np.full(L, 0.2)
-    forget = h / noise.rate_memory_s
     rho, rhos, s1, s2 = np.ones(L), np.ones((n, L)), np.full(L, 0.5), np.full(L, 0.5)
-    decays, trusts = np.zeros((n, L)), np.ones((n, L))
+    decays, trusts = np.zeros((n, 3, L)), np.ones((n, 3, L))
+    span = round(SPAN_S / h)
+    turned, biased, learnt = np.zeros((n + 1, 3, L)), np.zeros((n, 3, L)), _Weights(noise, L)
+    forget = np.exp(-h / noise.memory_s)
     slope = np.zeros((nz, L))
     for k in range(n):
         y = measured[k].copy()
@@ -127,18 +163,21 @@ def track(
         P = (eye - K @ H) @ P
         P = 0.5 * (P + P.transpose(0, 2, 1))
         zs[k], ds[k] = z, first_delay_s + d
-        turning2 += forget * (0.5 * (z[10] ** 2 + z[11] ** 2) - turning2)
         if k >= _SPAN:
             went = measured[k, :2] - measured[k - _SPAN, :2]
             said = h * measured[k - _SPAN : k, 7:9].sum(axis=0)
             s1, s2 = s1 + (went * said).sum(axis=0), s2 + (said * said).sum(axis=0)
             rho = s1 / s2
         rhos[k] = rho
-        trusts[k] = turning2 / (turning2 + noise.doubt**2)
-        decays[k] = np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2))
+        if k > span:
+            gained = turned[k] - turned[k - span] + SPAN_S * biased[k - span]
+            learnt.add(zs[k, 10:13] - zs[k - span, 10:13], gained, zs[k - span, 10:13], forget, known[k])
+        trusts[k], decays[k] = learnt.solve()
         S[where] = d
         value, A, B = rates(model.rates[0], z, S, inputs[k])
         slope = value.T
+        biased[k] = z[nz - 3 : nz]
+        turned[k + 1] = turned[k] + h * (slope[10:13] - biased[k])
         F = np.zeros((L, N, N))
         hA = h * A
         F[:, :nz, :nz] = np.eye(nz) + hA + 0.5 * hA @ hA
