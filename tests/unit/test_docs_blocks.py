@@ -20,6 +20,7 @@ LANGUAGES = {"sh", "yaml", "python", "cpp", "json", "text"}  # text: output, dra
 # Blocks of YAML that are another program's, or that another test runs, and why: by page and first key.
 ELSEWHERE = {
     "ci.md: name": "a workflow of GitHub",
+    "identify.md: time": "tests/unit/hil/apps/identify reads its map of columns",
     "CONTRIBUTING.md": "tests/e2e/test_contributing.py runs its examples",
 }
 

@@ -44,6 +44,7 @@ NOT_RUN = {
     r"chmod|hil run --rig betaflight": "runs in tests/e2e/test_contributing.py",
     r"cmake|build/fuzz_frame": "runs in tests/fuzz_frame/test_fuzz_frame.py",
     r"hil campaign (shrink|compare|search)": "needs other flights: tests/e2e/test_campaign_weakness.py has them",
+    r"hil identify": "needs flight logs: tests/unit/hil/apps/identify makes some",
     r"hil calibrate": "needs a recording of a sensor: tests/unit/hil/apps/calibrate makes one",
 }
 _FIRMWARE = {

@@ -19,9 +19,10 @@ def us(t_s: float) -> int:
     return START_US + round(t_s * 1e6)
 
 
-def ulog(path: Path, m: Motion, *, positions_every: int = 1, motors_late_us: int = 3000) -> Path:
+def ulog(path: Path, m: Motion, *, positions_every: int = 1, hardware: str = "PX4_FMU_V6X") -> Path:
     """Write a motion as PX4 logs it: messages later than their samples."""
     log = ULogFile({"SYS_AUTOSTART": 4001})
+    log.info("ver_hw", hardware)
     log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
     log.topic(
         "sensor_combined",
@@ -37,7 +38,7 @@ def ulog(path: Path, m: Motion, *, positions_every: int = 1, motors_late_us: int
     p, v, q = m.ned(m.p_WB), m.ned(m.v_WB_W), m.q_NF
     for i, t_s in enumerate(m.t_s):
         t = us(t_s)
-        log.add("actuator_motors", t + motors_late_us, t, *m.motors[i], *[float("nan")] * 8)
+        log.add("actuator_motors", t + 3000, t, *m.motors[i], *[float("nan")] * 8)
         log.add("sensor_combined", t, *gyro[i], 0, *accel[i])
         log.add("vehicle_attitude", t + 2000, t, *q[i])
         if i % positions_every == 0:

@@ -28,8 +28,17 @@ class ULogFile:
             kind, code = ("int32_t", "i") if isinstance(value, int) else ("float", "f")
             self._definitions += _message("P", _key(f"{kind} {name}") + struct.pack("<" + code, value))
         self._subscriptions = b""
+        self._codes = dict(_CODES)
         self._topics: dict[str, tuple[int, str]] = {}
         self._data: list[tuple[int, bytes]] = []
+
+    def info(self, name: str, text: str) -> None:
+        self._definitions += _message("I", _key(f"char[{len(text)}] {name}") + text.encode())
+
+    def nested(self, name: str, fields: Sequence[tuple[str, str]]) -> None:
+        """Declare a type that topics may have as a field."""
+        self._definitions += _message("F", f"{name}:{''.join(f'{kind} {field};' for kind, field in fields)}".encode())
+        self._codes[name] = "".join(_CODES[kind] for kind, _ in fields)
 
     def topic(self, name: str, fields: Sequence[tuple[str, str]]) -> None:
         """Declare a topic; each field is (type, name), the name with [n] for an array. `timestamp` is put first."""
@@ -38,7 +47,7 @@ class ULogFile:
             count = int(field[field.index("[") + 1 : -1]) if field.endswith("]") else 1
             bare = field.split("[")[0]
             declared.append(f"{kind}[{count}] {bare}" if field.endswith("]") else f"{kind} {bare}")
-            codes += _CODES[kind] * count
+            codes += self._codes[kind] * count
         number = len(self._topics)
         self._topics[name] = number, codes
         self._definitions += _message("F", f"{name}:{';'.join(declared)};".encode())

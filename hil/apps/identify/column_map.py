@@ -101,7 +101,7 @@ class Voltage(StrictModel):
 
 
 class ColumnMap(StrictModel):
-    """Where a table has what. World and body hold for all its vectors and the attitude."""
+    """Map of one table. World and body hold for all its vectors and the attitude."""
 
     time: Time
     world: Literal["enu", "ned"]

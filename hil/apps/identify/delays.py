@@ -23,6 +23,7 @@ _STEP_S = 0.004
 _MOST_S = 0.25
 _LEAST_S = -0.1
 _CUTOFF_HZ = 12.0
+_MOST_MOTOR_STEP_S = 0.025  # rarer outputs were held or changed in between, which no correlation shows
 _LEAST_CORRELATION = 0.4  # below it no peak stands out
 
 
@@ -43,7 +44,9 @@ def delays_of(log: FlightLog, vehicle: Vehicle) -> Delays:
     torque = wrench(steady_speeds_radps(log, vehicle), vehicle)[:, 3:]
     # A command holds until the next one, so it acts half a period later than a straight line between both says.
     held = torque[np.clip(np.searchsorted(log.motors.t_s, t_s, "right") - 1, 0, None)]
-    motors = lag_s(smoothed(held, _STEP_S, _CUTOFF_HZ)[:, :2], derivative(gyro, _STEP_S)[:, :2])
+    motors = None
+    if len(log.motors) > 1 and float(np.median(np.diff(log.motors.t_s))) <= _MOST_MOTOR_STEP_S:
+        motors = lag_s(smoothed(held, _STEP_S, _CUTOFF_HZ)[:, :2], derivative(gyro, _STEP_S)[:, :2])
     pose = None
     if log.pose is not None and len(log.pose) > 50:
         turned = smoothed(attitude_rate(attitude_at(log.pose, t_s), _STEP_S), _STEP_S, _CUTOFF_HZ)

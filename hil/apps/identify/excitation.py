@@ -115,7 +115,7 @@ class Excitation:
 
 @dataclass(frozen=True)
 class _Signals:
-    """What the model needs of one flight, on a grid: motors' times have their own."""
+    """Signals of one flight that the model needs, on a grid: motors' times have their own."""
 
     log: FlightLog
     t_s: Rows

@@ -1,4 +1,4 @@
-"""What the estimator returns: fitted parameters with their deviations, and predictions of flights that it did not see.
+"""The estimator's result: fitted parameters with their deviations, and predictions of flights that it did not see.
 
 The command calls the estimator as
 

@@ -1,4 +1,4 @@
-"""Whether a fitted vehicle predicts held-out flight better than the one it began with.
+"""Judgement of a fit: does the fitted vehicle predict held-out flight better than the one it began with?
 
     ratio = exp(mean over logs, horizons and quantities of log(after / before))
 

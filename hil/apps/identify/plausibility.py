@@ -92,10 +92,18 @@ def gain_of(log: FlightLog, vehicle: Vehicle) -> float:
 
 
 def check_one_vehicle(flights: Sequence[FlightLog], vehicle: Vehicle) -> None:
-    """Refuse flights of which two cannot be of one vehicle. Raises ConfigError."""
+    """Refuse flights of which two cannot be of one vehicle, or have other motor outputs. Raises ConfigError."""
     if len(flights) < 2:
         return
-    gains = [(gain_of(flight, vehicle), flight) for flight in flights if flight.duration_s > 2.0]
+    other = next((flight for flight in flights if flight.motors_kind != flights[0].motors_kind), None)
+    if other is not None:
+        kinds = {"command": "commands", "speed_radps": "measured speeds"}
+        message = (
+            f"has {kinds[other.motors_kind]} of its motors from {other.start_s:.2f} s, and {flights[0].source} has "
+            f"{kinds[flights[0].motors_kind]}"
+        )
+        raise ConfigError([Problem(str(other.source), message, "fit each kind of log by itself")])
+    gains = [(gain_of(flight, vehicle), flight) for flight in flights]
     low, high = min(gains, key=lambda g: g[0]), max(gains, key=lambda g: g[0])
     if high[0] > _MIXED * low[0]:
         message = (

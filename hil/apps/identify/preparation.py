@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from sim.physics.vehicle import Vehicle
 
 LEAST_FLIGHT_S = 20.0  # of free flight in all: fewer windows of half a second leave no part to hold out
 _SHORTEST_USED_S = 2.0  # of one stretch
+_LEAST_VOLTAGE_CHANGE_V = 2e-3
 _WANTED_TURN_RADPS, _WANTED_SPEED_MPS, _WANTED_CLIMB_MPS = 0.3, 3.0, 1.0  # rms; greatest; greatest
 
 
@@ -55,7 +56,7 @@ def prepare(
         progress(number / len(paths), f"reading {path.name}")
         file = LogFile(path, vehicle, columns, of)
         try:
-            log, found = _flights_of(file)
+            log, found = flights_of(file)
             whole.append(log)
             flights += found
         except ConfigError as error:
@@ -88,8 +89,9 @@ def _refuse_twice_named(paths: Sequence[Path]) -> None:
         seen.add(resolved)
 
 
-def _flights_of(file: LogFile) -> tuple[FlightLog, list[FlightLog]]:
-    log = read_log(file)
+def flights_of(file: LogFile) -> tuple[FlightLog, list[FlightLog]]:
+    """Return a log and its checked flights. Raises ConfigError."""
+    log = with_measured_voltage(read_log(file), file)
     if log.rate is None and log.pose is None:
         raise file.refuse("has neither gyro nor attitude and position: nothing shows how the vehicle moved")
     up = motors_up(log, file)
@@ -102,6 +104,15 @@ def _flights_of(file: LogFile) -> tuple[FlightLog, list[FlightLog]]:
         check_flight(flight, file)
     note_saturation(flights, file)
     return log, flights
+
+
+def with_measured_voltage(log: FlightLog, file: LogFile) -> FlightLog:
+    """Return the log without a voltage that never changes: firmware in SITL reports one that is no battery's."""
+    if log.voltage is None or len(log.voltage) < 2 or float(np.ptp(log.voltage.values)) > _LEAST_VOLTAGE_CHANGE_V:
+        return log
+    message = f"stays at {float(log.voltage.values[0, 0]):.2f} V from {log.start_s:.2f} to {log.end_s:.2f} s"
+    file.note(message, "it is not used: no battery does that under load", topic=file.topic("voltage"))
+    return replace(log, voltage=None)
 
 
 def _too_short(whole: Sequence[FlightLog], flights: Sequence[FlightLog]) -> Problem:

@@ -1,6 +1,7 @@
 """ArduPilot's DataFlash (.bin), indexed by pymavlink and decoded by columns.
 
-    motors      ESC (rpm) if every motor reports, else RCOU (us) by the outputs' functions and MOT_PWM_MIN and _MAX
+    motors      ESC (rpm) if every motor reports, else RCOU (us) by the outputs' functions and MOT_PWM_MIN and _MAX,
+                made faster by RATE (ardupilot_mixing.py)
     rate, accel IMU, first instance
     pose        attitude of XKQ, else XKF1, else ATT; position and velocity of XKF1, else POS and GPS
     voltage     BAT, first instance
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_bridge.links.ardupilot.frames import FIRST_MOTOR_FUNCTION, frame_of
+from hil.apps.identify.ardupilot_mixing import faster_commands
 from hil.apps.identify.columns_of_time import pose_of, series_of
 from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
 from hil.apps.identify.log_format import Format, LogFile
@@ -41,7 +43,7 @@ _US = 1e-6
 _RADPS_PER_RPM = 2.0 * math.pi / 60.0
 _MOST_OUTPUTS = 14
 _EARTH_RADIUS_M = 6378137.0
-_MOTORS_HINT = "set LOG_BITMASK with RCOUT (bit 10) and fast attitude (bit 0), and fly again"
+_MOTORS_HINT = "set LOG_BITMASK with RCOUT (bit 10), fast attitude (bit 0) and fast IMU (bit 18), and fly again"
 _LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hides between two samples
 
 
@@ -180,11 +182,23 @@ def _motors(file: LogFile, messages: _Messages, parameters: Mapping[str, float])
     commands = np.clip((pwm - low) / max(high - low, 1.0), 0.0, 1.0)
     series = series_of(columns["TimeUS"] * _US, commands)
     assert series is not None  # PWM is finite
-    if len(series) > 1:
-        hz = 1.0 / float(np.median(np.diff(series.t_s)))
-        if hz < _LEAST_MOTOR_HZ:
-            file.note(f"has {hz:.0f} values per second; the motors' lags need more", _MOTORS_HINT, topic="RCOU")
+    if len(series) > 1 and _rate_hz(series) < _LEAST_MOTOR_HZ:
+        rate = messages("RATE")
+        loops = None
+        if rate is not None:
+            loops = series_of(rate["TimeUS"] * _US, _stack(rate, "ROut", "POut", "YOut", "AOut"))
+        if loops is not None and len(loops) > 1 and _rate_hz(loops) >= _LEAST_MOTOR_HZ:
+            faster = faster_commands(series, loops, parameters)
+            if faster is not None:
+                file.topics.update(motors="RATE, mixed as RCOU")
+                return faster, "command"
+        message = f"has {_rate_hz(series):.0f} values per second; the motors' lags need more"
+        file.note(message, _MOTORS_HINT, topic="RCOU")
     return series, "command"
+
+
+def _rate_hz(series: Series) -> float:
+    return 1.0 / float(np.median(np.diff(series.t_s)))
 
 
 def _esc_speeds(messages: _Messages, output_of_rotor: Mapping[int, int], count: int) -> Series | None:

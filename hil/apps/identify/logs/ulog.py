@@ -6,13 +6,16 @@
     pose        vehicle_attitude and vehicle_local_position; velocity from the latter
     voltage     battery_status
 
-PX4's motor i is the rotor i of the vehicle file (`CA_ROTORi_*`). Times are those of the sample from which a value was
-computed (`timestamp_sample`) where the topic has it, otherwise of the message: a motor's command otherwise seems as
-late as the controller took to compute it.
+actuator_motors are shares of thrust: the outputs x follow from T = f x^2 + (1 - f) x with f = THR_MDL_FAC
+(mixer_module/functions/FunctionMotors.hpp). PX4's motor i is the rotor i of the vehicle file (`CA_ROTORi_*`). Times are
+those of the sample from which a value was computed (`timestamp_sample`) where the topic has it, otherwise of the
+message: a motor's command otherwise seems as late as the controller took to compute it.
 """
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +28,9 @@ from hil.apps.identify.columns_of_time import pose_of, series_of
 from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
 from hil.apps.identify.log_format import Format, LogFile
 from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
+from hil.apps.identify.rotor_model import wrench
+from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics.vehicle import Vehicle
 
 _MAGIC = b"ULog\x01\x12\x35"
 _TOPICS = (
@@ -35,7 +41,7 @@ _FIRST_MOTOR = 101  # output function of motor 1 (PWM_MAIN_FUNC1 and the like)
 _MOST_OUTPUTS = 16
 _US = 1e-6
 _RADPS_PER_RPM = 2.0 * math.pi / 60.0
-_MOTORS_HINT = "log actuator_motors: SDLOG_PROFILE with its bit 4 (high rate), and fly again"
+_MOTORS_HINT = "log actuator_motors at its full rate: SDLOG_PROFILE with bit 3 (system identification), and fly again"
 _LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hides between two samples
 _SHORTEST_GAP_MS = 20.0
 
@@ -60,7 +66,8 @@ def _read(file: LogFile) -> FlightLog:
     except ImportError as error:
         raise file.refuse("is a ULog, and pyulog is not installed", 'pip install "hil-bench[identify]"') from error
     try:
-        log = ULog(str(file.path), list(_TOPICS))
+        with contextlib.redirect_stdout(io.StringIO()):  # it prints what it finds at a damaged end
+            log = ULog(str(file.path), list(_TOPICS))
     except Exception as error:  # pyulog raises bare exceptions, IndexError and struct.error
         raise file.refuse(f"is no readable ULog ({error})", "copy it from the vehicle again") from error
     topics = _Topics(log.data_list)
@@ -73,6 +80,9 @@ def _read(file: LogFile) -> FlightLog:
     attitude, position, velocity = _state(file, topics)
     battery = topics("battery_status")
     voltage = None if battery is None else series_of(_times(battery), battery[_voltage_field(battery)])
+    if voltage is not None and str(log.msg_info_dict.get("ver_hw", "")).startswith("PX4_SITL"):
+        file.note("is that of PX4's own simulated battery", "it is not used", topic="battery_status")
+        voltage = None
     pose = pose_of(attitude, position, velocity) if attitude is not None and position is not None else None
     return FlightLog(
         name=file.path.stem,
@@ -119,7 +129,7 @@ def _columns(data: dict[str, NDArray[Any]], name: str, count: int) -> NDArray[np
 
 def _motors(file: LogFile, topics: _Topics, parameters: dict[str, Any]) -> tuple[Series, MotorsKind]:
     rotors = len(file.vehicle.rotors)
-    found = _commands(file, topics, rotors)
+    found = _commands(file, topics, rotors, float(parameters.get("THR_MDL_FAC", 0.0)))
     kind: MotorsKind = "command"
     topic = "actuator_motors"
     if found is None:
@@ -129,15 +139,31 @@ def _motors(file: LogFile, topics: _Topics, parameters: dict[str, Any]) -> tuple
     if found is None:
         message = f"has no motor outputs of {rotors} rotors: none of actuator_motors, actuator_outputs and esc_status"
         raise file.refuse(message, _MOTORS_HINT)
+    hz = _rate_hz(found)
+    if kind == "command" and hz < _LEAST_MOTOR_HZ:
+        speeds = _esc_speeds(topics, rotors)
+        if speeds is not None and _rate_hz(speeds) >= _LEAST_MOTOR_HZ and _lifts(speeds, file.vehicle):
+            topic, found, kind, hz = "esc_status", speeds, "speed_radps", _rate_hz(speeds)
     file.topics.update(motors=topic)
-    if len(found) > 1:
-        hz = 1.0 / float(np.median(np.diff(found.t_s)))
-        if hz < _LEAST_MOTOR_HZ:
-            file.note(f"has {hz:.0f} values per second; the motors' lags need more", _MOTORS_HINT, topic=topic)
+    if hz < _LEAST_MOTOR_HZ:
+        file.note(f"has {hz:.0f} values per second; the motors' lags need more", _MOTORS_HINT, topic=topic)
     return found, kind
 
 
-def _commands(file: LogFile, topics: _Topics, rotors: int) -> Series | None:
+def _rate_hz(series: Series) -> float:
+    return 1.0 / float(np.median(np.diff(series.t_s))) if len(series) > 1 else 0.0
+
+
+def _lifts(speeds: Series, vehicle: Vehicle) -> bool:
+    """Return whether measured speeds may be the rotors': PX4's SITL reports 6000 rpm times the command as such."""
+    turning = speeds.values[(speeds.values > 0.2 * speeds.values.max()).all(axis=1)]
+    if not len(turning):
+        return False
+    lift_n = float(np.median(wrench(turning, vehicle)[:, 2]))
+    return 0.5 < lift_n / (vehicle.mass_kg * STANDARD_GRAVITY_MPS2) < 2.0
+
+
+def _commands(file: LogFile, topics: _Topics, rotors: int, thrust_factor: float) -> Series | None:
     data = topics("actuator_motors")
     values = None if data is None else _columns(data, "control", rotors)
     if data is None or values is None:
@@ -152,7 +178,15 @@ def _commands(file: LogFile, topics: _Topics, rotors: int) -> Series | None:
         message = f"never commands the motors {silent} of the vehicle's {rotors}"
         hint = "name the file of the vehicle that made this log; a log without arming has no flight"
         raise file.refuse(message, hint, topic="actuator_motors")
-    return series_of(_times(data), np.nan_to_num(values, nan=0.0))  # NaN: a stopped motor
+    thrust = np.clip(np.nan_to_num(values, nan=0.0), 0.0, 1.0)  # NaN: a stopped motor
+    return series_of(_times(data), _output_of_thrust(thrust, thrust_factor))
+
+
+def _output_of_thrust(thrust: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    if not 0.0 < factor <= 1.0:
+        return thrust
+    half = (1.0 - factor) / (2.0 * factor)
+    return np.asarray(np.sqrt(half * half + thrust / factor) - half, np.float64)
 
 
 def _outputs(topics: _Topics, parameters: dict[str, Any], rotors: int) -> Series | None:
@@ -236,19 +270,34 @@ def _state(file: LogFile, topics: _Topics) -> tuple[Series | None, Series | None
         )
         return attitude, None, None
     t_s = _times(data)
-    resets = sum(int(np.count_nonzero(np.diff(data[n].astype(np.int64)))) for n in _RESETS if n in data)
-    if resets:
-        message = f"jumped {resets} times (the estimator's resets)"
-        file.note(message, "fly where GPS is good, and wait before take-off", topic="vehicle_local_position")
     p = np.stack([data[name].astype(np.float64) for name in ("x", "y", "z")], axis=1)
     v = np.stack([data[name].astype(np.float64) for name in ("vx", "vy", "vz")], axis=1)
+    _remove_resets(file, data, t_s, p)
     for valid, columns in (("xy_valid", p[:, :2]), ("z_valid", p[:, 2:]), ("v_xy_valid", v[:, :2])):
         if valid in data:
             columns[data[valid] == 0] = np.nan
     return attitude, series_of(t_s, enu_from_ned(p)), series_of(t_s, enu_from_ned(v))
 
 
-_RESETS = ("xy_reset_counter", "z_reset_counter", "vxy_reset_counter", "vz_reset_counter")
+def _remove_resets(
+    file: LogFile, data: dict[str, NDArray[Any]], t_s: NDArray[np.float64], p: NDArray[np.float64]
+) -> None:
+    """Take the jumps of the estimator's origin out of the positions `p` [n, 3], and note the last one."""
+    for counter, deltas, first in (
+        ("xy_reset_counter", ("delta_xy[0]", "delta_xy[1]"), 0),
+        ("z_reset_counter", ("delta_z",), 2),
+    ):
+        if counter not in data or any(name not in data for name in deltas):
+            continue
+        jumps = np.flatnonzero(np.diff(data[counter].astype(np.int64))) + 1
+        for k, name in enumerate(deltas):
+            steps = np.zeros(len(t_s))
+            steps[jumps] = data[name][jumps]
+            p[:, first + k] -= np.nan_to_num(np.cumsum(np.nan_to_num(steps)))
+        if len(jumps):
+            message = f"jumped {len(jumps)} times, last at {t_s[jumps[-1]]:.2f} s ({counter})"
+            hint = "the positions are used without the jumps; good GPS and a wait before take-off avoid them"
+            file.note(message, hint, topic="vehicle_local_position")
 
 
 def _voltage_field(battery: dict[str, NDArray[Any]]) -> str:

@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from hil.apps.identify.column_map import ColumnMap
 from hil.apps.identify.command import IdentifyOptions, identify
 from hil.apps.identify.fixed_values import read_fixed, with_fixed
 from hil.apps.identify.flight_log import FlightLog
 from hil.cli.app import run_command_line
+from signals.documents.validate import load_model, validate
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
+from tests.worlds.docs_blocks import ROOT, blocks
 from tests.worlds.estimate_stand_in import THRUST, StandIn
 from tests.worlds.flight_files import dataflash, motion_of, ulog
 from tests.worlds.flown_log import flown_log, scaled
@@ -185,12 +188,15 @@ def test_missing_log_and_missing_arguments(tmp_path: Path, capsys: pytest.Captur
     assert run_command_line(["identify", "a.ulg"]) == 2
 
 
-def test_truncated_ulog_is_used_up_to_its_end(flown_ulog: Path, tmp_path: Path) -> None:
+def test_truncated_ulog_is_used_up_to_its_end(
+    flown_ulog: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     data = flown_ulog.read_bytes()
     cut = tmp_path / "cut.ulg"
     cut.write_bytes(data[: round(0.8 * len(data))])
     estimator = StandIn()
     identify([cut], options(tmp_path / "out"), CONSOLE, estimate=estimator)
+    assert not capsys.readouterr().out  # of pyulog
     # 80 % of 40 s, on a clock that begins at 5 s
     assert estimator.flights[-1].end_s == pytest.approx(37.0, abs=0.5)
 
@@ -239,6 +245,19 @@ def test_column_map_tells_its_mistakes(tmp_path: Path) -> None:
                 estimate=StandIn(),
             )
         assert message in str(error.value)
+
+
+def test_the_documents_maps_are_maps() -> None:
+    examples = ROOT / "docs/examples/identify"
+    for path in sorted(examples.glob("*.columns.yaml")):
+        load_model(path, ColumnMap)
+    (block,) = blocks(ROOT / "docs/identify.md", "yaml")
+    document = parse_yaml(block.text, "identify.md")
+    built, problems = validate(ColumnMap, document.data, document)
+    assert built is not None
+    assert not problems
+    for name in ("crazyflie", "crazyflie_brushless"):
+        assert load_vehicle(examples / f"{name}.yaml").name == name
 
 
 def test_excitation_flies_what_is_missing(flown_ulog: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

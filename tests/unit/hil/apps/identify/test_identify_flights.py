@@ -16,6 +16,7 @@ from hil.apps.identify.excitation import DOWN, PITCH, ROLL, ROTOR_DRAG, THRUST, 
 from hil.apps.identify.flight_log import FlightLog, Series
 from hil.apps.identify.log_format import LogFile
 from hil.apps.identify.plausibility import check_accel, check_flight, check_one_vehicle, gain_of
+from hil.apps.identify.preparation import with_measured_voltage
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.flown_log import CLIMB_S, TAKE_OFF_S, Array, flown_log, scaled, with_series
@@ -153,6 +154,9 @@ def test_two_vehicles_are_told_apart() -> None:
     with pytest.raises(ConfigError, match="two vehicles are mixed"):
         check_one_vehicle([flights[0], other], X500)
     check_one_vehicle([flights[0], scaled(flights[0], "motors", 0.95)], X500)
+    speeds = replace(scaled(flights[0], "motors", 1000.0), motors_kind="speed_radps", source=Path("other.ulg"))
+    with pytest.raises(ConfigError, match=r"other\.ulg: has measured speeds of its motors from"):
+        check_one_vehicle([flights[0], speeds], X500)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.013, 0.05])
@@ -189,3 +193,17 @@ def test_measured_speeds_show_no_lag() -> None:
     assert math.isinf(found[UP].relative_sigma)
     assert math.isinf(found[DOWN].relative_sigma)
     assert found[ROLL].excited
+
+
+def test_voltage_that_never_changes_is_not_used() -> None:
+    def prepared(volts: np.ndarray) -> tuple[FlightLog, LogFile]:
+        source = LogFile(Path("flown.ulg"), X500)
+        log = replace(LOG, voltage=Series(LOG.motors.t_s, volts[:, None]))
+        return with_measured_voltage(log, source), source
+
+    log, source = prepared(np.full(len(LOG.motors), 12.6))
+    assert log.voltage is None
+    assert "stays at 12.60 V" in str(source.notes[0])
+    log, source = prepared(np.linspace(16.0, 15.0, len(LOG.motors)))
+    assert log.voltage is not None
+    assert not source.notes

@@ -12,8 +12,10 @@ from scipy.spatial.transform import Rotation
 from hil.apps.identify.flight_log import FlightLog, Series
 from hil.apps.identify.log_format import LogFile, formats, read_log
 from sim.physics.vehicle import load_vehicle
+from tests.worlds.dataflash_file import DataFlashFile
 from tests.worlds.flight_files import dataflash, ulog
 from tests.worlds.known_motion import Motion, motion
+from tests.worlds.ulog_file import ULogFile
 
 X500 = load_vehicle("x500")
 MOTION = motion(np.arange(0.0, 10.0, 0.01))
@@ -78,6 +80,24 @@ def test_ulog(tmp_path: Path) -> None:
     assert log.motors_kind == "command"
 
 
+@pytest.mark.parametrize("factor", [0.3, 1.0])
+def test_px4s_thrust_becomes_the_outputs_of_its_motors(tmp_path: Path, factor: float) -> None:
+    log = ULogFile({"THR_MDL_FAC": factor})
+    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
+    for i, t_s in enumerate(MOTION.t_s):
+        u = MOTION.motors[i]
+        t = round(t_s * 1e6) + 1000
+        log.add("actuator_motors", t, t, *(factor * u * u + (1.0 - factor) * u), *[float("nan")] * 8)
+    read = read_log(LogFile(log.write(tmp_path / "a.ulg"), X500)).motors
+    np.testing.assert_allclose(read.values, MOTION.motors, atol=1e-6)
+
+
+def test_px4s_simulated_battery_is_not_the_vehicles(tmp_path: Path) -> None:
+    file = LogFile(ulog(tmp_path / "a.ulg", MOTION, hardware="PX4_SITL"), X500)
+    assert read_log(file).voltage is None
+    assert "battery_status: is that of PX4's own simulated battery" in str(file.notes[0])
+
+
 @pytest.mark.parametrize(("quaternions", "angle_rad"), [(True, 1e-6), (False, 2e-4)])  # angles are in 0.01 deg
 def test_dataflash(tmp_path: Path, quaternions: bool, angle_rad: float) -> None:
     log = read_log(LogFile(dataflash(tmp_path / "a.bin", MOTION, quaternions=quaternions), X500))
@@ -109,3 +129,89 @@ def test_parquet_is_read_as_csv(tmp_path: Path) -> None:
 
 def test_all_formats_are_found() -> None:
     assert len(formats()) == 4
+
+
+def slow_motors(path: Path, *, speeds_per_control: float) -> Path:
+    """Write a log with motors at 10 Hz, and speeds of the ESCs at 100 Hz, in proportion to the commands."""
+    log = ULogFile()
+    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
+    log.nested("esc_report", [("int32_t", "esc_rpm")])
+    log.topic("esc_status", [("esc_report", "esc[4]")])
+    for i, t_s in enumerate(MOTION.t_s):
+        t, u = round(t_s * 1e6) + 1000, MOTION.motors[i]
+        if i % 10 == 0:
+            log.add("actuator_motors", t, t, *u, *[float("nan")] * 8)
+        log.add("esc_status", t, *(round(speeds_per_control * x) for x in u))
+    return log.write(path)
+
+
+def test_esc_speeds_take_the_place_of_slow_outputs_if_they_lift_the_vehicle(tmp_path: Path) -> None:
+    rpm = X500.rotor_constants.max_speed_radps * 30.0 / np.pi
+    log = read_log(LogFile(slow_motors(tmp_path / "a.ulg", speeds_per_control=rpm), X500))
+    assert log.motors_kind == "speed_radps"
+    np.testing.assert_allclose(log.motors.values, 1000.0 * MOTION.motors, atol=0.1)
+    file = LogFile(slow_motors(tmp_path / "b.ulg", speeds_per_control=0.4 * rpm), X500)
+    assert read_log(file).motors_kind == "command"
+    assert "actuator_motors: has 10 values per second" in str(file.notes[0])
+
+
+def test_jumps_of_the_estimators_origin_are_taken_out(tmp_path: Path) -> None:
+    """The estimate jumps by (+3, -2) m in NED at 4 s and by 1.5 m in height at 6 s; the path stays whole."""
+    log = ULogFile()
+    log.topic("actuator_motors", [("uint64_t", "timestamp_sample"), ("float", "control[12]")])
+    log.topic("vehicle_attitude", [("uint64_t", "timestamp_sample"), ("float", "q[4]")])
+    fields = [("float", n) for n in ("x", "y", "z", "vx", "vy", "vz", "delta_xy[2]", "delta_z")]
+    counters = [("uint8_t", "xy_reset_counter"), ("uint8_t", "z_reset_counter")]
+    log.topic("vehicle_local_position", [("uint64_t", "timestamp_sample"), *fields, *counters])
+    p, v, q = MOTION.ned(MOTION.p_WB), MOTION.ned(MOTION.v_WB_W), MOTION.q_NF
+    for i, t_s in enumerate(MOTION.t_s):
+        t = round(t_s * 1e6) + 1000
+        level, height = t_s >= 4.0, t_s >= 6.0
+        jump = (3.0 * level, -2.0 * level, 1.5 * height)
+        log.add("actuator_motors", t, t, *MOTION.motors[i], *[float("nan")] * 8)
+        log.add("vehicle_attitude", t, t, *q[i])
+        deltas = (3.0, -2.0, 1.5)  # PX4 keeps the last one in the message
+        log.add("vehicle_local_position", t, t, *(p[i] + jump), *v[i], *deltas, int(level), int(height))
+    file = LogFile(log.write(tmp_path / "a.ulg"), X500)
+    pose = read_log(file).pose
+    assert pose is not None
+    np.testing.assert_allclose(pose.values[:, :3], motion(pose.t_s - 0.001).p_WB, atol=1e-5)
+    assert "jumped 1 times, last at 4.00 s (xy_reset_counter)" in str(file.notes[0])
+
+
+def mixed_dataflash(path: Path, *, limited: bool) -> tuple[Path, np.ndarray]:
+    """Write outputs at 10 Hz and controllers' outputs at 100 Hz, mixed as ArduPilot does; return the true commands."""
+    expo, low, high = 0.6, 0.15, 0.95
+    log = DataFlashFile(
+        {"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0, "MOT_THST_EXPO": expo, "MOT_SPIN_MIN": low, "MOT_SPIN_MAX": high}
+    )
+    log.message("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4")
+    log.message("RATE", "Qffff", "TimeUS,ROut,POut,YOut,AOut")
+    t = MOTION.t_s
+    controls = np.stack(
+        [0.1 * np.sin(7.0 * t), 0.08 * np.sin(9.0 * t), 0.05 * np.sin(3.0 * t), 0.5 + 0.1 * np.sin(t)], 1
+    )
+    mixer = np.array([[-0.5, 0.5, 0.5, 1.0], [0.5, -0.5, 0.5, 1.0], [0.5, 0.5, -0.5, 1.0], [-0.5, -0.5, -0.5, 1.0]])
+    thrust = controls @ mixer.T
+    if limited:
+        thrust = np.minimum(thrust, 0.5)
+    x = (expo - 1.0 + np.sqrt((1.0 - expo) ** 2 + 4.0 * expo * thrust)) / (2.0 * expo)
+    commands = low + (high - low) * x
+    for i, t_s in enumerate(t):
+        t_us = round(t_s * 1e6) + 1000
+        log.add("RATE", t_us, *controls[i])
+        if i % 10 == 0:
+            log.add("RCOU", t_us + 200, *(round(1000 + 1000 * u) for u in commands[i]))
+    return log.write(path), commands
+
+
+def test_controllers_outputs_give_ardupilots_motors_their_rate(tmp_path: Path) -> None:
+    path, commands = mixed_dataflash(tmp_path / "a.bin", limited=False)
+    file = LogFile(path, X500)
+    log = read_log(file)
+    np.testing.assert_allclose(log.motors.t_s, MOTION.t_s + 0.001, atol=1e-9)
+    np.testing.assert_allclose(log.motors.values, commands, atol=1e-3)  # RCOU has whole microseconds
+    assert not file.notes
+    file = LogFile(mixed_dataflash(tmp_path / "b.bin", limited=True)[0], X500)
+    assert len(read_log(file).motors) == 100
+    assert "RCOU: has 10 values per second" in str(file.notes[0])
