@@ -6,10 +6,13 @@ or of the wind is learnt while the vehicle flies; d is a slow random walk, becau
 
 A flying vehicle is stabilised: its autopilot turns against every rate, and what the model mistakes for torque (noise of
 the telemetry, turbulence, errors of the model) does not carry it off. Integration of torques alone knows nothing of
-that. How far the torques can be believed is learnt from the past, for each axis: over spans of `SPAN_S`,
-    w(t) - w(t - span) = g D - l w(t - span) + noise,    D the model's torques over the span, integrated
-by least squares that forget in `memory_s`, from a first guess. A prediction then has dw = g torque / I - lambda w with
-exp(-lambda span) = 1 - l. With exact torques g is 1 and lambda 0.
+that. A prediction therefore has
+    dw = g torque / I - lambda w
+With exact torques g is 1 and lambda 0. Roll and pitch are weighed by the rms s of their rates in the past seconds,
+    g = s^2 / (s^2 + doubt^2),  lambda = min(fastest, stray / s)
+Wiener's weight of a signal of size s in noise, and the leak of an integral of noise that long. For yaw, which turns
+little, both are learnt over past spans of `SPAN_S`, by least squares that forget in `memory_s`,
+    w(t) - w(t - span) = g D - l w(t - span) + noise,  exp(-lambda span) = 1 - l,  D the torques' integral.
 
 Velocities of some logs are larger than the change of their positions (optical flow: a wrong height, a wrong lens). The
 ratio rho of the two, level, is learnt from the past, and positions advance by rho v.
@@ -44,8 +47,9 @@ class FilterNoise:
     lean: float = 0.01  # rad/s sqrt(s)
     turn: float = 2.0  # rad/s2 sqrt(s)
     yaw: float = 0.1  # of that about z, where torques are smaller
-    turn_bias: float = 3.0  # rad/s2, of b
-    turn_bias_s: float = 30.0
+    turn_bias: float = 1.5  # rad/s2, of b
+    turn_bias_s: float = 60.0
+    first_bias: float = 8.0  # of b before anything is known
     push: float = 0.1  # m/s2 sqrt(s)
     push_bias: float = 1.0
     push_bias_s: float = 5.0
@@ -55,14 +59,18 @@ class FilterNoise:
     velocity: float = 0.01
     delay_s: float = 0.008  # of the first guess of d
     delay_walk: float = 0.0003  # s per root second
+    doubt: float = 1.2  # rad/s, of roll and pitch
+    stray: float = 1.3  # rad/s2
+    fastest_per_s: float = 20.0
+    rate_memory_s: float = 3.0
     memory_s: float = 10.0
     first_g: float = 0.4
     first_l: float = 0.5
-    first_weight: float = 1.0  # (rad/s)^2 of the first guess
+    first_weight: float = 0.4  # (rad/s)^2 of the first guess
 
 
 class Track(NamedTuple):
-    """Filtered states [instants, states, logs]; delays, lambda, g [instants, logs]; rho [instants, logs]."""
+    """Filtered states [instants, states, logs]; delays, rho [instants, logs]; lambda, g [instants, 3, logs]."""
 
     z: Array
     delay_s: Array
@@ -72,12 +80,12 @@ class Track(NamedTuple):
 
 
 class _Weights:
-    """Least squares of g and l, for each axis [3, L]."""
+    """Least squares of g and l, of one axis [1, L]."""
 
     def __init__(self, noise: FilterNoise, logs: int) -> None:
         self._first = noise.first_weight
         self._guess = noise.first_g, noise.first_l
-        self._dd, self._dw, self._ww, self._da, self._wa = (np.zeros((3, logs)) for _ in range(5))
+        self._dd, self._dw, self._ww, self._da, self._wa = (np.zeros((1, logs)) for _ in range(5))
 
     def add(self, change: Array, model: Array, before: Array, forget: float, known: NDArray[np.bool_]) -> None:
         """Take one span's change of rate, what the model's torques give, and the rate at its start."""
@@ -121,7 +129,7 @@ def track(
     P = np.zeros((L, N, N))
     start = np.r_[np.full(3, noise.position), np.full(4, noise.attitude), np.full(3, noise.velocity * 3),
                   np.full(3, noise.rate), np.full(nz - 19, 100.0), np.full(3, noise.push_bias),
-                  np.full(3, noise.turn_bias), noise.delay_s]  # fmt: skip
+                  np.full(3, noise.first_bias), noise.delay_s]  # fmt: skip
     P[:, np.arange(N), np.arange(N)] = start**2
     keep_a, keep_b = np.exp(-h / noise.push_bias_s), np.exp(-h / noise.turn_bias_s)
     Q = np.zeros(N)
@@ -144,8 +152,9 @@ def track(
     rho, rhos, s1, s2 = np.ones(L), np.ones((n, L)), np.full(L, 0.5), np.full(L, 0.5)
     decays, trusts = np.zeros((n, 3, L)), np.ones((n, 3, L))
     span = round(SPAN_S / h)
-    turned, biased, learnt = np.zeros((n + 1, 3, L)), np.zeros((n, 3, L)), _Weights(noise, L)
+    turned, biased, learnt = np.zeros((n + 1, 1, L)), np.zeros((n, 1, L)), _Weights(noise, L)
     forget = np.exp(-h / noise.memory_s)
+    turning2 = np.full(L, 0.2)
     slope = np.zeros((nz, L))
     for k in range(n):
         y = measured[k].copy()
@@ -171,13 +180,16 @@ def track(
         rhos[k] = rho
         if k > span:
             gained = turned[k] - turned[k - span] + SPAN_S * biased[k - span]
-            learnt.add(zs[k, 10:13] - zs[k - span, 10:13], gained, zs[k - span, 10:13], forget, known[k])
-        trusts[k], decays[k] = learnt.solve()
+            learnt.add(zs[k, 12:13] - zs[k - span, 12:13], gained, zs[k - span, 12:13], forget, known[k])
+        trusts[k, 2:], decays[k, 2:] = learnt.solve()
+        turning2 += h / noise.rate_memory_s * (0.5 * (z[10] ** 2 + z[11] ** 2) - turning2)
+        trusts[k, :2] = turning2 / (turning2 + noise.doubt**2)
+        decays[k, :2] = np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2))
         S[where] = d
         value, A, B = rates(model.rates[0], z, S, inputs[k])
         slope = value.T
-        biased[k] = z[nz - 3 : nz]
-        turned[k + 1] = turned[k] + h * (slope[10:13] - biased[k])
+        biased[k] = z[nz - 1 :]
+        turned[k + 1] = turned[k] + h * (slope[12:13] - biased[k])
         F = np.zeros((L, N, N))
         hA = h * A
         F[:, :nz, :nz] = np.eye(nz) + hA + 0.5 * hA @ hA

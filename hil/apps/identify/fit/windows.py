@@ -30,15 +30,18 @@ class Motors:
     t_s: Array
     held: Array
     integral: Array
+    moment: Array
 
     @staticmethod
     def of(log: FlightLog, *, lag: int | None = None) -> Motors:
         """With `lag`, a value at a sample's time is made of telemetry up to so many samples later, and of no more."""
         t, x = log.motors.t_s, log.motors.values
         if log.motors_kind == "speed_radps":
-            return Motors("speed_radps", CubicHermiteSpline(t, *smoothed(log.motors, lag=lag)), t, x, x)
+            return Motors("speed_radps", CubicHermiteSpline(t, *smoothed(log.motors, lag=lag)), t, x, x, x)
         steps = np.diff(t)[:, None] * x[:-1]
-        return Motors("command", None, t, x, np.vstack([np.zeros(x.shape[1]), np.cumsum(steps, axis=0)]))
+        moments = (0.5 * (t[1:] + t[:-1]) - t[0])[:, None] * steps
+        zero = np.zeros(x.shape[1])
+        return Motors("command", None, t, x, *(np.vstack([zero, np.cumsum(y, axis=0)]) for y in (steps, moments)))
 
     def inputs(self, t_s: Array, step_s: float, *, latest_s: Array | float = np.inf) -> Array:
         """Return [9 rotors, instants]: for start, middle and end of the step from each instant signal, slope, bend.
@@ -51,10 +54,19 @@ class Motors:
                 at = np.clip(np.minimum(t_s + part * step_s, latest_s), self.t_s[0], self.t_s[-1])
                 parts += [self.spline(at).T, self.spline(at, 1).T, self.spline(at, 2).T]
             return np.concatenate(parts)
-        first, last = self._held(t_s), self._held(t_s + step_s)
-        mean = (self._integral(t_s + step_s) - self._integral(t_s)) / step_s
-        one = [mean.T, (last - first).T / step_s, np.zeros_like(mean).T]
-        return np.concatenate(one * 3)
+        # Held commands, over a step: the straight line with their mean and first moment, about its middle.
+        h, a, b = step_s, t_s, t_s + step_s
+        first, last = self._held(a), self._held(b)
+        mean = (self._integral(b) - self._integral(a)) / h
+        middle = (0.5 * (a + b) - self.t_s[0])[:, None]
+        lean = 12.0 * (self._moment(b) - self._moment(a) - middle * h * mean) / h**3
+        mean_by_delay = (last - first) / h
+        lean_by_delay = 12.0 * (0.5 * h * (first + last) - h * mean) / h**3
+        parts = []
+        for part in (-0.5, 0.0, 0.5):
+            value, slope = mean + part * h * lean, mean_by_delay + part * h * lean_by_delay
+            parts += [value.T, slope.T, np.zeros_like(mean).T]
+        return np.concatenate(parts)
 
     def _held(self, t_s: Array) -> Array:
         return self.held[np.clip(np.searchsorted(self.t_s, t_s, "right") - 1, 0, len(self.t_s) - 1)]
@@ -62,6 +74,12 @@ class Motors:
     def _integral(self, t_s: Array) -> Array:
         i = np.clip(np.searchsorted(self.t_s, t_s, "right") - 1, 0, len(self.t_s) - 1)
         return self.integral[i] + (t_s - self.t_s[i])[:, None] * self.held[i]
+
+    def _moment(self, t_s: Array) -> Array:
+        """Integral of (t - first time) u."""
+        i = np.clip(np.searchsorted(self.t_s, t_s, "right") - 1, 0, len(self.t_s) - 1)
+        between = 0.5 * (t_s + self.t_s[i]) - self.t_s[0]
+        return self.moment[i] + (between * (t_s - self.t_s[i]))[:, None] * self.held[i]
 
 
 @dataclass
