@@ -37,6 +37,7 @@ _STAGES = (
 _BLOCKS = 15  # of a flight; every third one is held out
 _DETERMINED = {"exp": 0.15, "plus": 0.3}  # greatest 1 sigma of ln p; greatest share of the prior's
 _PREDICTION_STEP_S = 0.01
+_RESOLUTION = 0.05  # of lags and delays, in steps
 _SPEEDS_MPS = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0), (8.0, 16.0))
 _STEP_S = {"speed_radps": 0.01, "command": 0.008}
 
@@ -143,7 +144,22 @@ def fit_windows(
         if skip == 1.0 and part == 1.0:
             break
     assert solution is not None
+    if kind == "command":
+        _add_resolution(unknowns, solution, step_s)
     return model, unknowns, solution
+
+
+def _add_resolution(unknowns: Sequence[at.Unknown], solution: Solution, step_s: float) -> None:
+    """Add to the variances of lags and delays what the step leaves open.
+
+    Within a step commands are a straight line. What they do faster than that moves a lag against the delay.
+    """
+    diagonal = np.einsum("ii->i", solution.covariance)
+    resolution_s = _RESOLUTION * step_s
+    for i, unknown in enumerate(unknowns):
+        if i in (at.TAU_UP, at.TAU_DOWN) or unknown.key.endswith("motor_delay_s"):
+            if diagonal[i] > 0.0:
+                diagonal[i] += (resolution_s / unknown.slope(float(solution.s[i]))) ** 2
 
 
 def estimate(

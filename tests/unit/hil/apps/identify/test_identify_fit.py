@@ -64,9 +64,7 @@ def test_a_step_is_accurate(log: FlightLog) -> None:
     z = np.zeros(whole.states)
     z[3], z[7:13], z[13:17] = 1.0, (3.0, -2.0, 1.0, 2.0, -3.0, 1.0), 650.0
     u = Motors.of(log).inputs(np.array([2.0]), 0.008)[:, 0]
-    assert (
-        halving_error(whole, half, z, np.zeros(len(unknowns)), np.append(u, 1.0)) < 5e-4
-    )  # a twentieth of a gyro's noise
+    assert halving_error(whole, half, z, np.zeros(len(unknowns)), np.append(u, 1.0)) < 5e-4
 
 
 def test_spikes_of_telemetry_are_taken_out_by_the_past_alone() -> None:
