@@ -157,9 +157,8 @@ def _add_resolution(unknowns: Sequence[at.Unknown], solution: Solution, step_s: 
     diagonal = np.einsum("ii->i", solution.covariance)
     resolution_s = _RESOLUTION * step_s
     for i, unknown in enumerate(unknowns):
-        if i in (at.TAU_UP, at.TAU_DOWN) or unknown.key.endswith("motor_delay_s"):
-            if diagonal[i] > 0.0:
-                diagonal[i] += (resolution_s / unknown.slope(float(solution.s[i]))) ** 2
+        if (i in (at.TAU_UP, at.TAU_DOWN) or unknown.key.endswith("motor_delay_s")) and diagonal[i] > 0.0:
+            diagonal[i] += (resolution_s / unknown.slope(float(solution.s[i]))) ** 2
 
 
 def estimate(
