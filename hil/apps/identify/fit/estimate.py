@@ -32,7 +32,7 @@ _STAGES = (
     ((0.0, 0.1), 0.16, 16.0, 6),
     ((0.1, 0.2), 0.4, 16.0, 6),
     ((0.2, 0.5), 1.0, 40.0, 15),
-    ((0.5, 1.0), 1.0, 300.0, 8),
+    ((0.5, 1.0), 1.0, 300.0, 6),
 )
 _BLOCKS = 15  # of a flight; every third one is held out
 _DETERMINED = {"exp": 0.15, "plus": 0.3}  # greatest 1 sigma of ln p; greatest share of the prior's

@@ -8,11 +8,12 @@ A flying vehicle is stabilised: its autopilot turns against every rate, and what
 the telemetry, turbulence, errors of the model) does not carry it off. Integration of torques alone knows nothing of
 that. A prediction therefore has
     dw = g torque / I - lambda w
-With exact torques g is 1 and lambda 0. Roll and pitch are weighed by the rms s of their rates in the past seconds,
+With exact torques g is 1 and lambda 0. Both are learnt over past spans of `SPAN_S`, by least squares that forget in
+`memory_s`, with D the torques' integral over the span:
+    w(t) - w(t - span) = g D - l w(t - span) + noise,  exp(-lambda span) = 1 - l
+Roll and pitch have at least the weight that the rms s of their rates in the past seconds gives them,
     g = s^2 / (s^2 + doubt^2),  lambda = min(fastest, stray / s)
-Wiener's weight of a signal of size s in noise, and the leak of an integral of noise that long. For yaw, which turns
-little, both are learnt over past spans of `SPAN_S`, by least squares that forget in `memory_s`,
-    w(t) - w(t - span) = g D - l w(t - span) + noise,  exp(-lambda span) = 1 - l,  D the torques' integral.
+Wiener's weight of a signal of size s in noise, and the leak of an integral of noise that long.
 
 Velocities of some logs are larger than the change of their positions (optical flow: a wrong height, a wrong lens). The
 ratio rho of the two, level, is learnt from the past, and positions advance by rho v.
@@ -80,12 +81,12 @@ class Track(NamedTuple):
 
 
 class _Weights:
-    """Least squares of g and l, of one axis [1, L]."""
+    """Least squares of g and l, for each axis [3, L]."""
 
     def __init__(self, noise: FilterNoise, logs: int) -> None:
         self._first = noise.first_weight
         self._guess = noise.first_g, noise.first_l
-        self._dd, self._dw, self._ww, self._da, self._wa = (np.zeros((1, logs)) for _ in range(5))
+        self._dd, self._dw, self._ww, self._da, self._wa = (np.zeros((3, logs)) for _ in range(5))
 
     def add(self, change: Array, model: Array, before: Array, forget: float, known: NDArray[np.bool_]) -> None:
         """Take one span's change of rate, what the model's torques give, and the rate at its start."""
@@ -152,7 +153,7 @@ def track(
     rho, rhos, s1, s2 = np.ones(L), np.ones((n, L)), np.full(L, 0.5), np.full(L, 0.5)
     decays, trusts = np.zeros((n, 3, L)), np.ones((n, 3, L))
     span = round(SPAN_S / h)
-    turned, biased, learnt = np.zeros((n + 1, 1, L)), np.zeros((n, 1, L)), _Weights(noise, L)
+    turned, biased, learnt = np.zeros((n + 1, 3, L)), np.zeros((n, 3, L)), _Weights(noise, L)
     forget = np.exp(-h / noise.memory_s)
     turning2 = np.full(L, 0.2)
     slope = np.zeros((nz, L))
@@ -180,16 +181,18 @@ def track(
         rhos[k] = rho
         if k > span:
             gained = turned[k] - turned[k - span] + SPAN_S * biased[k - span]
-            learnt.add(zs[k, 12:13] - zs[k - span, 12:13], gained, zs[k - span, 12:13], forget, known[k])
-        trusts[k, 2:], decays[k, 2:] = learnt.solve()
+            learnt.add(zs[k, 10:13] - zs[k - span, 10:13], gained, zs[k - span, 10:13], forget, known[k])
+        trusts[k], decays[k] = learnt.solve()
         turning2 += h / noise.rate_memory_s * (0.5 * (z[10] ** 2 + z[11] ** 2) - turning2)
-        trusts[k, :2] = turning2 / (turning2 + noise.doubt**2)
-        decays[k, :2] = np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2))
+        least = turning2 / (turning2 + noise.doubt**2)
+        below = trusts[k, :2] < least
+        decays[k, :2] = np.where(below, np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2)), decays[k, :2])
+        trusts[k, :2] = np.maximum(trusts[k, :2], least)
         S[where] = d
         value, A, B = rates(model.rates[0], z, S, inputs[k])
         slope = value.T
-        biased[k] = z[nz - 1 :]
-        turned[k + 1] = turned[k] + h * (slope[12:13] - biased[k])
+        biased[k] = z[nz - 3 :]
+        turned[k + 1] = turned[k] + h * (slope[10:13] - biased[k])
         F = np.zeros((L, N, N))
         hA = h * A
         F[:, :nz, :nz] = np.eye(nz) + hA + 0.5 * hA @ hA
