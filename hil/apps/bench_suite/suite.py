@@ -28,6 +28,7 @@ BENCHMARKS: dict[str, tuple[str, str]] = {
     "dash": ("lab.dash", "Dashboard: cost of an open page for the run, and the server's memory"),
     "dataset": ("lab.dataset", "Data sets: time per frame and errors of the labels"),
     "detect": ("lab.detect", "Detector: loss of precision against time per picture"),
+    "flights": ("lab.flights", "Logged flights: position error of predictions against their time"),
     "gym": ("lab.gym.gym", "Gymnasium environment: integration error against time of a step"),
     "foxglove": ("lab.foxglove", "Foxglove: cost of a connected client for the run"),
     "lidar": ("lab.lidar", "LiDAR: range error against time per sweep"),

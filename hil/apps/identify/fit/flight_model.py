@@ -1,0 +1,196 @@
+"""Motion of the vehicle between two samples, and what its sensors read, with exact derivatives (CasADi).
+
+State z = [p_WB, q_WB, v_WB_W, w_WB_B, (rotor speeds O,) a_W, b_B]; a_W [m/s2] and b_B [rad/s2] are accelerations that
+the model does not explain, constant within a window.
+    dp = v,  dq = q (0, w) / 2,  dv = R F / m + g + a,  dw = I^-1 (M - w x I w) + b
+    logged speeds     O(t) = O_logged(t + d)                                       d the motors' delay in the log
+    logged commands   dO = (c(t + d) - O) / tau,  c = O_max (V / V_nom)^e sqrt(f u^2 + (1 - f) u), tau up or down
+A step is one of the classical Runge-Kutta method; `halving_error` says what that costs.
+Delays are differentiable: motors are given with their slope, and a sensor's reading is that of the state moved by its
+distance in time from the grid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from hil.apps.identify.fit import parameters as at
+from hil.apps.identify.fit.rotor_model import wrench
+from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics.vehicle import Vehicle
+
+P, Q, V, W, O = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13), 13  # noqa: E741
+RATE, ACCEL, POSITION, ATTITUDE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
+OUTPUTS = 15
+SERIES = 3  # distance in time of rate, accel, and pose with velocity from the grid
+
+
+@dataclass(frozen=True)
+class Differentiated:
+    """A function `value(z, s, ...)` and the nonzeros of its Jacobians to z and to s, for many instants at once."""
+
+    function: Any
+    by_z: tuple[np.ndarray, np.ndarray]
+    by_s: tuple[np.ndarray, np.ndarray]
+    shape: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class FlightModel:
+    """Functions of casadi, one instant each.
+
+    `rates[stage](z, theta, u) -> dz/dt` at the start, middle and end of a step, with Jacobians; `step(z, theta, u)`;
+    `read(z, theta, u, q_measured, dt) -> y` with Jacobians; theta = [vehicle's unknowns s, log's unknowns s];
+    u = 3 instants x (motor signals, slopes, curvatures) and V / V_nom.
+    y = [rate, specific force, position, rotation vector of q_measured^-1 q, velocity], where that rotation vector is to
+    be zero.
+    """
+
+    rates: list[Differentiated]
+    step: Any
+    read: Differentiated
+    forces: Any
+    states: int
+    inputs: int
+    rotors: int
+    kind: Literal["speed_radps", "command"]
+    step_s: float
+
+    @property
+    def disturbance(self) -> int:
+        """Index of the first of the six unexplained accelerations in z."""
+        return self.states - 6
+
+
+def _cross_matrix_rotate(q: Any, u: Any) -> Any:
+    r = q[1:4]
+    t = 2 * ca.cross(r, u)
+    return u + q[0] * t + ca.cross(r, t)
+
+
+def _product(a: Any, b: Any) -> Any:
+    return ca.vertcat(a[0] * b[0] - ca.dot(a[1:4], b[1:4]), a[0] * b[1:4] + b[0] * a[1:4] + ca.cross(a[1:4], b[1:4]))
+
+
+def _conjugate(q: Any) -> Any:
+    return ca.vertcat(q[0], -q[1:4])
+
+
+def make_model(
+    vehicle: Vehicle, unknowns: list[at.Unknown], *, kind: Literal["speed_radps", "command"], step_s: float
+) -> FlightModel:
+    """Return the model of a vehicle about its `unknowns` (`vehicle_unknowns`), for a grid of `step_s`."""
+    n = len(vehicle.rotors)
+    states = 19 + (n if kind == "command" else 0)
+    z, s, inputs = ca.SX.sym("z", states), ca.SX.sym("s", at.VEHICLE_COUNT + at.LOG_COUNT), 9 * n + 1
+    u = ca.SX.sym("u", inputs)
+    p = ca.vertcat(
+        *(
+            k.start * ca.exp(s[i]) if k.law == "exp" else k.start + s[i]
+            for i, k in enumerate(unknowns[: at.VEHICLE_COUNT])
+        )
+    )
+    of_log = s[at.VEHICLE_COUNT :]
+    delay, wind = of_log[at.MOTOR_DELAY], of_log[at.WIND : at.WIND + 3]
+    inertia = p[at.INERTIA : at.INERTIA + 3]
+    gravity = ca.DM([0.0, 0.0, -STANDARD_GRAVITY_MPS2])
+    c = vehicle.rotor_constants
+
+    def motors(x: Any, stage: int) -> tuple[Any, Any]:
+        """Rotor speeds and their slopes at stage 0 (start), 1 (middle) or 2 (end) of the step."""
+        signal, slope, bend = (u[9 * 0 + stage * 3 * n + i * n : stage * 3 * n + (i + 1) * n] for i in range(3))
+        if kind == "speed_radps":
+            return signal + slope * delay, slope + bend * delay
+        command = ca.fmin(ca.fmax(signal + slope * delay, 1e-6), 1.0)
+        f = p[at.SHAPE]
+        target = (
+            c.max_speed_radps
+            * u[9 * n] ** p[at.VOLTAGE]
+            * ca.sqrt(ca.fmax(f * command * command + (1 - f) * command, 1e-9))
+        )
+        speed = x[O : O + n]
+        return speed, (target - speed) / ca.if_else(target > speed, p[at.TAU_UP], p[at.TAU_DOWN])
+
+    def force_and_moment(x: Any, stage: int) -> tuple[Any, Any, Any]:
+        air_B = _cross_matrix_rotate(_conjugate(x[Q]), x[V] - wind)
+        speed, slope = motors(x, stage)
+        force = -p[at.LINEAR_DRAG : at.LINEAR_DRAG + 3] * air_B
+        force -= p[at.QUADRATIC_DRAG : at.QUADRATIC_DRAG + 3] * ca.sqrt(ca.dot(air_B, air_B) + 1e-6) * air_B
+        k = p[at.AIR_MOMENT : at.AIR_MOMENT + 2]  # flapping blades and the hull's place: back against the flow
+        moment = ca.vertcat(k[0] * air_B[1], -k[1] * air_B[0], 0)
+        for i, rotor in enumerate(vehicle.rotors):
+            f, m = wrench(rotor, p, O=speed[i], dO=slope[i], air_B=air_B, w_B=x[W])
+            force, moment = force + f, moment + m
+        return force, moment, slope
+
+    def derivative(x: Any, stage: int) -> Any:
+        force, moment, slope = force_and_moment(x, stage)
+        dq = 0.5 * _product(x[Q], ca.vertcat(0, x[W]))
+        dv = _cross_matrix_rotate(x[Q], force) / vehicle.mass_kg + gravity + x[states - 6 : states - 3]
+        dw = (moment - ca.cross(x[W], inertia * x[W])) / inertia + x[states - 3 :]
+        own = [slope] if kind == "command" else []
+        return ca.vertcat(x[V], dq, dv, dw, *own, ca.SX.zeros(6))
+
+    rates = [_with_jacobians(f"rates{stage}", z, s, [u], derivative(z, stage)) for stage in range(3)]
+
+    h = step_s
+    halfway = 0.5 * h
+    k1 = derivative(z, 0)
+    k2 = derivative(z + halfway * k1, 1)
+    k3 = derivative(z + halfway * k2, 1)
+    k4 = derivative(z + h * k3, 2)
+    end = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    end[Q] = end[Q] / ca.norm_2(end[Q])
+    step = ca.Function("step", [z, s, u], ca.cse([end]))
+
+    slope_z = derivative(z, 0)
+    dt, q_seen = ca.SX.sym("dt", SERIES), ca.SX.sym("q", 4)
+
+    def moved(by_s: Any) -> Any:
+        return z + by_s * slope_z
+
+    at_rate, at_accel, at_pose = moved(dt[0]), moved(dt[1]), moved(dt[2] - of_log[at.POSE_DELAY])
+    force, _, _ = force_and_moment(at_accel, 0)
+    specific = force / vehicle.mass_kg + _cross_matrix_rotate(
+        _conjugate(at_accel[Q]), at_accel[states - 6 : states - 3]
+    )
+    q = at_pose[Q] / ca.norm_2(at_pose[Q])
+    half = 0.5 * of_log[at.MISALIGNMENT : at.MISALIGNMENT + 3]
+    turned = _product(q, ca.vertcat(1, half))
+    off = _product(_conjugate(q_seen), turned)
+    y = ca.vertcat(
+        at_rate[W] + of_log[at.GYRO_BIAS : at.GYRO_BIAS + 3],
+        specific + of_log[at.ACCEL_BIAS : at.ACCEL_BIAS + 3],
+        at_pose[P],
+        2 * off[1:4] / ca.fmax(ca.fabs(off[0]), 1e-3) * ca.sign(off[0]),
+        at_pose[V],
+    )
+    read = _with_jacobians("read", z, s, [u, q_seen, dt], y)
+    now, turn, _ = force_and_moment(z, 0)
+    forces = ca.Function("forces", [z, s, u], [now / vehicle.mass_kg, turn / inertia])
+    return FlightModel(rates, step, read, forces, states, inputs, n, kind, step_s)
+
+
+def halving_error(model: FlightModel, half: FlightModel, z: np.ndarray, s: np.ndarray, u: np.ndarray) -> float:
+    """Return the greatest difference between one step and two half steps over the states of `z` (columns), relative
+    to 1 m, 1 rad, 1 m/s and 1 rad/s. `u` holds the motors of the whole step, which the halves interpolate."""
+    n = model.rotors
+    whole = np.array(model.step(z, s, u))
+    start, middle, end = (u[i * 3 * n : (i + 1) * 3 * n] for i in range(3))
+    first = np.concatenate([start, (start + middle) / 2, middle, u[9 * n :]])
+    second = np.concatenate([middle, (middle + end) / 2, end, u[9 * n :]])
+    halves = np.array(half.step(half.step(z, s, first), s, second))
+    return float(np.max(np.abs(whole[:13] - halves[:13])))
+
+
+def _with_jacobians(name: str, z: Any, s: Any, others: list[Any], y: Any) -> Differentiated:
+    jz, js = ca.jacobian(y, z), ca.jacobian(y, s)
+    out = ca.cse([y, ca.vertcat(*jz.nonzeros()), ca.vertcat(*js.nonzeros())])
+    f = ca.Function(name, [z, s, *others], out)
+    (row_z, col_z), (row_s, col_s) = (j.sparsity().get_triplet() for j in (jz, js))
+    at_z, at_s = (np.array(row_z), np.array(col_z)), (np.array(row_s), np.array(col_s))
+    return Differentiated(f, at_z, at_s, (y.shape[0], z.shape[0], s.shape[0]))

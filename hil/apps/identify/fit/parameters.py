@@ -1,0 +1,130 @@
+"""The unknowns of a fit: where each stands in the vehicle file, where it starts, and how far the fit may move it.
+
+Each unknown is a number s with a weak prior s ~ N(0, prior^2) about the vehicle file's value p0:
+    positive quantities   p = p0 exp(s)
+    others                p = p0 + s
+The mass stays as given: motion alone shows every force, moment and inertia per mass, never the mass itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.physics.forces.air_moment import AirMoment
+from sim.physics.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One unknown. `key` as in `Estimated.key`; `start` in `unit`; `prior` 1 sigma of s."""
+
+    key: str
+    start: float
+    unit: str
+    prior: float
+    law: Literal["exp", "plus"] = "plus"
+    sense: str = ""  # what a flight must contain to show it
+
+    def value(self, s: float) -> float:
+        return self.start * math.exp(s) if self.law == "exp" else self.start + s
+
+    def slope(self, s: float) -> float:
+        """dp/ds, which turns a deviation of s into one of the value."""
+        return self.value(s) if self.law == "exp" else 1.0
+
+    def inverse(self, value: float) -> float:
+        """The s of a value; used for values that the caller fixes."""
+        return math.log(value / self.start) if self.law == "exp" else value - self.start
+
+
+# Of the vehicle, in the order of the model's parameter vector.
+THRUST, MOMENT_RATIO, INERTIA, ROTOR_INERTIA, ROTOR_DRAG, AXIAL_DRAG = 0, 1, 2, 5, 6, 7
+AIR_MOMENT, LINEAR_DRAG, QUADRATIC_DRAG, CENTRE, TAU_UP, TAU_DOWN, SHAPE, VOLTAGE = 8, 10, 13, 16, 19, 20, 21, 22
+VEHICLE_COUNT = 23
+# Of one log, behind those of the vehicle.
+MOTOR_DELAY, WIND, POSE_DELAY, GYRO_BIAS, ACCEL_BIAS, MISALIGNMENT = 0, 1, 4, 5, 8, 11
+LOG_COUNT = 14
+
+_TURN, _CLIMB = "turn about that axis", "climb and sink"
+
+
+def vehicle_unknowns(vehicle: Vehicle) -> list[Unknown]:
+    """Return the unknowns of a vehicle, `VEHICLE_COUNT` of them."""
+    c = vehicle.rotor_constants
+    hover_radps = math.sqrt(vehicle.mass_kg * 9.81 / (c.thrust_coefficient_n_per_radps2 * max(1, len(vehicle.rotors))))
+    per_speed = vehicle.mass_kg / (len(vehicle.rotors) * hover_radps)  # kg/rad that brakes at 1 1/s
+    arm_m = max((math.hypot(*rotor.position_m[:2]) for rotor in vehicle.rotors), default=1.0)
+    linear, quadratic = vehicle.body_drag_linear_n_per_mps, vehicle.body_drag_quadratic_n_per_m2ps2
+    air = [force for force in vehicle.forces if isinstance(force, AirMoment)]
+    moment = (sum(force.about_x_ns for force in air), sum(force.about_y_ns for force in air))
+    rc = "rotor_constants"
+    found = [
+        Unknown(f"{rc}.thrust_coefficient_n_per_radps2", c.thrust_coefficient_n_per_radps2, "N/(rad/s)2", 1.0, "exp"),
+        Unknown(f"{rc}.moment_ratio_m", max(c.moment_ratio_m, 1e-4), "m", 1.0, "exp", "turn about z"),
+        *(
+            Unknown(f"inertia_kgm2.{i}", vehicle.inertia_kgm2[i], "kg m2", 1.0, "exp", f"turn fast about {'xyz'[i]}")
+            for i in range(3)
+        ),
+        Unknown(f"{rc}.inertia_kgm2", max(c.inertia_kgm2, 1e-9), "kg m2", 1.0, "exp", "sudden yaw commands"),
+        Unknown(f"{rc}.drag_kg_per_rad", c.drag_kg_per_rad, "kg/rad", per_speed, "plus", "fly fast and sideways"),
+        Unknown(f"{rc}.axial_drag_kg_per_rad", c.axial_drag_kg_per_rad, "kg/rad", per_speed, "plus", _CLIMB),
+        *(
+            Unknown(
+                f"air_moment.about_{'xy'[i]}_ns", moment[i], "N s", 0.5 * vehicle.mass_kg * arm_m, "plus", "fly fast"
+            )
+            for i in range(2)
+        ),
+        *(
+            Unknown(f"body_drag_linear_n_per_mps.{i}", linear[i], "N s/m", 0.3 * vehicle.mass_kg, "plus", "fly fast")
+            for i in range(3)
+        ),
+        *(
+            Unknown(
+                f"body_drag_quadratic_n_per_m2ps2.{i}",
+                quadratic[i],
+                "N s2/m2",
+                0.05 * vehicle.mass_kg,
+                "plus",
+                "fly at several speeds",
+            )
+            for i in range(3)
+        ),
+        *(Unknown(f"centre_of_mass_m.{i}", 0.0, "m", 0.1 * arm_m, "plus", _TURN) for i in range(3)),
+        Unknown(f"{rc}.time_constant_up_s", c.time_constant_up_s, "s", 1.0, "exp", "sudden changes of thrust"),
+        Unknown(f"{rc}.time_constant_down_s", c.time_constant_down_s, "s", 1.0, "exp", "sudden changes of thrust"),
+        Unknown(f"{rc}.thrust_model_factor", c.thrust_model_factor, "-", 0.5, "plus", "climb, hover and sink"),
+        Unknown("log.voltage_exponent", 1.0 if vehicle.battery else 0.0, "-", 1.0, "plus", "fly a battery empty"),
+    ]
+    assert len(found) == VEHICLE_COUNT
+    return found
+
+
+def log_unknowns(name: str, *, calm: bool) -> list[Unknown]:
+    """Return the unknowns of one log, `LOG_COUNT` of them. `calm`: flown indoors, where no wind blows."""
+    wind_mps = 0.05 if calm else 3.0
+    key = f"log.{name}"
+    axes = "xyz"
+    found = [
+        Unknown(f"{key}.motor_delay_s", 0.0, "s", 0.03, "plus", "sudden turns"),
+        *(
+            Unknown(f"{key}.wind_{a}_mps", 0.0, "m/s", wind_mps if a != "z" else 0.3 * wind_mps, "plus", "turn in wind")
+            for a in axes
+        ),
+        Unknown(f"{key}.pose_delay_s", 0.0, "s", 0.03, "plus", "fast manoeuvres"),
+        *(Unknown(f"{key}.gyro_bias_{a}_radps", 0.0, "rad/s", 0.05, "plus") for a in axes),
+        *(Unknown(f"{key}.accel_bias_{a}_mps2", 0.0, "m/s2", 0.5, "plus") for a in axes),
+        *(Unknown(f"{key}.misalignment_{a}_rad", 0.0, "rad", 0.05, "plus", "hover and fly fast") for a in axes),
+    ]
+    assert len(found) == LOG_COUNT
+    return found
+
+
+def values(unknowns: Sequence[Unknown], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values of the unknowns for the vector s."""
+    return np.array([u.value(x) for u, x in zip(unknowns, s, strict=True)])
