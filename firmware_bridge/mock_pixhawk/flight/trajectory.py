@@ -19,7 +19,7 @@ All in local NED, m, m/s, m/s2; only + - * / sqrt and `elementary`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import sqrt
+from math import pi, sqrt
 from typing import NamedTuple
 
 from firmware_bridge.mock_pixhawk import elementary as el
@@ -172,11 +172,15 @@ class Trajectory:
         )
         cut = radius * tan_half
         arc_speed = min(speed, sqrt(self._limits.accel_lateral_mps2 * radius))
-        # Within the arc, cos(phi) u1 + sin(phi) n may be steeper than both legs.
-        steepest = sqrt(u1[2] * u1[2] + n[2] * n[2])
+        turn = el.atan2(sine, c)
+        # Along the arc the direction is cos(phi) u1 + sin(phi) n, 0 <= phi <= turn: steepest at `peak`, or at an end.
+        up = -1.0 if u1[2] < 0.0 else 1.0
+        peak = el.atan2(up * n[2], up * u1[2])
+        peak = peak if peak >= 0.0 else peak + pi
+        steepest = sqrt(u1[2] * u1[2] + n[2] * n[2]) if peak <= turn else max(abs(u1[2]), abs(u2[2]))
         if steepest > 1e-3:
             arc_speed = min(arc_speed, min(self._limits.speed_up_mps, self._limits.speed_down_mps) / steepest)
-        return cut, (n, radius, radius * el.atan2(sine, c), arc_speed)
+        return cut, (n, radius, radius * turn, arc_speed)
 
     @property
     def done(self) -> bool:

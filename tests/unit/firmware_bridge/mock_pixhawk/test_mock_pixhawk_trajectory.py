@@ -132,3 +132,12 @@ def test_a_vehicle_that_lags_behind_stops_the_setpoint():
 def test_the_braking_law_is_no_faster_than_constant_deceleration(distance, then):
     v = max_speed_mps(distance, then, 3.0, 4.0)
     assert then <= v <= math.sqrt(then * then + 2.0 * 3.0 * distance) + 1e-9
+
+
+def test_an_almost_straight_corner_keeps_the_speed_of_the_legs():
+    """Its arc is tens of metres long and as level as the legs, wherever its bend points."""
+    for bend_m in ((0.02, -0.03), (-0.02, 0.03), (0.0, 0.04), (0.0, -0.04)):
+        points = [(0.0, 0.0, -8.0), (0.0 + bend_m[0], 32.0, -8.0 + bend_m[1]), (0.0, 92.0, -8.0)]
+        flight = flown(Trajectory(points, [3.0, 3.0], LIMITS))
+        cruise = flight[(flight[:, 1] > 10.0) & (flight[:, 1] < 80.0), 6]
+        assert cruise == pytest.approx(3.0, abs=0.01)
