@@ -333,7 +333,10 @@ def test_every_kind_of_wind_moves_the_vehicle(tmp_path: Path, calm: list[Any], n
 def test_every_effect_of_the_model_moves_the_vehicle(tmp_path: Path, calm: list[Any], name: str) -> None:
     assert set(WORLD["physics.effects"]) == set(Effects.model_fields)
     effects = {name: WORLD["physics.effects"][name]}
-    assert differ_s(track(load(tmp_path, "mock", physics={"effects": effects})), calm) < 4.0
+    # The vortex ring state is part of the inflow of blade elements: its switch is the simple model's.
+    model = {"vehicle_settings": {"rotor_model": "quadratic"}} if name == "descent_loss" else {}
+    without = track(load(tmp_path, "mock", **model)) if model else calm
+    assert differ_s(track(load(tmp_path, "mock", physics={"effects": effects}, **model)), without) < 4.0
 
 
 def test_the_world_is_the_same_for_every_autopilot(tmp_path: Path) -> None:

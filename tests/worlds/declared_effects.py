@@ -55,7 +55,7 @@ WORLD: dict[str, dict[str, Any]] = {
     },
     "weather": {"visibility_m": 60.0},
     "randomize": {"light": True, "haze": {"clear_share": 0.0}, "textures": True, "people": True, "noise": True},
-    "physics.effects": {"ground_effect": False, "descent_loss": False, "battery": True},
+    "physics.effects": {"ground_effect": False, "descent_loss": False, "battery": True, "air_density": False},
 }
 # One action of each kind in a script; a fault once for each thing that can have one.
 ACTIONS: dict[str, dict[str, Any]] = {

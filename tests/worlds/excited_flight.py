@@ -12,10 +12,11 @@ from hil.apps.identify.flight_log import FlightLog, Series
 from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import Turbulence, Wind
+from tests.worlds.rotor_models import quadratic
 
 TICK_S = 0.004
 
@@ -37,7 +38,7 @@ class Sensing:
 
 def nominal_vehicle() -> Vehicle:
     """Return the x500 with faster motors, so that the heaviest of the hidden vehicles can still climb and turn."""
-    x500 = load_vehicle("x500")
+    x500 = quadratic("x500")
     constants = x500.rotor_constants.model_copy(update={"max_speed_radps": 1250.0})
     return x500.model_copy(update={"rotor_constants": constants})
 

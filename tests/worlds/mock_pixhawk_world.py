@@ -10,6 +10,7 @@ from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParse
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from signals.time import RateAccumulator
+from sim.physics.forces.force import Effects
 from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
@@ -28,7 +29,8 @@ class World:
         self, *, seed: int = 1, gps: bool = True, vehicle: str = "x500", shaken: bool = False, **autopilot: Any
     ) -> None:
         scene, flown = load_scene("airfield"), load_vehicle(vehicle)
-        self.physics = VehiclePhysics(flown, scene, TICK_NS)
+        # The mock by its airframe's name knows the vehicle in the air of its file.
+        self.physics = VehiclePhysics(flown, scene, TICK_NS, effects=Effects(air_density=False))
         shaken_by = flown if shaken else None
 
         def sensor(name: str, preset: str, rate_hz: float) -> Any:

@@ -34,7 +34,7 @@ class Simulator:
         self._options: dict[str, Any] = {
             "action": action_kind,
             "step_s": self.decision_s,
-            "settings": [f"tick_hz={_TICK_HZ}"],
+            "settings": [f"tick_hz={_TICK_HZ}", "vehicle_settings.rotor_model=quadratic"],  # as the peers' models
             **({"tolerance_m": float(tolerance_m[0])} if tolerance_m else {}),
         }
         if worlds == 1:

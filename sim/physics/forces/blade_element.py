@@ -19,7 +19,7 @@ _WAYS = ("inflow_thrust_kg_per_rad", "zero_thrust_advance_ratio", "blades")
 
 
 class StaticRotor(Protocol):
-    """What the model takes of `RotorConstants`."""
+    """The part of `RotorConstants` that the model takes."""
 
     @property
     def thrust_coefficient_n_per_radps2(self) -> float: ...
@@ -42,7 +42,7 @@ class Blades(StrictModel):
 
 
 class BladeElement(StrictModel):
-    """What the blade-element momentum model needs besides the constants of the rotor.
+    """Parameters of the blade-element momentum model besides the constants of the rotor.
 
     The change of thrust with the flow through the rotor is given in one of three ways: the lump itself, the advance
     ratio J = u / (n D) at which the propeller has no thrust (wind-tunnel tables), or the blades.
@@ -86,51 +86,6 @@ class RotorLumps(NamedTuple):
 HAYDEN = 16.0 * 4.0 * 0.0379  # of 1 - v / v_far, over (R / 4z)^2: rotor_equations.py
 
 
-def lumps(
-    *,
-    k: float,
-    moment_ratio_m: float,
-    drag_kg_per_rad: float,
-    radius_m: float,
-    inflow_thrust_kg_per_rad: float,
-    translational_thrust_kg_per_m: float | None = None,
-    induced_power_factor: float = 1.15,
-    profile_power_growth: float = 4.65,
-    hub_moment_share: float = 0.5,
-    ground_inflow_loss: float = 0.6,
-    air_density_kgpm3: float = SEA_LEVEL_KGPM3,
-    thrust_left: float = 1.0,
-) -> RotorLumps:
-    """Return the lumps of a rotor with static thrust k O^2 and static torque m_ratio k O^2, of which a share is left.
-
-    All but `air_density_kgpm3`, `radius_m` and `ground_inflow_loss` may be symbols.
-    """
-    disc = 2.0 * air_density_kgpm3 * math.pi * radius_m * radius_m
-    k, c_l = thrust_left * k, thrust_left * inflow_thrust_kg_per_rad
-    kappa = k / disc
-    per_speed = kappa**0.5  # v_h / O
-    c_t = k + c_l * per_speed
-    c_v = (
-        1.5 * c_t / (radius_m * radius_m)
-        if translational_thrust_kg_per_m is None
-        else thrust_left * translational_thrust_kg_per_m
-    )
-    return RotorLumps(
-        c_t=c_t,
-        c_l=c_l,
-        c_v=c_v,
-        c_q=k * (moment_ratio_m - induced_power_factor * per_speed),
-        k_d=drag_kg_per_rad,
-        kappa_m2=kappa,
-        disc_kg_per_m=disc,
-        radius_m=radius_m,
-        induced_power_factor=induced_power_factor,
-        profile_power_growth=profile_power_growth,
-        hub_moment_share=hub_moment_share,
-        ground_floor=HAYDEN / ground_inflow_loss if ground_inflow_loss > 0.0 else 0.0,
-    )
-
-
 def inflow_thrust_kg_per_rad(c: StaticRotor, model: BladeElement) -> float:
     """Return c_l of a rotor. Raises ValueError if the advance ratio is below what the static thrust needs.
 
@@ -158,20 +113,30 @@ def inflow_thrust_kg_per_rad(c: StaticRotor, model: BladeElement) -> float:
 
 
 def lumps_of(c: StaticRotor, model: BladeElement, *, thrust_left: float = 1.0) -> RotorLumps:
-    """Return the lumps of a rotor of a vehicle's file. Raises ValueError for constants that contradict each other."""
-    found = lumps(
-        k=c.thrust_coefficient_n_per_radps2,
-        moment_ratio_m=c.moment_ratio_m,
-        drag_kg_per_rad=c.drag_kg_per_rad,
+    """Return the lumps of a rotor with static thrust k O^2 and static torque m_ratio k O^2, of which a share is left.
+
+    Raises ValueError for constants that contradict each other.
+    """
+    radius2 = c.radius_m * c.radius_m
+    disc = 2.0 * model.air_density_kgpm3 * math.pi * c.radius_m * c.radius_m
+    k, c_l = thrust_left * c.thrust_coefficient_n_per_radps2, thrust_left * inflow_thrust_kg_per_rad(c, model)
+    kappa = k / disc
+    per_speed = kappa**0.5  # v_h / O
+    c_t = k + c_l * per_speed
+    across = model.translational_thrust_kg_per_m
+    found = RotorLumps(
+        c_t=c_t,
+        c_l=c_l,
+        c_v=1.5 * c_t / radius2 if across is None else thrust_left * across,
+        c_q=k * (c.moment_ratio_m - model.induced_power_factor * per_speed),
+        k_d=c.drag_kg_per_rad,
+        kappa_m2=kappa,
+        disc_kg_per_m=disc,
         radius_m=c.radius_m,
-        inflow_thrust_kg_per_rad=inflow_thrust_kg_per_rad(c, model),
-        translational_thrust_kg_per_m=model.translational_thrust_kg_per_m,
         induced_power_factor=model.induced_power_factor,
         profile_power_growth=model.profile_power_growth,
         hub_moment_share=model.hub_moment_share,
-        ground_inflow_loss=model.ground_inflow_loss,
-        air_density_kgpm3=model.air_density_kgpm3,
-        thrust_left=thrust_left,
+        ground_floor=HAYDEN / model.ground_inflow_loss if model.ground_inflow_loss > 0.0 else 0.0,
     )
     if found.c_q < 0.0:
         least = model.induced_power_factor * math.sqrt(found.kappa_m2)

@@ -61,7 +61,7 @@ Value = Any  # float, array, or casadi.SX: whatever has + - * / and ** 0.5
 
 
 class RotorLoads(NamedTuple):
-    """What a rotor does to the body at its hub, and to the air."""
+    """Loads of a rotor on the body at its hub, and its flow in the air."""
 
     thrust_n: Value
     across_kg_per_s: Value  # force across = -this u_a

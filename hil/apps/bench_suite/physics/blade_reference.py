@@ -36,7 +36,7 @@ def relative_density(z: Any, site: Site) -> Any:
 
 @dataclass
 class Hub:
-    """What the air does at a rotor: expressions in B."""
+    """The flow at a rotor: expressions in B."""
 
     velocity: ca.SX
     height: ca.SX  # over the ground [m]

@@ -15,7 +15,7 @@ _PIECE_BYTES = 1 << 20
 
 
 class _Pieces(io.RawIOBase):
-    """What was written since the last `take`."""
+    """The bytes written since the last `take`."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []

@@ -15,7 +15,7 @@ from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.fitted_vehicle import fitted_vehicle
 from hil.apps.identify.fit.flight_model import FlightModel, make_model
 from hil.apps.identify.fit.prediction import HORIZONS_S, Predictor, predictions
-from hil.apps.identify.fit.shooting import START_SIGMA, Group, Solution, first_states, solve
+from hil.apps.identify.fit.shooting import START_SIGMA, Group, Guess, Solution, first_states, solve
 from hil.apps.identify.fit.windows import Motors, Windows
 from hil.apps.identify.fit_result import Estimated, Fit, Residual
 from hil.apps.identify.flight_log import FlightLog
@@ -137,9 +137,13 @@ def fit_windows(
                 group.sigma = np.maximum(sigma[number], START_SIGMA) if window_s > last_s else sigma[number].copy()
             groups.append(group)
         solution = solve(
-            model, groups, priors, start=start, free=free, steady=steady, progress=progress, share=share,
-            most=iterations, unexplained=unexplained,
-        )  # fmt: skip
+            model,
+            groups,
+            Guess(start, priors, free, unexplained),
+            steady=steady,
+            progress=_part_of(progress, share),
+            most=iterations,
+        )
         start, sigma, unexplained, last_s = solution.s, [g.sigma for g in groups], solution.unexplained, window_s
         if skip == 1.0 and part == 1.0:
             break
@@ -147,6 +151,12 @@ def fit_windows(
     if kind == "command":
         _add_resolution(unknowns, solution, step_s)
     return model, unknowns, solution
+
+
+def _part_of(progress: Callable[[float, str], None], share: tuple[float, float]) -> Callable[[float, str], None]:
+    """Return a progress that runs through this part of another one."""
+    first, last = share
+    return lambda done, what: progress(first + (last - first) * done, what)
 
 
 def _add_resolution(unknowns: Sequence[at.Unknown], solution: Solution, step_s: float) -> None:

@@ -178,22 +178,32 @@ def _part(number: int) -> NDArray[np.int64]:
     return np.r_[np.arange(at.VEHICLE_COUNT), np.arange(first, first + at.LOG_COUNT)]
 
 
+@dataclass(frozen=True)
+class Guess:
+    """Theta to begin with, its deviations beforehand, which of it is free, and the accelerations left unexplained."""
+
+    s: Array
+    priors: Array
+    free: NDArray[np.bool_]
+    unexplained: Array | None = None
+
+
 def solve(
     model: FlightModel,
     groups: list[Group],
-    priors: Array,
+    guess: Guess,
     *,
-    start: Array,
-    free: NDArray[np.bool_],
     steady: Callable[[Group, Array], Array] | None,
     progress: Callable[[float, str], None],
-    share: tuple[float, float] = (0.0, 1.0),
     most: int = 15,
-    unexplained: Array | None = None,
 ) -> Solution:
-    """Return the most likely theta. `steady` gives the rotor speeds that the windows' first commands lead to."""
-    s, damping = start.copy(), 1e-4
-    wander = _UNEXPLAINED.copy() if unexplained is None else unexplained.copy()
+    """Return the most likely theta. `steady` gives the rotor speeds that the windows' first commands lead to.
+
+    `progress` is told the share done, 0 to 1, and what is done.
+    """
+    s, damping = guess.s.copy(), 1e-4
+    priors, free = guess.priors, guess.free
+    wander = _UNEXPLAINED.copy() if guess.unexplained is None else guess.unexplained.copy()
     prior_weight = 1.0 / priors**2
 
     def set_priors() -> None:
@@ -218,7 +228,7 @@ def solve(
     cost = total(parts, s)
     n, iteration = len(s), 0
     for iteration in range(1, most + 1):
-        progress(share[0] + (share[1] - share[0]) * iteration / (most + 1), f"iteration {iteration}")
+        progress(iteration / (most + 1), f"iteration {iteration}")
         A, b, inner = np.diag(prior_weight), prior_weight * s, []
         for g, p in zip(groups, parts, strict=True):
             where = _part(g.windows.number)

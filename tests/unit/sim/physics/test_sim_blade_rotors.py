@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from sim import _kernels
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces import rotor_equations
-from sim.physics.forces.blade_element import BladeElement, Blades, lumps, lumps_of
+from sim.physics.forces.blade_element import BladeElement, Blades, lumps_of
 from sim.physics.forces.force import Effects
 from sim.physics.forces.rotors import Rotor, rotors_force
 from sim.physics.integration import TickSteps
@@ -405,6 +405,4 @@ def test_the_model_needs_its_lumps() -> None:
     data["rotor_constants"]["blade_element"] = None
     with pytest.raises(ValueError, match=r"rotor_model blade_element needs rotor_constants\.blade_element"):
         Vehicle.model_validate(data)
-    assert (
-        lumps(k=K, moment_ratio_m=0.016, drag_kg_per_rad=0.0, radius_m=0.127, inflow_thrust_kg_per_rad=1e-4).c_l == 1e-4
-    )
+    assert lumps_of(X500.rotor_constants, BladeElement(inflow_thrust_kg_per_rad=1e-4)).c_l == 1e-4

@@ -12,10 +12,10 @@ from sim._kernels import dryden_scale
 from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind, WindAtVehicle
+from tests.worlds.rotor_models import quadratic
 
 TICK_NS = 4_000_000
 FOOT = 0.3048
@@ -107,7 +107,7 @@ def test_gust_is_one_minus_cosine() -> None:
 
 def test_gust_reaches_the_vehicle_and_the_events() -> None:
     wind = Wind(gusts=(GustEvent(at_s=0.1, velocity_W_mps=(10.0, 0.0, 0.0), rise_s=0.2, fall_s=0.1),))
-    vehicle = load_vehicle("x500")
+    vehicle = quadratic("x500")
     physics = VehiclePhysics(
         vehicle,
         load_scene("airfield"),

@@ -436,7 +436,7 @@ def test_the_same_calls_give_the_same_digest() -> None:
             client.call("enableApiControl", True, "A")
             client.call("armDisarm", True, "A")
             client.call("takeoff", 20.0, "A")
-            spawn(client, "wall", "tree", pose(4.0, 0.3, 0.0))
+            spawn(client, "wall", "tree", pose(4.0, 0.0, 0.0))
             client.call("moveByVelocity", 3.0, 0.0, 0.0, 2.0, 0, STRAIGHT, "A")
             client.call("simSetObjectPose", "wall", pose(2.0, 0.0, 0.0), False)
             client.call("simContinueForTime", 0.5)

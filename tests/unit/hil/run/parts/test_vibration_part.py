@@ -1,4 +1,4 @@
-"""What a run with vibration reports: ArduPilot's level, the spectrum, the counts of clipped readings."""
+"""The report of a run with vibration: ArduPilot's level, the spectrum, the counts of clipped readings."""
 
 from __future__ import annotations
 
