@@ -42,6 +42,7 @@ def fitted_vehicle(vehicle: Vehicle, unknowns: Sequence[at.Unknown], s: NDArray[
         "time_constant_up_s": float(np.clip(p[at.TAU_UP], 1e-3, 1.0)),
         "time_constant_down_s": float(np.clip(p[at.TAU_DOWN], 1e-3, 1.0)),
         "thrust_model_factor": float(np.clip(p[at.SHAPE], 0.0, 1.0)),
+        "blade_element": None,
     }
     forces = [force for force in vehicle.forces if not isinstance(force, AirMoment)]
     about_x, about_y = (float(x) for x in p[at.AIR_MOMENT : at.AIR_MOMENT + 2])
@@ -54,6 +55,7 @@ def fitted_vehicle(vehicle: Vehicle, unknowns: Sequence[at.Unknown], s: NDArray[
     changed = vehicle.model_copy(
         update={
             "inertia_kgm2": (ix, iy, iz),
+            "rotor_model": "quadratic",  # the model that was fitted
             "rotor_constants": vehicle.rotor_constants.model_copy(update=constants),
             "rotors": spheres(vehicle.rotors),
             "feet": spheres(vehicle.feet),

@@ -135,6 +135,7 @@ def test_fitted_numbers_stand_in_the_vehicle() -> None:
         c.thrust_coefficient_n_per_radps2 * np.exp(0.1)
     )
     assert found.rotor_constants.drag_kg_per_rad == 0.0  # a file cannot say less
+    assert (vehicle.rotor_model, found.rotor_model) == ("blade_element", "quadratic")  # it flies what was fitted
     assert found.rotors[0].position_m[0] == pytest.approx(vehicle.rotors[0].position_m[0] - 0.01)
     assert [force.about_x_ns for force in found.forces if force.kind == "air_moment"] == [2e-3]  # type: ignore[attr-defined]
     again = at.vehicle_unknowns(found)
