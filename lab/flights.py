@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from hil.apps.bench_suite.options import read_lists
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus, TextTable
-from hil.apps.identify.airborne import find_flights, motors_up
 from hil.apps.identify.fit.prediction import HORIZONS_S, Grid, Predictor
-from hil.apps.identify.flight_log import FlightLog
-from hil.apps.identify.log_format import LogFile, read_log
+from hil.run.flight_logs.airborne import find_flights, motors_up
+from hil.run.flight_logs.flight_log import FlightLog
+from hil.run.flight_logs.log_format import LogFile, read_log
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle, load_vehicle
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.apps.identify.airborne import find_flights, motors_up
 from hil.apps.identify.fit.prediction import Predictor, predictions
-from hil.apps.identify.flight_log import FlightLog
-from hil.apps.identify.log_format import LogFile, read_log
+from hil.run.flight_logs.airborne import find_flights, motors_up
+from hil.run.flight_logs.flight_log import FlightLog
+from hil.run.flight_logs.log_format import LogFile, read_log
 from sim.physics.vehicle import load_vehicle
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.apps.identify.log_format import LogFile, read_log
 from hil.apps.identify.preparation import prepare
 from hil.cli.app import run_command_line
+from hil.run.flight_logs.log_format import LogFile, read_log
 from sim.physics.vehicle import load_vehicle
 
 X500 = load_vehicle("x500")

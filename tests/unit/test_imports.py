@@ -18,7 +18,7 @@ FLOORS: dict[str, Sequence[str]] = {
     "hil.run": (
         *("replay", "bench_run", "stepped", "runs", "parts", "autopilot", "part", "feed"),
         *("report", "live companion film"),
-        *("sensors", "loop", "recorder verdict"),
+        *("sensors flight_logs", "loop", "recorder verdict"),
     ),
     "hil.config": (
         *("load saved", "vehicles", "loading", "checks", "companion formation multirotor_facts", "bench scenes"),

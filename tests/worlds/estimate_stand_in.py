@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from hil.apps.identify.fit_result import Estimated, Fit, Prediction, Residual
-from hil.apps.identify.flight_log import FlightLog
+from hil.run.flight_logs.flight_log import FlightLog
 from sim.physics.vehicle import Vehicle
 
 THRUST = "rotor_constants.thrust_coefficient_n_per_radps2"

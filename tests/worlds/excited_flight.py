@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import FlightLog, Series
+from hil.run.flight_logs.flight_log import FlightLog, Series
 from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hil.apps.identify.flight_log import FlightLog
+from hil.run.flight_logs.flight_log import FlightLog
 from tests.worlds.dataflash_file import DataFlashFile
 from tests.worlds.known_motion import Motion
 from tests.worlds.ulog_file import ULogFile

@@ -17,10 +17,10 @@ from hil.apps.identify.excitation import Excitation
 from hil.apps.identify.excite import MANOEUVRES, ExciteFiles, Limits, write_excitation
 from hil.apps.identify.fit_result import Fit
 from hil.apps.identify.fixed_values import read_fixed, with_fixed
-from hil.apps.identify.flight_log import FlightLog
 from hil.apps.identify.judgement import QUANTITIES, error_ratio, judged_pairs, mean_by_horizon
 from hil.apps.identify.preparation import Prepared, prepare
 from hil.apps.identify.vehicle_text import vehicle_text
+from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.report.run_folder import locked_folder
 from hil.run.report.run_json import run_json_text
 from hil.run.runs.progress import CountProgress

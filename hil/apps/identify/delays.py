@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import FlightLog
 from hil.apps.identify.rates_of_change import at, attitude_at, attitude_rate, derivative, grid_s, smoothed
-from hil.apps.identify.rotor_model import steady_speeds_radps, wrench
+from hil.run.flight_logs.flight_log import FlightLog
+from hil.run.flight_logs.rotor_model import steady_speeds_radps, wrench
 from sim.physics.vehicle import Vehicle
 
 Rows = NDArray[np.float64]

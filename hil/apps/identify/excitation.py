@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import FlightLog
 from hil.apps.identify.rates_of_change import at, attitude_at, derivative, grid_s, rotated, smoothed
-from hil.apps.identify.rotor_model import lagged_speeds_radps, steady_speeds_radps, wrench
+from hil.run.flight_logs.flight_log import FlightLog
+from hil.run.flight_logs.rotor_model import lagged_speeds_radps, steady_speeds_radps, wrench
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hil.apps.identify.fit_result import Fit, Prediction, Residual
-from hil.apps.identify.flight_log import FlightLog
 from hil.apps.identify.judgement import QUANTITIES, mean_by_horizon
+from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.report import figures
 
 _BEFORE, _AFTER = "#8a919b", "#0072b2"

@@ -19,10 +19,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import FlightLog
-from hil.apps.identify.log_format import LogFile
 from hil.apps.identify.rates_of_change import at, attitude_at, attitude_rate, derivative, grid_s, rotated, smoothed
-from hil.apps.identify.rotor_model import steady_speeds_radps, wrench
+from hil.run.flight_logs.flight_log import FlightLog
+from hil.run.flight_logs.log_format import LogFile
+from hil.run.flight_logs.rotor_model import steady_speeds_radps, wrench
 from signals.errors import ConfigError, Problem
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle

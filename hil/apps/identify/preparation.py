@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.apps.identify.airborne import find_flights, motors_up, note_saturation
 from hil.apps.identify.delays import Delays, delays_of
 from hil.apps.identify.excitation import PITCH, ROLL, THRUST, Excitation, excitation_of
-from hil.apps.identify.flight_log import FlightLog
-from hil.apps.identify.log_format import LogFile, read_log
 from hil.apps.identify.plausibility import check_accel, check_flight, check_one_vehicle
+from hil.run.flight_logs.airborne import find_flights, motors_up, note_saturation
+from hil.run.flight_logs.flight_log import FlightLog
+from hil.run.flight_logs.log_format import LogFile, read_log
 from signals.errors import ConfigError, Problem
 from sim.physics.multirotor import unfit
 from sim.physics.vehicle import Vehicle

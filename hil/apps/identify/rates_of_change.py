@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from hil.apps.identify.flight_log import Series
+from hil.run.flight_logs.flight_log import Series
 
 Rows = NDArray[np.float64]
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from hil.apps.identify.column_map import ColumnMap
 from hil.apps.identify.command import IdentifyOptions, identify
 from hil.apps.identify.fixed_values import read_fixed, with_fixed
-from hil.apps.identify.flight_log import FlightLog
 from hil.cli.app import run_command_line
+from hil.run.flight_logs.column_map import ColumnMap
+from hil.run.flight_logs.flight_log import FlightLog
 from signals.documents.validate import load_model, validate
 from signals.documents.yaml_lines import parse_yaml
 from signals.errors import ConfigError

@@ -16,7 +16,7 @@ from hil.apps.identify.fit.motor_telemetry import smoothed, without_spikes
 from hil.apps.identify.fit.prediction import Grid, Predictor
 from hil.apps.identify.fit.shooting import first_states, sums
 from hil.apps.identify.fit.windows import Motors, Windows
-from hil.apps.identify.flight_log import FlightLog, Series
+from hil.run.flight_logs.flight_log import FlightLog, Series
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.excited_flight import Sensing, excited_log, hidden_vehicle, nominal_vehicle

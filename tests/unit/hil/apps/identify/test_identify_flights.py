@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.apps.identify.airborne import find_flights, motors_up, note_saturation
 from hil.apps.identify.delays import delays_of
 from hil.apps.identify.excitation import DOWN, PITCH, ROLL, ROTOR_DRAG, THRUST, UP, YAW, excitation_of
-from hil.apps.identify.flight_log import FlightLog, Series
-from hil.apps.identify.log_format import LogFile
 from hil.apps.identify.plausibility import check_accel, check_flight, check_one_vehicle, gain_of
 from hil.apps.identify.preparation import with_measured_voltage
+from hil.run.flight_logs.airborne import find_flights, motors_up, note_saturation
+from hil.run.flight_logs.flight_log import FlightLog, Series
+from hil.run.flight_logs.log_format import LogFile
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.flown_log import CLIMB_S, TAKE_OFF_S, Array, flown_log, scaled, with_series

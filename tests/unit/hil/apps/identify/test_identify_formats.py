@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hil.apps.identify.flight_log import FlightLog, Series
-from hil.apps.identify.log_format import LogFile, formats, read_log
+from hil.run.flight_logs.flight_log import FlightLog, Series
+from hil.run.flight_logs.log_format import LogFile, formats, read_log
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.dataflash_file import DataFlashFile
 from tests.worlds.flight_files import dataflash, ulog

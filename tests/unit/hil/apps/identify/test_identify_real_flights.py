@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.apps.identify.log_format import LogFile
 from hil.apps.identify.plausibility import gain_of
 from hil.apps.identify.preparation import flights_of
+from hil.run.flight_logs.log_format import LogFile
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
 from tests.worlds.docs_blocks import ROOT

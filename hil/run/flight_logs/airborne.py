@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import FlightLog, Series
-from hil.apps.identify.log_format import LogFile
-from hil.apps.identify.rotor_model import greatest_specific_force_mps2, steady_speeds_radps, wrench
+from hil.run.flight_logs.flight_log import FlightLog, Series
+from hil.run.flight_logs.log_format import LogFile
+from hil.run.flight_logs.rotor_model import greatest_specific_force_mps2, steady_speeds_radps, wrench
 
 Interval = tuple[float, float]
 

@@ -19,9 +19,9 @@ import numpy as np
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from hil.apps.identify.columns_of_time import continuous_quaternions, series_of
-from hil.apps.identify.flight_log import FlightLog, Series
-from hil.apps.identify.log_format import Format, LogFile
+from hil.run.flight_logs.columns_of_time import continuous_quaternions, series_of
+from hil.run.flight_logs.flight_log import FlightLog, Series
+from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX, Layout, decode
 from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage, Recording
 from signals.errors import RecordingError

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.columns_of_time import pose_of, series_of
-from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
-from hil.apps.identify.log_format import Format, LogFile
-from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
-from hil.apps.identify.rotor_model import wrench
+from hil.run.flight_logs.columns_of_time import pose_of, series_of
+from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
+from hil.run.flight_logs.log_format import Format, LogFile
+from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
+from hil.run.flight_logs.rotor_model import wrench
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 

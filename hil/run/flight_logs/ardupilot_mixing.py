@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import Series
+from hil.run.flight_logs.flight_log import Series
 
 _AGREES = 0.01
 _FLYING = 0.02  # of the thrust: motors that only spin follow no controller

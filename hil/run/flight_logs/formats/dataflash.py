@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_bridge.links.ardupilot.frames import FIRST_MOTOR_FUNCTION, frame_of
-from hil.apps.identify.ardupilot_mixing import faster_commands
-from hil.apps.identify.columns_of_time import pose_of, series_of
-from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
-from hil.apps.identify.log_format import Format, LogFile
-from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
+from hil.run.flight_logs.ardupilot_mixing import faster_commands
+from hil.run.flight_logs.columns_of_time import pose_of, series_of
+from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
+from hil.run.flight_logs.log_format import Format, LogFile
+from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
 
 _HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3

@@ -1,4 +1,4 @@
-"""Tables, CSV or parquet, read by a map of their columns (`hil/apps/identify/column_map.py`)."""
+"""Tables, CSV or parquet, read by a map of their columns (`hil/run/flight_logs/column_map.py`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.column_map import (
+from hil.run.flight_logs.column_map import (
     ACCEL_UNITS,
     ANGLE_UNITS,
     LENGTH_UNITS,
@@ -21,10 +21,10 @@ from hil.apps.identify.column_map import (
     ColumnMap,
     Motors,
 )
-from hil.apps.identify.columns_of_time import pose_of, series_of
-from hil.apps.identify.flight_log import FlightLog, Series
-from hil.apps.identify.log_format import Format, LogFile
-from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
+from hil.run.flight_logs.columns_of_time import pose_of, series_of
+from hil.run.flight_logs.flight_log import FlightLog, Series
+from hil.run.flight_logs.log_format import Format, LogFile
+from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
 from signals.documents.validate import load_model, nearest
 
 _PARQUET = b"PAR1"

@@ -1,4 +1,4 @@
-"""A log's format, and the reader of a log of any format: every module of `logs/` with a `FORMAT`.
+"""A log's format, and the reader of a log of any format: every module of `formats/` with a `FORMAT`.
 
 A new format is one file: `recognises` looks at the first bytes and the name, `read` returns the whole log as a
 `FlightLog` in the conventions of `flight_log.py`. Shortcomings that a fit can live with go to `LogFile.notes`; others
@@ -14,8 +14,8 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 
-from hil.apps.identify import logs
-from hil.apps.identify.flight_log import FlightLog
+from hil.run.flight_logs import formats as modules
+from hil.run.flight_logs.flight_log import FlightLog
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 
@@ -61,8 +61,8 @@ class Format:
 @cache
 def formats() -> tuple[Format, ...]:
     """Return the formats in the order of their modules' names."""
-    names = sorted(module.name for module in iter_modules(logs.__path__))
-    found = [getattr(import_module(f"{logs.__name__}.{name}"), "FORMAT", None) for name in names]
+    names = sorted(module.name for module in iter_modules(modules.__path__))
+    found = [getattr(import_module(f"{modules.__name__}.{name}"), "FORMAT", None) for name in names]
     return tuple(item for item in found if isinstance(item, Format))
 
 

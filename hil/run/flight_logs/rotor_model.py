@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import FlightLog
+from hil.run.flight_logs.flight_log import FlightLog
 from sim.physics.multirotor import effectiveness
 from sim.physics.vehicle import Vehicle
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import Series
+from hil.run.flight_logs.flight_log import Series
 
 Column = NDArray[np.float64]
 
