@@ -184,6 +184,19 @@ class RadarSample(NamedTuple):
     channels: Annotated[Mapping[str, NDArray[Any]], "RADAR_UNITS", "R"]  # read-only
 
 
+class FollowedSample(NamedTuple):
+    """Where a real vehicle was at this instant of its flight, which the simulated one flies again."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    p_WB: Annotated[Vec3, "m", "W"]
+    q_WB: Annotated[Quat, "1", "B->W"]
+    v_WB_W: Annotated[Vec3, "m/s", "W"]
+    w_WB_B: Annotated[Vec3, "rad/s", "B"]  # as measured; NaN without a gyro
+    set_point_W: Annotated[Vec3, "m", "W"]  # where it was to be
+
+
 class ScalarSample(NamedTuple):
     """Single number of a sensor without a sample type of its own, such as a tachometer or a fuel gauge."""
 
@@ -214,6 +227,7 @@ Sample = (
     | RangeSample
     | FlowSample
     | OdometrySample
+    | FollowedSample
     | ScalarSample
     | FrameSample
 )

@@ -260,11 +260,27 @@ class BenchLoading:
                     self.settings.set(value_place, parameter.value, parameter.where)
             self.settings.set(place, None, self.settings.where(place))
 
+    def _take_followed_log(self) -> None:
+        """Make the paths of `follow` absolute: a saved bench finds them from any folder."""
+        section = self.settings.data.get("follow")
+        for key in ("log", "columns"):
+            name = section.get(key) if isinstance(section, dict) else None
+            if not isinstance(name, str):
+                continue
+            place = ("follow", key)
+            folders = (*self.beside, Path()) if self.settings.where(place).rpartition(":")[2].isdigit() else (Path(),)
+            found = [path for folder in folders if (path := folder / Path(name).expanduser()).exists()]
+            if found:
+                self.settings.set(place, str(found[0].resolve()), self.settings.where(place))
+            else:
+                self.problems.append(at(self.settings, place, f"names a file that does not exist: {name}"))
+
     def bench(self) -> Bench:
         """Build the bench. Raises ConfigError with every problem found."""
         mission_path = self._mission_path()
         script = self._script(mission_path)
         self._take_params_file()
+        self._take_followed_log()
         data = dict(self.settings.data)
         section = data.pop("sensors", {})
         config, config_problems = validate(BenchConfig, data, self.settings)

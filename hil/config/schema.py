@@ -218,6 +218,27 @@ class Ros2(Section):
         return self.domain is not None and self.control
 
 
+class Follow(Section):
+    """A real flight, flown again by the set-points of its log (docs/follow.md)."""
+
+    log: str | None = None  # .ulg, .bin, run.mcap or its run folder, .csv or .parquet; null: none is followed
+    flight: Annotated[int, Field(ge=1)] | None = None  # of a log with several flights, from 1
+    columns: str | None = None  # map of a table's columns (docs/identify.md)
+    of: str = ""  # vehicle of a recording that has several
+    set_points: Literal["log", "measured"] = "log"  # measured: the flown trajectory itself, whatever was commanded
+    wind: Literal["bench", "log"] = "bench"  # log: the mean of the wind that the log's estimator saw
+    # Limits of the differences between the real flight and the simulated one; null: measured but not judged.
+    position_rms_m: Annotated[float, Field(gt=0)] | None = None
+    position_max_m: Annotated[float, Field(gt=0)] | None = None
+    velocity_rms_mps: Annotated[float, Field(gt=0)] | None = None
+    attitude_rms_deg: Annotated[float, Field(gt=0)] | None = None
+
+    @property
+    def flies(self) -> bool:
+        """True if a log is flown."""
+        return self.log is not None
+
+
 class Record(Section):
     """Recordings of a run, besides run.json."""
 
@@ -410,6 +431,7 @@ class BenchConfig(Section):
     manual: Manual = Manual()
     companion: Companion = Companion()
     ros2: Ros2 = Ros2()
+    follow: Follow = Follow()
     foxglove: Foxglove = Foxglove()
     sensors: dict[str, SensorConfig] = Field(default_factory=dict)
     start: Start = Start()
@@ -436,6 +458,11 @@ class BenchConfig(Section):
     count: Annotated[int, Field(ge=1, le=1000)] | None = None
     formation: Formation | None = None  # null: none is flown
     group: Group = Group()
+
+    @property
+    def flown_by_set_points(self) -> bool:
+        """True if a companion, ROS 2 nodes or a followed log command the vehicle: no mission is uploaded."""
+        return self.companion.flies or self.ros2.flies or self.follow.flies
 
     @property
     def noise_seed(self) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hil.config import Bench
 from hil.run.part import Part
-from hil.run.parts.catalog import parts_of, shared_parts
+from hil.run.parts.catalog import parts_of, settled, shared_parts
 from hil.run.recorder.no_recorder import NoRecorder
 from hil.run.recorder.recorder import Recorder
 from hil.run.report.run_folder import run_folder
@@ -42,6 +42,7 @@ def run_bench(bench: Bench, out: Path, *, quiet: bool = False, more: Sequence[Pa
     exception, so that run.json always exists. Raises RecordingError if `out` itself cannot be written or another run
     writes there, ConfigError if the settings of a part are invalid.
     """
+    bench = settled(bench)
     with run_folder(out, bench.vehicles):
         if bench.vehicles:
             from hil.run.runs.group_run import GroupRun
@@ -63,6 +64,7 @@ def fly(
     that tick is recorded. Nothing is measured or judged but crashes. Raises HilError, also for a crash, whatever
     `recorder` and `part` raise, and KeyboardInterrupt.
     """
+    bench = settled(bench)
     runs: dict[str, VehicleRun] = {}
     for name, own in bench.each_vehicle.items():
         folder = out / name

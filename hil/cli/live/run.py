@@ -30,6 +30,16 @@ class RunOptions:
     rig: RigOption = None
     scene: SceneOption = None
     mission: MissionOption = None
+    follow: Annotated[
+        Path | None,
+        typer.Option(
+            help="Fly the set-points of a real flight, and compare both: .ulg, .bin, run.mcap or its run folder.",
+            metavar="LOG",
+        ),
+    ] = None
+    flight: Annotated[
+        int | None, typer.Option(help="With --follow: which flight of a log with several, from 1.", min=1)
+    ] = None
     seed: SeedOption = None
     out: OutOption = None
     settings: SetOption = None
@@ -61,7 +71,7 @@ def run(o: RunOptions) -> None:
     from hil.apps.fly.choice import BenchChoice
     from hil.apps.fly.command import fly
 
-    choice = BenchChoice(o.config, o.rig, o.scene, o.mission, o.seed, tuple(o.settings or ()))
+    choice = BenchChoice(o.config, o.rig, o.scene, o.mission, o.seed, tuple(o.settings or ()), o.follow, o.flight)
     if o.print_command:
         from hil.run.autopilot import start_command
 

@@ -61,6 +61,7 @@ def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
         ("mission",): config.mission is not None,
         ("companion", "control"): config.companion.flies,
         ("ros2", "control"): config.ros2.flies,
+        ("follow", "log"): config.follow.flies,
         ("manual", "device"): config.manual.device is not None,
         ("autopilot", "params"): bool(autopilot.params),
     }

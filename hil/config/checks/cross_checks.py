@@ -51,6 +51,19 @@ def cross_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
     if config.ros2.flies and (config.companion.flies or config.manual.device is not None):
         other = "companion.control" if config.companion.flies else "manual.device"
         report(("ros2", "control"), f"is true, and so is {other}: both would command the vehicle", "leave one out")
+    if config.follow.flies:
+        others = {
+            "mission": config.mission is not None,
+            "companion.control": config.companion.flies,
+            "ros2.control": config.ros2.flies,
+            "manual.device": config.manual.device is not None,
+        }
+        for other in (name for name, flies in others.items() if flies):
+            hint = "--set mission=null" if other == "mission" else "leave one out"
+            report(("follow", "log"), f"is set, and so is {other}: both would command the vehicle", hint)
+        if missing := config.missing_sensors():
+            message = f"needs sensors with a {' and a '.join(missing)} that feeds the flight controller"
+            report(("follow", "log"), message)
     if config.foxglove.port is not None and config.foxglove.paused and not config.autopilot.lockstep:
         message = "is true, and this autopilot runs on wall-clock time: it cannot be held"
         report(("foxglove", "paused"), message, "set it to false")

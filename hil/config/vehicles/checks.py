@@ -66,9 +66,7 @@ def vehicles_problems(
 def _flies(bench: Bench) -> bool:
     config = bench.config
     by_hand = config.manual.device is not None or bool(config.router.endpoints()) or bool(config.parts)
-    return (
-        bench.mission is not None or bench.script is not None or config.companion.flies or config.ros2.flies or by_hand
-    )
+    return bench.mission is not None or bench.script is not None or config.flown_by_set_points or by_hand
 
 
 def _start_problems(vehicles: Mapping[str, Bench], located: Mapping[str, SettingsPart]) -> list[Problem]:

@@ -100,6 +100,27 @@ class Voltage(StrictModel):
     unit: Literal["V", "mV"]
 
 
+class Yaw(StrictModel):
+    """Heading from the world's first axis towards its second: from east to north in enu, from north to east in ned."""
+
+    column: Name
+    unit: Literal["rad", "deg"]
+
+
+class SetPointColumns(StrictModel):
+    """What the vehicle was told to follow, in the map's world; an empty cell: not commanded. For `hil run --follow`."""
+
+    position: Position | None = None
+    velocity: Velocity | None = None
+    yaw: Yaw | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _leads_somewhere(self) -> SetPointColumns:
+        if self.position is None and self.velocity is None:
+            raise ValueError("set-points need the columns of a position or a velocity")
+        return self
+
+
 class ColumnMap(StrictModel):
     """Map of one table. World and body hold for all its vectors and the attitude."""
 
@@ -114,6 +135,7 @@ class ColumnMap(StrictModel):
     rate: Rate | None = None
     accel: Accel | None = None
     voltage: Voltage | None = None
+    set_points: SetPointColumns | None = None
 
     @pydantic.model_validator(mode="after")
     def _one_convention(self) -> ColumnMap:

@@ -13,6 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.run.flight_logs.set_points import SetPoints
+
 MotorsKind = Literal["speed_radps", "command"]
 
 
@@ -51,7 +53,8 @@ class FlightLog:
 
     `motors` are in the order of the vehicle file's rotors: speeds in rad/s, or commands from 0 to 1. `pose` is p_WB in
     m and q_WB (7 columns), `velocity` v_WB_W in m/s, `rate` the gyro's w_WB_B in rad/s, `accel` the specific force in
-    m/s2 in B, `voltage` the battery's in V (1 column). None stands for a series that the log does not have.
+    m/s2 in B, `voltage` the battery's in V (1 column). `set_points` are what the controller followed, `wind` the
+    estimated velocity of the air, east and north, in m/s. None stands for a series that the log does not have.
     """
 
     name: str
@@ -66,6 +69,8 @@ class FlightLog:
     estimated: bool  # pose and velocity are an autopilot's estimate, not motion capture
     start_s: float
     end_s: float
+    set_points: SetPoints | None = None  # of the whole log, whatever stretch this is
+    wind: Series | None = None  # likewise
 
     @property
     def duration_s(self) -> float:

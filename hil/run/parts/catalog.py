@@ -7,6 +7,7 @@ part that a bench names in its section `parts` has `make(bench, settings) -> Par
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import import_module
 
 from firmware_bridge.autopilots.settings import MockFaults
@@ -51,7 +52,8 @@ _JUDGES: tuple[tuple[str, Condition], ...] = (
 )
 _PILOTS: tuple[tuple[str, Condition], ...] = (
     ("pilots.companion", lambda bench: bench.config.companion.on),
-    ("pilots.mission", lambda bench: not (bench.config.companion.flies or bench.config.ros2.flies)),
+    ("pilots.mission", lambda bench: not bench.config.flown_by_set_points),
+    ("pilots.follow", lambda bench: bench.config.follow.flies),
     ("pilots.script", lambda bench: bench.script is not None),
     ("pilots.manual", lambda bench: bench.config.manual.device is not None),
     ("links.ros2.part", lambda bench: bench.config.ros2.domain is not None),
@@ -79,6 +81,19 @@ def parts_of(bench: Bench, more: Sequence[Part] = (), *, judged: bool = True) ->
     inner = [*_VEHICLE, *(_JUDGES if judged else _CRASH), *_PILOTS]
     named = [part_module(name).make(bench, settings) for name, settings in bench.config.parts.items()]
     return [*_make(inner, bench), *named, *more, *_make(_LINKS, bench)]
+
+
+def settled(bench: Bench) -> Bench:
+    """Return the bench, or that of each vehicle, with what its parts set in it: the start of a followed flight.
+
+    Raises ConfigError.
+    """
+    if bench.vehicles:
+        return replace(bench, vehicles={name: settled(vehicle) for name, vehicle in bench.vehicles.items()})
+    if not bench.config.follow.flies:
+        return bench
+    own: Bench = import_module("hil.run.parts.pilots.follow").settled(bench)
+    return own
 
 
 def shared_parts(bench: Bench) -> list[Callable[[str], Sequence[Part]]]:

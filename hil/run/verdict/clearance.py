@@ -64,6 +64,19 @@ class Clearance:
         finer /= np.linalg.norm(finer, axis=1, keepdims=True)
         return min(float(range_m[shortest]), float(self._cast(p_W, finer).min()), _MAX_RANGE_M)
 
+    def is_blocked(self, a_W: Vec3, b_W: Vec3) -> bool:
+        """Return True if a surface that does not move lies between two points."""
+        way = np.subtract(b_W, a_W)
+        length_m = float(np.linalg.norm(way))
+        if length_m == 0.0:
+            return False
+        pieces = math.ceil(length_m / _MAX_RANGE_M)
+        return any(
+            float(self._cast(_vec3(np.asarray(a_W) + way * (k / pieces)), (way / length_m)[None, :])[0])
+            < length_m / pieces
+            for k in range(pieces)
+        )
+
     def _cast(self, p_W: Vec3, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the range [m] along each direction, (n, 3) unit vectors; infinite without a hit."""
         n = len(directions)
@@ -71,3 +84,8 @@ class Clearance:
         origins = np.ascontiguousarray(np.broadcast_to(np.asarray(p_W), (n, 3)))
         self._caster.cast(origins, np.ascontiguousarray(directions), 0.0, _MAX_RANGE_M, range_m, geom)
         return np.where(geom >= 0, range_m, math.inf)
+
+
+def _vec3(row: NDArray[np.float64]) -> Vec3:
+    x, y, z = (float(value) for value in row)
+    return x, y, z

@@ -4,6 +4,7 @@
     rate, accel the IMU's samples, with its noise and at its capture times
     pose        /truth/pose, and velocity /truth/velocity: as a motion capture would give them
     voltage     /battery
+    set-points  what a companion, a ROS 2 node or a followed log commanded (offboard_set_points.py)
 
 A run of several vehicles holds each one's topics; `--of NAME` chooses. The true rotor speeds stay in the recording: a
 fit that is tested on a run must not see them.
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from hil.run.flight_logs.columns_of_time import continuous_quaternions, series_of
 from hil.run.flight_logs.flight_log import FlightLog, Series
 from hil.run.flight_logs.log_format import Format, LogFile
+from hil.run.flight_logs.offboard_set_points import RECEIVED, SENT, OffboardRows
 from hil.run.recorder.mcap.cdr import MESSAGE_PREFIX, Layout, decode
 from hil.run.recorder.reading import DAMAGE_ERRORS, RecordedMessage, Recording
 from signals.errors import RecordingError
@@ -89,10 +91,13 @@ def _read(file: LogFile) -> FlightLog:
     recording = _opened(file)
     rows = {name: _Rows() for name in (_POSE, _VELOCITY, _ACTUATORS, _BATTERY)}
     imus: dict[str, _Rows] = {}
+    offboard = OffboardRows()
     try:
         for message in recording.messages():
             if message.topic in rows:
                 rows[message.topic].add(message)
+            elif message.topic in (SENT, RECEIVED):
+                offboard.add(message)
             elif message.type_name == _IMU_TYPE:
                 imus.setdefault(message.topic, _Rows()).add(message)
         imu = imus.get("/imu") or next(iter(imus.values()), _Rows())
@@ -123,6 +128,7 @@ def _read(file: LogFile) -> FlightLog:
         estimated=False,
         start_s=float(commands.t_s[0]),
         end_s=float(commands.t_s[-1]),
+        set_points=offboard.set_points(pose),
     )
 
 

@@ -5,6 +5,7 @@
     rate, accel IMU, first instance
     pose        attitude of XKQ, else XKF1, else ATT; position and velocity of XKF1, else POS and GPS
     voltage     BAT, first instance
+    set-points  PSCN, PSCE, PSCD, ATT.DesYaw (dataflash_set_points.py), wind the estimator's
 
 pymavlink yields messages one by one, which takes a minute for five minutes at 400 Hz; here its index of offsets becomes
 columns with a numpy record type per message. ArduPilot numbers motors by its frames; firmware_bridge's table of frames
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from firmware_bridge.links.ardupilot.frames import FIRST_MOTOR_FUNCTION, frame_of
 from hil.run.flight_logs.ardupilot_mixing import faster_commands
 from hil.run.flight_logs.columns_of_time import pose_of, series_of
+from hil.run.flight_logs.dataflash_set_points import dataflash_other_vehicle, dataflash_set_points, dataflash_wind
 from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
 from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
@@ -102,6 +104,8 @@ def _read(file: LogFile) -> FlightLog:
         messages = _Messages(file.path)
     except Exception as error:  # pymavlink raises bare exceptions for damaged files
         raise file.refuse(f"is no readable DataFlash log ({error})", "copy it from the vehicle again") from error
+    if other := dataflash_other_vehicle(messages):
+        raise file.refuse(f"is the log of {other}", "name the log of a multirotor", topic="MSG")
     parameters = _parameters(messages)
     motors, kind = _motors(file, messages, parameters)
     file.topics.update(rate="IMU.Gyr", accel="IMU.Acc", pose="XKQ with XKF1", velocity="XKF1", voltage="BAT")
@@ -130,6 +134,8 @@ def _read(file: LogFile) -> FlightLog:
         estimated=True,
         start_s=float(motors.t_s[0]),
         end_s=float(motors.t_s[-1]),
+        set_points=dataflash_set_points(messages),
+        wind=dataflash_wind(messages),
     )
 
 

@@ -20,11 +20,13 @@ from hil.run.flight_logs.column_map import (
     VOLTAGE_UNITS,
     ColumnMap,
     Motors,
+    SetPointColumns,
 )
 from hil.run.flight_logs.columns_of_time import pose_of, series_of
 from hil.run.flight_logs.flight_log import FlightLog, Series
 from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
+from hil.run.flight_logs.set_points import SetPoints, set_points_from_ned, set_points_of
 from signals.documents.validate import load_model, nearest
 
 _PARQUET = b"PAR1"
@@ -68,6 +70,10 @@ def _wanted(m: ColumnMap) -> list[str]:
         names += m.attitude.quaternion or m.attitude.euler or ()
     if m.voltage is not None:
         names.append(m.voltage.column)
+    if m.set_points is not None:
+        for part in (m.set_points.position, m.set_points.velocity):
+            names += part.columns if part is not None else ()
+        names += [m.set_points.yaw.column] if m.set_points.yaw is not None else []
     return list(dict.fromkeys(names))
 
 
@@ -158,6 +164,7 @@ def _log(file: LogFile, m: ColumnMap, table: Columns) -> FlightLog:
         estimated=m.estimated,
         start_s=float(motors.t_s[0]),
         end_s=float(motors.t_s[-1]),
+        set_points=_set_points(m.set_points, m.world, t_s, table) if m.set_points is not None else None,
     )
 
 
@@ -199,6 +206,23 @@ def _attitude(file: LogFile, m: ColumnMap, t_s: NDArray[np.float64], table: Colu
             topic = ", ".join(m.attitude.quaternion)
             raise file.refuse(message, "angles go under attitude.euler with their unit", topic=topic)
     return series_of(t_s, q_WB_from_q_NF(q) if m.world == "ned" else q)
+
+
+def _set_points(m: SetPointColumns, world: str, t_s: NDArray[np.float64], table: Columns) -> SetPoints | None:
+    none = np.full((len(t_s), 3), np.nan)
+    p, v, yaw_rad = none, none, none[:, 0]
+    topics: list[str] = []
+    if m.position is not None:
+        p = _stack(table, m.position.columns) * LENGTH_UNITS[m.position.unit]
+        topics += m.position.columns
+    if m.velocity is not None:
+        v = _stack(table, m.velocity.columns) * SPEED_UNITS[m.velocity.unit]
+        topics += m.velocity.columns
+    if m.yaw is not None:
+        yaw_rad = table[m.yaw.column] * ANGLE_UNITS[m.yaw.unit]
+        topics.append(m.yaw.column)
+    made = set_points_from_ned if world == "ned" else set_points_of
+    return made(", ".join(topics), t_s, p, v, none, yaw_rad)
 
 
 FORMAT = Format("CSV or parquet with --columns", _recognises, _read)

@@ -5,6 +5,7 @@
     rate, accel sensor_combined (each sample of the IMU in use), else vehicle_angular_velocity
     pose        vehicle_attitude and vehicle_local_position; velocity from the latter
     voltage     battery_status
+    set-points  trajectory_setpoint (ulog_set_points.py), wind the estimator's
 
 actuator_motors are shares of thrust: the outputs x follow from T = f x^2 + (1 - f) x with f = THR_MDL_FAC
 (mixer_module/functions/FunctionMotors.hpp). PX4's motor i is the rotor i of the vehicle file (`CA_ROTORi_*`). Times are
@@ -29,6 +30,8 @@ from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
 from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF
 from hil.run.flight_logs.rotor_model import wrench
+from hil.run.flight_logs.ulog_set_points import TOPICS as _SET_POINT_TOPICS
+from hil.run.flight_logs.ulog_set_points import ulog_other_vehicle, ulog_set_points, ulog_wind
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 
@@ -36,6 +39,7 @@ _MAGIC = b"ULog\x01\x12\x35"
 _TOPICS = (
     *("actuator_motors", "actuator_outputs", "esc_status", "sensor_combined", "vehicle_angular_velocity"),
     *("vehicle_acceleration", "vehicle_attitude", "vehicle_local_position", "battery_status"),
+    *_SET_POINT_TOPICS,
 )
 _FIRST_MOTOR = 101  # output function of motor 1 (PWM_MAIN_FUNC1 and the like)
 _MOST_OUTPUTS = 16
@@ -44,6 +48,12 @@ _RADPS_PER_RPM = 2.0 * math.pi / 60.0
 _MOTORS_HINT = "log actuator_motors at its full rate: SDLOG_PROFILE with bit 3 (system identification), and fly again"
 _LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hides between two samples
 _SHORTEST_GAP_MS = 20.0
+_RESETS: tuple[
+    tuple[str, tuple[str, ...], int], ...
+] = (  # counter of the estimator's resets, the last one's distances, first axis
+    ("xy_reset_counter", ("delta_xy[0]", "delta_xy[1]"), 0),
+    ("z_reset_counter", ("delta_z",), 2),
+)
 
 
 class _Topics:
@@ -75,9 +85,13 @@ def _read(file: LogFile) -> FlightLog:
         hint = "copy it from the card again; what comes before is used"
         file.note(f"is cut off or damaged; its data end at {log.last_timestamp * _US:.2f} s", hint)
     _note_dropouts(file, log.dropouts)
+    if other := ulog_other_vehicle(topics):
+        hint = "name the log of a multirotor"
+        raise file.refuse(f"is the log of {other}", hint, topic="vehicle_status.vehicle_type")
     motors, kind = _motors(file, topics, log.initial_parameters)
     rate, accel = _imu(file, topics)
     attitude, position, velocity = _state(file, topics)
+    moved_s, moved_N = _moved_by_resets(topics)
     battery = topics("battery_status")
     voltage = None if battery is None else series_of(_times(battery), battery[_voltage_field(battery)])
     if voltage is not None and str(log.msg_info_dict.get("ver_hw", "")).startswith("PX4_SITL"):
@@ -97,6 +111,8 @@ def _read(file: LogFile) -> FlightLog:
         estimated=True,
         start_s=float(motors.t_s[0]),
         end_s=float(motors.t_s[-1]),
+        set_points=ulog_set_points(topics, moved_s, moved_N),
+        wind=ulog_wind(topics),
     )
 
 
@@ -283,21 +299,33 @@ def _remove_resets(
     file: LogFile, data: dict[str, NDArray[Any]], t_s: NDArray[np.float64], p: NDArray[np.float64]
 ) -> None:
     """Take the jumps of the estimator's origin out of the positions `p` [n, 3], and note the last one."""
-    for counter, deltas, first in (
-        ("xy_reset_counter", ("delta_xy[0]", "delta_xy[1]"), 0),
-        ("z_reset_counter", ("delta_z",), 2),
-    ):
-        if counter not in data or any(name not in data for name in deltas):
-            continue
-        jumps = np.flatnonzero(np.diff(data[counter].astype(np.int64))) + 1
-        for k, name in enumerate(deltas):
-            steps = np.zeros(len(t_s))
-            steps[jumps] = data[name][jumps]
-            p[:, first + k] -= np.nan_to_num(np.cumsum(np.nan_to_num(steps)))
+    p -= _jumped(data)
+    for counter, _, _ in _RESETS:
+        jumps = np.flatnonzero(np.diff(data[counter].astype(np.int64))) + 1 if counter in data else np.empty(0, np.intp)
         if len(jumps):
             message = f"jumped {len(jumps)} times, last at {t_s[jumps[-1]]:.2f} s ({counter})"
             hint = "the positions are used without the jumps; good GPS and a wait before take-off avoid them"
             file.note(message, hint, topic="vehicle_local_position")
+
+
+def _jumped(data: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Return how far the estimator's resets have moved the position so far [n, 3]."""
+    moved = np.zeros((len(data["timestamp"]), 3))
+    for counter, deltas, first in _RESETS:
+        if counter not in data or any(name not in data for name in deltas):
+            continue
+        jumps = np.flatnonzero(np.diff(data[counter].astype(np.int64))) + 1
+        for k, name in enumerate(deltas):
+            steps = np.zeros(len(moved))
+            steps[jumps] = data[name][jumps]
+            moved[:, first + k] = np.cumsum(np.nan_to_num(steps))
+    return moved
+
+
+def _moved_by_resets(topics: _Topics) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the times of the positions, and how far resets have moved them so far."""
+    data = topics("vehicle_local_position")
+    return (np.empty(0), np.empty((0, 3))) if data is None else (_times(data), _jumped(data))
 
 
 def _voltage_field(battery: dict[str, NDArray[Any]]) -> str:

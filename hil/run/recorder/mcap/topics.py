@@ -21,6 +21,7 @@ from signals.samples import (
     ActuatorFrame,
     BaroSample,
     FlowSample,
+    FollowedSample,
     GpsSample,
     ImuSample,
     MagSample,
@@ -238,6 +239,12 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             values={"radiation_type": 1},
         ),
     ),
+    FollowedSample: (
+        Topic("/pose", "geometry_msgs/PoseStamped", WORLD, {"pose.position": "p_WB", "pose.orientation": "q_WB_xyzw"}),
+        Topic("/velocity", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "v_WB_W"}),
+        Topic("/angular_velocity", "geometry_msgs/Vector3Stamped", BODY, {"vector": "w_WB_B"}),
+        Topic("/set_point", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "set_point_W"}),
+    ),
     ScalarSample: (Topic("", "hil_msgs/Scalar", BODY, {"value": "value"}),),
     OdometrySample: (
         Topic(
@@ -283,7 +290,7 @@ def columns_of(kind: type, rows: list[Any], later_ns: int = 0) -> Columns:
     """
     names = kind._fields  # type: ignore[attr-defined]
     columns: Columns = {name: np.array(values) for name, values in zip(names, zip(*rows, strict=True), strict=True)}
-    if kind is TruthState:
+    if kind in (TruthState, FollowedSample):
         columns["q_WB_xyzw"] = columns["q_WB"][:, [1, 2, 3, 0]]
     elif kind is GpsSample:
         covariance = np.zeros((len(rows), 9))
@@ -326,7 +333,7 @@ def _twist_covariance(odometry: OdometrySample) -> tuple[float, ...]:
     return _diagonal(odometry.velocity_sigma_mps**2, _UNKNOWN_RATE)
 
 
-def _xyzw(truth: TruthState) -> tuple[float, float, float, float]:
+def _xyzw(truth: TruthState | FollowedSample) -> tuple[float, float, float, float]:
     w, x, y, z = truth.q_WB
     return x, y, z, w
 
@@ -334,6 +341,7 @@ def _xyzw(truth: TruthState) -> tuple[float, float, float, float]:
 # The derived columns above for one sample, as plain numbers: by type of sample and column.
 _DERIVED: dict[tuple[type, str], Callable[[Any], Any]] = {
     (TruthState, "q_WB_xyzw"): _xyzw,
+    (FollowedSample, "q_WB_xyzw"): _xyzw,
     (TruthState, "v_WB_B"): lambda truth: rotate_into_body(truth.q_WB, truth.v_WB_W),
     (GpsSample, "position_covariance_m2"): _covariance_m2,
     (GpsSample, "status"): lambda gps: _FIX if gps.fix_type >= _FIX_3D else _NO_FIX,
