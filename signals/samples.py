@@ -185,7 +185,7 @@ class RadarSample(NamedTuple):
 
 
 class FollowedSample(NamedTuple):
-    """Where a real vehicle was at this instant of its flight, which the simulated one flies again."""
+    """State of a real vehicle at this instant of its flight, which the simulated one flies again."""
 
     seq: Count
     t_capture_ns: Ns

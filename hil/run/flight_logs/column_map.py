@@ -108,7 +108,7 @@ class Yaw(StrictModel):
 
 
 class SetPointColumns(StrictModel):
-    """What the vehicle was told to follow, in the map's world; an empty cell: not commanded. For `hil run --follow`."""
+    """Set-points of the vehicle in the map's world, for `hil run --follow`; an empty cell: not commanded."""
 
     position: Position | None = None
     velocity: Velocity | None = None

@@ -9,6 +9,8 @@ from hil.run.flight_logs.flight_log import Series
 
 Column = NDArray[np.float64]
 
+_POSITION_GAP_S = 1.0  # autopilots log positions at 5 Hz and more; over a longer time no curve is where it flew
+
 
 def series_of(t_s: Column, values: NDArray[np.float64]) -> Series | None:
     """Return the finite rows in the order of their times, the first of those with one time; None if there is none."""
@@ -24,13 +26,18 @@ def series_of(t_s: Column, values: NDArray[np.float64]) -> Series | None:
 
 
 def pose_of(attitude: Series, position: Series, velocity: Series | None) -> Series | None:
-    """Return p_WB and q_WB at the attitude's times within the position's; signs of q without jumps.
+    """Return p_WB and q_WB at the attitude's times within the position's, outside its gaps; signs of q without jumps.
 
     An autopilot logs attitudes more often than positions. Between two positions p is the cubic with the positions and
     velocities of both (Hermite), or the straight line without velocities. The attitude, which has the fast motion, is
     taken as it is.
     """
     inside = (attitude.t_s >= position.t_s[0]) & (attitude.t_s <= position.t_s[-1])
+    before = np.searchsorted(position.t_s, attitude.t_s, "right") - 1
+    after = np.searchsorted(position.t_s, attitude.t_s, "left")
+    last = len(position) - 1
+    step_s = position.t_s[np.clip(after, 0, last)] - position.t_s[np.clip(before, 0, last)]
+    inside &= step_s <= _POSITION_GAP_S
     t_s = attitude.t_s[inside]
     if not len(t_s):
         return None

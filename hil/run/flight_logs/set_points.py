@@ -60,7 +60,7 @@ def commanded_at(t_s: Rows, at_s: Rows, values: Rows) -> Rows:
     right = np.clip(np.searchsorted(at_s, t_s, "left"), 0, len(at_s) - 1)
     left = np.clip(right - 1, 0, None)
     # Before the first and after the last sample: that one, for the time of a gap.
-    left = np.where(t_s > at_s[-1], right, left)
+    left = np.where((t_s > at_s[-1]) | (t_s == at_s[right]), right, left)
     right = np.where(t_s <= at_s[0], 0, right)
     step = at_s[right] - at_s[left]
     share = np.where(step > 0.0, (t_s - at_s[left]) / np.where(step > 0.0, step, 1.0), 1.0)

@@ -46,7 +46,7 @@ class Course:
 
     @property
     def words(self) -> str:
-        """What the set-points are, for people."""
+        """Origin of the set-points, for people."""
         if not self.topic or self.measured["position"] >= 1.0:
             return "the log has no set-points: the measured trajectory itself is followed"
         text = f"set-points of {self.topic}"

@@ -1,4 +1,4 @@
-"""How a simulated flight differs from the real one that it follows.
+"""Differences between a simulated flight and the real one that it follows.
 
 At each instant t of the followed time, with the real flight taken at the same time of its own clock:
 

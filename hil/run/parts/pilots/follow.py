@@ -50,6 +50,13 @@ _CLIMBED_M = 0.3
 _BESIDE_M = 1.0  # between two places of the course that are held against the scene
 _MOST_PLACES = 2000
 
+_JUDGED = (  # key of the section, reason, unit
+    ("position_rms_m", "position differs by {} rms", "m"),
+    ("position_max_m", "position differs by up to {}", "m"),
+    ("velocity_rms_mps", "velocity differs by {} rms", "m/s"),
+    ("attitude_rms_deg", "attitude differs by {} rms", "deg"),
+)
+
 
 class FollowPart(Part):
     name = "follow"
@@ -189,12 +196,12 @@ class FollowPart(Part):
         real = self._real
         return Motion(real.p_WB[:n], real.q_WB[:n], real.v_WB_W[:n], real.w_WB_B[:n])
 
-    def _figures(self) -> dict[str, float | None]:
+    def _figures(self) -> dict[str, Any]:
         """Return the numbers of run.json that tell how the flights differ."""
         t_s = self._flight.course.t_s[: len(self._flown)]
         simulated, real = self._simulated(), self._real_so_far()
         d = differences(t_s, simulated, real)
-        figures: dict[str, float | None] = {}
+        figures: dict[str, Any] = {"position_mean_m": d.by_axis_m.mean(axis=0).tolist() if len(t_s) else None}
         for name, values in (
             ("position_m", d.position_m),
             ("velocity_mps", d.velocity_mps),
@@ -216,17 +223,13 @@ class FollowPart(Part):
     def verdict(self) -> Verdict:
         figures, follow = self._figures(), self._bench.config.follow
         rows, reasons = [], []
-        for name, unit in (
-            ("position_rms_m", "m"),
-            ("position_max_m", "m"),
-            ("velocity_rms_mps", "m/s"),
-            ("attitude_rms_deg", "deg"),
-        ):
+        for name, what, unit in _JUDGED:
             value, limit = figures[name], getattr(follow, name)
             ok = limit is None or (value is not None and value <= limit)
             rows.append(Row(f"follow_{name}", value, limit, unit, ok))
             if not ok and value is not None:
-                reasons.append(f"{name.replace('_', ' ', 1)} from the followed flight: {value:.3g} > {limit:g} {unit}")
+                measured, allowed = what.format(f"{value:.3g} {unit}"), f"{limit:g} {unit}"
+                reasons.append(f"{measured} from the followed flight, more than {allowed}")
         if not self._completed:
             reasons.append(f"followed {self._followed_s:.1f} s of {self._flight.duration_s:.1f} s of the logged flight")
         return Verdict(rows, reasons)
