@@ -4,7 +4,7 @@
                        velocity and acceleration beside it; TV. and TA. contain the position controller's own
                        corrections, so they do not count
     PSC, CTUN.DAlt     ArduPilot 4.0 and before: horizontal target, and height
-    ATT.DesYaw         yaw
+    ATT.DesYaw         yaw, the target of the attitude controller, which feeds its rate forward
     XKF2, NKF2         the estimator's wind, first core
 
 ArduPilot writes an axis only while its controller runs: none in STABILIZE, down alone in ALT_HOLD.
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from hil.run.flight_logs.columns_of_time import series_of
 from hil.run.flight_logs.flight_log import Series
-from hil.run.flight_logs.set_points import Rows, SetPoints, commanded_at, set_points_from_ned, unwrapped_at
+from hil.run.flight_logs.set_points import Columns, Rows, SetPoints, commanded_at, set_points_of, unwrapped_at
 
 Messages = Callable[..., dict[str, NDArray[Any]] | None]
 
@@ -52,7 +52,8 @@ def dataflash_set_points(messages: Messages) -> SetPoints | None:
     if attitude is not None and "DesYaw" in attitude:
         yaw_rad = unwrapped_at(t_s, _times(attitude), np.radians(attitude["DesYaw"].astype(np.float64)))
         topic += ", ATT.DesYaw"
-    return set_points_from_ned(topic, t_s, p_N, v_N, a_N, yaw_rad)
+    rate_radps = np.gradient(np.unwrap(yaw_rad), t_s) if len(t_s) > 1 else np.full(len(t_s), np.nan)
+    return set_points_of(topic, Columns(t_s, p_N, v_N, a_N, yaw_rad, rate_radps), ned=True)
 
 
 def dataflash_wind(messages: Messages) -> Series | None:

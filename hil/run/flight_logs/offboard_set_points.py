@@ -16,7 +16,7 @@ from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.messages import MSGID, unpack
 from hil.run.flight_logs.flight_log import Series
 from hil.run.flight_logs.ned import enu_from_ned
-from hil.run.flight_logs.set_points import SetPoints, set_points_from_ned
+from hil.run.flight_logs.set_points import Columns, SetPoints, set_points_of
 from hil.run.recorder.reading import RecordedMessage
 from signals.time import NS_PER_S
 
@@ -24,7 +24,7 @@ SENT, RECEIVED = "/mavlink/to_autopilot", "/mavlink/from_autopilot"
 _HEAD = struct.Struct("<4xiIII")  # CDR header, stamp, message id, number of bytes
 _SET_POINT, _ESTIMATE = MSGID["SET_POSITION_TARGET_LOCAL_NED"], MSGID["LOCAL_POSITION_NED"]
 # POSITION_TARGET_TYPEMASK: the values to ignore
-_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_YAW = 0x007, 0x038, 0x1C0, 0x400
+_NO_POSITION, _NO_VELOCITY, _NO_ACCELERATION, _NO_YAW, _NO_RATE = 0x007, 0x038, 0x1C0, 0x400, 0x800
 _NAN = float("nan")
 
 
@@ -54,7 +54,8 @@ class OffboardRows:
             velocity = (_NAN,) * 3 if mask & _NO_VELOCITY else (m.vx, m.vy, m.vz)
             acceleration = (_NAN,) * 3 if mask & _NO_ACCELERATION else (m.afx, m.afy, m.afz)
             yaw_rad = _NAN if mask & _NO_YAW else m.yaw
-            self._set_points.append((t_s, *place, *velocity, *acceleration, yaw_rad))
+            rate_radps = _NAN if mask & _NO_RATE else m.yaw_rate
+            self._set_points.append((t_s, *place, *velocity, *acceleration, yaw_rad, rate_radps))
         else:
             self._estimates.append((t_s, m.x, m.y, m.z))
 
@@ -66,5 +67,5 @@ class OffboardRows:
         true = np.stack([np.interp(estimates[:, 0], pose.t_s, pose.values[:, k]) for k in range(3)], axis=1)
         origin_W = np.median(true - enu_from_ned(estimates[:, 1:4]), axis=0)
         p_N = rows[:, 1:4] + enu_from_ned(origin_W[None, :])  # the map is its own inverse
-        topic, t_s = "SET_POSITION_TARGET_LOCAL_NED", rows[:, 0]
-        return set_points_from_ned(topic, t_s, p_N, rows[:, 4:7], rows[:, 7:10], rows[:, 10])
+        columns = Columns(rows[:, 0], p_N, rows[:, 4:7], rows[:, 7:10], rows[:, 10], rows[:, 11])
+        return set_points_of("SET_POSITION_TARGET_LOCAL_NED", columns, ned=True)

@@ -23,7 +23,7 @@ class SetPoints:
     """Set-points over the log's own clock, increasing strictly; NaN: not commanded.
 
     `p_W` [n, 3] in m, `v_W` in m/s and `a_W` in m/s2, which are fed forward beside a position, `yaw_rad` [n] from
-    east, counter-clockwise. `topic`: their name in the log.
+    east, counter-clockwise, and `yaw_rate_radps` [n], fed forward beside it. `topic`: their name in the log.
     """
 
     topic: str
@@ -32,24 +32,37 @@ class SetPoints:
     v_W: Rows
     a_W: Rows
     yaw_rad: Rows
+    yaw_rate_radps: Rows
 
 
-def set_points_of(topic: str, t_s: Rows, p_W: Rows, v_W: Rows, a_W: Rows, yaw_rad: Rows) -> SetPoints | None:
+@dataclass(frozen=True)
+class Columns:
+    """Set-points as a log has them, in ENU or, with the yaw from north, clockwise, in NED. NaN: not commanded."""
+
+    t_s: Rows
+    p: Rows  # [n, 3]
+    v: Rows
+    a: Rows
+    yaw_rad: Rows  # [n]
+    yaw_rate_radps: Rows
+
+
+def set_points_of(topic: str, columns: Columns, *, ned: bool) -> SetPoints | None:
     """Return the rows that command a place or a velocity, in the order of their times; None if there is none."""
-    t_s = np.asarray(t_s, np.float64)
-    commanded = np.isfinite(t_s) & (np.isfinite(p_W).any(axis=1) | np.isfinite(v_W).any(axis=1))
+    c = columns
+    t_s = np.asarray(c.t_s, np.float64)
+    commanded = np.isfinite(t_s) & (np.isfinite(c.p).any(axis=1) | np.isfinite(c.v).any(axis=1))
     if not commanded.any():
         return None
     t_s, first = np.unique(t_s[commanded], return_index=True)
     rows = np.flatnonzero(commanded)[first]
-    finite = [np.where(np.isfinite(values[rows]), values[rows], np.nan) for values in (p_W, v_W, a_W, yaw_rad)]
-    return SetPoints(topic, t_s, *finite)
-
-
-def set_points_from_ned(topic: str, t_s: Rows, p_N: Rows, v_N: Rows, a_N: Rows, yaw_N_rad: Rows) -> SetPoints | None:
-    """Return set-points logged in NED, with the yaw from north, clockwise."""
-    p_W, v_W, a_W = (enu_from_ned(rows) for rows in (p_N, v_N, a_N))
-    return set_points_of(topic, t_s, p_W, v_W, a_W, 0.5 * np.pi - yaw_N_rad)
+    p, v, a, yaw, rate = (
+        np.where(np.isfinite(values[rows]), values[rows], np.nan)
+        for values in (c.p, c.v, c.a, c.yaw_rad, c.yaw_rate_radps)
+    )
+    if ned:
+        p, v, a, yaw, rate = enu_from_ned(p), enu_from_ned(v), enu_from_ned(a), 0.5 * np.pi - yaw, -rate
+    return SetPoints(topic, t_s, p, v, a, yaw, rate)
 
 
 def commanded_at(t_s: Rows, at_s: Rows, values: Rows) -> Rows:

@@ -1,7 +1,7 @@
 """Set-points and wind of a ULog.
 
-    trajectory_setpoint              position, velocity and acceleration beside it (feed-forwards) and yaw of the flight
-                                     mode, from 1.14 on as arrays, before as x, y, z, vx, vy, vz
+    trajectory_setpoint              position, velocity and acceleration beside it (feed-forwards) and yaw with its rate
+                                     of the flight mode, from 1.14 on as arrays, before as x, y, z, vx, vy, vz
     vehicle_local_position_setpoint  where that is missing: what the position controller makes of it. Its velocities
                                      contain that controller's own correction, so they count only without a position,
                                      and its accelerations never
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from hil.run.flight_logs.columns_of_time import series_of
 from hil.run.flight_logs.flight_log import Series
-from hil.run.flight_logs.set_points import Rows, SetPoints, set_points_from_ned
+from hil.run.flight_logs.set_points import Columns, Rows, SetPoints, set_points_of
 
 Topics = Callable[[str], dict[str, NDArray[Any]] | None]
 
@@ -50,8 +50,11 @@ def ulog_set_points(topics: Topics, moved_s: Rows, moved_N: Rows) -> SetPoints |
             v_N = np.where(np.isfinite(p_N), np.nan, v_N)
         if len(moved_s):
             p_N = p_N - moved_N[np.clip(np.searchsorted(moved_s, t_s, "right") - 1, 0, None)]
-        yaw_rad = data["yaw"].astype(np.float64) if "yaw" in data else np.full(len(t_s), np.nan)
-        found = set_points_from_ned(name, t_s, p_N, v_N, a_N, yaw_rad)
+        yaw_rad, rate_radps = (
+            data[column].astype(np.float64) if column in data else np.full(len(t_s), np.nan)
+            for column in ("yaw", "yawspeed")
+        )
+        found = set_points_of(name, Columns(t_s, p_N, v_N, a_N, yaw_rad, rate_radps), ned=True)
         if found is not None:
             return found
     return None

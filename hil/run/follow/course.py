@@ -4,7 +4,7 @@ trajectory that was measured is the set-point.
     position   of each axis the logged set-point, else the measured position
     velocity   the logged one; without it 0 beside a logged position, and the measured one beside a measured position;
                likewise the acceleration
-    yaw        the logged set-point, else the measured heading with its rate
+    yaw        the logged set-point with its rate, else the measured heading with its rate
 
 All are rounded, positions to 0.1 mm: they feed state, and the last bits of libraries' sines and
 sums differ between processors.
@@ -69,12 +69,13 @@ def course_of(log: FlightLog, begin_s: float, end_s: float, shift_m: Rows, *, me
     points = None if measured else log.set_points
     if points is None:
         p = v = a = np.full_like(p_measured, np.nan)
-        yaw = np.full_like(yaw_measured, np.nan)
+        yaw = yaw_rate = np.full_like(yaw_measured, np.nan)
     else:
         p = commanded_at(at_s, points.t_s, points.p_W)
         v = commanded_at(at_s, points.t_s, points.v_W)
         a = commanded_at(at_s, points.t_s, points.a_W)
         yaw = unwrapped_at(at_s, points.t_s, points.yaw_rad)
+        yaw_rate = commanded_at(at_s, points.t_s, points.yaw_rate_radps[:, None])[:, 0]
     no_place, no_yaw = np.isnan(p), np.isnan(yaw)
     v = np.where(np.isnan(v), np.where(no_place, v_measured, 0.0), v)
     a = np.where(np.isnan(a), np.where(no_place, a_measured, 0.0), a)
@@ -87,7 +88,7 @@ def course_of(log: FlightLog, begin_s: float, end_s: float, shift_m: Rows, *, me
         v_W=_rounded(v),
         a_W=_rounded(a),
         yaw_rad=_rounded(np.where(no_yaw, yaw_measured, yaw)),
-        yaw_rate_radps=_rounded(np.where(no_yaw, rate, 0.0)),
+        yaw_rate_radps=_rounded(np.where(no_yaw, rate, np.nan_to_num(yaw_rate))),
         topic="" if points is None else points.topic,
         measured={"position": float(no_place.mean()), "yaw": float(no_yaw.mean())},
     )

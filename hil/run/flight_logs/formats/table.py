@@ -26,7 +26,8 @@ from hil.run.flight_logs.columns_of_time import pose_of, series_of
 from hil.run.flight_logs.flight_log import FlightLog, Series
 from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
-from hil.run.flight_logs.set_points import SetPoints, set_points_from_ned, set_points_of
+from hil.run.flight_logs.set_points import Columns as SetPointRows
+from hil.run.flight_logs.set_points import SetPoints, set_points_of
 from signals.documents.validate import load_model, nearest
 
 _PARQUET = b"PAR1"
@@ -221,8 +222,8 @@ def _set_points(m: SetPointColumns, world: str, t_s: NDArray[np.float64], table:
     if m.yaw is not None:
         yaw_rad = table[m.yaw.column] * ANGLE_UNITS[m.yaw.unit]
         topics.append(m.yaw.column)
-    made = set_points_from_ned if world == "ned" else set_points_of
-    return made(", ".join(topics), t_s, p, v, none, yaw_rad)
+    rows = SetPointRows(t_s, p, v, none, yaw_rad, none[:, 0])
+    return set_points_of(", ".join(topics), rows, ned=world == "ned")
 
 
 FORMAT = Format("CSV or parquet with --columns", _recognises, _read)

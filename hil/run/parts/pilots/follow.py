@@ -1,8 +1,8 @@
 """The section `follow`: flies the set-points of a logged flight, and compares the two flights.
 
     before     the vehicle climbs to the height at which the followed time begins, and flies to the first set-point
-    following  from the first instant at which it is there and slow, or 20 s after it reached the height: the set-point
-               of each instant, 50 a second, with the pilot of companions (OFFBOARD, or GUIDED on ArduPilot)
+    following  once it has been there and slow for a second, or 20 s after it reached the height: the set-point of each
+               instant, 50 a second, with the pilot of companions (OFFBOARD, or GUIDED on ArduPilot)
     after      it lands where the last set-point is
 
 Both flights have the same time from there on: time of the log = simulated time - `time_offset_s`. The real flight is
@@ -45,6 +45,7 @@ PORT = "followed"
 _PERIOD_NS = NS_PER_S // RATE_HZ
 _STALE_S = 1.0
 _NEAR_M, _SLOW_MPS = 1.0, 0.3  # at the first set-point; an estimator with GPS may be off by the first
+_STAYS_NS = NS_PER_S
 _PATIENCE_NS = 20 * NS_PER_S  # at the height of the beginning
 _CLIMBED_M = 0.3
 _BESIDE_M = 1.0  # between two places of the course that are held against the scene
@@ -79,6 +80,7 @@ class FollowPart(Part):
         self._log_hash = _digest(log.source)
         self._pilot: OffboardPilot | None = None
         self._climbed_ns: int | None = None
+        self._there_ns: int | None = None  # since when it is at the first set-point
         self._began_ns: int | None = None
         self._next = 0  # set-point of the course
         self._due_ns = 0  # of the next set-point before and after the course
@@ -143,7 +145,12 @@ class FollowPart(Part):
             self._climbed_ns = truth.t_ns
         if truth.t_ns - self._climbed_ns >= _PATIENCE_NS:
             return True
-        return math.dist(truth.p_WB, first) <= _NEAR_M and math.hypot(*truth.v_WB_W) <= _SLOW_MPS
+        if math.dist(truth.p_WB, first) > _NEAR_M or math.hypot(*truth.v_WB_W) > _SLOW_MPS:
+            self._there_ns = None
+            return False
+        if self._there_ns is None:
+            self._there_ns = truth.t_ns
+        return truth.t_ns - self._there_ns >= _STAYS_NS
 
     def _to_the_beginning(self, truth: TruthState) -> DesiredState:
         """Return the set-point before the course: straight up, then to its first place."""

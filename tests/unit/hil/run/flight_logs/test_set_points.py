@@ -39,7 +39,10 @@ def px4_log(vehicle_type: int = 1) -> ULogFile:
             ("uint8_t", "z_reset_counter"),
         ],
     )
-    log.topic("trajectory_setpoint", [("float", f"{name}[3]") for name in ("position", "velocity", "acceleration")])
+    log.topic(
+        "trajectory_setpoint",
+        [*(("float", f"{name}[3]") for name in ("position", "velocity", "acceleration")), ("float", "yawspeed")],
+    )
     log.topic("vehicle_local_position_setpoint", [("float", n) for n in (*XYZ, "vx", "vy", "vz", "yaw")])
     log.add("vehicle_status", 1_000_000, vehicle_type)
     for i in range(200):
@@ -54,9 +57,9 @@ def px4_log(vehicle_type: int = 1) -> ULogFile:
 
 def test_px4_set_points_turn_to_enu_and_lose_the_jumps_of_the_origin(tmp_path: Path) -> None:
     log = px4_log()
-    log.add("trajectory_setpoint", 2_500_000, 10.0, 20.0, -5.0, 1.0, 2.0, -3.0, 0.1, 0.2, -0.3)
-    log.add("trajectory_setpoint", 3_500_000, 11.0, 22.0, -2.0, NAN, NAN, NAN, NAN, NAN, NAN)
-    log.add("trajectory_setpoint", 3_600_000, *[NAN] * 9)  # nothing commanded
+    log.add("trajectory_setpoint", 2_500_000, 10.0, 20.0, -5.0, 1.0, 2.0, -3.0, 0.1, 0.2, -0.3, 0.7)
+    log.add("trajectory_setpoint", 3_500_000, 11.0, 22.0, -2.0, NAN, NAN, NAN, NAN, NAN, NAN, NAN)
+    log.add("trajectory_setpoint", 3_600_000, *[NAN] * 10)  # nothing commanded
     points = points_of(read_log(LogFile(log.write(tmp_path / "a.ulg"), X500)))
     assert points.topic == "trajectory_setpoint"
     assert points.t_s == pytest.approx([2.5, 3.5])
@@ -65,6 +68,7 @@ def test_px4_set_points_turn_to_enu_and_lose_the_jumps_of_the_origin(tmp_path: P
     assert points.v_W[0] == pytest.approx([2.0, 1.0, 3.0])
     assert points.a_W[0] == pytest.approx([0.2, 0.1, 0.3])
     assert np.isnan(points.v_W[1]).all()
+    assert points.yaw_rate_radps[0] == pytest.approx(-0.7)  # clockwise is negative here
     assert np.isnan(points.yaw_rad).all()
 
 
@@ -115,6 +119,7 @@ def test_ardupilot_set_points_are_targets_without_the_controller_s_correction(tm
     heading = np.radians(350.0 - 360.0 + 2.0 * n - 0.4)
     turned = np.unwrap(points.yaw_rad[1:])
     assert turned - turned[0] == pytest.approx(-(heading[1:] - heading[1]))
+    assert points.yaw_rate_radps[5] == pytest.approx(-np.radians(20.0))  # 2 degrees in 0.1 s
     assert log.wind is not None
     assert log.wind.values[3] == pytest.approx([-2.5, 1.5])
 
