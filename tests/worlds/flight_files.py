@@ -19,7 +19,9 @@ def us(t_s: float) -> int:
     return START_US + round(t_s * 1e6)
 
 
-def ulog(path: Path, m: Motion, *, positions_every: int = 1, hardware: str = "PX4_FMU_V6X") -> Path:
+def ulog(
+    path: Path, m: Motion, *, positions_every: int = 1, hardware: str = "PX4_FMU_V6X", set_points: bool = False
+) -> Path:
     """Write a motion as PX4 logs it: messages later than their samples."""
     log = ULogFile({"SYS_AUTOSTART": 4001})
     log.info("ver_hw", hardware)
@@ -34,6 +36,9 @@ def ulog(path: Path, m: Motion, *, positions_every: int = 1, hardware: str = "PX
         [("uint64_t", "timestamp_sample"), *(("float", n) for n in ("x", "y", "z", "vx", "vy", "vz"))],
     )
     log.topic("battery_status", [("float", "voltage_v")])
+    log.topic("wind", [("float", "windspeed_north"), ("float", "windspeed_east")])
+    vectors = [("float", f"{name}[3]") for name in ("position", "velocity", "acceleration")]
+    log.topic("trajectory_setpoint", [*vectors, ("float", "yaw"), ("float", "yawspeed")])
     gyro, accel = m.frd(m.w_WB_B), m.frd(m.accel_B)
     p, v, q = m.ned(m.p_WB), m.ned(m.v_WB_W), m.q_NF
     for i, t_s in enumerate(m.t_s):
@@ -44,10 +49,13 @@ def ulog(path: Path, m: Motion, *, positions_every: int = 1, hardware: str = "PX
         if i % positions_every == 0:
             log.add("vehicle_local_position", t + 4000, t, *p[i], *v[i])
             log.add("battery_status", t, 15.2)
+        if set_points and i % 10 == 0:
+            log.add("trajectory_setpoint", t, *p[i], *v[i], *[float("nan")] * 3, 0.25, 0.0)
+            log.add("wind", t, 3.0, -1.5)
     return log.write(path)
 
 
-def dataflash(path: Path, m: Motion, *, quaternions: bool = True) -> Path:
+def dataflash(path: Path, m: Motion, *, quaternions: bool = True, set_points: bool = False) -> Path:
     log = DataFlashFile(
         {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0, **{f"SERVO{i + 1}_FUNCTION": 33.0 + i for i in range(4)}}
     )
@@ -57,6 +65,10 @@ def dataflash(path: Path, m: Motion, *, quaternions: bool = True) -> Path:
     log.message("BAT", "QBf", "TimeUS,I,Volt")
     if quaternions:
         log.message("XKQ", "QBffff", "TimeUS,C,Q1,Q2,Q3,Q4")
+    log.message("ATT", "Qffff", "TimeUS,DesYaw,Roll,Pitch,Yaw")
+    log.message("XKF2", "QBcc", "TimeUS,C,VWN,VWE")
+    for axis in "NED":
+        log.message(f"PSC{axis}", "Qff", f"TimeUS,TP{axis},DV{axis}")
     gyro, accel = m.frd(m.w_WB_B), m.frd(m.accel_B)
     p, v, q = m.ned(m.p_WB), m.ned(m.v_WB_W), m.q_NF
     w, x, y, z = q.T
@@ -73,6 +85,11 @@ def dataflash(path: Path, m: Motion, *, quaternions: bool = True) -> Path:
         log.add("BAT", t, 0, 15.2)
         if quaternions:
             log.add("XKQ", t, 0, *q[i])
+        if set_points and i % 10 == 0:
+            log.add("ATT", t, np.degrees(0.25), 0.0, 0.0, 0.0)
+            log.add("XKF2", t, 0, 300, -150)
+            for k, axis in enumerate("NED"):
+                log.add(f"PSC{axis}", t, p[i, k], v[i, k])
     return log.write(path)
 
 

@@ -139,7 +139,7 @@ def _opened(file: LogFile) -> Recording:
         raise file.refuse(f"cannot be read ({error})", "record the run again") from error
     if names and file.of not in names:
         message = f"holds the vehicles {', '.join(names)}" + (f", not {file.of!r}" if file.of else "")
-        raise file.refuse(message, f"choose one: --of {names[0]}")
+        raise file.refuse(message, f"choose one: --of {names[0]}, or follow.of of a run")
     return Recording(file.path, file.of if names else "")
 
 

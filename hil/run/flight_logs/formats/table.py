@@ -41,7 +41,8 @@ def _recognises(head: bytes, path: Path) -> bool:
 
 def _read(file: LogFile) -> FlightLog:
     if file.columns is None:
-        hint = "name the columns, units and frames in a YAML file: --columns MAP (docs/identify.md)"
+        hint = "name the columns, units and frames in a YAML file: --columns MAP (docs/identify.md), "
+        hint += "or --set follow.columns=MAP of a run"
         raise file.refuse("is a table, whose columns say nothing of units and frames", hint)
     columns_map = load_model(file.columns, ColumnMap)[0]
     count = len(file.vehicle.rotors)

@@ -309,7 +309,7 @@ def _check_room(flight: FollowedFlight, bench: Bench, run: RunContext) -> None:
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p_W, axis=0), axis=1))])
     count = min(max(math.ceil(along_m[-1] / _BESIDE_M), 1), _MOST_PLACES)
     places = np.unique(np.searchsorted(along_m, np.linspace(0.0, along_m[-1], count + 1)).clip(0, len(p_W) - 1))
-    meter = Clearance(run.make_frames().geometry)
+    meter = Clearance(run.part("sensors").scene(run).geometry)
     radius_m = vehicle_radius_m(bench.vehicle)
     before: Vec3 | None = None
     for at in places.tolist():

@@ -111,6 +111,33 @@ def test_px4_and_ardupilot_logs_are_followed(tmp_path: Path, write: Callable[...
     assert flight.course.measured["position"] == 1.0
 
 
+@pytest.mark.parametrize(("write", "name"), [(ulog, "a.ulg"), (dataflash, "a.bin")])
+def test_set_points_and_wind_of_px4_and_ardupilot_are_flown(
+    tmp_path: Path, write: Callable[..., Path], name: str
+) -> None:
+    truth = flown_log()
+    log = write(tmp_path / name, motion_of(truth), set_points=True)
+    bench = load_bench(settings=["mission=null", f"follow.log={log}", "follow.wind=log"])
+    flight = followed_flight(bench)
+    assert flight.course.measured == {"position": 0.0, "yaw": 0.0}
+    assert truth.pose is not None
+    at_s = flight.begin_s + flight.course.t_s - 5.0  # the log's clock begins 5 s later
+    place = np.stack([np.interp(at_s, truth.pose.t_s, truth.pose.values[:, k]) for k in range(3)], axis=1)
+    # Between two set-points 0.1 s apart the line is off by a dt^2 / 8 at most, with a up to 5 m/s2.
+    np.testing.assert_allclose(flight.course.p_W, place + np.array(flight.shift_m), atol=7e-3)
+    assert flight.course.yaw_rad == pytest.approx(0.5 * np.pi - 0.25, abs=1e-4)
+    wind = settled(bench).config.wind
+    assert wind is not None
+    assert wind.steady_W_mps == pytest.approx((-1.5, 3.0, 0.0))
+
+
+def test_log_that_begins_in_the_air_says_what_stands_for_the_ground(tmp_path: Path) -> None:
+    flight = flight_of(write_log(tmp_path, WAY, DURATION_S, change=lambda columns: columns[columns[:, 0] > 6.0]))
+    (note,) = flight.notes
+    assert note.startswith("the log begins in the air at 6.02 s: the place of take-off is taken below")
+    assert flight.home_L_m == pytest.approx((100.0, -50.0, 7.0), abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("settings", "change", "message"),
     [
