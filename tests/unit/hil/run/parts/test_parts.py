@@ -18,6 +18,7 @@ from hil.run.parts.catalog import parts_of
 from hil.run.runs.vehicle_run import VehicleRun
 from hil.run.verdict.verdict import Row, Verdict
 from signals.errors import ConfigError
+from tests.worlds.followed_log import line, write_log
 
 ROOT = Path(__file__).resolve().parents[5]
 SHORT = ["autopilot.transport=loopback", "record.mcap=false", "record.tlog=false", "record.report=false"]
@@ -32,6 +33,7 @@ BENCHES = {
     "suite": ["parts.test_suite.command=[suite.py]"],
     "vibration": ["vibration=estimated"],
     "signing": ["autopilot.signing_key_file={folder}/signing.key"],
+    "follow": ["mission=null", "follow.log={folder}/flight.csv", "follow.columns={folder}/flight.yaml"],
 }
 
 
@@ -46,6 +48,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
     folder = tmp_path_factory.mktemp("keys")
     (folder / "signing.key").write_text("ab" * 32)
     (folder / "signing.key").chmod(0o600)
+    write_log(folder, line(5.0, 10.0, 40.0), 40.0)
     found: dict[str, Part] = {}
     for name, texts in BENCHES.items():
         settings = [text.format(folder=folder) for text in texts]
