@@ -43,10 +43,13 @@ class Course:
     yaw_rate_radps: Rows
     topic: str
     measured: dict[str, float]
+    as_asked: bool = False  # the measured trajectory is followed whatever the log commands
 
     @property
     def words(self) -> str:
         """Origin of the set-points, for people."""
+        if self.as_asked:
+            return "the measured trajectory itself is followed, as asked"
         if not self.topic or self.measured["position"] >= 1.0:
             return "the log has no set-points: the measured trajectory itself is followed"
         text = f"set-points of {self.topic}"
@@ -91,6 +94,7 @@ def course_of(log: FlightLog, begin_s: float, end_s: float, shift_m: Rows, *, me
         yaw_rate_radps=_rounded(np.where(no_yaw, rate, np.nan_to_num(yaw_rate))),
         topic="" if points is None else points.topic,
         measured={"position": float(no_place.mean()), "yaw": float(no_yaw.mean())},
+        as_asked=measured,
     )
 
 

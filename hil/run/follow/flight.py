@@ -77,14 +77,20 @@ def followed_flight(bench: Bench) -> FollowedFlight:
     assert follow.log is not None
     start, vehicle = bench.config.start.p_W, bench.vehicle
     stand_W = (start[0], start[1], start[2] + vehicle.standing_height_m)
-    try:
-        stat = Path(follow.log).stat()
-        stamp = (stat.st_mtime_ns, stat.st_size)
-    except OSError:
-        stamp = (0, 0)  # reading it says why
-    flight, file = _read(follow, vehicle, stand_W, stamp)
+    log = Path(follow.log)
+    files = [log / "run.mcap" if log.is_dir() else log, *([] if follow.columns is None else [Path(follow.columns)])]
+    flight, file = _read(follow, vehicle, stand_W, tuple(_stamp(path) for path in files))
     _check_bench(bench, flight, file)
     return flight
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return what changes when a file is written anew."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return 0, 0  # reading it says why
+    return stat.st_mtime_ns, stat.st_size
 
 
 @lru_cache(maxsize=2)
@@ -170,9 +176,8 @@ def _flight(
     _check_vehicle(log.between(begin_s, end_s, log.name), file)
     shift = np.round(np.asarray(stand_W) - home, _ROUND_DIGITS)
     course = course_of(log, begin_s, end_s, shift, measured=follow.set_points == "measured")
-    wind = None if log.wind is None else log.wind.between(begin_s, end_s)
-    mean_mps = (0.0, 0.0) if wind is None or not len(wind) else tuple(wind.values.mean(axis=0).tolist())
-    if follow.wind == "log" and (wind is None or not len(wind)):
+    wind_W_mps = _mean_wind(log, begin_s, end_s)
+    if follow.wind == "log" and wind_W_mps is None:
         text = f"has no estimate of the wind from {begin_s:.2f} to {end_s:.2f} s"
         raise file.refuse(text, "leave follow.wind out, and set the wind of that day by `wind`", topic="wind")
     return FollowedFlight(
@@ -186,9 +191,18 @@ def _flight(
         yaw_rad=round(yaw_of(tuple(q_WB.tolist())), _ROUND_DIGITS),
         takeoff_height_m=round(height_m, _ROUND_DIGITS),
         course=course,
-        wind_W_mps=None if wind is None else (round(mean_mps[0], 3), round(mean_mps[1], 3), 0.0),
+        wind_W_mps=wind_W_mps,
         notes=notes,
     )
+
+
+def _mean_wind(log: FlightLog, begin_s: float, end_s: float) -> Vec3 | None:
+    """Return the mean velocity of the air, to 1 mm/s; None if the log has none in this time."""
+    wind = None if log.wind is None else log.wind.between(begin_s, end_s)
+    if wind is None or not len(wind):
+        return None
+    east, north = wind.values.mean(axis=0).tolist()
+    return round(east, 3), round(north, 3), 0.0
 
 
 def _slow_after(log: FlightLog, above_s: float, t_s: Rows) -> float:
@@ -239,7 +253,8 @@ def _check_bench(bench: Bench, flight: FollowedFlight, file: LogFile) -> None:
         text = f"flies for {flight.duration_s:.0f} s, from {flight.begin_s:.2f} to {flight.end_s:.2f} s, and with "
         text += f"{_AROUND_S:g} s for start and landing the run ends before, after duration_s: {config.duration_s:g}"
         raise file.refuse(text, f"--set duration_s={needed_s:.0f}", topic=topic)
-    away_m = np.linalg.norm(course.p_W - np.asarray(course.p_W[0]), axis=1)
+    start_W = np.asarray(flight.home_L_m) + np.asarray(flight.shift_m)
+    away_m = np.linalg.norm(course.p_W - start_W, axis=1)
     limit_m = config.fly_away_m
     if limit_m is not None and float(away_m.max()) > limit_m:
         at = int(np.argmax(away_m > limit_m))

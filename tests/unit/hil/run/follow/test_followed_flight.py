@@ -85,7 +85,9 @@ def test_log_without_set_points_is_followed_by_its_measured_trajectory(tmp_path:
     # The line is 10 m in 19 s, x = 10 u^2 (3 - 2 u); at u = 1/2 its speed is 15/19 m/s and its acceleration 0.
     assert course.v_W[middle] == pytest.approx([15.0 / 19.0, 0.0, 0.0], abs=2e-3)
     assert course.a_W[middle] == pytest.approx([0.0, 0.0, 0.0], abs=2e-3)
-    assert flight_of(write_log(tmp_path, WAY, DURATION_S), "follow.set_points=measured").course.topic == ""
+    asked = flight_of(write_log(tmp_path, WAY, DURATION_S), "follow.set_points=measured").course
+    assert asked.topic == ""
+    assert asked.words == "the measured trajectory itself is followed, as asked"
 
 
 def test_axis_and_time_without_a_set_point_take_the_measured_place(tmp_path: Path) -> None:
@@ -152,7 +154,7 @@ def test_log_that_begins_in_the_air_says_what_stands_for_the_ground(tmp_path: Pa
             None,
             r"sx, sy, sz, syaw: flies for 31 s, .* after duration_s: 80 \(--set duration_s=91\)",
         ),
-        (("fly_away_m=6",), None, r"leads 6 m away at \d+\.\d+ s, .* fly_away_m: 6 \(--set fly_away_m=13\)"),
+        (("fly_away_m=8",), None, r"leads 8 m away at \d+\.\d+ s, .* fly_away_m: 8 \(--set fly_away_m=13\)"),
         (("follow.flight=2",), None, r"holds no flight 2, but these: 1: 3\.\d+ to 43\.\d+ s"),
         (("follow.wind=log",), None, r"wind: has no estimate of the wind from"),
         (
