@@ -71,7 +71,7 @@ class RotorFault(StrictModel):
 
     @property
     def driven(self) -> bool:
-        """Whether the motor has a current."""
+        """False for a motor that has no current."""
         return self.kind != "desync"
 
     @property
