@@ -19,14 +19,14 @@ def multirotor_facts(vehicle: Vehicle, density_ratio: float = 1.0) -> Multirotor
         inertia_kgm2=vehicle.inertia_kgm2,
         rotors=[
             Rotor(rotor.position_m, rotor.axis, rotor.spin.sign, share)
-            for share, rotor in zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)
+            for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True)
         ],
         moment_ratio_m=c.moment_ratio_m,
         time_constant_s=max(c.time_constant_up_s, c.time_constant_down_s),
-        thrust_model_factor=c.thrust_model_factor,
+        thrust_model_factor=multirotor.thrust_model_factor(vehicle, density_ratio),
         hover_control=multirotor.hover_control(vehicle, density_ratio),
         full_effect=density_ratio
         * multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
         * c.thrust_coefficient_n_per_radps2
-        * c.max_speed_radps**2,
+        * multirotor.max_speed_radps(vehicle, density_ratio) ** 2,
     )

@@ -125,6 +125,8 @@ class Draw(NamedTuple):
             update={
                 "time_constant_up_s": lag * c.time_constant_up_s,
                 "time_constant_down_s": lag * c.time_constant_down_s,
+                # The lag of a motor is proportional to the inertia that it turns.
+                "inertia_kgm2": c.inertia_kgm2 if c.motor is None else lag * c.inertia_kgm2,
                 "drag_kg_per_rad": drag * c.drag_kg_per_rad,
             }
         )

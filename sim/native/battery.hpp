@@ -10,6 +10,10 @@
 // duty cycle with the command), so commands are constant within a tick. The charge drawn over the tick, with each
 // rotor's speed O = c + l e^{-t/tau}, is an integral in closed form.
 //
+// Motors (forces/motor.hpp) take their current directly: V = nE - R (sum u_i I_i(V) + (P / eta + P_0) / V) with the speeds
+// and commands at the tick's start, and the charge of a tick is the integral of their current at this voltage. eta then
+// says nothing of them.
+//
 // With a thermal model, the cells have one temperature T (lumped, as Bernardi, Pawlikowski and Newman, J. Electrochem.
 // Soc. 132, 1985, without their entropic term), and the pack's resistance and capacity follow it:
 //
@@ -24,6 +28,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #include "detmath.hpp"
 
@@ -88,6 +93,27 @@ inline double open_circuit_v(const BatteryParams &b, double drawn_c) {
 inline double loaded_v(const BatteryParams &b, double drawn_c, double shaft_w) {
     const double e = open_circuit_v(b, drawn_c);
     return 0.5 * (e + std::sqrt(e * e - 4.0 * b.resistance_ohm * (shaft_w / b.efficiency + b.auxiliary_w)));
+}
+
+// Voltage at which the pack delivers this power and what forces take directly: the root of
+//   g(V) = V - E + R (I(V) + P / V),   `supply(share, slope)` = I(V) and dI/dshare,  share = V / V_nominal
+// g is convex, so Newton's method falls from above on the greater root. NaN without one.
+template <class Supply>
+double supplied_v(const BatteryParams &b, double drawn_c, double shaft_w, const Supply &supply) {
+    constexpr int kMostSteps = 40;
+    const double e = open_circuit_v(b, drawn_c), power_w = shaft_w / b.efficiency + b.auxiliary_w;
+    double v = e;
+    for (int k = 0; k < kMostSteps; ++k) {
+        double slope = 0.0;
+        const double current = supply(v / b.nominal_voltage_v, slope);
+        const double over = v - e + b.resistance_ohm * (current + power_w / v);
+        const double rise = 1.0 + b.resistance_ohm * (slope / b.nominal_voltage_v - power_w / (v * v));
+        const double next = v - over / rise;
+        if (!(rise > 0.0 && next > 0.0)) break;
+        if (std::fabs(next - v) <= 1e-13 * v) return next;
+        v = next;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
 }
 
 // Integral of (c + l e^{-t/tau})^3 over [0, T], decay = e^{-T/tau}.

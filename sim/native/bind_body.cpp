@@ -47,6 +47,7 @@ class RigidBody {
             body_.states += force->states();
             body_.commands += force->commands();
             body_.integrals += force->integrals();
+            electric_ = electric_ || force->electric();
         }
         if (body_.integrals > hil::sim::kMostIntegrals) throw std::invalid_argument("too many integrated values");
         if (truth.shape(0) != static_cast<std::size_t>(body_.states) + 6) {
@@ -133,6 +134,11 @@ class RigidBody {
 
     int latch(const double *controls) {
         voltage_ = 1.0;
+        if (delay_.on()) {
+            const int bad = delay_.push(controls);
+            if (bad >= 0) return bad;
+            controls = delay_.first();
+        }
         if (pack_.fitted) {
             if (thermal_.fitted) pack_ = thermal_.pack_at(rated_, battery_.data()[3]);
             double *battery = battery_.data(), power_w = 0.0;
@@ -141,12 +147,25 @@ class RigidBody {
             for (std::size_t k = 0; k < body_.forces.size(); ++k) {
                 power_w += body_.forces[k]->power_w(now, state() + body_.first_state[k]);
             }
-            battery[1] = hil::sim::loaded_v(pack_, battery[0], power_w);
+            battery[1] = electric_ ? hil::sim::supplied_v(pack_, battery[0], power_w,
+                                                          [&](double share, double &slope) {
+                                                              return supply_a(controls, share, slope);
+                                                          })
+                                   : hil::sim::loaded_v(pack_, battery[0], power_w);
             voltage_ = battery[1] / pack_.nominal_voltage_v;
         }
-        if (!delay_.on()) return command_forces(controls);
-        const int bad = delay_.push(controls);
-        return bad >= 0 ? bad : command_forces(delay_.first());
+        return command_forces(controls);
+    }
+
+    // Current of the forces at V / V_nominal; adds its derivative.
+    double supply_a(const double *controls, double share, double &per_share_a) const {
+        double sum = 0.0;
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            const Force &force = *body_.forces[k];
+            if (force.electric()) sum += force.supply_a(controls, state() + body_.first_state[k], share, per_share_a);
+            controls += force.commands();
+        }
+        return sum;
     }
 
     int command_forces(const double *controls) {
@@ -172,7 +191,7 @@ class RigidBody {
         const double lengths_s[2] = {delay_.change_s(), times_.tick_s - delay_.change_s()};
         double travelled_m = 0.0;
         int steps = 0;
-        work_j_ = 0.0;
+        work_j_ = charge_c_ = 0.0;
         for (int part = 0; part < 2; ++part) {
             hil::sim::StepTimes times = times_;
             times.tick_s = lengths_s[part];
@@ -186,6 +205,7 @@ class RigidBody {
             travelled_m += hil::sim::free_flight_tick(body_, times, wind, state(), path_.data() + 7 * steps, steps_);
             steps += steps_;
             if (pack_.fitted) work_j_ += work_j(part_before_.data());
+            charge_c_ += charge_c();
         }
         steps_ = steps;
         prepare(times_);
@@ -439,10 +459,18 @@ class RigidBody {
         return sum;
     }
 
+    // Charge that the forces took themselves.
+    double charge_c() const {
+        double sum = 0.0;
+        for (const Force *force : body_.forces) sum += force->charge_c();
+        return sum;
+    }
+
     void draw() {
         const double work = in_parts_ ? work_j_ : work_j(before_.data());
         double *battery = battery_.data();
-        const double drawn_c = (work / pack_.efficiency + pack_.auxiliary_w * times_.tick_s) / battery[1];
+        const double shaft_c = (work / pack_.efficiency + pack_.auxiliary_w * times_.tick_s) / battery[1];
+        const double drawn_c = shaft_c + (in_parts_ ? charge_c_ : charge_c());
         battery[0] += drawn_c;
         battery[2] = drawn_c / times_.tick_s;
         if (thermal_.fitted) battery[3] = thermal_.after(battery[3], battery[2], times_.tick_s);
@@ -475,7 +503,8 @@ class RigidBody {
     hil::sim::BatteryThermal thermal_;
     hil::sim::CommandDelay delay_;
     double voltage_ = 1.0;    // over the nominal one, at the start of the tick
-    double work_j_ = 0.0;     // of a tick flown in parts
+    double work_j_ = 0.0, charge_c_ = 0.0;  // of a tick flown in parts
+    bool electric_ = false;   // a force takes its current itself
     bool in_parts_ = false;
     hil::sim::StepTimes times_{};
     hil::sim::TickWind wind_{};

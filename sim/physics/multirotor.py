@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.forces.force import Effects
+from sim.physics.forces.motor import curve_factor, steady_duty, steady_speed_radps
 from sim.physics.vehicle import Vehicle
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 from sim.scene.scene import Site
@@ -28,24 +29,11 @@ def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
     return None
 
 
-def thrust_shares(vehicle: Vehicle) -> tuple[float, ...]:
-    """Return the thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
-
-    Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
-    the speed of either. Their sum at equal speeds is exact.
-    """
-    paired = {rotor.coaxial_below for rotor in vehicle.rotors} - {None}
-    shared = 0.5 * (1.0 + vehicle.rotor_constants.coaxial_thrust_ratio)
-    return tuple(
-        shared if i in paired or rotor.coaxial_below is not None else 1.0 for i, rotor in enumerate(vehicle.rotors)
-    )
-
-
 def effectiveness(vehicle: Vehicle) -> NDArray[np.float64]:
     """Return force and torque about the centre of mass per newton of k O^2 of each rotor, in B: (6, rotors) [-, m]."""
     m = vehicle.rotor_constants.moment_ratio_m
     columns = []
-    for share, rotor in zip(thrust_shares(vehicle), vehicle.rotors, strict=True):
+    for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True):
         axis = np.array(rotor.axis)
         torque = share * np.cross(rotor.position_m, axis) - rotor.spin.sign * m * axis
         columns.append(np.concatenate([share * axis, torque]))
@@ -58,7 +46,9 @@ def hover_control(vehicle: Vehicle, density_ratio: float = 1.0) -> float:
     `density_ratio`: density of the air over that of the vehicle's file.
     """
     c = vehicle.rotor_constants
-    lift = sum(share * rotor.axis[2] for share, rotor in zip(thrust_shares(vehicle), vehicle.rotors, strict=True))
+    if c.motor is not None:
+        return steady_duty(c, c.motor, vehicle.hover_speed_radps(density_ratio), density_ratio)
+    lift = sum(share * rotor.axis[2] for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True))
     max_thrust_n = density_ratio * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * lift
     share, f = vehicle.mass_kg * STANDARD_GRAVITY_MPS2 / max_thrust_n, c.thrust_model_factor
     if f == 0.0:
@@ -68,14 +58,32 @@ def hover_control(vehicle: Vehicle, density_ratio: float = 1.0) -> float:
 
 def density_ratio(vehicle: Vehicle, site: Site, effects: Effects) -> float:
     """Return the density of the air at a site over that for which the vehicle's thrust holds, as the physics has it."""
-    blades = vehicle.rotor_constants.blade_element
-    if vehicle.rotor_model == "quadratic" or blades is None or not effects.air_density:
+    blades = vehicle.blades
+    if blades is None or not effects.air_density:
         return 1.0
     return site.density_ratio * SEA_LEVEL_KGPM3 / blades.air_density_kgpm3
 
 
 def speed_radps(vehicle: Vehicle, control: float) -> float:
-    """Return the steady speed of a rotor at a command 0..1, at nominal voltage."""
+    """Return the steady speed of a rotor at a command 0..1 in still air, at nominal voltage."""
     c = vehicle.rotor_constants
+    if c.motor is not None:
+        return steady_speed_radps(c, c.motor, control)
     f = c.thrust_model_factor
     return c.max_speed_radps * math.sqrt(f * control * control + (1.0 - f) * control)
+
+
+def max_speed_radps(vehicle: Vehicle, density_ratio: float = 1.0) -> float:
+    """Return the steady speed of a rotor at full command; a motor turns faster in thin air."""
+    c = vehicle.rotor_constants
+    return c.max_speed_radps if c.motor is None else steady_speed_radps(c, c.motor, 1.0, density_ratio)
+
+
+def thrust_model_factor(vehicle: Vehicle, density_ratio: float = 1.0) -> float:
+    """Return f of the curve f u^2 + (1 - f) u of the relative thrust; with motors it goes through hover."""
+    c = vehicle.rotor_constants
+    if c.motor is None:
+        return c.thrust_model_factor
+    most = max_speed_radps(vehicle, density_ratio)
+    share = (min(vehicle.hover_speed_radps(density_ratio), most) / most) ** 2
+    return curve_factor(min(1.0, hover_control(vehicle, density_ratio)), share)

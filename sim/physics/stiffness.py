@@ -41,6 +41,13 @@ def too_stiff(vehicle: Vehicle, steps: TickSteps, v_WB_W: Sequence[float], wind_
         slope = found.c_l + 2.0 * found.c_q / (c.radius_m * c.radius_m)
         edge = 2.0 * found.c_v * airspeed * mobility / c.max_speed_radps
         terms.append((slope * mobility + edge, "rotor_constants.blade_element", f"{slope:g} kg/rad"))
+    if vehicle.rotor_model == "wind_tunnel" and c.wind_tunnel is not None:
+        still, *falls = c.wind_tunnel.thrust_coefficients
+        per = math.pi / c.radius_m
+        slope = c.thrust_coefficient_n_per_radps2 * per * abs(falls[0] + 0.1 * falls[1]) / still
+        edge = 2.0 * c.thrust_coefficient_n_per_radps2 * per * per * abs(falls[1]) / still * airspeed
+        rate = (slope + edge / c.max_speed_radps) * mobility
+        terms.append((rate, "rotor_constants.wind_tunnel", f"{slope:.3g} kg/rad"))
     fastest_per_s = _PER_STEP[steps.classical] / _shortest_s(steps)
     if sum(rate for rate, _, _ in terms) <= fastest_per_s:
         return None

@@ -16,11 +16,14 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel, load_model
 from signals.samples import Vec3
+from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
 from sim.physics.battery import Battery
-from sim.physics.forces.blade_element import lumps_of
+from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, ForceParameters, Point, any_kind
+from sim.physics.forces.motor import curve_factor, lag_s, steady_duty, steady_speed_radps
 from sim.physics.forces.rotors import Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.wind_tunnel import WindTunnel
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
@@ -57,7 +60,7 @@ class Vehicle(StrictModel):
     inertia_kgm2: tuple[Inertia, Inertia, Inertia]
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
-    rotor_model: Literal["blade_element", "quadratic"] = "quadratic"
+    rotor_model: Literal["blade_element", "quadratic", "wind_tunnel"] = "quadratic"
     body_drag_linear_n_per_mps: NonNegative3
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
@@ -93,16 +96,67 @@ class Vehicle(StrictModel):
                     "rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model"
                 )
             lumps_of(self.rotor_constants, self.rotor_constants.blade_element)  # raises if they contradict each other
+        if self.rotor_model == "wind_tunnel" and self.rotor_constants.wind_tunnel is None:
+            raise ValueError("rotor_model wind_tunnel needs rotor_constants.wind_tunnel, the coefficients of the model")
+        if self.rotors and self.rotor_constants.motor is not None:
+            self._follow_the_motor()
         return self
+
+    def _follow_the_motor(self) -> None:
+        """Set the constants that follow from the motor, about hover in the air for which the file holds."""
+        c, motor = self.rotor_constants, self.rotor_constants.motor
+        assert motor is not None
+        if self.battery is not None and self.battery.nominal_voltage_v != motor.nominal_voltage_v:
+            raise ValueError(
+                f"rotor_constants.motor.nominal_voltage_v is {motor.nominal_voltage_v:g} and "
+                f"battery.nominal_voltage_v {self.battery.nominal_voltage_v:g}: they must be the same"
+            )
+        most_radps = steady_speed_radps(c, motor, 1.0)
+        hover_radps = min(self.hover_speed_radps(), most_radps)
+        factor = curve_factor(steady_duty(c, motor, hover_radps), (hover_radps / most_radps) ** 2)
+        tau_s = min(1.0, max(1e-3, lag_s(c, motor, hover_radps)))
+        follows = {
+            "max_speed_radps": most_radps,
+            "thrust_model_factor": factor,
+            "time_constant_up_s": tau_s,
+            "time_constant_down_s": tau_s,
+        }
+        object.__setattr__(self, "rotor_constants", c.model_copy(update=follows))
+
+    @property
+    def thrust_shares(self) -> tuple[float, ...]:
+        """Thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
+
+        Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
+        the speed of either. Their sum at equal speeds is exact.
+        """
+        paired = {rotor.coaxial_below for rotor in self.rotors} - {None}
+        shared = 0.5 * (1.0 + self.rotor_constants.coaxial_thrust_ratio)
+        return tuple(
+            shared if i in paired or rotor.coaxial_below is not None else 1.0 for i, rotor in enumerate(self.rotors)
+        )
+
+    def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
+        """Return the speed of all rotors at which the thrust aloft equals the standard weight.
+
+        `density_ratio`: density of the air over that of the vehicle's file.
+        """
+        lift = sum(share * rotor.axis[2] for share, rotor in zip(self.thrust_shares, self.rotors, strict=True))
+        k = density_ratio * self.rotor_constants.thrust_coefficient_n_per_radps2
+        return math.sqrt(self.mass_kg * STANDARD_GRAVITY_MPS2 / (k * lift))
+
+    @property
+    def blades(self) -> BladeElement | WindTunnel | None:
+        """Parameters of the rotor model; None for the quadratic one."""
+        c = self.rotor_constants
+        return {"blade_element": c.blade_element, "wind_tunnel": c.wind_tunnel, "quadratic": None}[self.rotor_model]
 
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:
         """Return new forces for one body, in the order of their own states and commands."""
         drag = _kernels.AirDrag(
             linear_n_per_mps=self.body_drag_linear_n_per_mps, quadratic_n_per_m2ps2=self.body_drag_quadratic_n_per_m2ps2
         )
-        c = self.rotor_constants
-        blades = c.blade_element if self.rotor_model == "blade_element" else None
-        rotors = [rotors_force(self.rotors, c, effects, blades=blades)] if self.rotors else []
+        rotors = [rotors_force(self.rotors, self.rotor_constants, effects, blades=self.blades)] if self.rotors else []
         return [drag, *rotors, *(force.make(effects) for force in self.forces)]
 
     @property

@@ -43,7 +43,7 @@ from sim.physics.actors import Actors
 from sim.physics.battery import GAS_CONSTANT_J_PER_MOL_K, BatteryState
 from sim.physics.contact_model import build_model, set_inertia, soften_contact
 from sim.physics.disturbances import Disturbances
-from sim.physics.faults import RotorFault, check_faults
+from sim.physics.faults import HEALTHY, RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
@@ -73,6 +73,16 @@ _LIMITS = {
     5: ("battery_voltage_v", "above 0: the pack cannot deliver the power of the rotors"),
     6: ("battery_charge", ">= 0: the pack is empty"),
 }
+
+
+class _Coming(NamedTuple):
+    """Event to come; with a fault also what it changes."""
+
+    tick: int
+    kind: str
+    text: str
+    fault: RotorFault | None = None
+    ends: bool = False  # of the fault
 
 
 class PhysicsEvent(NamedTuple):
@@ -184,7 +194,7 @@ class VehiclePhysics:
         self._downwash_W: Vec3 | None = None
         self._events: list[PhysicsEvent] = []
         self._pending = self._schedule(disturbances.faults)
-        self._next_change = self._pending[-1][0] if self._pending else -1
+        self._next_change = self._pending[-1].tick if self._pending else -1
 
     def _make_body(self, truth: NDArray[np.float64] | None, wind_W_mps: Vec3) -> int:
         """Make the kernel of the vehicle, on `truth` or on a new array; return the number of its forces' own states."""
@@ -217,8 +227,8 @@ class VehiclePhysics:
     @property
     def density_ratio(self) -> float:
         """Density of the air where the vehicle is over that of its file, as `multirotor.density_ratio` at the site."""
-        blades = self.vehicle.rotor_constants.blade_element
-        if self.vehicle.rotor_model == "quadratic" or blades is None:
+        blades = self.vehicle.blades
+        if blades is None:
             return 1.0
         return self.body.density_ratio() * SEA_LEVEL_KGPM3 / blades.air_density_kgpm3
 
@@ -389,7 +399,7 @@ class VehiclePhysics:
         self.body.repair()
         self._events.clear()
         self._pending = self._schedule(self._declared.faults)
-        self._next_change = self._pending[-1][0] if self._pending else -1
+        self._next_change = self._pending[-1].tick if self._pending else -1
         truth = self.reset()
         if not self._wind.constant:
             self._wind_W = self._wind.start(float(self._truth[2]))
@@ -565,34 +575,45 @@ class VehiclePhysics:
 
         Raises ValueError if it would begin before the next tick, or names a rotor that does not exist.
         """
-        events: list[tuple[int, str, str, RotorFault | None]]
         if isinstance(disturbance, GustEvent):
-            events = [(event.tick, "gust", event.text, None) for event in self._wind.add(disturbance)]
+            events = [_Coming(event.tick, "gust", event.text) for event in self._wind.add(disturbance)]
         else:
             check_faults((disturbance,), self.vehicle)
-            events = [(disturbance.start_tick(self.tick_ns), "fault", disturbance.text, disturbance)]
-        if events[0][0] <= self._tick:
-            raise ValueError(f"{events[0][2]}: begins at tick {events[0][0]}, and tick {self._tick} is over")
+            events = self._of_fault(disturbance)
+        if events[0].tick <= self._tick:
+            raise ValueError(f"{events[0].text}: begins at tick {events[0].tick}, and tick {self._tick} is over")
         # `_pending` ends with the next event; within a tick, events keep the order in which they were added.
-        self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item[0])[::-1]
-        self._next_change = self._pending[-1][0]
+        self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item.tick)[::-1]
+        self._next_change = self._pending[-1].tick
 
-    def _schedule(self, faults: Sequence[RotorFault]) -> list[tuple[int, str, str, RotorFault | None]]:
-        """Return (tick, kind, text, fault) of all events to come, the next one last."""
-        events: list[tuple[int, str, str, RotorFault | None]] = [
-            (fault.start_tick(self.tick_ns), "fault", fault.text, fault) for fault in faults
-        ]
-        events += [(event.tick, "gust", event.text, None) for event in self._wind.events()]
-        return sorted(events, key=lambda item: item[0])[::-1]  # sorted() is stable: within a tick, in the given order
+    def _of_fault(self, fault: RotorFault) -> list[_Coming]:
+        events = [_Coming(fault.start_tick(self.tick_ns), "fault", fault.text, fault)]
+        end = fault.end_tick(self.tick_ns)
+        return events if end is None else [*events, _Coming(end, "fault", fault.end_text, fault, ends=True)]
+
+    def _schedule(self, faults: Sequence[RotorFault]) -> list[_Coming]:
+        """Return all events to come, the next one last."""
+        self._faulty: dict[int, RotorFault] = {}  # the fault of each rotor that has one
+        events = [event for fault in faults for event in self._of_fault(fault)]
+        events += [_Coming(event.tick, "gust", event.text) for event in self._wind.events()]
+        return sorted(events, key=lambda item: item.tick)[::-1]  # sorted() is stable: within a tick, in the given order
 
     def _begin_events(self, tick: int) -> None:
-        while self._pending and self._pending[-1][0] == tick:
-            _, kind, text, fault = self._pending.pop()
-            self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
+        while self._pending and self._pending[-1].tick == tick:
+            _, kind, text, fault, ends = self._pending.pop()
             if fault is not None:
-                assert self._rotors is not None  # check_faults
-                self._rotors.set_rotor(fault.rotor, *fault.rotor_state)
-        self._next_change = self._pending[-1][0] if self._pending else -1
+                if ends and self._faulty.get(fault.rotor) is not fault:
+                    continue  # a later fault has replaced it
+                self._break(fault, ends=ends)
+            self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
+        self._next_change = self._pending[-1].tick if self._pending else -1
+
+    def _break(self, fault: RotorFault, *, ends: bool) -> None:
+        assert self._rotors is not None  # check_faults
+        self._faulty[fault.rotor] = fault
+        self._rotors.set_rotor(fault.rotor, *(HEALTHY if ends else fault.rotor_state))
+        if self.vehicle.rotor_constants.motor is not None:
+            self._rotors.set_driven(fault.rotor, driven=ends or fault.driven)
 
     def _update_wind(self, tick: int) -> None:
         previous_W = self._wind_W
@@ -697,6 +718,7 @@ class VehiclePhysics:
             self._actors.pose_all(self.start_ns)
         for _ in range(-(-_SETTLE_NS // self.tick_ns)):
             self._contact_steps()
+        self._truth[self._rotor_slice] = 0.0  # wind turns a rotor with a motor
         self._truth[_V] = 0.0
         self._truth[_W] = 0.0
 

@@ -51,6 +51,7 @@ from tests.worlds.bench_process import free_instance
 from tests.worlds.declared_effects import (
     ACTIONS,
     LINK_FAULTS,
+    MOTORS,
     OWN_FAULTS,
     QUIET,
     RIGS,
@@ -65,6 +66,7 @@ from tests.worlds.declared_effects import (
     link_entry,
     refused,
     rotor_entry,
+    rotor_settings,
     sensor_cells,
     sensor_table,
 )
@@ -318,8 +320,10 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
 
 @pytest.mark.parametrize("kind", ROTOR_FAULTS)
 def test_every_fault_of_a_rotor_moves_the_vehicle(tmp_path: Path, calm: list[Any], kind: str) -> None:
-    faulty = track(load(tmp_path, "mock", faults={"rotors": [rotor_entry(kind, 0.5)]}))
-    assert 0.5 <= differ_s(faulty, calm) < 0.6
+    own = rotor_settings(kind)
+    without = track(load(tmp_path, "mock", **own)) if own else calm
+    faulty = track(load(tmp_path, "mock", faults={"rotors": [rotor_entry(kind, 0.5)]}, **own))
+    assert 0.5 <= differ_s(faulty, without) < 0.6
 
 
 @pytest.mark.parametrize("name", list(WORLD["wind"]))
@@ -341,7 +345,7 @@ def test_every_effect_of_the_model_moves_the_vehicle(tmp_path: Path, calm: list[
 
 def test_the_world_is_the_same_for_every_autopilot(tmp_path: Path) -> None:
     """So what moves one vehicle moves them all; the rates of the ticks are made equal."""
-    what = {"faults": {"rotors": [rotor_entry(kind, 0.5, number) for number, kind in enumerate(ROTOR_FAULTS)]}}
+    what = {"faults": {"rotors": [rotor_entry(kind, 0.5, number) for number, kind in enumerate(ROTOR_FAULTS)]}} | MOTORS
     what |= {"wind": WORLD["wind"], "physics": {"effects": WORLD["physics.effects"]}, "tick_hz": 100}
     tracks = {rig: track(load(tmp_path, rig, **what)) for rig in RIGS}
     assert all(other == tracks["mock"] for other in tracks.values())

@@ -89,7 +89,7 @@ class Flown:
             wind_W=self.wind,
             speed_scale=self.scale,
             effects=ON if effects is None else effects,
-            site=load_scene("airfield").site if self.vehicle.rotor_model == "blade_element" else None,
+            site=None if self.vehicle.rotor_model == "quadratic" else load_scene("airfield").site,
             **inputs,
         )
         exact = fly(self.vehicle, self.states[0], given, tick_s=self.tick_ns / 1e9)

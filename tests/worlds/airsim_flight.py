@@ -12,7 +12,6 @@ from hil.run.stepped.setpoint import Setpoint
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
-from sim.physics import multirotor
 from sim.physics.disturbances import Disturbances
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
@@ -48,9 +47,7 @@ def airborne(
     """Return the physics of a vehicle in the air, its rotors at the speed of hovering."""
     start = FlightStart(p_WB=p_W)
     physics = VehiclePhysics(vehicle, scene, tick_ns, start=start, effects=effects, disturbances=disturbances)
-    lift = sum(
-        share * rotor.axis[2] for share, rotor in zip(multirotor.thrust_shares(vehicle), vehicle.rotors, strict=True)
-    )
+    lift = sum(share * rotor.axis[2] for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True))
     k = vehicle.rotor_constants.thrust_coefficient_n_per_radps2
     physics.state[13:] = sqrt(vehicle.mass_kg * GRAVITY_MPS2 / (lift * k * physics.density_ratio))
     return physics

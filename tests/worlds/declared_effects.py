@@ -117,6 +117,27 @@ def rotor_entry(kind: str, at_s: float = 1.0, rotor: int = 0) -> dict[str, Any]:
     return {"kind": kind, "rotor": rotor, "at_s": at_s, **more}
 
 
+# Keys of a bench whose vehicle has motors, which the fault `desync` needs.
+MOTORS: dict[str, Any] = {
+    "vehicle": "x500",
+    "vehicle_settings": {
+        "rotor_constants": {
+            "motor": {
+                "kv_rpm_per_v": 920.0,
+                "resistance_ohm": 0.12,
+                "no_load_current_a": 0.9,
+                "nominal_voltage_v": 14.8,
+            }
+        }
+    },
+}
+
+
+def rotor_settings(kind: str) -> dict[str, Any]:
+    """Return the keys of a bench, besides the fault, for a rotor fault of that kind."""
+    return MOTORS if kind == "desync" else {}
+
+
 def link_entry(kind: str, at_s: float = 1.0, for_s: float | None = None, **more: Any) -> dict[str, Any]:
     """Return a link fault of that kind with the keys that it needs."""
     rated = {} if kind in ("stall", "unplug") else {"rate": 1.0}
@@ -207,7 +228,7 @@ def other_cells() -> Iterator[tuple[str, str, tuple[str, ...]]]:
         return tuple("refused" if refused(rig, **settings) else "seen" for rig in RIGS)
 
     for kind in ROTOR_FAULTS:
-        yield "faults.rotors", kind, cells(faults={"rotors": [rotor_entry(kind)]})
+        yield "faults.rotors", kind, cells(faults={"rotors": [rotor_entry(kind)]}, **rotor_settings(kind))
     for kind in LINK_FAULTS:
         yield "faults.links", kind, cells(faults={"links": [link_entry(kind)]})
     for message, direction in (("HIL_GPS", "to_autopilot"), ("ATTITUDE", "from_autopilot")):

@@ -16,7 +16,7 @@ int padded(int lanes) { return (lanes + 3) / 4 * 4; }
 }  // namespace
 
 BladeRotors::BladeRotors(const RotorsParams &rotors, const BladeParams &blades)
-    : Rotors(rotors), b_(blades), kernel_(blade_kernel()) {
+    : FlowRotors(rotors), b_(blades), kernel_(blade_kernel()) {
     BladeLanes &l = lanes_;
     int uppers = 0, lowers = 0;
     for (int i = 0; i < p_.count; ++i) uppers += p_.above[i] == i;
@@ -121,12 +121,6 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
     return step;
 }
 
-void BladeRotors::begin_tick(const double *own) {
-    Rotors::begin_tick(own);
-    work_j_ = 0.0;
-    in_contact_ = false;
-}
-
 void BladeRotors::evaluate(const Instant &now) const {
     BladeLanes &l = lanes_;
     for (int i = 0; i < p_.count; ++i) l.speed[lane_[i]] = speed_[i];
@@ -143,8 +137,7 @@ void BladeRotors::evaluate(const Instant &now) const {
     power_w_ = power;
 }
 
-void BladeRotors::add(const Instant &now, Wrench &out) const {
-    evaluate(now);
+void BladeRotors::assemble(const Instant &now, Wrench &out) const {
     const BladeLanes &l = lanes_;
     double force[3] = {0.0, 0.0, 0.0}, torque[3] = {0.0, 0.0, 0.0};
     for (int i = 0; i < p_.count; ++i) {
@@ -161,23 +154,6 @@ void BladeRotors::add(const Instant &now, Wrench &out) const {
     }
     if (imbalanced_) add_imbalance(out);
     add_gyroscopic(now.s + kW, out);
-}
-
-void BladeRotors::at_contact(const double *own, bool hard) {
-    Rotors::at_contact(own, hard);
-    if (!in_contact_) work_j_ = 0.0;  // of the free flight that contact replaces
-    in_contact_ = true;
-}
-
-void BladeRotors::end_contact(double *own, bool hard) {
-    work_j_ += power_w_ * contact_s_[hard];
-    Rotors::end_contact(own, hard);
-}
-
-double BladeRotors::power_w(const Instant &now, const double *own) {
-    for (int i = 0; i < p_.count; ++i) speed_[i] = own[i];
-    evaluate(now);
-    return power_w_ > 0.0 ? power_w_ : 0.0;
 }
 
 }  // namespace hil::sim

@@ -35,7 +35,7 @@
 #pragma once
 
 #include "blade_lanes.hpp"
-#include "rotors.hpp"
+#include "flow_rotors.hpp"
 
 namespace hil::sim {
 
@@ -50,7 +50,7 @@ struct BladeParams {
     double coaxial_wake;                   // chi
 };
 
-class BladeRotors : public Rotors {
+class BladeRotors : public FlowRotors {
   public:
     BladeRotors(const RotorsParams &rotors, const BladeParams &blades);
 
@@ -59,32 +59,19 @@ class BladeRotors : public Rotors {
     void prepare(const StepTimes &times, const Inertia &inertia) override;
     double damping_per_s(double airspeed_mps) const override { return damping_per_s_ + edge_per_m_ * airspeed_mps; }
     double longest_step(const double *s, const double *wind_W, double longest_s) const override;
-    void begin_tick(const double *own) override;
-    int integrals() const override { return 1; }
-    void integrated(double *values) const override { values[0] = work_j_; }
-    void set_integrated(const double *values) override { work_j_ = values[0]; }
-    void rates(double *values) const override { values[0] = power_w_; }
-    void add(const Instant &now, Wrench &out) const override;
-    void at_contact(const double *own, bool hard) override;
-    void end_contact(double *own, bool hard) override;
-    double power_w(const Instant &now, const double *own) override;
-    double work_j(const double *) const override { return work_j_; }
+    void evaluate(const Instant &now) const override;
+    void assemble(const Instant &now, Wrench &out) const override;
 
     // Induced velocity aloft of each rotor [m/s], and shaft torque [N m], of the last `add`.
     double induced_mps(int rotor) const { return lanes_.induced[lane_[rotor]]; }
     double torque_nm(int rotor) const { return lanes_.torque[lane_[rotor]]; }
 
   private:
-    void evaluate(const Instant &now) const;
-
     BladeParams b_;
     const BladeKernel &kernel_;
     int lane_[kMaxRotors];
     double edge_per_m_ = 0.0;
     mutable BladeLanes lanes_{};
-    mutable double power_w_ = 0.0;
-    double work_j_ = 0.0;  // since the start of the tick
-    bool in_contact_ = false;
 };
 
 }  // namespace hil::sim

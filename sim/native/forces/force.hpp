@@ -30,7 +30,7 @@ namespace hil::sim {
 inline constexpr int kPoseVelocity = 13;  // p_WB[3], q_WB[4], v_WB_W[3], w_WB_B[3]: the states of the body
 inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
 
-inline constexpr int kMostIntegrals = 9;  // of all forces of a body: of 8 rotors, and their work
+inline constexpr int kMostIntegrals = 17;  // of all forces of a body: speeds and angles of 8 rotors, and their charge
 
 struct Jet;
 
@@ -120,6 +120,16 @@ class Force {
     // Mechanical power now [W], and work over a tick that began at these own states [J]: what a battery must deliver.
     virtual double power_w(const Instant &, const double * /*own*/) { return 0.0; }
     virtual double work_j(const double * /*own_before*/) const { return 0.0; }
+
+    // Current that the force takes from a battery at its own states with these commands [A], at `voltage` as in `command`;
+    // adds its derivative by `voltage` to `per_share_a`. Only for a force that is `electric`, whose work counts nothing.
+    virtual bool electric() const { return false; }
+    virtual double supply_a(const double * /*control*/, const double * /*own*/, double /*voltage*/,
+                            double & /*per_share_a*/) const {
+        return 0.0;
+    }
+    // Charge that it took since `begin_tick` [C].
+    virtual double charge_c() const { return 0.0; }
 
     // Wake that other vehicles feel. `s`: p, q, v, w. Returns false without one.
     virtual bool jet(const double * /*s*/, const double * /*own*/, const double * /*wind_W*/, Jet &) const {

@@ -7,6 +7,7 @@
 #include "detmath.hpp"
 #include "downwash.hpp"
 #include "force_binding.hpp"
+#include "rotor_bindings.hpp"
 #include "rotation.hpp"
 
 namespace hil::sim {
@@ -185,7 +186,7 @@ void Rotors::end_step(int level, double h_s) {
     }
 }
 
-void Rotors::add(const Instant &now, Wrench &out) const {
+void Rotors::assemble(const Instant &now, Wrench &out) const {
     if (upright_) {
         add_upright(now, out);
     } else {
@@ -430,7 +431,14 @@ const ForceBinding binding{[](nb::module_ &m) {
                 self.set_rotor(rotor, thrust_left, forced_speed_radps, imbalance_kgm);
             },
             "rotor"_a, "thrust_left"_a, "forced_speed_radps"_a, "imbalance_kgm"_a,
-            "Set the state of a rotor from the next tick on; with a forced speed < 0 it follows its command.");
+            "Set the state of a rotor from the next tick on; with a forced speed < 0 it follows its command.")
+        .def(
+            "set_driven",
+            [](Rotors &self, int rotor, bool driven) {
+                if (rotor < 0 || rotor >= self.states()) throw nb::index_error("rotor index is out of range");
+                if (!self.set_driven(rotor, driven)) throw std::invalid_argument("these rotors have no motors");
+            },
+            "rotor"_a, "driven"_a, "Let a rotor's motor be driven, or not, from the next tick on.");
 
     nb::class_<BladeRotors, Rotors>(m, "BladeRotors",
                                     "Rotors by blade-element momentum theory; see forces/blade_rotors.hpp.")
@@ -462,6 +470,7 @@ const ForceBinding binding{[](nb::module_ &m) {
                 return nb::tuple(out);
             },
             "Shaft torque of each rotor against its spin, there [N m].");
+    bind_motor_rotors(m);
 }};
 
 }  // namespace

@@ -58,6 +58,8 @@ class Rotors : public Force {
 
     // State of a rotor from the next tick on; with a forced speed < 0 it follows its command.
     virtual void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm);
+    // Whether a rotor's motor is driven, from the next tick on. False if these rotors have no motors.
+    virtual bool set_driven(int /*rotor*/, bool /*driven*/) { return false; }
 
     const RotorsParams &params() const { return p_; }
     int commands() const override { return p_.count; }
@@ -70,7 +72,7 @@ class Rotors : public Force {
     double damping_per_s(double) const override { return damping_per_s_; }
     double longest_step(const double *s, const double *wind_W, double longest_s) const override;
     void at(int level, int node, double t_s) override;
-    void add(const Instant &now, Wrench &out) const override;
+    void add(const Instant &now, Wrench &out) const override { assemble(now, out); }
     void end_step(int level, double h_s) override;
     void at_contact(const double *own, bool hard) override;
     void end_contact(double *own, bool hard) override;
@@ -80,6 +82,14 @@ class Rotors : public Force {
     bool jet(const double *s, const double *own, const double *wind_W, Jet &out) const override;
     double full_scale(int) const override { return p_.max_speed_radps; }
     void repair() override;
+
+    // Parts of `add`, for motors (motor_rotors.hpp): nothing, and all.
+    void evaluate(const Instant &) const {}
+    void assemble(const Instant &now, Wrench &out) const;
+    // Aerodynamic torque against the spin, of the last `evaluate`.
+    double torque_nm(int i) const {
+        return p_.moment_ratio_m * p_.thrust_coefficient_n_per_radps2 * thrust_left_[i] * (speed_[i] * speed_[i]);
+    }
 
   protected:
     // e^{-dt/tau} for spin-up and spin-down.
@@ -120,7 +130,8 @@ class Rotors : public Force {
     double fastest_ = 0.0;           // greatest speed of an unbalanced rotor in this tick
 
     // Of the last `at`.
-    double speed_[kMaxRotors] = {}, accel_[kMaxRotors] = {};
+    double speed_[kMaxRotors] = {};
+    mutable double accel_[kMaxRotors] = {};
     double push_x_[kMaxRotors] = {}, push_y_[kMaxRotors] = {};  // U_i along e1_i and e2_i; read only if imbalanced
 };
 

@@ -31,7 +31,7 @@ class Effects(StrictModel):
 
     ground_effect: bool = True  # more thrust near the ground
     descent_loss: bool = True  # less thrust in the vortex ring state
-    air_density: bool = True  # follows the height, for a vehicle with `rotor_model: blade_element`
+    air_density: bool = True  # follows the height, unless `rotor_model: quadratic`
     battery: bool = False  # rotor speed limit follows the voltage; needs a vehicle with a battery
 
 

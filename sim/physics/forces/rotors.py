@@ -17,7 +17,9 @@ from signals.documents.validate import StrictModel
 from sim import _kernels
 from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, Point
+from sim.physics.forces.motor import Motor
 from sim.physics.forces.rotor_equations import coaxial_wake
+from sim.physics.forces.wind_tunnel import WindTunnel
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
 
@@ -33,6 +35,7 @@ class Spin(StrEnum):
         return 1.0 if self is Spin.CCW else -1.0
 
 
+_MOST_MOTOR_RATE_PER_S = 2000.0  # a time constant of 0.5 ms, which the steps of the integrator still follow
 LEAST_UP = 0.1  # vertical part of a rotor's axis: 84 degrees of tilt
 _COAXIAL_OFFSET_M = 0.01  # greatest distance of a lower rotor from the axis of the upper one
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
@@ -86,6 +89,23 @@ class RotorConstants(StrictModel):
     # Thrust of the lower rotor of a coaxial pair over that of the upper one, at equal speeds.
     coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
     blade_element: BladeElement | None = None  # for `rotor_model: blade_element`
+    wind_tunnel: WindTunnel | None = None  # for `rotor_model: wind_tunnel`
+    # With a motor the speed follows from voltage and load. A vehicle then computes max_speed_radps,
+    # thrust_model_factor and both time constants from it, whatever its file says of them: full duty, the thrust curve
+    # through hover, and small changes about hover, in still air at nominal voltage.
+    motor: Motor | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _heavy_enough(self) -> RotorConstants:
+        if self.motor is None:
+            return self
+        rate_per_s = 1.0 / (self.motor.speed_per_volt_radps**2 * self.motor.resistance_ohm)  # K^2 / R
+        if self.inertia_kgm2 * _MOST_MOTOR_RATE_PER_S < rate_per_s:
+            raise ValueError(
+                f"inertia_kgm2 {self.inertia_kgm2:g} is too small for the motor, which needs at least "
+                f"{rate_per_s / _MOST_MOTOR_RATE_PER_S:.2g}: rotor and bell of the motor"
+            )
+        return self
 
 
 def check_coaxial_pairs(rotors: Sequence[Rotor]) -> None:
@@ -122,12 +142,33 @@ def no_rotors() -> RotorConstants:
 
 
 def rotors_force(
-    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, *, blades: BladeElement | None = None
+    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, *, blades: BladeElement | WindTunnel | None = None
 ) -> _kernels.Rotors:
     """Return the force of these rotors; its commands and own states (speeds) are in their order.
 
-    With `blades` it is that of blade-element momentum theory.
+    With `blades` it is that of blade-element momentum theory, or of a wind tunnel's coefficients.
     """
+    loads = _loads_force(rotors, c, effects, blades)
+    if c.motor is None:
+        return loads
+    driven = {
+        _kernels.Rotors: _kernels.MotorRotors,
+        _kernels.BladeRotors: _kernels.MotorBladeRotors,
+        _kernels.TunnelRotors: _kernels.MotorTunnelRotors,
+    }[type(loads)]
+    return driven(
+        loads,
+        speed_per_volt_radps=c.motor.speed_per_volt_radps,
+        resistance_ohm=c.motor.resistance_ohm,
+        no_load_current_a=c.motor.no_load_current_a,
+        nominal_voltage_v=c.motor.nominal_voltage_v,
+        braking=c.motor.active_braking,
+    )
+
+
+def _loads_force(
+    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, blades: BladeElement | WindTunnel | None
+) -> _kernels.Rotors:
     quadratic = _kernels.Rotors(
         position_m=[rotor.position_m for rotor in rotors],
         spin=[rotor.spin.sign for rotor in rotors],
@@ -150,6 +191,8 @@ def rotors_force(
     )
     if blades is None:
         return quadratic
+    if isinstance(blades, WindTunnel):
+        return blades.force(quadratic)
     found = lumps_of(c, blades)
     given = blades.translational_thrust_kg_per_m
     return _kernels.BladeRotors(

@@ -83,8 +83,7 @@ class Flight:
     @property
     def site(self) -> Site | None:
         """Site whose air the vehicle flies in; None for that of sea level."""
-        blades = self.vehicle.rotor_model == "blade_element"
-        return self.scene.site if self.effects.air_density and blades else None
+        return self.scene.site if self.effects.air_density and self.vehicle.blades is not None else None
 
     @property
     def duration_s(self) -> float:
@@ -124,6 +123,20 @@ def of_shipped_vehicle(name: str, *, tilt_deg: float = 0.0, model: str = "blade_
     return replace(flight, effects=Effects())
 
 
+# The X500 V2 kit's motor, as in rigs/benches/x500_motors.yaml; APC Slow Flyer 10 x 4.7 in, as in docs/physics.md.
+_MOTOR = {"kv_rpm_per_v": 920.0, "resistance_ohm": 0.12, "no_load_current_a": 0.9, "nominal_voltage_v": 14.8}
+_SLOW_FLYER = {"thrust_coefficients": (0.1300, -0.1063, -0.1365), "power_coefficients": (0.0530, -0.0026, -0.0714)}
+
+
+def of_x500(*, motor: bool, model: str = "blade_element", starts_and_stops: bool = False) -> Flight:
+    """Return a flight of the x500 with all effects: the vigorous one, or one that switches its rotors at random."""
+    data = load_vehicle("x500").model_dump() | {"rotor_model": model}
+    data["rotor_constants"] |= {"motor": _MOTOR if motor else None, "wind_tunnel": _SLOW_FLYER}
+    vehicle = Vehicle.model_validate(data)
+    flight = switching(vehicle=vehicle) if starts_and_stops else vigorous(vehicle=vehicle)
+    return replace(flight, effects=Effects())
+
+
 def hover(seconds: float = 5.0) -> Flight:
     """Return a flight with hover commands that differ slightly between the rotors."""
     vehicle = bench_vehicle()
@@ -140,9 +153,9 @@ def gust(seconds: float = 3.0) -> Flight:
     return Flight(vehicle, load_scene("airfield"), start_state(vehicle), commands, wind_W_mps=(9.6, -7.2, 0.0))
 
 
-def switching(seconds: float = 5.0, *, model: str = "blade_element") -> Flight:
+def switching(seconds: float = 5.0, *, model: str = "blade_element", vehicle: Vehicle | None = None) -> Flight:
     """Return a flight of the iris with all effects, whose rotors stop and start at random every 0.1 s."""
-    vehicle = load_vehicle("iris").model_copy(update={"rotor_model": model})
+    vehicle = vehicle or load_vehicle("iris").model_copy(update={"rotor_model": model})
     ticks = round(seconds / TICK_S)
     running = np.random.default_rng(3).integers(0, 2, (-(-ticks // 25), len(vehicle.rotors)))
     commands: Float64 = np.repeat(running.astype(np.float64), 25, axis=0)[:ticks]

@@ -35,6 +35,7 @@ class Inputs:
     speed_scale: Float64 | None = None  # [ticks] battery voltage over nominal
     thrust_left: Float64 | None = None  # [ticks, rotors]
     imbalance_kgm: Float64 | None = None  # [ticks, rotors]
+    driven: NDArray[np.bool_] | None = None  # [ticks, rotors]; False for a motor that has lost its rotor
     effects: dict[str, bool] = field(default_factory=dict)  # ground_effect, descent_loss
     site: Site | None = None  # whose density the air has; without it 1.225 kg/m3
 
@@ -53,11 +54,17 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
     scale = np.ones(ticks) if inputs.speed_scale is None else inputs.speed_scale
     left = np.ones((ticks, n)) if inputs.thrust_left is None else inputs.thrust_left
     whirl = np.zeros((ticks, n)) if inputs.imbalance_kgm is None else inputs.imbalance_kgm
-    targets = commanded_speeds(vehicle, inputs.commands) * scale[:, None]
+    motor = vehicle.rotor_constants.motor
+    if motor is None:
+        targets = commanded_speeds(vehicle, inputs.commands) * scale[:, None]
+        drives = [targets, _lags(vehicle, start[13:], targets, tick_s)]
+    else:
+        duty = np.clip(inputs.commands, 0.0, 1.0)
+        driven = np.ones((ticks, n), dtype=bool) if inputs.driven is None else inputs.driven
+        drives = [duty * scale[:, None] * motor.nominal_voltage_v, np.where(driven, duty, -1.0)]
     controls = np.column_stack(
         [
-            targets,
-            _lags(vehicle, start[13:], targets, tick_s),
+            *drives,
             wind[:-1],
             np.diff(wind, axis=0) / tick_s,
             left,
@@ -111,7 +118,7 @@ def _equations(
     vehicle: Vehicle, g: float, inputs: Inputs, *, whirling: bool
 ) -> tuple[dict[str, ca.SX], InflowRoots | None]:
     c, n, effects = vehicle.rotor_constants, len(vehicle.rotors), inputs.effects
-    by_blades = vehicle.rotor_model == "blade_element"
+    by_blades, by_tunnel = vehicle.rotor_model == "blade_element", vehicle.rotor_model == "wind_tunnel"
     t = ca.SX.sym("t")
     p, R, v, L = ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("v", 3), ca.SX.sym("L", 3)
     speed, angle = ca.SX.sym("speed", n), ca.SX.sym("angle", n)
@@ -125,7 +132,7 @@ def _equations(
     w = ca.solve(inertia, R.T @ L - c.inertia_kgm2 * (axes @ (spins * speed)))
     through_air = v - (wind0 + t * slope)
     air = R.T @ through_air
-    density = relative_density(p[2], inputs.site) if inputs.site is not None and by_blades else 1.0
+    density = relative_density(p[2], inputs.site) if inputs.site is not None and (by_blades or by_tunnel) else 1.0
     force = -ca.DM(vehicle.body_drag_linear_n_per_mps) * air
     force -= ca.DM(vehicle.body_drag_quadratic_n_per_m2ps2) * ca.sqrt(ca.sumsqr(air) + 1e-24) * air
     force *= density
@@ -134,7 +141,7 @@ def _equations(
     blades = [
         BladeRotor(vehicle, i, left[i], ground=effects.get("ground_effect", False)) for i in range(n) if by_blades
     ]
-    gaps = []
+    gaps, resisting = [], ca.SX.zeros(n)  # aerodynamic torque against each spin
     area = np.pi * c.radius_m**2
     for i, rotor in enumerate(vehicle.rotors):
         site = ca.DM(rotor.position_m)
@@ -153,6 +160,7 @@ def _equations(
             gaps.append(blades[i].gap(seen, speed[i], induced[i], wake))
             force += density * blades[i].relative * pull
             torque += density * blades[i].relative * (ca.cross(site, pull) + moment)
+            resisting[i] = -density * blades[i].relative * spins[i] * ca.dot(moment, axis)
             continue
         reaction = left[i] * c.thrust_coefficient_n_per_radps2 * c.moment_ratio_m * speed[i] ** 2
         # Of the undamaged rotor: a chipped one moves as much air in spite of its loss of thrust.
@@ -166,8 +174,24 @@ def _equations(
         if effects.get("ground_effect") and c.ground_thrust_ratio > 1.0:
             z = (p + R @ site)[2]
             thrust *= _ground(z / c.radius_m, (R @ axis)[2], across2 / hover_speed2, c.ground_thrust_ratio)
-        if effects.get("descent_loss") and c.descent_loss > 0.0:
+        if effects.get("descent_loss") and c.descent_loss > 0.0 and not by_tunnel:
             thrust *= _descent(-along / ca.sqrt(hover_speed2), across2 / hover_speed2, c.descent_loss)
+        if by_tunnel:
+            assert c.wind_tunnel is not None
+            tunnel = c.wind_tunnel
+            advance = along / (speed[i] / (2 * np.pi) * 2 * c.radius_m)
+            a, b = tunnel.thrust_coefficients, tunnel.power_coefficients
+            still = left[i] * c.thrust_coefficient_n_per_radps2 * speed[i] ** 2
+            bent = advance * ca.sqrt(advance**2 + 0.01)
+            thrust += still * (a[1] * advance + a[2] * bent) / a[0]
+            reaction *= (b[0] + b[1] * advance + b[2] * advance**2) / b[0]
+            heavier = density * AIR_DENSITY / tunnel.air_density_kgpm3
+            pull = thrust * axis - c.drag_kg_per_rad * speed[i] * (hub - along * axis)
+            force += heavier * pull
+            torque += heavier * (ca.cross(site, pull) - spins[i] * reaction * axis)
+            resisting[i] = heavier * reaction
+            continue
+        resisting[i] = reaction
         thrust -= c.axial_drag_kg_per_rad * speed[i] * along
         pull = thrust * axis - c.drag_kg_per_rad * speed[i] * ca.cross(ca.cross(axis, hub), axis)
         force += pull
@@ -177,7 +201,7 @@ def _equations(
         ca.vec(R @ ca.skew(w)),
         R @ force / vehicle.mass_kg - g * up,
         R @ torque,
-        (target - speed) / lag,
+        (target - speed) / lag if c.motor is None else _motor(vehicle, speed, target, lag, resisting),
         spins * speed * (whirl > 0) if whirling else ca.SX.zeros(n),  # since the fault
     ]
     state, moving = ca.vertcat(p, ca.vec(R), v, L, speed, angle), ca.vertcat(*rates)
@@ -191,6 +215,19 @@ def _equations(
     problem["x"] = ca.vertcat(state, induced)
     problem["ode"] = ca.vertcat(moving, -ca.solve(ca.jacobian(gap, induced), change))
     return problem, InflowRoots(blades, at_start)
+
+
+def _motor(vehicle: Vehicle, speed: ca.SX, volts: ca.SX, duty: ca.SX, resisting: ca.SX) -> ca.SX:
+    """Return the rates of the speeds. `volts` at each motor; `duty` is -1 for one without a current."""
+    c, motor = vehicle.rotor_constants, vehicle.rotor_constants.motor
+    assert motor is not None
+    per_volt = motor.kv_rpm_per_v * np.pi / 30  # rad/s
+    amps = (volts - speed / per_volt) / motor.resistance_ohm
+    if not motor.active_braking:
+        blur = 0.02 * motor.nominal_voltage_v * duty / motor.resistance_ohm
+        amps = amps / 2 + ca.sqrt(amps**2 + blur**2) / 2
+    amps = ca.if_else(duty < 0, 0, amps) - motor.no_load_current_a * (1 - 20 / (20 + speed))
+    return (amps / per_volt - resisting) / c.inertia_kgm2
 
 
 def _ground(heights: ca.SX, level: ca.SX, across2: ca.SX, at_ground: float) -> ca.SX:

@@ -9,6 +9,8 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     hexa_x, octa_x, x8, y6, tilted hexa_x           as vigorous, of these vehicles; this project only, with all effects
     quadratic ...                                   the same with `rotor_model: quadratic`; all others fly with
                                                     blade-element momentum theory
+    motors, motors switching, wind tunnel           the x500 with motors, vigorous and as switching; with the
+                                                    coefficients of a wind tunnel
     tumble     20 rad/s without torque, 60 s        greatest relative drift of energy or angular momentum
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
     several vehicles                                see hil.apps.bench_suite.physics.vehicle_groups
@@ -37,6 +39,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
     hover,
     landing,
     of_shipped_vehicle,
+    of_x500,
     spin_drift,
     switching,
     tumble,
@@ -66,6 +69,9 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     with_all_effects["tilted hexa_x"] = of_shipped_vehicle("hexa_x", tilt_deg=20.0)
     with_all_effects["quadratic switching"] = switching(model="quadratic")
     with_all_effects["quadratic hexa_x"] = of_shipped_vehicle("hexa_x", model="quadratic")
+    with_all_effects["motors"] = of_x500(motor=True)
+    with_all_effects["motors switching"] = of_x500(motor=True, starts_and_stops=True)
+    with_all_effects["wind tunnel"] = of_x500(motor=False, model="wind_tunnel")
     for name, flight in (flights | with_all_effects).items():
         compared = own if name in with_all_effects else methods
         status(f"{name}: reference")
@@ -148,11 +154,13 @@ def _landing_rows(result: BenchmarkResult, methods: Sequence[Method], *, rounds:
 def _flight_checks(result: BenchmarkResult) -> list[Check]:
     row = {(r.case, r.method): r for r in result.rows}
     own, euler = row["vigorous", _OWN], row["vigorous", _EULER_1MS]
-    switched = max(row[name, _OWN].error for name in ("switching", "quadratic switching"))
+    switched = max(row[name, _OWN].error for name in ("switching", "quadratic switching", "motors switching"))
+    driven = max(row[name, _OWN].error for name in ("motors", "wind tunnel"))
     many_rotors = max(row[name, _OWN].error for name in (*_MANY_ROTORS, "tilted hexa_x", "quadratic hexa_x"))
     hexa, quadratic_hexa = row["hexa_x", _OWN], row["quadratic hexa_x", _OWN]
     return [
         Check("hexa, octa, X8, Y6, tilted rotors, 5 s: position error", many_rotors, "<=", 1e-6, "m"),
+        Check("motors, wind-tunnel rotors, 5 s: position error", driven, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: position error", own.error, "<=", 1e-6, "m"),
         Check("vigorous flight, 5 s: attitude error", own.details["attitude_error_rad"], "<=", 1e-6, "rad"),
         Check("rotors that stop and start, 5 s: position error", switched, "<=", 1e-6, "m"),

@@ -43,6 +43,8 @@ def fitted_vehicle(vehicle: Vehicle, unknowns: Sequence[at.Unknown], s: NDArray[
         "time_constant_down_s": float(np.clip(p[at.TAU_DOWN], 1e-3, 1.0)),
         "thrust_model_factor": float(np.clip(p[at.SHAPE], 0.0, 1.0)),
         "blade_element": None,
+        "wind_tunnel": None,
+        "motor": None,  # the first order lag was fitted
     }
     forces = [force for force in vehicle.forces if not isinstance(force, AirMoment)]
     about_x, about_y = (float(x) for x in p[at.AIR_MOMENT : at.AIR_MOMENT + 2])

@@ -9,10 +9,13 @@ import pytest
 
 from firmware_bridge.autopilots.ardupilot.copter import frame_for
 from firmware_bridge.links.ardupilot.frames import frame_of
+from hil.config import load_bench
 from hil.config.multirotor_facts import multirotor_facts
 from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
 from tests.worlds.tilted_rotors import tilted
+
+BENCHES = Path(__file__).parents[4] / "rigs" / "benches"
 
 
 def write_vehicle(name: str, *replacements: tuple[str, str]) -> int:
@@ -118,3 +121,28 @@ def test_plus_frames_are_told_from_x_frames() -> None:
     assert frame is not None
     assert frame.name == "HEXA PLUS"
     assert frame_of([(a, b, -1.0) for a, b, _ in plus]) is None
+
+
+def test_the_shipped_bench_with_motors() -> None:
+    """Its file of x500 stays; the autopilot is told the motor's hover command and thrust curve."""
+    bench = load_bench(BENCHES / "x500_motors.yaml", flown=False)
+    c = bench.vehicle.rotor_constants
+    assert c.motor is not None
+    assert c.max_speed_radps == pytest.approx(1197.0, abs=1.0)
+    assert load_vehicle("x500").rotor_constants.max_speed_radps == 1000.0
+    facts = multirotor_facts(bench.vehicle)
+    assert facts.hover_control == pytest.approx(0.61, abs=0.005)
+    assert facts.thrust_model_factor == pytest.approx(0.83, abs=0.005)
+    assert facts.time_constant_s == pytest.approx(0.050, abs=0.001)
+
+
+def test_a_desync_without_motors_is_refused_with_its_line() -> None:
+    fault = "faults:\n  rotors:\n    - {kind: desync, rotor: 3, at_s: 40, for_s: 0.3}\n"
+    [problem] = refused(f"vehicle: x500\n{fault}")
+    assert "faults.rotors[0].kind is desync, and x500 has no rotor_constants.motor that could lose its rotor" in problem
+
+
+def test_a_motor_for_another_voltage_than_the_battery_is_refused() -> None:
+    motor = "{kv_rpm_per_v: 920, resistance_ohm: 0.12, no_load_current_a: 0.9, nominal_voltage_v: 22.2}"
+    [problem] = refused(f"vehicle: x500\nvehicle_settings: {{rotor_constants: {{motor: {motor}}}}}\n")
+    assert "rotor_constants.motor.nominal_voltage_v is 22.2 and battery.nominal_voltage_v 14.8" in problem
