@@ -1,6 +1,6 @@
 """A vehicle as its file in rigs/vehicles describes it: a rigid body, what acts on it, and what can touch the scene.
 
-All vectors are in B (FLU, origin at the centre of mass, axes principal), SI units.
+All vectors are in B (FLU, origin at the centre of mass), SI units.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
 from sim.physics.battery import Battery
 from sim.physics.forces.blade_element import BladeElement, lumps_of
-from sim.physics.forces.force import Effects, ForceParameters, Point, any_kind
+from sim.physics.forces.force import Command, Effects, ForceParameters, Point, any_kind
 from sim.physics.forces.motor import curve_factor, lag_s, steady_duty, steady_speed_radps
-from sim.physics.forces.rotors import Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.surface import Surface, check_names
 from sim.physics.forces.wind_tunnel import WindTunnel
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
+_CRUISE_SHARE = 0.7  # of a propeller's full speed, where no rotor lifts
 VEHICLE_DIR = Path(__file__).resolve().parents[2] / "rigs" / "vehicles"
 
 NonNegative3 = tuple[
@@ -35,6 +37,8 @@ NonNegative3 = tuple[
     Annotated[float, Field(ge=0.0, le=100.0)],
 ]
 Inertia = Annotated[float, Field(gt=1e-7, le=100.0)]
+_Product = Annotated[float, Field(ge=-100.0, le=100.0)]
+CONTROLS = 16  # of an ActuatorFrame
 
 
 class ContactSphere(StrictModel):
@@ -58,6 +62,8 @@ class Vehicle(StrictModel):
     description: str
     mass_kg: Annotated[float, Field(gt=1e-3, le=1000.0)]
     inertia_kgm2: tuple[Inertia, Inertia, Inertia]
+    # [Ixy, Ixz, Iyz], Ixy = int x y dm in B: a table's J_xz in x ahead, y right, z down has the other sign here.
+    inertia_products_kgm2: tuple[_Product, _Product, _Product] = (0.0, 0.0, 0.0)
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
     rotor_model: Literal["blade_element", "quadratic", "wind_tunnel"] = "quadratic"
@@ -67,6 +73,7 @@ class Vehicle(StrictModel):
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
     forces: Annotated[tuple[AnyForce, ...], Field(max_length=64)] = ()
     battery: Battery | None = None
+    cruise_mps: Annotated[float, Field(gt=1.0, le=150.0)] | None = None  # of a plane; null: 1.4 times its stall speed
     vibration: Vibration | None = None  # null: estimated from the size of the rotors, where a bench asks for it
 
     @pydantic.field_validator("rotors")
@@ -84,10 +91,35 @@ class Vehicle(StrictModel):
         return inertia
 
     @pydantic.model_validator(mode="after")
+    def _body_is_possible(self) -> Vehicle:
+        if any(self.inertia_products_kgm2):
+            principal = np.linalg.eigvalsh(self.inertia_tensor_kgm2)
+            if not (principal[0] > 0.0 and principal[0] + principal[1] >= principal[2]):
+                raise ValueError(
+                    f"inertia_products_kgm2 {list(self.inertia_products_kgm2)} with inertia_kgm2 "
+                    f"{list(self.inertia_kgm2)}: the principal moments would be {np.round(principal, 6).tolist()}, and "
+                    "none can be greater than the sum of the other two"
+                )
+        return self
+
+    @pydantic.model_validator(mode="after")
+    def _commands_fit(self) -> Vehicle:
+        check_names(self.surfaces)
+        if len(self.commands) > CONTROLS:
+            raise ValueError(f"rotors and forces take {len(self.commands)} commands, and an autopilot has {CONTROLS}")
+        return self
+
+    @pydantic.model_validator(mode="after")
     def _physical(self) -> Vehicle:
         names = [sphere.name for sphere in self.contact_spheres]
         if len(set(names)) != len(names):
             raise ValueError(f"contact spheres must have different names, not {names}")
+        for i, rotor in enumerate(self.rotors):
+            if rotor.axis[2] < LEAST_UP and not self.has_wings:
+                raise ValueError(
+                    f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt "
+                    "by up to 84 degrees from [0, 0, 1]"
+                )
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
         if self.rotor_model == "blade_element":
@@ -103,7 +135,7 @@ class Vehicle(StrictModel):
         return self
 
     def _follow_the_motor(self) -> None:
-        """Set the constants that follow from the motor, about hover in the air for which the file holds."""
+        """Set the constants that follow from the motor, in the air for which the file holds: about hover, or cruise."""
         c, motor = self.rotor_constants, self.rotor_constants.motor
         assert motor is not None
         if self.battery is not None and self.battery.nominal_voltage_v != motor.nominal_voltage_v:
@@ -112,9 +144,10 @@ class Vehicle(StrictModel):
                 f"battery.nominal_voltage_v {self.battery.nominal_voltage_v:g}: they must be the same"
             )
         most_radps = steady_speed_radps(c, motor, 1.0)
-        hover_radps = min(self.hover_speed_radps(), most_radps)
-        factor = curve_factor(steady_duty(c, motor, hover_radps), (hover_radps / most_radps) ** 2)
-        tau_s = min(1.0, max(1e-3, lag_s(c, motor, hover_radps)))
+        hover_radps = self.hover_speed_radps()
+        usual_radps = min(hover_radps, most_radps) if math.isfinite(hover_radps) else _CRUISE_SHARE * most_radps
+        factor = curve_factor(steady_duty(c, motor, usual_radps), (usual_radps / most_radps) ** 2)
+        tau_s = min(1.0, max(1e-3, lag_s(c, motor, usual_radps)))
         follows = {
             "max_speed_radps": most_radps,
             "thrust_model_factor": factor,
@@ -137,12 +170,14 @@ class Vehicle(StrictModel):
         )
 
     def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
-        """Return the speed of all rotors at which the thrust aloft equals the standard weight.
+        """Return the speed of all rotors at which the thrust aloft equals the standard weight; infinite if none lifts.
 
         `density_ratio`: density of the air over that of the vehicle's file.
         """
         lift = sum(share * rotor.axis[2] for share, rotor in zip(self.thrust_shares, self.rotors, strict=True))
         k = density_ratio * self.rotor_constants.thrust_coefficient_n_per_radps2
+        if lift < LEAST_UP:
+            return math.inf
         return math.sqrt(self.mass_kg * STANDARD_GRAVITY_MPS2 / (k * lift))
 
     @property
@@ -158,6 +193,33 @@ class Vehicle(StrictModel):
         )
         rotors = [rotors_force(self.rotors, self.rotor_constants, effects, blades=self.blades)] if self.rotors else []
         return [drag, *rotors, *(force.make(effects) for force in self.forces)]
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """Commands of the vehicle in the order of an autopilot's controls: rotors, then those of `forces`."""
+        rotors = [Command(f"rotor_{i}", signed=False) for i in range(len(self.rotors))]
+        return (*rotors, *(command for force in self.forces for command in force.commands))
+
+    @property
+    def signed_commands(self) -> frozenset[int]:
+        """Indices of the commands that are -1..1."""
+        return frozenset(i for i, command in enumerate(self.commands) if command.signed)
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Control surfaces of all forces, in the order of their commands."""
+        return tuple(surface for force in self.forces for surface in force.moved_surfaces)
+
+    @property
+    def inertia_tensor_kgm2(self) -> NDArray[np.float64]:
+        """Tensor of inertia in B."""
+        (x, y, z), (xy, xz, yz) = self.inertia_kgm2, self.inertia_products_kgm2
+        return np.array([[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]])
+
+    @property
+    def has_wings(self) -> bool:
+        """True if any force carries the vehicle by its speed through the air."""
+        return any(force.is_wing for force in self.forces)
 
     @property
     def contact_spheres(self) -> tuple[ContactSphere, ...]:
@@ -212,6 +274,7 @@ def rigid_body(
         truth=truth,
         mass_kg=vehicle.mass_kg,
         inertia_kgm2=vehicle.inertia_kgm2,
+        inertia_products_kgm2=vehicle.inertia_products_kgm2,
         forces=forces,
         gravity_mps2=gravity_mps2,
         wind_W_mps=wind_W_mps,

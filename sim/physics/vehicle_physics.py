@@ -38,7 +38,7 @@ from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
-from sim._kernels import IdealController, Push, Rotors
+from sim._kernels import IdealController, Push, Rotors, SurfacedForce
 from sim.physics.actors import Actors
 from sim.physics.battery import GAS_CONSTANT_J_PER_MOL_K, BatteryState
 from sim.physics.contact_model import build_model, set_inertia, soften_contact
@@ -49,6 +49,7 @@ from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
+from sim.physics.surface_faults import SurfaceFault, VehicleFault, check_surface_faults
 from sim.physics.vehicle import Vehicle, rigid_body
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 from sim.scene.scene import Scene
@@ -81,7 +82,7 @@ class _Coming(NamedTuple):
     tick: int
     kind: str
     text: str
-    fault: RotorFault | None = None
+    fault: VehicleFault | None = None
     ends: bool = False  # of the fault
 
 
@@ -117,6 +118,11 @@ def check_motion(p_WB: Vec3, q_WB: Quat, v_WB_W: Vec3, w_WB_B: Vec3) -> float:
     return length
 
 
+def _check_faults(faults: Sequence[VehicleFault], vehicle: Vehicle) -> None:
+    check_faults([fault for fault in faults if isinstance(fault, RotorFault)], vehicle)
+    check_surface_faults([fault for fault in faults if isinstance(fault, SurfaceFault)], vehicle)
+
+
 class VehiclePhysics:
     """Simulation of one vehicle over one flight.
 
@@ -138,7 +144,7 @@ class VehiclePhysics:
         steps = self._steps = integration.steps(tick_ns)
         if effects.battery and vehicle.battery is None:
             raise ValueError(f"effects.battery is on, but the vehicle {vehicle.name!r} has no battery")
-        check_faults(disturbances.faults, vehicle)
+        _check_faults(disturbances.faults, vehicle)
         self.vehicle = vehicle
         self.scene = scene
         self._declared = disturbances
@@ -202,7 +208,11 @@ class VehiclePhysics:
         self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
         self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
         self._commands = sum(force.commands for force in forces)
-        own = sum(force.states for force in forces)
+        self._surfaced, own = [], 0
+        for force in forces:
+            if isinstance(force, SurfacedForce):
+                self._surfaced.append((force, 13 + own))
+            own += force.states
         self._truth: NDArray[np.float64] = np.zeros(13 + own + 6) if truth is None else truth
         self.body = rigid_body(
             self.vehicle,
@@ -220,7 +230,8 @@ class VehiclePhysics:
 
     @property
     def _air(self) -> tuple[float, float] | None:
-        if not self._effects.air_density or self.vehicle.rotor_model == "quadratic":
+        vehicle = self.vehicle
+        if not self._effects.air_density or (vehicle.rotor_model == "quadratic" and not vehicle.has_wings):
             return None
         return self.scene.site.altitude_m, self.scene.site.warmer_k
 
@@ -240,8 +251,8 @@ class VehiclePhysics:
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
         """Advance to tick `tick`, 0 first and one higher with each call, and return its state.
 
-        `controls`: commands 0..1 (saturated) held since the previous tick, in the vehicle's rotor order; values beyond
-        the number of rotors are ignored. Tick 0 is the initial state and ignores them.
+        `controls`: commands 0..1, or -1..1 of control surfaces (saturated), held since the previous tick, in the order
+        of `Vehicle.commands`; values beyond them are ignored. Tick 0 is the initial state and ignores them.
         Raises ModelRangeError when the vehicle leaves the model's range or a command is not finite.
         """
         return self.finish(self.fly(tick, controls))
@@ -260,7 +271,7 @@ class VehiclePhysics:
             self._update_wind(tick)
         bad_index = body.command(controls)
         if bad_index >= 0:
-            raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite, 0..1")
+            raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite")
         travelled_m = body.fly()
         if body.keeps_clear(travelled_m):
             self.skips.skipped += 1
@@ -300,7 +311,7 @@ class VehiclePhysics:
                 raise self._range_error(self._tick, violation)
             if bad >= 0:
                 value = math.nan if isinstance(controls, IdealController) else float(controls[bad])
-                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", value, "finite, 0..1")
+                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", value, "finite")
             if travelled_m >= 0.0 or travelled_m != travelled_m:  # a tick that may touch, or left the range
                 self._tick += 1
                 self._complete(self._check_contact(travelled_m))
@@ -570,7 +581,7 @@ class VehiclePhysics:
         """Change the strength of the turbulence over a second, from the next tick on; see `WindAtVehicle`."""
         self._wind.set_turbulence(wind_20ft_mps, self._tick)
 
-    def inject(self, disturbance: RotorFault | GustEvent) -> None:
+    def inject(self, disturbance: VehicleFault | GustEvent) -> None:
         """Add a fault or gust during the flight.
 
         Raises ValueError if it would begin before the next tick, or names a rotor that does not exist.
@@ -578,7 +589,7 @@ class VehiclePhysics:
         if isinstance(disturbance, GustEvent):
             events = [_Coming(event.tick, "gust", event.text) for event in self._wind.add(disturbance)]
         else:
-            check_faults((disturbance,), self.vehicle)
+            _check_faults((disturbance,), self.vehicle)
             events = self._of_fault(disturbance)
         if events[0].tick <= self._tick:
             raise ValueError(f"{events[0].text}: begins at tick {events[0].tick}, and tick {self._tick} is over")
@@ -586,12 +597,13 @@ class VehiclePhysics:
         self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item.tick)[::-1]
         self._next_change = self._pending[-1].tick
 
-    def _of_fault(self, fault: RotorFault) -> list[_Coming]:
+    def _of_fault(self, fault: VehicleFault) -> list[_Coming]:
         events = [_Coming(fault.start_tick(self.tick_ns), "fault", fault.text, fault)]
-        end = fault.end_tick(self.tick_ns)
-        return events if end is None else [*events, _Coming(end, "fault", fault.end_text, fault, ends=True)]
+        if isinstance(fault, RotorFault) and (end := fault.end_tick(self.tick_ns)) is not None:
+            events.append(_Coming(end, "fault", fault.end_text, fault, ends=True))
+        return events
 
-    def _schedule(self, faults: Sequence[RotorFault]) -> list[_Coming]:
+    def _schedule(self, faults: Sequence[VehicleFault]) -> list[_Coming]:
         """Return all events to come, the next one last."""
         self._faulty: dict[int, RotorFault] = {}  # the fault of each rotor that has one
         events = [event for fault in faults for event in self._of_fault(fault)]
@@ -601,19 +613,32 @@ class VehiclePhysics:
     def _begin_events(self, tick: int) -> None:
         while self._pending and self._pending[-1].tick == tick:
             _, kind, text, fault, ends = self._pending.pop()
-            if fault is not None:
+            if isinstance(fault, RotorFault):
                 if ends and self._faulty.get(fault.rotor) is not fault:
                     continue  # a later fault has replaced it
-                self._break(fault, ends=ends)
+                self._break_rotor(fault, ends=ends)
+            elif fault is not None:
+                force, index, place = self._surface(fault.surface)
+                force.set_surface(index, fault.state, fault.stuck_rad(float(self._truth[place])))
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
         self._next_change = self._pending[-1].tick if self._pending else -1
 
-    def _break(self, fault: RotorFault, *, ends: bool) -> None:
+    def _break_rotor(self, fault: RotorFault, *, ends: bool) -> None:
         assert self._rotors is not None  # check_faults
         self._faulty[fault.rotor] = fault
         self._rotors.set_rotor(fault.rotor, *(HEALTHY if ends else fault.rotor_state))
         if self.vehicle.rotor_constants.motor is not None:
             self._rotors.set_driven(fault.rotor, driven=ends or fault.driven)
+
+    def _surface(self, name: str) -> tuple[SurfacedForce, int, int]:
+        """Return the force of a surface, the surface's index in it, and its place in the state."""
+        names = [surface.name for surface in self.vehicle.surfaces]
+        index = names.index(name)
+        for force, first in self._surfaced:
+            if index < force.states:
+                return force, index, first + index
+            index -= force.states
+        raise AssertionError(name)  # every surface belongs to a force
 
     def _update_wind(self, tick: int) -> None:
         previous_W = self._wind_W
@@ -735,6 +760,7 @@ class VehiclePhysics:
             tuple(s[self._alpha_slice]),
             tuple(s[self._rotor_slice]),
             in_contact,
+            tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]]),
         )
 
     def _range_error(self, tick: int, violation: int) -> ModelRangeError:
