@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+_FAR_BELOW_M = -1e4
 MotorsKind = Literal["speed_radps", "command"]
 
 
@@ -66,6 +67,12 @@ class FlightLog:
     estimated: bool  # pose and velocity are an autopilot's estimate, not motion capture
     start_s: float
     end_s: float
+    ground_m: float | None = None  # height of the ground in W, where the log shows it
+
+    @property
+    def ground_or_far_below_m(self) -> float:
+        """Height of the ground, out of every rotor's reach where it is not known."""
+        return _FAR_BELOW_M if self.ground_m is None else self.ground_m
 
     @property
     def duration_s(self) -> float:
