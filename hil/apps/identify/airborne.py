@@ -78,7 +78,8 @@ def find_flights(log: FlightLog, file: LogFile, up: Sequence[Interval]) -> list[
     flights: list[FlightLog] = []
     for (start_s, end_s), ground_m in stretches:
         name = log.name if len(stretches) == 1 else f"{log.name}.{len(flights) + 1}"
-        flights.append(replace(log.between(start_s, end_s, name), ground_m=ground_m))
+        declared = log.ground_m is not None
+        flights.append(replace(log.between(start_s, end_s, name), ground_m=log.ground_m if declared else ground_m))
     return flights
 
 

@@ -114,6 +114,8 @@ class ColumnMap(StrictModel):
     rate: Rate | None = None
     accel: Accel | None = None
     voltage: Voltage | None = None
+    # Height of the floor in the world, for the ground effect; None: where the vehicle stands before take-off.
+    ground_m: Annotated[float, Field(ge=-1e4, le=1e4)] | None = None
 
     @pydantic.model_validator(mode="after")
     def _one_convention(self) -> ColumnMap:

@@ -68,6 +68,8 @@ def settled(
 
 def _bounds(unknown: at.Unknown) -> tuple[float, float]:
     """Return the range of s that a vehicle file can say; a law that keeps above its floor needs no lower bound."""
+    if unknown.law == "exp" and unknown.start == unknown.floor:
+        return -np.inf, np.inf  # switched off
     low = -np.inf if unknown.law == "exp" or np.isinf(unknown.least) else unknown.inverse(unknown.least)
     return low, np.inf if np.isinf(unknown.most) else unknown.inverse(unknown.most)
 

@@ -8,12 +8,12 @@ A flying vehicle is stabilised: its autopilot turns against every rate, and what
 the telemetry, turbulence, errors of the model) does not carry it off. Integration of torques alone knows nothing of
 that. A prediction therefore has
     dw = g torque / I - lambda w
-With exact torques g is 1 and lambda 0. Both are learnt, for each axis, from past spans of `SPAN_S` as the most likely
-ones in this very prediction of rate and angle, with white noise of the torque and a memory of `memory_s`:
-    r = w(t) - e^(-lambda T) w(t - T) - g S,         S integral of e^(-lambda (t - s)) torque / I ds over the span T
-    a = angle of the span - E w(t - T) - g (P - S) / lambda,   P with lambda = 0,   E = (1 - e^(-lambda T)) / lambda
-    sum of 4 r^2 / T - 12 r a / T^2 + 12 a^2 / T^3 least
-For each lambda of `LEAKS_PER_S` the least squares give g; the lambda with the least of them is taken.
+With exact torques g is 1 and lambda 0. Both are learnt over past spans of `SPAN_S`, by least squares that forget in
+`memory_s`, with D the torques' integral over the span:
+    w(t) - w(t - span) = g D - l w(t - span) + noise,  exp(-lambda span) = 1 - l
+Roll and pitch have at least the weight that the rms s of their rates in the past seconds gives them,
+    g = s^2 / (s^2 + doubt^2),  lambda = min(fastest, stray / s)
+Wiener's weight of a signal of size s in noise, and the leak of an integral of noise that long.
 
 Velocities of some logs are larger than the change of their positions (optical flow: a wrong height, a wrong lens). The
 ratio rho of the two, level, is learnt from the past, and positions advance by rho v.
@@ -37,7 +37,6 @@ from hil.apps.identify.fit.shooting import rates
 Array = NDArray[np.float64]
 
 SPAN_S = 0.5
-LEAKS_PER_S = (0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)
 _SPAN = 10  # instants over which positions are compared with velocities
 
 
@@ -59,10 +58,17 @@ class FilterNoise:
     position: float = 0.002
     attitude: float = 0.003
     velocity: float = 0.01
-    delay_s: float = 0.008  # of the first guess of d
+    delay_s: float = 0.008  # of the first guess of d: deviation of the delays that the filter finds in eight flights
     delay_walk: float = 0.0003  # s per root second
+    # Of roll and pitch: most likely in predictions of 0.5 s of flights slow and fast (docs/identify-model.md).
+    doubt: float = 1.2  # rad/s
+    stray: float = 1.3  # rad/s2
+    fastest_per_s: float = 20.0
+    rate_memory_s: float = 3.0
     memory_s: float = 10.0
-    first_weight: float = 0.4  # (rad/s)^2 of the first guess, which is g = 1 and lambda = 0
+    first_g: float = 0.4
+    first_l: float = 0.5
+    first_weight: float = 0.4  # (rad/s)^2 of the first guess
 
 
 class Track(NamedTuple):
@@ -76,52 +82,35 @@ class Track(NamedTuple):
 
 
 class _Weights:
-    """Likelihood of each leak, with the most likely g for it, for each axis: [leaks, 3, L]."""
+    """Least squares of g and l, for each axis [3, L]."""
 
-    def __init__(self, noise: FilterNoise, logs: int, step_s: float) -> None:
-        self._h, self._first = step_s, noise.first_weight
-        self._leaks = np.array(LEAKS_PER_S)[:, None, None]
-        self._left = np.exp(-self._leaks * SPAN_S)
-        self._mean_s = (1.0 - self._left) / self._leaks  # E
-        shape = (len(LEAKS_PER_S), 3, logs)
-        self._leaky, self._plain = np.zeros(shape), np.zeros((3, logs))  # S, P
-        self._angle = np.zeros((3, logs))
-        self._xx, self._xy, self._yy = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    def __init__(self, noise: FilterNoise, logs: int) -> None:
+        self._first = noise.first_weight
+        self._guess = noise.first_g, noise.first_l
+        self._dd, self._dw, self._ww, self._da, self._wa = (np.zeros((3, logs)) for _ in range(5))
 
-    def integrate(self, torque: Array, rate: Array, torque_gone: Array, rate_gone: Array) -> None:
-        """Add torque over inertia and rate [3, L] of one step, and take out those that the span leaves behind."""
-        h = self._h
-        self._leaky = np.exp(-self._leaks * h) * (self._leaky + h * torque) - self._left * h * torque_gone
-        self._plain = self._plain + h * (torque - torque_gone)
-        self._angle = self._angle + h * (rate - rate_gone)
-
-    def compare(self, now: Array, before: Array, bias: Array, forget: float, known: NDArray[np.bool_]) -> None:
-        """Take one span: rates at its end and start, and the unexplained acceleration that was known at its start."""
-        x_r = self._leaky + self._mean_s * bias
-        x_a = (self._plain - self._leaky + (SPAN_S - self._mean_s) * bias) / self._leaks
-        y_r, y_a = now - self._left * before, self._angle - self._mean_s * before
-        weight = self._h * known  # spans overlap: a second's count as one
+    def add(self, change: Array, model: Array, before: Array, forget: float, known: NDArray[np.bool_]) -> None:
+        """Take one span's change of rate, what the model's torques give, and the rate at its start."""
+        h = 0.01 * known  # spans overlap: a second's count as one
         for total, product in (
-            (self._xx, _white(x_r, x_a, x_r, x_a)),
-            (self._xy, _white(x_r, x_a, y_r, y_a)),
-            (self._yy, _white(y_r, y_a, y_r, y_a)),
+            (self._dd, model * model),
+            (self._dw, -model * before),
+            (self._ww, before * before),
+            (self._da, model * change),
+            (self._wa, -before * change),
         ):
             total *= forget
-            total += weight * product
+            total += h * product
 
     def solve(self) -> tuple[Array, Array]:
-        """Return g from 0 to 1 and lambda [1/s], [3, L]."""
-        first = self._first
-        g = np.clip((self._xy + first) / (self._xx + first), 0.0, 1.0)
-        squares = self._yy - 2.0 * g * self._xy + g * g * self._xx + first * ((1.0 - g) ** 2 + (1.0 - self._left) ** 2)
-        best = np.argmin(squares, axis=0)[None]
-        return np.take_along_axis(g, best, axis=0)[0], np.array(LEAKS_PER_S)[best[0]]
-
-
-def _white(r1: Array, a1: Array, r2: Array, a2: Array) -> Array:
-    """Return the product of two pairs of rate and angle in the metric of white torque over a span."""
-    T = SPAN_S
-    return 4.0 / T * r1 * r2 - 6.0 / T**2 * (r1 * a2 + a1 * r2) + 12.0 / T**3 * a1 * a2
+        """Return g from 0 to 1 and lambda from 0 [1/s]."""
+        g0, l0 = self._guess
+        dd, ww = self._dd + self._first, self._ww + self._first
+        da, wa = self._da + self._first * g0, self._wa + self._first * l0
+        det = dd * ww - self._dw * self._dw
+        g = np.clip((da * ww - wa * self._dw) / det, 0.0, 1.0)
+        loss = np.clip((wa * dd - da * self._dw) / det, 0.0, 0.98)
+        return g, -np.log(1.0 - loss) / SPAN_S
 
 
 def track(
@@ -165,8 +154,9 @@ def track(
     rho, rhos, s1, s2 = np.ones(L), np.ones((n, L)), np.full(L, 0.5), np.full(L, 0.5)
     decays, trusts = np.zeros((n, 3, L)), np.ones((n, 3, L))
     span = round(SPAN_S / h)
-    torques, biased, learnt = np.zeros((n, 3, L)), np.zeros((n, 3, L)), _Weights(noise, L, h)
+    turned, biased, learnt = np.zeros((n + 1, 3, L)), np.zeros((n, 3, L)), _Weights(noise, L)
     forget = np.exp(-h / noise.memory_s)
+    turning2 = np.full(L, 0.2)
     slope = np.zeros((nz, L))
     for k in range(n):
         y = measured[k].copy()
@@ -191,20 +181,19 @@ def track(
             rho = s1 / s2
         rhos[k] = rho
         if k > span:
-            learnt.compare(zs[k, 10:13], zs[k - span, 10:13], biased[k - span], forget, known[k])
+            gained = turned[k] - turned[k - span] + SPAN_S * biased[k - span]
+            learnt.add(zs[k, 10:13] - zs[k - span, 10:13], gained, zs[k - span, 10:13], forget, known[k])
         trusts[k], decays[k] = learnt.solve()
+        turning2 += h / noise.rate_memory_s * (0.5 * (z[10] ** 2 + z[11] ** 2) - turning2)
+        least = turning2 / (turning2 + noise.doubt**2)
+        below = trusts[k, :2] < least
+        decays[k, :2] = np.where(below, np.minimum(noise.fastest_per_s, noise.stray / np.sqrt(turning2)), decays[k, :2])
+        trusts[k, :2] = np.maximum(trusts[k, :2], least)
         S[where] = d
         value, A, B = rates(model.rates[0], z, S, inputs[k])
         slope = value.T
         biased[k] = z[nz - 3 :]
-        torques[k] = slope[10:13] - biased[k]
-        old = k >= span
-        learnt.integrate(
-            torques[k],
-            zs[k, 10:13],
-            torques[k - span] if old else np.zeros((3, L)),
-            zs[k - span, 10:13] if old else np.zeros((3, L)),
-        )
+        turned[k + 1] = turned[k] + h * (slope[10:13] - biased[k])
         F = np.zeros((L, N, N))
         hA = h * A
         F[:, :nz, :nz] = np.eye(nz) + hA + 0.5 * hA @ hA

@@ -158,6 +158,7 @@ def _log(file: LogFile, m: ColumnMap, table: Columns) -> FlightLog:
         estimated=m.estimated,
         start_s=float(motors.t_s[0]),
         end_s=float(motors.t_s[-1]),
+        ground_m=m.ground_m,
     )
 
 
