@@ -244,9 +244,10 @@ def _report(
     given = "mass_kg" in fixed
     why = "motion shows every force and moment per mass: weigh the vehicle, --fix mass_kg=..."
     found = [Estimated("mass_kg", vehicle.mass_kg, 0.0 if given else math.inf, "kg", given, "" if given else why)]
-    for u, x, deviation, is_kept in zip(unknowns, s, sigma, kept, strict=True):
+    without = _not_of_the_model(vehicle)
+    for i, (u, x, deviation, is_kept) in enumerate(zip(unknowns, s, sigma, kept, strict=True)):
         width = float(abs(u.slope(float(x))) * deviation)
-        if u.key in fixed:
+        if u.key in fixed or i in without:
             continue
         if is_kept:
             reason = f"the flights do not show it; {u.sense} to see it" if u.sense else "the flights do not show it"
