@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 HORIZONS_S = (0.01, 0.1, 0.5)
 LEARNING_S = 1.0
 LAG = 1  # samples of telemetry after an instant that its speed is made of
-# Before the filter has learnt it: mean of what the filter found in eight flights of one telemetry.
+# Before the filter has learnt it. The mean of what it found in eight flights of one telemetry is -0.0137 s.
 FIRST_DELAY_S = {"speed_radps": -0.0125, "command": 0.0}
 POSE_DELAY_S = 0.0
 _MOST_COLUMNS = 4000  # predictions at a time: bounds the memory
