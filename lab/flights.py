@@ -1,6 +1,6 @@
 """`hil bench flights`: multi-step predictions of logged flights by a vehicle's model.
 
-    hil bench flights --logs DIR --vehicle FILE [--set columns=MAP]
+    hil bench flights --logs DIR --vehicle FILE [--set columns=MAP] [--set fitted=LOG,LOG]
 
 Every log of the folder is cut into its flights. From each measured instant the state that a filter has from the past is
 advanced over 0.01, 0.1 and 0.5 s with the motors' readings of that time (hil/apps/identify/fit/prediction.py), and
@@ -8,7 +8,8 @@ compared with what was measured then. A row is a log and a horizon: mean norms o
 rotation angle and rate. Beside the model stands a prediction without one: constant velocity and constant attitude.
 
 Tables need a map of their columns: of `--set columns=`, or a `*.columns.yaml` beside the logs or the vehicle file, or
-one that comes with the bench, whichever first names columns that the table has. The published figures are checked on
+one that comes with the bench, whichever first names columns that the table has. Logs of commands with an accelerometer
+add rows of the specific force (flights_force.py). The published figures are checked on
 flights of the set that they were published for.
 """
 
@@ -28,6 +29,7 @@ from hil.apps.identify.fit.prediction import HORIZONS_S, Grid, Predictor
 from hil.run.flight_logs.airborne import find_flights, motors_up
 from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.flight_logs.log_format import LogFile, read_log
+from lab.flights_force import LIMITS, add_specific_force
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle, load_vehicle
 
@@ -55,7 +57,7 @@ def missing() -> str:
 
 def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | None = None) -> BenchmarkResult:
     """Predict every flight of a folder. Raises ConfigError for a folder without logs, or logs that cannot be read."""
-    given = read_lists(options or {}, {"logs": None, "vehicle": None, "columns": None, "every": None})
+    given = read_lists(options or {}, {"logs": None, "vehicle": None, "columns": None, "every": None, "fitted": None})
     lacking = [key for key in ("logs", "vehicle") if not given.get(key)]
     if lacking:
         raise ConfigError([Problem(f"--{key}", "is missing", "hil bench flights --logs DIR --vehicle FILE")
@@ -75,8 +77,10 @@ def measure(*, quick: bool, status: ShowStatus, options: Mapping[str, str] | Non
     )
     result.left_out += left_out
     names = {read.map_name for read in reads}
+    limit = next((LIMITS[name] for name in names if name in LIMITS), None) if len(names) == 1 else None
     limits = next((_PUBLISHED[name] for name in names if name in _PUBLISHED), None) if len(names) == 1 else None
     result.checks = _checks(result, limits)
+    add_specific_force(result, flights, vehicle, fitted=given.get("fitted", ()), limit=limit, status=status)
     return result
 
 

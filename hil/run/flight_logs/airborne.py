@@ -12,7 +12,7 @@ What is left out, and from when to when, becomes a note.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,17 +68,18 @@ def motors_up(log: FlightLog, file: LogFile) -> list[Interval]:
 
 def find_flights(log: FlightLog, file: LogFile, up: Sequence[Interval]) -> list[FlightLog]:
     """Return the stretches of free flight within those with the motors up, each a log of its own."""
-    stretches: list[Interval] = []
+    stretches: list[tuple[Interval, float | None]] = []
     for interval in up:
-        free = _above_ground(log, file, interval)
+        free, ground_m = _above_ground(log, file, interval)
         if free is None:
             continue
         for before in _without_crashes(log, file, free, interval[1]):
-            stretches += _without_gaps(log, file, before)
+            stretches += [(part, ground_m) for part in _without_gaps(log, file, before)]
     flights: list[FlightLog] = []
-    for start_s, end_s in stretches:
+    for (start_s, end_s), ground_m in stretches:
         name = log.name if len(stretches) == 1 else f"{log.name}.{len(flights) + 1}"
-        flights.append(log.between(start_s, end_s, name))
+        declared = log.ground_m is not None
+        flights.append(replace(log.between(start_s, end_s, name), ground_m=log.ground_m if declared else ground_m))
     return flights
 
 
@@ -115,8 +116,11 @@ def _intervals(t_s: NDArray[np.float64], mask: NDArray[np.bool_]) -> list[Interv
     return [(float(t_s[a]), float(t_s[b])) for a, b in zip(starts, ends, strict=True)]
 
 
-def _above_ground(log: FlightLog, file: LogFile, up: Interval) -> Interval | None:
-    """Return the part between take-off and landing; a log that begins or ends in the air is not cut there."""
+def _above_ground(log: FlightLog, file: LogFile, up: Interval) -> tuple[Interval | None, float | None]:
+    """Return the part between take-off and landing, and the ground's height before take-off, else after landing.
+
+    A log that begins or ends in the air is not cut there; one that does both does not show the ground.
+    """
     start_s, end_s = up
     began_in_air = start_s - log.motors.t_s[0] < 0.2
     ended_in_air = log.motors.t_s[-1] - end_s < 0.2
@@ -125,18 +129,27 @@ def _above_ground(log: FlightLog, file: LogFile, up: Interval) -> Interval | Non
             start_s if began_in_air else start_s + _WITHOUT_HEIGHT_S,
             end_s if ended_in_air else end_s - _WITHOUT_HEIGHT_S,
         )
-        return cut if cut[1] - cut[0] > 0.0 else None
+        return (cut if cut[1] - cut[0] > 0.0 else None), None
     clear_m = 1.5 * file.vehicle.bounding_radius_m
     part = log.pose.between(start_s, end_s)
     if not len(part):
-        return None
+        return None, None
     z_m = part.values[:, 2]
+    stands_m = []
     if not began_in_air:
-        start_s = _first_above(part.t_s, z_m, _ground_m(log.pose, start_s - 0.3, start_s + 0.3) + clear_m)
+        stands_m.append(_ground_m(log.pose, start_s - 0.3, start_s + 0.3))
+        start_s = _first_above(part.t_s, z_m, stands_m[-1] + clear_m)
     if not ended_in_air:
-        ground_m = _ground_m(log.pose, end_s - 0.3, end_s + _FALL_S)
-        end_s = -_first_above(-part.t_s[::-1], z_m[::-1], ground_m + clear_m) - _LANDING_S
-    return (start_s, end_s) if end_s > start_s else None
+        stands_m.append(_ground_m(log.pose, end_s - 0.3, end_s + _FALL_S))
+        end_s = -_first_above(-part.t_s[::-1], z_m[::-1], stands_m[-1] + clear_m) - _LANDING_S
+    ground_m = stands_m[0] - _standing_height_m(file) if stands_m else None
+    return ((start_s, end_s) if end_s > start_s else None), ground_m
+
+
+def _standing_height_m(file: LogFile) -> float:
+    """Return how high the vehicle's origin is above the ground on which it stands."""
+    spheres = file.vehicle.feet or file.vehicle.hull
+    return max((sphere.radius_m - sphere.position_m[2] for sphere in spheres), default=0.0)
 
 
 def _first_above(t_s: NDArray[np.float64], z_m: NDArray[np.float64], limit_m: float) -> float:

@@ -136,6 +136,8 @@ class ColumnMap(StrictModel):
     accel: Accel | None = None
     voltage: Voltage | None = None
     set_points: SetPointColumns | None = None
+    # Height of the floor in the world, for the ground effect; None: where the vehicle stands before take-off.
+    ground_m: Annotated[float, Field(ge=-1e4, le=1e4)] | None = None
 
     @pydantic.model_validator(mode="after")
     def _one_convention(self) -> ColumnMap:

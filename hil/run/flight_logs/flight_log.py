@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil.run.flight_logs.set_points import SetPoints
 
+_FAR_BELOW_M = -1e4
 MotorsKind = Literal["speed_radps", "command"]
 
 
@@ -71,6 +72,12 @@ class FlightLog:
     end_s: float
     set_points: SetPoints | None = None  # of the whole log, whatever stretch this is
     wind: Series | None = None  # likewise
+    ground_m: float | None = None  # height of the ground in W, where the log shows it
+
+    @property
+    def ground_or_far_below_m(self) -> float:
+        """Height of the ground, out of every rotor's reach where it is not known."""
+        return _FAR_BELOW_M if self.ground_m is None else self.ground_m
 
     @property
     def duration_s(self) -> float:

@@ -1,6 +1,6 @@
 """Force and torque that a vehicle file gives its rotors for logged motors, for checks and first guesses.
 
-    speed    c_i = O_max (V / V_nominal) sqrt(f u^2 + (1 - f) u)  of a command u;  the logged speed otherwise
+    speed    c_i = O_max (1 + e (V / V_nominal - 1)) sqrt(f u^2 + (1 - f) u)  of a command u;  else the logged speed
     lag      dO_i/dt = (c_i - O_i) / tau,  tau_up or tau_down, solved exactly between two samples (commands only)
     wrench   sum_i E_i k O_i^2,  E_i of sim/physics/multirotor.py
 
@@ -29,7 +29,7 @@ def steady_speeds_radps(log: FlightLog, vehicle: Vehicle) -> Rows:
     speeds = c.max_speed_radps * np.sqrt(c.thrust_model_factor * u * u + (1.0 - c.thrust_model_factor) * u)
     if log.voltage is not None and vehicle.battery is not None:
         volts = np.interp(log.motors.t_s, log.voltage.t_s, log.voltage.values[:, 0])
-        speeds = speeds * (volts / vehicle.battery.nominal_voltage_v)[:, None]
+        speeds = speeds * (1.0 + c.voltage_slope * (volts / vehicle.battery.nominal_voltage_v - 1.0))[:, None]
     return speeds
 
 

@@ -20,6 +20,7 @@ struct alignas(32) BladeLanes {
     // Shared.
     double radius_m = 1.0, k_d = 0.0, induced_power_factor = 1.0, profile_power_growth = 0.0, hub_moment_share = 0.0;
     double ground_floor = 0.0;  // 0: no ground effect
+    double ground_radius_m = 1.0;
 
     // At an instant: speeds, and of the body velocity through the air, body rate, z of W in B, height, density ratio.
     Lane speed;

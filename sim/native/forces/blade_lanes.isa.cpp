@@ -58,10 +58,10 @@ HIL_QUAD void block(BladeLanes &l, int at, const Quads<N> &wake) {
     if (l.ground_floor > 0.0) {
         const Quads<N> height = splat<N>(l.height_m) + ((l.up_B[0] * rx + l.up_B[1] * ry) + l.up_B[2] * rz);
         const Quads<N> level = positive((l.up_B[0] * nx + l.up_B[1] * ny) + l.up_B[2] * nz), level2 = level * level;
-        const double reach = kGroundReachRadii * l.radius_m;
+        const double reach = kGroundReachRadii * l.ground_radius_m;
         const Quads<N> near = positive(splat<N>(1.0) - (1.0 / (reach * reach)) * (height * height)), near2 = near * near;
         const Quads<N> fade = (level2 * level2) * (near2 * near2) * induced2;
-        const Quads<N> z = (4.0 / l.radius_m) * height;
+        const Quads<N> z = (4.0 / l.ground_radius_m) * height;
         left = left - kHayden * fade / ((splat<N>(l.ground_floor) + z * z) * (induced2 + across2 + splat<N>(kTiny)));
     }
 

@@ -31,6 +31,7 @@ BladeRotors::BladeRotors(const RotorsParams &rotors, const BladeParams &blades)
     l.profile_power_growth = b_.profile_power_growth;
     l.hub_moment_share = b_.hub_moment_share;
     l.ground_floor = b_.ground_floor;
+    l.ground_radius_m = p_.air.ground_radius_m;
     for (int i = 0; i < p_.count; ++i) {
         const int at = lane_[i];
         for (int j = 0; j < 3; ++j) {

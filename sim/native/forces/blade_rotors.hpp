@@ -16,7 +16,7 @@
 //   One solution for every flow: vortex ring, windmill, reverse flow without a branch. It does not depend on r. Newton's
 //   method, until a step is below 1e-8 of v, so that the next would be below the rounding.
 // Ground, after Hayden (AHS Forum 32, 1976), bounded at the ground and faded out as in rotor_air.hpp:
-//   gamma = 2.43 f / (2.43 / gamma_0 + (4z/R)^2),  f = max(0, cos tilt)^4 (1 - (z/z_c)^2)^4 kappa O^2 / (kappa O^2 + V^2)
+//   (R of R_g there)  gamma = 2.43 f / (2.43 / gamma_0 + (4z/R)^2),  f = max(0, cos tilt)^4 (1 - (z/z_c)^2)^4 kappa O^2 / (kappa O^2 + V^2)
 // Force across (flapping; induced and profile drag of the blades), and the share h of the blades' moments on the hub: lift
 // of the advancing blade, and inflow that rises to the rear (White and Blake: v (1 + sqrt(2) sin chi (r/R) cos psi)):
 //   H = -r (k_d O + c_V p w + 2 c_q O / R^2) u_a

@@ -9,6 +9,9 @@
 // It has a pole at z = R/4, so here the height has a lower limit and the effect is faded out:
 //   G = 1 / (1 - s / (b + (4z/R)^2)),   b = G0 / (G0 - 1)
 //   s = max(0, cos tilt)^4 (1 - (z/z_c)^2)^4  v_h^2 / (v_h^2 + V^2),   0 at and above z_c = 32 R
+// R is here that of a rotor with the whole vehicle's effect, R_g. Far from the ground the images of n rotors add up to
+// that of one with sqrt(n) times the radius, and the air that rises between them lifts the hull (Sanchez-Cuevas, Heredia
+// and Ollero, Int. J. Aerospace Eng. 2017, 1823056, eq. 9): R_g is the radius of one rotor where a file does not say.
 // G0 is the ratio at z = 0. For z >> R the result equals theirs up to (R/4z)^4; above z = R it is within 0.02 for
 // G0 = 2. z is the hub's height over the ground plane; boxes have no ground effect.
 //
@@ -34,6 +37,7 @@ struct RotorAir {
     double ground_floor;       // b; 0: no ground effect
     double descent_loss;       // L in [0, 1); 0: none
     double axial_kg_per_rad;   // k_z; 0: none
+    double ground_radius_m;    // R_g
 };
 
 inline constexpr double kGroundReachRadii = 32.0;
@@ -41,12 +45,12 @@ inline constexpr double kVortexRingCentre = 1.45;
 
 // G. `height_m` of the hub over the ground, `up` = e_z of B times z of W.
 inline double ground_ratio(const RotorAir &air, double height_m, double up, double induced2, double across2) {
-    const double reach = kGroundReachRadii * air.radius_m;
+    const double reach = kGroundReachRadii * air.ground_radius_m;
     const double fade = 1.0 - (height_m * height_m) / (reach * reach);
     if (!(fade > 0.0) || !(up > 0.0) || !(induced2 > 0.0)) return 1.0;
     const double up2 = up * up, fade2 = fade * fade;
     const double s = (up2 * up2) * (fade2 * fade2) * (induced2 / (induced2 + across2));
-    const double z = 4.0 * height_m / air.radius_m;
+    const double z = 4.0 * height_m / air.ground_radius_m;
     return 1.0 + s / ((air.ground_floor - s) + z * z);
 }
 

@@ -81,6 +81,7 @@ void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
 }
 
 int Rotors::command(const double *control, double voltage) {
+    const double full = p_.voltage_slope == 1.0 ? voltage : 1.0 + p_.voltage_slope * (voltage - 1.0);
     for (int i = 0; i < p_.count; ++i) {
         if (!std::isfinite(control[i])) return i;
         if (forced_speed_radps_[i] >= 0.0) {
@@ -90,7 +91,7 @@ int Rotors::command(const double *control, double voltage) {
         const double u = control[i] < 0.0 ? 0.0 : (control[i] > 1.0 ? 1.0 : control[i]);
         const double f = p_.thrust_model_factor;
         const double relative = f == 1.0 ? u : std::sqrt(f * (u * u) + (1.0 - f) * u);
-        command_[i] = relative * p_.max_speed_radps * voltage;
+        command_[i] = relative * p_.max_speed_radps * full;
     }
     return -1;
 }
@@ -396,7 +397,7 @@ const ForceBinding binding{[](nb::module_ &m) {
                double thrust_coefficient_n_per_radps2, double moment_ratio_m, double max_speed_radps,
                double thrust_model_factor, double time_constant_up_s, double time_constant_down_s, double inertia_kgm2,
                double drag_kg_per_rad, double axial_drag_kg_per_rad, double radius_m, double ground_thrust_ratio,
-               double descent_loss, double air_density_kgpm3) {
+               double descent_loss, double air_density_kgpm3, double ground_radius_m, double voltage_slope) {
                 const std::size_t n = position_m.size();
                 if (n < 1 || n > kMaxRotors || spin.size() != n || axis.size() != n || above.size() != n) {
                     throw std::invalid_argument("1 to 8 rotors, each with position, spin, axis and rotor above");
@@ -421,17 +422,18 @@ const ForceBinding binding{[](nb::module_ &m) {
                 p.time_constant_down_s = time_constant_down_s;
                 p.inertia_kgm2 = inertia_kgm2;
                 p.drag_kg_per_rad = drag_kg_per_rad;
+                p.voltage_slope = voltage_slope;
                 const double disc_m2 = det::kPi * radius_m * radius_m;
                 p.air = {thrust_coefficient_n_per_radps2 / (2.0 * air_density_kgpm3 * disc_m2), radius_m,
                          ground_thrust_ratio > 1.0 ? ground_thrust_ratio / (ground_thrust_ratio - 1.0) : 0.0,
-                         descent_loss, axial_drag_kg_per_rad};
+                         descent_loss, axial_drag_kg_per_rad, ground_radius_m > 0.0 ? ground_radius_m : radius_m};
                 new (self) Rotors(p);
             },
             nb::kw_only(), "position_m"_a, "spin"_a, "axis"_a, "above"_a, "coaxial_loss"_a,
             "thrust_coefficient_n_per_radps2"_a, "moment_ratio_m"_a, "max_speed_radps"_a, "thrust_model_factor"_a,
             "time_constant_up_s"_a, "time_constant_down_s"_a, "inertia_kgm2"_a, "drag_kg_per_rad"_a,
             "axial_drag_kg_per_rad"_a, "radius_m"_a, "ground_thrust_ratio"_a, "descent_loss"_a,
-            "air_density_kgpm3"_a = 1.225)
+            "air_density_kgpm3"_a = 1.225, "ground_radius_m"_a = 0.0, "voltage_slope"_a = 1.0)
         .def(
             "set_rotor",
             [](Rotors &self, int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm) {

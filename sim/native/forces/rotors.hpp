@@ -4,9 +4,11 @@
 //
 // Equations (n_i the axis of rotor i in B, the direction of its thrust, r_i its place, spin s_i = +1 for a rotor turning
 // counter-clockwise seen from above, u_i = a + w x r_i the velocity of its hub through the air, u_ni = u_i . n_i):
-//   command      c_i = O_max (V / V_nominal) sqrt(f u^2 + (1 - f) u),  u clamped to 0..1
+//   command      c_i = O_max (1 + e (V / V_nominal - 1)) sqrt(f u^2 + (1 - f) u),  u clamped to 0..1
 //                f = 1: speed proportional to the command, thrust quadratic in it;  f = 0: thrust proportional.
 //                (f is PX4's THR_MDL_FAC.) V / V_nominal is 1 without a battery: battery.hpp
+//                e = 1: speed in proportion to the voltage. A motor without a speed controller slows down under its
+//                load: with V = R I + K O and I rising with O^2, e = (K O + R I) / (K O + 2 R I), 0.5 to 1
 //   speed        dO_i/dt = (c_i - O_i) / tau,  tau = tau_up if c_i > O_i else tau_down
 //   thrust       T_i = (k_i O_i (O_i - c_i O_j) G_i V_i - k_z O_i u_ni) n_i                 (rotor_air.hpp)
 //   rotor drag   H_i = -k_d O_i (u_i - u_ni n_i)
@@ -49,6 +51,7 @@ struct RotorsParams {
     double time_constant_down_s;
     double inertia_kgm2;
     double drag_kg_per_rad;
+    double voltage_slope;  // e
     RotorAir air;
 };
 

@@ -30,6 +30,8 @@ class StaticRotor(Protocol):
     @property
     def radius_m(self) -> float: ...
     @property
+    def ground_radius_m(self) -> float | None: ...
+    @property
     def coaxial_thrust_ratio(self) -> float: ...
 
 
@@ -80,6 +82,7 @@ class RotorLumps(NamedTuple):
     induced_power_factor: float
     profile_power_growth: float
     hub_moment_share: float
+    ground_radius_m: float  # of one rotor with the ground effect of the vehicle
     ground_floor: float  # Hayden's coefficient over the loss of inflow at the ground; 0 without ground effect
 
 
@@ -136,6 +139,7 @@ def lumps_of(c: StaticRotor, model: BladeElement, *, thrust_left: float = 1.0) -
         induced_power_factor=model.induced_power_factor,
         profile_power_growth=model.profile_power_growth,
         hub_moment_share=model.hub_moment_share,
+        ground_radius_m=c.radius_m if c.ground_radius_m is None else c.ground_radius_m,
         ground_floor=HAYDEN / model.ground_inflow_loss if model.ground_inflow_loss > 0.0 else 0.0,
     )
     if found.c_q < 0.0:

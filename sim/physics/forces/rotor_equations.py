@@ -30,6 +30,7 @@ power falls to 1 / (0.9926 + 0.0379 (2 R / z)^2)), bounded at the ground, with t
 
     gamma = 2.43 f / (2.43 / gamma_0 + (4 z / R)^2),   2.43 = 16 * 4 * 0.0379
     f = max(0, cos tilt)^4 (1 - (z / 32 R)^2)^4 kappa O^2 / (kappa O^2 + V^2)
+    R is here that of a rotor with the ground effect of the whole vehicle: rotor_air.hpp.
 
 Force across, moments of the hub, torque:
 
@@ -94,29 +95,44 @@ def flux2(u_n: Value, across2: Value, v: Value) -> tuple[Value, Value]:
 def induced_velocity(
     lumps: RotorLumps, speed: Value, u_n: Value, across2: Value, gamma: Value = 0.0, *, steps: int = NEWTON_STEPS
 ) -> Value:
-    """Return v: the root of v W + (c_l O / 2 rho A) (1 - gamma) v - (c_t O^2 + c_V p V^2 - c_l O u_n) / (2 rho A)."""
+    """Return v: the root of `inflow_balance`."""
+    pushed, slowed = _push_and_slowing(lumps, speed, u_n, across2, gamma)
+    v = pushed / (slowed + (across2 + lumps.kappa_m2 * speed * speed + 0.3 * u_n * u_n + _TINY) ** 0.5 + 0.3 * u_n)
+    for _ in range(steps):
+        balance, slope = inflow_balance(lumps, speed, u_n, across2, gamma, v)
+        v = v - balance / slope
+    return v
+
+
+def inflow_balance(
+    lumps: RotorLumps, speed: Value, u_n: Value, across2: Value, gamma: Value, v: Value
+) -> tuple[Value, Value]:
+    """Return what is 0 at the induced velocity, and its derivative by v, which is above 0:
+
+    v W + (c_l O / 2 rho A) (1 - gamma) v - (c_t O^2 + c_V p V^2 - c_l O u_n) / (2 rho A)
+    """
+    pushed, slowed = _push_and_slowing(lumps, speed, u_n, across2, gamma)
+    w2, w2_dv = flux2(u_n, across2, v)
+    flux = (w2 + _TINY) ** 0.5
+    return v * (flux + slowed) - pushed, flux + 0.5 * v * w2_dv / flux + slowed
+
+
+def _push_and_slowing(lumps: RotorLumps, speed: Value, u_n: Value, across2: Value, gamma: Value) -> tuple[Value, Value]:
     loading = lumps.c_l * speed / lumps.disc_kg_per_m
     rim2 = speed * speed * (lumps.radius_m * lumps.radius_m)
     edge = lumps.c_v * across2 * rim2 / (rim2 + across2 + _TINY)
-    pushed = (lumps.c_t * speed * speed + edge) / lumps.disc_kg_per_m - loading * u_n
-    slowed = loading * (1.0 - gamma)
-    v = pushed / (slowed + (across2 + lumps.kappa_m2 * speed * speed + 0.3 * u_n * u_n + _TINY) ** 0.5 + 0.3 * u_n)
-    for _ in range(steps):
-        w2, w2_dv = flux2(u_n, across2, v)
-        flux = (w2 + _TINY) ** 0.5
-        v = v - (v * (flux + slowed) - pushed) / (flux + 0.5 * v * w2_dv / flux + slowed)
-    return v
+    return (lumps.c_t * speed * speed + edge) / lumps.disc_kg_per_m - loading * u_n, loading * (1.0 - gamma)
 
 
 def ground_inflow_loss(lumps: RotorLumps, speed: Value, across2: Value, height_m: Value, up: Value) -> Value:
     """Return gamma of a hub `height_m` over the ground; `up` is the cosine of the tilt. Both cut off smoothly at 0."""
-    if lumps.ground_floor == 0.0:
+    if isinstance(lumps.ground_floor, float | int) and lumps.ground_floor == 0.0:
         return 0.0
-    near = 1.0 - height_m * height_m / (_GROUND_REACH_RADII * lumps.radius_m) ** 2
+    near = 1.0 - height_m * height_m / (_GROUND_REACH_RADII * lumps.ground_radius_m) ** 2
     near, level = _positive(near), _positive(up)
     induced2 = lumps.kappa_m2 * speed * speed
     fade = level**4 * near**4 * induced2 / (induced2 + across2 + _TINY)
-    z = 4.0 * height_m / lumps.radius_m
+    z = 4.0 * height_m / lumps.ground_radius_m
     return HAYDEN * fade / (lumps.ground_floor + z * z)
 
 

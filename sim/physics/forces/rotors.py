@@ -84,10 +84,15 @@ class RotorConstants(StrictModel):
     drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)]
     radius_m: Annotated[float, Field(gt=1e-3, le=5.0)]
     thrust_model_factor: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    # Relative change of the speed at a command over that of the battery's voltage, at the nominal voltage.
+    voltage_slope: Annotated[float, Field(ge=0.0, le=2.0)] = 1.0
     axial_drag_kg_per_rad: Annotated[float, Field(ge=0.0, le=1.0)] = (
         0.0  # thrust loss = this x rotor speed x climb speed
     )
     ground_thrust_ratio: Annotated[float, Field(ge=1.0, le=4.0)] = 1.0  # thrust at the ground over thrust aloft
+    # Of one rotor with the ground effect of the whole vehicle; None: `radius_m`. Theory for n rotors far from the
+    # ground: sqrt(n) times that, and the hull adds to it.
+    ground_radius_m: Annotated[float, Field(gt=1e-3, le=20.0)] | None = None
     descent_loss: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0  # greatest share of thrust lost when descending
     # Thrust of the lower rotor of a coaxial pair over that of the upper one, at equal speeds.
     coaxial_thrust_ratio: Annotated[float, Field(ge=0.1, le=1.0)] = 1.0
@@ -190,6 +195,8 @@ def _loads_force(
         radius_m=c.radius_m,
         ground_thrust_ratio=c.ground_thrust_ratio if effects.ground_effect else 1.0,
         descent_loss=c.descent_loss if effects.descent_loss else 0.0,
+        ground_radius_m=c.radius_m if c.ground_radius_m is None else c.ground_radius_m,
+        voltage_slope=c.voltage_slope,
         air_density_kgpm3=SEA_LEVEL_KGPM3 if blades is None else blades.air_density_kgpm3,
     )
     if blades is None:

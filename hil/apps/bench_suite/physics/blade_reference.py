@@ -71,7 +71,7 @@ class BladeRotor:
         """Share of the induced velocity that the ground takes: Hayden, bounded and faded out."""
         if not self._ground or self._b.ground_inflow_loss == 0.0:
             return 0.0
-        z = hub.height / self._c.radius_m
+        z = hub.height / (self._c.ground_radius_m or self._c.radius_m)
         fade = ca.fmax(hub.up, 0) ** 4 * ca.fmax(1 - (z / 32) ** 2, 0) ** 4
         hayden = 4 * 0.0379  # over z^2
         calm = 1 / (1 + ca.sumsqr(self._across(hub)) / (self._hover * speed) ** 2)

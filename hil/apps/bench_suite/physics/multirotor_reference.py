@@ -172,8 +172,8 @@ def _equations(
             wake = (1 - c.coaxial_thrust_ratio) * speed[rotor.coaxial_below] * speed[i]
             thrust -= left[i] * c.thrust_coefficient_n_per_radps2 * wake
         if effects.get("ground_effect") and c.ground_thrust_ratio > 1.0:
-            z = (p + R @ site)[2]
-            thrust *= _ground(z / c.radius_m, (R @ axis)[2], across2 / hover_speed2, c.ground_thrust_ratio)
+            z = (p + R @ site)[2] / (c.ground_radius_m or c.radius_m)
+            thrust *= _ground(z, (R @ axis)[2], across2 / hover_speed2, c.ground_thrust_ratio)
         if effects.get("descent_loss") and c.descent_loss > 0.0 and not by_tunnel:
             thrust *= _descent(-along / ca.sqrt(hover_speed2), across2 / hover_speed2, c.descent_loss)
         if by_tunnel:

@@ -50,7 +50,7 @@ def forces_of(model: FlightModel, s: Array, log: FlightLog, nominal_v: float) ->
     volts = np.ones(len(t))
     if log.voltage is not None:
         volts = np.interp(t, log.voltage.t_s, log.voltage.values[:, 0]) / nominal_v
-    u = np.vstack([u, volts])
+    u = np.vstack([u, volts, np.full(len(t), log.ground_or_far_below_m)])
     shifted = s.copy()
     shifted[at.VEHICLE_COUNT + at.MOTOR_DELAY] = 0.0
     S = np.repeat(shifted[:, None], len(t), axis=1)

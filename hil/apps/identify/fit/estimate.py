@@ -15,6 +15,7 @@ from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.fitted_vehicle import fitted_vehicle
 from hil.apps.identify.fit.flight_model import FlightModel, make_model
 from hil.apps.identify.fit.prediction import HORIZONS_S, Predictor, predictions
+from hil.apps.identify.fit.settled import settled
 from hil.apps.identify.fit.shooting import START_SIGMA, Group, Guess, Solution, first_states, solve
 from hil.apps.identify.fit.windows import Motors, Windows
 from hil.apps.identify.fit_result import Estimated, Fit, Residual
@@ -35,7 +36,6 @@ _STAGES = (
     ((0.5, 1.0), 1.0, 300.0, 6),
 )
 _BLOCKS = 15  # of a flight; every third one is held out
-_DETERMINED = {"exp": 0.15, "plus": 0.3}  # greatest 1 sigma of ln p; greatest share of the prior's
 _PREDICTION_STEP_S = 0.01
 _RESOLUTION = 0.05  # of lags and delays, in steps
 _SPEEDS_MPS = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0), (8.0, 16.0))
@@ -74,17 +74,18 @@ def steady_speed(vehicle: Vehicle, unknowns: Sequence[at.Unknown]) -> Callable[[
         volts: Array = np.ones(w.count)
         if w.log.voltage is not None:
             volts = np.interp(w.starts_s, w.log.voltage.t_s, w.log.voltage.values[:, 0]) / w.nominal_v
-        return total / weight * volts**e
+        return total / weight * (1.0 + e * (volts - 1.0))
 
     return speeds
 
 
 def free_unknowns(
-    flights: Sequence[FlightLog], unknowns: Sequence[at.Unknown], fixed: Mapping[str, float]
+    flights: Sequence[FlightLog], vehicle: Vehicle, unknowns: Sequence[at.Unknown], fixed: Mapping[str, float]
 ) -> NDArray[np.bool_]:
     """Return which unknowns these logs can touch at all."""
     free = np.ones(len(unknowns), bool)
     kind = flights[0].motors_kind
+    free[list(_not_of_the_model(vehicle))] = False
     free[at.CENTRE + 2] = False  # moves drag's lever, as the moment of the air does
     if kind == "speed_radps":
         free[[at.TAU_UP, at.TAU_DOWN, at.SHAPE, at.VOLTAGE]] = False
@@ -102,6 +103,18 @@ def free_unknowns(
     return free
 
 
+def _not_of_the_model(vehicle: Vehicle) -> set[int]:
+    """Return the unknowns that this vehicle's rotor model does not have, or has switched off."""
+    c, blades = vehicle.rotor_constants, vehicle.rotor_constants.blade_element
+    if vehicle.rotor_model == "blade_element" and blades is not None:
+        without = {at.AXIAL_DRAG}
+        near_ground = blades.ground_inflow_loss > 0.0
+    else:
+        without = {at.INFLOW, at.HUB_SHARE}
+        near_ground = c.ground_thrust_ratio > 1.0
+    return without if near_ground else without | {at.GROUND, at.GROUND_RADIUS}
+
+
 def fit_windows(
     flights: Sequence[FlightLog], vehicle: Vehicle, *, fixed: Mapping[str, float], parts: Callable[[float], bool],
     progress: Callable[[float, str], None], calm: bool = False,
@@ -114,7 +127,7 @@ def fit_windows(
     for log in flights:
         unknowns += at.log_unknowns(log.name, calm=calm)
     model = make_model(vehicle, unknowns, kind=kind, step_s=step_s)
-    free = free_unknowns(flights, unknowns, fixed)
+    free = free_unknowns(flights, vehicle, unknowns, fixed)
     start = np.array([u.inverse(fixed[u.key]) if u.key in fixed else 0.0 for u in unknowns])
     priors = np.array([u.prior for u in unknowns])
     steady = steady_speed(vehicle, unknowns) if kind == "command" else None
@@ -186,7 +199,7 @@ def estimate(
     model, unknowns, solution = fit_windows(
         flights, vehicle, fixed=fixed, parts=_is_fitted, progress=lambda share, what: progress(0.85 * share, what)
     )
-    s, sigma, kept = settled(unknowns, solution, free_unknowns(flights, unknowns, fixed))
+    s, sigma, kept = settled(unknowns, solution, free_unknowns(flights, vehicle, unknowns, fixed))
     fitted = fitted_vehicle(vehicle, unknowns, s)
     parameters = _report(vehicle, unknowns, s, sigma, kept, fixed)
     progress(0.9, "predicting what was held out")
@@ -224,28 +237,6 @@ def held_out(log: FlightLog, t_s: Array) -> NDArray[np.bool_]:
     return (first % 3 == 2) & (first == last)
 
 
-def settled(
-    unknowns: Sequence[at.Unknown], solution: Solution, free: NDArray[np.bool_]
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return theta with what the flights do not determine put back to its start, its deviations, and which is kept.
-
-    An unknown is determined if the flights narrow its prior to `_DETERMINED`. Where one is put back the others move to
-    what is most likely given that: s_f + C_fu C_uu^-1 (0 - s_u), with the covariance C.
-    """
-    deviation = np.sqrt(np.maximum(np.diag(solution.covariance), 0.0))
-    limit = np.array([_DETERMINED[u.law] * (u.prior if u.law == "plus" else 1.0) for u in unknowns])
-    kept = ~free | (deviation > limit)
-    s = solution.s.copy()
-    lost = np.flatnonzero(free & kept & np.array([not u.key.startswith("log.") for u in unknowns]))
-    if len(lost):
-        C = np.zeros_like(solution.information)
-        C[np.ix_(free, free)] = np.linalg.inv(solution.information[np.ix_(free, free)])
-        found = np.flatnonzero(free)
-        s[found] -= C[np.ix_(found, lost)] @ np.linalg.solve(C[np.ix_(lost, lost)], solution.s[lost])
-        s[lost] = 0.0
-    return s, deviation, kept
-
-
 def _report(
     vehicle: Vehicle, unknowns: Sequence[at.Unknown], s: Array, sigma: Array, kept: NDArray[np.bool_],
     fixed: Mapping[str, float],
@@ -253,9 +244,10 @@ def _report(
     given = "mass_kg" in fixed
     why = "motion shows every force and moment per mass: weigh the vehicle, --fix mass_kg=..."
     found = [Estimated("mass_kg", vehicle.mass_kg, 0.0 if given else math.inf, "kg", given, "" if given else why)]
-    for u, x, deviation, is_kept in zip(unknowns, s, sigma, kept, strict=True):
+    without = _not_of_the_model(vehicle)
+    for i, (u, x, deviation, is_kept) in enumerate(zip(unknowns, s, sigma, kept, strict=True)):
         width = float(abs(u.slope(float(x))) * deviation)
-        if u.key in fixed:
+        if u.key in fixed or i in without:
             continue
         if is_kept:
             reason = f"the flights do not show it; {u.sense} to see it" if u.sense else "the flights do not show it"

@@ -4,7 +4,8 @@ State z = [p_WB, q_WB, v_WB_W, w_WB_B, (rotor speeds O,) a_W, b_B]; a_W [m/s2] a
 the model does not explain, constant within a window.
     dp = v,  dq = q (0, w) / 2,  dv = R F / m + g + a,  dw = I^-1 (M - w x I w) + b
     logged speeds     O(t) = O_logged(t + d)                                       d the motors' delay in the log
-    logged commands   dO = (c(t + d) - O) / tau,  c = O_max (V / V_nom)^e sqrt(f u^2 + (1 - f) u), tau up or down
+    logged commands   dO = (c(t + d) - O) / tau, tau up or down
+                      c = O_max (1 + e (V / V_nom - 1)) sqrt(f u^2 + (1 - f) u)
 A step is one of the classical Runge-Kutta method; `halving_error` says what that costs.
 Delays are differentiable: motors are given with their slope, and a sensor's reading is that of the state moved by its
 distance in time from the grid.
@@ -19,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from hil.apps.identify.fit import parameters as at
-from hil.apps.identify.fit.rotor_model import wrench
+from hil.apps.identify.fit.rotor_loads import Flow, Inflow, exact_jacobian, put_in, wrench
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 
@@ -45,7 +46,7 @@ class FlightModel:
 
     `rates[stage](z, theta, u) -> dz/dt` at the start, middle and end of a step, with Jacobians; `step(z, theta, u)`;
     `read(z, theta, u, q_measured, dt) -> y` with Jacobians; theta = [vehicle's unknowns s, log's unknowns s];
-    u = 3 instants x (motor signals, slopes, curvatures) and V / V_nom.
+    u = 3 instants x (motor signals, slopes, curvatures), V / V_nom, and the ground's height.
     y = [rate, specific force, position, rotation vector of q_measured^-1 q, velocity], where that rotation vector is to
     be zero.
     """
@@ -86,11 +87,11 @@ def make_model(
     """Return the model of a vehicle about its `unknowns` (`vehicle_unknowns`), for a grid of `step_s`."""
     n = len(vehicle.rotors)
     states = 19 + (n if kind == "command" else 0)
-    z, s, inputs = ca.SX.sym("z", states), ca.SX.sym("s", at.VEHICLE_COUNT + at.LOG_COUNT), 9 * n + 1
+    z, s, inputs = ca.SX.sym("z", states), ca.SX.sym("s", at.VEHICLE_COUNT + at.LOG_COUNT), 9 * n + 2
     u = ca.SX.sym("u", inputs)
     p = ca.vertcat(
         *(
-            k.start * ca.exp(s[i]) if k.law == "exp" else k.start + s[i]
+            k.floor + (k.start - k.floor) * ca.exp(s[i]) if k.law == "exp" else k.start + s[i]
             for i, k in enumerate(unknowns[: at.VEHICLE_COUNT])
         )
     )
@@ -109,52 +110,52 @@ def make_model(
         f = p[at.SHAPE]
         target = (
             c.max_speed_radps
-            * u[9 * n] ** p[at.VOLTAGE]
+            * (1 + p[at.VOLTAGE] * (u[9 * n] - 1))
             * ca.sqrt(ca.fmax(f * command * command + (1 - f) * command, 1e-9))
         )
         speed = x[O : O + n]
         return speed, (target - speed) / ca.if_else(target > speed, p[at.TAU_UP], p[at.TAU_DOWN])
 
-    def force_and_moment(x: Any, stage: int) -> tuple[Any, Any, Any]:
-        air_B = _cross_matrix_rotate(_conjugate(x[Q]), x[V] - wind)
+    def force_and_moment(x: Any, stage: int, *, exact: bool = False) -> tuple[Any, Any, Any, Inflow]:
+        back = _conjugate(x[Q])
+        air_B = _cross_matrix_rotate(back, x[V] - wind)
         speed, slope = motors(x, stage)
         force = -p[at.LINEAR_DRAG : at.LINEAR_DRAG + 3] * air_B
         force -= p[at.QUADRATIC_DRAG : at.QUADRATIC_DRAG + 3] * ca.sqrt(ca.dot(air_B, air_B) + 1e-6) * air_B
-        k = p[at.AIR_MOMENT : at.AIR_MOMENT + 2]  # flapping blades and the hull's place: back against the flow
+        k = p[at.AIR_MOMENT : at.AIR_MOMENT + 2]  # the hull's place, and flapping blades: back against the flow
         moment = ca.vertcat(k[0] * air_B[1], -k[1] * air_B[0], 0)
-        for i, rotor in enumerate(vehicle.rotors):
-            f, m = wrench(rotor, p, O=speed[i], dO=slope[i], air_B=air_B, w_B=x[W])
-            force, moment = force + f, moment + m
-        return force, moment, slope
+        flow = Flow(air_B, x[W], _cross_matrix_rotate(back, ca.DM([0, 0, 1])), x[P][2] - u[9 * n + 1])
+        f, m, inflow = wrench(vehicle, p, flow, speeds=speed, slopes=slope, exact_inflow=exact)
+        return force + f, moment + m, slope, inflow
 
-    def derivative(x: Any, stage: int) -> Any:
-        force, moment, slope = force_and_moment(x, stage)
+    def derivative(x: Any, stage: int, *, exact: bool = False) -> tuple[Any, Inflow]:
+        force, moment, slope, inflow = force_and_moment(x, stage, exact=exact)
         dq = 0.5 * _product(x[Q], ca.vertcat(0, x[W]))
         dv = _cross_matrix_rotate(x[Q], force) / vehicle.mass_kg + gravity + x[states - 6 : states - 3]
         dw = (moment - ca.cross(x[W], inertia * x[W])) / inertia + x[states - 3 :]
         own = [slope] if kind == "command" else []
-        return ca.vertcat(x[V], dq, dv, dw, *own, ca.SX.zeros(6))
+        return ca.vertcat(x[V], dq, dv, dw, *own, ca.SX.zeros(6)), inflow
 
-    rates = [_with_jacobians(f"rates{stage}", z, s, [u], derivative(z, stage)) for stage in range(3)]
+    rates = [_with_jacobians(f"rates{stage}", z, s, [u], *derivative(z, stage, exact=True)) for stage in range(3)]
 
     h = step_s
     halfway = 0.5 * h
-    k1 = derivative(z, 0)
-    k2 = derivative(z + halfway * k1, 1)
-    k3 = derivative(z + halfway * k2, 1)
-    k4 = derivative(z + h * k3, 2)
+    k1 = derivative(z, 0)[0]
+    k2 = derivative(z + halfway * k1, 1)[0]
+    k3 = derivative(z + halfway * k2, 1)[0]
+    k4 = derivative(z + h * k3, 2)[0]
     end = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     end[Q] = end[Q] / ca.norm_2(end[Q])
     step = ca.Function("step", [z, s, u], ca.cse([end]))
 
-    slope_z = derivative(z, 0)
+    slope_z, inflow_z = derivative(z, 0, exact=True)
     dt, q_seen = ca.SX.sym("dt", SERIES), ca.SX.sym("q", 4)
 
     def moved(by_s: Any) -> Any:
         return z + by_s * slope_z
 
     at_rate, at_accel, at_pose = moved(dt[0]), moved(dt[1]), moved(dt[2] - of_log[at.POSE_DELAY])
-    force, _, _ = force_and_moment(at_accel, 0)
+    force, _, _, inflow = force_and_moment(at_accel, 0, exact=True)
     specific = force / vehicle.mass_kg + _cross_matrix_rotate(
         _conjugate(at_accel[Q]), at_accel[states - 6 : states - 3]
     )
@@ -169,8 +170,8 @@ def make_model(
         2 * off[1:4] / ca.fmax(ca.fabs(off[0]), 1e-3) * ca.sign(off[0]),
         at_pose[V],
     )
-    read = _with_jacobians("read", z, s, [u, q_seen, dt], y)
-    now, turn, _ = force_and_moment(z, 0)
+    read = _with_jacobians("read", z, s, [u, q_seen, dt], y, inflow_z.then(inflow))
+    now, turn, _, _ = force_and_moment(z, 0)
     forces = ca.Function("forces", [z, s, u], [now / vehicle.mass_kg, turn / inertia])
     return FlightModel(rates, step, read, forces, states, inputs, n, kind, step_s)
 
@@ -187,9 +188,9 @@ def halving_error(model: FlightModel, half: FlightModel, z: np.ndarray, s: np.nd
     return float(np.max(np.abs(whole[:13] - halves[:13])))
 
 
-def _with_jacobians(name: str, z: Any, s: Any, others: list[Any], y: Any) -> Differentiated:
-    jz, js = ca.jacobian(y, z), ca.jacobian(y, s)
-    out = ca.cse([y, ca.vertcat(*jz.nonzeros()), ca.vertcat(*js.nonzeros())])
+def _with_jacobians(name: str, z: Any, s: Any, others: list[Any], y: Any, inflow: Inflow) -> Differentiated:
+    jz, js = exact_jacobian(y, z, inflow), exact_jacobian(y, s, inflow)
+    out = ca.cse(put_in([y, ca.vertcat(*jz.nonzeros()), ca.vertcat(*js.nonzeros())], inflow))
     f = ca.Function(name, [z, s, *others], out)
     (row_z, col_z), (row_s, col_s) = (j.sparsity().get_triplet() for j in (jz, js))
     at_z, at_s = (np.array(row_z), np.array(col_z)), (np.array(row_s), np.array(col_s))

@@ -58,9 +58,10 @@ class FilterNoise:
     position: float = 0.002
     attitude: float = 0.003
     velocity: float = 0.01
-    delay_s: float = 0.008  # of the first guess of d
+    delay_s: float = 0.008  # of the first guess of d: deviation of the delays that the filter finds in eight flights
     delay_walk: float = 0.0003  # s per root second
-    doubt: float = 1.2  # rad/s, of roll and pitch
+    # Of roll and pitch: most likely in predictions of 0.5 s of flights slow and fast (docs/identify-model.md).
+    doubt: float = 1.2  # rad/s
     stray: float = 1.3  # rad/s2
     fastest_per_s: float = 20.0
     rate_memory_s: float = 3.0

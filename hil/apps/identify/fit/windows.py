@@ -136,7 +136,7 @@ class Windows:
         volts = np.ones(t.size)
         if self.log.voltage is not None:
             volts = np.interp(t.ravel(), self.log.voltage.t_s, self.log.voltage.values[:, 0]) / self.nominal_v
-        flat = np.vstack([flat, volts])
+        flat = np.vstack([flat, volts, np.full(t.size, self.log.ground_or_far_below_m)])
         return flat.reshape(len(flat), *t.shape).transpose(1, 0, 2)
 
     def readings(self, pose_delay_s: float) -> tuple[Array, Array, Array]:

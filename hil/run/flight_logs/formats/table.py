@@ -167,6 +167,7 @@ def _log(file: LogFile, m: ColumnMap, table: Columns) -> FlightLog:
         start_s=float(motors.t_s[0]),
         end_s=float(motors.t_s[-1]),
         set_points=_set_points(m.set_points, m.world, t_s, table) if m.set_points is not None else None,
+        ground_m=m.ground_m,
     )
 
 
