@@ -9,7 +9,8 @@ that the model does not explain, are estimated along (the fixed point of their o
 Covariance of theta: A^-1 B A^-1 with A the information and B the sum over blocks of consecutive windows of the outer
 products of their scores (White's sandwich, clustered): residuals of flights are coloured, and A^-1 alone claims more
 than there is. How long they stay alike is not known (turbulence: a minute), so blocks of `_CLUSTERS` windows are tried,
-as long as there are `_LEAST_CLUSTERS` of them. The largest deviation is reported.
+as long as there are `_LEAST_CLUSTERS` of them. A deviation from few blocks is itself uncertain: it is widened by what
+Student's t needs for the share of a normal variable within 3 sigma. The largest deviation is reported.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
+from scipy.special import stdtrit
 
 from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
@@ -35,6 +37,7 @@ _LEAST = np.repeat([1e-4, 1e-3, 1e-4, 1e-4, 1e-3], 3)
 _UNEXPLAINED = np.array([0.3, 0.3, 0.3, 2.0, 2.0, 2.0])  # start of the deviations of a_W and b_B
 _LEAST_UNEXPLAINED = np.array([0.003, 0.003, 0.003, 0.01, 0.01, 0.01])
 _CLUSTERS, _LEAST_CLUSTERS = (4, 8, 16, 32), 8
+_WITHIN_3_SIGMA = 0.5 * (1.0 + 0.9973002)  # quantile at 3 sigma
 _CHUNK = 32  # windows that one thread takes at a time
 _SETTLED = 0.05  # a step below this share of every deviation ends the iteration
 
@@ -348,6 +351,7 @@ def _with_covariance(
         blocks = np.concatenate([np.add.reduceat(x, np.arange(0, len(x), length)) for x in scores if len(x)])
         if length > _CLUSTERS[0] and len(blocks) < _LEAST_CLUSTERS:
             break
+        blocks *= stdtrit(max(len(blocks) - 1, 1), _WITHIN_3_SIGMA) / 3.0
         robust = inverse @ (np.diag(prior_weight) + blocks.T @ blocks) @ inverse
         if length == _CLUSTERS[0]:
             covariance = robust

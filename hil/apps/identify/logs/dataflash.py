@@ -2,7 +2,7 @@
 
     motors      ESC (rpm) if every motor reports, else RCOU (us) by the outputs' functions and MOT_PWM_MIN and _MAX,
                 made faster by RATE (ardupilot_mixing.py)
-    rate, accel IMU, first instance
+    rate, accel IMU, first instance, without INS_GYRO_FILTER and INS_ACCEL_FILTER (unfiltered.py)
     pose        attitude of XKQ, else XKF1, else ATT; position and velocity of XKF1, else POS and GPS
     voltage     BAT, first instance
 
@@ -29,6 +29,7 @@ from hil.apps.identify.columns_of_time import pose_of, series_of
 from hil.apps.identify.flight_log import FlightLog, MotorsKind, Series
 from hil.apps.identify.log_format import Format, LogFile
 from hil.apps.identify.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
+from hil.apps.identify.unfiltered import unfiltered
 
 _HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
@@ -111,6 +112,8 @@ def _read(file: LogFile) -> FlightLog:
         t_s = imu["TimeUS"] * _US
         rate = series_of(t_s, flu_from_frd(_stack(imu, "GyrX", "GyrY", "GyrZ")))
         accel = series_of(t_s, flu_from_frd(_stack(imu, "AccX", "AccY", "AccZ")))
+        rate = unfiltered(rate, parameters.get("INS_GYRO_FILTER", 0.0))
+        accel = unfiltered(accel, parameters.get("INS_ACCEL_FILTER", 0.0))
     attitude = _attitude(messages)
     position, velocity = _motion(messages)
     battery = messages("BAT", 0)
