@@ -43,17 +43,22 @@ _RESOLUTION = 0.05  # of lags and delays, in steps
 _SPEEDS_MPS = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0), (8.0, 16.0))
 _STEP_S = {"speed_radps": 0.01, "command": 0.008}
 # A motor that is told something else each few milliseconds speeds up and slows down within a step of 8 ms, with two
-# lags; a step sees the mean of its commands. With 4 ms the lag downwards of fast logs is off by half as much.
+# lags; a step sees the mean of its commands. So a step is about 4 ms long, and has whole commands (`windows_of`).
 _FINE_STEP_S, _FINE_BELOW_S = 0.004, 0.006
 
 
 def windows_of(
     log: FlightLog, number: int, step_s: float, *, parts: Callable[[float], bool], nominal_v: float,
-    motors: Motors | None = None, window_s: float,
+    motors: Motors | None = None, window_s: float, motor_delay_s: float = 0.0,
 ) -> Windows:  # fmt: skip
-    """Return the windows of a log whose start and end, as shares of the log, `parts` accepts."""
+    """Return the windows of a log whose start and end, as shares of the log, `parts` accepts.
+
+    Commands that come once a step change between two steps, not within one, at this delay of the motors: a change
+    within a step would be seen as a slope, and a lag upwards and one downwards would mix.
+    """
     steps = round(window_s / step_s)
-    starts = np.arange(log.start_s, log.end_s - (steps + 1) * step_s, steps * step_s)
+    first_s = log.start_s + (float(log.motors.t_s[0]) - motor_delay_s - log.start_s) % step_s
+    starts = np.arange(first_s, log.end_s - (steps + 1) * step_s, steps * step_s)
     first = (starts - log.start_s) / max(log.duration_s, 1e-9)
     last = first + window_s / max(log.duration_s, 1e-9)
     kept = starts[[parts(float(x)) and parts(float(y)) for x, y in zip(first, last, strict=True)]]
@@ -85,11 +90,12 @@ def steady_speed(vehicle: Vehicle, unknowns: Sequence[at.Unknown]) -> Callable[[
 
 
 def step_of(flights: Sequence[FlightLog]) -> float:
-    """Return the step of the integration: a finer one for commands that come fast."""
+    """Return the step of the integration: for commands that come fast their period, or a few of them."""
     kind = flights[0].motors_kind
     periods = [float(np.median(np.diff(log.motors.t_s))) for log in flights if len(log.motors) > 1]
     if kind == "command" and periods and min(periods) <= _FINE_BELOW_S:
-        return _FINE_STEP_S
+        period_s = min(periods)
+        return round(period_s * max(1, round(_FINE_STEP_S / period_s)), 6)
     return _STEP_S[kind]
 
 
@@ -140,7 +146,16 @@ def fit_windows(
         window_s = max(part * longest_s, 5 * step_s)
         windows = covered_s / window_s
         whole = [
-            windows_of(log, i, step_s, parts=parts, nominal_v=nominal_v, motors=motors[i], window_s=window_s)
+            windows_of(
+                log,
+                i,
+                step_s,
+                parts=parts,
+                nominal_v=nominal_v,
+                motors=motors[i],
+                window_s=window_s,
+                motor_delay_s=float(start[at.VEHICLE_COUNT + i * at.LOG_COUNT + at.MOTOR_DELAY]),
+            )
             for i, log in enumerate(flights)
         ]
         skip = max(1.0, sum(w.count for w in whole) / windows)
