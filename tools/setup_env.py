@@ -132,7 +132,7 @@ def zig_compiler() -> dict[str, str]:
 def build_kernels() -> None:
     native = [
         p
-        for folder in ("signals", "sim", "firmware_bridge")
+        for folder in ("signals", "sim", "firmware_bridge", "hil")
         for p in (ROOT / folder).glob("**/native/**/*")
         if p.is_file()
     ]

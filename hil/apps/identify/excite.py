@@ -7,13 +7,17 @@
     climbs         between the lower and the upper height at the vehicle's climb and sink rates
 
 Each end of a leg is a doublet of the attitude: the vehicle tilts one way to brake and the other to leave.
+
+Firmware turns in two ways. PX4 and the mock take the heading from the waypoint, and PX4 refuses a mission with
+CONDITION_YAW; ArduCopter ignores the waypoint's heading and takes CONDITION_YAW. Its holds are whole seconds, and 0
+rounds the corner. So there are two plans, each with a script that sets the firmware's own limits of speed and jerk.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,11 +57,47 @@ class Limits:
 
 @dataclass(frozen=True)
 class ExciteFiles:
-    """The plan, the script that flies it, and how they were derived, a line for each manoeuvre."""
+    """A plan and a script that flies it for each firmware, and how they were derived, a line for each manoeuvre."""
 
-    plan: Path
-    script: Path
+    plans: Sequence[Path]
+    scripts: Sequence[Path]
     derivation: Sequence[str]
+
+
+@dataclass(frozen=True)
+class _Dialect:
+    """What a firmware wants of a mission. `stem`: of its files; `turns`: by CONDITION_YAW; `least_hold_s`: shortest."""
+
+    stem: str
+    turns: bool
+    least_hold_s: float
+    parameters: Callable[[float], Mapping[str, float]]
+
+
+def _px4_parameters(a_mps2: float) -> Mapping[str, float]:
+    return {
+        "MPC_ACC_HOR": round(max(a_mps2, 2.0), 2),
+        "MPC_JERK_AUTO": 20.0,  # 4 by default, which smooths the doublets away
+        "MPC_Z_V_AUTO_UP": _CLIMB_MPS,
+        "MPC_Z_V_AUTO_DN": _SINK_MPS,
+    }
+
+
+def _ardupilot_parameters(a_mps2: float) -> Mapping[str, float]:
+    return {
+        "WPNAV_ACCEL": round(100.0 * max(a_mps2, 2.0), 0),  # cm/s2
+        "WPNAV_JERK": 20.0,  # 1 m/s3 by default
+        "PSC_JERK_XY": 20.0,
+        "WPNAV_SPEED_UP": 100.0 * _CLIMB_MPS,
+        "WPNAV_SPEED_DN": 100.0 * _SINK_MPS,
+        "WP_YAW_BEHAVIOR": 0.0,  # keeps the heading of CONDITION_YAW through the next waypoint
+    }
+
+
+_DIALECTS = (
+    _Dialect("excite", turns=False, least_hold_s=0.0, parameters=_px4_parameters),
+    _Dialect("excite_ardupilot", turns=True, least_hold_s=1.0, parameters=_ardupilot_parameters),
+)
 
 
 def manoeuvre_text(name: str) -> str:
@@ -75,7 +115,7 @@ def write_excitation(
     home_deg: tuple[float, float],
     why: Sequence[str],
 ) -> ExciteFiles:
-    """Write `excite.plan` and `excite.yaml` into `out`. `why`: lines on the choice. Raises OSError."""
+    """Write each dialect's plan and script into `out`. `why`: lines on the choice. Raises OSError."""
     a_mps2 = acceleration_mps2(vehicle)
     low_m = max(0.4 * limits.ceiling_m, 2.0)
     leg_m = 1.6 * limits.room_m
@@ -88,21 +128,26 @@ def write_excitation(
         "slow": min(_SLOW_MPS, fast_mps),
         "fast": fast_mps,
     }
-    items = _Items(home_deg)
-    items.take_off(low_m)
-    for name in manoeuvres:
-        _ADD[name](items, values)
-    items.land()
     derivation = [
         *why,
         f"acceleration {a_mps2:.1f} m/s2: {_TILT_DEG:g} degrees of tilt, and {_THRUST_RESERVE:.0%} of full thrust "
         f"(it hovers at {_hover_share(vehicle):.0%})",
         *(f"{name}: {MANOEUVRES[name].format(**values)}" for name in manoeuvres),
     ]
-    plan, script = out / "excite.plan", out / "excite.yaml"
-    plan.write_text(json.dumps(items.plan(), indent=1) + "\n", encoding="utf-8")
-    script.write_text(_script(vehicle, derivation, a_mps2, limits), encoding="utf-8")
-    return ExciteFiles(plan, script, derivation)
+    plans, scripts = [], []
+    for dialect in _DIALECTS:
+        items = _Items(home_deg, dialect)
+        items.take_off(low_m)
+        items.turn(0.0)
+        for name in manoeuvres:
+            _ADD[name](items, values)
+        items.land()
+        plan, script = out / f"{dialect.stem}.plan", out / f"{dialect.stem}.yaml"
+        plan.write_text(json.dumps(items.plan(), indent=1) + "\n", encoding="utf-8")
+        script.write_text(_script(vehicle, derivation, dialect, a_mps2, limits), encoding="utf-8")
+        plans.append(plan)
+        scripts.append(script)
+    return ExciteFiles(plans, scripts, derivation)
 
 
 def acceleration_mps2(vehicle: Vehicle) -> float:
@@ -122,8 +167,8 @@ def _hover_share(vehicle: Vehicle) -> float:
 class _Items:
     """Items of a plan, in metres east and north of home and above it."""
 
-    def __init__(self, home_deg: tuple[float, float]) -> None:
-        self._home = home_deg
+    def __init__(self, home_deg: tuple[float, float], dialect: _Dialect) -> None:
+        self._home, self._dialect = home_deg, dialect
         self._items: list[dict[str, Any]] = []
         self._height_m = 0.0
 
@@ -159,10 +204,13 @@ class _Items:
         hold_s: float = 0.0,
     ) -> None:
         self._height_m = self._height_m if height_m is None else height_m
+        hold_s = max(hold_s, self._dialect.least_hold_s)
         self._add(_WAYPOINT, 3, [hold_s, 0.5, 0, yaw_deg, *self._place(east_m, north_m), round(self._height_m, 2)])
 
     def turn(self, yaw_deg: float) -> None:
-        self._add(_YAW, 2, [yaw_deg, 0, 0, 0, 0, 0, 0])
+        """Turn, where the next waypoint's heading does not."""
+        if self._dialect.turns:
+            self._add(_YAW, 2, [yaw_deg, 0, 0, 0, 0, 0, 0])
 
     def plan(self) -> dict[str, Any]:
         return {
@@ -222,18 +270,13 @@ def _legs(items: _Items, values: dict[str, float]) -> None:
 _ADD = {"roll": _roll, "pitch": _pitch, "yaw": _yaw, "climb": _climb, "legs": _legs}
 
 
-def _script(vehicle: Vehicle, derivation: Sequence[str], a_mps2: float, limits: Limits) -> str:
+def _script(vehicle: Vehicle, derivation: Sequence[str], dialect: _Dialect, a_mps2: float, limits: Limits) -> str:
     """Return the mission script: agile set-points, wide limits on the path, narrow ones on space and tilt."""
     head = "".join(f"# {line}\n" for line in ("Excitation for `hil identify`, derived as follows.", *derivation))
-    parameters = {
-        "MPC_ACC_HOR": round(max(a_mps2, 2.0), 2),
-        "MPC_JERK_AUTO": 20.0,  # 4 by default, which smooths the doublets away
-        "MPC_Z_V_AUTO_UP": _CLIMB_MPS,
-        "MPC_Z_V_AUTO_DN": _SINK_MPS,
-    }
+    parameters = dialect.parameters(a_mps2)
     data = {
         "description": f"Excitation of {vehicle.name} for hil identify",
-        "plan": "excite.plan",
+        "plan": f"{dialect.stem}.plan",
         "actions": [{"at_s": 2.0, "param": {name: value}, "required": False} for name, value in parameters.items()],
         "limits": {"max_cross_track_m": 3.0, "altitude_error_m": 2.0, "final_error_m": 1.0},
         "expect": [

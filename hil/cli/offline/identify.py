@@ -62,7 +62,8 @@ def identify(o: IdentifyCommandOptions) -> None:
         if o.excite:
             limits = Limits(o.room, o.ceiling)
             files = command.excite(o.logs or (), options, console, limits=limits, home_deg=command.read_home(o.home))
-            console.print(f"{files.script}  flies {files.plan}", markup=False)
+            for script, plan in zip(files.scripts, files.plans, strict=True):
+                console.print(f"{script}  flies {plan}", markup=False)
             return
         found = command.identify(command.named_logs(o.logs), options, console)
     console.print(f"{found.folder}/  (vehicle.yaml, report.html, identify.json)", markup=False)

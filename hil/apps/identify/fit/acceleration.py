@@ -19,7 +19,7 @@ from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.flight_model import FlightModel
 from hil.apps.identify.fit.windows import Motors
-from hil.apps.identify.flight_log import FlightLog, Series
+from hil.run.flight_logs.flight_log import FlightLog, Series
 
 Array = NDArray[np.float64]
 _SMOOTH_S = 0.1

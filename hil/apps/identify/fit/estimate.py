@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +21,7 @@ from hil.apps.identify.fit.settled import settled
 from hil.apps.identify.fit.shooting import START_SIGMA, Group, Guess, Solution, first_states, solve
 from hil.apps.identify.fit.windows import Motors, Windows
 from hil.apps.identify.fit_result import Estimated, Fit, Residual
-from hil.apps.identify.flight_log import FlightLog
+from hil.run.flight_logs.flight_log import FlightLog
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 
@@ -40,15 +42,23 @@ _PREDICTION_STEP_S = 0.01
 _RESOLUTION = 0.05  # of lags and delays, in steps
 _SPEEDS_MPS = ((0.0, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0), (4.0, 8.0), (8.0, 16.0))
 _STEP_S = {"speed_radps": 0.01, "command": 0.008}
+# A motor that is told something else each few milliseconds speeds up and slows down within a step of 8 ms, with two
+# lags; a step sees the mean of its commands. So a step is about 4 ms long, and has whole commands (`windows_of`).
+_FINE_STEP_S, _FINE_BELOW_S = 0.004, 0.006
 
 
 def windows_of(
     log: FlightLog, number: int, step_s: float, *, parts: Callable[[float], bool], nominal_v: float,
-    motors: Motors | None = None, window_s: float,
+    motors: Motors | None = None, window_s: float, motor_delay_s: float = 0.0,
 ) -> Windows:  # fmt: skip
-    """Return the windows of a log whose start and end, as shares of the log, `parts` accepts."""
+    """Return the windows of a log whose start and end, as shares of the log, `parts` accepts.
+
+    Commands that come once a step change between two steps, not within one, at this delay of the motors: a change
+    within a step would be seen as a slope, and a lag upwards and one downwards would mix.
+    """
     steps = round(window_s / step_s)
-    starts = np.arange(log.start_s, log.end_s - (steps + 1) * step_s, steps * step_s)
+    first_s = log.start_s + (float(log.motors.t_s[0]) - motor_delay_s - log.start_s) % step_s
+    starts = np.arange(first_s, log.end_s - (steps + 1) * step_s, steps * step_s)
     first = (starts - log.start_s) / max(log.duration_s, 1e-9)
     last = first + window_s / max(log.duration_s, 1e-9)
     kept = starts[[parts(float(x)) and parts(float(y)) for x, y in zip(first, last, strict=True)]]
@@ -77,6 +87,16 @@ def steady_speed(vehicle: Vehicle, unknowns: Sequence[at.Unknown]) -> Callable[[
         return total / weight * (1.0 + e * (volts - 1.0))
 
     return speeds
+
+
+def step_of(flights: Sequence[FlightLog]) -> float:
+    """Return the step of the integration: for commands that come fast their period, or a few of them."""
+    kind = flights[0].motors_kind
+    periods = [float(np.median(np.diff(log.motors.t_s))) for log in flights if len(log.motors) > 1]
+    if kind == "command" and periods and min(periods) <= _FINE_BELOW_S:
+        period_s = min(periods)
+        return round(period_s * max(1, round(_FINE_STEP_S / period_s)), 6)
+    return _STEP_S[kind]
 
 
 def free_unknowns(
@@ -121,7 +141,7 @@ def fit_windows(
 ) -> tuple[FlightModel, list[at.Unknown], Solution]:  # fmt: skip
     """Fit the windows that `parts` accepts; first a few of them, from which the others converge in a few iterations."""
     kind = flights[0].motors_kind
-    step_s = _STEP_S[kind]
+    step_s = step_of(flights)
     unknowns = at.vehicle_unknowns(vehicle)
     nominal_v = vehicle.battery.nominal_voltage_v if vehicle.battery else 1.0
     for log in flights:
@@ -134,11 +154,21 @@ def fit_windows(
     motors = [Motors.of(log) for log in flights]
     sigma, solution, unexplained, last_s = None, None, None, 0.0
     longest_s = WINDOW_S[kind]
+    workers = ThreadPoolExecutor(_threads(), "fit")
     for share, part, covered_s, iterations in _STAGES:
         window_s = max(part * longest_s, 5 * step_s)
         windows = covered_s / window_s
         whole = [
-            windows_of(log, i, step_s, parts=parts, nominal_v=nominal_v, motors=motors[i], window_s=window_s)
+            windows_of(
+                log,
+                i,
+                step_s,
+                parts=parts,
+                nominal_v=nominal_v,
+                motors=motors[i],
+                window_s=window_s,
+                motor_delay_s=float(start[at.VEHICLE_COUNT + i * at.LOG_COUNT + at.MOTOR_DELAY]),
+            )
             for i, log in enumerate(flights)
         ]
         skip = max(1.0, sum(w.count for w in whole) / windows)
@@ -156,14 +186,22 @@ def fit_windows(
             steady=steady,
             progress=_part_of(progress, share),
             most=iterations,
+            workers=workers,
         )
         start, sigma, unexplained, last_s = solution.s, [g.sigma for g in groups], solution.unexplained, window_s
         if skip == 1.0 and part == 1.0:
             break
+    workers.shutdown()
     assert solution is not None
     if kind == "command":
         _add_resolution(unknowns, solution, step_s)
     return model, unknowns, solution
+
+
+def _threads() -> int:
+    """Return the number of processors that this process may use; more than four find too little to share."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(usable, 4)
 
 
 def _part_of(progress: Callable[[float, str], None], share: tuple[float, float]) -> Callable[[float, str], None]:
@@ -175,12 +213,15 @@ def _part_of(progress: Callable[[float, str], None], share: tuple[float, float])
 def _add_resolution(unknowns: Sequence[at.Unknown], solution: Solution, step_s: float) -> None:
     """Add to the variances of lags and delays what the step leaves open.
 
-    Within a step commands are a straight line. What they do faster than that moves a lag against the delay.
+    Within a step commands are a straight line. What they do faster than that moves a lag against the delay. A reading
+    is compared with the state moved along its slope by up to half a step, without its bend.
     """
     diagonal = np.einsum("ii->i", solution.covariance)
     resolution_s = _RESOLUTION * step_s
     for i, unknown in enumerate(unknowns):
-        if (i in (at.TAU_UP, at.TAU_DOWN) or unknown.key.endswith("motor_delay_s")) and diagonal[i] > 0.0:
+        if (i in (at.TAU_UP, at.TAU_DOWN) or unknown.key.endswith(("motor_delay_s", "pose_delay_s"))) and diagonal[
+            i
+        ] > 0.0:
             diagonal[i] += (resolution_s / unknown.slope(float(solution.s[i]))) ** 2
 
 

@@ -14,13 +14,16 @@ distance in time from the grid.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
+from hil.apps.identify._programs import StraightLine
 from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.rotor_loads import Flow, Inflow, exact_jacobian, put_in, wrench
+from hil.apps.identify.straight_line import straight_line
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.vehicle import Vehicle
 
@@ -38,6 +41,13 @@ class Differentiated:
     by_z: tuple[np.ndarray, np.ndarray]
     by_s: tuple[np.ndarray, np.ndarray]
     shape: tuple[int, int, int]
+
+    @cached_property
+    def program(self) -> StraightLine:
+        """The function for many instants; it writes values [W, n], and Jacobians [W, n nz] and [W, n ns] with zeros."""
+        (row_z, col_z), (row_s, col_s) = self.by_z, self.by_s
+        n, nz, ns = self.shape
+        return straight_line(self.function, [np.arange(n), row_z * nz + col_z, row_s * ns + col_s])
 
 
 @dataclass(frozen=True)

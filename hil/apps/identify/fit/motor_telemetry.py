@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.identify.flight_log import Series
+from hil.run.flight_logs.flight_log import Series
 
 Array = NDArray[np.float64]
 _LEAP, _LEAP_RADPS, _MOST_DOUBTED = 0.5, 100.0, 3  # of a speed from one sample to the next

@@ -21,7 +21,7 @@ from hil.apps.identify.fit.flight_model import FlightModel, make_model
 from hil.apps.identify.fit.state_filter import FilterNoise, Track, track
 from hil.apps.identify.fit.windows import Motors
 from hil.apps.identify.fit_result import Prediction
-from hil.apps.identify.flight_log import FlightLog, Series
+from hil.run.flight_logs.flight_log import FlightLog, Series
 from sim.physics.vehicle import Vehicle
 
 Array = NDArray[np.float64]

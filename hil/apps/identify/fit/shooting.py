@@ -8,17 +8,21 @@ that the model does not explain, are estimated along (the fixed point of their o
 
 Covariance of theta: A^-1 B A^-1 with A the information and B the sum over blocks of consecutive windows of the outer
 products of their scores (White's sandwich, clustered): residuals of flights are coloured, and A^-1 alone claims more
-than there is. The larger of the two deviations is reported.
+than there is. How long they stay alike is not known (turbulence: a minute), so blocks of `_CLUSTERS` windows are tried,
+as long as there are `_LEAST_CLUSTERS` of them. A deviation from few blocks is itself uncertain: it is widened by what
+Student's t needs for the share of a normal variable within 3 sigma. The largest deviation is reported.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
+from scipy.special import stdtrit
 
 from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
@@ -32,7 +36,9 @@ START_SIGMA = np.repeat([0.2, 1.0, 0.02, 0.03, 0.1], 3)
 _LEAST = np.repeat([1e-4, 1e-3, 1e-4, 1e-4, 1e-3], 3)
 _UNEXPLAINED = np.array([0.3, 0.3, 0.3, 2.0, 2.0, 2.0])  # start of the deviations of a_W and b_B
 _LEAST_UNEXPLAINED = np.array([0.003, 0.003, 0.003, 0.01, 0.01, 0.01])
-_CLUSTER = 4
+_CLUSTERS, _LEAST_CLUSTERS = (4, 8, 16, 32), 8
+_WITHIN_3_SIGMA = 0.5 * (1.0 + 0.9973002)  # quantile at 3 sigma
+_CHUNK = 32  # windows that one thread takes at a time
 _SETTLED = 0.05  # a step below this share of every deviation ends the iteration
 
 
@@ -48,89 +54,123 @@ class Group:
 
 
 def rates(f: Differentiated, *args: Array) -> tuple[Array, Array, Array]:
-    """Return value [W, n], Jacobian to z [W, n, nz] and to s [W, n, ns] for columns of arguments."""
-    W = args[0].shape[1]
-    value, jz, js = (x.full() for x in f.function.map(W)(*args))
-    A, B = np.zeros((W, f.shape[0], f.shape[1])), np.zeros((W, f.shape[0], f.shape[2]))
-    A[:, f.by_z[0], f.by_z[1]] = jz.T
-    B[:, f.by_s[0], f.by_s[1]] = js.T
-    return value.T, A, B
+    """Return value [W, n], Jacobian to z [W, n, nz] and to s [W, n, ns] for columns of arguments [rows, W].
+
+    An argument may be [rows, 1]: the same for all.
+    """
+    (n, nz, ns), W = f.shape, args[0].shape[1]
+    value, A, B = np.zeros((W, n)), np.zeros((W, n * nz)), np.zeros((W, n * ns))
+    f.program.evaluate([np.ascontiguousarray(x, np.float64) for x in args], [value, A, B])
+    return value, A.reshape(W, n, nz), B.reshape(W, n, ns)
 
 
-def advance(model: FlightModel, z: Array, s: Array, u: Array) -> tuple[Array, Array, Array]:
-    """Return the state [W, nz] one step on and its Jacobians to z and s: the Runge-Kutta step, differentiated."""
-    h = model.step_s
-    k1, a1, b1 = rates(model.rates[0], z, s, u)
-    k2, a2, b2 = rates(model.rates[1], z + 0.5 * h * k1.T, s, u)
-    A2, B2 = a2 + 0.5 * h * a2 @ a1, b2 + 0.5 * h * a2 @ b1
-    k3, a3, b3 = rates(model.rates[1], z + 0.5 * h * k2.T, s, u)
-    A3, B3 = a3 + 0.5 * h * a3 @ A2, b3 + 0.5 * h * a3 @ B2
-    k4, a4, b4 = rates(model.rates[2], z + h * k3.T, s, u)
-    A4, B4 = a4 + h * a4 @ A3, b4 + h * a4 @ B3
-    end = z.T + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    F = np.eye(model.states) + h / 6 * (a1 + 2 * A2 + 2 * A3 + A4)
-    B = h / 6 * (b1 + 2 * B2 + 2 * B3 + B4)
-    return end, F, B
+class _Step:
+    """The Runge-Kutta step of `W` windows, differentiated; keeps its arrays from step to step."""
+
+    def __init__(self, model: FlightModel, W: int) -> None:
+        n, nz, ns = model.rates[0].shape
+        self._model = model
+        self._flat = [(np.zeros((W, n)), np.zeros((W, n * nz)), np.zeros((W, n * ns))) for _ in range(4)]
+        self._stages = [(k, A.reshape(W, n, nz), B.reshape(W, n, ns)) for k, A, B in self._flat]
+
+    def __call__(self, z: Array, s: Array, u: Array) -> tuple[Array, Array, Array]:
+        """Return the state [nz, W] one step on and its Jacobians to z and s [W, nz, ...]."""
+        h, (first, middle, end) = self._model.step_s, self._model.rates
+        k, A, B = self._stages[0]
+        first.program.evaluate([z, s, u], list(self._flat[0]))
+        sum_k, sum_A, sum_B = k.copy(), A.copy(), B.copy()
+        for stage, (f, part, weight) in enumerate(((middle, 0.5 * h, 2.0), (middle, 0.5 * h, 2.0), (end, h, 1.0)), 1):
+            f.program.evaluate([z + part * np.ascontiguousarray(k.T), s, u], list(self._flat[stage]))
+            k, a, b = self._stages[stage]
+            A, B = a + part * (a @ A), b + part * (a @ B)
+            sum_k += weight * k
+            sum_A += weight * A
+            sum_B += weight * B
+        F = (h / 6.0) * sum_A
+        F[:, np.arange(len(z)), np.arange(len(z))] += 1.0
+        return np.ascontiguousarray(z + (h / 6.0) * sum_k.T), F, (h / 6.0) * sum_B
 
 
 @dataclass
 class Sums:
-    """Normal equations of one log's windows."""
+    """Normal equations of one log's windows, each window by itself: totals are made in the order of the windows."""
 
-    cost: float
+    costs: Array  # [W]
     Hzz: Array  # [W, nz, nz]
     Hzs: Array  # [W, nz, ns]
     Hss: Array  # [W, ns, ns]
     gz: Array
     gs: Array
-    squares: Array  # of residuals by output
+    squares: Array  # of residuals by output [W, OUTPUTS]
     counts: Array
 
+    @property
+    def cost(self) -> float:
+        return float(self.costs.sum())
 
-def sums(model: FlightModel, group: Group, s: Array) -> Sums:
-    """Return cost and normal equations at theta's part `s` (vehicle, then this log)."""
-    w, ns = group.windows, len(s)
-    u_all = w.inputs(s[at.VEHICLE_COUNT + at.MOTOR_DELAY])
-    y_all, q_all, dt_all = w.readings(s[at.VEHICLE_COUNT + at.POSE_DELAY])
+    @staticmethod
+    def of(parts: Sequence[Sums]) -> Sums:
+        return Sums(*(np.concatenate([getattr(part, name.name) for part in parts]) for name in fields(Sums)))
+
+
+def sums(model: FlightModel, group: Group, s: Array, workers: Executor | None = None) -> Sums:
+    """Return cost and normal equations at theta's part `s` (vehicle, then this log).
+
+    The windows are split into chunks, which `workers` share. A window's numbers are the same in any chunk and thread.
+    """
+    w = group.windows
+    u = w.inputs(s[at.VEHICLE_COUNT + at.MOTOR_DELAY])
+    readings = w.readings(s[at.VEHICLE_COUNT + at.POSE_DELAY])
     shifted = s.copy()
     shifted[at.VEHICLE_COUNT + at.MOTOR_DELAY] = shifted[at.VEHICLE_COUNT + at.POSE_DELAY] = 0.0
-    S = np.repeat(shifted[:, None], w.count, axis=1)
-    nz, W = model.states, w.count
-    z = group.z0
-    Sz, Ss = np.repeat(np.eye(nz)[None], W, axis=0), np.zeros((W, nz, ns))
-    off = z - group.prior_mean
-    M = group.prior_weight
-    out = Sums(
-        0.5 * float((M * off * off).sum()),
-        np.zeros((W, nz, nz)), np.zeros((W, nz, ns)), np.zeros((W, ns, ns)), (M * off).T.copy(), np.zeros((W, ns)),
-        np.zeros(fm.OUTPUTS), np.zeros(fm.OUTPUTS),
-    )  # fmt: skip
-    out.Hzz[:, np.arange(nz), np.arange(nz)] += M.T
+    chunks = [slice(first, first + _CHUNK) for first in range(0, w.count, _CHUNK)]
+
+    def part(chunk: slice) -> Sums:
+        y, q, dt = (np.ascontiguousarray(x[:, :, chunk]) for x in readings)
+        return _sums(model, group, chunk, shifted, u=np.ascontiguousarray(u[:, :, chunk]), y=y, q=q, dt=dt)
+
+    return Sums.of(list(workers.map(part, chunks) if workers is not None else map(part, chunks)))
+
+
+def _sums(
+    model: FlightModel, group: Group, chunk: slice, s: Array, *, u: Array, y: Array, q: Array, dt: Array
+) -> Sums:  # fmt: skip
+    """`y`, `q`, `dt`, `u` as of the chunk [steps, rows, W]."""
+    nz, ns, theta = model.states, len(s), s[:, None].copy()
+    z = np.ascontiguousarray(group.z0[:, chunk])
+    W = z.shape[1]
+    S = np.zeros((W, nz, nz + ns))  # of the state to the window's start and to s, side by side
+    S[:, :, :nz] = np.eye(nz)
+    off, M = z - group.prior_mean[:, chunk], group.prior_weight[:, chunk]
+    H, g = np.zeros((W, nz + ns, nz + ns)), np.zeros((W, nz + ns))
+    costs = 0.5 * (M * off * off).sum(axis=0)
+    H[:, np.arange(nz), np.arange(nz)] += M.T
+    g[:, :nz] += (M * off).T
     q0 = z[fm.Q].T
-    out.Hzz[:, fm.Q, fm.Q] += 1e4 * q0[:, :, None] * q0[:, None, :]
-    for k in range(w.steps):
-        y, known = y_all[k].T, np.isfinite(y_all[k].T)
-        if known.any():
-            value, gz, gs = rates(model.read, z, S, u_all[k], q_all[k], dt_all[k])
-            r = np.where(known, value - np.nan_to_num(y), 0.0) / group.sigma
-            weight = known / group.sigma
-            Gz = weight[:, :, None] * (gz @ Sz)
-            Gs = weight[:, :, None] * (gs + gz @ Ss)
-            out.cost += 0.5 * float((r * r).sum()) + float((known * np.log(group.sigma)).sum())
-            GzT, GsT = Gz.transpose(0, 2, 1), Gs.transpose(0, 2, 1)
-            out.Hzz += GzT @ Gz
-            out.Hzs += GzT @ Gs
-            out.Hss += GsT @ Gs
-            out.gz += (GzT @ r[:, :, None])[:, :, 0]
-            out.gs += (GsT @ r[:, :, None])[:, :, 0]
-            out.squares += (r * r).sum(axis=0) * group.sigma**2
-            out.counts += known.sum(axis=0)
-        if k + 1 < w.steps:
-            end, F, B = advance(model, z, S, u_all[k])
-            z = end.T
-            Ss = F @ Ss + B
-            Sz = F @ Sz
-    return out
+    H[:, fm.Q, fm.Q] += 1e4 * q0[:, :, None] * q0[:, None, :]
+    squares, counts = np.zeros((W, fm.OUTPUTS)), np.zeros((W, fm.OUTPUTS))
+    log_sigma = np.log(group.sigma)
+    step = _Step(model, W)
+    for k in range(len(u)):
+        known = np.isfinite(y[k].T)
+        seen = known.any(axis=1)
+        if seen.any():
+            value, gz, gs = rates(model.read, z, theta, u[k], q[k], dt[k])
+            r = np.where(known, value - np.nan_to_num(y[k].T), 0.0) / group.sigma
+            G = gz @ S
+            G[:, :, nz:] += gs
+            G *= (known / group.sigma)[:, :, None]
+            GT = G.transpose(0, 2, 1)
+            costs += 0.5 * (r * r).sum(axis=1) + known @ log_sigma
+            H += GT @ G
+            g += (GT @ r[:, :, None])[:, :, 0]
+            squares += (r * r) * group.sigma**2
+            counts += known
+        if k + 1 < len(u):
+            z, F, B = step(z, theta, u[k])
+            S = F @ S
+            S[:, :, nz:] += B
+    return Sums(costs, H[:, :nz, :nz], H[:, :nz, nz:], H[:, nz:, nz:], g[:, :nz], g[:, nz:], squares, counts)
 
 
 def first_states(model: FlightModel, windows: Windows) -> Group:
@@ -196,10 +236,11 @@ def solve(
     steady: Callable[[Group, Array], Array] | None,
     progress: Callable[[float, str], None],
     most: int = 15,
+    workers: Executor | None = None,
 ) -> Solution:
     """Return the most likely theta. `steady` gives the rotor speeds that the windows' first commands lead to.
 
-    `progress` is told the share done, 0 to 1, and what is done.
+    `workers` are threads, which change no bit of it. `progress` is told the share done, 0 to 1, and what is done.
     """
     s, damping = guess.s.copy(), 1e-4
     priors, free = guess.priors, guess.free
@@ -224,7 +265,7 @@ def solve(
     def total(parts: Sequence[Sums], s: Array) -> float:
         return sum(p.cost for p in parts) + 0.5 * float((prior_weight * s * s).sum())
 
-    parts = [sums(model, g, s[_part(g.windows.number)]) for g in groups]
+    parts = [sums(model, g, s[_part(g.windows.number)], workers) for g in groups]
     cost = total(parts, s)
     n, iteration = len(s), 0
     for iteration in range(1, most + 1):
@@ -251,7 +292,7 @@ def solve(
                 z[fm.O : fm.O + model.rotors] = np.maximum(z[fm.O : fm.O + model.rotors], 0.0)
             g.z0 = z
         new = s + step
-        trial = [sums(model, g, new[_part(g.windows.number)]) for g in groups]
+        trial = [sums(model, g, new[_part(g.windows.number)], workers) for g in groups]
         new_cost = total(trial, new)
         if not np.isfinite(new_cost) or new_cost > cost + 1e-9 * abs(cost):
             for g, z in zip(groups, kept, strict=True):
@@ -268,7 +309,7 @@ def solve(
         changed = 0.0
         explained, spread, windows = np.zeros(6), np.zeros(6), 0
         # One deviation for all logs: a wild flight has larger errors, of the model, and must not count less for it.
-        squares, counts = sum(p.squares for p in parts), sum(p.counts for p in parts)
+        squares, counts = sum(p.squares.sum(axis=0) for p in parts), sum(p.counts.sum(axis=0) for p in parts)
         rms = np.maximum(np.sqrt(squares / np.maximum(counts, 1)), _LEAST)
         for g, p in zip(groups, parts, strict=True):
             new_sigma = np.clip(np.where(counts > 0, rms, g.sigma), 0.2 * g.sigma, 5 * g.sigma)
@@ -284,7 +325,7 @@ def solve(
             break
         if changed >= 0.03:
             set_priors()
-            parts = [sums(model, g, s[_part(g.windows.number)]) for g in groups]
+            parts = [sums(model, g, s[_part(g.windows.number)], workers) for g in groups]
             cost = total(parts, s)
     return _with_covariance(groups, parts, s, prior_weight, free, cost, wander, iteration)
 
@@ -294,18 +335,27 @@ def _with_covariance(
     free: NDArray[np.bool_], cost: float, unexplained: Array, iterations: int,
 ) -> Solution:  # fmt: skip
     n = len(s)
-    A, B = np.diag(prior_weight), np.diag(prior_weight).astype(float)
+    A, scores = np.diag(prior_weight), []
     for g, p in zip(groups, parts, strict=True):
         where = _part(g.windows.number)
         gain = np.linalg.inv(p.Hzz) @ p.Hzs
         A[np.ix_(where, where)] += (p.Hss - p.Hzs.transpose(0, 2, 1) @ gain).sum(axis=0)
-        score = p.gs - (gain.transpose(0, 2, 1) @ p.gz[:, :, None])[:, :, 0]
-        for first in range(0, len(score), _CLUSTER):
-            block = score[first : first + _CLUSTER].sum(axis=0)
-            B[np.ix_(where, where)] += np.outer(block, block)
+        score = np.zeros((g.windows.count, n))
+        score[:, where] = p.gs - (gain.transpose(0, 2, 1) @ p.gz[:, :, None])[:, :, 0]
+        scores.append(score)
     inverse = np.zeros((n, n))
     inverse[np.ix_(free, free)] = np.linalg.inv(A[np.ix_(free, free)])
-    robust = inverse @ B @ inverse
-    scale = np.sqrt(np.maximum(1.0, np.diag(inverse) / np.maximum(np.diag(robust), 1e-300)))
-    covariance = robust * scale[:, None] * scale[None, :]
+    variance = np.diag(inverse).copy()
+    covariance = inverse
+    for length in _CLUSTERS:
+        blocks = np.concatenate([np.add.reduceat(x, np.arange(0, len(x), length)) for x in scores if len(x)])
+        if length > _CLUSTERS[0] and len(blocks) < _LEAST_CLUSTERS:
+            break
+        blocks *= stdtrit(max(len(blocks) - 1, 1), _WITHIN_3_SIGMA) / 3.0
+        robust = inverse @ (np.diag(prior_weight) + blocks.T @ blocks) @ inverse
+        if length == _CLUSTERS[0]:
+            covariance = robust
+        variance = np.maximum(variance, np.diag(robust))
+    scale = np.sqrt(np.maximum(1.0, variance / np.maximum(np.diag(covariance), 1e-300)))
+    covariance = covariance * scale[:, None] * scale[None, :]
     return Solution(s, covariance, A, groups, cost, unexplained, iterations)

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from hil.apps.identify.fit.flight_model import OUTPUTS
 from hil.apps.identify.fit.motor_telemetry import smoothed
-from hil.apps.identify.flight_log import FlightLog, Series
+from hil.run.flight_logs.flight_log import FlightLog, Series
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
     motors      ESC (rpm) if every motor reports, else RCOU (us) by the outputs' functions and MOT_PWM_MIN and _MAX,
                 made faster by RATE (ardupilot_mixing.py)
-    rate, accel IMU, first instance
+    rate, accel IMU, first instance, without INS_GYRO_FILTER and INS_ACCEL_FILTER (unfiltered.py)
     pose        attitude of XKQ, else XKF1, else ATT; position and velocity of XKF1, else POS and GPS
     voltage     BAT, first instance
     set-points  PSCN, PSCE, PSCD, ATT.DesYaw (dataflash_set_points.py), wind the estimator's
@@ -31,6 +31,7 @@ from hil.run.flight_logs.dataflash_set_points import dataflash_other_vehicle, da
 from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
 from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
+from hil.run.flight_logs.unfiltered import unfiltered
 
 _HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
@@ -115,6 +116,8 @@ def _read(file: LogFile) -> FlightLog:
         t_s = imu["TimeUS"] * _US
         rate = series_of(t_s, flu_from_frd(_stack(imu, "GyrX", "GyrY", "GyrZ")))
         accel = series_of(t_s, flu_from_frd(_stack(imu, "AccX", "AccY", "AccZ")))
+        rate = unfiltered(rate, parameters.get("INS_GYRO_FILTER", 0.0))
+        accel = unfiltered(accel, parameters.get("INS_ACCEL_FILTER", 0.0))
     attitude = _attitude(messages)
     position, velocity = _motion(messages)
     battery = messages("BAT", 0)

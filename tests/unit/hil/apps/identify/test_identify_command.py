@@ -284,6 +284,12 @@ def test_excitation_flies_what_is_missing(flown_ulog: Path, tmp_path: Path, caps
     )
     script = parse_yaml((tmp_path / "a" / "excite.yaml").read_text(), "excite.yaml").data
     assert script["plan"] == "excite.plan"
+    other = json.loads((tmp_path / "a" / "excite_ardupilot.plan").read_text())["mission"]["items"]
+    assert not [item for item in plan if item["command"] == 115]  # PX4 refuses CONDITION_YAW
+    assert [item["params"][0] for item in other if item["command"] == 115][:3] == [0.0, 0.0, 120.0]
+    assert min(item["params"][0] for item in other if item["command"] == 16) == 1.0  # ArduCopter holds whole seconds
+    script = parse_yaml((tmp_path / "a" / "excite_ardupilot.yaml").read_text(), "excite_ardupilot.yaml").data
+    assert script["plan"] == "excite_ardupilot.plan"
     quiet = ulog(tmp_path / "quiet.ulg", motion_of(flown_log(motion=0.3)))
     some = ["identify", str(quiet), "--excite", "--vehicle", "x500", "--out", str(tmp_path / "b"), "-q"]
     assert run_command_line(some) == 0

@@ -10,6 +10,7 @@ import pytest
 
 from hil.apps.identify.fit import estimate
 from hil.apps.identify.fit import parameters as at
+from hil.apps.identify.fit.estimate import step_of, windows_of
 from hil.apps.identify.fit.fitted_vehicle import fitted_vehicle
 from hil.apps.identify.fit.flight_model import halving_error, make_model
 from hil.apps.identify.fit.motor_telemetry import smoothed, without_spikes
@@ -65,6 +66,20 @@ def test_a_step_is_accurate(log: FlightLog) -> None:
     z[3], z[7:13], z[13:17] = 1.0, (3.0, -2.0, 1.0, 2.0, -3.0, 1.0), 650.0
     u = Motors.of(log).inputs(np.array([2.0]), 0.008)[:, 0]
     assert halving_error(whole, half, z, np.zeros(len(unknowns)), np.r_[u, 1.0, -1e4]) < 5e-4
+
+
+@pytest.mark.parametrize(("period_s", "step_s"), [(0.004, 0.004), (0.005, 0.005), (0.0025, 0.005), (0.01, 0.008)])
+def test_steps_begin_where_fast_commands_change(log: FlightLog, period_s: float, step_s: float) -> None:
+    t = 0.0013 + np.arange(0.0, 6.0, period_s)
+    held = replace(log, motors=Series(t, np.full((len(t), 4), 0.5)))
+    assert step_of([held]) == pytest.approx(step_s, abs=1e-9)
+    windows = windows_of(
+        held, 0, step_s, parts=lambda share: True, nominal_v=1.0, window_s=0.5, motor_delay_s=-0.0071
+    )  # fmt: skip
+    if period_s <= step_s:
+        phase = ((windows.instants() - 0.0071 - t[0]) / period_s + 0.5) % 1.0 - 0.5
+        assert np.abs(phase).max() < 1e-6
+    assert windows.starts_s[0] >= held.start_s
 
 
 def test_spikes_of_telemetry_are_taken_out_by_the_past_alone() -> None:
