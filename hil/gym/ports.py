@@ -32,6 +32,7 @@ from signals.errors import ConfigError, Problem
 from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
+from sim.physics.vehicle import Vehicle
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE
 from sim.randomize.settings import Randomize
@@ -103,7 +104,7 @@ class Ports:
         self._seq: dict[str, int] = {}
         self._queue = ReleaseQueue()
         self._make(config.seed)
-        self._ports = {name: self._port(name, len(bench.vehicle.rotors)) for name in names}
+        self._ports = {name: self._port(name, bench.vehicle) for name in names}
         self._zeros = {name: port.value for name, port in self._ports.items()}
         self._truth = self._ports.get(TRUTH)
         self._listener: Callable[[str, Any], None] | None = None
@@ -204,9 +205,9 @@ class Ports:
             faults = [fault for fault in config.faults.sensors if fault.sensor == name]
             self._sample[name] = FaultySensor(sensor, faults).sample if faults else sensor.sample
 
-    def _port(self, name: str, rotors: int) -> _Port:
+    def _port(self, name: str, vehicle: Vehicle) -> _Port:
         if name == TRUTH:
-            return _numbers(TruthState, _TRUTH_STAMPS, rotors)
+            return _numbers(TruthState, _TRUTH_STAMPS, vehicle)
         sensor_name, _, part = name.partition("/")
         sensor, settings = self._sensors[sensor_name], self._settings[sensor_name]
         sample_type = KINDS[settings.kind].sample_type
@@ -216,10 +217,10 @@ class Ports:
             return _cloud(settings, sensor.period_ns)
         if sample_type is RadarSample:
             return _radar(part, settings.parameters)
-        return _numbers(sample_type, _STAMPS, rotors)
+        return _numbers(sample_type, _STAMPS, vehicle)
 
 
-_WIDTHS = {"rotor_speed_radps": 0, "q_WB": 4, "flow_rad": 2}
+_WIDTHS = {"q_WB": 4, "flow_rad": 2}
 _VECTORS = frozenset(
     (
         "p_WB",
@@ -237,17 +238,18 @@ _VECTORS = frozenset(
 )
 
 
-def field_widths(sample_type: type, rotors: int) -> dict[str, int]:
+def field_widths(sample_type: type, rotors: int, surfaces: int = 0) -> dict[str, int]:
     """Return the number of values of each field of a sample without arrays."""
     widths = {}
+    of_vehicle = {"rotor_speed_radps": rotors, "surface_rad": surfaces}
     for name in list(SAMPLE_FIELDS[sample_type])[_TRUTH_STAMPS if sample_type is TruthState else _STAMPS :]:
-        widths[name] = rotors if name == "rotor_speed_radps" else 3 if name in _VECTORS else _WIDTHS.get(name, 1)
+        widths[name] = of_vehicle[name] if name in of_vehicle else 3 if name in _VECTORS else _WIDTHS.get(name, 1)
     return widths
 
 
-def _numbers(sample_type: type, stamps: int, rotors: int) -> _Port:
+def _numbers(sample_type: type, stamps: int, vehicle: Vehicle) -> _Port:
     units = SAMPLE_FIELDS[sample_type]
-    widths = field_widths(sample_type, rotors)
+    widths = field_widths(sample_type, len(vehicle.rotors), len(vehicle.surfaces))
     dtype = np.float64 if sample_type is GpsSample else np.float32  # 1e-5 degrees are a metre
     most = np.concatenate([np.full(n, _MOST.get(units[name][0], _MOST_OTHER)) for name, n in widths.items()])
     most = most.astype(dtype)
