@@ -2,15 +2,15 @@
 
 u is the velocity of the place through the air in the frame of the mount (sim/sensors/relative_wind.py):
 
-    alpha = atan2(w, u),  beta = atan2(v, u)       u forward, v to the right, w down: what a vane on each axis turns to
-    I theta'' + d theta' + k q (theta - angle) = 0    a vane that follows the flow. Between two samples it is a lag of
-    first order, theta -> angle with T = tau V_ref / V: the restoring torque k q grows with V^2, its damping d with V
-    friction: it does not move while |angle - theta| <= friction / (V / V_ref)^2, and stops at that distance before it
+    alpha = atan2(w, u),  beta = atan2(v, u)       u forward, v to the right, w down
+    theta' = (angle - theta) / T,  T = tau V_ref / V      each vane follows its angle of the flow: its restoring torque
+                                                          grows with V^2, its aerodynamic damping with V
+    |angle - theta| <= f (V_ref / V)^2                    friction: within this it stays, and it stops at this distance
     out = round(theta + zero + n), saturated at -limit and +limit
 
-Below `min_airspeed_mps` the vane hangs where it is. beta is the flank angle that a vane measures, not
-asin(v / V). The lag is exact for an angle that is constant since the sample before; `tau` and friction are stated at
-V_ref.
+The vane's inertia is left out: a lag without overshoot. Below `min_airspeed_mps` it hangs where it is. beta is the
+flank angle that a vane measures, not asin(v / |u|). The lag is exact for an angle that is constant since the sample
+before; tau and f are stated at V_ref.
 """
 
 from __future__ import annotations
