@@ -791,8 +791,12 @@ class VehiclePhysics:
             tuple(s[self._alpha_slice]),
             tuple(s[self._rotor_slice]),
             in_contact or (bool(self._wheels) and self.on_wheels),
-            tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]]),
+            self._deflections(s) if self._surfaced else (),
         )
+
+    def _deflections(self, s: Sequence[float]) -> tuple[float, ...]:
+        """Return the deflections of the surfaces in a state."""
+        return tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]])
 
     def _range_error(self, tick: int, violation: int) -> ModelRangeError:
         variable, limit = _LIMITS[violation]
