@@ -198,6 +198,26 @@ class FollowedSample(NamedTuple):
     set_point_W: Annotated[Vec3, "m", "W"]  # where it was to be
 
 
+class DifferentialPressureSample(NamedTuple):
+    """Total pressure minus static pressure of a pitot-static tube."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    differential_pressure_pa: Annotated[float, "Pa"]  # below 0: blown on from behind
+    temperature_degc: Annotated[float, "degC"]  # of the sensor
+
+
+class VaneSample(NamedTuple):
+    """Angles of the flow that air-data vanes stand at."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    angle_of_attack_rad: Annotated[float, "rad", "B"]  # above 0: the air comes from below
+    sideslip_rad: Annotated[float, "rad", "B"]  # above 0: the air comes from the right
+
+
 class ScalarSample(NamedTuple):
     """Single number of a sensor without a sample type of its own, such as a tachometer or a fuel gauge."""
 
@@ -228,6 +248,8 @@ Sample = (
     | FlowSample
     | OdometrySample
     | FollowedSample
+    | DifferentialPressureSample
+    | VaneSample
     | ScalarSample
     | FrameSample
 )

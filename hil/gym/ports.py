@@ -29,9 +29,10 @@ from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
-from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState
+from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
+from sim.physics.vehicle import Vehicle
 from sim.radar.processing.points import POINT_DTYPE
 from sim.radar.processing.tracker import TRACK_DTYPE
 from sim.randomize.settings import Randomize
@@ -64,15 +65,25 @@ class _Port:
 class Ports:
     """Observed ports of one vehicle. Raises ConfigError for names that are not ports of the bench."""
 
-    def __init__(self, bench: Bench, names: Sequence[str], frames: FrameSource | None = None) -> None:
-        """`frames`: the geometry that this vehicle sees among others; None: that of the bench's scene, if needed."""
+    def __init__(
+        self,
+        bench: Bench,
+        names: Sequence[str],
+        frames: FrameSource | None = None,
+        *,
+        wind_at: Callable[[], Vec3] | None = None,
+    ) -> None:
+        """`frames`: the geometry that this vehicle sees among others; None: that of the bench's scene, if needed.
+
+        `wind_at` returns the wind at the vehicle [m/s, W]; None: it is the scene's steady wind.
+        """
         config = bench.config
         known = available_ports(config)
         if unknown := [name for name in names if name not in known]:
             raise ConfigError(
                 [Problem("ports", f"{n!r} is not a port of the bench", nearest(n, known)) for n in unknown]
             )
-        self._bench = bench
+        self._bench, self._wind_at = bench, wind_at
         self._of_sensor: dict[str, dict[str, str]] = {}  # sensor -> channel ("" if it has none) -> port
         for name, sensor in config.sensors.items():
             ports = [port.name for port in output_ports(name, sensor) if port.name in names]
@@ -93,7 +104,7 @@ class Ports:
         self._seq: dict[str, int] = {}
         self._queue = ReleaseQueue()
         self._make(config.seed)
-        self._ports = {name: self._port(name, len(bench.vehicle.rotors)) for name in names}
+        self._ports = {name: self._port(name, bench.vehicle) for name in names}
         self._zeros = {name: port.value for name, port in self._ports.items()}
         self._truth = self._ports.get(TRUTH)
         self._listener: Callable[[str, Any], None] | None = None
@@ -184,7 +195,7 @@ class Ports:
         changed: dict[str, Any] = {"seed": seed} if noise is None else {"seed": seed, "randomize": noise}
         config = self._bench.config.model_copy(update=changed)
         bench = replace(self._bench, config=config)
-        simulated = SimulatedSensors(bench, self._settings, self._frames)
+        simulated = SimulatedSensors(bench, self._settings, self._frames, wind_at=self._wind_at)
         self._seq = dict.fromkeys(self._order, 0)
         self._queue = ReleaseQueue()
         for name in self._order:
@@ -194,9 +205,9 @@ class Ports:
             faults = [fault for fault in config.faults.sensors if fault.sensor == name]
             self._sample[name] = FaultySensor(sensor, faults).sample if faults else sensor.sample
 
-    def _port(self, name: str, rotors: int) -> _Port:
+    def _port(self, name: str, vehicle: Vehicle) -> _Port:
         if name == TRUTH:
-            return _numbers(TruthState, _TRUTH_STAMPS, rotors)
+            return _numbers(TruthState, _TRUTH_STAMPS, vehicle)
         sensor_name, _, part = name.partition("/")
         sensor, settings = self._sensors[sensor_name], self._settings[sensor_name]
         sample_type = KINDS[settings.kind].sample_type
@@ -206,10 +217,10 @@ class Ports:
             return _cloud(settings, sensor.period_ns)
         if sample_type is RadarSample:
             return _radar(part, settings.parameters)
-        return _numbers(sample_type, _STAMPS, rotors)
+        return _numbers(sample_type, _STAMPS, vehicle)
 
 
-_WIDTHS = {"rotor_speed_radps": 0, "q_WB": 4, "flow_rad": 2}
+_WIDTHS = {"q_WB": 4, "flow_rad": 2}
 _VECTORS = frozenset(
     (
         "p_WB",
@@ -227,17 +238,18 @@ _VECTORS = frozenset(
 )
 
 
-def field_widths(sample_type: type, rotors: int) -> dict[str, int]:
+def field_widths(sample_type: type, rotors: int, surfaces: int = 0) -> dict[str, int]:
     """Return the number of values of each field of a sample without arrays."""
     widths = {}
+    of_vehicle = {"rotor_speed_radps": rotors, "surface_rad": surfaces}
     for name in list(SAMPLE_FIELDS[sample_type])[_TRUTH_STAMPS if sample_type is TruthState else _STAMPS :]:
-        widths[name] = rotors if name == "rotor_speed_radps" else 3 if name in _VECTORS else _WIDTHS.get(name, 1)
+        widths[name] = of_vehicle[name] if name in of_vehicle else 3 if name in _VECTORS else _WIDTHS.get(name, 1)
     return widths
 
 
-def _numbers(sample_type: type, stamps: int, rotors: int) -> _Port:
+def _numbers(sample_type: type, stamps: int, vehicle: Vehicle) -> _Port:
     units = SAMPLE_FIELDS[sample_type]
-    widths = field_widths(sample_type, rotors)
+    widths = field_widths(sample_type, len(vehicle.rotors), len(vehicle.surfaces))
     dtype = np.float64 if sample_type is GpsSample else np.float32  # 1e-5 degrees are a metre
     most = np.concatenate([np.full(n, _MOST.get(units[name][0], _MOST_OTHER)) for name, n in widths.items()])
     most = most.astype(dtype)

@@ -24,6 +24,7 @@ from sim.physics.forces.force import Command, Effects, ForceParameters, Point, a
 from sim.physics.forces.motor import curve_factor, lag_s, steady_duty, steady_speed_radps
 from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
 from sim.physics.forces.surface import Surface, check_names
+from sim.physics.forces.wheels import Wheels
 from sim.physics.forces.wind_tunnel import WindTunnel
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
@@ -236,9 +237,16 @@ class Vehicle(StrictModel):
         return radius_m * (1.0 + 1e-12)
 
     @property
-    def standing_height_m(self) -> float:
-        """Height of the body origin over level ground when its lowest sphere just touches."""
+    def lying_height_m(self) -> float:
+        """Height of the body origin over level ground when its lowest contact sphere just touches."""
         return max(sphere.radius_m - sphere.position_m[2] for sphere in self.contact_spheres)
+
+    @property
+    def standing_height_m(self) -> float:
+        """Height of the body origin over level ground where the vehicle stands: on its wheels, or its lowest sphere."""
+        weight_n = self.mass_kg * STANDARD_GRAVITY_MPS2
+        on_wheels = [force.standing_height_m(weight_n) for force in self.forces if isinstance(force, Wheels)]
+        return max(self.lying_height_m, *on_wheels) if on_wheels else self.lying_height_m
 
 
 def vehicle_names() -> list[str]:

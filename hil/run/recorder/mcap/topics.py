@@ -20,6 +20,7 @@ from signals._kernel import rotate_into_body
 from signals.samples import (
     ActuatorFrame,
     BaroSample,
+    DifferentialPressureSample,
     FlowSample,
     FollowedSample,
     GpsSample,
@@ -29,6 +30,7 @@ from signals.samples import (
     RangeSample,
     ScalarSample,
     TruthState,
+    VaneSample,
 )
 from signals.time import NS_PER_S
 from sim.physics.battery import BatteryState
@@ -244,6 +246,18 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
         Topic("/velocity", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "v_WB_W"}),
         Topic("/angular_velocity", "geometry_msgs/Vector3Stamped", BODY, {"vector": "w_WB_B"}),
         Topic("/set_point", "geometry_msgs/Vector3Stamped", WORLD, {"vector": "set_point_W"}),
+    ),
+    DifferentialPressureSample: (
+        Topic(
+            "",
+            "hil_msgs/DifferentialPressure",
+            BODY,
+            {"differential_pressure_pa": "differential_pressure_pa"},
+        ),
+        _TEMPERATURE,
+    ),
+    VaneSample: (
+        Topic("", "hil_msgs/AirVane", BODY, {name: name for name in ("angle_of_attack_rad", "sideslip_rad")}),
     ),
     ScalarSample: (Topic("", "hil_msgs/Scalar", BODY, {"value": "value"}),),
     OdometrySample: (
