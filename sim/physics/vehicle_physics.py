@@ -737,8 +737,11 @@ class VehiclePhysics:
             tuple(s[self._alpha_slice]),
             tuple(s[self._rotor_slice]),
             in_contact,
-            tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]]),
+            self._deflections(s) if self._surfaced else (),
         )
+
+    def _deflections(self, s: list[float]) -> tuple[float, ...]:
+        return tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]])
 
     def _range_error(self, tick: int, violation: int) -> ModelRangeError:
         variable, limit = _LIMITS[violation]
