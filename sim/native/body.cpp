@@ -15,19 +15,27 @@ void quaternion_rate(const double *q, const double *w, double *dq) {
     dq[3] = 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]);
 }
 
+// Apart, so that the principal axes' few operations stay together.
+#if defined(__GNUC__)
+__attribute__((noinline))
+#endif
+void rate_of_skewed_spin(const Inertia &inertia, const double *w, const double *torque, double *dw) {
+    const double *T = inertia.tensor_kgm2, *inverse = inertia.inverse;
+    double L[3], rest[3];
+    for (int j = 0; j < 3; ++j) L[j] = (T[3 * j] * w[0] + T[3 * j + 1] * w[1]) + T[3 * j + 2] * w[2];
+    rest[0] = torque[0] - (w[1] * L[2] - w[2] * L[1]);
+    rest[1] = torque[1] - (w[2] * L[0] - w[0] * L[2]);
+    rest[2] = torque[2] - (w[0] * L[1] - w[1] * L[0]);
+    for (int j = 0; j < 3; ++j) {
+        dw[j] = (inverse[3 * j] * rest[0] + inverse[3 * j + 1] * rest[1]) + inverse[3 * j + 2] * rest[2];
+    }
+}
+
 // dw/dt by Euler's equations.
 void rate_of_spin(const Inertia &inertia, const double *w, const double *torque, double *dw) {
     const double *I = inertia.moments_kgm2;
-    if (inertia.skewed) {
-        const double *T = inertia.tensor_kgm2, *inverse = inertia.inverse;
-        double L[3], rest[3];
-        for (int j = 0; j < 3; ++j) L[j] = (T[3 * j] * w[0] + T[3 * j + 1] * w[1]) + T[3 * j + 2] * w[2];
-        rest[0] = torque[0] - (w[1] * L[2] - w[2] * L[1]);
-        rest[1] = torque[1] - (w[2] * L[0] - w[0] * L[2]);
-        rest[2] = torque[2] - (w[0] * L[1] - w[1] * L[0]);
-        for (int j = 0; j < 3; ++j) {
-            dw[j] = (inverse[3 * j] * rest[0] + inverse[3 * j + 1] * rest[1]) + inverse[3 * j + 2] * rest[2];
-        }
+    if (inertia.skewed) [[unlikely]] {
+        rate_of_skewed_spin(inertia, w, torque, dw);
         return;
     }
     dw[0] = (torque[0] - (I[2] - I[1]) * w[1] * w[2]) / I[0];

@@ -150,7 +150,7 @@ def test_every_problem_at_once_each_at_its_line() -> None:
         11: ("{at_s: 1, command: {id: 3, params: [1, 2, 3, 4, 5, 6, 7, 8]}}", "at most 7"),
         12: ("{at_s: 1, fault: {rotor: 1, kind: stucked}}", "did you mean 'stuck'?"),
         13: ("{at_s: 1, fault: {sensor: gps, kind: drop}}", "did you mean 'dropout'?"),
-        14: ("{at_s: 1, fault: {kind: stuck}}", "exactly one rotor, sensor, link or autopilot"),
+        14: ("{at_s: 1, fault: {kind: stuck}}", "exactly one rotor, surface, sensor, link or autopilot"),
         15: ("{after: takeoff, fault: {autopilot: stall}}", "needs at_s"),
         16: ("{at_s: 1, fault: {autopilot: stal}}", "did you mean 'stall'?"),
         17: ("{at_s: 1, fault: {sensor: gps, kind: dropout, until_s: 4}}", "for_s inside it"),
