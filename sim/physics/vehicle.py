@@ -69,6 +69,7 @@ class Vehicle(StrictModel):
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
     forces: Annotated[tuple[AnyForce, ...], Field(max_length=64)] = ()
     battery: Battery | None = None
+    cruise_mps: Annotated[float, Field(gt=1.0, le=150.0)] | None = None  # of a plane; null: 1.4 times its stall speed
     vibration: Vibration | None = None  # null: estimated from the size of the rotors, where a bench asks for it
 
     @pydantic.field_validator("rotors")
@@ -112,8 +113,8 @@ class Vehicle(StrictModel):
         for i, rotor in enumerate(self.rotors):
             if rotor.axis[2] < LEAST_UP and not self.has_wings:
                 raise ValueError(
-                    f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt by "
-                    "up to 84 degrees from [0, 0, 1]"
+                    f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt "
+                    "by up to 84 degrees from [0, 0, 1]"
                 )
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")

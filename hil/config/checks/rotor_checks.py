@@ -1,15 +1,17 @@
-"""Checks that the rotors of a vehicle can control it, and that the autopilot can be given them."""
+"""Checks that a vehicle can be controlled by its rotors or its wings, and that the autopilot can be given it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_bridge.autopilots.catalog import PROFILES
+from hil.config.checks.wing_checks import wing_problems
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem
-from sim.physics import multirotor
+from sim.physics import fixed_wing, multirotor
 from sim.physics.vehicle import Vehicle
 
 _AXES = ("roll", "pitch", "yaw", "thrust")
@@ -17,7 +19,9 @@ _RANK_TOLERANCE = 1e-6  # of the greatest entry of each axis
 
 
 def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
-    """Report a vehicle whose rotors cannot lift it, or cannot give roll, pitch, yaw and thrust independently."""
+    """Report a plane that cannot fly, or rotors that cannot lift the vehicle or give all four axes independently."""
+    if fixed_wing.is_plane(vehicle):
+        return wing_problems(vehicle, file)
     unfit = multirotor.unfit(vehicle)
     if unfit is not None:
         return [at(file, (unfit[0],), unfit[1])]
@@ -38,9 +42,20 @@ def _rank(rows: NDArray[np.float64]) -> int:
 
 
 def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
-    """Report rotors that the autopilot cannot be given."""
+    """Report a plane that the autopilot cannot fly, or rotors that it cannot be given."""
+    if fixed_wing.is_plane(vehicle):
+        return _plane_problems(config, vehicle, settings)
     if multirotor.unfit(vehicle) is not None:
         return []
     autopilot = config.autopilot
     misfits = autopilot.profile.vehicle_misfits(autopilot, multirotor_facts(vehicle))
     return [at(settings, misfit.place, misfit.message, misfit.hint) for misfit in misfits]
+
+
+def _plane_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
+    if config.autopilot.profile.flies_planes:
+        return []
+    able = [name for name, profile in PROFILES.items() if profile.flies_planes]
+    message = f"{vehicle.name!r} is a plane, which an autopilot of kind {config.autopilot.kind!r} cannot fly here"
+    hint = f"kinds that fly planes: {', '.join(able)}" if able else "no kind of autopilot flies planes yet"
+    return [at(settings, ("vehicle",), message, hint)]
