@@ -11,7 +11,8 @@ namespace hil::sim::HIL_ISA {
 
 namespace {
 
-constexpr double kCalm2 = 0.09;   // V_0^2
+constexpr double kCalm2 = 0.09;    // V_0^2
+constexpr double kSlack2 = 4.0;    // of a slipstream
 constexpr double kFlat2 = 0.0025;  // of |s|
 
 template <int N>
@@ -59,9 +60,9 @@ HIL_QUAD void flow(PanelLanes &l, int at, bool lifting) {
         const double v = from.induced_mps;
         if (v == 0.0) continue;
         const double *n = from.axis;
-        const double v2 = v * v, speed2 = from.axial_mps * from.axial_mps + from.across2;
+        const double v2 = v * v, speed2 = from.axial_mps * from.axial_mps + from.across2 + kSlack2;
         const double through = from.axial_mps + v, through2 = through * through;
-        const double strength = v * through2 / (through2 + from.across2 + kCalm2);
+        const double strength = v * through2 / (through2 + from.across2 + kSlack2);
         const double narrowed = 1.0 / (from.radius_m * from.radius_m * (speed2 + v2));
         const Quads<N> grown = load<N>(l.grown[k] + at);
         const Quads<N> off = narrowed * (load<N>(l.off2[k] + at) * (splat<N>(speed2) + v2 * grown)), off2 = off * off;

@@ -10,6 +10,7 @@
 
 #include "force_binding.hpp"
 #include "lifting_lines.hpp"
+#include "rotation.hpp"
 
 namespace hil::sim {
 
@@ -17,6 +18,8 @@ namespace {
 
 constexpr double kHalfDensity = 0.5 * 1.225;  // kg/m3
 constexpr double kGroundReachSpans = 4.0;     // height of the end of the ground effect
+constexpr double kTurnPerStep = 0.05;           // rad of the flow at a panel
+constexpr double kSpeedUp_mps2 = 20.0, kCalm2 = 0.09, kEndless = 1e300;
 constexpr double kSlipstream_mps = 30.0;      // that the bound of the damping allows for
 
 double dot(const double *a, const double *b) { return (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]; }
@@ -125,7 +128,8 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
         const double r[3] = {l.middle[0][at], l.middle[1][at], l.middle[2][at]};
         if (dot(r, r) > reach2) reach2 = dot(r, r);
     }
-    ground_reach_m_ += std::sqrt(reach2);
+    reach_m_ = std::sqrt(reach2);
+    ground_reach_m_ += reach_m_;
 }
 
 void Panels::prepare(const StepTimes &times, const Inertia &inertia) {
@@ -140,6 +144,29 @@ void Panels::prepare(const StepTimes &times, const Inertia &inertia) {
 }
 
 double Panels::damping_per_s(double airspeed_mps) const { return damping_per_m_ * (airspeed_mps + kSlipstream_mps); }
+
+double Panels::longest_step(const double *s, const double *wind_W, double longest_s) const {
+    const double step = SurfacedForce::longest_step(s, wind_W, longest_s);
+    double R[9], air[3];
+    rotation_matrix(s + kQ, R);
+    air_velocity(R, s, wind_W, air);
+    const double *w = s + kW;
+    const double turn = std::sqrt(dot(w, w)), ahead = std::fabs(air[0]) - turn * reach_m_;
+    const double room = kTurnPerStep - turn * step;
+    if (ahead > 0.0 && room * ahead > kSpeedUp_mps2 * step) return step;  // every panel is fast enough
+    double least2 = kEndless;
+    for (int at : lane_) {
+        const double r[3] = {lanes_.seen[0][at], lanes_.seen[1][at], lanes_.seen[2][at]};
+        double u[3];
+        point_velocity(air, w, r, u);
+        const double along = (u[0] * lanes_.x[0][at] + u[1] * lanes_.x[1][at]) + u[2] * lanes_.x[2][at];
+        const double through = (u[0] * lanes_.z[0][at] + u[1] * lanes_.z[1][at]) + u[2] * lanes_.z[2][at];
+        const double speed2 = along * along + through * through;
+        if (speed2 < least2) least2 = speed2;
+    }
+    const double limit = kTurnPerStep / (turn + kSpeedUp_mps2 / std::sqrt(least2 + kCalm2));
+    return limit < step ? limit : step;
+}
 
 void Panels::deflect(const double *angle, bool healthy) const {
     PanelLanes &l = lanes_;

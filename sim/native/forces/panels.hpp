@@ -36,6 +36,9 @@
 // fuselage, the fuselage's effect on wings, gaps, compressibility.
 //
 // Smooth: every function above has its singularities at least 0.38 h (0.1 rad) or 0.3 m/s from real flight.
+//
+// Limits of a step, besides those of servos.hpp: the flow at a panel turns by at most 0.05 rad,
+//   (|w| + A / V) h <= 0.05,  V the least speed of a panel across its span, A = 20 m/s2: gravity, and as much again
 #pragma once
 
 #include <vector>
@@ -69,6 +72,7 @@ class Panels : public SurfacedForce {
     bool feels_slipstreams() const override { return true; }
     void prepare(const StepTimes &times, const Inertia &inertia) override;
     double damping_per_s(double airspeed_mps) const override;
+    double longest_step(const double *s, const double *wind_W, double longest_s) const override;
     void add(const Instant &now, Wrench &out) const override;
 
     int count() const { return static_cast<int>(lane_.size()); }
@@ -90,7 +94,7 @@ class Panels : public SurfacedForce {
 
     std::vector<int> lane_;
     std::vector<Flap> flaps_;
-    double damping_per_m_ = 0.0, ground_reach_m_ = 0.0;
+    double damping_per_m_ = 0.0, ground_reach_m_ = 0.0, reach_m_ = 0.0;
     mutable PanelLanes lanes_{};
 };
 

@@ -20,7 +20,7 @@ from sim.physics.forces.panels import PanelPlace, Panels
 
 Float64 = NDArray[np.float64]
 _DENSITY = 1.225
-_CALM2 = 0.09  # (m/s)^2
+_CALM2, _SLACK2 = 0.09, 4.0  # (m/s)^2
 _AHEAD = np.array([1.0, 0.0, 0.0])
 
 
@@ -167,9 +167,9 @@ def _flow(frame: _Frame, flight: Flight) -> tuple[ca.SX, ca.SX, ca.SX]:
         beside2 = ca.sumsqr(stream.velocity - axial * ca.DM(stream.axis))
         v = stream.induced
         grown = 1 + behind / math.hypot(behind, stream.radius_m)
-        E = axial**2 + beside2
+        E = axial**2 + beside2 + _SLACK2
         radius2 = stream.radius_m**2 * (E + v**2) / (E + grown * v**2)
-        skew = (axial + v) ** 2 / ((axial + v) ** 2 + beside2 + _CALM2)
+        skew = (axial + v) ** 2 / ((axial + v) ** 2 + beside2 + _SLACK2)
         velocity += v * skew * grown / (1 + (across2 / radius2) ** 4) * ca.DM(stream.axis)
     return ca.dot(velocity, ca.DM(frame.x)), ca.dot(velocity, ca.DM(frame.y)), -ca.dot(velocity, ca.DM(frame.z))
 
