@@ -1,4 +1,4 @@
-"""Section of a wing for the panels: slopes, stall, and the effect of a flap. Equations: sim/native/forces/panels.hpp."""
+"""Section of a wing for panels: slopes, stall, and the effect of a flap. Equations: sim/native/forces/panels.hpp."""
 
 from __future__ import annotations
 

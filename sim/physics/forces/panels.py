@@ -1,11 +1,12 @@
 """Aircraft by its geometry: wings, tails and bodies in panels. Equations: sim/native/forces/panels.hpp.
 
-Points are in B (FLU, origin at the centre of mass). A half of a wing is cut into n panels at the shares sin(pi k / 2 n) of
-its length, closer at the tip, where the lift falls. A surface acts on a panel by the share of its width that it takes.
+Points are in B (FLU, origin at the centre of mass). A half of a wing is cut into n panels at the shares sin(pi k / 2 n)
+of its length, closer at the tip, where the lift falls. A surface acts on a panel by the share of its width that it takes.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Annotated, Literal, NamedTuple
@@ -74,7 +75,9 @@ class WingSurface(Surface):
 
     def gearing(self, half: int) -> float:
         """Return the deflection of the left (0) or right (1) half over that of the surface; 0 where it has none."""
-        return {"both": (1.0, 1.0), "antisymmetric": (1.0, -1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}[self.side][half]
+        return {"both": (1.0, 1.0), "antisymmetric": (1.0, -1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}[self.side][
+            half
+        ]
 
 
 class PlateBody(StrictModel):
@@ -86,7 +89,9 @@ class PlateBody(StrictModel):
     width_m: _Length
     height_m: _Length
     drag_area_m2: Annotated[float, Field(ge=0.0, le=10.0)]
-    cross_drag: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0  # of the plates; a cylinder 1.2, rounded 0.6: Hoerner, 3.9
+    cross_drag: Annotated[float, Field(ge=0.0, le=3.0)] = (
+        1.0  # of the plates; a cylinder 1.2, rounded 0.6: Hoerner, 3.9
+    )
     segments: Annotated[int, Field(ge=1, le=6)] = 2
 
     @pydantic.model_validator(mode="after")
@@ -107,7 +112,7 @@ class Panels(ForceParameters):
     @pydantic.model_validator(mode="after")
     def _fits(self) -> Panels:
         check_names(self.surfaces)
-        names = [part.name for part in (*self.wings, *self.bodies)]
+        names = [wing.name for wing in self.wings] + [body.name for body in self.bodies]
         if len(set(names)) != len(names):
             raise ValueError(f"wings and bodies must have different names, not {names}")
         wings = {wing.name: wing for wing in self.wings}
@@ -121,15 +126,15 @@ class Panels(ForceParameters):
         for wing in self.wings:
             for half in (0, 1):
                 parts = sorted((s.span, s.name) for s in self.surfaces if s.wing == wing.name and s.gearing(half))
-                for (inner, a), (outer, b) in zip(parts, parts[1:], strict=False):
+                for (inner, a), (outer, b) in itertools.pairwise(parts):
                     if outer[0] < inner[1]:
                         raise ValueError(f"surfaces {a} and {b} share a part of the span of {wing.name}")
         lifting = sum(panel.wing >= 0 for panel in self.layout())
         plates = sum(2 * body.segments for body in self.bodies)
         if lifting > MOST_LIFTING or plates > MOST_PLATES:
             raise ValueError(
-                f"{lifting} panels of wings and {plates} of bodies: at most {MOST_LIFTING} and {MOST_PLATES} are possible. "
-                "Lower `panels` or `segments`"
+                f"{lifting} panels of wings and {plates} of bodies: at most {MOST_LIFTING} and {MOST_PLATES} are "
+                "possible. Lower `panels` or `segments`"
             )
         return self
 
@@ -203,7 +208,7 @@ class Panels(ForceParameters):
 
 
 class PanelPlace(NamedTuple):
-    """Geometry of a panel: ends and its own point of the quarter-chord line, a quarter of the chord as a vector ahead."""
+    """Geometry of a panel: ends and its own point of the quarter-chord line, a quarter of the chord as a vector."""
 
     left_m: Vec3
     right_m: Vec3
@@ -226,7 +231,7 @@ def _half_wing(index: int, wing: Wing, half: int, surfaces: Sequence[tuple[int, 
         return (x - way * back, mirror * (y + way * out), z + way * up)
 
     places = []
-    for k, (inner, outer) in enumerate(zip(nodes, nodes[1:], strict=False)):
+    for k, (inner, outer) in enumerate(itertools.pairwise(nodes)):
         middle = det_sin(0.5 * math.pi * (k + 0.5) / wing.panels)  # forces/lifting_lines.hpp says why
         chord = wing.root_chord_m + middle * (wing.tip_chord_m - wing.root_chord_m)
         angle = math.radians(wing.incidence_deg + middle * wing.twist_deg)

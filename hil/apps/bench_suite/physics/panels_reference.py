@@ -1,7 +1,7 @@
 """Wings by panels for plane_reference.py, in another form than the kernel's.
 
-Sections by their angles (arc tangents, sines), panel by panel with vectors; vortices by the angles under which their ends
-are seen (Katz and Plotkin, 2.12); the mutual velocities by numpy's solver and as CasADi matrices.
+Sections by their angles (arc tangents, sines), panel by panel with vectors; vortices by the angles under which their
+ends are seen (Katz and Plotkin, 2.12); the mutual velocities by numpy's solver and as CasADi matrices.
 """
 
 from __future__ import annotations
@@ -92,7 +92,9 @@ def panels(part: Panels, flight: Flight, angles: ca.SX) -> tuple[ca.SX, ca.SX]:
                 fade = ca.fmax(1 - (z / (4 * span)) ** 2, 0) ** 4
                 left = 1 - fade / (1 + (16 * z / span) ** 2)
             row = wings.index(i)
-            local, load = _section(part, place, frame, (u, side, v), (left * through[row], left * leaning[row]), bends[i])
+            local, load = _section(
+                part, place, frame, (u, side, v), (left * through[row], left * leaning[row]), bends[i]
+            )
         else:
             local, load = _plate(place, frame, (u, side, v))
         pull = ca.DM(np.column_stack([frame.x, frame.y, frame.z])) @ local
@@ -218,9 +220,7 @@ def _section(
     return force, (_DENSITY / 2 * V**2 * area * frame.chord * f * bend[1], V)
 
 
-def _plate(
-    place: PanelPlace, frame: _Frame, flow: tuple[ca.SX, ca.SX, ca.SX]
-) -> tuple[ca.SX, tuple[ca.SX | float, ca.SX]]:
+def _plate(place: PanelPlace, frame: _Frame, flow: tuple[ca.SX, ca.SX, ca.SX]) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
     body, (u, side, v) = place.body, flow
     assert body is not None
     V = ca.sqrt(u**2 + v**2 + _CALM2)
@@ -229,4 +229,4 @@ def _plate(
     cd0 = body.drag_area_m2 / ((body.nose_m[0] - body.tail_m[0]) * (body.width_m + body.height_m))
     C_l, C_d = normal * c, cd0 + normal * s
     scale = _DENSITY / 2 * V * frame.width * frame.chord
-    return scale * ca.vertcat(C_l * v - C_d * u, -cd0 * side, C_l * u + C_d * v), (0.0, V)
+    return scale * ca.vertcat(C_l * v - C_d * u, -cd0 * side, C_l * u + C_d * v), (ca.SX(0.0), V)

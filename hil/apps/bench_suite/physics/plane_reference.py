@@ -147,9 +147,7 @@ def _equations(vehicle: Vehicle, g: float, site: Site | None) -> tuple[dict[str,
         seen = Hub(air + ca.cross(w, place), (p + R @ place)[2], (R @ axis)[2])
         pull, moment = blades[i].force_and_moment(seen, speed[i], induced[i], 0.0)
         gaps.append(blades[i].gap(seen, speed[i], induced[i], 0.0))
-        streams.append(
-            Stream(np.array(rotor.position_m), np.array(rotor.axis), c.radius_m, seen.velocity, induced[i])
-        )
+        streams.append(Stream(np.array(rotor.position_m), np.array(rotor.axis), c.radius_m, seen.velocity, induced[i]))
         force += density * blades[i].relative * pull
         torque += density * blades[i].relative * (ca.cross(place, pull) + moment)
     first = 0
