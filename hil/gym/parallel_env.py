@@ -299,7 +299,7 @@ class _Member:
             bench.vehicle,
             config.start.flight_start(),
             effects=config.physics.effects,
-            faults=config.faults.rotors,
+            faults=config.faults.of_vehicle,
         )
         self.driver = make_driver(bench, self.vehicle, env.world, env.options)
         self.ports = Ports(bench, ports, None if frames is None else frames.seen_by(name))
