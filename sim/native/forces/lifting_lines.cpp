@@ -10,7 +10,6 @@ namespace hil::sim {
 
 namespace {
 
-constexpr double kCoreWidths = 0.5;    // core radius over the panel's width, for panels of other wings
 constexpr double kLeastPivot = 1e-12;
 constexpr double kOnLine = 1e-16;  // (sine of the angle to a vortex)^2 of a point that is on its line
 
@@ -51,7 +50,9 @@ void add_trail(const double *a, double sign, const double *p, double core2, doub
 double coefficient(const LiftingLine &at, const double *p, const LiftingLine &of, bool bound) {
     double width[3];
     for (int j = 0; j < 3; ++j) width[j] = of.left_m[j] - of.right_m[j];
-    const double core2 = at.wing == of.wing ? 0.0 : kCoreWidths * kCoreWidths * dot(width, width);
+    const double behind = 0.5 * (of.left_m[0] + of.right_m[0]) - p[0], width2 = dot(width, width), behind2 = behind * behind;
+    double core2 = 0.0;
+    if (at.wing != of.wing && behind > 0.0) core2 = 0.25 * width2 * behind2 / (behind2 + 4.0 * width2);
     double v[3] = {0.0, 0.0, 0.0};
     add_trail(of.left_m, -1.0, p, core2, v);
     if (bound) add_segment(of.left_m, of.right_m, p, core2, v);

@@ -15,7 +15,8 @@
 // The points are those of the middle angle k of the panel, where y = sin(k) of the half's length: so the lattice of three
 // panels has the lift and the induced drag of the finest within 1 % (Lan, J. Aircraft 11, 1974, on the same choice of points).
 //
-// A vortex of another wing has a core of half the width of its panel: its sheet is not concentrated in lines. Without wake
+// Behind another wing its sheet is not concentrated in lines: its vortices have the core e = (d / 2) x / sqrt(x^2 + 4 d^2),
+// d the width of the panel, x the distance behind it; in the plane of a tail's own fin none. Without wake
 // roll-up and at the angle of attack 0 of the vehicle: the wake leaves along the body.
 //
 // Deterministic: + - * / sqrt, fixed order; Gauss's elimination with pivots of columns.

@@ -135,7 +135,9 @@ HIL_QUAD void loads_of(PanelLanes &l, int at, bool lifting) {
         const Quads<N> section = load<N>(l.slope + at) * s;
         lift = share * section + normal * (C * per_speed);
         drag = cd0 + (share * (load<N>(l.drag_of_lift + at) * (section * section)) + normal * s);
-        moment = share * (load<N>(l.moment + at) + load<N>(l.flap_moment + at)) * (load<N>(l.chord + at) * V);
+        const Quads<N> turning = (l.w[0] * load<N>(l.y[0] + at) + l.w[1] * load<N>(l.y[1] + at)) + l.w[2] * load<N>(l.y[2] + at);
+        const Quads<N> chord = load<N>(l.chord + at), damped = 0.0625 * (load<N>(l.slope + at) * chord * turning);
+        moment = share * ((load<N>(l.moment + at) + load<N>(l.flap_moment + at)) * V + damped) * chord;
         c_chord = u * per_speed;
     } else {
         const Quads<N> V2 = (u * u + through * through) + splat<N>(kCalm2);

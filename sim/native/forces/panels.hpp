@@ -13,7 +13,8 @@
 //   f       share of attached flow: f = (1 + c)^2 (2 - c) / 4 / (1 + ((s - m) / h)^8)
 //           1/2 at the stall's two angles m +- h, which are such that the section has the greatest and least lift given;
 //           0 in flow from behind
-//   attached      C_l = a s,  C_d = C_d0 + k C_l^2,  C_m = f (C_m0 + sum C_md d) about the quarter chord
+//   attached      C_l = a s,  C_d = C_d0 + k C_l^2,  C_m = f (C_m0 + sum C_md d - a q c / 16 V) about the quarter
+//                 chord, q = -w . y the rate nose up: thin aerofoil theory of a section that turns (-pi / 8 q c / V)
 //   separated     C_n = C_90 s / (0.56 + 0.44 |s|) along the normal (Lindenburg, ECN-C--03-025, 2003, eq. 9);
 //                 of a body: C_90 s |s|, cross flow (Hoerner, Fluid-Dynamic Drag, 3.11)
 //   blend         C_l = f a s + (1 - f) C_n c,  C_d = C_d0 + f k (a s)^2 + (1 - f) C_n s

@@ -1,7 +1,7 @@
 """Aircraft by its geometry: wings, tails and bodies in panels. Equations: sim/native/forces/panels.hpp.
 
 Points are in B (FLU, origin at the centre of mass). A half of a wing is cut into n panels at the shares sin(pi k / 2 n)
-of its length, closer at the tip, where the lift falls. A surface acts on a panel by the share of its width that it takes.
+of its length, closer at the tip, where the lift falls. A surface acts on a panel by the share of its width it takes.
 """
 
 from __future__ import annotations

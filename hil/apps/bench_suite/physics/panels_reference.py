@@ -92,8 +92,9 @@ def panels(part: Panels, flight: Flight, angles: ca.SX) -> tuple[ca.SX, ca.SX]:
                 fade = ca.fmax(1 - (z / (4 * span)) ** 2, 0) ** 4
                 left = 1 - fade / (1 + (16 * z / span) ** 2)
             row = wings.index(i)
+            turning = ca.dot(flight.w, ca.DM(frame.y))
             local, load = _section(
-                part, place, frame, (u, side, v), (left * through[row], left * leaning[row]), bends[i]
+                part, place, frame, (u, side, v), (left * through[row], left * leaning[row]), bends[i], turning
             )
         else:
             local, load = _plate(place, frame, (u, side, v))
@@ -113,13 +114,22 @@ def influence(part: Panels) -> tuple[Float64, Float64]:
     normal, beside = np.zeros((n, n)), np.zeros((n, n))
     for i in range(n):
         for j in range(n):
-            core = 0.0 if places[i].wing == places[j].wing else 0.5 * frames[j].width
             left, right = np.array(places[j].left_m), np.array(places[j].right_m)
-            bound = _vortex(left, right, frames[i].seen, core)
-            trails = [_trailing(end, frames[i].seen, core) for end in (left, right)]
+
+            def core(
+                p: Float64,
+                middle: Float64 = (left + right) / 2,
+                width: float = frames[j].width,
+                other: bool = places[i].wing != places[j].wing,
+            ) -> float:
+                behind = max(0.0, float(middle[0] - p[0])) if other else 0.0
+                return width / 2 * behind / math.hypot(behind, 2 * width)
+
+            bound = _vortex(left, right, frames[i].seen, core(frames[i].seen))
+            trails = [_trailing(end, frames[i].seen, core(frames[i].seen)) for end in (left, right)]
             normal[i, j] = -(bound + trails[1] - trails[0]) @ frames[i].z
-            trails = [_trailing(end, frames[i].quarter, core) for end in (left, right)]
-            bound = np.zeros(3) if i == j else _vortex(left, right, frames[i].quarter, core)
+            trails = [_trailing(end, frames[i].quarter, core(frames[i].quarter)) for end in (left, right)]
+            bound = np.zeros(3) if i == j else _vortex(left, right, frames[i].quarter, core(frames[i].quarter))
             beside[i, j] = -(bound + trails[1] - trails[0]) @ frames[i].z
     slopes = np.array([part.wings[place.wing].airfoil.lift_slope_per_rad for place in places])
     chords = np.array([frame.chord for frame in frames])
@@ -203,6 +213,7 @@ def _section(
     flow: tuple[ca.SX, ca.SX, ca.SX],
     induced: tuple[ca.SX, ca.SX],
     bend: tuple[Any, Any],
+    turning: ca.SX,
 ) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
     """Return the force in the panel's axes, its moment nose up, and the speed."""
     wing, (u, side, v) = part.wings[place.wing], flow
@@ -217,7 +228,8 @@ def _section(
     area = frame.width * frame.chord
     scale = _DENSITY / 2 * V * area
     force = scale * ca.vertcat(C_l * lean - C_d * u, -foil.cd0 * side, C_l * u + C_d * lean)
-    return force, (_DENSITY / 2 * V**2 * area * frame.chord * f * bend[1], V)
+    damped = foil.lift_slope_per_rad / 16 * frame.chord * turning / V
+    return force, (_DENSITY / 2 * V**2 * area * frame.chord * f * (bend[1] + damped), V)
 
 
 def _plate(place: PanelPlace, frame: _Frame, flow: tuple[ca.SX, ca.SX, ca.SX]) -> tuple[ca.SX, tuple[ca.SX, ca.SX]]:
