@@ -34,9 +34,7 @@ def inviscid(panels: Panels) -> Panels:
     wings = []
     for wing in panels.wings:
         flat = {"lift_slope_per_rad": 2.0 * math.pi, "cd0": 1e-9, "cd_cl2": 0.0, "zero_lift_deg": 0.0, "cm0": 0.0}
-        wings.append(
-            wing.model_copy(update={"airfoil": wing.airfoil.model_copy(update=flat), "panels": max(4, wing.panels)})
-        )
+        wings.append(wing.model_copy(update={"airfoil": wing.airfoil.model_copy(update=flat)}))
     surfaces = tuple(s.model_copy(update={"effectiveness": 1.0}) for s in panels.surfaces)
     return panels.model_copy(update={"wings": tuple(wings), "bodies": (), "surfaces": surfaces})
 
