@@ -150,6 +150,11 @@ class Panels(ForceParameters):
     def is_wing(self) -> bool:
         return True
 
+    @property
+    def mean_chord_m(self) -> float | None:
+        """Of the first wing."""
+        return self.wings[0].area_m2 / self.wings[0].span_m
+
     def layout(self) -> list[PanelPlace]:
         """Return the panels: those of the wings in their order, left half first, then the plates of the bodies."""
         places: list[PanelPlace] = []
