@@ -21,6 +21,7 @@ LANGUAGES = {"sh", "yaml", "python", "cpp", "json", "text"}  # text: output, dra
 ELSEWHERE = {
     "ci.md: name": "a workflow of GitHub",
     "identify.md: time": "tests/unit/hil/apps/identify reads its map of columns",
+    "planes.md": "tests/unit/hil/config/test_config_wings.py flies and breaks its vehicles",
     "CONTRIBUTING.md": "tests/e2e/test_contributing.py runs its examples",
 }
 

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
-from sim.physics.vehicle import VEHICLE_DIR
+from sim.physics.fixed_wing import Airframe
+from sim.physics.surface_faults import SurfaceFault, check_surface_faults
+from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
+from tests.worlds.docs_blocks import ROOT, blocks
+
+EXAMPLES = [yaml.safe_load(block.text) for block in blocks(ROOT / "docs/planes.md", "yaml")]
 
 
 def write_plane(old: str, new: str) -> int:
@@ -67,3 +74,14 @@ def test_an_autopilot_that_flies_no_planes_refuses_one() -> None:
 def test_a_fault_of_a_surface_that_is_not_there() -> None:
     told = refused("faults:\n  surfaces:\n    - {kind: lost, surface: rudder, at_s: 1}\n")
     assert any("names 'rudder', but the vehicle has no control surfaces" in text for text in told)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: " ".join(example))
+def test_the_examples_of_the_docs(example: dict[str, Any]) -> None:
+    fields = load_vehicle(example["vehicle"]).model_dump() | example.get("vehicle_settings", {})
+    vehicle = Vehicle.model_validate(fields)
+    airframe = Airframe(vehicle)
+    assert 0.0 < airframe.trim(airframe.cruise_mps).throttle < 1.0
+    faults = [SurfaceFault.model_validate(entry) for entry in example.get("faults", {}).get("surfaces", [])]
+    check_surface_faults(faults, vehicle)
+    assert set(example) <= {"vehicle", "vehicle_settings", "faults"}
