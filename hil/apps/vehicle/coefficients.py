@@ -1,8 +1,8 @@
 """Coefficients and derivatives of a vehicle's panels, in the axes and units of flight mechanics.
 
 C_L, C_D in the axes of the flow, C_Y, C_l, C_m, C_n about the centre of mass in x ahead, y right, z down, over q S (and
-span or mean chord of the first wing). Derivatives per rad, of rates over 2 V / span, for pitch over 2 V / mean chord; those
-of a surface per rad of its deflection.
+span or mean chord of the first wing). Derivatives per rad, of rates over 2 V / span, for pitch over 2 V / mean chord;
+those of a surface per rad of its deflection.
 """
 
 from __future__ import annotations

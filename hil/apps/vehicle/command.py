@@ -12,21 +12,13 @@ from rich.table import Table
 
 from hil.apps.vehicle.coefficients import QUANTITIES, Coefficients, FlightPoint, PanelAircraft
 from hil.apps.vehicle.lattice import INSTALL, LatticeAircraft, inviscid
+from hil.apps.vehicle.polars import Polars
 from signals.errors import ConfigError, HilError, Problem
 from sim.physics.forces.panels import Panels
 from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
 
 ALPHAS_DEG = (*range(-180, -30, 10), *range(-30, 31, 1), *range(40, 181, 10))
 LATTICE_DEG = tuple(range(-8, 15, 2))  # attached: the lattice knows no stall
-
-
-@dataclass(frozen=True)
-class Polars:
-    """Coefficients over alpha in degrees, of each source that has them."""
-
-    own: dict[float, Coefficients]
-    lattice: dict[float, Coefficients]
-    points: dict[float, Coefficients]
 
 
 @dataclass(frozen=True)

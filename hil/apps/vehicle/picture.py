@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hil.apps.vehicle.polars import Polars
 from hil.run.report import figures
-
-if TYPE_CHECKING:
-    from hil.apps.vehicle.command import Polars
 
 # Okabe and Ito's palette, distinguishable with any colour vision.
 _OWN, _LATTICE, _POINTS = "#0072b2", "#e69f00", "#d55e00"
