@@ -71,7 +71,7 @@ def read_points(path: Path) -> dict[float, Coefficients]:
             found[float(row["alpha_deg"])] = values
         except (KeyError, TypeError, ValueError) as error:
             raise ConfigError(
-                [Problem(str(path), None, f"{row}: each row needs a number in alpha_deg and in its other columns")]
+                [Problem(str(path), f"{row}: each row needs a number in alpha_deg and in its other columns")]
             ) from error
     return found
 
