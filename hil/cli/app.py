@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from hil.cli.console import error_console
 from hil.cli.live import airsim, check, companion, dash, devices, keys, replay, run
-from hil.cli.offline import bench, calibrate, campaign, dataset, identify, radar, video, view
+from hil.cli.offline import bench, calibrate, campaign, dataset, identify, radar, vehicle, video, view
 from hil.cli.offline.detect import data, evaluate, train
 from hil.cli.status import CONFIG_STATUS
 
@@ -55,6 +55,7 @@ for _command in (train.train, evaluate.evaluate, data.data):
 app.add_typer(calibrate.calibrate_app, name="calibrate")
 app.add_typer(_detect, name="detect")
 app.add_typer(campaign.campaign_app, name="campaign")
+app.add_typer(vehicle.vehicle_app, name="vehicle")
 
 _EMPTY = re.compile(r"\s*|--[a-z-]+=\s*")
 

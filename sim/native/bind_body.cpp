@@ -50,6 +50,7 @@ class RigidBody {
             body_.commands += force->commands();
             body_.integrals += force->integrals();
             electric_ = electric_ || force->electric();
+            body_.has_slipstreams = body_.has_slipstreams || force->feels_slipstreams();
         }
         if (body_.integrals > hil::sim::kMostIntegrals) throw std::invalid_argument("too many integrated values");
         if (truth.shape(0) != static_cast<std::size_t>(body_.states) + 6) {

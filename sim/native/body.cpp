@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "forces/slipstream.hpp"
 #include "rotation.hpp"
 
 namespace hil::sim {
@@ -101,12 +102,15 @@ void instant_at(const Body &body, const double *s, const double *wind_W, Instant
 
 void wrench_at(const Body &body, const double *s, const double *wind_W, Instant &now, Wrench &out) {
     instant_at(body, s, wind_W, now);
+    Slipstreams slipstreams;
+    if (body.has_slipstreams) now.slipstreams = &slipstreams;
     // Minus zero is the one number to which anything is added without a change.
     for (int j = 0; j < 3; ++j) {
         out.force_B[j] = -0.0;
         out.torque_B[j] = 0.0;
     }
     for (const Force *force : body.forces) force->add(now, out);
+    now.slipstreams = nullptr;
 }
 
 void derivative(const Body &body, const double *s, const double *wind_W, double *ds) {

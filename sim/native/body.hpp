@@ -32,6 +32,7 @@ struct Body {
     int commands;
     int integrals;                 // values of the forces that are integrated with the body
     AirDensity air;
+    bool has_slipstreams = false;  // a force feels those of the rotors
 };
 
 // What forces see of the body at `s` (p, q, v, w).

@@ -4,6 +4,7 @@
 
 #include "detmath.hpp"
 #include "rotation.hpp"
+#include "slipstream.hpp"
 
 namespace hil::sim {
 
@@ -152,6 +153,9 @@ void BladeRotors::assemble(const Instant &now, Wrench &out) const {
     for (int j = 0; j < 3; ++j) {
         out.force_B[j] += force[j];
         out.torque_B[j] += torque[j];
+    }
+    if (now.slipstreams) {
+        for (int i = 0; i < p_.count; ++i) publish(i, l.induced[lane_[i]], now);
     }
     if (imbalanced_) add_imbalance(out);
     add_gyroscopic(now.s + kW, out);

@@ -33,6 +33,7 @@ inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
 inline constexpr int kMostIntegrals = 17;  // of all forces of a body: speeds and angles of 8 rotors, and their charge
 
 struct Jet;
+struct Slipstreams;
 
 // Body at one instant.
 struct Instant {
@@ -40,6 +41,7 @@ struct Instant {
     double R[9];      // R(q_WB), row-major
     double air_B[3];  // velocity through the air [m/s]
     double density_ratio;  // of the air, over 1.225 kg/m3
+    Slipstreams *slipstreams = nullptr;  // of the forces before this one; null where no force asks for them
 };
 
 struct Wrench {
@@ -141,6 +143,9 @@ class Force {
     }
     // Charge that it took since `begin_tick` [C].
     virtual double charge_c() const { return 0.0; }
+
+    // True if the force needs the slipstreams of the rotors of its body: slipstream.hpp.
+    virtual bool feels_slipstreams() const { return false; }
 
     // Wake that other vehicles feel. `s`: p, q, v, w. Returns false without one.
     virtual bool jet(const double * /*s*/, const double * /*own*/, const double * /*wind_W*/, Jet &) const {

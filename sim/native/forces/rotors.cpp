@@ -9,6 +9,7 @@
 #include "force_binding.hpp"
 #include "rotor_bindings.hpp"
 #include "rotation.hpp"
+#include "slipstream.hpp"
 
 namespace hil::sim {
 
@@ -16,6 +17,7 @@ namespace {
 
 constexpr double kLeastAcross = 1e-9;  // part of an axis across x, below which it is along x
 constexpr double kLagsPerStep = 2.0;   // motor time constants
+constexpr double kCalm2 = 0.09;        // (m/s)^2, keeps the slipstream smooth at rest
 constexpr double kWhirlPerStep = 1.0;  // rad of an unbalanced rotor
 constexpr double kPolePerStep = 0.4;   // distances to the nearest pole of a rotor's thrust
 
@@ -196,11 +198,37 @@ void Rotors::end_step(int level, double h_s) {
 }
 
 void Rotors::assemble(const Instant &now, Wrench &out) const {
+    if (now.slipstreams) publish_all(now);
     if (upright_) {
         add_upright(now, out);
     } else {
         add_tilted(now, out);
     }
+}
+
+void Rotors::publish_all(const Instant &now) const {
+    const double *a = now.air_B;
+    const double half = 0.5 * std::sqrt(((a[0] * a[0] + a[1] * a[1]) + a[2] * a[2]) + kCalm2);
+    for (int i = 0; i < p_.count; ++i) {
+        const double hover2 = p_.air.kappa_m2 * (speed_[i] * speed_[i]);
+        publish(i, hover2 / (half + std::sqrt(half * half + hover2)), now);
+    }
+}
+
+void Rotors::publish(int i, double induced_mps, const Instant &now) const {
+    Slipstream &out = now.slipstreams->of[now.slipstreams->count++];
+    const double *n = p_.axis[i];
+    double hub[3];
+    point_velocity(now.air_B, now.s + kW, p_.position_m[i], hub);
+    for (int j = 0; j < 3; ++j) {
+        out.place_m[j] = p_.position_m[i][j];
+        out.axis[j] = n[j];
+    }
+    out.radius_m = p_.air.radius_m;
+    out.induced_mps = induced_mps;
+    out.axial_mps = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
+    const double across2 = ((hub[0] * hub[0] + hub[1] * hub[1]) + hub[2] * hub[2]) - out.axial_mps * out.axial_mps;
+    out.across2 = across2 > 0.0 ? across2 : 0.0;
 }
 
 void Rotors::add_upright(const Instant &now, Wrench &out) const {

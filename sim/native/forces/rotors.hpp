@@ -106,6 +106,11 @@ class Rotors : public Force {
     void push(int i, double t_s, double lag);
     void add_upright(const Instant &now, Wrench &out) const;
     void add_tilted(const Instant &now, Wrench &out) const;
+    // Publishes the slipstream of rotor `i` with the velocity `induced_mps` at its disc.
+    void publish(int i, double induced_mps, const Instant &now) const;
+    // Publishes those of all rotors by momentum theory along the axis, with the speed U in every direction:
+    //   v = sqrt(U^2 / 4 + v_h^2) - U / 2,  v_h^2 = kappa O^2
+    void publish_all(const Instant &now) const;
     // Adds the force of unbalanced rotors.
     void add_imbalance(Wrench &out) const;
     // Adds the torque of the rotors' own spin: -w x h - dh/dt.

@@ -102,6 +102,7 @@ void TunnelRotors::assemble(const Instant &now, Wrench &out) const {
             out.torque_B[j] += moment[j] - reaction * p_.axis[i][j];
         }
     }
+    if (now.slipstreams) publish_all(now);
     if (imbalanced_) add_imbalance(out);
     add_gyroscopic(now.s + kW, out);
 }

@@ -27,7 +27,9 @@ from hil.apps.bench_suite.physics.multirotor_reference import (
     matrix_of_quaternion,
     quaternion_like,
 )
+from hil.apps.bench_suite.physics.panels_reference import Flight, Stream, panels
 from sim.physics.forces.aero_table import AeroTable, Lateral
+from sim.physics.forces.panels import Panels
 from sim.physics.forces.surface import Surface
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Site
@@ -139,19 +141,23 @@ def _equations(vehicle: Vehicle, g: float, site: Site | None) -> tuple[dict[str,
     force -= ca.DM(vehicle.body_drag_quadratic_n_per_m2ps2) * ca.sqrt(ca.sumsqr(air) + 1e-24) * air * density
     torque = ca.SX.zeros(3)
     blades = [BladeRotor(vehicle, i, 1.0, ground=False) for i in range(n)]
-    gaps = []
+    gaps, streams = [], []
     for i, rotor in enumerate(vehicle.rotors):
         place, axis = ca.DM(rotor.position_m), ca.DM(rotor.axis)
         seen = Hub(air + ca.cross(w, place), (p + R @ place)[2], (R @ axis)[2])
         pull, moment = blades[i].force_and_moment(seen, speed[i], induced[i], 0.0)
         gaps.append(blades[i].gap(seen, speed[i], induced[i], 0.0))
+        streams.append(Stream(np.array(rotor.position_m), np.array(rotor.axis), c.radius_m, seen.velocity, induced[i]))
         force += density * blades[i].relative * pull
         torque += density * blades[i].relative * (ca.cross(place, pull) + moment)
     first = 0
     for part in vehicle.forces:
-        assert isinstance(part, AeroTable)
+        assert isinstance(part, AeroTable | Panels)
         count = len(part.surfaces)
-        f, about = aero_table(part, air, w, angle[first : first + count])
+        if isinstance(part, Panels):
+            f, about = panels(part, Flight(air, w, p[2], R.T @ ca.DM([0, 0, 1]), streams), angle[first : first + count])
+        else:
+            f, about = aero_table(part, air, w, angle[first : first + count])
         force, torque, first = force + density * f, torque + density * about, first + count
     tau = ca.DM([surface.time_constant_s for surface in vehicle.surfaces])
     turning = held * rate + (1 - held) * (aim - angle) / tau

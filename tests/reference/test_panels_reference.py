@@ -1,0 +1,72 @@
+"""Free flight of the trainer by panels against the CasADi model solved by CVODES, and the pieces of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hil.apps.bench_suite.physics.panels_reference import Flight, influence, panels
+from hil.apps.bench_suite.physics.plane_cases import (
+    CALM,
+    GUSTY,
+    INVERTED,
+    LEVEL,
+    SIDEWAYS,
+    SPIN,
+    TAIL_SLIDE,
+    PlaneFlight,
+    errors_of,
+    prompt_engine,
+    random_commands,
+)
+from sim.physics.forces.force import Effects
+from sim.physics.forces.panels import Panels
+from sim.physics.vehicle import load_vehicle
+from sim.scene.wind import Wind
+
+
+def _trainer() -> Panels:
+    (part,) = load_vehicle("trainer").forces
+    assert isinstance(part, Panels)
+    return part
+
+
+@pytest.mark.parametrize(
+    ("start", "seed", "wind"),
+    [
+        pytest.param(LEVEL, 1, GUSTY, id="random, gusty"),
+        pytest.param(SPIN, 2, GUSTY, id="spin, gusty", marks=pytest.mark.slow),
+        pytest.param(INVERTED, 3, CALM, id="inverted", marks=pytest.mark.slow),
+        pytest.param(TAIL_SLIDE, 4, CALM, id="tail slide"),
+        pytest.param(SIDEWAYS, 5, GUSTY, id="sideways", marks=pytest.mark.slow),
+    ],
+)
+def test_ten_seconds_of_any_commands(start: Mapping[int, float], seed: int, wind: Wind) -> None:
+    vehicle = prompt_engine(load_vehicle("trainer"))
+    flight = PlaneFlight(vehicle, random_commands(vehicle, 10.0, seed), start, wind)
+    flown, winds = flight.fly()
+    errors = errors_of(vehicle, flown, flight.exact(flown[0], winds))
+    assert errors.position_m < 1e-6
+    assert errors.attitude_rad < 1e-6
+
+
+def test_mutual_velocities_of_the_panels() -> None:
+    part = _trainer()
+    seen, _ = influence(part)
+    assert np.abs(seen - np.array(part.make(Effects()).influence)).max() < 1e-14
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_loads_in_any_flow(seed: int) -> None:
+    """All directions and speeds from rest to 30 m/s, all deflections, body rates to 6 rad/s."""
+    part, random = _trainer(), np.random.default_rng(seed)
+    air = random.normal(size=3) * random.choice([0.1, 1.0, 8.0, 15.0])
+    w, angles = random.uniform(-6.0, 6.0, 3), random.uniform(-0.52, 0.52, 4)
+    force, torque = part.make(Effects()).wrench(tuple(air), tuple(w), list(angles), density_ratio=0.9)
+    flight = Flight(ca.SX(ca.DM(air)), ca.SX(ca.DM(w)), ca.SX(500.0), ca.SX(ca.DM([0, 0, 1])), ())
+    exact = ca.Function("loads", [], [*panels(part, flight, ca.SX(ca.DM(angles)))])()
+    for got, key in ((force, "o0"), (torque, "o1")):
+        assert got == pytest.approx(0.9 * np.array(exact[key]).ravel(), rel=1e-11, abs=1e-12)
