@@ -17,7 +17,7 @@ from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.estimate.vibration import VibrationMetrics
 from signals.units import STANDARD_GRAVITY_MPS2
 
-IMU_BITS, MAG_BITS, BARO_BITS = 0x3F, 0x1C0, 0x1A00
+IMU_BITS, MAG_BITS, BARO_BITS, DIFF_PRESSURE_BIT = 0x3F, 0x1C0, 0x1A00, 0x400
 
 ACCEL, GYRO, MAG, BARO, GPS = range(5)
 LABELS = ("ACCEL", "GYRO", "MAG", "BARO", "GPS")
@@ -126,6 +126,8 @@ class SensorIntake:
         self.not_finite = 0
         self.gps: GpsFix | None = None
         self.baro_hpa = 1013.25
+        self.differential_hpa: float | None = None  # of the pitot tube; None: no sample came
+        self.differential_us: int | None = None  # its time
         self.vibration: VibrationMetrics | None = None  # measured from the first request for VIBRATION on
         self._next_mag_us = 0
         self._next_baro_us = 0
@@ -160,7 +162,7 @@ class SensorIntake:
 
     def take(self, t_us: int, values: tuple[Any, ...], payload: bytes) -> bool:
         """Take a HIL_SENSOR (`values`: all fields, `payload`: its bytes). Return True if the estimator made a step."""
-        (_, ax, ay, az, gx, gy, gz, mx, my, mz, pressure, _, _, _, fields, _) = values
+        (_, ax, ay, az, gx, gy, gz, mx, my, mz, pressure, difference, _, _, fields, _) = values
         stepped = False
         if fields & IMU_BITS == IMU_BITS:
             if payload[8:20] == self._last[ACCEL]:
@@ -203,6 +205,11 @@ class SensorIntake:
                         self._estimator.update_baro(t_us, pressure_altitude_m(pressure))
                     else:
                         self.not_finite += 1
+        if fields & DIFF_PRESSURE_BIT:
+            if -1000.0 < difference < 1000.0:  # also false for NaN
+                self.differential_hpa, self.differential_us = difference, t_us
+            else:
+                self.not_finite += 1
         return stepped
 
     def take_gps(self, payload: bytes, now_us: int) -> None:
