@@ -1,0 +1,81 @@
+"""A plane of a bench as its autopilot is told of it: plain values, computed from the forces of the vehicle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
+from sim.physics.fixed_wing import Airframe, NoTrimError, Trim
+from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Site
+
+_CRUISE_OF_STALL = 1.5  # where the vehicle says nothing: a margin to turn and to meet gusts
+_TURN_BANK_RAD = math.radians(35.0)
+
+
+def fixed_wing_facts(vehicle: Vehicle, site: Site | None = None) -> FixedWing:
+    """Return the facts about a vehicle that `fixed_wing.unfit` finds fit. Raises NoTrimError if it cannot fly level."""
+    airframe = Airframe(vehicle, site)
+    slowest, fastest = airframe.speed_range_mps
+    cruise = min(max(_CRUISE_OF_STALL * airframe.stall_speed_mps, 1.1 * slowest), 0.95 * fastest)
+    trim = airframe.trim(cruise)
+    glide = airframe.best_glide
+    effect, damping = airframe.effectiveness_nm(trim), airframe.damping_nms(trim)
+    surfaces = [
+        Surface(
+            vehicle.commands[index].name,
+            (float(effect[0, k]), float(effect[1, k]), float(effect[2, k])),
+            trim.controls[index],
+        )
+        for k, index in enumerate(airframe.surfaces)
+    ]
+    most = airframe.thrust_range_n(cruise)[1]
+    needed = _thrust_n(airframe, trim)
+    x, y, z = vehicle.inertia_kgm2
+    return FixedWing(
+        name=vehicle.name,
+        mass_kg=vehicle.mass_kg,
+        inertia_kgm2=(x, y, z),
+        rotors=[
+            Rotor(vehicle.rotors[i].position_m, vehicle.rotors[i].axis, vehicle.rotors[i].spin.sign, 1.0)
+            for i in airframe.engines
+        ],
+        surfaces=surfaces,
+        stall_mps=airframe.stall_speed_mps,
+        cruise_mps=cruise,
+        fastest_mps=fastest,
+        glide_mps=glide.airspeed_mps,
+        glide_sink_mps=-glide.airspeed_mps * math.sin(glide.climb_rad),
+        climb_mps=cruise * min(max((most - needed) / (vehicle.mass_kg * airframe.gravity_mps2), 0.0), 0.9),
+        pitch_rad=trim.pitch_rad,
+        throttle=trim.throttle,
+        damping_nms=(float(damping[0, 0]), float(damping[1, 1]), float(damping[2, 2])),
+        pull_up=_pull_up(airframe, trim, effect[1]),
+        wheels=any(getattr(force, "kind", "") == "wheels" for force in vehicle.forces),
+    )
+
+
+def _thrust_n(airframe: Airframe, trim: Trim) -> float:
+    """Return the force of the engines along x in a trim, by the change with their command."""
+    controls = np.array(trim.controls)
+    idle = controls.copy()
+    idle[airframe.engines] = 0.0
+    still = (0.0, 0.0, 0.0)
+    change = airframe.wrench(trim.v_B_mps, still, controls) - airframe.wrench(trim.v_B_mps, still, idle)
+    return float(change[0]) + airframe.thrust_range_n(trim.airspeed_mps)[0]
+
+
+def _pull_up(airframe: Airframe, trim: Trim, pitch_effect: np.ndarray) -> float:  # type: ignore[type-arg]
+    """Return the pitch command per pitch rate that a steady turn needs beyond straight flight [s/rad]."""
+    try:
+        turn = airframe.trim(trim.airspeed_mps, bank_rad=_TURN_BANK_RAD)
+    except NoTrimError:
+        return 0.5
+    full = float(np.sum(np.abs(pitch_effect)))
+    change = np.array([turn.controls[i] - trim.controls[i] for i in airframe.surfaces])
+    rate = float(turn.w_B_radps[1])
+    if full <= 0.0 or abs(rate) < 1e-6:
+        return 0.5
+    return float(pitch_effect @ change) / full / rate
