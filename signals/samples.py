@@ -41,6 +41,7 @@ class TruthState(NamedTuple):
     alpha_WB_B: Annotated[Vec3, "rad/s2", "B"]  # angular acceleration in B, averaged over the step just taken
     rotor_speed_radps: Annotated[tuple[float, ...], "rad/s", "rotor"]  # one per rotor, >= 0
     in_contact: Annotated[bool, "bool"]  # the vehicle touched something during the step just taken
+    surface_rad: Annotated[tuple[float, ...], "rad", "surface"] = ()  # deflection of each control surface
 
 
 class ImuSample(NamedTuple):
@@ -198,9 +199,8 @@ class ActuatorFrame(NamedTuple):
 
     tick: Count
     t_ns: Ns
-    controls: Annotated[
-        tuple[float, ...], "1", "rotor"
-    ]  # normalised 0..1 for motors, 16 of them, in the autopilot's order
+    # 16 of them: those of the rotors, 0..1, then those of the vehicle's forces in order, -1..1 for a control surface.
+    controls: Annotated[tuple[float, ...], "1", "rotor"]
     armed: Annotated[bool, "bool"]
     mode: Annotated[int, "bits"]  # MAVLink MAV_MODE bits as received
 

@@ -96,6 +96,7 @@ class Installation:
     noise_seed: int
     sensor_parameters: Mapping[str, float]  # without which the firmware would not use the bench's sensors
     link_faults: bool  # faults of the link are declared
+    signed_controls: frozenset[int] = frozenset()  # controls of the vehicle that are -1..1: its surfaces
 
     @property
     def timeouts(self) -> LinkTimeouts:

@@ -72,10 +72,14 @@ def decode_servos(datagram: bytes) -> ServoPacket:
 
 @dataclass(frozen=True)
 class PwmRange:
-    """Pulse widths of motor off and motor full: the parameters MOT_PWM_MIN and MOT_PWM_MAX."""
+    """Pulse widths of motor off and motor full: the parameters MOT_PWM_MIN and MOT_PWM_MAX.
+
+    `signed` channels are control surfaces: 1000 us is -1, 1500 us 0, 2000 us 1.
+    """
 
     low_us: int = 1000
     high_us: int = 2000
+    signed: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         if not 0 < self.low_us < self.high_us <= 65535:
@@ -84,10 +88,20 @@ class PwmRange:
             )
 
     def controls(self, pwm_us: Sequence[int]) -> tuple[float, ...]:
-        """Return the first 16 channels as controls 0..1. No pulse (0) and widths up to `low_us` give 0."""
+        """Return the first 16 channels as controls 0..1. No pulse (0) and widths up to `low_us` give 0.
+
+        A signed one is -1..1, and 0 without a pulse.
+        """
         low, high = self.low_us, self.high_us
         span = high - low
-        return tuple([0.0 if pwm <= low else 1.0 if pwm >= high else (pwm - low) / span for pwm in pwm_us[:CONTROLS]])
+        controls = [0.0 if pwm <= low else 1.0 if pwm >= high else (pwm - low) / span for pwm in pwm_us[:CONTROLS]]
+        for i in self.signed:
+            controls[i] = _signed(pwm_us[i])
+        return tuple(controls)
+
+
+def _signed(pwm_us: int) -> float:
+    return 0.0 if pwm_us == 0 else min(1.0, max(-1.0, (pwm_us - 1500) / 500))
 
 
 class VehicleState(NamedTuple):

@@ -41,6 +41,7 @@ def installation_of(bench: Bench, state: State) -> Installation:
         noise_seed=config.noise_seed,
         sensor_parameters=intake_parameters(config),
         link_faults=bool(config.faults.links),
+        signed_controls=bench.vehicle.signed_commands,
     )
 
 

@@ -17,24 +17,26 @@
 #include "free_flight.hpp"
 #include "ideal_controller.hpp"
 #include "forces/force_binding.hpp"
+#include "forces/surfaced_force.hpp"
 #include "rotation.hpp"
 
 using hil::sim::Force;
 using hil::sim::kMaxRotors;
 using hil::sim::kPoseVelocity;
+using hil::sim::SurfacedForce;
 
 namespace {
 
 class RigidBody {
   public:
-    RigidBody(Out<double, -1> truth, double mass_kg, Vec3 inertia_kgm2, nb::list forces, double gravity_mps2,
+    RigidBody(Out<double, -1> truth, double mass_kg, Vec3 inertia_kgm2, Vec3 inertia_products_kgm2, nb::list forces, double gravity_mps2,
               Vec3 wind_W_mps, double tick_s, int substeps, int contact_substeps, int hard_contact_substeps,
               bool classical)
         : truth_(truth), kept_(forces), times_{tick_s, substeps, classical, {contact_substeps, hard_contact_substeps}} {
         if (!(tick_s > 0.0) || substeps < 1 || contact_substeps < 1 || hard_contact_substeps < 1) {
             throw std::invalid_argument("tick and sub-step counts must be above zero");
         }
-        body_.inertia = {mass_kg, {inertia_kgm2[0], inertia_kgm2[1], inertia_kgm2[2]}};
+        body_.inertia = hil::sim::inertia_of(mass_kg, inertia_kgm2.data(), inertia_products_kgm2.data());
         body_.gravity_mps2 = gravity_mps2;
         body_.states = kPoseVelocity;
         body_.commands = 0;
@@ -119,6 +121,20 @@ class RigidBody {
     int command(nb::handle controls) {
         read_commands(controls);
         return latch(commanded_.data());
+    }
+
+    nb::tuple steady_wrench(nb::handle controls) {
+        if (command(controls) >= 0) throw std::invalid_argument("a command is not finite");
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            double *own = state() + body_.first_state[k];
+            body_.forces[k]->settle(own);
+            body_.forces[k]->at_instant(own);
+        }
+        hil::sim::Instant now;
+        hil::sim::Wrench wrench;
+        hil::sim::wrench_at(body_, state(), wind_.start_W, now, wrench);
+        const double *f = wrench.force_B, *m = wrench.torque_B;
+        return nb::make_tuple(f[0], f[1], f[2], m[0], m[1], m[2]);
     }
 
     void read_commands(nb::handle controls) {
@@ -586,7 +602,28 @@ void bind_body(nb::module_ &m) {
     using hil::sim::SolidTree;
     nb::class_<Force>(m, "Force", "What acts on a body; see forces/force.hpp.")
         .def_prop_ro("states", &Force::states, "Number of own states, which follow those of the body in `truth`.")
-        .def_prop_ro("commands", &Force::commands, "Number of commands that it takes in every tick.");
+        .def_prop_ro("commands", &Force::commands, "Number of commands that it takes in every tick.")
+        .def(
+            "is_signed",
+            [](const Force &self, int command) {
+                if (command < 0 || command >= self.commands()) throw nb::index_error("command index is out of range");
+                return self.is_signed(command);
+            },
+            "command"_a, "Return True for a command of -1..1, False for one of 0..1.");
+    nb::enum_<hil::sim::SurfaceState>(m, "SurfaceState", "State of a control surface; see forces/servos.hpp.")
+        .value("HEALTHY", hil::sim::SurfaceState::kHealthy)
+        .value("STUCK", hil::sim::SurfaceState::kStuck)
+        .value("FLOATING", hil::sim::SurfaceState::kFloating)
+        .value("LOST", hil::sim::SurfaceState::kLost);
+    nb::class_<SurfacedForce, Force>(m, "SurfacedForce",
+                                     "Force with control surfaces. Own states: their deflections [rad].")
+        .def(
+            "set_surface",
+            [](SurfacedForce &self, int surface, hil::sim::SurfaceState state, double stuck_rad) {
+                if (surface < 0 || surface >= self.commands()) throw nb::index_error("surface index is out of range");
+                self.set_surface(surface, state, stuck_rad);
+            },
+            "surface"_a, "state"_a, "stuck_rad"_a = 0.0, "Set the state of a surface from the next tick on.");
     for (const ForceBinding *force = ForceBinding::first; force; force = force->next) force->bind(m);
 
     nb::class_<SolidTree>(m, "SolidTree",
@@ -618,8 +655,8 @@ void bind_body(nb::module_ &m) {
                           "Rigid body with forces on a caller-owned float64 array `truth`: p_WB[3], q_WB[4] (w-x-y-z), "
                           "v_WB_W[3], w_WB_B[3], own states of the forces[n], then mean acceleration in W[3] and mean "
                           "angular acceleration in B[3] over the last tick. SI, ENU/FLU. See body.hpp.")
-        .def(nb::init<Out<double, -1>, double, Vec3, nb::list, double, Vec3, double, int, int, int, bool>(),
-             nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "forces"_a, "gravity_mps2"_a,
+        .def(nb::init<Out<double, -1>, double, Vec3, Vec3, nb::list, double, Vec3, double, int, int, int, bool>(),
+             nb::kw_only(), "truth"_a.noconvert(), "mass_kg"_a, "inertia_kgm2"_a, "inertia_products_kgm2"_a = Vec3{0.0, 0.0, 0.0}, "forces"_a, "gravity_mps2"_a,
              "wind_W_mps"_a, "tick_s"_a, "substeps"_a, "contact_substeps"_a, "hard_contact_substeps"_a = 1,
              "classical"_a = false,
              "forces: in the order of their own states and commands; each belongs to this body alone.")
@@ -640,7 +677,10 @@ void bind_body(nb::module_ &m) {
         .def("density_ratio", &RigidBody::density_ratio, "Return the density of the air at the body over 1.225 kg/m3.")
         .def("set_wind", &RigidBody::set_wind, "start_W_mps"_a, "end_W_mps"_a, "Set the wind of the coming tick, linear from start to end.")
         .def("command", &RigidBody::command, "controls"_a,
-             "Latch the commands of the coming tick (0..1, saturated). Return -1, or the index of the first value not finite.")
+             "Latch the commands of the coming tick (0..1, signed ones -1..1, saturated). Return -1, or the index of the first value not finite.")
+        .def("steady_wrench", &RigidBody::steady_wrench, "controls"_a,
+             "Return force [N] and torque [N m] in B, without gravity, that the forces make at the state now once their own "
+             "states have come to rest under these commands. Writes those own states to `truth`.")
         .def("fly", &RigidBody::fly, "Advance one tick of free flight; return the distance travelled [m].")
         .def("keeps_clear", &RigidBody::keeps_clear, "travelled_m"_a,
              "Take the way of a tick from what remains to the scene and to actors. False, and nothing is taken, where it "

@@ -16,14 +16,27 @@ void quaternion_rate(const double *q, const double *w, double *dq) {
 }
 
 // dw/dt by Euler's equations.
-void rate_of_spin(const double *I, const double *w, const double *torque, double *dw) {
+void rate_of_spin(const Inertia &inertia, const double *w, const double *torque, double *dw) {
+    const double *I = inertia.moments_kgm2;
+    if (inertia.skewed) {
+        const double *T = inertia.tensor_kgm2, *inverse = inertia.inverse;
+        double L[3], rest[3];
+        for (int j = 0; j < 3; ++j) L[j] = (T[3 * j] * w[0] + T[3 * j + 1] * w[1]) + T[3 * j + 2] * w[2];
+        rest[0] = torque[0] - (w[1] * L[2] - w[2] * L[1]);
+        rest[1] = torque[1] - (w[2] * L[0] - w[0] * L[2]);
+        rest[2] = torque[2] - (w[0] * L[1] - w[1] * L[0]);
+        for (int j = 0; j < 3; ++j) {
+            dw[j] = (inverse[3 * j] * rest[0] + inverse[3 * j + 1] * rest[1]) + inverse[3 * j + 2] * rest[2];
+        }
+        return;
+    }
     dw[0] = (torque[0] - (I[2] - I[1]) * w[1] * w[2]) / I[0];
     dw[1] = (torque[1] - (I[0] - I[2]) * w[2] * w[0]) / I[1];
     dw[2] = (torque[2] - (I[1] - I[0]) * w[0] * w[1]) / I[2];
 }
 
 // Advances (q, w) without torque by h, in one RK4 step.
-void turn_freely(const double *I, double h, double *q, double *w) {
+void turn_freely(const Inertia &I, double h, double *q, double *w) {
     static constexpr double kFree[3] = {0.0, 0.0, 0.0};
     double y[7], k[4][7], mid[7];
     for (int j = 0; j < 4; ++j) y[j] = q[j];
@@ -45,6 +58,30 @@ void turn_freely(const double *I, double h, double *q, double *w) {
 void normalise_quaternion(double *q) {
     const double s = 1.0 / std::sqrt((q[0] * q[0] + q[1] * q[1]) + (q[2] * q[2] + q[3] * q[3]));
     for (int i = 0; i < 4; ++i) q[i] *= s;
+}
+
+Inertia inertia_of(double mass_kg, const double *m, const double *p) {
+    Inertia out{mass_kg, {m[0], m[1], m[2]}};
+    out.skewed = p[0] != 0.0 || p[1] != 0.0 || p[2] != 0.0;
+    if (!out.skewed) return out;
+    const double T[9] = {m[0], -p[0], -p[1], -p[0], m[1], -p[2], -p[1], -p[2], m[2]};
+    double *inverse = out.inverse;
+    for (int i = 0; i < 3; ++i) {
+        const int a = (i + 1) % 3, b = (i + 2) % 3;
+        for (int j = 0; j < 3; ++j) {
+            const int c = (j + 1) % 3, d = (j + 2) % 3;
+            inverse[3 * j + i] = T[3 * a + c] * T[3 * b + d] - T[3 * a + d] * T[3 * b + c];
+        }
+    }
+    const double determinant = (T[0] * inverse[0] + T[1] * inverse[3]) + T[2] * inverse[6];
+    double trace = 0.0;
+    for (int k = 0; k < 9; ++k) {
+        out.tensor_kgm2[k] = T[k];
+        inverse[k] /= determinant;
+    }
+    for (int j = 0; j < 3; ++j) trace += inverse[4 * j];
+    out.least_principal_kgm2 = 1.0 / trace;  // a lower bound: the trace of the inverse is the sum of 1 / I_j
+    return out;
 }
 
 void instant_at(const Body &body, const double *s, const double *wind_W, Instant &now) {
@@ -76,7 +113,7 @@ void derivative(const Body &body, const double *s, const double *wind_W, double 
     }
     ds[kV + 2] -= body.gravity_mps2;
     quaternion_rate(s + kQ, s + kW, ds + kQ);
-    rate_of_spin(body.inertia.moments_kgm2, s + kW, wrench.torque_B, ds + kW);
+    rate_of_spin(body.inertia, s + kW, wrench.torque_B, ds + kW);
 }
 
 Wrench contact_wrench(const Body &body, bool hard, const double *wind_W, const double *state) {
@@ -89,7 +126,8 @@ Wrench contact_wrench(const Body &body, bool hard, const double *wind_W, const d
 
 void contact_update(const Body &body, bool hard, double substep_s, const double *accel, double *state) {
     static constexpr double kFree[3] = {0.0, 0.0, 0.0};
-    const double h = substep_s, *I = body.inertia.moments_kgm2;
+    const double h = substep_s;
+    const Inertia &I = body.inertia;
     double gyroscopic[3];
     rate_of_spin(I, state + kW, kFree, gyroscopic);
     for (int j = 0; j < 3; ++j) {

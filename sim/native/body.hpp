@@ -1,7 +1,8 @@
 // Rigid body with a list of forces: the equations of motion and the pieces of a contact step. Free flight:
 // free_flight.hpp. Forces: forces/force.hpp, one file each.
 //
-// Frames: W world ENU, B body FLU with its origin at the centre of mass and its axes the principal axes.
+// Frames: W world ENU, B body FLU with its origin at the centre of mass. Its axes are the principal axes unless the inertia
+// is `skewed`, I then the full tensor.
 // Units SI. Quaternions w-x-y-z, rotating B into W.
 //
 // State, float64, contiguous, 13 + n values:   p_WB[3]  q_WB[4]  v_WB_W[3]  w_WB_B[3]  own states of the forces[n]
@@ -38,6 +39,10 @@ void instant_at(const Body &body, const double *s, const double *wind_W, Instant
 
 // Sum of the forces at `s` (p, q, v, w), with the own states that they hold. `now` is written too.
 void wrench_at(const Body &body, const double *s, const double *wind_W, Instant &now, Wrench &out);
+
+// Inertia of moments [Ixx, Iyy, Izz] and products [Ixy, Ixz, Iyz], Ixy = int x y dm: off-diagonal elements of the tensor are
+// their negatives.
+Inertia inertia_of(double mass_kg, const double *moments_kgm2, const double *products_kgm2);
 
 // d/dt of (p, q, v, w).
 void derivative(const Body &body, const double *s, const double *wind_W, double *ds);

@@ -96,7 +96,11 @@ def mjcf_text(scene: Scene, *vehicles: Vehicle, contact_step_s: float) -> str:
 def _add_vehicle(worldbody: ET.Element, vehicle: Vehicle, name: str, *, others: int = 0) -> ET.Element:
     body = ET.SubElement(worldbody, "body", name=name)
     ET.SubElement(body, "freejoint", name=name)
-    ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(vehicle.mass_kg), diaginertia=_numbers(vehicle.inertia_kgm2))
+    inertia = {"diaginertia": _numbers(vehicle.inertia_kgm2)}
+    if any(vehicle.inertia_products_kgm2):
+        products = [-product for product in vehicle.inertia_products_kgm2]
+        inertia = {"fullinertia": _numbers((*vehicle.inertia_kgm2, *products))}
+    ET.SubElement(body, "inertial", {"pos": "0 0 0", "mass": repr(vehicle.mass_kg)} | inertia)
     for sphere in vehicle.contact_spheres:
         ET.SubElement(
             body,
@@ -236,4 +240,10 @@ def soften_contact(model: mujoco.MjModel, contact_step_s: float) -> None:
 def set_inertia(model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle) -> None:
     """Set mass and inertia of the only vehicle of a compiled model. `data` loses its state."""
     model.body_mass[1], model.body_inertia[1] = vehicle.mass_kg, vehicle.inertia_kgm2
+    model.body_iquat[1] = (1.0, 0.0, 0.0, 0.0)
+    if any(vehicle.inertia_products_kgm2):
+        moments, axes = np.linalg.eigh(vehicle.inertia_tensor_kgm2)
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+        model.body_inertia[1] = moments
+        mujoco.mju_mat2Quat(model.body_iquat[1], axes.ravel())
     mujoco.mj_setConst(model, data)

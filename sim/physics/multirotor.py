@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.forces.force import Effects
-from sim.physics.vehicle import Vehicle
+from sim.physics.forces.rotors import LEAST_UP
+from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 from sim.scene.scene import Site
 
@@ -22,10 +23,18 @@ def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
     count = len(vehicle.rotors)
     if count < LEAST_ROTORS:
         return "rotors", f"holds {count} rotors, and a multirotor's controller needs at least {LEAST_ROTORS}"
+    for i, rotor in enumerate(vehicle.rotors):
+        if rotor.axis[2] < LEAST_UP:
+            return f"rotors.{i}.axis", "does not point up, and a multirotor's controller flies on lifting rotors only"
     hover = hover_control(vehicle)
     if hover > _MOST_HOVER_CONTROL:
         return "mass_kg", f"makes it hover at {hover:.2f} of full command: raise the thrust or lower the mass"
     return None
+
+
+def multirotor_names() -> list[str]:
+    """Return the names of the shipped vehicles that hover on their rotors, sorted."""
+    return [name for name in vehicle_names() if unfit(load_vehicle(name)) is None]
 
 
 def thrust_shares(vehicle: Vehicle) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """A vehicle as its file in rigs/vehicles describes it: a rigid body, what acts on it, and what can touch the scene.
 
-All vectors are in B (FLU, origin at the centre of mass, axes principal), SI units.
+All vectors are in B (FLU, origin at the centre of mass), SI units.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.battery import Battery
 from sim.physics.forces.blade_element import lumps_of
-from sim.physics.forces.force import Effects, ForceParameters, Point, any_kind
-from sim.physics.forces.rotors import Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.force import Command, Effects, ForceParameters, Point, any_kind
+from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.surface import Surface, check_names
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
@@ -32,6 +33,8 @@ NonNegative3 = tuple[
     Annotated[float, Field(ge=0.0, le=100.0)],
 ]
 Inertia = Annotated[float, Field(gt=1e-7, le=100.0)]
+_Product = Annotated[float, Field(ge=-100.0, le=100.0)]
+CONTROLS = 16  # of an ActuatorFrame
 
 
 class ContactSphere(StrictModel):
@@ -55,6 +58,8 @@ class Vehicle(StrictModel):
     description: str
     mass_kg: Annotated[float, Field(gt=1e-3, le=1000.0)]
     inertia_kgm2: tuple[Inertia, Inertia, Inertia]
+    # [Ixy, Ixz, Iyz], Ixy = int x y dm in B: a table's J_xz in x ahead, y right, z down has the other sign here.
+    inertia_products_kgm2: tuple[_Product, _Product, _Product] = (0.0, 0.0, 0.0)
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
     rotor_model: Literal["blade_element", "quadratic"] = "quadratic"
@@ -81,10 +86,35 @@ class Vehicle(StrictModel):
         return inertia
 
     @pydantic.model_validator(mode="after")
+    def _body_is_possible(self) -> Vehicle:
+        if any(self.inertia_products_kgm2):
+            principal = np.linalg.eigvalsh(self.inertia_tensor_kgm2)
+            if not (principal[0] > 0.0 and principal[0] + principal[1] >= principal[2]):
+                raise ValueError(
+                    f"inertia_products_kgm2 {list(self.inertia_products_kgm2)} with inertia_kgm2 "
+                    f"{list(self.inertia_kgm2)}: the principal moments would be {np.round(principal, 6).tolist()}, and "
+                    "none can be greater than the sum of the other two"
+                )
+        return self
+
+    @pydantic.model_validator(mode="after")
+    def _commands_fit(self) -> Vehicle:
+        check_names(self.surfaces)
+        if len(self.commands) > CONTROLS:
+            raise ValueError(f"rotors and forces take {len(self.commands)} commands, and an autopilot has {CONTROLS}")
+        return self
+
+    @pydantic.model_validator(mode="after")
     def _physical(self) -> Vehicle:
         names = [sphere.name for sphere in self.contact_spheres]
         if len(set(names)) != len(names):
             raise ValueError(f"contact spheres must have different names, not {names}")
+        for i, rotor in enumerate(self.rotors):
+            if rotor.axis[2] < LEAST_UP and not self.has_wings:
+                raise ValueError(
+                    f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt by "
+                    "up to 84 degrees from [0, 0, 1]"
+                )
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
         if self.rotor_model == "blade_element":
@@ -104,6 +134,33 @@ class Vehicle(StrictModel):
         blades = c.blade_element if self.rotor_model == "blade_element" else None
         rotors = [rotors_force(self.rotors, c, effects, blades=blades)] if self.rotors else []
         return [drag, *rotors, *(force.make(effects) for force in self.forces)]
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """Commands of the vehicle in the order of an autopilot's controls: rotors, then those of `forces`."""
+        rotors = [Command(f"rotor_{i}", signed=False) for i in range(len(self.rotors))]
+        return (*rotors, *(command for force in self.forces for command in force.commands))
+
+    @property
+    def signed_commands(self) -> frozenset[int]:
+        """Indices of the commands that are -1..1."""
+        return frozenset(i for i, command in enumerate(self.commands) if command.signed)
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Control surfaces of all forces, in the order of their commands."""
+        return tuple(surface for force in self.forces for surface in force.moved_surfaces)
+
+    @property
+    def inertia_tensor_kgm2(self) -> NDArray[np.float64]:
+        """Tensor of inertia in B."""
+        (x, y, z), (xy, xz, yz) = self.inertia_kgm2, self.inertia_products_kgm2
+        return np.array([[x, -xy, -xz], [-xy, y, -yz], [-xz, -yz, z]])
+
+    @property
+    def has_wings(self) -> bool:
+        """True if any force carries the vehicle by its speed through the air."""
+        return any(force.is_wing for force in self.forces)
 
     @property
     def contact_spheres(self) -> tuple[ContactSphere, ...]:
@@ -158,6 +215,7 @@ def rigid_body(
         truth=truth,
         mass_kg=vehicle.mass_kg,
         inertia_kgm2=vehicle.inertia_kgm2,
+        inertia_products_kgm2=vehicle.inertia_products_kgm2,
         forces=forces,
         gravity_mps2=gravity_mps2,
         wind_W_mps=wind_W_mps,

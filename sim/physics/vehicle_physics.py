@@ -38,7 +38,7 @@ from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
-from sim._kernels import IdealController, Push, Rotors
+from sim._kernels import IdealController, Push, Rotors, SurfacedForce
 from sim.physics.actors import Actors
 from sim.physics.battery import GAS_CONSTANT_J_PER_MOL_K, BatteryState
 from sim.physics.contact_model import build_model, set_inertia, soften_contact
@@ -192,7 +192,11 @@ class VehiclePhysics:
         self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
         self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
         self._commands = sum(force.commands for force in forces)
-        own = sum(force.states for force in forces)
+        self._surfaced, own = [], 0
+        for force in forces:
+            if isinstance(force, SurfacedForce):
+                self._surfaced.append((force, 13 + own))
+            own += force.states
         self._truth: NDArray[np.float64] = np.zeros(13 + own + 6) if truth is None else truth
         self.body = rigid_body(
             self.vehicle,
@@ -210,7 +214,8 @@ class VehiclePhysics:
 
     @property
     def _air(self) -> tuple[float, float] | None:
-        if not self._effects.air_density or self.vehicle.rotor_model == "quadratic":
+        vehicle = self.vehicle
+        if not self._effects.air_density or (vehicle.rotor_model == "quadratic" and not vehicle.has_wings):
             return None
         return self.scene.site.altitude_m, self.scene.site.warmer_k
 
@@ -230,8 +235,8 @@ class VehiclePhysics:
     def advance(self, tick: int, controls: Sequence[float]) -> TruthState:
         """Advance to tick `tick`, 0 first and one higher with each call, and return its state.
 
-        `controls`: commands 0..1 (saturated) held since the previous tick, in the vehicle's rotor order; values beyond
-        the number of rotors are ignored. Tick 0 is the initial state and ignores them.
+        `controls`: commands 0..1, or -1..1 of control surfaces (saturated), held since the previous tick, in the order
+        of `Vehicle.commands`; values beyond them are ignored. Tick 0 is the initial state and ignores them.
         Raises ModelRangeError when the vehicle leaves the model's range or a command is not finite.
         """
         return self.finish(self.fly(tick, controls))
@@ -250,7 +255,7 @@ class VehiclePhysics:
             self._update_wind(tick)
         bad_index = body.command(controls)
         if bad_index >= 0:
-            raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite, 0..1")
+            raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite")
         travelled_m = body.fly()
         if body.keeps_clear(travelled_m):
             self.skips.skipped += 1
@@ -290,7 +295,7 @@ class VehiclePhysics:
                 raise self._range_error(self._tick, violation)
             if bad >= 0:
                 value = math.nan if isinstance(controls, IdealController) else float(controls[bad])
-                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", value, "finite, 0..1")
+                raise ModelRangeError(self._tick + 1, f"controls[{bad}]", value, "finite")
             if travelled_m >= 0.0 or travelled_m != travelled_m:  # a tick that may touch, or left the range
                 self._tick += 1
                 self._complete(self._check_contact(travelled_m))
@@ -713,6 +718,7 @@ class VehiclePhysics:
             tuple(s[self._alpha_slice]),
             tuple(s[self._rotor_slice]),
             in_contact,
+            tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]]),
         )
 
     def _range_error(self, tick: int, violation: int) -> ModelRangeError:

@@ -9,11 +9,12 @@ import pytest
 
 from hil.apps.bench_suite.physics.flight_cases import ThisProject, landing
 from hil.apps.bench_suite.physics.landing_checks import drop
-from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import load_vehicle
 from sim.scene.scene import Box
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", multirotor_names())
 @pytest.mark.parametrize("tick_ns", [1_000_000, 2_000_000, 4_000_000])
 def test_landing_rests_within_a_second_and_five_millimetres(name: str, tick_ns: int) -> None:
     for height_m, v_W in ((0.1, (0.0, 0.0, 0.0)), (0.3, (0.5, -0.3, -0.5))):

@@ -17,7 +17,8 @@ from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
-from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 from sim.scene.wind import GustEvent, Turbulence, Wind
@@ -100,7 +101,7 @@ class Flown:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=[] if n in ("x500", "y6") else pytest.mark.slow) for n in vehicle_names()],
+    [pytest.param(n, marks=[] if n in ("x500", "y6") else pytest.mark.slow) for n in multirotor_names()],
 )
 @by_model
 def test_five_hard_seconds_stay_a_thousandth_of_the_limit(name: str, model: str) -> None:

@@ -60,7 +60,9 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
         around.wrap(mavlink),  # declared link faults apply to MAVLink only
         geodetic=installation.geodetic,
         errors=InsErrors(seed=installation.noise_seed),
-        pwm=PwmRange(round(params.get("MOT_PWM_MIN", 1000)), round(params.get("MOT_PWM_MAX", 2000))),
+        pwm=PwmRange(
+            round(params.get("MOT_PWM_MIN", 1000)), round(params.get("MOT_PWM_MAX", 2000)), installation.signed_controls
+        ),
         baud=None if start is not None else settings.baud,
         start_process=start,
         **around.free_running(installation),

@@ -36,6 +36,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
         "on_restart": own.on_restart,
         "gravity_mps2": installation.gravity_mps2,
         "sends_wind": installation.windy,
+        "signed": installation.signed_controls,
         "on_event": around.on_event,
         "timeouts": limits if own.on_restart == "error" else replace(limits, reply_s=math.inf),
     }

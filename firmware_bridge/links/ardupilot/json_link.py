@@ -108,7 +108,7 @@ class ArduPilotJsonLink(AutopilotLink):
 
     SITL gets positions relative to the vehicle's place at the first `observe`. SITL adds noise of its own to the IMU's
     samples (SIM_ACC*, SIM_GYR*). With `sends_wind` the state line has a wind vane. `on_event` gets restarts, and a step
-    that does not fit the tick.
+    that does not fit the tick. Channels in `signed` are control surfaces.
     """
 
     _stats: ArduPilotStats
@@ -122,6 +122,7 @@ class ArduPilotJsonLink(AutopilotLink):
         start_process: Callable[[], ChildProcess] | None = None,
         gravity_mps2: float = STANDARD_GRAVITY_MPS2,
         sends_wind: bool = False,
+        signed: frozenset[int] = frozenset(),
         on_restart: Literal["error", "reset"] = "error",
         on_event: Callable[[str, str], None] | None = None,
         timeouts: LinkTimeouts = _TIMEOUTS,
@@ -129,7 +130,7 @@ class ArduPilotJsonLink(AutopilotLink):
         self._inbox = inbox
         self._mavlink = mavlink
         self._encoder = FrameEncoder(SIMULATOR_SYSID, SIMULATOR_COMPID)
-        self._pwm = PwmRange()
+        self._pwm = PwmRange(signed=signed)
         self._home: Home | None = None
         self._gravity_mps2 = gravity_mps2
         self._sends_wind = sends_wind
@@ -232,7 +233,8 @@ class ArduPilotJsonLink(AutopilotLink):
         self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
         self._drain()
         self._watch_rate(packet)
-        return motor_command(tick, t_ns, self._pwm.controls(packet.pwm_us), self._vehicle.base_mode)
+        controls = self._pwm.controls(packet.pwm_us)
+        return motor_command(tick, t_ns, controls, self._vehicle.base_mode, self._pwm.signed)
 
     # ---- sending
 

@@ -136,14 +136,17 @@ class ServoOutputs:
         if new is None:
             return None
         t_ns, controls = new
-        return motor_command(tick, t_ns, controls, self._mode)
+        return motor_command(tick, t_ns, controls, self._mode, self._pwm.signed)
 
 
-def motor_command(tick: int, t_ns: int, controls: tuple[float, ...], base_mode: int) -> ActuatorFrame:
+def motor_command(
+    tick: int, t_ns: int, controls: tuple[float, ...], base_mode: int, signed: frozenset[int] = frozenset()
+) -> ActuatorFrame:
     """Return `controls` as the command of an ArduPilot whose last heartbeat had `base_mode`.
 
-    A heartbeat comes once a second; turning motors show at once that it is armed.
+    A heartbeat comes once a second; turning motors show at once that it is armed. `signed` controls are no motors.
     """
     assert len(controls) == CONTROLS
-    armed = base_mode & _ARMED_BIT != 0 or any(controls[:8])
+    turning = any(control for i, control in enumerate(controls[:8]) if i not in signed) if signed else any(controls[:8])
+    armed = base_mode & _ARMED_BIT != 0 or turning
     return ActuatorFrame(tick, t_ns, controls, armed, base_mode | _ARMED_BIT if armed else base_mode)

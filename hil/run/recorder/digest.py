@@ -4,7 +4,7 @@ Every item is hashed as tag (one byte), length (uint32, little-endian) and bytes
 
     "T"  truth, `TruthState` packed little-endian without padding: tick uint64, time int64 [ns], then doubles p_WB,
          q_WB (w-x-y-z), v_WB_W, w_WB_B, a_WB_W, alpha_WB_B, number of rotors as uint32, rotor speeds as doubles,
-         contact as uint8
+         contact as uint8, and the deflections of control surfaces as doubles, if there are any
     "S"  the bytes sent to the autopilot in one tick
     "R"  one frame received from the autopilot
     "F"  one picture or point cloud released: port, sequence, times [ns] as int64, pose as seven doubles (position,
@@ -49,20 +49,21 @@ class Digest:
     def __init__(self) -> None:
         self._hash = hashlib.blake2b(digest_size=_HASH_BYTES)
         self._pending: list[bytes] = []
-        self._layout = self._layout_for(0)
-        self._rotors = 0
+        self._layout = self._layout_for(0, 0)
+        self._counts = (0, 0)
 
     @staticmethod
-    def _layout_for(rotors: int) -> struct.Struct:
+    def _layout_for(rotors: int, surfaces: int) -> struct.Struct:
         body = f"Qq19dI{rotors}dB"
-        return struct.Struct("<cI" + body)
+        return struct.Struct("<cI" + body + (f"{surfaces}d" if surfaces else ""))
 
     def truth(self, truth: TruthState) -> None:
         """Hash the true state, which begins a tick."""
         rotors = truth.rotor_speed_radps
         n = len(rotors)
-        if n != self._rotors:
-            self._rotors, self._layout = n, self._layout_for(n)
+        counts = (n, len(truth.surface_rad))
+        if counts != self._counts:
+            self._counts, self._layout = counts, self._layout_for(*counts)
         layout = self._layout
         self._pending.append(
             layout.pack(
@@ -79,6 +80,7 @@ class Digest:
                 n,
                 *rotors,
                 truth.in_contact,
+                *truth.surface_rad,
             )
         )
         if len(self._pending) > 64:

@@ -50,8 +50,13 @@ struct Wrench {
 struct Inertia {
     double mass_kg;
     double moments_kgm2[3];
+    bool skewed = false;    // the axes of B are not the principal axes; else the tensors below are not read
+    double tensor_kgm2[9] = {};
+    double inverse[9] = {};
+    double least_principal_kgm2 = 0.0;
 
     double least_kgm2() const {
+        if (skewed) return least_principal_kgm2;
         const double *I = moments_kgm2;
         const double xy = I[0] < I[1] ? I[0] : I[1];
         return I[2] < xy ? I[2] : xy;
@@ -83,9 +88,15 @@ class Force {
     // Once, before the first tick.
     virtual void prepare(const StepTimes &, const Inertia &) {}
 
-    // Latches commands 0..1 [commands()], saturated. `voltage` = V / V_nominal of the battery, 1 without one. Returns -1,
+    // A command is 0..1, or -1..1 if it is signed (a control surface).
+    virtual bool is_signed(int /*command*/) const { return false; }
+
+    // Latches commands [commands()], saturated. `voltage` = V / V_nominal of the battery, 1 without one. Returns -1,
     // or the index of the first value that is not finite.
     virtual int command(const double * /*control*/, double /*voltage*/) { return -1; }
+
+    // Own states at which they come to rest under the latched commands.
+    virtual void settle(double * /*own*/) const {}
 
     virtual void begin_tick(const double * /*own*/) {}
     // Values that the integrator advances with the body; `integrated` writes them at the start of a tick.

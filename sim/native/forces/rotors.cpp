@@ -13,6 +13,7 @@ namespace hil::sim {
 
 namespace {
 
+constexpr double kLeastAcross = 1e-9;  // part of an axis across x, below which it is along x
 constexpr double kLagsPerStep = 2.0;   // motor time constants
 constexpr double kWhirlPerStep = 1.0;  // rad of an unbalanced rotor
 constexpr double kPolePerStep = 0.4;   // distances to the nearest pole of a rotor's thrust
@@ -24,7 +25,10 @@ Rotors::Rotors(const RotorsParams &params) : p_(params) {
         const double *n = p_.axis[i];
         double *e1 = plane_[i][0], *e2 = plane_[i][1];
         const double across = std::sqrt(n[1] * n[1] + n[2] * n[2]);
-        for (int j = 0; j < 3; ++j) e1[j] = ((j == 0 ? 1.0 : 0.0) - n[0] * n[j]) / across;
+        const bool along_x = !(across > kLeastAcross);
+        for (int j = 0; j < 3; ++j) {
+            e1[j] = along_x ? (j == 2 ? 1.0 : 0.0) : ((j == 0 ? 1.0 : 0.0) - n[0] * n[j]) / across;
+        }
         e2[0] = n[1] * e1[2] - n[2] * e1[1];
         e2[1] = n[2] * e1[0] - n[0] * e1[2];
         e2[2] = n[0] * e1[1] - n[1] * e1[0];
@@ -88,6 +92,10 @@ int Rotors::command(const double *control, double voltage) {
         command_[i] = relative * p_.max_speed_radps * voltage;
     }
     return -1;
+}
+
+void Rotors::settle(double *own) const {
+    for (int i = 0; i < p_.count; ++i) own[i] = command_[i];
 }
 
 void Rotors::begin_tick(const double *own) {

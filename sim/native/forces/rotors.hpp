@@ -11,7 +11,7 @@
 //   thrust       T_i = (k_i O_i (O_i - c_i O_j) G_i V_i - k_z O_i u_ni) n_i                 (rotor_air.hpp)
 //   rotor drag   H_i = -k_d O_i (u_i - u_ni n_i)
 //   imbalance    U_i = b_i O_i^2 (cos phi_i e1_i + sin phi_i e2_i),  dphi_i/dt = s_i O_i    (a rotor with a lost blade)
-//                e1_i = x_B - (x_B . n_i) n_i, normalised;  e2_i = n_i x e1_i
+//                e1_i = x_B - (x_B . n_i) n_i, normalised (z_B for a rotor along x);  e2_i = n_i x e1_i
 //   force        sum T_i + H_i + U_i
 //   torque       sum r_i x (T_i + H_i + U_i) - sum s_i m_i O_i^2 n_i - w x h - dh/dt,  h = sum s_i J O_i n_i
 // Coaxial pair: the lower rotor i works in the wake of the upper rotor j, whose velocity is proportional to O_j. By blade
@@ -64,6 +64,7 @@ class Rotors : public Force {
     int states() const override { return p_.count; }
     void prepare(const StepTimes &times, const Inertia &inertia) override;
     int command(const double *control, double voltage) override;
+    void settle(double *own) const override;
     void begin_tick(const double *own) override;
     void end_tick(double *own) override;
     double step_rate_per_s(bool classical) const override;

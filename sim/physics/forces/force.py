@@ -11,12 +11,15 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from typing import Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Union
 
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from sim import _kernels
+
+if TYPE_CHECKING:
+    from sim.physics.forces.surface import Surface
 
 Metres = Annotated[float, Field(ge=-10.0, le=10.0)]
 Point = tuple[Metres, Metres, Metres]
@@ -35,8 +38,30 @@ class Effects(StrictModel):
     battery: bool = False  # rotor speed limit follows the voltage; needs a vehicle with a battery
 
 
+class Command(NamedTuple):
+    """One command of a vehicle, a slot of its autopilot's controls."""
+
+    name: str
+    signed: bool  # -1..1, else 0..1
+
+
 class ForceParameters(StrictModel):
     """Parameters of one entry of `forces`. A kind has a field `kind` with its name, a Literal."""
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """Commands that the force takes, in the order of the kernel's."""
+        return ()
+
+    @property
+    def moved_surfaces(self) -> tuple[Surface, ...]:
+        """Control surfaces of the force, whose deflections are its own states, in that order."""
+        return ()
+
+    @property
+    def is_wing(self) -> bool:
+        """True if the force carries the vehicle by its speed through the air, whose density it follows."""
+        return False
 
     def make(self, effects: Effects) -> _kernels.Force:
         """Return a new force; it belongs to one body."""

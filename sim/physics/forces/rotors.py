@@ -33,7 +33,8 @@ class Spin(StrEnum):
         return 1.0 if self is Spin.CCW else -1.0
 
 
-LEAST_UP = 0.1  # vertical part of a rotor's axis: 84 degrees of tilt
+LEAST_UP = 0.1  # vertical part of the axis of a rotor that lifts: 84 degrees of tilt
+_LEAST_AHEAD = -0.1  # of a propeller ahead, with some degrees of down-thrust
 _COAXIAL_OFFSET_M = 0.01  # greatest distance of a lower rotor from the axis of the upper one
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
@@ -53,8 +54,10 @@ class Rotor(StrictModel):
         if length < 1e-6:
             raise ValueError(f"{list(axis)} has no direction: an upright rotor has [0, 0, 1]")
         unit = (axis[0] / length, axis[1] / length, axis[2] / length)
-        if unit[2] < LEAST_UP:
-            raise ValueError(f"{list(axis)} does not point up: a rotor may tilt by up to 84 degrees from [0, 0, 1]")
+        if unit[2] < _LEAST_AHEAD:
+            raise ValueError(
+                f"{list(axis)} does not point up or ahead: a rotor may tilt by up to 96 degrees from [0, 0, 1]"
+            )
         return unit
 
 

@@ -13,7 +13,8 @@ from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
-from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
@@ -103,7 +104,7 @@ def skipping_difference_m() -> float:
 def landing_checks(status: ShowStatus) -> list[Check]:
     """Drop every vehicle from 0.1 and 0.5 m, straight and sideways, with ticks of 1, 2 and 4 ms; return the checks."""
     landings = []
-    for name in vehicle_names():
+    for name in multirotor_names():
         for tick_ns in (1_000_000, 2_000_000, 4_000_000):
             status(f"landing: {name}, tick {tick_ns / 1e6:g} ms")
             for height_m, v_W in ((0.1, (0.0, 0.0, 0.0)), (0.5, (0.0, 0.0, 0.0)), (0.3, (0.5, -0.3, -0.5))):

@@ -22,11 +22,12 @@ from hil.config.multirotor_facts import multirotor_facts
 from hil.run.autopilot import installation_of
 from hil.run.loop.restartable_physics import make_physics
 from sim.physics import multirotor
-from sim.physics.vehicle import Vehicle, load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import Vehicle, load_vehicle
 from tests.reference.ekf_reference import parameters
 from tests.worlds.tilted_rotors import tilted
 
-VEHICLES = [*vehicle_names(), "tilted hexa"]
+VEHICLES = [*multirotor_names(), "tilted hexa"]
 
 
 def vehicle_of(name: str) -> Vehicle:
@@ -82,11 +83,11 @@ def test_gains_are_about_those_that_the_x500_was_tuned_to() -> None:
 
 
 def test_airframes_are_known_by_their_rotors() -> None:
-    known = {name: matching_airframe(multirotor_facts(load_vehicle(name))) for name in vehicle_names()}
-    assert known == dict.fromkeys(vehicle_names()) | {"x500": "x500", "iris": "iris"}
+    known = {name: matching_airframe(multirotor_facts(load_vehicle(name))) for name in multirotor_names()}
+    assert known == dict.fromkeys(multirotor_names()) | {"x500": "x500", "iris": "iris"}
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", multirotor_names())
 def test_the_mock_takes_its_parameters(name: str) -> None:
     vehicle = load_vehicle(name)
     mock = MockPixhawk(params=[f"{key}={value!r}" for key, value in mock_parameters(multirotor_facts(vehicle)).items()])

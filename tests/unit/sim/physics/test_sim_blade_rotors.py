@@ -17,7 +17,8 @@ from sim.physics.forces.blade_element import BladeElement, Blades, lumps_of
 from sim.physics.forces.force import Effects
 from sim.physics.forces.rotors import Rotor, rotors_force
 from sim.physics.integration import TickSteps
-from sim.physics.vehicle import Vehicle, load_vehicle, rigid_body, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import Vehicle, load_vehicle, rigid_body
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.atmosphere import density_kgpm3
 from sim.scene.scene import Site, load_scene
@@ -69,7 +70,7 @@ def single(axis: tuple[float, float, float] = (0.0, 0.0, 1.0), spin: str = "ccw"
     return X500.model_copy(update={"rotors": (rotor,), "rotor_constants": c})
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", multirotor_names())
 def test_hover_is_that_of_the_file(name: str) -> None:
     c = load_vehicle(name).rotor_constants
     assert c.blade_element is not None

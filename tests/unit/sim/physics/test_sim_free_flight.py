@@ -10,7 +10,8 @@ from signals.errors import ModelRangeError
 from signals.samples import TruthState
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
-from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 from tests.worlds.rotation_matrices import rotation
@@ -19,7 +20,7 @@ from tests.worlds.rotor_models import quadratic
 TICK_NS = 4_000_000
 TICK_S = 0.004
 HIGH = (3.0, -2.0, 500.0)
-VEHICLES = vehicle_names()
+VEHICLES = multirotor_names()
 
 
 @pytest.fixture(scope="module")

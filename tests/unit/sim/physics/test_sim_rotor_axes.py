@@ -13,7 +13,8 @@ from signals.errors import ConfigError
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.rotors import Rotor
-from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import VEHICLE_DIR, Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
 from tests.worlds.rotor_models import quadratic
@@ -125,7 +126,7 @@ def test_a_coaxial_pair_hovers_with_its_loss(name: str, airfield: Scene) -> None
     assert balanced == pytest.approx([0.0, 0.0, pairs * (1.0 + t) * one_n, 0.0, 0.0, 0.0], abs=1e-6)
 
 
-@pytest.mark.parametrize("name", vehicle_names())
+@pytest.mark.parametrize("name", multirotor_names())
 def test_effectiveness_is_the_slope_of_the_wrench(name: str, airfield: Scene) -> None:
     """Change of force and torque with k O^2 of each rotor, about hover, by differences of the flown physics."""
     vehicle = quadratic(name)
@@ -153,7 +154,7 @@ def test_an_axis_is_normalised_and_an_upright_one_stays_exact() -> None:
     ("name", "old", "new", "message"),
     [
         ("hexa_x", "0.1076], spin: ccw}", "0.1076], spin: ccw, axis: [0, 0, 0]}", "has no direction"),
-        ("hexa_x", "0.1076], spin: ccw}", "0.1076], spin: ccw, axis: [0, 0, -1]}", "does not point up"),
+        ("hexa_x", "0.1076], spin: ccw}", "0.1076], spin: ccw, axis: [0, 0, -1]}", "does not point up or ahead"),
         ("hexa_x", "0.1076], spin: ccw}", "0.1076], spin: ccw, axis: [1, 0, 0]}", "does not point up"),
         ("x8", "coaxial_below: 1", "coaxial_below: 7", "must name another rotor"),
         ("x8", "coaxial_below: 1", "coaxial_below: 4", "must name another rotor"),

@@ -8,9 +8,10 @@ import pytest
 from hil.run.stepped.allocation import Allocation
 from sim.physics import multirotor
 from sim.physics.forces.rotors import Spin
-from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import load_vehicle
 
-NAMES = vehicle_names()
+NAMES = multirotor_names()
 
 
 def produced(name: str, thrust_n: list[float]) -> np.ndarray:

@@ -16,7 +16,8 @@ from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
-from sim.physics.vehicle import load_vehicle, vehicle_names
+from sim.physics.multirotor import multirotor_names
+from sim.physics.vehicle import load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Box
 from sim.scene.wind import Turbulence, Wind
@@ -32,7 +33,7 @@ from tests.worlds.airsim_flight import (
 )
 from tests.worlds.rotor_models import quadratic
 
-NAMES = vehicle_names()
+NAMES = multirotor_names()
 PLACE = (0.0, 0.0, 50.0)
 HOLD = Setpoint(p_xy_m=(0.0, 0.0), z_m=50.0, yaw_rad=0.0)
 

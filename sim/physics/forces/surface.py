@@ -1,0 +1,51 @@
+"""Control surfaces of a force, and the servos that move them. Equations: sim/native/forces/servos.hpp."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated
+
+import pydantic
+from pydantic import Field
+
+from signals.documents.validate import StrictModel
+
+_Degrees = Annotated[float, Field(ge=-90.0, le=90.0)]
+
+
+class Surface(StrictModel):
+    """One surface with its servo. A positive deflection moves the trailing edge down, of a rudder to the left."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    max_deg: _Degrees  # at command +1
+    min_deg: _Degrees  # at command -1
+    rate_degps: Annotated[float, Field(gt=0.0, le=10_000.0)] | None = None  # null: no limit
+    time_constant_s: Annotated[float, Field(ge=1e-3, le=2.0)]
+
+    @pydantic.model_validator(mode="after")
+    def _moves(self) -> Surface:
+        if self.max_deg * self.min_deg > 0.0 or self.max_deg == self.min_deg:
+            raise ValueError(
+                f"max_deg {self.max_deg:g} and min_deg {self.min_deg:g}: the neutral angle 0 must be between them"
+            )
+        return self
+
+    @property
+    def servo(self) -> tuple[float, float, float, float]:
+        """Deflection at command 1 and -1 [rad], rate [rad/s] or 0, time constant [s], as the kernel takes them."""
+        rate = 0.0 if self.rate_degps is None else math.radians(self.rate_degps)
+        return math.radians(self.max_deg), math.radians(self.min_deg), rate, self.time_constant_s
+
+    def deflection_rad(self, command: float) -> float:
+        """Return the deflection at which the surface rests under a command of -1..1."""
+        most, least, *_ = self.servo
+        return command * most if command >= 0.0 else -command * least
+
+
+def check_names(surfaces: Sequence[Surface]) -> None:
+    """Raise ValueError if two surfaces have the same name."""
+    names = [surface.name for surface in surfaces]
+    twins = sorted({name for name in names if names.count(name) > 1})
+    if twins:
+        raise ValueError(f"surfaces must have different names: {', '.join(twins)} is there twice")
