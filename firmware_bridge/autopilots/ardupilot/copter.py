@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from firmware_bridge.autopilots.installation import Multirotor
+from firmware_bridge.autopilots.installation import FixedWing, Multirotor
 from firmware_bridge.autopilots.profile import Misfit, Program
 from firmware_bridge.links.ardupilot.frames import Frame, frame_names, frame_of
 from signals.errors import LinkError
@@ -32,8 +32,11 @@ def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     return frame.parameters()
 
 
-def frame_misfits(vehicle: Multirotor) -> Sequence[Misfit]:
+def frame_misfits(vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:
     """Report a vehicle with rotors for which ArduCopter has no frame."""
+    if isinstance(vehicle, FixedWing):
+        message = f"is a plane, which ArduCopter does not fly: {vehicle.name!r}"
+        return (Misfit(("vehicle",), message, "choose --rig mock or --rig px4_sitl"),)
     if frame_for(vehicle) is not None:
         return ()
     count = len(vehicle.rotors)

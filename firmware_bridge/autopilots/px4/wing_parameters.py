@@ -44,9 +44,7 @@ def _served(vehicle: FixedWing, axis: int) -> list[float]:
     most = max((abs(t) for t in torques), default=0.0)
     # Yaw by ailerons is adverse yaw, not a control: it must also be what the surface mostly does, or nearly.
     own = [max(abs(t) for t in torques_frd_nm(surface)) for surface in vehicle.surfaces]
-    return [
-        t if abs(t) >= _SERVED * most and abs(t) >= _OWN * o else 0.0 for t, o in zip(torques, own, strict=True)
-    ]
+    return [t if abs(t) >= _SERVED * most and abs(t) >= _OWN * o else 0.0 for t, o in zip(torques, own, strict=True)]
 
 
 _OWN = 0.2  # of the surface's strongest torque

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.config.airframe_facts import is_plane
+from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem
-from sim.physics import multirotor
+from sim.physics import fixed_wing, multirotor
+from sim.physics.fixed_wing import NoTrimError
 from sim.physics.vehicle import Vehicle
 
 _AXES = ("roll", "pitch", "yaw", "thrust")
@@ -19,6 +22,10 @@ _RANK_TOLERANCE = 1e-6  # of the greatest entry of each axis
 def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
     """Report a vehicle whose rotors cannot lift it, or cannot give roll, pitch, yaw and thrust independently."""
     unfit = multirotor.unfit(vehicle)
+    if vehicle.has_wings and unfit is not None:
+        unfit = fixed_wing.unfit(vehicle)
+        if unfit is None:
+            return []
     if unfit is not None:
         return [at(file, (unfit[0],), unfit[1])]
     effect = multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
@@ -39,8 +46,15 @@ def _rank(rows: NDArray[np.float64]) -> int:
 
 def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
     """Report rotors that the autopilot cannot be given."""
-    if multirotor.unfit(vehicle) is not None:
-        return []
     autopilot = config.autopilot
-    misfits = autopilot.profile.vehicle_misfits(autopilot, multirotor_facts(vehicle))
+    if is_plane(vehicle):
+        try:
+            facts = fixed_wing_facts(vehicle)
+        except NoTrimError as error:
+            return [at(settings, ("vehicle",), f"cannot fly level: {error}")]
+        misfits = autopilot.profile.vehicle_misfits(autopilot, facts)
+    elif multirotor.unfit(vehicle) is not None:
+        return []
+    else:
+        misfits = autopilot.profile.vehicle_misfits(autopilot, multirotor_facts(vehicle))
     return [at(settings, misfit.place, misfit.message, misfit.hint) for misfit in misfits]
