@@ -25,7 +25,7 @@ def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
         return "rotors", f"holds {count} rotors, and a multirotor's controller needs at least {LEAST_ROTORS}"
     for i, rotor in enumerate(vehicle.rotors):
         if rotor.axis[2] < LEAST_UP:
-            return f"rotors.{i}.axis", "does not point up, and a multirotor's controller flies on lifting rotors only"
+            return "rotors", f"holds rotor {i} that does not point up, as a multirotor's controller needs all to"
     hover = hover_control(vehicle)
     if hover > _MOST_HOVER_CONTROL:
         return "mass_kg", f"makes it hover at {hover:.2f} of full command: raise the thrust or lower the mass"

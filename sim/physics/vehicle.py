@@ -112,8 +112,8 @@ class Vehicle(StrictModel):
         for i, rotor in enumerate(self.rotors):
             if rotor.axis[2] < LEAST_UP and not self.has_wings:
                 raise ValueError(
-                    f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt by "
-                    "up to 84 degrees from [0, 0, 1]"
+                    f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt "
+                    "by up to 84 degrees from [0, 0, 1]"
                 )
         if self.rotors and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")

@@ -146,6 +146,10 @@ class AeroTable(ForceParameters):
     def is_wing(self) -> bool:
         return True
 
+    @property
+    def mean_chord_m(self) -> float:
+        return self.chord_m
+
     def make(self, effects: Effects) -> _kernels.Force:
         del effects
         d, share = self.drag, []

@@ -63,6 +63,11 @@ class ForceParameters(StrictModel):
         """True if the force carries the vehicle by its speed through the air, whose density it follows."""
         return False
 
+    @property
+    def mean_chord_m(self) -> float | None:
+        """Chord of a wing, over which a static margin is counted."""
+        return None
+
     def make(self, effects: Effects) -> _kernels.Force:
         """Return a new force; it belongs to one body."""
         raise NotImplementedError

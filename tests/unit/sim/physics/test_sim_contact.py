@@ -8,6 +8,7 @@ from signals.samples import TruthState
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.rotors import Spin
+from sim.physics.multirotor import multirotor_names
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import Scene, load_scene
@@ -41,7 +42,7 @@ def test_stands_still(name: str, airfield: Scene) -> None:
     assert start.p_WB[2] == pytest.approx(physics.vehicle.standing_height_m, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+@pytest.mark.parametrize("name", multirotor_names())
 def test_idling_rotors_do_not_walk_it(name: str, airfield: Scene) -> None:
     """Half the hover thrust with a yaw torque: the feet hold it."""
     physics = VehiclePhysics(load_vehicle(name), airfield, TICK_NS)
