@@ -185,6 +185,26 @@ class RadarSample(NamedTuple):
     channels: Annotated[Mapping[str, NDArray[Any]], "RADAR_UNITS", "R"]  # read-only
 
 
+class DifferentialPressureSample(NamedTuple):
+    """Total pressure minus static pressure of a pitot-static tube."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    differential_pressure_pa: Annotated[float, "Pa"]  # below 0: blown on from behind
+    temperature_degc: Annotated[float, "degC"]  # of the sensor
+
+
+class VaneSample(NamedTuple):
+    """Angles of the flow that air-data vanes stand at."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    angle_of_attack_rad: Annotated[float, "rad", "B"]  # above 0: the air comes from below
+    sideslip_rad: Annotated[float, "rad", "B"]  # above 0: the air comes from the right
+
+
 class ScalarSample(NamedTuple):
     """Single number of a sensor without a sample type of its own, such as a tachometer or a fuel gauge."""
 
@@ -214,6 +234,8 @@ Sample = (
     | RangeSample
     | FlowSample
     | OdometrySample
+    | DifferentialPressureSample
+    | VaneSample
     | ScalarSample
     | FrameSample
 )

@@ -44,6 +44,7 @@ CONTROLS = 16  # of an ActuatorFrame
 _unpack_16 = struct.Struct("<HHI16H").unpack
 _unpack_32 = struct.Struct("<HHI32H").unpack
 _BYTES_16, _BYTES_32 = 40, 72
+_SEA_LEVEL_KGPM3 = 1.225
 _LARGEST = 1e30  # far above any physical value; a 32-bit float ends at 3.4e38
 _STRETCH_PER_US = 1.0000001e-6  # seconds per microsecond, stretched: see the module's header
 
@@ -211,6 +212,14 @@ def air_data(truth: TruthState, wind_W_mps: Vec3) -> tuple[float, tuple[float, f
     air_W = (v[0] - w[0], v[1] - w[1], v[2] - w[2])
     forward, left, _ = rotate_into_body(truth.q_WB, air_W)
     return sqrt(sum(c * c for c in air_W)), (atan2(-left, forward), sqrt(forward * forward + left * left))
+
+
+def indicated_airspeed_mps(differential_pressure_pa: float) -> float:
+    """Return the airspeed that a sensor shows, sqrt(2 dp / rho_0) with rho_0 at sea level; 0 for dp below 0.
+
+    SITL takes it for the equivalent airspeed, and makes the sensor's pressure of it with this law.
+    """
+    return sqrt(2.0 * max(differential_pressure_pa, 0.0) / _SEA_LEVEL_KGPM3)
 
 
 def thrust_expo(thrust_model_factor: float, *, spin_min: float, spin_max: float) -> float:

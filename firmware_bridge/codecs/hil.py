@@ -25,6 +25,7 @@ from signals._kernel import det_atan2
 from signals.samples import (
     ActuatorFrame,
     BaroSample,
+    DifferentialPressureSample,
     GpsSample,
     ImuSample,
     MagSample,
@@ -62,6 +63,7 @@ UNITS: dict[str, dict[str, FieldUnit]] = {
         "zmag": _MAG,
         "abs_pressure": FieldUnit("hPa", 1e-2, "-"),
         "temperature": FieldUnit("degC", 1.0, "-"),
+        "diff_pressure": FieldUnit("hPa", 1e-2, "-"),
     },
     "HIL_GPS": {
         "time_usec": _MICROSECONDS,
@@ -83,7 +85,8 @@ UNITS: dict[str, dict[str, FieldUnit]] = {
 FIELDS_ACCEL = 0x7
 FIELDS_GYRO = 0x38
 FIELDS_MAG = 0x1C0
-FIELDS_BARO = 0x1A00  # abs_pressure, pressure_alt, temperature; 0x400 would be differential pressure
+FIELDS_BARO = 0x1A00  # abs_pressure, pressure_alt, temperature
+FIELDS_DIFF_PRESSURE = 0x400
 _FIELDS_IMU = FIELDS_ACCEL | FIELDS_GYRO
 
 UNKNOWN_U16 = 65535  # HIL_GPS eph, epv, vel, cog: "not known"
@@ -106,10 +109,17 @@ _CMPS = UNITS["HIL_GPS"]["vn"].scale
 _CDEG = UNITS["HIL_GPS"]["cog"].scale
 
 
-def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> bytes:
+def hil_sensor_payload(
+    t_ns: int,
+    imu: ImuSample | None,
+    mag: MagSample | None,
+    baro: BaroSample | None,
+    pitot: DifferentialPressureSample | None = None,
+) -> bytes:
     """Return the payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of the given samples.
 
-    Accel and gyro [m/s2, rad/s] and field [T -> gauss] from B (FLU) to F (FRD); pressure Pa -> hPa.
+    Accel and gyro [m/s2, rad/s] and field [T -> gauss] from B (FLU) to F (FRD); pressures Pa -> hPa. The temperature is
+    the barometer's.
     """
     if imu is not None:
         ax, ay, az = imu[3]
@@ -128,10 +138,14 @@ def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, 
         fields |= FIELDS_BARO
     else:
         pressure = altitude = temperature = 0.0
+    difference = 0.0
+    if pitot is not None:
+        difference = pitot[3]
+        fields |= FIELDS_DIFF_PRESSURE
     # x - x is 0 for every finite x and NaN for NaN and infinity: one test for all thirteen.
-    total = ax + ay + az + gx + gy + gz + mx + my + mz + pressure + altitude + temperature
+    total = ax + ay + az + gx + gy + gz + mx + my + mz + pressure + altitude + temperature + difference
     if total - total != 0.0:
-        raise CodecError(_not_finite(imu, mag, baro))
+        raise CodecError(_not_finite(imu, mag, baro, pitot))
     try:
         return _pack_sensor(
             t_ns // 1000,
@@ -145,17 +159,19 @@ def hil_sensor_payload(t_ns: int, imu: ImuSample | None, mag: MagSample | None, 
             -my * _GAUSS,
             -mz * _GAUSS,
             pressure * _HPA,
-            0.0,
+            difference * _HPA,
             altitude,
             temperature,
             fields,
             0,
         )
     except OverflowError as error:
-        raise CodecError(f"HIL_SENSOR: a value does not fit a 32-bit float: {imu} {mag} {baro}") from error
+        raise CodecError(f"HIL_SENSOR: a value does not fit a 32-bit float: {imu} {mag} {baro} {pitot}") from error
 
 
-def _not_finite(imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None) -> str:
+def _not_finite(
+    imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None, pitot: DifferentialPressureSample | None
+) -> str:
     """Name the sensor values that are NaN or infinite."""
     values: list[tuple[str, float]] = []
     if imu is not None:
@@ -165,6 +181,8 @@ def _not_finite(imu: ImuSample | None, mag: MagSample | None, baro: BaroSample |
         values += [(f"mag.field_tesla[{i}]", v) for i, v in enumerate(mag.field_tesla)]
     if baro is not None:
         values += [(f"baro.{name}", getattr(baro, name)) for name in BaroSample._fields[3:]]
+    if pitot is not None:
+        values.append(("pitot.differential_pressure_pa", pitot.differential_pressure_pa))
     bad = [f"{name} = {value!r}" for name, value in values if not isfinite(value)]
     return f"HIL_SENSOR: {', '.join(bad) or 'the values overflow'}: not a finite number, so not sent"
 

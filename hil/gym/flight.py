@@ -40,7 +40,8 @@ class Flight:
         )
         self.physics = self._vehicle.physics
         self.driver = make_driver(bench, self._vehicle, self._world, options)
-        self.ports = Ports(bench, ports) if ports else None
+        physics = self.physics
+        self.ports = Ports(bench, ports, wind_at=lambda: physics.wind_W_mps) if ports else None
         self.departure: Departure | None = None
         self.touched = False  # anything, in any tick of the last action
         self.draw = Draw()  # of the episode

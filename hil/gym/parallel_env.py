@@ -302,7 +302,10 @@ class _Member:
             faults=config.faults.rotors,
         )
         self.driver = make_driver(bench, self.vehicle, env.world, env.options)
-        self.ports = Ports(bench, ports, None if frames is None else frames.seen_by(name))
+        physics = self.vehicle.physics
+        self.ports = Ports(
+            bench, ports, None if frames is None else frames.seen_by(name), wind_at=lambda: physics.wind_W_mps
+        )
         self.space = action_space(env.options, bench.vehicle)
         self.shape: tuple[int, ...] = self.space.shape
         self.before: TruthState = self.vehicle.truth

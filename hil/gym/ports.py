@@ -29,7 +29,7 @@ from hil.run.sensors.simulated_sensors import SimulatedSensors
 from signals.channels import CHANNELS
 from signals.documents.validate import nearest
 from signals.errors import ConfigError, Problem
-from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState
+from signals.samples import SAMPLE_FIELDS, GpsSample, ImageSample, PointCloudSample, RadarSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.frame.source import FrameSource
 from sim.radar.processing.points import POINT_DTYPE
@@ -64,15 +64,25 @@ class _Port:
 class Ports:
     """Observed ports of one vehicle. Raises ConfigError for names that are not ports of the bench."""
 
-    def __init__(self, bench: Bench, names: Sequence[str], frames: FrameSource | None = None) -> None:
-        """`frames`: the geometry that this vehicle sees among others; None: that of the bench's scene, if needed."""
+    def __init__(
+        self,
+        bench: Bench,
+        names: Sequence[str],
+        frames: FrameSource | None = None,
+        *,
+        wind_at: Callable[[], Vec3] | None = None,
+    ) -> None:
+        """`frames`: the geometry that this vehicle sees among others; None: that of the bench's scene, if needed.
+
+        `wind_at` returns the wind at the vehicle [m/s, W]; None: it is the scene's steady wind.
+        """
         config = bench.config
         known = available_ports(config)
         if unknown := [name for name in names if name not in known]:
             raise ConfigError(
                 [Problem("ports", f"{n!r} is not a port of the bench", nearest(n, known)) for n in unknown]
             )
-        self._bench = bench
+        self._bench, self._wind_at = bench, wind_at
         self._of_sensor: dict[str, dict[str, str]] = {}  # sensor -> channel ("" if it has none) -> port
         for name, sensor in config.sensors.items():
             ports = [port.name for port in output_ports(name, sensor) if port.name in names]
@@ -184,7 +194,7 @@ class Ports:
         changed: dict[str, Any] = {"seed": seed} if noise is None else {"seed": seed, "randomize": noise}
         config = self._bench.config.model_copy(update=changed)
         bench = replace(self._bench, config=config)
-        simulated = SimulatedSensors(bench, self._settings, self._frames)
+        simulated = SimulatedSensors(bench, self._settings, self._frames, wind_at=self._wind_at)
         self._seq = dict.fromkeys(self._order, 0)
         self._queue = ReleaseQueue()
         for name in self._order:

@@ -22,6 +22,7 @@ from sim.scene.budget import Budget
 from sim.scene.light import Light, time_of
 from sim.scene.limited_process import limited
 from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
+from sim.scene.runway import Runway
 from sim.scene.scene_file import SceneFile
 from sim.scene.sun_position import sun_position_deg
 from sim.scene.view_point import ViewPoint
@@ -83,6 +84,7 @@ class Scene(StrictModel):
     view: tuple[ViewPoint, ...] = ()  # camera poses of `hil view`; empty: `hil view` chooses them
     wind_W_mps: tuple[WindSpeed, WindSpeed, WindSpeed] = (0.0, 0.0, 0.0)
     boxes: tuple[Box, ...] = ()
+    runway: Runway | None = None  # its surface is part of the map, or bare ground
     map: MapSection | None = None
     light: Light = Light()
     weather: Weather = Weather()

@@ -5,6 +5,7 @@
     drift      adds `rate_per_s` (t - at_s)
     stuck_bit  bit `bit` of the output word (two's complement) is fixed at `level`
     dropout    no sample: `sample` returns None
+    blocked    ports of a pitot-static tube are blocked by dirt, water or ice (sim/sensors/pitot.py)
 
 A fault is active while at_s <= t < until_s. Offset, drift and stuck_bit act on one field of the sample, by default its
 main field, on one axis or on all. Values derived from the field are computed anew (the pressure altitude from the
@@ -22,6 +23,7 @@ from pydantic import Field, TypeAdapter, model_validator
 from signals.documents.validate import StrictModel
 from signals.samples import (
     BaroSample,
+    DifferentialPressureSample,
     FlowSample,
     GpsSample,
     ImageSample,
@@ -34,9 +36,11 @@ from signals.samples import (
     Sample,
     ScalarSample,
     TruthState,
+    VaneSample,
 )
 from signals.time import NS_PER_S
 from sim.scene.atmosphere import pressure_altitude_m
+from sim.sensors.blockage import BlockedPorts
 from sim.sensors.sensor import Sensor
 
 # Fields that faults can act on, the main field first, with the number of axes (1: a scalar).
@@ -49,11 +53,15 @@ FAULT_FIELDS: dict[type, dict[str, int]] = {
     ScalarSample: {"value": 1},
     FlowSample: {"flow_rad": 2, "gyro_rad": 3, "distance_m": 1},
     OdometrySample: {"p_OB": 3, "v_OB_B": 3},
+    DifferentialPressureSample: {"differential_pressure_pa": 1, "temperature_degc": 1},
+    VaneSample: {"angle_of_attack_rad": 1, "sideslip_rad": 1},
     # Frames can only freeze or drop out.
     ImageSample: {},
     PointCloudSample: {},
     RadarSample: {},
 }
+# Kinds of faults inside the sensor, which only sensors of one sample type have.
+INNER_FAULTS: dict[str, type] = {"blocked": DifferentialPressureSample}
 _STAMPS = 3  # seq, t_capture_ns, t_available_ns: faults leave them unchanged
 _AXES = "xyz"
 _WORD_BITS = 32
@@ -94,6 +102,21 @@ class Dropout(_Fault):
     kind: Literal["dropout"]
 
 
+class Blocked(_Fault):
+    """Fault that blocks the ports of a pitot-static tube."""
+
+    kind: Literal["blocked"]
+    port: Literal["total", "static", "both"] = "total"
+    closing_s: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0  # the opening shrinks linearly in this time (ice)
+    leak: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0  # of a drain hole, over the conductance of the open port
+    response_s: Annotated[float, Field(gt=0.0, le=1e4)] = 0.2  # time constant of a line with an open port
+
+    def ports(self, since_s: float) -> BlockedPorts:
+        """Return the blockage `since_s` after the fault began."""
+        open_share = max(0.0, 1.0 - since_s / self.closing_s) if self.closing_s > 0.0 else 0.0
+        return BlockedPorts(self.port, open_share, self.leak, self.response_s)
+
+
 class _ValueFault(_Fault):
     """Base of faults of one field."""
 
@@ -123,7 +146,7 @@ class StuckBit(_ValueFault):
     level: Annotated[int, Field(ge=0, le=1)]
 
 
-SensorFault = Annotated[Freeze | Dropout | Offset | DriftAway | StuckBit, Field(discriminator="kind")]
+SensorFault = Annotated[Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked, Field(discriminator="kind")]
 FAULT_LIST: TypeAdapter[list[Any]] = TypeAdapter(list[SensorFault])
 
 
@@ -133,6 +156,10 @@ def fault_problems(faults: Sequence[Any], sensors: Mapping[str, type]) -> Iterat
         kind = sensors.get(fault.sensor)
         if kind is None:
             yield index, "sensor", f"is unknown: {fault.sensor!r} (sensors: {', '.join(sensors) or 'none'})"
+            continue
+        inner = INNER_FAULTS.get(fault.kind, kind)
+        if inner is not kind:
+            yield index, "kind", f"is {fault.kind!r}, which {fault.sensor!r} cannot have: only a pitot tube has ports"
             continue
         if not isinstance(fault, _ValueFault):
             continue
@@ -172,6 +199,7 @@ class FaultySensor:
         self.latency_ns = sensor.latency_ns
         self.resolution = sensor.resolution
         self._sensor = sensor
+        self._has_ports = hasattr(sensor, "blockage")
         self._spans = [(fault, *fault.span_ns) for fault in faults]
         self._active = [False] * len(faults)
         self._acted = [False] * len(faults)
@@ -194,6 +222,8 @@ class FaultySensor:
 
     def sample(self, truth: TruthState, seq: int) -> Sample | None:
         """Return sample `seq` with the faults that are active at `truth.t_ns`; None during a dropout."""
+        if self._has_ports:
+            self._sensor.blockage.set(self._blocked_ports(truth.t_ns))  # type: ignore[attr-defined]
         sample = self._sensor.sample(truth, seq)
         t_ns, dropped = truth.t_ns, False
         values = sample[_STAMPS:]
@@ -207,6 +237,8 @@ class FaultySensor:
             if not active:
                 continue
             self._acted[i] = True
+            if isinstance(fault, Blocked):
+                continue  # in the sample already
             if isinstance(fault, Dropout):
                 dropped = True
             elif isinstance(fault, Freeze):
@@ -218,6 +250,14 @@ class FaultySensor:
         self._last = values
         faulty: Sample = self.sample_type(*sample[:_STAMPS], *values)
         return faulty
+
+    def _blocked_ports(self, t_ns: int) -> BlockedPorts | None:
+        """Return the blockage by the last of the active faults."""
+        found = None
+        for fault, begin, end in self._spans:
+            if isinstance(fault, Blocked) and begin <= t_ns and (end is None or t_ns < end):
+                found = fault.ports((t_ns - begin) / NS_PER_S)
+        return found
 
     def _changed(self, values: tuple[Any, ...], fault: Any, since_s: float) -> tuple[Any, ...]:
         name = acted_field(fault, self.sample_type)

@@ -7,14 +7,14 @@ a kind, write a file in preset_files/.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Protocol
 
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
-from signals.samples import FRAME_SAMPLES, Sample, TruthState
+from signals.samples import FRAME_SAMPLES, Sample, TruthState, Vec3
 from signals.time import NS_PER_S, period_ns_from_hz
 from sim.frame.shared_picture import SharedPicture
 from sim.frame.source import FrameSource
@@ -39,6 +39,9 @@ class Installation:
     frames: FrameSource | None = None  # the world's geometry, for cameras, LiDARs and radars
     shared: SharedPicture | None = None  # of a camera whose pictures other sensors read, and of those sensors
     shaken_by: Vehicle | None = None  # whose rotors make an IMU vibrate; None: nothing vibrates
+    wind_at: Callable[[], Vec3] | None = (
+        None  # wind at the vehicle at this tick [m/s, W]; None: the scene's steady wind
+    )
 
     @property
     def period_ns(self) -> int:

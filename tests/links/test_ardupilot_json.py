@@ -10,7 +10,7 @@ import threading
 import pytest
 
 from signals.errors import LockstepLost
-from signals.samples import RangeSample
+from signals.samples import DifferentialPressureSample, RangeSample, VaneSample
 from tests.worlds.ardupilot_json_sitl import (
     HOVER,
     TICK_NS,
@@ -84,6 +84,19 @@ def test_the_wind_is_told_only_where_asked_for(make, sitl):
     assert "windvane" in text
     assert "airspeed" not in text
     assert value(text, "velocity") == [0.0, 5.0, 0.0]
+
+
+def test_a_pitot_tube_is_the_airspeed_that_its_pressure_shows_and_a_vane_turns_the_wind_vane(make, sitl):
+    link = make()
+    pitot, vane = DifferentialPressureSample(0, 0, 0, 137.8125, 20.0), VaneSample(0, 0, 0, 0.05, -0.125)
+    for tick, others in enumerate([(), (pitot, vane), (), (pitot._replace(differential_pressure_pa=-3.0),)]):
+        link.observe(truth(tick, v_WB_W=(3.0, 4.0, 0.0)))
+        link.send(tick, tick * TICK_NS, IMU, None, None, None, b"", others)
+        sitl.step()
+        link.wait(tick, tick * TICK_NS)
+    assert ["airspeed" in text for text in sitl.taken] == [False, True, True, True]
+    assert [value(text, "airspeed") for text in sitl.taken[1:]] == [[15.0], [15.0], [0.0]]  # 1.225 / 2 * 15^2 Pa
+    assert '"windvane":{"direction":-0.125,"speed":5}' in sitl.taken[2]
 
 
 def test_truth_of_another_tick_is_refused(make):

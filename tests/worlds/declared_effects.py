@@ -23,7 +23,7 @@ from hil.config.missions.script import SENSOR_FAULTS
 from signals.errors import ConfigError
 from sim.physics.faults import RotorFault
 from sim.sensors.catalog import KINDS
-from sim.sensors.faults import FAULT_FIELDS
+from sim.sensors.faults import FAULT_FIELDS, INNER_FAULTS
 
 RIGS = tuple(PROFILES)
 # How a rig is loaded without firmware or board; nothing is opened.
@@ -42,6 +42,8 @@ SENSORS: dict[str, tuple[str, dict[str, Any]]] = {
     "range_finder": ("range", {"preset": "lidar_lite_v3", "rate_hz": 50}),
     "optical_flow": ("flow", {"preset": "px4flow", "rate_hz": 50, "min_distance_m": 0.0}),
     "external_vision": ("vision", {"kind": "external_vision", "rate_hz": 50}),
+    "pitot": ("pitot", {"preset": "sdp33", "rate_hz": 50}),
+    "vane": ("vane", {"kind": "vane", "rate_hz": 50, "noise_deg": 0.2, "resolution_deg": 0.1}),
     "camera": ("front", {"kind": "camera", "resolution": [16, 12], "fov_deg": 90, "rate_hz": 10, "channels": ["rgb"]}),
     "lidar": ("lidar", {"preset": "vlp16", "rate_hz": 10}),
     "radar": ("radar", {"preset": "bgt60tr13c", "rate_hz": 10}),
@@ -95,7 +97,9 @@ class SensorCell(NamedTuple):
         if self.field is not None:
             entry["field"] = self.field
         if self.fault != "stuck_bit":
-            more = {"offset": {"value": 1.0}, "drift": {"rate_per_s": 1.0}}.get(self.fault, {})
+            more = {"offset": {"value": 1.0}, "drift": {"rate_per_s": 1.0}, "blocked": {"leak": 1.0}}.get(
+                self.fault, {}
+            )
             return [entry | more]
         return [entry | {"bit": bit, "level": bit % 2} for bit in (3, 4, 5, 6)]
 
@@ -106,6 +110,8 @@ def sensor_cells(kinds: Sequence[str] = tuple(KINDS)) -> list[SensorCell]:
     for kind in kinds:
         fields = FAULT_FIELDS[KINDS[kind].sample_type]
         for fault, model in SENSOR_FAULTS.items():
+            if INNER_FAULTS.get(fault, KINDS[kind].sample_type) is not KINDS[kind].sample_type:
+                continue
             of_fields = "field" in model.model_fields
             cells += [SensorCell(kind, fault, field) for field in (fields if of_fields else (None,))]
     return cells
@@ -130,6 +136,7 @@ def bench_of(rig: str, **settings: Any) -> dict[str, Any]:
     own = dict(settings.pop("autopilot", {}))
     autopilot = {**LOADED.get(rig, {}), **own}
     usual = {"rig": rig, "mission": None, "vehicle": "x500", "sensors": sensors, "record": QUIET}
+    usual["wind"] = {"steady_W_mps": [-3.0, 0.0, 0.0]}  # into a pitot tube that stands
     return usual | settings | {"autopilot": autopilot}
 
 
@@ -191,8 +198,9 @@ def _sensor_cell(rig: str, kind: str, field: str) -> str:
     if not taken:
         return ""
     taken |= {cell.fault for cell in able if cell.field is None}
-    missing = [fault for fault in SENSOR_FAULTS if fault not in taken]
-    order = ("dropout", "freeze", "offset", "drift", "stuck_bit")
+    able_to_have = {cell.fault for cell in sensor_cells((kind,))}
+    missing = [fault for fault in SENSOR_FAULTS if fault not in taken and fault in able_to_have]
+    order = ("dropout", "freeze", "offset", "drift", "stuck_bit", "blocked")
     if not missing:
         return "all"
     if len(missing) == 1:

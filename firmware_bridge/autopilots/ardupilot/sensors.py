@@ -1,8 +1,8 @@
 """Sensors that ArduPilot takes, over the JSON link of its SITL and as External AHRS.
 
-JSON carries the IMU and range finders, MAVLink external vision. GPS, barometer and compass are SITL's own, made from
-the vehicle's true pose; its parameters SIM_* have the meaning of some faults (libraries/SITL/SITL.cpp, SITL_Baro.cpp,
-SIM_GPS.cpp):
+JSON carries the IMU, range finders, airspeed and the direction of a wind vane, MAVLink external vision. GPS, barometer
+and compass are SITL's own, made from the vehicle's true pose; its parameters SIM_* have the meaning of some faults
+(libraries/SITL/SITL.cpp, SITL_Baro.cpp, SIM_GPS.cpp):
 
     SIM_GPS1_ENABLE 0      the receiver sends messages without a fix. Before 4.7: SIM_GPS_DISABLE 1
     SIM_GPS1_GLTCH_X, ...  added to latitude [deg], longitude [deg] and altitude [m]. Before 4.7: SIM_GPS_GLITCH_X, ...
@@ -19,7 +19,11 @@ Not used, because they mean something else than the bench's fault: SIM_BARO_DRIF
 again), and SIM_MAG1_FAIL 2 ("frozen": in 4.7-dev each sample corrects the last one again, and the field runs away).
 
 In both links a missing sample leaves the last one standing where no message is left out with it: such a dropout would
-be a freeze. A VectorNav's IMU packet carries compass and barometer, the JSON state IMU and range.
+be a freeze. A VectorNav's IMU packet carries compass and barometer, the JSON state IMU, range and airspeed. A VectorNav
+has no airspeed and no vane: on a board ArduPilot reads those from drivers of their own.
+
+SITL makes the pressure of its airspeed sensor from the equivalent airspeed in the JSON state (sitl_airspeed.cpp); the
+vane is the wind vane of boats, read with WNDVN_TYPE 11, which a plane does not have.
 """
 
 from __future__ import annotations
@@ -67,6 +71,8 @@ SITL: dict[str, Intake] = {
         limits=("RNGFND1_MIN", "RNGFND1_MAX"),  # before 4.7: RNGFND1_MIN_CM, _MAX_CM
     ),
     "external_vision": Samples(("p_OB", "v_OB_B"), parameters={"VISO_TYPE": 1.0}),
+    "pitot": Samples(("differential_pressure_pa",), whole=("freeze", "blocked"), parameters={"ARSPD_TYPE": 100.0}),
+    "vane": Samples(("sideslip_rad",), whole=("freeze",)),
     "gps": Simulated(
         dropout=((Held("SIM_GPS1_ENABLE", 0.0), Held("SIM_GPS_DISABLE", 1.0)),),
         offset={"latitude_deg": _glitch("X"), "longitude_deg": _glitch("Y"), "altitude_m": _glitch("Z")},

@@ -12,6 +12,7 @@ SENSORS: dict[str, Intake] = {
     "magnetometer": Samples(("field_tesla",)),
     "barometer": Samples(("pressure_pa",)),
     "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
+    "pitot": Samples(("differential_pressure_pa",), whole=("dropout", "freeze", "blocked")),
 }
 
 # Keys of autopilot.faults. A free-running link uses the newest command whatever its time: a wrong one changes nothing.

@@ -19,7 +19,8 @@ A packet 0 where another number was due is an autopilot that has started again. 
 vehicle back, counts its time from 0 again, and continues with `observe` and `send`.
 
 SITL makes GPS, barometer and magnetometer data itself from the vehicle's true pose, which `observe` gives before each
-`send`. Of the bench's sensors it uses the IMU and the range finder.
+`send`. Of the bench's sensors it uses the IMU, range finders, the pitot tube (as airspeed) and the sideslip of a vane
+(as the direction of a wind vane, whose speed is the truth's).
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from firmware_bridge.codecs.ardupilot_json import (
     decode_servos,
     encode_state,
     ideal_imu,
+    indicated_airspeed_mps,
     state_from_truth,
 )
 from firmware_bridge.codecs.errors import CodecError
@@ -61,6 +63,7 @@ from signals.errors import HandshakeError, HilError, LinkClosed, LockstepLost
 from signals.samples import (
     ActuatorFrame,
     BaroSample,
+    DifferentialPressureSample,
     GpsSample,
     ImuSample,
     MagSample,
@@ -68,6 +71,7 @@ from signals.samples import (
     RangeSample,
     Sample,
     TruthState,
+    VaneSample,
     Vec3,
 )
 from signals.units import STANDARD_GRAVITY_MPS2
@@ -162,6 +166,8 @@ class ArduPilotJsonLink(AutopilotLink):
         self._wind_W: Vec3 = (0.0, 0.0, 0.0)
         self._imu: ImuSample | None = None
         self._ranges_m: tuple[float, ...] = ()
+        self._airspeed_mps: float | None = None
+        self._sideslip_rad: float | None = None
         self._frames = []
         self._vehicle = VehicleMonitor()
         self._frames_in_wait = 0
@@ -207,6 +213,10 @@ class ArduPilotJsonLink(AutopilotLink):
         for sample in ranging:
             if isinstance(sample, OdometrySample):
                 extra += self._encoder.frame(ODOMETRY, odometry_payload(t_ns, sample))
+            elif isinstance(sample, DifferentialPressureSample):
+                self._airspeed_mps = indicated_airspeed_mps(sample.differential_pressure_pa)
+            elif isinstance(sample, VaneSample):
+                self._sideslip_rad = sample.sideslip_rad
         if self._epoch_ns is None:
             self._epoch_ns = t_ns
         data = encode_state(self._state(tick, t_ns, self._epoch_ns))
@@ -251,6 +261,10 @@ class ArduPilotJsonLink(AutopilotLink):
         state = state_from_truth(
             t_ns - epoch_ns, truth, home_W=home_W, accel_B_mps2=accel, gyro_B_radps=gyro, ranges_m=self._ranges_m
         )
+        if self._airspeed_mps is not None:
+            state = state._replace(airspeed_mps=self._airspeed_mps)
+        if self._sideslip_rad is not None:
+            return state._replace(windvane=(self._sideslip_rad, air_data(truth, self._wind_W)[1][1]))
         return state._replace(windvane=air_data(truth, self._wind_W)[1]) if self._sends_wind else state
 
     # ---- receiving

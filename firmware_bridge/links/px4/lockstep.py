@@ -48,7 +48,16 @@ from firmware_bridge.links.silence import Diagnosis, VehicleMonitor, process_is_
 from firmware_bridge.links.timesync import TIMESYNC
 from firmware_bridge.transports.transport import Transport
 from signals.errors import HandshakeError, LinkClosed, LinkError, LockstepLost
-from signals.samples import ActuatorFrame, BaroSample, GpsSample, ImuSample, MagSample, Sample
+from signals.samples import (
+    ActuatorFrame,
+    BaroSample,
+    DifferentialPressureSample,
+    GpsSample,
+    ImuSample,
+    MagSample,
+    Sample,
+    VaneSample,
+)
 
 _HEARTBEAT = MSGID["HEARTBEAT"]
 
@@ -95,16 +104,21 @@ def tick_messages(
 ) -> bytes:
     """Return [range, flow, vision][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
 
+    HIL_SENSOR has the newest differential pressure of `ranging`; no message has the angles of vanes.
     CodecError if a sample is not a number.
     """
     data = b""
+    pitot: DifferentialPressureSample | None = None
     for sample in ranging:
-        data += encoder.frame(*ranging_message(t_ns, sample))
+        if isinstance(sample, DifferentialPressureSample):
+            pitot = sample
+        elif not isinstance(sample, VaneSample):
+            data += encoder.frame(*ranging_message(t_ns, sample))
     if request is not None:
         data += encoder.frame(TIMESYNC, request)
     if gps is not None:
         data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
-    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro))
+    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot))
     return data
 
 

@@ -25,16 +25,23 @@ from signals.documents.validate import StrictModel, nearest, unit_of
 from signals.time import NS_PER_S
 from sim.physics.faults import RotorFault
 from sim.scene.wind import GustEvent
-from sim.sensors.faults import DriftAway, Dropout, Freeze, Offset, StuckBit
+from sim.sensors.faults import Blocked, DriftAway, Dropout, Freeze, Offset, StuckBit
 
 _ARM_DISARM = 400  # MAV_CMD_COMPONENT_ARM_DISARM
 _DAY_S = 86_400.0
 _ACTION_KINDS = ("set_mode", "arm", "param", "command", "gust", "fault")
 _EVENTS = ("armed", "disarmed", "takeoff", "landed", "waypoint N", "item N", "mode WORD")
-SENSOR_FAULTS = {"freeze": Freeze, "dropout": Dropout, "offset": Offset, "drift": DriftAway, "stuck_bit": StuckBit}
+SENSOR_FAULTS = {
+    "freeze": Freeze,
+    "dropout": Dropout,
+    "offset": Offset,
+    "drift": DriftAway,
+    "stuck_bit": StuckBit,
+    "blocked": Blocked,
+}
 AUTOPILOT_FAULTS = ("die", "stall", "wrong_time", "garbage", "noise")
 
-SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit
+SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked
 Injected = RotorFault | GustEvent | SensorFault
 """A disturbance that an action can begin during the flight."""
 

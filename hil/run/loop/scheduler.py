@@ -48,7 +48,7 @@ from sim.physics.vehicle_physics import VehiclePhysics
 
 _SERVE_MARGIN_S = 0.0005  # companions are not served in this time before a tick's deadline
 _HIL_SENSOR_KINDS = ("imu", "magnetometer", "barometer", "gps")
-_RANGING_KINDS = ("range_finder", "optical_flow", "external_vision")
+_OTHER_KINDS = ("range_finder", "optical_flow", "external_vision", "pitot", "vane")
 PHASES = ("physics", "sensors", "commands", "send", "frames", "record", "companion", "wait")
 
 
@@ -239,7 +239,7 @@ class Scheduler:
         t1 = clock()
         self._sample(self._sensors, truth, t1)
         released = self._released = self._queue.release(t_ns)
-        newest, ranging = self._for_autopilot(released)
+        newest, others = self._for_autopilot(released)
 
         t2 = clock()
         commands = b""
@@ -257,7 +257,7 @@ class Scheduler:
         if self._observe is not None:
             self._observe(truth, self._wind_at())
         imu, mag, baro, gps = (newest.get(kind) for kind in _HIL_SENSOR_KINDS)
-        self._sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, ranging)
+        self._sent = self._link.send(tick, t_ns, imu, mag, baro, gps, commands, others)
         self._marks_ns = (began_ns, t1, t2, t3, send_start, clock())
 
     def work(self) -> None:
@@ -386,16 +386,16 @@ class Scheduler:
             self._recorder.actuators(actuators)
 
     def _for_autopilot(self, released: list[tuple[str, Sample]]) -> tuple[dict[str, Any], list[Sample]]:
-        """Return the newest sample by kind for HIL_SENSOR and HIL_GPS, and all of range, flow and vision, in order."""
+        """Return the newest sample by kind for HIL_SENSOR and HIL_GPS, and all of the other kinds, in order."""
         newest: dict[str, Any] = {}
-        ranging: list[Sample] = []
+        others: list[Sample] = []
         for port, sample in released:
             kind = self._kinds.get(port)
-            if kind in _RANGING_KINDS:
-                ranging.append(sample)
+            if kind in _OTHER_KINDS:
+                others.append(sample)
             elif kind is not None:
                 newest[kind] = sample
-        return newest, ranging
+        return newest, others
 
     def _wait_for_deadline(self, tick_wall_ns: float) -> None:
         """Sleep until this tick's wall-clock time. A late tick is counted and does not shift the ticks after it."""

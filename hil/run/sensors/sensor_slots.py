@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from hil.run.recorder.frame_description import FrameDescription
 from hil.run.recorder.recorder import Recorder
 from hil.run.sensors.frame_stages import description, wanted_parts
 from hil.run.sensors.simulated_sensors import SimulatedSensors, tick_rates, write_calibration
+from signals.samples import Vec3
 from signals.time import RateAccumulator
 from sim.frame.source import FrameSource
 from sim.sensors.catalog import KINDS
@@ -34,9 +35,11 @@ class SensorSlots:
         frames: FrameSource | None,
         recorder: Recorder,
         out: Path,
+        wind_at: Callable[[], Vec3] | None = None,
     ) -> None:
         """Build the `wanted` sensors. `frames`: geometry for cameras, LiDARs and radars, None if none is wanted.
 
+        `wind_at`: of the wind at the vehicle [m/s, W].
         Describes the sensors with a mount to the recorder, and writes camera calibrations to `out`.
         """
         self._bench, self._recorder = bench, recorder
@@ -46,7 +49,7 @@ class SensorSlots:
         self.deviations: dict[str, Mapping[str, float]] = {}  # of the noise of a sample, by sensor and field
         self._without_faults: dict[str, Any] = {}  # by name
         self._faulty: dict[str, FaultySensor] = {}
-        simulated = SimulatedSensors(bench, wanted, frames)
+        simulated = SimulatedSensors(bench, wanted, frames, wind_at=wind_at)
         # Cameras come before the radars that read them; the order within a tick has no other effect.
         order = sorted(wanted, key=lambda name: getattr(wanted[name].parameters, "frame", None) is not None)
         for name in order:

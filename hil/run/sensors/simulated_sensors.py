@@ -5,7 +5,7 @@ Also writes the calibrations of the cameras, in the formats of other programs, i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,19 @@ CALIBRATION_FOLDER = "calibration"
 class SimulatedSensors:
     """Makes sensors of one bench that share one source of frames."""
 
-    def __init__(self, bench: Bench, names: Collection[str], frames: FrameSource | None) -> None:
-        """`names`: sensors that will be made. `frames`: the world's geometry, None if none of them needs it."""
-        self._bench, self._frames = bench, frames
+    def __init__(
+        self,
+        bench: Bench,
+        names: Collection[str],
+        frames: FrameSource | None,
+        *,
+        wind_at: Callable[[], Vec3] | None = None,
+    ) -> None:
+        """`names`: sensors that will be made. `frames`: the world's geometry, None if none of them needs it.
+
+        `wind_at` returns the wind at the vehicle [m/s, W]; None: it is the scene's steady wind.
+        """
+        self._bench, self._frames, self._wind_at = bench, frames, wind_at
         sensors = bench.config.sensors
         wanted = {name: sensors[name] for name in sensors if name in names}
         cameras = {p.frame for p in radars(wanted).values() if p.frame is not None}
@@ -55,6 +65,7 @@ class SimulatedSensors:
                 frames=self._frames,
                 shared=self._shared.get(getattr(settings.parameters, "frame", None) or name),
                 shaken_by=self._bench.vehicle if config.vibration == "estimated" else None,
+                wind_at=self._wind_at,
             ),
             kind=settings.kind,
             overrides=self._bench.sensor_parameters(name).model_dump() | dict(parts or {}),

@@ -9,6 +9,7 @@ from typing import Any
 from signals.documents.validate import StrictModel
 from sim.scene.maps import (
     airsim_nh,
+    airstrip,
     blocks,
     city_park,
     landscape_mountains,
@@ -34,5 +35,6 @@ GENERATORS: dict[str, Generator] = {
     "radar_range": Generator(radar_range.RadarRangeParameters, radar_range.generate),
     "blocks": Generator(blocks.BlocksParameters, blocks.generate),
     "airsim_nh": Generator(airsim_nh.AirSimNHParameters, airsim_nh.generate),
+    "airstrip": Generator(airstrip.AirstripParameters, airstrip.generate),
     "landscape_mountains": Generator(landscape_mountains.LandscapeMountainsParameters, landscape_mountains.generate),
 }

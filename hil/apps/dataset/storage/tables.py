@@ -26,6 +26,7 @@ from hil.run.recorder.mcap.topics import Columns
 from signals.errors import RecordingError
 from signals.samples import (
     BaroSample,
+    DifferentialPressureSample,
     FlowSample,
     GpsSample,
     ImuSample,
@@ -33,6 +34,7 @@ from signals.samples import (
     OdometrySample,
     RangeSample,
     ScalarSample,
+    VaneSample,
 )
 
 PERIOD_S = 2.0  # wall-clock time between checkpoints; a power cut can lose the rows of one period
@@ -41,6 +43,8 @@ TRUTH = "state_groundtruth_estimate0"
 MAG_HEADER = "#timestamp [ns],m_S_x [T],m_S_y [T],m_S_z [T]"
 BARO_HEADER = "#timestamp [ns],pressure [Pa],pressure_altitude [m],temperature [degC]"
 RANGE_HEADER = "#timestamp [ns],distance [m],quality []"
+PITOT_HEADER = "#timestamp [ns],differential_pressure [Pa],temperature [degC]"
+VANE_HEADER = "#timestamp [ns],angle_of_attack [rad],sideslip [rad]"
 SCALAR_HEADER = "#timestamp [ns],value"
 FLOW_HEADER = "#timestamp [ns],integration [ns],flow_x [rad],flow_y [rad],quality []"
 ODOMETRY_HEADER = (
@@ -54,6 +58,8 @@ HEADERS: Mapping[type, str] = {
     MagSample: MAG_HEADER,
     BaroSample: BARO_HEADER,
     RangeSample: RANGE_HEADER,
+    DifferentialPressureSample: PITOT_HEADER,
+    VaneSample: VANE_HEADER,
     ScalarSample: SCALAR_HEADER,
     FlowSample: FLOW_HEADER,
     OdometrySample: ODOMETRY_HEADER,
@@ -65,6 +71,8 @@ COLUMNS: Mapping[type, euroc.TableColumns] = {
     MagSample: ("field_tesla",),
     BaroSample: ("pressure_pa", "pressure_altitude_m", "temperature_degc"),
     RangeSample: ("distance_m", "quality"),
+    DifferentialPressureSample: ("differential_pressure_pa", "temperature_degc"),
+    VaneSample: ("angle_of_attack_rad", "sideslip_rad"),
     ScalarSample: ("value",),
     FlowSample: ("integration_ns", "flow_rad", "quality"),
     OdometrySample: ("p_OB", "q_OB", "v_OB_B"),

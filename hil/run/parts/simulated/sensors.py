@@ -50,7 +50,10 @@ class SensorsPart(Part):
         self._repeatable = not uses_other_renderer(config, plan)
         frames = self._geometry(run) if needs_frames(config, plan) else None
         wanted = {name: sensor for name, sensor in config.sensors.items() if is_wanted(name, sensor, plan)}
-        self._slots = run.sensors = SensorSlots(run.bench, wanted, plan, frames, run.recorder, run.out)
+        physics = run.physics
+        self._slots = run.sensors = SensorSlots(
+            run.bench, wanted, plan, frames, run.recorder, run.out, wind_at=lambda: physics.wind_W_mps
+        )
 
     def inject(self, fault: Any, *, declared: bool) -> bool:
         if self._slots is None or not isinstance(fault, SensorFault):

@@ -151,6 +151,8 @@ DEFINITIONS: dict[str, str] = {
         "std_msgs/Header header\nfloat64 distance_m\nfloat64 min_distance_m\nfloat64 max_distance_m\n"
         "float64 sigma_m\nuint8 quality\ngeometry_msgs/Vector3 axis"
     ),
+    "hil_msgs/DifferentialPressure": "std_msgs/Header header\nfloat64 differential_pressure_pa",
+    "hil_msgs/AirVane": "std_msgs/Header header\nfloat64 angle_of_attack_rad\nfloat64 sideslip_rad",
     "hil_msgs/Scalar": "std_msgs/Header header\nfloat64 value",
     "hil_msgs/OpticalFlow": (
         "std_msgs/Header header\nint64 integration_ns\nfloat64[2] flow_rad\nfloat64[3] gyro_rad\n"

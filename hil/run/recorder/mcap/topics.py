@@ -20,6 +20,7 @@ from signals._kernel import rotate_into_body
 from signals.samples import (
     ActuatorFrame,
     BaroSample,
+    DifferentialPressureSample,
     FlowSample,
     GpsSample,
     ImuSample,
@@ -28,6 +29,7 @@ from signals.samples import (
     RangeSample,
     ScalarSample,
     TruthState,
+    VaneSample,
 )
 from signals.time import NS_PER_S
 from sim.physics.battery import BatteryState
@@ -237,6 +239,18 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
             {"min_range": "min_distance_m", "max_range": "max_distance_m", "range": "range_m", "variance": "variance"},
             values={"radiation_type": 1},
         ),
+    ),
+    DifferentialPressureSample: (
+        Topic(
+            "",
+            "hil_msgs/DifferentialPressure",
+            BODY,
+            {"differential_pressure_pa": "differential_pressure_pa"},
+        ),
+        _TEMPERATURE,
+    ),
+    VaneSample: (
+        Topic("", "hil_msgs/AirVane", BODY, {name: name for name in ("angle_of_attack_rad", "sideslip_rad")}),
     ),
     ScalarSample: (Topic("", "hil_msgs/Scalar", BODY, {"value": "value"}),),
     OdometrySample: (

@@ -12,13 +12,14 @@ from firmware_bridge.codecs import hil
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
-from signals.samples import BaroSample, GpsSample, ImuSample, MagSample
+from signals.samples import BaroSample, DifferentialPressureSample, GpsSample, ImuSample, MagSample
 
 IMU = ImuSample(0, 0, 0, (0.5, 1.5, 9.81), (0.1, 0.2, 0.3), 25.0)
 MAG = MagSample(0, 0, 0, (2.0e-5, 3.0e-6, -4.0e-5))
 BARO = BaroSample(0, 0, 0, 95_461.25, 500.5, 18.25)
+PITOT = DifferentialPressureSample(0, 0, 0, -187.5, 20.0)
 GPS = GpsSample(0, 0, 0, 47.3977418, 8.5455938, 488.125, (3.0, 4.0, -0.5), 0.9, 1.8, 3, 12)
-NOT_SENT = ("diff_pressure", "yaw")  # zero on the wire
+NOT_SENT = ("yaw",)  # zero on the wire
 T_NS = 123_456_789_000
 
 
@@ -65,6 +66,15 @@ def test_fields_updated_has_the_groups_of_given_samples(imu, mag, baro):
     assert m.fields_updated == expected
     assert (m.xmag != 0) == (mag is not None)
     assert (m.abs_pressure != 0) == (baro is not None)
+
+
+def test_differential_pressure_is_in_hectopascals_with_its_own_bit():
+    m = decoded(hil.HIL_SENSOR, hil.hil_sensor_payload(T_NS, IMU, None, None, PITOT))
+    assert m.diff_pressure == -1.875
+    assert m.fields_updated == 0x3F | 0x400
+    assert sensor().diff_pressure == 0.0
+    with pytest.raises(CodecError, match=r"pitot\.differential_pressure_pa = nan"):
+        hil.hil_sensor_payload(0, IMU, MAG, BARO, PITOT._replace(differential_pressure_pa=math.nan))
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

@@ -39,6 +39,7 @@ RATE_HZ = {
     "gps": 10.0,
     "range_finder": 50.0,
     "optical_flow": 50.0,
+    "pitot": 50.0,
 }
 NOISELESS: dict[str, dict[str, Any]] = {
     "icm20689": {
