@@ -2,8 +2,9 @@
 
 The approach line leads to the touch-down point with the slope min(tan FW_LND_ANG, height / distance at the entry):
 level until it meets the slope, then down on it at FW_LND_AIRSPD (default: 1.3 times the stall). The flare begins at the
-height max(FW_LND_FLALT, FW_LND_FL_TIME times the sink rate): within FW_LND_FL_TIME the height rate goes from that of the
-approach to -FW_LND_FL_SINK, the throttle to FW_THR_IDLE. Then wings level, straight on, until the land detector acts.
+height max(FW_LND_FLALT, FW_LND_FL_TIME times the sink rate): within FW_LND_FL_TIME the height rate goes from that of
+the approach to -FW_LND_FL_SINK, the throttle to FW_THR_IDLE. Then wings level, straight on, until the land detector
+acts.
 """
 
 from __future__ import annotations

@@ -77,7 +77,7 @@ class SurfaceMixer:
             for now, row in zip(taken, self._mix, strict=True):
                 wanted = row[axis] * demand
                 room = (1.0 - now) if wanted > 0.0 else (1.0 + now)
-                if abs(wanted) > room:
+                if wanted != 0.0 and abs(wanted) > room:
                     share = min(share, max(room, 0.0) / abs(wanted))
             taken = [now + share * row[axis] * demand for now, row in zip(taken, self._mix, strict=True)]
         return [min(max(value, -1.0), 1.0) for value in taken]

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.config.airframe_facts import is_plane
-from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem
-from sim.physics import fixed_wing, multirotor
-from sim.physics.fixed_wing import NoTrimError
+from sim.physics import multirotor
 from sim.physics.vehicle import Vehicle
 
 _AXES = ("roll", "pitch", "yaw", "thrust")
@@ -23,6 +21,8 @@ def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
     """Report a vehicle whose rotors cannot lift it, or cannot give roll, pitch, yaw and thrust independently."""
     unfit = multirotor.unfit(vehicle)
     if vehicle.has_wings and unfit is not None:
+        from sim.physics import fixed_wing  # loads SciPy's solvers
+
         unfit = fixed_wing.unfit(vehicle)
         if unfit is None:
             return []
@@ -48,6 +48,9 @@ def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) 
     """Report rotors that the autopilot cannot be given."""
     autopilot = config.autopilot
     if is_plane(vehicle):
+        from hil.config.fixed_wing_facts import fixed_wing_facts
+        from sim.physics.fixed_wing import NoTrimError
+
         try:
             facts = fixed_wing_facts(vehicle)
         except NoTrimError as error:
