@@ -78,6 +78,8 @@ class Profile:
     known_params: bool = False  # `misfits` tells parameters that it does not have; else it is asked for them in flight
     vehicle_misfits: Callable[[AutopilotSettings, Multirotor | FixedWing], Sequence[Misfit]] = _takes_any_vehicle
 
+    flies_planes: bool = False  # takes a vehicle that its wings alone carry
+
     # The flight.
     flight_sensors: Sequence[str] = ("gps", "barometer", "magnetometer")  # needed to fly a mission, besides the IMU
     mavlink: bool = True  # False: no missions, set-points, parameters or modes

@@ -11,15 +11,14 @@ from sim.physics.fixed_wing import Airframe, NoTrimError, Trim
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Site
 
-_CRUISE_OF_STALL = 1.5  # where the vehicle says nothing: a margin to turn and to meet gusts
 _TURN_BANK_RAD = math.radians(35.0)
 
 
 def fixed_wing_facts(vehicle: Vehicle, site: Site | None = None) -> FixedWing:
     """Return the facts about a vehicle that `fixed_wing.unfit` finds fit. Raises NoTrimError if it cannot fly level."""
     airframe = Airframe(vehicle, site)
-    slowest, fastest = airframe.speed_range_mps
-    cruise = min(max(_CRUISE_OF_STALL * airframe.stall_speed_mps, 1.1 * slowest), 0.95 * fastest)
+    _, fastest = airframe.speed_range_mps
+    cruise = airframe.cruise_mps
     trim = airframe.trim(cruise)
     glide = airframe.best_glide
     effect, damping = airframe.effectiveness_nm(trim), airframe.damping_nms(trim)

@@ -1,9 +1,9 @@
 """Facts of a vehicle with wings that its controllers and checks need: trim, speeds, stability, effect of its surfaces.
 
 All of it is computed from the forces as the flight has them (`RigidBody.steady_wrench`), whatever their kinds, with the
-forces' own states at rest. Angles of flight: alpha from the flow in the plane of symmetry, beta positive with the wind from
-the right, climb of the velocity over the horizontal, bank positive with the right wing down. Torques are in B (FLU): a
-positive one about x rolls right, about y pitches down, about z yaws left. SI units.
+forces' own states at rest. Angles of flight: alpha from the flow in the plane of symmetry, beta positive with the
+wind from the right, climb of the velocity over the horizontal, bank positive with the right wing down. Torques are in B
+(FLU): a positive one about x rolls right, about y pitches down, about z yaws left. SI units.
 
 Equations of a trim, with v the velocity and w the rate of a steady turn in B, I the inertia, n = R^T z_W:
 
@@ -31,8 +31,9 @@ from sim.physics.vehicle import Vehicle, rigid_body
 from sim.scene.scene import Site
 
 Float64 = NDArray[np.float64]
+USUAL_CRUISE = 1.4  # cruise speed over the stall speed where the vehicle's file says none
 LEAST_AHEAD = 0.5  # forward part of the axis of an engine
-_STEPS, _CLOSE = 25, 1e-10  # Newton's method; residual over the weight
+_STEPS, _CLOSE = 30, 1e-10  # Newton's method; residual over the weight
 _MOST_ALPHA_RAD = math.radians(60.0)
 _SLOPE_RAD = 1e-5
 _FASTEST_MPS = 150.0
@@ -87,6 +88,11 @@ class Mode:
 def engines(vehicle: Vehicle) -> list[int]:
     """Return the indices of the rotors that pull ahead."""
     return [i for i, rotor in enumerate(vehicle.rotors) if rotor.axis[0] >= LEAST_AHEAD]
+
+
+def is_plane(vehicle: Vehicle) -> bool:
+    """Return True for a vehicle that its wings alone carry: it has no rotor that lifts."""
+    return vehicle.has_wings and all(rotor.axis[2] < LEAST_AHEAD for rotor in vehicle.rotors)
 
 
 def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
@@ -157,7 +163,10 @@ class Airframe:
         return self._solve(airspeed_mps, climb_rad=None, bank_rad=0.0)
 
     def _solve(self, V: float, *, climb_rad: float | None, bank_rad: float) -> Trim:
-        """Newton's method with least-norm steps; unknown: alpha, beta, pitch, throttle or climb, bank or turn, surfaces."""
+        """Newton's method with least-norm steps.
+
+        Unknown: alpha, beta, pitch, throttle or climb, bank or turn, surfaces.
+        """
         n, turning = len(self.surfaces), bank_rad != 0.0
         inertia, gravity = self.vehicle.inertia_tensor_kgm2, self.gravity_mps2
         level_turn = gravity * math.tan(bank_rad) / V
@@ -193,7 +202,7 @@ class Airframe:
             if size < _CLOSE:
                 break
             step = scale * np.linalg.lstsq(_slopes(residual, x) * scale, -r, rcond=1e-9)[0]
-            x = x + step * min(1.0, 0.15 / max(1e-12, float(np.max(np.abs(step[:3])))))
+            x = x + step * min(1.0, 0.15 / max(1e-12, float(np.max(np.abs(step)))))
             x[0] = min(_MOST_ALPHA_RAD, max(-_MOST_ALPHA_RAD, x[0]))
         throttle, climb, bank, turn = flight(x)
         controls = self.controls(throttle, x[5:])
@@ -204,6 +213,8 @@ class Airframe:
 
     def _refuse(self, V: float, x: Float64, size: float, throttle: float, controls: Float64) -> None:
         """Raise NoTrimError if the solution is none, or asks for more than the vehicle has."""
+        if not size < 1e-7 and throttle > 1.0:
+            raise NoTrimError(f"steady flight at {V:.3g} m/s would need more than the full thrust of the engines")
         if not size < 1e-7:
             raise NoTrimError(f"no steady flight at {V:.3g} m/s: the wings do not carry {self._weight_n:.3g} N there")
         if not -1e-9 <= throttle <= 1.0 + 1e-9:
@@ -228,6 +239,12 @@ class Airframe:
 
     # ---- speeds
 
+    @property
+    def cruise_mps(self) -> float:
+        """Cruise speed of the vehicle's file, else 1.4 times the stall speed."""
+        given = self.vehicle.cruise_mps
+        return USUAL_CRUISE * self.stall_speed_mps if given is None else given
+
     @cached_property
     def stall_speed_mps(self) -> float:
         """Slowest airspeed at which the wings carry the weight in straight flight, pitch trimmed, engines at 0."""
@@ -247,7 +264,7 @@ class Airframe:
         return self.most_lift_n(self.stall_speed_mps)[1]
 
     def most_lift_n(self, V: float) -> tuple[float, float]:
-        """Return the greatest lift [N] with the pitch trimmed by the surfaces as far as they reach, and its alpha [rad]."""
+        """Return the greatest lift [N] with the pitch trimmed as far as the surfaces reach, and its alpha [rad]."""
 
         def lift(alpha: float) -> float:
             return self._lift_n(V, alpha, self.controls(0.0, self._pitch_trimmed(V, alpha)))
@@ -398,7 +415,7 @@ class Airframe:
         return _slopes(rate, at)
 
     def modes(self, trim: Trim) -> dict[str, Mode]:
-        """Return the modes of a conventional aircraft: short_period, phugoid, dutch_roll, roll, spiral, those there are."""
+        """Return those modes there are of short_period, phugoid, dutch_roll, roll and spiral."""
         found = named_modes(self.state_matrix(trim))
         return {name: Mode(value) for name, value in found.items()}
 

@@ -69,6 +69,7 @@ class Vehicle(StrictModel):
     hull: Annotated[tuple[ContactSphere, ...], Field(max_length=32)] = ()
     forces: Annotated[tuple[AnyForce, ...], Field(max_length=64)] = ()
     battery: Battery | None = None
+    cruise_mps: Annotated[float, Field(gt=1.0, le=150.0)] | None = None  # of a plane; null: 1.4 times its stall speed
     vibration: Vibration | None = None  # null: estimated from the size of the rotors, where a bench asks for it
 
     @pydantic.field_validator("rotors")

@@ -192,4 +192,5 @@ PROFILE = Profile(
     known_params=True,
     vehicle_misfits=vehicle_misfits,
     expects_station=False,
+    flies_planes=True,
 )

@@ -71,4 +71,5 @@ PROFILE = Profile(
     usb_port="port",
     misfits=misfits,
     needs_estimator=True,
+    flies_planes=True,
 )

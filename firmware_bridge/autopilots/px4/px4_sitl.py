@@ -88,4 +88,5 @@ PROFILE = Profile(
     wall_clock_telemetry=True,
     airsim_type="PX4Multirotor",
     start_command=start_command,
+    flies_planes=True,
 )

@@ -1,16 +1,18 @@
-"""Checks that the rotors of a vehicle can control it, and that the autopilot can be given them."""
+"""Checks that a vehicle can be controlled by its rotors or its wings, and that the autopilot can be given it."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.config.airframe_facts import is_plane
+from firmware_bridge.autopilots.catalog import PROFILES
+from hil.config.checks.wing_checks import wing_problems
+from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
 from signals.errors import Problem
-from sim.physics import multirotor
+from sim.physics import fixed_wing, multirotor
 from sim.physics.vehicle import Vehicle
 
 _AXES = ("roll", "pitch", "yaw", "thrust")
@@ -18,14 +20,10 @@ _RANK_TOLERANCE = 1e-6  # of the greatest entry of each axis
 
 
 def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
-    """Report a vehicle whose rotors cannot lift it, or cannot give roll, pitch, yaw and thrust independently."""
+    """Report a plane that cannot fly, or rotors that cannot lift the vehicle or give all four axes independently."""
+    if fixed_wing.is_plane(vehicle):
+        return wing_problems(vehicle, file)
     unfit = multirotor.unfit(vehicle)
-    if vehicle.has_wings and unfit is not None:
-        from sim.physics import fixed_wing  # loads SciPy's solvers
-
-        unfit = fixed_wing.unfit(vehicle)
-        if unfit is None:
-            return []
     if unfit is not None:
         return [at(file, (unfit[0],), unfit[1])]
     effect = multirotor.effectiveness(vehicle)[[3, 4, 5, 2]]
@@ -45,19 +43,23 @@ def _rank(rows: NDArray[np.float64]) -> int:
 
 
 def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
-    """Report rotors that the autopilot cannot be given."""
+    """Report a plane that the autopilot cannot fly, or rotors that it cannot be given."""
     autopilot = config.autopilot
-    if is_plane(vehicle):
-        from hil.config.fixed_wing_facts import fixed_wing_facts
-        from sim.physics.fixed_wing import NoTrimError
-
-        try:
-            facts = fixed_wing_facts(vehicle)
-        except NoTrimError as error:
-            return [at(settings, ("vehicle",), f"cannot fly level: {error}")]
-        misfits = autopilot.profile.vehicle_misfits(autopilot, facts)
+    if fixed_wing.is_plane(vehicle):
+        if not autopilot.profile.flies_planes:
+            return [_no_plane(config, vehicle, settings)]
+        if wing_problems(vehicle, settings):
+            return []  # told already
+        misfits = autopilot.profile.vehicle_misfits(autopilot, fixed_wing_facts(vehicle))
     elif multirotor.unfit(vehicle) is not None:
         return []
     else:
         misfits = autopilot.profile.vehicle_misfits(autopilot, multirotor_facts(vehicle))
     return [at(settings, misfit.place, misfit.message, misfit.hint) for misfit in misfits]
+
+
+def _no_plane(config: BenchConfig, vehicle: Vehicle, settings: Located) -> Problem:
+    able = [name for name, profile in PROFILES.items() if profile.flies_planes]
+    message = f"{vehicle.name!r} is a plane, which an autopilot of kind {config.autopilot.kind!r} cannot fly here"
+    hint = f"kinds that fly planes: {', '.join(able)}" if able else "no kind of autopilot flies planes yet"
+    return at(settings, ("vehicle",), message, hint)

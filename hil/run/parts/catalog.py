@@ -11,10 +11,10 @@ from importlib import import_module
 
 from firmware_bridge.autopilots.settings import MockFaults
 from hil.config import Bench
-from hil.config.airframe_facts import is_plane
 from hil.config.checks.part_settings import part_module
 from hil.config.schema import Faults
 from hil.run.part import Part
+from sim.physics.fixed_wing import is_plane
 
 Condition = Callable[[Bench], bool]
 

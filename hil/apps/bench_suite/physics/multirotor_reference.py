@@ -76,7 +76,7 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
     # One call a tick: the solver must not step across a change of its inputs.
     solver = ca.integrator("reference", "cvodes", problem, 0.0, tick_s, options)
     inertia = np.diag(vehicle.inertia_kgm2)
-    R0 = _matrix(start[3:7])
+    R0 = matrix_of_quaternion(start[3:7])
     momentum = R0 @ (inertia @ start[10:13] + _spin_momentum(vehicle, start[13:]))
     x = np.concatenate([start[:3], R0.ravel(order="F"), start[7:10], momentum, start[13:], np.zeros(n)])
     moving = len(x)
@@ -92,7 +92,7 @@ def fly(vehicle: Vehicle, start: Float64, inputs: Inputs, *, tick_s: float, grav
         R = x[3:12].reshape(3, 3, order="F")
         speeds = x[18 : 18 + n]
         w = np.linalg.solve(inertia, R.T @ x[15:18] - _spin_momentum(vehicle, speeds))
-        q = _quaternion(R, q)
+        q = quaternion_like(R, q)
         states[k] = np.concatenate([x[:3], q, x[12:15], w, speeds])
     return states
 
@@ -211,13 +211,13 @@ def _spin_momentum(vehicle: Vehicle, speeds: Float64) -> Float64:
     return vehicle.rotor_constants.inertia_kgm2 * np.asarray((spins * speeds) @ axes)
 
 
-def _matrix(q: Float64) -> Float64:
+def matrix_of_quaternion(q: Float64) -> Float64:
     w, x, y, z = q / np.linalg.norm(q)
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + 2 * w * skew + 2 * skew @ skew
 
 
-def _quaternion(R: Float64, like: Float64) -> Float64:
+def quaternion_like(R: Float64, like: Float64) -> Float64:
     """Return the eigenvector of Bar-Itzhack's matrix, sign nearest to `like`."""
     K = np.array(
         [

@@ -12,6 +12,7 @@ Cases (hil.apps.bench_suite.physics.flight_cases), with the same vehicle and for
     tumble     20 rad/s without torque, 60 s        greatest relative drift of energy or angular momentum
     landing    a fall of 0.25 m onto the feet       deepest penetration [m]
     several vehicles                                see hil.apps.bench_suite.physics.vehicle_groups
+    planes                                          see hil.apps.bench_suite.physics.plane_cases
 
 Errors of all but the last two are relative to the CasADi model of multirotor_reference.py, solved by CVODES at 1e-14.
 Times are the best of several runs in one process, with the methods run in turn, and include Python. Time and error come
@@ -43,6 +44,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
     vigorous,
 )
 from hil.apps.bench_suite.physics.landing_checks import landing_checks
+from hil.apps.bench_suite.physics.plane_cases import plane_rows
 from hil.apps.bench_suite.physics.vehicle_groups import group_rows
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import best_times
@@ -96,6 +98,9 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     result.checks += _hour_checks(status)
     result.checks += landing_checks(status)
     rows, checks = group_rows(status)
+    result.rows += rows
+    result.checks += checks
+    rows, checks = plane_rows(status, quick=quick)
     result.rows += rows
     result.checks += checks
     return result

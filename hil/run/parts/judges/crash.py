@@ -18,13 +18,13 @@ from __future__ import annotations
 import math
 
 from hil.config import Bench
-from hil.config.airframe_facts import is_plane
 from hil.config.schema import Crash
 from hil.run.part import Part, RunContext
 from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Row, Verdict
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
+from sim.physics.fixed_wing import is_plane
 
 _LIE_NS = NS_PER_S  # contact and tilt must last this long
 _GAP_NS = NS_PER_S // 2  # a vehicle that bounces or trembles is still in contact

@@ -1,0 +1,174 @@
+"""Rows and checks of planes: ten seconds of random commands against plane_reference.py, error beside time.
+
+    random, gusty   from trimmed flight, in turbulence and gusts     greatest position error [m]
+    spin, gusty     from a spin                                      the same
+    tail slide      nose up, sliding backwards through no airspeed   the same
+
+Commands jump every 0.03 to 0.5 s, each by itself, over the whole range of each: surfaces at their rate limits, engines
+that stop, and stall. The cost of a tick is compared with that of a quadrotor in the vigorous flight of flight_cases.py,
+in turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.apps.bench_suite.physics import plane_reference as reference
+from hil.apps.bench_suite.physics.flight_cases import TICK_NS, TICK_S, ThisProject, vigorous
+from hil.apps.bench_suite.physics.multirotor_reference import attitude_error_rad
+from hil.apps.bench_suite.result import Check, Row, ShowStatus
+from hil.apps.bench_suite.timing import best_times
+from sim.physics.disturbances import Disturbances
+from sim.physics.fixed_wing import Airframe
+from sim.physics.flight_start import FlightStart
+from sim.physics.forces.force import Effects
+from sim.physics.integration import Integration
+from sim.physics.vehicle import Vehicle, load_vehicle
+from sim.physics.vehicle_physics import VehiclePhysics
+from sim.scene.scene import load_scene
+from sim.scene.wind import GustEvent, Turbulence, Wind
+
+Float64 = NDArray[np.float64]
+GUSTY = Wind(
+    steady_W_mps=(4.0, -3.0, 0.0),
+    turbulence=Turbulence(level="moderate"),
+    gusts=(GustEvent(at_s=1.3, velocity_W_mps=(-6.0, 4.0, 3.0), rise_s=0.5, hold_s=0.7, fall_s=0.3),),
+)
+CALM = Wind(steady_W_mps=(0.0, 0.0, 0.0))
+
+# Changes of the trimmed start, by place in the state: q (3 to 6), v in W (7 to 9), w in B (10 to 12), propeller (13).
+LEVEL: Mapping[int, float] = {}
+SPIN: Mapping[int, float] = {7: 6.0, 9: -9.0, 10: 2.0, 11: 0.5, 12: -4.0}
+INVERTED: Mapping[int, float] = {3: 0.02, 4: 1.0, 11: -1.0}
+TAIL_SLIDE: Mapping[int, float] = {3: 0.7071, 5: -0.7071, 7: 0.0, 9: -4.0, 13: 60.0}
+SIDEWAYS: Mapping[int, float] = {7: 1.0, 8: 14.0, 9: -2.0, 12: 3.0}
+
+_HEIGHT_M, _SECONDS = 900.0, 10.0
+_CASES = {"random, gusty": (LEVEL, 1, GUSTY), "spin, gusty": (SPIN, 2, GUSTY), "tail slide": (TAIL_SLIDE, 4, CALM)}
+_METHODS = {
+    "this project, order 8 @ 4 ms": Integration(step_ns=4_000_000),
+    "this project, order 8 @ 1 ms": Integration(step_ns=1_000_000),
+    "this project, classical RK4 @ 1 ms": Integration("classical", 1_000_000),
+}
+_OWN = next(iter(_METHODS))
+_PLANES = ("skywalker_x8", "aerosonde")
+
+
+class Errors(NamedTuple):
+    """Greatest differences of a flight from the reference."""
+
+    position_m: float
+    attitude_rad: float
+    deflection_rad: float
+
+
+def random_commands(vehicle: Vehicle, seconds: float, seed: int) -> Float64:
+    """Return commands that jump every 0.03 to 0.5 s, each by itself, over the whole range of each."""
+    random = np.random.default_rng(seed)
+    ticks = round(seconds / TICK_S)
+    columns = []
+    for command in vehicle.commands:
+        values: list[float] = []
+        while len(values) < ticks:
+            value = random.uniform(-1.0 if command.signed else 0.0, 1.0)
+            values += [value] * int(random.integers(8, 125))
+        columns.append(values[:ticks])
+    return np.array(columns).T
+
+
+@dataclass(frozen=True)
+class PlaneFlight:
+    """A flight of a plane from trim, changed by `start`."""
+
+    vehicle: Vehicle
+    commands: Float64
+    start: Mapping[int, float] = field(default_factory=dict)
+    wind: Wind = CALM
+
+    def fly(self, integration: Integration | None = None, *, record: bool = True) -> tuple[Float64, Float64]:
+        """Return states and winds of all ticks; without `record` those of the first."""
+        physics = VehiclePhysics(
+            self.vehicle,
+            load_scene("airfield"),
+            TICK_NS,
+            start=FlightStart(p_WB=(0.0, 0.0, _HEIGHT_M)),
+            effects=Effects(),
+            disturbances=Disturbances(self.wind, seed=4),
+            integration=integration or Integration(),
+        )
+        airframe = Airframe(self.vehicle)
+        trim = airframe.trim(airframe.cruise_mps)
+        physics.state[7:10] = trim.v_B_mps
+        physics.state[13] = trim.throttle * self.vehicle.rotor_constants.max_speed_radps
+        for place, value in self.start.items():
+            physics.state[place] = value
+        physics.state[3:7] /= np.linalg.norm(physics.state[3:7])
+        physics.advance(0, self.commands[0].tolist())
+        states, winds = [physics.state.copy()], [physics.wind_W_mps]
+        for tick, controls in enumerate(self.commands.tolist(), start=1):
+            if physics.advance(tick, controls).in_contact:
+                raise ValueError(f"the flight reaches the ground in tick {tick}")
+            if record:
+                states.append(physics.state.copy())
+                winds.append(physics.wind_W_mps)
+        return np.array(states), np.array(winds)
+
+    def exact(self, start: Float64, winds: Float64) -> Float64:
+        """Return the states of the reference."""
+        scene = load_scene("airfield")
+        inputs = reference.PlaneInputs(self.commands, winds, scene.site)
+        return reference.fly(self.vehicle, start, inputs, tick_s=TICK_S, gravity_mps2=scene.gravity_mps2)
+
+
+def errors_of(vehicle: Vehicle, flown: Float64, exact: Float64) -> Errors:
+    """Return the greatest errors of a flight."""
+    own = 13 + len(vehicle.rotors)
+    return Errors(
+        float(np.max(np.linalg.norm(flown[:, :3] - exact[:, :3], axis=1))),
+        max(attitude_error_rad(a, b) for a, b in zip(flown[:, 3:7], exact[:, 3:7], strict=True)),
+        float(np.max(np.abs(flown[:, own:] - exact[:, own:]), initial=0.0)),
+    )
+
+
+def plane_rows(status: ShowStatus, *, quick: bool) -> tuple[list[Row], list[Check]]:
+    """Measure all cases."""
+    rows: list[Row] = []
+    worst = 0.0
+    for name in _PLANES:
+        vehicle = load_vehicle(name)
+        for case, (start, seed, wind) in _CASES.items():
+            status(f"{name}: {case}")
+            flight = PlaneFlight(vehicle, random_commands(vehicle, 2.0 if quick else _SECONDS, seed), start, wind)
+            first, winds = flight.fly()
+            exact = flight.exact(first[0], winds)
+            runs: dict[str, Any] = {m: partial(flight.fly, step, record=False) for m, step in _METHODS.items()}
+            times = best_times(runs, rounds=1 if quick else 3)
+            for method, step in _METHODS.items():
+                found = errors_of(vehicle, flight.fly(step)[0], exact)
+                per_s = times[method] / (len(flight.commands) * TICK_S)
+                details = {"attitude_error_rad": found.attitude_rad, "deflection_error_rad": found.deflection_rad}
+                rows.append(Row(f"{name}: {case}", method, found.position_m, "m", per_s, details))
+                if method == _OWN:
+                    worst = max(worst, found.position_m)
+    status("cost of a plane's tick")
+    return rows, [
+        Check("planes, random commands, gusts, stall, spin: position error", worst, "<=", 1e-6, "m"),
+        Check("skywalker_x8: processor time of a tick over a quadrotor's", _cost(quick=quick), "<=", 2.0, "x", "speed"),
+    ]
+
+
+def _cost(*, quick: bool) -> float:
+    vehicle = load_vehicle("skywalker_x8")
+    plane, quad = PlaneFlight(vehicle, random_commands(vehicle, 5.0, 1)), vigorous(5.0)
+    runs: dict[str, Any] = {
+        "plane": partial(plane.fly, record=False),
+        "quad": partial(ThisProject(4.0).fly, quad, record=False),
+    }
+    times = best_times(runs, rounds=2 if quick else 7)
+    return times["plane"] / times["quad"]
