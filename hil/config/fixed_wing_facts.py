@@ -47,6 +47,7 @@ def fixed_wing_facts(vehicle: Vehicle, site: Site | None = None) -> FixedWing:
         fastest_mps=fastest,
         glide_mps=glide.airspeed_mps,
         glide_sink_mps=-glide.airspeed_mps * math.sin(glide.climb_rad),
+        idle_sink_mps=_idle_sink_mps(airframe, trim),
         climb_mps=cruise * min(max((most - needed) / (vehicle.mass_kg * airframe.gravity_mps2), 0.0), 0.9),
         pitch_rad=trim.pitch_rad,
         throttle=trim.throttle,
@@ -54,6 +55,14 @@ def fixed_wing_facts(vehicle: Vehicle, site: Site | None = None) -> FixedWing:
         pull_up=_pull_up(airframe, trim, effect[1]),
         wheels=any(getattr(force, "kind", "") == "wheels" for force in vehicle.forces),
     )
+
+
+def _idle_sink_mps(airframe: Airframe, trim: Trim) -> float:
+    """Return the sink rate at the cruise airspeed with the engines' command at 0."""
+    try:
+        return -trim.airspeed_mps * math.sin(airframe.glide(trim.airspeed_mps).climb_rad)
+    except NoTrimError:  # the surfaces do not trim it: by the drag of level flight
+        return _thrust_n(airframe, trim) * trim.airspeed_mps / (airframe.vehicle.mass_kg * airframe.gravity_mps2)
 
 
 def _thrust_n(airframe: Airframe, trim: Trim) -> float:
