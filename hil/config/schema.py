@@ -276,7 +276,7 @@ class PlaneLimits(Section):
     Definitions: hil/run/verdict/plane_flight.py.
     """
 
-    max_cross_track_m: Annotated[float, Field(gt=0)] | None = 20.0  # from the path that a plane can fly
+    max_cross_track_m: Annotated[float, Field(gt=0)] | None = 25.0  # from the path that a plane can fly
     altitude_error_m: Annotated[float, Field(gt=0)] | None = 8.0  # on level legs
     airspeed_margin: Annotated[float, Field(gt=0)] | None = 1.1  # least airspeed over the stall at the load of the bank
     max_bank_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0

@@ -131,7 +131,6 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "FW_T_SINK_MAX": max(3.0, 2.0 * vehicle.idle_sink_mps),
         "LNDFW_AIRSPD_MAX": max(6.0, 0.7 * vehicle.stall_mps),
         "RWTO_TKOFF": float(vehicle.wheels),
-        "FW_LAUN_DETCN_ON": float(not vehicle.wheels),
         "FW_LAUN_AC_THLD": 12.0,
         "FW_W_EN": float(vehicle.wheels),
     }

@@ -22,6 +22,7 @@ from signals.units import RAD_PER_DEG
 
 _FLARE_ROLL_RAD = 5.0 * RAD_PER_DEG
 _ROLL_OUT_M = 0.3
+_FLARE_DAMPING = 0.3  # three times FW_T_PTCH_DAMP: there is no time for the integral
 
 
 class PlaneLanding:
@@ -103,6 +104,7 @@ class PlaneLanding:
             pitch_min_rad=p["FW_LND_FL_PMIN"] * RAD_PER_DEG * share + p["FW_P_LIM_MIN"] * RAD_PER_DEG * (1.0 - share),
             pitch_max_rad=p["FW_LND_FL_PMAX"] * RAD_PER_DEG,
             roll_limit_rad=_FLARE_ROLL_RAD,
+            pitch_damping=_FLARE_DAMPING,
         )
 
 

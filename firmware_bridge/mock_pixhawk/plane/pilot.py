@@ -165,6 +165,7 @@ class PlanePilot:
         weight: float | None = None,
         least_airspeed_mps: float | None = None,
         pitch_max_rad: float | None = None,
+        pitch_damping: float | None = None,
     ) -> None:
         """Follow the path (none: wings level) at a height (`d_m` local down) or height rate, and an airspeed."""
         p, v, air = self._params, self._vehicle, self.air
@@ -187,6 +188,7 @@ class PlanePilot:
             pitch_max_rad=(self._pitch_limits[1] if pitch_max_rad is None else pitch_max_rad) - self._offset,
             load_factor=load,
             speed_weight=weight,
+            pitch_damping=pitch_damping,
         )
         state = VerticalState(-v.pos_d, -v.v_d, air.true_mps, air.rate_mps2)
         pitch, self.throttle = self._tecs.step(state, demand, PERIOD_S)

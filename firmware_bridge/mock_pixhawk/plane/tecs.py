@@ -45,6 +45,7 @@ class Demand:
     pitch_max_rad: float = 0.5
     load_factor: float = 1.0
     speed_weight: float | None = None  # None: FW_T_SPDWEIGHT
+    pitch_damping: float | None = None  # None: FW_T_PTCH_DAMP
 
 
 class Tecs:
@@ -140,7 +141,8 @@ class Tecs:
     def _pitch_step(self, balance_sp: float, error: float, v: float, demand: Demand, dt: float) -> float:
         scale = 1.0 / (v * STANDARD_GRAVITY_MPS2)
         low, high = demand.pitch_min_rad, demand.pitch_max_rad
-        raw = (self._forward * balance_sp + self._pitch_damping * error + self._pitch_integral) * scale
+        damping = self._pitch_damping if demand.pitch_damping is None else demand.pitch_damping
+        raw = (self._forward * balance_sp + damping * error + self._pitch_integral) * scale
         step = self._pitch_i * error * dt
         if not ((raw >= high and step > 0.0) or (raw <= low and step < 0.0)):
             self._pitch_integral = min(max(self._pitch_integral + step, -0.6 / scale), 0.6 / scale)
