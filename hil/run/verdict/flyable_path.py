@@ -1,7 +1,8 @@
 """The path that a plane can fly through the waypoints of a plan, as pieces of straight line in the x-y plane of W.
 
 A plane turns with a finite radius, so a plan's corners cannot be flown. At every corner the two legs are joined by an
-arc of radius R that touches both (a fly-by turn); where a leg is too short for it, by the largest arc that fits. R is
+arc of radius R that touches both (a fly-by turn); where a leg is too short for it, by the largest arc that fits. A turn
+back, by more than 120 degrees, may be flown anywhere within 3 R of its corner. R is
 that of a level turn at the cruise airspeed with a bank of 35 degrees, R = V^2 / (g tan 35). At a loiter the path is its
 circle, from which the next leg leaves along the tangent.
 
@@ -30,6 +31,7 @@ _ARC_RAD = math.radians(4.0)  # between two points of an arc: its chord is R (1 
 _LOITERS = (17, 18, 19, 31)
 _DEFAULT_LOITER_M = 80.0  # PX4's NAV_LOITER_RAD
 _LEAST_M = 1.0
+_BACK_RAD, _BACK = math.radians(120.0), 3.0  # turns back, and how many radii they may take
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ class FlyablePath:
     def __init__(self, stops: Sequence[Stop], radius_m: float) -> None:
         self.stops = list(stops)
         self._radius_m = radius_m
+        self._turns_back = [abs(self._change(i)) > _BACK_RAD for i in range(len(self.stops))]
         self._turns = [self._turn(i) for i in range(len(self.stops))]
         straight = [self._straight(i) for i in range(len(self.stops))]
         self._near = []
@@ -87,6 +90,9 @@ class FlyablePath:
 
     def error_m(self, target: int, place: Place) -> float | None:
         """Return the distance of a place from the path near the leg to the stop `target`."""
+        for i in range(max(target - 2, 0), min(target + 1, len(self.stops))):
+            if self._turns_back[i] and math.dist(place, self.stops[i].place) <= _BACK * self._radius_m:
+                return 0.0
         pieces = self._near[target]
         if not len(pieces):
             return None
@@ -101,22 +107,27 @@ class FlyablePath:
         """Return the starts and ends of all pieces, for drawing: (n, 4)."""
         return np.concatenate([self._near[i] for i in range(len(self.stops))] or [np.zeros((0, 4))])
 
+    def _change(self, i: int) -> float:
+        """Return the change of course at a stop that is flown through, left positive; 0 at the ends."""
+        if not 0 < i < len(self.stops) - 1 or self.stops[i].loiter_m:
+            return 0.0
+        a, b, c = (self.stops[k].place for k in (i - 1, i, i + 1))
+        if math.dist(a, b) < _LEAST_M or math.dist(b, c) < _LEAST_M:
+            return 0.0
+        out = math.atan2(c[1] - b[1], c[0] - b[0])
+        return math.remainder(out - math.atan2(b[1] - a[1], b[0] - a[0]), math.tau)
+
     def _turn(self, i: int) -> Float64:
         """Return the arc at a stop, or the circle about it."""
         here = self.stops[i]
         if here.loiter_m:
             return _arc(here.place, abs(here.loiter_m), 0.0, math.tau)
-        if not 0 < i < len(self.stops) - 1:
+        change = self._change(i)
+        if abs(change) < 1e-3:
             return np.zeros((0, 4))
         before, after = self.stops[i - 1].place, self.stops[i + 1].place
         first, second = math.dist(before, here.place), math.dist(here.place, after)
-        if first < _LEAST_M or second < _LEAST_M:
-            return np.zeros((0, 4))
         course_in = math.atan2(here.place[1] - before[1], here.place[0] - before[0])
-        course_out = math.atan2(after[1] - here.place[1], after[0] - here.place[0])
-        change = math.remainder(course_out - course_in, math.tau)
-        if abs(change) < 1e-3:
-            return np.zeros((0, 4))
         half = math.tan(min(0.5 * abs(change), math.radians(85.0)))
         radius = min(self._radius_m, 0.5 * min(first, second) / half)
         start = _ahead(here.place, course_in, -radius * half)

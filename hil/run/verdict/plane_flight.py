@@ -11,7 +11,7 @@ airspeed_margin     Least airspeed over the stall speed at the load of the bank,
                     higher than 5 m over the start. 1 is the stall
 max_bank_deg        Greatest bank while higher than 5 m
 loiter_error_m      Greatest |distance from the centre - radius| on a loiter's circle, from the first time within 10 %
-                    of the radius until the way on to the next waypoint is nearer
+                    of the radius until it is left
 touchdown_sink_mps  Downward speed in the tick before the first contact of the last landing
 touchdown_bank_deg  Bank at that contact
 touchdown_offset_m  Distance of that contact from the line of the approach, which is a runway's centre line where the
@@ -42,6 +42,7 @@ _REACH_EXTRA_M, _REACH_HEIGHT_M = 20.0, 10.0
 _PASSED = 3.0  # times the distance
 _LEVEL_M = 0.5
 _ON_CIRCLE = 0.1
+_COMMITTED_RAD = math.radians(50.0)
 _MINIMA = frozenset({"airspeed_margin"})
 
 
@@ -76,6 +77,8 @@ class PlaneMeasurement:
         self._touch: TruthState | None = None
         self._previous: TruthState | None = None
         self._circling = False
+        self._bearing = self._turned = 0.0
+        self._pending: list[tuple[float, float]] = []  # angle turned on the circle, error there
 
     @property
     def counts(self) -> tuple[int, int]:
@@ -120,7 +123,7 @@ class PlaneMeasurement:
         place = (p[0], p[1])
         self._loiter(place)
         if self._reached >= len(self._targets):
-            if self._lands and self._targets:
+            if self._lands and self._targets and self._stops[-1].leg is None:  # a landing at a place of the plan
                 self._error(len(self._stops) - 1, place)
             return
         target = self._targets[self._reached]
@@ -155,12 +158,21 @@ class PlaneMeasurement:
         if stop is None or not stop.loiter_m:
             return
         radius = abs(stop.loiter_m)
+        bearing = math.atan2(place[1] - stop.place[1], place[0] - stop.place[0])
         off = abs(math.dist(place, stop.place) - radius)
-        self._circling = off <= (0.5 if self._circling else _ON_CIRCLE) * radius
-        if self._circling:
-            following = min(self._targets[self._reached - 1] + 1, len(self._stops) - 1)
-            error = self._path.error_m(following, place)
-            self._most("loiter_error_m", off if error is None else min(off, error))
+        circling = off <= (0.5 if self._circling else _ON_CIRCLE) * radius
+        if not circling or not self._circling:
+            self._turned, self._pending = 0.0, []
+        else:
+            self._turned += abs(math.remainder(bearing - self._bearing, math.tau))
+        self._circling, self._bearing = circling, bearing
+        if not circling:
+            return
+        # A plane that leaves on a tangent is half a radius off before it has gone on by 50 degrees: what it errs from
+        # there on is no error.
+        self._pending.append((self._turned, off))
+        while self._pending and self._pending[0][0] < self._turned - _COMMITTED_RAD:
+            self._most("loiter_error_m", self._pending.pop(0)[1])
 
     def _most(self, name: str, value: float) -> None:
         so_far = self._values.get(name)
