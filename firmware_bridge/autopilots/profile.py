@@ -79,6 +79,7 @@ class Profile:
     vehicle_misfits: Callable[[AutopilotSettings, Multirotor | FixedWing], Sequence[Misfit]] = _takes_any_vehicle
 
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
+    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
 
     # The flight.
     flight_sensors: Sequence[str] = ("gps", "barometer", "magnetometer")  # needed to fly a mission, besides the IMU

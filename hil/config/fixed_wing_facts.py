@@ -7,11 +7,17 @@ import math
 import numpy as np
 
 from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
+from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.fixed_wing import Airframe, NoTrimError, Trim
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Site
 
-_TURN_BANK_RAD = math.radians(35.0)
+_BANK_RAD = math.radians(35.0)  # of the turns that a plan may expect
+
+
+def turn_radius_m(airspeed_mps: float) -> float:
+    """Return the radius of a level turn with a bank of 35 degrees."""
+    return airspeed_mps * airspeed_mps / (STANDARD_GRAVITY_MPS2 * math.tan(_BANK_RAD))
 
 
 def fixed_wing_facts(vehicle: Vehicle, site: Site | None = None) -> FixedWing:
@@ -78,7 +84,7 @@ def _thrust_n(airframe: Airframe, trim: Trim) -> float:
 def _pull_up(airframe: Airframe, trim: Trim, pitch_effect: np.ndarray) -> float:  # type: ignore[type-arg]
     """Return the pitch command per pitch rate that a steady turn needs beyond straight flight [s/rad]."""
     try:
-        turn = airframe.trim(trim.airspeed_mps, bank_rad=_TURN_BANK_RAD)
+        turn = airframe.trim(trim.airspeed_mps, bank_rad=_BANK_RAD)
     except NoTrimError:
         return 0.5
     full = float(np.sum(np.abs(pitch_effect)))

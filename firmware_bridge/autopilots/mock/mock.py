@@ -15,6 +15,7 @@ from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes, is_plane
 from firmware_bridge.transports.transport import Transport
 from signals.documents.validate import nearest
@@ -193,4 +194,5 @@ PROFILE = Profile(
     vehicle_misfits=vehicle_misfits,
     expects_station=False,
     flies_planes=True,
+    plane_items=frozenset(PLANE_SUPPORTED - SUPPORTED),
 )

@@ -145,7 +145,7 @@ class PlaneReturn:
         t_n, t_e = (w_n / wind, w_e / wind) if wind > 1.0 else (-el.cos(pilot.course_rad), -el.sin(pilot.course_rad))
         angle = p["FW_LND_ANG"] * RAD_PER_DEG
         height = home.d_m - self._d
-        away = height * el.cos(angle) / el.sin(angle) + 3.0 * pilot.turn_distance_m()
+        away = height * el.cos(angle) / el.sin(angle) + 1.5 * pilot.turn_distance_m()
         return (home.n_m + away * t_n, home.e_m + away * t_e, self._d)
 
     def _to_entry(self, entry: Point, now_us: int) -> Mode | None:

@@ -22,11 +22,9 @@ from numpy.typing import NDArray
 from hil.config.missions.mission import LAND_COMMANDS
 from hil.config.missions.path import Leg, LegKind
 from signals.mission import MissionItem
-from signals.units import STANDARD_GRAVITY_MPS2
 
 Float64 = NDArray[np.float64]
 Place = tuple[float, float]
-_BANK_RAD = math.radians(35.0)
 _ARC_RAD = math.radians(4.0)  # between two points of an arc: its chord is R (1 - cos 2 deg) = 0.0006 R inside it
 _LOITERS = (17, 18, 19, 31)
 _DEFAULT_LOITER_M = 80.0  # PX4's NAV_LOITER_RAD
@@ -41,11 +39,6 @@ class Stop:
     place: Place
     loiter_m: float = 0.0
     leg: Leg | None = None  # the waypoint's; None for the start and the landing
-
-
-def turn_radius_m(airspeed_mps: float) -> float:
-    """Return the radius of a level turn with a bank of 35 degrees."""
-    return airspeed_mps * airspeed_mps / (STANDARD_GRAVITY_MPS2 * math.tan(_BANK_RAD))
 
 
 def loiter_radius_m(item: MissionItem) -> float:

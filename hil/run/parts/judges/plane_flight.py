@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 from hil.config import Bench
-from hil.config.fixed_wing_facts import fixed_wing_facts
+from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.path import plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
-from hil.run.verdict.flyable_path import stops_of, turn_radius_m
+from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.verdict import Verdict
