@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
 from signals.units import STANDARD_GRAVITY_MPS2
@@ -81,7 +82,7 @@ def _thrust_n(airframe: Airframe, trim: Trim) -> float:
     return float(change[0]) + airframe.thrust_range_n(trim.airspeed_mps)[0]
 
 
-def _pull_up(airframe: Airframe, trim: Trim, pitch_effect: np.ndarray) -> float:  # type: ignore[type-arg]
+def _pull_up(airframe: Airframe, trim: Trim, pitch_effect: NDArray[np.float64]) -> float:
     """Return the pitch command per pitch rate that a steady turn needs beyond straight flight [s/rad]."""
     try:
         turn = airframe.trim(trim.airspeed_mps, bank_rad=_BANK_RAD)

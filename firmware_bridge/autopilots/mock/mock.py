@@ -110,13 +110,16 @@ def airframe_and_params(installation: Installation, rotors: Mapping[str, float] 
     """
     settings, vehicle = installation.settings, installation.vehicle
     plane = isinstance(vehicle, FixedWing)
-    airframe = settings.airframe or (None if plane else matching_airframe(vehicle))
     known = _table() if plane else _multirotor_table()
     params = {name: value for name, value in settings.params_of_file.items() if name in known} | settings.params
-    if airframe is None and isinstance(vehicle, FixedWing):
-        airframe, params = PLANE_AIRFRAME, plane_parameters(vehicle) | dict(rotors or {}) | params
-    elif airframe is None and not isinstance(vehicle, FixedWing):
-        airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
+    airframe = settings.airframe
+    if isinstance(vehicle, FixedWing):
+        if airframe is None:
+            airframe, params = PLANE_AIRFRAME, plane_parameters(vehicle) | dict(rotors or {}) | params
+    else:
+        airframe = airframe or matching_airframe(vehicle)
+        if airframe is None:
+            airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
     return airframe, [f"{name}={value!r}" for name, value in params.items()]
 
 

@@ -141,14 +141,14 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
 
 def plane_parameters(vehicle: FixedWing) -> dict[str, float]:
     """Return the parameters that make a plane of PX4, or the mock's, this vehicle."""
-    values = {
+    values: dict[str, float] = {
         "CA_AIRFRAME": 1,
         "MAV_TYPE": 1,
         "CA_ROTOR_COUNT": len(vehicle.rotors),
         **surface_parameters(vehicle),
         **{name: float(f"{value:.4g}") for name, value in (flight_parameters(vehicle) | rate_gains(vehicle)).items()},
     }
-    return {name: value + 0.0 if isinstance(value, float) else value for name, value in values.items()}
+    return values
 
 
 def output_functions(vehicle: FixedWing, outputs: str) -> dict[str, float]:
