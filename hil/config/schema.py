@@ -29,6 +29,7 @@ from sim.frame.quality import QualityName
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
+from sim.physics.surface_faults import SurfaceFault, VehicleFault
 from sim.randomize.settings import Randomize
 from sim.scene.weather import Weather
 from sim.scene.wind import Wind
@@ -386,8 +387,14 @@ class Faults(Section):
     """Injected faults, each at a simulated time."""
 
     rotors: tuple[RotorFault, ...] = ()
+    surfaces: tuple[SurfaceFault, ...] = ()
     sensors: tuple[SensorFault, ...] = ()
     links: tuple[LinkFault, ...] = ()  # on the link to the autopilot
+
+    @property
+    def of_vehicle(self) -> tuple[VehicleFault, ...]:
+        """Faults of rotors and control surfaces."""
+        return (*self.rotors, *self.surfaces)
 
 
 class SensorConfig(BaseModel):

@@ -36,7 +36,7 @@ class Flight:
             bench.vehicle,
             config.start.flight_start(),
             effects=config.physics.effects,
-            faults=config.faults.rotors,
+            faults=config.faults.of_vehicle,
         )
         self.physics = self._vehicle.physics
         self.driver = make_driver(bench, self._vehicle, self._world, options)

@@ -299,7 +299,7 @@ class _Member:
             bench.vehicle,
             config.start.flight_start(),
             effects=config.physics.effects,
-            faults=config.faults.rotors,
+            faults=config.faults.of_vehicle,
         )
         self.driver = make_driver(bench, self.vehicle, env.world, env.options)
         physics = self.vehicle.physics

@@ -213,18 +213,20 @@ class Airframe:
 
     def _refuse(self, V: float, x: Float64, size: float, throttle: float, controls: Float64) -> None:
         """Raise NoTrimError if the solution is none, or asks for more than the vehicle has."""
-        if not size < 1e-7 and throttle > 1.0:
-            raise NoTrimError(f"steady flight at {V:.3g} m/s would need more than the full thrust of the engines")
-        if not size < 1e-7:
-            raise NoTrimError(f"no steady flight at {V:.3g} m/s: the wings do not carry {self._weight_n:.3g} N there")
+        where, found = f"steady flight at {V:.3g} m/s", size < 1e-7
+        if not found and self.stall_speed_mps > V:
+            raise NoTrimError(
+                f"no {where}: the wings carry {self._weight_n:.3g} N from {self.stall_speed_mps:.3g} m/s on"
+            )
         if not -1e-9 <= throttle <= 1.0 + 1e-9:
-            raise NoTrimError(f"steady flight at {V:.3g} m/s would need a throttle of {throttle:.2f}")
-        names = [command.name for command in self.vehicle.commands]
+            wanted = f"a throttle of {throttle:.2f}" if found else "more thrust than the engines have"
+            raise NoTrimError(f"{where} would need {wanted}")
         for i in self.surfaces:
             if abs(controls[i]) > 1.0 + 1e-9:
-                raise NoTrimError(
-                    f"steady flight at {V:.3g} m/s would need {names[i]} at {controls[i]:.2f} of its range"
-                )
+                wanted = f"at {controls[i]:.2f}" if found else "beyond the end"
+                raise NoTrimError(f"{where} would need {self.vehicle.commands[i].name} {wanted} of its range")
+        if not found:
+            raise NoTrimError(f"no {where} was found")
         if self.lift_slope_n_per_rad(V, float(x[0]), controls) <= 0.0:
             raise NoTrimError(f"steady flight at {V:.3g} m/s is beyond the stall, at {math.degrees(x[0]):.1f} degrees")
 
@@ -235,7 +237,7 @@ class Airframe:
 
     def _lift_n(self, V: float, alpha_rad: float, controls: Float64) -> float:
         force = self.wrench(_velocity(V, alpha_rad, 0.0), (0.0, 0.0, 0.0), controls)
-        return float(force[2] * math.cos(alpha_rad) - force[0] * math.sin(alpha_rad))
+        return float(force[0] * math.sin(alpha_rad) + force[2] * math.cos(alpha_rad))
 
     # ---- speeds
 

@@ -49,6 +49,7 @@ from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
+from sim.physics.surface_faults import SurfaceFault, VehicleFault, check_surface_faults
 from sim.physics.vehicle import Vehicle, rigid_body
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 from sim.scene.scene import Scene
@@ -107,6 +108,11 @@ def check_motion(p_WB: Vec3, q_WB: Quat, v_WB_W: Vec3, w_WB_B: Vec3) -> float:
     return length
 
 
+def _check_faults(faults: Sequence[VehicleFault], vehicle: Vehicle) -> None:
+    check_faults([fault for fault in faults if isinstance(fault, RotorFault)], vehicle)
+    check_surface_faults([fault for fault in faults if isinstance(fault, SurfaceFault)], vehicle)
+
+
 class VehiclePhysics:
     """Simulation of one vehicle over one flight.
 
@@ -128,7 +134,7 @@ class VehiclePhysics:
         steps = self._steps = integration.steps(tick_ns)
         if effects.battery and vehicle.battery is None:
             raise ValueError(f"effects.battery is on, but the vehicle {vehicle.name!r} has no battery")
-        check_faults(disturbances.faults, vehicle)
+        _check_faults(disturbances.faults, vehicle)
         self.vehicle = vehicle
         self.scene = scene
         self._declared = disturbances
@@ -565,16 +571,16 @@ class VehiclePhysics:
         """Change the strength of the turbulence over a second, from the next tick on; see `WindAtVehicle`."""
         self._wind.set_turbulence(wind_20ft_mps, self._tick)
 
-    def inject(self, disturbance: RotorFault | GustEvent) -> None:
+    def inject(self, disturbance: VehicleFault | GustEvent) -> None:
         """Add a fault or gust during the flight.
 
         Raises ValueError if it would begin before the next tick, or names a rotor that does not exist.
         """
-        events: list[tuple[int, str, str, RotorFault | None]]
+        events: list[tuple[int, str, str, VehicleFault | None]]
         if isinstance(disturbance, GustEvent):
             events = [(event.tick, "gust", event.text, None) for event in self._wind.add(disturbance)]
         else:
-            check_faults((disturbance,), self.vehicle)
+            _check_faults((disturbance,), self.vehicle)
             events = [(disturbance.start_tick(self.tick_ns), "fault", disturbance.text, disturbance)]
         if events[0][0] <= self._tick:
             raise ValueError(f"{events[0][2]}: begins at tick {events[0][0]}, and tick {self._tick} is over")
@@ -582,9 +588,9 @@ class VehiclePhysics:
         self._pending = sorted([*self._pending[::-1], *events], key=lambda item: item[0])[::-1]
         self._next_change = self._pending[-1][0]
 
-    def _schedule(self, faults: Sequence[RotorFault]) -> list[tuple[int, str, str, RotorFault | None]]:
+    def _schedule(self, faults: Sequence[VehicleFault]) -> list[tuple[int, str, str, VehicleFault | None]]:
         """Return (tick, kind, text, fault) of all events to come, the next one last."""
-        events: list[tuple[int, str, str, RotorFault | None]] = [
+        events: list[tuple[int, str, str, VehicleFault | None]] = [
             (fault.start_tick(self.tick_ns), "fault", fault.text, fault) for fault in faults
         ]
         events += [(event.tick, "gust", event.text, None) for event in self._wind.events()]
@@ -594,10 +600,23 @@ class VehiclePhysics:
         while self._pending and self._pending[-1][0] == tick:
             _, kind, text, fault = self._pending.pop()
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
-            if fault is not None:
+            if isinstance(fault, RotorFault):
                 assert self._rotors is not None  # check_faults
                 self._rotors.set_rotor(fault.rotor, *fault.rotor_state)
+            elif fault is not None:
+                force, index, place = self._surface(fault.surface)
+                force.set_surface(index, fault.state, fault.stuck_rad(float(self._truth[place])))
         self._next_change = self._pending[-1][0] if self._pending else -1
+
+    def _surface(self, name: str) -> tuple[SurfacedForce, int, int]:
+        """Return the force of a surface, the surface's index in it, and its place in the state."""
+        names = [surface.name for surface in self.vehicle.surfaces]
+        index = names.index(name)
+        for force, first in self._surfaced:
+            if index < force.states:
+                return force, index, first + index
+            index -= force.states
+        raise AssertionError(name)  # every surface belongs to a force
 
     def _update_wind(self, tick: int) -> None:
         previous_W = self._wind_W

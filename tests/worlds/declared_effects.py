@@ -22,6 +22,7 @@ from hil.config import load_bench
 from hil.config.missions.script import SENSOR_FAULTS
 from signals.errors import ConfigError
 from sim.physics.faults import RotorFault
+from sim.physics.surface_faults import SurfaceFault
 from sim.sensors.catalog import KINDS
 from sim.sensors.faults import FAULT_FIELDS, INNER_FAULTS
 
@@ -67,6 +68,7 @@ ACTIONS: dict[str, dict[str, Any]] = {
     "command": {"command": {"id": 178, "params": [1, 3, -1]}},
     "gust": {"gust": {"speed_mps": 4.0, "direction_deg": 270.0, "for_s": 1.0}},
     "fault: rotor": {"fault": {"rotor": 1, "kind": "efficiency", "factor": 0.95}},
+    "fault: surface": {"fault": {"surface": "elevon_left", "kind": "stuck"}},
     "fault: sensor": {"fault": {"sensor": "gps", "kind": "dropout", "for_s": 1.0}},
     "fault: link": {"fault": {"link": {"kind": "drop", "rate": 0.1, "for_s": 1.0, "messages": ["HEARTBEAT"]}}},
     "fault: autopilot": {"fault": {"autopilot": "noise"}},
@@ -80,6 +82,7 @@ def choices(model: Any, field: str) -> tuple[str, ...]:
 
 
 ROTOR_FAULTS = choices(RotorFault, "kind")
+SURFACE_FAULTS = choices(SurfaceFault, "kind")
 LINK_FAULTS = choices(LinkFault, "kind")
 OWN_FAULTS = tuple(MockFaults.model_fields)
 
@@ -216,6 +219,8 @@ def other_cells() -> Iterator[tuple[str, str, tuple[str, ...]]]:
 
     for kind in ROTOR_FAULTS:
         yield "faults.rotors", kind, cells(faults={"rotors": [rotor_entry(kind)]})
+    for kind in SURFACE_FAULTS:
+        yield "faults.surfaces", kind, cells(faults={"surfaces": [{"kind": kind, "surface": "elevator", "at_s": 1.0}]})
     for kind in LINK_FAULTS:
         yield "faults.links", kind, cells(faults={"links": [link_entry(kind)]})
     for message, direction in (("HIL_GPS", "to_autopilot"), ("ATTITUDE", "from_autopilot")):

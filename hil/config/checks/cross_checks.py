@@ -11,6 +11,7 @@ from signals.documents.document import Place
 from signals.documents.validate import at, nearest
 from signals.errors import Problem
 from sim.physics.faults import misfits
+from sim.physics.surface_faults import surface_misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.sensors.faults import fault_problems
@@ -84,6 +85,10 @@ def vehicle_problems(config: BenchConfig, vehicle: Vehicle, settings: Settings) 
     problems = [
         at(settings, ("faults", "rotors", index, key), message)
         for index, key, message in misfits(config.faults.rotors, vehicle)
+    ]
+    problems += [
+        at(settings, ("faults", "surfaces", index, key), message)
+        for index, key, message in surface_misfits(config.faults.surfaces, vehicle)
     ]
     if config.physics.effects.battery and vehicle.battery is None:
         message = f"is true, but the vehicle {vehicle.name!r} has no battery"

@@ -24,6 +24,7 @@ from signals.documents.document import Document, Place
 from signals.documents.validate import StrictModel, nearest, unit_of
 from signals.time import NS_PER_S
 from sim.physics.faults import RotorFault
+from sim.physics.surface_faults import SurfaceFault, VehicleFault
 from sim.scene.wind import GustEvent
 from sim.sensors.faults import Blocked, DriftAway, Dropout, Freeze, Offset, StuckBit
 
@@ -42,7 +43,7 @@ SENSOR_FAULTS = {
 AUTOPILOT_FAULTS = ("die", "stall", "wrong_time", "garbage", "noise")
 
 SensorFault = Freeze | Dropout | Offset | DriftAway | StuckBit | Blocked
-Injected = RotorFault | GustEvent | SensorFault
+Injected = VehicleFault | GustEvent | SensorFault
 """A disturbance that an action can begin during the flight."""
 
 Instant = Annotated[float, Field(ge=0.0, le=_DAY_S)]
@@ -271,12 +272,17 @@ def parse_event(text: str) -> VehicleEvent:
 
 
 def fault_at(fault: Mapping[str, Any], at_s: float) -> dict[str, Any]:
-    """Return a fault of a rotor or sensor as an entry of the bench's `faults`; `for_s` becomes `until_s`."""
+    """Return a fault of a rotor, surface or sensor as an entry of the bench's `faults`; `for_s` becomes `until_s`."""
     entry = {**fault, "at_s": at_s}
     for_s = entry.pop("for_s", None)
     if isinstance(for_s, int | float) and "sensor" in fault:
         entry["until_s"] = at_s + for_s
     return entry
+
+
+def fault_model(fault: Mapping[str, Any]) -> type[VehicleFault]:
+    """Return the model of a fault of the vehicle."""
+    return SurfaceFault if "surface" in fault else RotorFault
 
 
 def injected_at(spec: ActionSpec, at_s: float) -> Injected:
@@ -285,7 +291,7 @@ def injected_at(spec: ActionSpec, at_s: float) -> Injected:
         return spec.gust.event(at_s)
     assert spec.fault is not None
     entry = fault_at(spec.fault, at_s)
-    model: Any = SENSOR_FAULTS[entry["kind"]] if "sensor" in entry else RotorFault
+    model: Any = SENSOR_FAULTS[entry["kind"]] if "sensor" in entry else fault_model(entry)
     injected: Injected = model.model_validate(entry)
     return injected
 

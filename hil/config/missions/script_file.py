@@ -18,6 +18,7 @@ from hil.config.missions.script import (
     MissionScript,
     Script,
     fault_at,
+    fault_model,
     injected_at,
     parse_event,
 )
@@ -26,13 +27,14 @@ from signals.documents.validate import COMMAND_LINE, at, nearest, validate
 from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.faults import RotorFault, misfits
+from sim.physics.surface_faults import SurfaceFault, surface_misfits
 from sim.physics.vehicle import Vehicle
 from sim.scene.wind import Wind
 from sim.sensors.faults import fault_problems
 
 SUFFIXES = (".yaml", ".yml")
 PLAN_SUFFIXES = (".plan", ".waypoints")
-_TARGETS = ("rotor", "sensor", "link", "autopilot")
+_TARGETS = ("rotor", "surface", "sensor", "link", "autopilot")
 
 
 def is_script(path: Path) -> bool:
@@ -82,7 +84,7 @@ def _find_plan(script: Path, name: str) -> Path | None:
 def _fault_problems(fault: Mapping[str, Any], document: Any, place: Place, *, timed: bool) -> Iterator[Problem]:
     targets = [key for key in _TARGETS if key in fault]
     if len(targets) != 1:
-        known = "rotor, sensor, link or autopilot"
+        known = "rotor, surface, sensor, link or autopilot"
         yield at(document, place, f"must name exactly one {known}, it names {' and '.join(targets) or 'none'}")
         return
     target = targets[0]
@@ -100,7 +102,7 @@ def _fault_problems(fault: Mapping[str, Any], document: Any, place: Place, *, ti
         if key in fault:
             yield at(document, (*place, key), "does not belong here", "write at_s beside fault, and for_s inside it")
             return
-    model: Any = RotorFault
+    model: Any = fault_model(fault)
     if target == "sensor":
         kind = fault.get("kind")
         model = SENSOR_FAULTS.get(kind) if isinstance(kind, str) else None
@@ -145,6 +147,8 @@ def bench_problems(script: MissionScript, *, sensors: Mapping[str, type], vehicl
         fault: Any = injected_at(spec, 0.0)
         if isinstance(fault, RotorFault):
             misfitting = [(key, message) for _, key, message in misfits([fault], vehicle)]
+        elif isinstance(fault, SurfaceFault):
+            misfitting = [(key, message) for _, key, message in surface_misfits([fault], vehicle)]
         else:
             misfitting = [(key, message) for _, key, message in fault_problems([fault], sensors)]
         problems += [at(script.document, (*place, key), message) for key, message in misfitting]
@@ -169,7 +173,7 @@ def merge_script(settings: Settings, script: MissionScript) -> None:
         elif "link" in spec.fault:
             _append(settings, ("faults", "links"), {**spec.fault["link"], "at_s": spec.at_s}, origin)
         else:
-            section = "sensors" if "sensor" in spec.fault else "rotors"
+            section = next(f"{target}s" for target in ("sensor", "surface", "rotor") if target in spec.fault)
             _append(settings, ("faults", section), fault_at(spec.fault, spec.at_s), origin)
 
 

@@ -1,4 +1,4 @@
-"""Makes the fault that a page requests: of a rotor, a sensor or a link, or a gust."""
+"""Makes the fault that a page requests: of a rotor, a surface, a sensor or a link, or a gust."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.faults.link_fault import LinkFault
 from sim.physics.faults import RotorFault
+from sim.physics.surface_faults import SurfaceFault
 from sim.scene.wind import GustEvent
 from sim.sensors.faults import FAULT_LIST
 
@@ -25,6 +26,9 @@ def requested_fault(request: Mapping[str, Any], at_s: float) -> tuple[Any, str]:
     if "rotor" in fields:
         rotor = RotorFault.model_validate(fields | {"at_s": at_s})
         return rotor, rotor.text
+    if "surface" in fields:
+        surface = SurfaceFault.model_validate(fields | {"at_s": at_s})
+        return surface, surface.text
     if not ("sensor" in fields or "link" in fields):
         gust = GustEvent.model_validate(fields | {"at_s": at_s})
         return gust, gust.text

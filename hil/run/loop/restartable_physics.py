@@ -57,7 +57,7 @@ def make_physics(bench: Bench) -> Any:
             config.tick_ns,
             start=config.start.flight_start(),
             effects=config.physics.effects,
-            disturbances=Disturbances(faults=config.faults.rotors, wind=config.wind, seed=config.noise_seed),
+            disturbances=Disturbances(faults=config.faults.of_vehicle, wind=config.wind, seed=config.noise_seed),
             integration=Integration(
                 contact_skipping=config.physics.contact_skipping,
                 step_ns=None if config.physics.step_us is None else config.physics.step_us * 1000,

@@ -17,10 +17,10 @@ from signals.errors import ModelRangeError
 from signals.samples import TruthState, Vec3
 from sim._kernels import IdealController as Kernel
 from sim.physics.disturbances import Disturbances
-from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
+from sim.physics.surface_faults import VehicleFault
 from sim.physics.vehicle import Vehicle
 from sim.physics.vehicle_group import VehicleContact, VehicleGroup
 from sim.physics.vehicle_physics import Cruise, VehiclePhysics
@@ -81,7 +81,7 @@ class SteppedWorld:
         start: FlightStart = FlightStart(),  # noqa: B008 (frozen)
         *,
         effects: Effects = Effects(),  # noqa: B008 (frozen)
-        faults: Sequence[RotorFault] = (),
+        faults: Sequence[VehicleFault] = (),
     ) -> FlyingVehicle:
         """Add a vehicle between two ticks. Raises ValueError for a name that is taken, or a battery that is missing."""
         self._check_free(name)
@@ -113,7 +113,7 @@ class SteppedWorld:
             raise ValueError(f"there is a vehicle {name!r} already")
 
     def _physics(
-        self, vehicle: Vehicle, start: FlightStart, effects: Effects, faults: Sequence[RotorFault] = ()
+        self, vehicle: Vehicle, start: FlightStart, effects: Effects, faults: Sequence[VehicleFault] = ()
     ) -> VehiclePhysics:
         return VehiclePhysics(
             vehicle,

@@ -19,7 +19,13 @@ from signals.documents.yaml_lines import dotted
 
 ABSENT: Any = type("Absent", (), {"__repr__": lambda _: "absent"})()
 STEADY: Place = ("wind", "steady_W_mps")
-LISTS: tuple[Place, ...] = (("faults", "sensors"), ("faults", "rotors"), ("faults", "links"), ("wind", "gusts"))
+LISTS: tuple[Place, ...] = (
+    ("faults", "sensors"),
+    ("faults", "rotors"),
+    ("faults", "surfaces"),
+    ("faults", "links"),
+    ("wind", "gusts"),
+)
 SECTIONS: tuple[Place, ...] = (("wind", "turbulence"), ("weather",))
 
 Data = dict[str, Any]

@@ -39,6 +39,8 @@ def _instants(config: BenchConfig) -> Iterator[tuple[str, float]]:
     """Yield each declared fault and gust with the time at which it begins [s]."""
     for rotor in config.faults.rotors:
         yield f"fault of rotor {rotor.rotor}: {rotor.kind}", rotor.at_s
+    for surface in config.faults.surfaces:
+        yield f"fault of surface {surface.surface}: {surface.kind}", surface.at_s
     for sensor in config.faults.sensors:
         yield _of_sensor(sensor), sensor.at_s
     for link in config.faults.links:

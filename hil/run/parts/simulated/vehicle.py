@@ -1,4 +1,4 @@
-"""The simulated vehicle: physics, rotor faults and gusts."""
+"""The simulated vehicle: physics, faults of rotors and surfaces, and gusts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from hil.config import Bench
 from hil.run.loop.restartable_physics import make_physics
 from hil.run.part import Part, RunContext
 from sim.physics.faults import RotorFault
+from sim.physics.surface_faults import SurfaceFault
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.wind import GustEvent
 
@@ -22,7 +23,7 @@ class VehiclePart(Part):
         self._physics = run.physics = make_physics(run.bench)
 
     def inject(self, fault: Any, *, declared: bool) -> bool:  # noqa: ARG002 (makes no difference here)
-        if self._physics is None or not isinstance(fault, GustEvent | RotorFault):
+        if self._physics is None or not isinstance(fault, GustEvent | RotorFault | SurfaceFault):
             return False
         self._physics.inject(fault)
         return True
