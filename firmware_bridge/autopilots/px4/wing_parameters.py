@@ -153,6 +153,6 @@ def plane_parameters(vehicle: FixedWing) -> dict[str, float]:
 
 def output_functions(vehicle: FixedWing, outputs: str) -> dict[str, float]:
     """Return the functions of the outputs in the order of the vehicle's commands: motors, then surfaces."""
-    motors = {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
+    motors: dict[str, float] = {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
     first = len(vehicle.rotors) + 1
     return motors | {f"{outputs}{first + i}": _FIRST_SERVO + i for i in range(len(vehicle.surfaces))}
