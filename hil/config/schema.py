@@ -29,6 +29,7 @@ from sim.frame.quality import QualityName
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
+from sim.physics.launch import Launch
 from sim.physics.surface_faults import SurfaceFault, VehicleFault
 from sim.randomize.settings import Randomize
 from sim.scene.weather import Weather
@@ -369,9 +370,11 @@ class Start(Section):
     p_W: tuple[StartCoordinate, StartCoordinate, StartCoordinate] = (0.0, 0.0, 0.0)  # [m] on the ground, amid its feet
     yaw_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0  # counter-clockwise from east; 90: north
 
+    launch: Launch | None = None  # a plane is thrown from above p_W; null: it starts on its feet or wheels
+
     def flight_start(self) -> FlightStart:
         """Return the start for the physics."""
-        return FlightStart(ground_W=self.p_W, yaw_rad=self.yaw_deg * RAD_PER_DEG)
+        return FlightStart(ground_W=self.p_W, yaw_rad=self.yaw_deg * RAD_PER_DEG, launch=self.launch)
 
 
 class Physics(Section):

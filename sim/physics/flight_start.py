@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from signals.samples import Vec3
+from sim.physics.launch import Launch
 
 
 @dataclass(frozen=True)
@@ -14,4 +15,5 @@ class FlightStart:
     p_WB: Vec3 | None = None  # None: standing on the ground at `ground_W`
     ground_W: Vec3 = (0.0, 0.0, 0.0)  # place on the ground between the feet
     yaw_rad: float = 0.0  # counter-clockwise from east
+    launch: Launch | None = None  # from above `ground_W`; None: the vehicle stands, or begins at `p_WB`
     t_ns: int = 0  # time at which the scene's actors are posed

@@ -42,7 +42,7 @@ def take_off_problem(
         message = f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
         hint = "move the map so that free ground is there, or set start.p_W to a place on free ground"
         return message, hint if at_origin else _surface_hint(model, data, x, y)
-    if not _contacts(model, data, start, vehicle.standing_height_m - OVER_GROUND_M):
+    if not _contacts(model, data, start, vehicle.lying_height_m - OVER_GROUND_M):
         message = f"has no ground to take off from: nothing solid is under {where}"
         hint = (
             "flights start at x = y = z = 0 unless start.p_W names another place: set it, move the map, make its "

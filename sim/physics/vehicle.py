@@ -16,12 +16,14 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel, load_model
 from signals.samples import Vec3
+from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
 from sim.physics.battery import Battery
 from sim.physics.forces.blade_element import lumps_of
 from sim.physics.forces.force import Command, Effects, ForceParameters, Point, any_kind
 from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
 from sim.physics.forces.surface import Surface, check_names
+from sim.physics.forces.wheels import Wheels
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
@@ -178,9 +180,16 @@ class Vehicle(StrictModel):
         return radius_m * (1.0 + 1e-12)
 
     @property
-    def standing_height_m(self) -> float:
-        """Height of the body origin over level ground when its lowest sphere just touches."""
+    def lying_height_m(self) -> float:
+        """Height of the body origin over level ground when its lowest contact sphere just touches."""
         return max(sphere.radius_m - sphere.position_m[2] for sphere in self.contact_spheres)
+
+    @property
+    def standing_height_m(self) -> float:
+        """Height of the body origin over level ground where the vehicle stands: on its wheels, or its lowest sphere."""
+        weight_n = self.mass_kg * STANDARD_GRAVITY_MPS2
+        on_wheels = [force.standing_height_m(weight_n) for force in self.forces if isinstance(force, Wheels)]
+        return max(self.lying_height_m, *on_wheels) if on_wheels else self.lying_height_m
 
 
 def vehicle_names() -> list[str]:

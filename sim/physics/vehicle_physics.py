@@ -38,7 +38,7 @@ from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
 from signals.time import NS_PER_MS
-from sim._kernels import IdealController, Push, Rotors, SurfacedForce
+from sim._kernels import IdealController, Launcher, Push, Rotors, SurfacedForce, Wheels
 from sim.physics.actors import Actors
 from sim.physics.battery import GAS_CONSTANT_J_PER_MOL_K, BatteryState
 from sim.physics.contact_model import build_model, set_inertia, soften_contact
@@ -47,6 +47,7 @@ from sim.physics.faults import RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
 from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
+from sim.physics.launch import LaunchRail
 from sim.physics.scene_contact import SceneContact, deepest_contact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.surface_faults import SurfaceFault, VehicleFault, check_surface_faults
@@ -62,7 +63,7 @@ from sim.world_loader import load_world
 Cruise = tuple[int, float, int, int]
 HARD_LANDING_MPS = 2.5
 NO_MOTION: Vec3 = (0.0, 0.0, 0.0)
-_SETTLE_NS = 500 * NS_PER_MS
+_SETTLE_NS, _SETTLE_ON_WHEELS_NS = 500 * NS_PER_MS, 3000 * NS_PER_MS
 _MAX_TRAVEL_M = 1.0e6  # a vehicle within the speed limit travels less in a tick; NaN fails the comparison too
 
 _P, _Q, _V, _W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
@@ -80,7 +81,7 @@ class PhysicsEvent(NamedTuple):
     """Fault or gust that began or ended."""
 
     t_ns: int
-    kind: str  # "fault" or "gust"
+    kind: str  # "fault", "gust" or "launch"
     text: str
 
 
@@ -149,6 +150,7 @@ class VehiclePhysics:
         self._tick_s = steps.tick_s
         wind = disturbances.wind if disturbances.wind is not None else Wind(steady_W_mps=scene.wind_W_mps)
         self._wind = WindAtVehicle(wind, seed=disturbances.seed, tick_ns=tick_ns)
+        self._start = start
         states = 13 + self._make_body(None, self._wind.wind.steady_W_mps)
         self._battery: NDArray[np.float64] | None = None
         if effects.battery and vehicle.battery is not None:
@@ -177,7 +179,9 @@ class VehiclePhysics:
         state = self.state
         state[_Q] = (det_cos(0.5 * start.yaw_rad), 0.0, 0.0, det_sin(0.5 * start.yaw_rad))
         self._standing = start.p_WB is None
-        if start.p_WB is None:
+        if self._rail is not None:
+            state[_P], state[_Q] = self._rail.p_WB, self._rail.q_WB
+        elif start.p_WB is None:
             x, y, z = start.ground_W
             state[_P] = (x, y, z + vehicle.standing_height_m)
             self._settle()
@@ -195,6 +199,22 @@ class VehiclePhysics:
     def _make_body(self, truth: NDArray[np.float64] | None, wind_W_mps: Vec3) -> int:
         """Make the kernel of the vehicle, on `truth` or on a new array; return the number of its forces' own states."""
         forces = self.vehicle.make_forces(self._effects)
+        start = self._start
+        self._rail: LaunchRail | None = None
+        if start.launch is not None:
+            forces.append(launcher := Launcher())
+            self._rail = LaunchRail(
+                start.launch,
+                launcher,
+                ground_W=start.ground_W,
+                yaw_rad=start.yaw_rad,
+                mass_kg=self.vehicle.mass_kg,
+                rotors=len(self.vehicle.rotors),
+                tick_ns=self.tick_ns,
+            )
+        self._wheels = [force for force in forces if isinstance(force, Wheels)]
+        for wheels in self._wheels:
+            wheels.set_ground(start.ground_W[2])
         self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
         self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
         self._commands = sum(force.commands for force in forces)
@@ -262,6 +282,8 @@ class VehiclePhysics:
         bad_index = body.command(controls)
         if bad_index >= 0:
             raise ModelRangeError(tick, f"controls[{bad_index}]", float(controls[bad_index]), "finite")
+        if self._rail is not None and self._rail.phase != "released":
+            return self._fly_on_rail(self._rail, tick, controls)
         travelled_m = body.fly()
         if body.keeps_clear(travelled_m):
             self.skips.skipped += 1
@@ -269,9 +291,30 @@ class VehiclePhysics:
         return self._check_contact(travelled_m)
 
     @property
+    def launching(self) -> bool:
+        """True while a launcher holds or pulls the vehicle."""
+        return self._rail is not None and self._rail.phase != "released"
+
+    def _fly_on_rail(self, rail: LaunchRail, tick: int, controls: Sequence[float]) -> bool:
+        began = rail.begin(tick, [float(control) for control in controls])
+        self.body.fly()
+        ended = rail.keep(self.state)
+        self._events += [PhysicsEvent(tick * self.tick_ns, "launch", text) for text in (began, ended) if text]
+        self.body.remaining_m = 0.0
+        if self._actors is not None:
+            self.body.actors_remaining_m = 0.0
+        return rail.phase != "released"
+
+    @property
     def cruises(self) -> bool:
         """True if `cruise_flights` may fly the coming ticks: nothing but contact can happen in them."""
-        return self._next_change < 0 and self._downwash_W is None and self._wind.constant and self._tick >= 0
+        return (
+            not self.launching
+            and self._next_change < 0
+            and self._downwash_W is None
+            and self._wind.constant
+            and self._tick >= 0
+        )
 
     def cruised(self, ticks: int) -> None:
         """Take notice of ticks that `cruise_flights` has flown, all that were asked for."""
@@ -288,7 +331,8 @@ class VehiclePhysics:
         while self._tick < last:
             if cruised is None:
                 coming = last if self._next_change < 0 else min(last, self._next_change - 1)
-                if self._downwash_W is not None or not self._wind.constant or coming <= self._tick or self._tick < 0:
+                single = self._downwash_W is not None or not self._wind.constant or self.launching
+                if single or coming <= self._tick or self._tick < 0:
                     commands = self._commanded(controls) if isinstance(controls, IdealController) else controls
                     self._complete(self.fly(self._tick + 1, commands))
                     continue
@@ -372,6 +416,8 @@ class VehiclePhysics:
             raise ValueError(
                 f"rotor_speed_radps needs a speed of 0 or more for each of {len(self.vehicle.rotors)} rotors"
             )
+        if self._rail is not None:
+            self._rail.let_go()
         self._truth[:] = 0.0
         self._truth[_P], self._truth[_Q] = p_WB, [x / length for x in q_WB]
         self._truth[_V], self._truth[_W], self._truth[self._rotor_slice] = v_WB_W, w_WB_B, rotors
@@ -381,6 +427,8 @@ class VehiclePhysics:
     def reset(self) -> TruthState:
         """Return the vehicle to its start between two ticks, with a full battery, as a new object begins."""
         self._truth[:] = self._start_truth
+        if self._rail is not None:
+            self._rail.reset()
         self._data.qacc_warmstart[:] = self._start_warmstart
         if self._battery is not None and self.vehicle.battery is not None:
             self._battery[:] = (self._battery_start_c, 0.0, 0.0, self._battery_start_degc)
@@ -442,6 +490,11 @@ class VehiclePhysics:
         if self._actors is not None:
             self.body.actors_remaining_m = 0.0
         return self.truth
+
+    @property
+    def on_wheels(self) -> bool:
+        """True if a wheel carried load at the end of the last tick."""
+        return any(load > 0.0 for wheels in self._wheels for load in wheels.loads_n)
 
     def contact(self) -> SceneContact | None:
         """Return the deepest contact with the scene in the last contact step; None if there was none."""
@@ -719,7 +772,8 @@ class VehiclePhysics:
         self.body.command([0.0] * self._commands)
         if self._actors is not None:
             self._actors.pose_all(self.start_ns)
-        for _ in range(-(-_SETTLE_NS // self.tick_ns)):
+        settle_ns = _SETTLE_ON_WHEELS_NS if self._wheels else _SETTLE_NS
+        for _ in range(-(-settle_ns // self.tick_ns)):
             self._contact_steps()
         self._truth[_V] = 0.0
         self._truth[_W] = 0.0
@@ -736,7 +790,7 @@ class VehiclePhysics:
             tuple(s[self._a_slice]),
             tuple(s[self._alpha_slice]),
             tuple(s[self._rotor_slice]),
-            in_contact,
+            in_contact or (bool(self._wheels) and self.on_wheels),
             tuple([angle for force, first in self._surfaced for angle in s[first : first + force.states]]),
         )
 

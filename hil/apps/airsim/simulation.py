@@ -37,6 +37,7 @@ from signals.frames import ned_from_enu
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.physics.forces.push import Push
+from sim.physics.multirotor import unfit
 
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
@@ -64,6 +65,9 @@ class Simulation:
         self.bench, self._rigs = bench, rigs
         self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
+        if self.flies and (wrong := unfit(self.model)) is not None:
+            message = f"{self.model.name} {wrong[1]}; AirSim has multirotors and cars, and its API flies no plane"
+            raise ConfigError([Problem("vehicle", message, "serve a multirotor, such as vehicle: x500")])
         self.large_replies = LargeReplies(log)
         self._effects, self._seed = config.physics.effects, config.noise_seed
         x, y, z = config.start.p_W
