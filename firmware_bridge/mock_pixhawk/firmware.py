@@ -136,6 +136,7 @@ class Firmware:
         self.estimate = Estimate(self.core, vehicle)
         self.sensors = SensorIntake(self.core, HITL_TIMEOUT_US if hitl else TIMEOUT_US)
         stack = self._stack = self._make_stack(plane=plane)
+        self.rotors = int(params["CA_ROTOR_COUNT"])
         self.outputs = stack.outputs  # the 16 commands of an instant
         self.preflight = Preflight(vehicle, self.estimate, self.sensors, params)
         failsafe = stack.failsafe(self.sensors, outbox.say, hitl=hitl)

@@ -1,4 +1,4 @@
-"""What flies the vehicle: everything of the firmware that depends on whether it is a multirotor or a plane.
+"""Parts that fly the vehicle: everything of the firmware that depends on whether it is a multirotor or a plane.
 
 `MultirotorStack` is here, `PlaneStack` in `plane/plane_stack.py`; the firmware takes one of them by CA_AIRFRAME and
 never asks which.
@@ -99,7 +99,7 @@ class FlightStack(Protocol):
 
 
 class MissionCallbacks(Protocol):
-    """What a navigator reports to the firmware."""
+    """Reports of a navigator to the firmware."""
 
     def on_reached(self, seq: int) -> None: ...
 

@@ -11,6 +11,7 @@ group; `commands` runs the inner loops at IMU rate. Local NED, m, m/s, rad.
 from __future__ import annotations
 
 from math import sqrt
+from typing import TypedDict, Unpack
 
 from firmware_bridge._native import STATE_FIELDS, FlightCore
 from firmware_bridge.mock_pixhawk import elementary as el
@@ -33,6 +34,21 @@ _STEERING_WHEEL = 16  # CA_SV_CSn_TYPE
 _GROUND_GAIN, _GROUND_YAW_GAIN = 0.05, 1.5  # rad/m, 1/s
 _GROUND_TURN_RAD = 20.0 * RAD_PER_DEG
 _LOW_M = 15.0  # above home: below, the bank is limited
+
+
+class Wanted(TypedDict, total=False):
+    """Height, airspeed and limits of a guidance step; each may be left out."""
+
+    d_m: float | None  # height, local down
+    climb_mps: float | None  # height rate, without a height
+    airspeed_mps: float  # calibrated; else that of the flight
+    least_airspeed_mps: float  # below which speed is all that counts; else FW_AIRSPD_MIN
+    weight: float  # of speed against height; else FW_T_SPDWEIGHT
+    throttle_max: float
+    pitch_min_rad: float
+    pitch_max_rad: float
+    pitch_damping: float
+    roll_limit_rad: float | None
 
 
 class PlanePilot:
@@ -153,24 +169,14 @@ class PlanePilot:
         self.roll_sp, self.pitch_sp = 0.0, self._offset
         self._attitude.reset()
 
-    def fly(
-        self,
-        *,
-        d_m: float | None = None,
-        climb_mps: float | None = None,
-        airspeed_mps: float | None = None,
-        pitch_min_rad: float | None = None,
-        throttle_max: float | None = None,
-        roll_limit_rad: float | None = None,
-        weight: float | None = None,
-        least_airspeed_mps: float | None = None,
-        pitch_max_rad: float | None = None,
-        pitch_damping: float | None = None,
-    ) -> None:
+    def fly(self, **wanted: Unpack[Wanted]) -> None:
         """Follow the path (none: wings level) at a height (`d_m` local down) or height rate, and an airspeed."""
         p, v, air = self._params, self._vehicle, self.air
+        d_m, pitch_min_rad, pitch_max_rad = wanted.get("d_m"), wanted.get("pitch_min_rad"), wanted.get("pitch_max_rad")
+        airspeed_mps, throttle_max = wanted.get("airspeed_mps"), wanted.get("throttle_max")
+        least_airspeed_mps = wanted.get("least_airspeed_mps")
         self._runs, self._direct, self._rolling = True, None, False
-        self._steer(roll_limit_rad)
+        self._steer(wanted.get("roll_limit_rad"))
         cos_roll = el.cos(self.roll_sp)
         load = 1.0 / max(cos_roll, 0.3)
         # A banked wing stalls later by the root of its load.
@@ -179,7 +185,7 @@ class PlanePilot:
         asked = max(asked, min(p["FW_AIRSPD_STALL"] * 1.15 * sqrt(load), p["FW_AIRSPD_MAX"]))
         demand = Demand(
             height_m=-d_m if d_m is not None else -v.pos_d,
-            climb_mps=climb_mps if d_m is None else None,
+            climb_mps=wanted.get("climb_mps") if d_m is None else None,
             airspeed_mps=asked * air.ratio,
             least_airspeed_mps=max(least * air.ratio, 0.1),
             throttle_min=min(p["FW_THR_MIN"], p["FW_THR_MAX"] if throttle_max is None else throttle_max),
@@ -187,8 +193,8 @@ class PlanePilot:
             pitch_min_rad=(self._pitch_limits[0] if pitch_min_rad is None else pitch_min_rad) - self._offset,
             pitch_max_rad=(self._pitch_limits[1] if pitch_max_rad is None else pitch_max_rad) - self._offset,
             load_factor=load,
-            speed_weight=weight,
-            pitch_damping=pitch_damping,
+            speed_weight=wanted.get("weight"),
+            pitch_damping=wanted.get("pitch_damping"),
         )
         state = VerticalState(-v.pos_d, -v.v_d, air.true_mps, air.rate_mps2)
         pitch, self.throttle = self._tecs.step(state, demand, PERIOD_S)

@@ -162,9 +162,7 @@ class PlaneStack:
             self._takeoff,
             landing,
             project=estimate.ned,
-            reached=callbacks.on_reached,
-            info=callbacks.info,
-            set_home=callbacks.set_mission_home,
+            callbacks=callbacks,
         )
         offboard = self._offboard = PlaneOffboard(core, vehicle, estimate.ned, pilot, params)
         by_mode: dict[Mode, FlightMode] = {

@@ -33,7 +33,7 @@ class VerticalState:
 
 @dataclass
 class Demand:
-    """What pitch and throttle are to achieve and the limits they must keep."""
+    """Height and airspeed that pitch and throttle are to reach, and the limits that they keep."""
 
     height_m: float
     airspeed_mps: float  # true

@@ -1,4 +1,4 @@
-"""What a plane's report shows beside the flown path: airspeed, angle of attack, sideslip, energy, surfaces."""
+"""Series that a plane's report shows beside the flown path: airspeed, angle of attack, sideslip, energy, surfaces."""
 
 from __future__ import annotations
 
