@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -14,6 +15,7 @@ from hil.apps.airsim.simulation import Simulation
 from hil.apps.airsim.world.rig_flight import RigFlight
 from hil.config import load_bench
 from signals.errors import ConfigError
+from sim.physics.vehicle import load_vehicle
 
 SETTINGS = """{"SettingsVersion": 1.2, "SimMode": "Multirotor", "Vehicles": {
     "P": {"VehicleType": "PX4Multirotor"}, "S": {"VehicleType": "SimpleFlight", "X": 4}}}"""
@@ -96,6 +98,14 @@ def test_without_a_rig_it_is_a_named_error() -> None:
     bench = load_bench(rig="mock", scene="airfield", flown=False)
     with pytest.raises(ConfigError, match=r"Vehicles\.P\.VehicleType: PX4Multirotor cannot be flown here"):
         Simulation(bench, read_settings(SETTINGS, "settings.json"), print)
+
+
+def test_a_plane_is_a_named_error() -> None:
+    bench = replace(load_bench(rig="mock", scene="airfield", flown=False), vehicle=load_vehicle("skywalker_x8"))
+    with pytest.raises(
+        ConfigError, match=r"skywalker_x8 .* AirSim has multirotors and cars, and its API flies no plane"
+    ):
+        Simulation(bench, read_settings('{"SettingsVersion": 1.2, "SimMode": "Multirotor"}', "settings.json"), print)
 
 
 def test_a_rig_without_its_firmware_is_a_named_error() -> None:
