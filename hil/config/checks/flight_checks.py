@@ -34,11 +34,11 @@ def flight_problems(
     """Report a mission that the vehicle cannot fly, and a start from which a plane cannot take off."""
     if not is_plane(vehicle):
         return [] if mission is None else _copter_problems(config, mission)
+    if mission is None:
+        return []
     facts = fixed_wing_facts(vehicle, scene.site)
     problems = _start_problems(config, vehicle, facts, scene, settings)
-    if mission is not None:
-        problems += _plane_mission_problems(config, facts, mission, scene)
-    return problems
+    return problems + _plane_mission_problems(config, facts, mission, scene)
 
 
 def _copter_problems(config: BenchConfig, mission: Mission) -> list[Problem]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +91,20 @@ class PlaneFlight:
     start: Mapping[int, float] = field(default_factory=dict)
     wind: Wind = CALM
 
+    @cached_property
+    def start_state(self) -> Float64:
+        """State from which the flight begins: p, q, v, w, propeller, deflections."""
+        airframe = Airframe(self.vehicle)
+        trim = airframe.trim(airframe.cruise_mps)
+        state = np.zeros(13 + len(self.vehicle.commands))
+        state[:7] = (0.0, 0.0, _HEIGHT_M, 1.0, 0.0, 0.0, 0.0)
+        state[7:10] = trim.v_B_mps
+        state[13] = trim.throttle * self.vehicle.rotor_constants.max_speed_radps
+        for place, value in self.start.items():
+            state[place] = value
+        state[3:7] /= np.linalg.norm(state[3:7])
+        return state
+
     def fly(self, integration: Integration | None = None, *, record: bool = True) -> tuple[Float64, Float64]:
         """Return states and winds of all ticks; without `record` those of the first."""
         physics = VehiclePhysics(
@@ -102,13 +116,7 @@ class PlaneFlight:
             disturbances=Disturbances(self.wind, seed=4),
             integration=integration or Integration(),
         )
-        airframe = Airframe(self.vehicle)
-        trim = airframe.trim(airframe.cruise_mps)
-        physics.state[7:10] = trim.v_B_mps
-        physics.state[13] = trim.throttle * self.vehicle.rotor_constants.max_speed_radps
-        for place, value in self.start.items():
-            physics.state[place] = value
-        physics.state[3:7] /= np.linalg.norm(physics.state[3:7])
+        physics.state[:] = self.start_state
         physics.advance(0, self.commands[0].tolist())
         states, winds = [physics.state.copy()], [physics.wind_W_mps]
         for tick, controls in enumerate(self.commands.tolist(), start=1):

@@ -279,3 +279,10 @@ def test_expo_and_hover_of_a_quadratic_rotor():
     assert hover_throttle(0.15, 1.0, spin_min=0.15, spin_max=0.95) == 0.0
     assert hover_throttle(0.95, 1.0, spin_min=0.15, spin_max=0.95) == 1.0
     assert hover_throttle(0.598, 1.0, spin_min=0.15, spin_max=0.95) == pytest.approx((0.598**2 - 0.0225) / 0.88)
+
+
+def test_channels_of_surfaces_are_signed_about_1500() -> None:
+    pwm = PwmRange(1100, 1900, frozenset({1, 2, 3, 4}))
+    controls = pwm.controls((1500, 1500, 1000, 2000, 0, 1500) + (0,) * 10)
+    assert controls[:6] == (0.5, 0.0, -1.0, 1.0, 0.0, 0.5)
+    assert pwm.controls((0, 1250, 900, 2100) + (0,) * 12)[1:4] == (-0.5, -1.0, 1.0)
