@@ -68,6 +68,8 @@ class PlaneMeasurement:
         self._stall_mps, self._wind_at = stall_mps, wind_at
         self._last_leg = legs[-1] if legs else None
         self._lands = self._last_leg is not None and self._last_leg.kind is LegKind.DESCENT
+        # A return lands on a line of the autopilot's own choice.
+        self._approaches = self._lands and len(self._stops) > 1 and self._stops[-1].leg is None
         self.endless_item = legs[-1].seq if legs and legs[-1].kind is LegKind.ENDLESS else None
         self._reached = 0
         self._values: dict[str, float] = {}
@@ -123,7 +125,7 @@ class PlaneMeasurement:
         place = (p[0], p[1])
         self._loiter(place)
         if self._reached >= len(self._targets):
-            if self._lands and self._targets and self._stops[-1].leg is None:  # a landing at a place of the plan
+            if self._approaches and self._targets:
                 self._error(len(self._stops) - 1, place)
             return
         target = self._targets[self._reached]
@@ -209,7 +211,7 @@ class PlaneMeasurement:
         if touch is not None:
             found["touchdown_sink_mps"] = -touch.v_WB_W[2]
             found["touchdown_bank_deg"] = abs(math.degrees(bank_rad(touch)))
-        if touch is not None and end is not None and self._lands and len(self._stops) > 1:
+        if touch is not None and end is not None and self._approaches:
             before, (x, y) = self._stops[-2].place, self._stops[-1].place
             length = max(math.dist(before, (x, y)), 1e-9)
             t = ((x - before[0]) / length, (y - before[1]) / length)
@@ -226,7 +228,7 @@ class PlaneMeasurement:
         names = {"airspeed_margin", "max_bank_deg"} if self._last_leg is not None else set()
         if self._lands:
             names |= {"touchdown_sink_mps", "touchdown_bank_deg", "final_error_m"}
-            if len(self._stops) > 1:
+            if self._approaches:
                 names |= {"touchdown_offset_m", "touchdown_error_m"}
         if len(self._targets) > 1:
             names.add("max_cross_track_m")
