@@ -47,11 +47,48 @@ class Multirotor:
 
 
 @dataclass(frozen=True)
+class Surface:
+    """One control surface of a plane."""
+
+    name: str
+    torque_nm: Vec3  # about the axes of B (FLU), per unit command at the cruise airspeed
+    trim: float  # command of steady cruise
+
+
+@dataclass(frozen=True)
+class FixedWing:
+    """Facts about a vehicle that a plane's controller is tuned to. Airspeeds are true, at the site."""
+
+    name: str
+    mass_kg: float
+    inertia_kgm2: Vec3
+    rotors: Sequence[Rotor]  # its engines
+    surfaces: Sequence[Surface]
+    stall_mps: float  # airspeed of straight flight at the greatest lift
+    cruise_mps: float
+    fastest_mps: float  # of level flight
+    glide_mps: float  # airspeed of the best glide
+    glide_sink_mps: float  # sink rate of that glide
+    idle_sink_mps: float  # sink rate at the cruise airspeed, engines at 0
+    climb_mps: float  # at full throttle and cruise airspeed
+    pitch_rad: float  # of steady cruise
+    throttle: float  # of steady cruise
+    damping_nms: Vec3  # torque per rate about each axis of B, below 0
+    pull_up: float  # share of a full pitch demand per rate of pitch [s/rad] in a steady turn
+    wheels: bool  # it can roll on a runway
+
+    @property
+    def least_mps(self) -> float:
+        """Slowest airspeed that a controller should fly: 1.2 times the stall."""
+        return 1.2 * self.stall_mps
+
+
+@dataclass(frozen=True)
 class Installation:
     """An autopilot in the vehicle of a bench."""
 
     settings: AutopilotSettings
-    vehicle: Multirotor
+    vehicle: Multirotor | FixedWing
     tick_hz: int
     home: Home  # start of the vehicle
     geodetic: Callable[[Vec3], tuple[float, float, float]]  # W [m] to latitude, longitude [deg], altitude [m MSL]

@@ -18,19 +18,17 @@ from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.mock_pixhawk.estimate.sensors import HITL_TIMEOUT_US, TIMEOUT_US, SensorIntake
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate, declination_deg
 from firmware_bridge.mock_pixhawk.flight.commander import Commander, Output
-from firmware_bridge.mock_pixhawk.flight.failsafe import Failsafe
-from firmware_bridge.mock_pixhawk.flight.guidance import PERIOD_US, Guidance
-from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
-from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
-from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
+from firmware_bridge.mock_pixhawk.flight.guidance import PERIOD_US
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.flight.preflight import Preflight
+from firmware_bridge.mock_pixhawk.flight.stack import FlightStack, MultirotorStack
 from firmware_bridge.mock_pixhawk.ids import Severity
 from firmware_bridge.mock_pixhawk.parameters.params import ParamService, ParamTable
 from firmware_bridge.mock_pixhawk.services.commands import Commands
 from firmware_bridge.mock_pixhawk.services.mission_store import MissionStore
 from firmware_bridge.mock_pixhawk.services.outbox import Outbox
 from firmware_bridge.mock_pixhawk.services.services import Services
-from firmware_bridge.mock_pixhawk.services.telemetry import Telemetry, autopilot_version
+from firmware_bridge.mock_pixhawk.services.telemetry import autopilot_version
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.errors import ConfigError, Problem
 from signals.mission import MissionItem
@@ -41,6 +39,7 @@ _Reached = message_class("MISSION_ITEM_REACHED")
 
 
 NEVER_US = 1 << 62
+_FIXED_WING = 1  # CA_AIRFRAME
 
 
 class Timer:
@@ -124,49 +123,38 @@ class Firmware:
         self._origin_known = False
         self.ignored = 0
 
+        plane = "CA_AIRFRAME" in params and params["CA_AIRFRAME"] == _FIXED_WING
         names = list(_native.PARAM_NAMES)
         self.native_index = {name: index for index, name in enumerate(names)}
         try:
-            self.core = _native.FlightCore(np.array([float(params[name]) for name in names]))
+            values = np.array([float(params[name]) for name in names])
+            self.core = _native.FlightCore(values, rotors=not plane)
         except ValueError as error:  # each value is in range, but their combination is not a vehicle
             raise ConfigError([Problem("parameters", str(error), "check the CA_ROTOR parameters")]) from error
-        self.rotors = int(params["CA_ROTOR_COUNT"])
 
         vehicle = self.vehicle = Vehicle()
         self.estimate = Estimate(self.core, vehicle)
         self.sensors = SensorIntake(self.core, HITL_TIMEOUT_US if hitl else TIMEOUT_US)
-        self._guidance = Guidance(self.core, vehicle, params)
-        self._offboard = Offboard(self.core, vehicle, self.estimate.ned)
+        stack = self._stack = self._make_stack(plane=plane)
+        self.rotors = int(params["CA_ROTOR_COUNT"])
+        self.outputs = stack.outputs  # the 16 commands of an instant
         self.preflight = Preflight(vehicle, self.estimate, self.sensors, params)
-        failsafe = Failsafe(vehicle, self.estimate, self.sensors, self._offboard, params, outbox.say, hitl=hitl)
-        self.navigator = Navigator(
-            self._guidance,
-            vehicle,
-            params,
-            project=self.estimate.ned,
-            reached=self._on_reached,
-            info=lambda text: outbox.say(Severity.INFO, text),
-            set_home=self._set_home,
-        )
+        failsafe = stack.failsafe(self.sensors, outbox.say, hitl=hitl)
+        self.navigator: MissionRunner = stack.modes.navigator
         self.commander = Commander(
             vehicle,
             self.estimate,
             params,
-            FlightModes(vehicle, params, self._guidance, self.navigator, self._offboard),
+            stack.modes,
             self.preflight,
             failsafe,
             Output(outbox.say, host.fall_silent, offboard_silence),
             hitl=hitl,
         )
-        self.telemetry = Telemetry(
-            vehicle,
-            self.estimate,
-            self.sensors,
-            self._mission_state,
-            system_type=int(params["MAV_TYPE"]),
-            hil=hitl,
+        self.telemetry = stack.telemetry(
+            self.sensors, self._mission_state, system_type=int(params["MAV_TYPE"]), hil=hitl
         )
-        self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission)
+        self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission, plane=plane)
         self.missions.items = mission
         self.navigator.load(mission)
         param_service = ParamService(params, outbox.send_payload, self._start_param_list, outbox.warn)
@@ -177,14 +165,21 @@ class Firmware:
             commands=commands,
             params=param_service,
             missions=self.missions,
-            offboard=self._offboard,
+            offboard=stack.modes.offboard,
             failsafe=failsafe,
             outbox=outbox,
         ).handlers
         self._set_up_timers(param_service)
         params.on_change = self._on_param
-        params.after_change = self._guidance.refresh_params
-        self._guidance.off()
+        params.after_change = stack.modes.guidance.refresh_params
+        stack.modes.guidance.off()
+
+    def _make_stack(self, *, plane: bool) -> FlightStack:
+        if not plane:
+            return MultirotorStack(self.core, self.vehicle, self.estimate, self.params, self)
+        from firmware_bridge.mock_pixhawk.plane.plane_stack import PlaneStack  # a multirotor needs none of it
+
+        return PlaneStack(self.core, self.vehicle, self.estimate, self.sensors, self.params, self)
 
     def _set_up_timers(self, param_service: ParamService) -> None:
         """Guidance first: telemetry of the same instant then tells what it decided."""
@@ -240,6 +235,7 @@ class Firmware:
 
     def _guide(self, now_us: int) -> None:
         self.estimate.publish(now_us)
+        self._stack.observe(now_us)
         if not self._origin_known and self.estimate.has_origin:
             self._on_origin()
         self.commander.step(now_us)
@@ -269,11 +265,15 @@ class Firmware:
     def _on_mission(self) -> None:
         self.navigator.load(self.missions.items)
 
-    def _on_reached(self, seq: int) -> None:
+    def on_reached(self, seq: int) -> None:
         self.outbox.send(_Reached(seq))
         self.send_once(MSGID["MISSION_CURRENT"], self.vehicle.now_us)
 
-    def _set_home(self, position: tuple[float, float, float] | None) -> None:
+    def info(self, text: str) -> None:
+        """Send a STATUSTEXT of severity INFO."""
+        self.outbox.say(Severity.INFO, text)
+
+    def set_mission_home(self, position: tuple[float, float, float] | None) -> None:
         if not self.commander.set_home(position):
             self.outbox.warn("Home not set: no position")
 

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from firmware_bridge._native import FlightCore
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, unpack
 from firmware_bridge.mock_pixhawk.estimate.sensors import IMU_BITS
@@ -35,6 +34,7 @@ _LEAST_RATE_BPS = 5000  # bytes/s
 _BAUD_PER_RATE = 20  # PX4 takes a twentieth of the baud rate as the link's data rate, where none is configured
 _MS2_PER_MG = 9.80665e-3
 _FIRST_MOTOR = 101  # HIL_ACT_FUNCn: 101 is motor 1
+_FIRST_SERVO = 201  # HIL_ACT_FUNCn: 201 is control surface 1
 _CONSTANT_MAX = 2
 _PPB = 1_000_000_000
 
@@ -95,12 +95,13 @@ class Board:
 class HitlOutputs:
     """Control slots by HIL_ACT_FUNC1..16. As in PX4, a change takes effect while disarmed."""
 
-    def __init__(self, params: ParamTable, vehicle: Vehicle, core: FlightCore, rotors: int) -> None:
-        self._params, self._vehicle = params, vehicle
-        self._core, self._rotors = core, rotors
+    def __init__(self, params: ParamTable, vehicle: Vehicle, outputs: Callable[[int], list[float]]) -> None:
+        """`outputs(now_us)` returns the commands: motors, then surfaces."""
+        self._params, self._vehicle, self._outputs = params, vehicle, outputs
+        self._rotors = int(params["CA_ROTOR_COUNT"])
         self._functions = [0] * CHANNELS
 
-    def controls(self) -> list[float]:
+    def controls(self, now_us: int) -> list[float]:
         """Return the 16 values of this instant, 0..1. Disarmed or terminated: all zero."""
         vehicle = self._vehicle
         if not vehicle.armed:
@@ -108,13 +109,15 @@ class HitlOutputs:
             return [0.0] * CHANNELS
         if vehicle.terminated:
             return [0.0] * CHANNELS
-        motors = self._core.motor_commands(self._rotors)
-        return [self._value(function, motors) for function in self._functions]
+        commands = self._outputs(now_us)
+        return [self._value(function, commands) for function in self._functions]
 
-    def _value(self, function: int, motors: list[float]) -> float:
-        motor = function - _FIRST_MOTOR
+    def _value(self, function: int, commands: list[float]) -> float:
+        motor, servo = function - _FIRST_MOTOR, function - _FIRST_SERVO
         if 0 <= motor < self._rotors:
-            return motors[motor]
+            return commands[motor]
+        if 0 <= servo < CHANNELS - self._rotors:
+            return commands[self._rotors + servo]
         return 1.0 if function == _CONSTANT_MAX else 0.0
 
 
@@ -133,7 +136,7 @@ class Hitl:
         now_us = board.clock.now_us()
         firmware.begin(now_us)
         if self.hil_on:
-            self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.core, firmware.rotors)
+            self._outputs = HitlOutputs(firmware.params, firmware.vehicle, firmware.outputs)
             firmware.add_stream(HIL_ACTUATOR_CONTROLS, self._output, OUTPUT_PERIOD_US, now_us)
 
     def send_boot_messages(self) -> None:
@@ -195,6 +198,6 @@ class Hitl:
         self._firmware.core.step(t_us, *rates, *forces)
 
     def _output(self, now_us: int) -> None:
-        controls = self._firmware.telemetry.controls = self._outputs.controls()
+        controls = self._firmware.telemetry.controls = self._outputs.controls(now_us)
         mode = _MODE_ARMED if self._firmware.vehicle.armed else _MODE_DISARMED
         push_controls(self._outbox, self._fault_injector, now_us, 0, controls, mode)

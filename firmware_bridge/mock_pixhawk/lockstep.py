@@ -109,7 +109,7 @@ class Lockstep:
     def _reply(self, now_us: int) -> None:
         firmware = self._firmware
         if firmware.vehicle.armed:
-            controls = firmware.core.motor_commands(firmware.rotors)
+            controls = firmware.outputs(now_us)
             mode = _MODE_ARMED
         else:
             controls = [0.0] * CHANNELS

@@ -24,7 +24,7 @@ namespace {
 
 using ParamArray = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-Params checked(const ParamArray &values) {
+Params checked(const ParamArray &values, bool rotors = true) {
     if (values.shape(0) != hil::flight::kParamCount) {
         throw nb::value_error(("params has " + std::to_string(values.shape(0)) + " entries, PARAM_NAMES has " +
                                std::to_string(hil::flight::kParamCount) + ": give one value per name, in this order")
@@ -33,7 +33,7 @@ Params checked(const ParamArray &values) {
     Params params;
     std::copy_n(values.data(), params.size(), params.begin());
     hil::flight::Mixer mixer;
-    if (!mixer.configure(params)) {
+    if (rotors && !mixer.configure(params)) {
         throw nb::value_error("CA_ROTORi_* cannot produce roll, pitch, yaw and thrust: check positions and KM signs");
     }
     return params;
@@ -73,8 +73,14 @@ void bind_flight_core(nb::module_ &m) {
                            "Estimator, cascaded control and mixer of the mock autopilot (NED/FRD, SI). One step() per IMU "
                            "sample; `state` and `controls` are read-only views rewritten in place. Not thread-safe.")
         .def(
-            "__init__", [](FlightCore *self, const ParamArray &params) { new (self) FlightCore(checked(params)); },
-            "params"_a.noconvert(), "params: float64[len(PARAM_NAMES)], each between PARAM_MIN and PARAM_MAX. ValueError if the rotors cannot produce all torques and thrust.")
+            "__init__",
+            [](FlightCore *self, const ParamArray &params, bool rotors) {
+                new (self) FlightCore(checked(params, rotors), rotors);
+            },
+            "params"_a.noconvert(), "rotors"_a = true,
+            "params: float64[len(PARAM_NAMES)], each between PARAM_MIN and PARAM_MAX. ValueError if the rotors cannot produce all torques and thrust. "
+            "rotors: False for an estimator alone, with commands that stay 0.")
+        .def("set_landed", &FlightCore::set_landed, "landed"_a, "Without rotors: tell whether the vehicle is on the ground.")
         .def("set_param", &set_param, "index"_a, "value"_a, "Set a parameter. IndexError or ValueError if it is refused; nothing is changed then.")
         .def(
             "get_param",

@@ -19,8 +19,9 @@ bool acceptable(Vec3 v, double most) { return acceptable(v.x, most) && acceptabl
 
 }  // namespace
 
-FlightCore::FlightCore(const Params &params) : params_(params), ekf_(params_), controller_(params_), land_(params_) {
-    mixer_ok_ = mixer_.configure(params_);
+FlightCore::FlightCore(const Params &params, bool rotors)
+    : rotors_(rotors), params_(params), ekf_(params_), controller_(params_), land_(params_) {
+    mixer_ok_ = rotors_ && mixer_.configure(params_);
     publish_estimate();
     publish_control();
 }
@@ -28,11 +29,11 @@ FlightCore::FlightCore(const Params &params) : params_(params), ekf_(params_), c
 bool FlightCore::set_param(std::size_t index, double value) {
     const double old = params_[index];
     params_[index] = value;
-    if (index >= THR_MDL_FAC && !mixer_.configure(params_)) {
+    if (rotors_ && index >= THR_MDL_FAC && !mixer_.configure(params_)) {
         params_[index] = old;
         return false;
     }
-    if (index == EKF_MAG_DECL && value != old && land_.landed() && ekf_.yaw_aligned()) ekf_.realign_yaw();
+    if (index == EKF_MAG_DECL && value != old && landed() && ekf_.yaw_aligned()) ekf_.realign_yaw();
     return true;
 }
 
@@ -59,7 +60,7 @@ bool FlightCore::set_setpoint(const Setpoint &sp) {
 void FlightCore::step(std::int64_t t_us, Vec3 gyro_F, Vec3 force_F) {
     const double dt = t_us_ < 0 || t_us <= t_us_ ? 0.0 : std::min(0.02, 1.0e-6 * static_cast<double>(t_us - t_us_));
     // Rest is trusted only with the motors off or idling.
-    const bool may_rest = land_.landed() && static_cast<int>(setpoint_.kind) <= 1;
+    const bool may_rest = landed() && static_cast<int>(setpoint_.kind) <= 1;
     ekf_.predict(t_us, gyro_F, force_F, may_rest);
     if (dt > 0.0) control(dt);
     if (t_us > t_us_) t_us_ = t_us;
@@ -114,7 +115,7 @@ void FlightCore::update_baro(std::int64_t t_us, double altitude_m) {
 }
 
 void FlightCore::update_mag(std::int64_t t_us, Vec3 field_F_gauss) {
-    ekf_.fuse_mag(t_us, field_F_gauss, land_.landed());
+    ekf_.fuse_mag(t_us, field_F_gauss, landed());
     publish_estimate();
 }
 
@@ -158,7 +159,7 @@ void FlightCore::publish_control() {
     s[50] = static_cast<double>(rejected_setpoints_);
     put(s + 54, euler_of(controller_.attitude_setpoint()));
     s[57] = controller_.collective();
-    s[58] = land_.landed() ? 1.0 : 0.0;
+    s[58] = landed() ? 1.0 : 0.0;
     s[59] = land_.contact() ? 1.0 : 0.0;
     s[63] = saturation_;
 }

@@ -60,7 +60,9 @@ inline constexpr StateField kStateFields[] = {
 
 class FlightCore {
    public:
-    explicit FlightCore(const Params &params);
+    // `rotors` false: an estimator alone, whose vehicle is flown by another controller: all commands stay 0, the
+    // CA_ROTOR parameters have no meaning, and `set_landed` tells whether the vehicle is on the ground.
+    explicit FlightCore(const Params &params, bool rotors = true);
     FlightCore(const FlightCore &) = delete;
     FlightCore &operator=(const FlightCore &) = delete;
 
@@ -73,12 +75,14 @@ class FlightCore {
     void update_gps(const GpsFix &fix);
     void update_baro(std::int64_t t_us, double altitude_m);
     void update_mag(std::int64_t t_us, Vec3 field_F_gauss);
+    // Only without rotors: on the ground the estimator may take a vehicle without GPS as being at rest.
+    void set_landed(bool landed) { told_landed_ = landed; }
     // False, and the old set-point stays, if a component is infinite or too large.
     bool set_setpoint(const Setpoint &setpoint);
 
     double *state() { return state_; }
     double *controls() { return controls_; }
-    bool landed() const { return land_.landed(); }
+    bool landed() const { return rotors_ ? land_.landed() : told_landed_; }
     const Ekf &ekf() const { return ekf_; }
     const LocalTangentPlane &plane() const { return ekf_.plane(); }
 
@@ -87,6 +91,8 @@ class FlightCore {
     void publish_estimate();
     void publish_control();
 
+    const bool rotors_;
+    bool told_landed_ = true;
     Params params_;
     Ekf ekf_;
     Controller controller_;

@@ -99,7 +99,7 @@ namespace hil::flight {
     X(LNDMC_TRIG_TIME, 0.5, 0.05, 10.0, "s", "duration of each of the two phases of the land detector")             \
     X(THR_MDL_FAC, 1.0, 0.0, 1.0, "1", "thrust curve T = f u^2 + (1 - f) u that the mixer inverts")                 \
     X(MOT_SPIN_IDLE, 0.10, 0.0, 0.5, "1", "motor command when armed on the ground, and the least one in flight")    \
-    X(CA_ROTOR_COUNT, 4.0, 3.0, 8.0, "1", "number of rotors")                                                       \
+    X(CA_ROTOR_COUNT, 4.0, 1.0, 8.0, "1", "number of rotors")                                                       \
     HIL_ROTOR_PARAMS(X, 0, 0.174, 0.174, 0.016)                                                                     \
     HIL_ROTOR_PARAMS(X, 1, -0.174, -0.174, 0.016)                                                                   \
     HIL_ROTOR_PARAMS(X, 2, 0.174, -0.174, -0.016)                                                                   \

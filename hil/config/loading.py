@@ -15,6 +15,7 @@ from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config.bench import Bench, site_of
 from hil.config.checks.autopilot_checks import autopilot_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
+from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
 from hil.config.checks.part_settings import resolve_parts, without_unset_limits
 from hil.config.checks.rotor_checks import airframe_problems, control_problems
@@ -311,6 +312,8 @@ class BenchLoading:
         mission = self._mission(mission_path, scene)
         if config is not None and mission is not None and scene is not None:
             mission = shifted_mission(mission, config.mission_offset_m, scene)
+        if config is not None and vehicle is not None and scene is not None and not self.problems:
+            self.problems += flight_problems(config, vehicle, mission, scene, self.settings)
         if script is not None:
             self.problems += mission_problems(script, mission)
             if config is not None and config.crash is None and script.script.outcome == "crashed":

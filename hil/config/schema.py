@@ -293,6 +293,24 @@ class Limits(Section):
     landed_tilt_deg: Annotated[float, Field(gt=0, le=180)] | None = 30.0
 
 
+class PlaneLimits(Section):
+    """Limits that the flight of a plane must meet to PASS, in place of `limits`; null: measured but not judged.
+
+    Definitions: hil/run/verdict/plane_flight.py.
+    """
+
+    max_cross_track_m: Annotated[float, Field(gt=0)] | None = 25.0  # from the path that a plane can fly
+    altitude_error_m: Annotated[float, Field(gt=0)] | None = 8.0  # on level legs
+    airspeed_margin: Annotated[float, Field(gt=0)] | None = 1.1  # least airspeed over the stall at the load of the bank
+    max_bank_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0
+    loiter_error_m: Annotated[float, Field(gt=0)] | None = 15.0
+    touchdown_sink_mps: Annotated[float, Field(gt=0)] | None = 2.0
+    touchdown_bank_deg: Annotated[float, Field(gt=0, le=180)] | None = 10.0
+    touchdown_offset_m: Annotated[float, Field(gt=0)] | None = 6.0  # from the line of the approach
+    touchdown_error_m: Annotated[float, Field(gt=0)] | None = 100.0  # from the planned point along that line
+    final_error_m: Annotated[float, Field(gt=0)] | None = None
+
+
 class Crash(Section):
     """A crash ends the flight as FAIL; null: not a sign of one. Definitions: hil/run/parts/judges/crash.py."""
 
@@ -454,6 +472,7 @@ class BenchConfig(Section):
     record: Record = Record()
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
+    plane_limits: PlaneLimits = PlaneLimits()  # of a plane, in place of `limits`
     crash: Crash | None = Crash()  # null: a crash does not end the flight
     # Distance from start, plan and goal at which the flight ends as FAIL; null: it never does.
     fly_away_m: Annotated[float, Field(gt=0, le=1e6)] | None = 500.0

@@ -15,13 +15,12 @@ from firmware_bridge.devices.serial_path import only_board, serial_path
 from firmware_bridge.ground_station.projections import GeodeticFromW
 from firmware_bridge.transports.serial import check_port
 from hil.config import Bench
+from hil.config.airframe_facts import airframe_facts
 from hil.config.checks.intake_checks import intake_parameters
-from hil.config.multirotor_facts import multirotor_facts
 from hil.run.loop.restartable_physics import make_physics
 from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame
 from signals.rotation import yaw_of
-from sim.physics.multirotor import density_ratio
 from sim.scene.scene import Site
 
 State = NDArray[float64]  # of the vehicle: p_W [m], q_WB (w, x, y, z), then velocities
@@ -32,7 +31,7 @@ def installation_of(bench: Bench, state: State) -> Installation:
     config, scene = bench.config, bench.scene
     return Installation(
         settings=config.autopilot,
-        vehicle=multirotor_facts(bench.vehicle, density_ratio(bench.vehicle, scene.site, config.physics.effects)),
+        vehicle=airframe_facts(bench.vehicle, scene.site, config.physics.effects),
         tick_hz=config.tick_hz,
         home=home_of(scene.site, state),
         geodetic=LocalFrame(scene.site).geodetic_from_enu,

@@ -22,7 +22,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.forces.force import Effects
@@ -290,6 +289,8 @@ class Airframe:
         at_low, at_high = torque(-1.0), torque(1.0)
         if at_low * at_high > 0.0:
             return direction * (-1.0 if abs(at_low) < abs(at_high) else 1.0)
+        from scipy.optimize import brentq  # slow to load
+
         return float(brentq(torque, -1.0, 1.0, xtol=1e-9)) * direction
 
     @cached_property

@@ -21,7 +21,14 @@ FLOORS: dict[str, Sequence[str]] = {
         *("sensors flight_logs", "loop", "recorder verdict"),
     ),
     "hil.config": (
-        *("load saved", "vehicles", "loading", "checks", "companion formation multirotor_facts", "bench scenes"),
+        *(
+            "load saved",
+            "vehicles",
+            "loading",
+            "checks airframe_facts",
+            "companion formation multirotor_facts fixed_wing_facts",
+            "bench scenes",
+        ),
         *("sensors", "missions", "schema", "group_schema", "layers", "files params_file"),
     ),
 }

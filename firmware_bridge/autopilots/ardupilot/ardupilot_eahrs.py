@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits, frame_parameters
+from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, as_copter, frame_misfits, frame_parameters
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import EXTERNAL_AHRS
 from firmware_bridge.autopilots.installation import Installation, Surroundings
@@ -22,7 +22,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     from firmware_bridge.links.ardupilot.external_ahrs import ExternalAhrsLink  # loads multiprocessing
     from firmware_bridge.links.ardupilot.vectornav_stream import InsErrors
 
-    settings, vehicle = installation.settings, installation.vehicle
+    settings, vehicle = installation.settings, as_copter(installation.vehicle)
     sensor: Transport
     mavlink: Transport
     start = None

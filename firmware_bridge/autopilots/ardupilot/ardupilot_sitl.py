@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits, frame_parameters
+from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, as_copter, frame_misfits, frame_parameters
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import SITL
 from firmware_bridge.autopilots.installation import WORK_FOLDER, Home, Installation, Surroundings
@@ -58,7 +58,7 @@ def _mavlink_address(installation: Installation) -> str:
 
 def _vehicle_parameters(installation: Installation) -> dict[str, float]:
     """Return the parameters of this vehicle, its sensors and the tick, with those of the bench over them."""
-    vehicle, sensors = installation.vehicle, dict(installation.sensor_parameters)
+    vehicle, sensors = as_copter(installation.vehicle), dict(installation.sensor_parameters)
     return copter_parameters(
         hover_control=vehicle.hover_control,
         thrust_model_factor=vehicle.thrust_model_factor,

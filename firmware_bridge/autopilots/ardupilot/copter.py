@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from firmware_bridge.autopilots.installation import Multirotor
+from firmware_bridge.autopilots.installation import FixedWing, Multirotor
 from firmware_bridge.autopilots.profile import Misfit, Program
 from firmware_bridge.links.ardupilot.frames import Frame, frame_names, frame_of
 from signals.errors import LinkError
@@ -24,6 +24,13 @@ def frame_for(vehicle: Multirotor) -> Frame | None:
     return frame_of([(rotor.position_m[0], rotor.position_m[1], rotor.spin) for rotor in vehicle.rotors])
 
 
+def as_copter(vehicle: Multirotor | FixedWing) -> Multirotor:
+    """Return the vehicle as ArduCopter flies it. LinkError for a plane."""
+    if isinstance(vehicle, FixedWing):
+        raise LinkError("ardupilot", f"is ArduCopter here, which does not fly a plane such as {vehicle.name!r}")
+    return vehicle
+
+
 def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     """Return the parameters of ArduCopter's frame for the rotors. LinkError if it has none."""
     frame = frame_for(vehicle)
@@ -32,8 +39,11 @@ def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     return frame.parameters()
 
 
-def frame_misfits(vehicle: Multirotor) -> Sequence[Misfit]:
+def frame_misfits(vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:
     """Report a vehicle with rotors for which ArduCopter has no frame."""
+    if isinstance(vehicle, FixedWing):
+        message = f"is a plane, which ArduCopter does not fly: {vehicle.name!r}"
+        return (Misfit(("vehicle",), message, "choose --rig mock or --rig px4_sitl"),)
     if frame_for(vehicle) is not None:
         return ()
     count = len(vehicle.rotors)

@@ -6,19 +6,22 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 
-from firmware_bridge.autopilots.installation import LOG_NAME, Installation, Multirotor, Surroundings
+from firmware_bridge.autopilots.installation import LOG_NAME, FixedWing, Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.mock.firmware import MOCK
 from firmware_bridge.autopilots.mock.sensors import FAULTS, SENSORS
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
+from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes
+from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes, is_plane
 from firmware_bridge.transports.transport import Transport
 from signals.documents.validate import nearest
 
 MOCK_BOOT_SENSORS = 20
+PLANE_AIRFRAME = "plane"  # whose surfaces and gains the vehicle's replace
 
 
 def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
@@ -106,10 +109,17 @@ def airframe_and_params(installation: Installation, rotors: Mapping[str, float] 
     with `rotors` over them.
     """
     settings, vehicle = installation.settings, installation.vehicle
-    airframe = settings.airframe or matching_airframe(vehicle)
-    params = {name: value for name, value in settings.params_of_file.items() if name in _table()} | settings.params
-    if airframe is None:
-        airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
+    plane = isinstance(vehicle, FixedWing)
+    known = _table() if plane else _multirotor_table()
+    params = {name: value for name, value in settings.params_of_file.items() if name in known} | settings.params
+    airframe = settings.airframe
+    if isinstance(vehicle, FixedWing):
+        if airframe is None:
+            airframe, params = PLANE_AIRFRAME, plane_parameters(vehicle) | dict(rotors or {}) | params
+    else:
+        airframe = airframe or matching_airframe(vehicle)
+        if airframe is None:
+            airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
     return airframe, [f"{name}={value!r}" for name, value in params.items()]
 
 
@@ -120,6 +130,11 @@ def _system_id(settings: AutopilotSettings) -> int | None:
 
 @cache
 def _table() -> ParamTable:
+    return ParamTable.of_firmware(hitl=True, plane=True)
+
+
+@cache
+def _multirotor_table() -> ParamTable:
     return ParamTable.of_firmware(hitl=True)
 
 
@@ -148,8 +163,20 @@ def misfits(settings: AutopilotSettings) -> Sequence[Misfit]:
     return found
 
 
-def vehicle_misfits(settings: AutopilotSettings, vehicle: Multirotor) -> Sequence[Misfit]:
-    """Report an airframe with other rotors than the vehicle."""
+def vehicle_misfits(settings: AutopilotSettings, vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:
+    """Report an airframe with other rotors than the vehicle, or parameters of a plane for a multirotor."""
+    if isinstance(vehicle, FixedWing):
+        if settings.airframe is None or is_plane(settings.airframe):
+            return ()
+        message = f"is {settings.airframe!r}, a multirotor, but the vehicle {vehicle.name!r} is a plane"
+        return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's surfaces are then taken"),)
+    if settings.airframe is not None and is_plane(settings.airframe):
+        message = f"is {settings.airframe!r}, a plane, but the vehicle {vehicle.name!r} is a multirotor"
+        return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's rotors are then taken"),)
+    wrong = [name for name in settings.params if name in _table() and name not in _multirotor_table()]
+    if wrong:
+        message = f"is a parameter of a plane, and the vehicle {vehicle.name!r} is a multirotor"
+        return tuple(Misfit(("autopilot", "params", name), message, "leave it out") for name in wrong)
     count = len(vehicle.rotors)
     if settings.airframe is None or count == 4:
         return ()
@@ -169,4 +196,6 @@ PROFILE = Profile(
     known_params=True,
     vehicle_misfits=vehicle_misfits,
     expects_station=False,
+    flies_planes=True,
+    plane_items=frozenset(PLANE_SUPPORTED - SUPPORTED),
 )

@@ -8,7 +8,7 @@ from firmware_bridge.autopilots.installation import Installation, Surroundings
 from firmware_bridge.autopilots.mock import mock
 from firmware_bridge.autopilots.mock.sensors import FAULTS_HITL
 from firmware_bridge.autopilots.px4.px4_hitl import hitl_link, serial_line
-from firmware_bridge.autopilots.px4.rotor_parameters import motor_functions
+from firmware_bridge.autopilots.px4.vehicle_parameters import HIL_OUTPUTS, vehicle_functions
 from firmware_bridge.links.autopilot_link import AutopilotLink
 
 
@@ -16,7 +16,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     """Make the link. With `autopilot.port` the user has started the mock there."""
     if installation.settings.port is not None:
         return hitl_link(installation, around, serial_line(installation.settings), params=None)
-    rotors = motor_functions(installation.vehicle, "HIL_ACT_FUNC")
+    rotors = vehicle_functions(installation.vehicle, HIL_OUTPUTS)
     transport, start = mock.mock_on_a_pty(installation, around, 0, "--hitl", rotors=rotors)
     return hitl_link(installation, around, transport, params=None, start=start)
 

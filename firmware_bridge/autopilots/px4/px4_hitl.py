@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from firmware_bridge.autopilots.installation import Installation, Surroundings
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.firmware import PX4
-from firmware_bridge.autopilots.px4.rotor_parameters import px4_parameters
 from firmware_bridge.autopilots.px4.sensors import SENSORS
+from firmware_bridge.autopilots.px4.vehicle_parameters import HIL_OUTPUTS, command_count, vehicle_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
@@ -19,8 +19,8 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     """Make the link, to the board on `autopilot.port` or the only one on USB."""
     settings, vehicle = installation.settings, installation.vehicle
     # A board has its own airframe; PX4's for HITL are quadrotors.
-    rotors = {} if len(vehicle.rotors) == 4 else px4_parameters(vehicle, outputs="HIL_ACT_FUNC")
-    return hitl_link(installation, around, serial_line(settings), params=rotors | settings.params)
+    given = {} if len(vehicle.rotors) == 4 else vehicle_parameters(vehicle, HIL_OUTPUTS)
+    return hitl_link(installation, around, serial_line(settings), params=given | settings.params)
 
 
 def serial_line(settings: AutopilotSettings) -> Transport:
@@ -45,7 +45,7 @@ def hitl_link(
     return FreeRunningLink(
         around.wrap(transport),
         LinkCaps(installation.settings.kind, lockstep=False, deterministic=False, boot_sensors=0),
-        motors=len(installation.vehicle.rotors),
+        motors=command_count(installation.vehicle),
         params=params,
         start_process=start,
         own_sender=not installation.link_faults,
@@ -71,4 +71,5 @@ PROFILE = Profile(
     usb_port="port",
     misfits=misfits,
     needs_estimator=True,
+    flies_planes=True,
 )

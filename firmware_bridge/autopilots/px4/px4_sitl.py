@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from firmware_bridge.autopilots.installation import Installation, Surroundings
+from firmware_bridge.autopilots.installation import FixedWing, Installation, Surroundings
 from firmware_bridge.autopilots.line import HIL_LINE
 from firmware_bridge.autopilots.profile import Misfit, Profile, Program, StartCommand
 from firmware_bridge.autopilots.px4.firmware import PX4
-from firmware_bridge.autopilots.px4.rotor_parameters import matching_airframe, px4_parameters
+from firmware_bridge.autopilots.px4.rotor_parameters import matching_airframe
 from firmware_bridge.autopilots.px4.sensors import SENSORS
+from firmware_bridge.autopilots.px4.vehicle_parameters import PWM_OUTPUTS, vehicle_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.px4.sitl import airframe_problem, px4_hand_start, px4_sitl_link, px4_sitl_process
 
-EXTERNAL_AIRFRAME = "none_iris"
+EXTERNAL_AIRFRAME, EXTERNAL_PLANE = "none_iris", "gazebo-classic_plane"
+_OUTPUTS = 16
 
 
 def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
@@ -47,7 +49,11 @@ def airframe_and_params(installation: Installation) -> tuple[str, dict[str, floa
     settings, vehicle = installation.settings, installation.vehicle
     if settings.airframe is not None:
         return settings.airframe, settings.all_params
-    rotors = {} if matching_airframe(vehicle) == "iris" else px4_parameters(vehicle)
+    if isinstance(vehicle, FixedWing):
+        # The airframe's own outputs beyond the vehicle's, of which one is reversed, are off.
+        off = {f"{PWM_OUTPUTS}{n}": 0.0 for n in range(1, _OUTPUTS + 1)} | {"PWM_MAIN_REV": 0.0}
+        return EXTERNAL_PLANE, off | vehicle_parameters(vehicle) | settings.all_params
+    rotors = {} if matching_airframe(vehicle) == "iris" else vehicle_parameters(vehicle)
     return EXTERNAL_AIRFRAME, rotors | settings.all_params
 
 
@@ -85,4 +91,5 @@ PROFILE = Profile(
     wall_clock_telemetry=True,
     airsim_type="PX4Multirotor",
     start_command=start_command,
+    flies_planes=True,
 )

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_bridge.autopilots.installation import Multirotor
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes, is_plane
 from signals.units import STANDARD_GRAVITY_MPS2
 
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
@@ -107,6 +107,8 @@ def matching_airframe(vehicle: Multirotor) -> str | None:
     """Return the mock's airframe that has these rotors; None if there is none."""
     wanted = geometry_parameters(vehicle)
     for name in airframes():
+        if is_plane(name):
+            continue
         table = _airframe_table(name)
         if table["CA_ROTOR_COUNT"] == wanted["CA_ROTOR_COUNT"] and all(
             abs(table[key] - value) <= _SAME for key, value in wanted.items() if key.rpartition("_")[2] in _GEOMETRY

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import nan
 
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Action, Failsafe
-from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
 from firmware_bridge.mock_pixhawk.flight.preflight import BIAS, Preflight
+from firmware_bridge.mock_pixhawk.flight.stack import Modes
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Result, Severity
 from firmware_bridge.mock_pixhawk.modes import Mode
@@ -41,7 +40,7 @@ class Commander:
         vehicle: Vehicle,
         estimate: Estimate,
         params: ParamTable,
-        modes: FlightModes,
+        modes: Modes,
         preflight: Preflight,
         failsafe: Failsafe,
         output: Output,
@@ -215,7 +214,7 @@ class Commander:
         if not vehicle.armed or vehicle.terminated:
             return
         if self._failsafe.descending_blind:
-            self._descend_blind()
+            self._guidance.descend_blind()
         else:
             following = self._modes.by_mode[vehicle.mode].step(now_us)
             if following is not None:
@@ -264,14 +263,6 @@ class Commander:
             self._disarm(now_us, "Failsafe on the ground: disarmed")
         elif vehicle.mode is not mode:
             self._enter(mode, now_us)
-
-    def _descend_blind(self) -> None:
-        """Descend at landing speed without position. Without velocity the flight core keeps the vehicle level."""
-        guidance = self._guidance
-        if self._vehicle.landed:
-            guidance.idle()
-        else:
-            guidance.velocity(nan, nan, nan, 0.0, 0.0, self._params["MPC_LAND_SPEED"], 0.0)
 
     def _auto_disarm(self, now_us: int) -> None:
         vehicle = self._vehicle

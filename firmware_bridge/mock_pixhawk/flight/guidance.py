@@ -136,6 +136,13 @@ class Guidance:
         """Turn the motors off."""
         self._core.set_setpoint(OFF)
 
+    def descend_blind(self) -> None:
+        """Descend at landing speed without position. Without velocity the flight core keeps the vehicle level."""
+        if self._vehicle.landed:
+            self.idle()
+        else:
+            self.velocity(nan, nan, nan, 0.0, 0.0, self._params["MPC_LAND_SPEED"], 0.0)
+
     def follow(self) -> None:
         """Move along the trajectory, or hold."""
         trajectory = self.trajectory

@@ -18,6 +18,7 @@ UNKNOWN_POSITION = 2**31 - 1  # INT32_MAX in MISSION_ITEM_INT: the current posit
 #: Items with a position. In the first group it is optional.
 POSITION_OPTIONAL = frozenset({Cmd.NAV_TAKEOFF, Cmd.NAV_LAND, Cmd.NAV_LOITER_UNLIM, Cmd.NAV_LOITER_TIME})
 NAVIGATION = POSITION_OPTIONAL | {Cmd.NAV_WAYPOINT}
+PLANE_NAVIGATION = NAVIGATION | {Cmd.NAV_LOITER_TURNS, Cmd.NAV_LOITER_TO_ALT}  # those of a plane
 
 #: Items for payloads: accepted and reported as reached, without effect.
 PAYLOAD = frozenset(
@@ -51,6 +52,7 @@ SUPPORTED = (
         Cmd.DO_SET_HOME,
     }
 )
+PLANE_SUPPORTED = SUPPORTED | PLANE_NAVIGATION | {Cmd.DO_LAND_START}
 
 _OK = (MissionResult.ACCEPTED, "")
 
@@ -100,14 +102,17 @@ def _bad_position(item: MissionItem) -> tuple[int, str]:
     return _OK
 
 
-def refusal(item: MissionItem, count: int) -> tuple[int, str]:
-    """Return (ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else result and reason."""
-    if item.command not in SUPPORTED:
+def refusal(item: MissionItem, count: int, *, plane: bool = False) -> tuple[int, str]:
+    """Return (ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else result and reason.
+
+    `plane`: as a plane, else as a multirotor.
+    """
+    if item.command not in (PLANE_SUPPORTED if plane else SUPPORTED):
         return MissionResult.UNSUPPORTED, f"command {item.command} is not supported"
     result = _bad_params(item, count)
     if result is not _OK:
         return result
-    if item.command in NAVIGATION:
+    if item.command in (PLANE_NAVIGATION if plane else NAVIGATION):
         return _bad_position(item)
     if item.frame not in GLOBAL_FRAMES and item.frame != FRAME_MISSION:
         return MissionResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"

@@ -67,6 +67,12 @@ def _lines(path: Path) -> Iterable[tuple[int, list[str]]]:
             yield number, words
 
 
+def is_plane(airframe: str) -> bool:
+    """Return True if an airframe's file makes the mock a plane: it sets CA_AIRFRAME to 1."""
+    path = _HERE / "airframes" / f"{airframe}.params"
+    return path.is_file() and any(words[0] == "CA_AIRFRAME" and words[1] == "1" for _, words in _lines(path))
+
+
 def _accept(name: str, value: float) -> str | None:  # noqa: ARG001
     return None
 
@@ -83,13 +89,23 @@ class ParamTable:
     called after it.
     """
 
-    def __init__(self, native: Iterable[tuple[str, float, float, float]] = (), *, hitl: bool = False) -> None:
+    def __init__(
+        self,
+        native: Iterable[tuple[str, float, float, float]] = (),
+        *,
+        hitl: bool = False,
+        plane: bool = False,
+    ) -> None:
         """`native`: name, default, minimum, maximum of the flight core's parameters (not in `parameters.txt`).
 
-        `hitl`: add the parameters of a board built for HITL (`parameters_hitl.txt`).
+        `hitl`: add the parameters of a board built for HITL (`parameters_hitl.txt`); `plane`: those of a plane
+        (`parameters_plane.txt`), with its defaults for those that both have.
         """
         params: dict[str, Param] = {}
-        for file in ("parameters.txt", "parameters_hitl.txt") if hitl else ("parameters.txt",):
+        files = ["parameters.txt"]
+        files += ["parameters_hitl.txt"] if hitl else []
+        files += ["parameters_plane.txt"] if plane else []
+        for file in files:
             for _, (name, kind, default, minimum, maximum) in _lines(_HERE / file):
                 params[name] = Param(
                     name,
@@ -108,10 +124,10 @@ class ParamTable:
         self.clear_callbacks()
 
     @classmethod
-    def of_firmware(cls, *, hitl: bool = False) -> ParamTable:
+    def of_firmware(cls, *, hitl: bool = False, plane: bool = False) -> ParamTable:
         """Return the parameters of the mock's firmware, those of its flight core among them."""
         columns = (_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX)
-        return cls(zip(*columns, strict=True), hitl=hitl)
+        return cls(zip(*columns, strict=True), hitl=hitl, plane=plane)
 
     def clear_callbacks(self) -> None:
         """Remove the callbacks `on_change` and `after_change`."""

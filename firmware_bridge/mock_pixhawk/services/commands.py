@@ -11,7 +11,7 @@ from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.commander import Commander
 from firmware_bridge.mock_pixhawk.flight.mission_item import MAX_ALTITUDE_M, RELATIVE_FRAMES
-from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.ids import BaseMode, Cmd, Result
 from firmware_bridge.mock_pixhawk.modes import Mode, mode_from_px4
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
@@ -50,7 +50,7 @@ class Commands:
     def __init__(
         self,
         commander: Commander,
-        navigator: Navigator,
+        navigator: MissionRunner,
         vehicle: Vehicle,
         estimate: Estimate,
         streams: Streams,

@@ -41,7 +41,16 @@ class MissionStore:
     Handlers take the decoded message and the sender.
     """
 
-    def __init__(self, send: Callable[[Any], None], warn: Callable[[str], None], changed: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        send: Callable[[Any], None],
+        warn: Callable[[str], None],
+        changed: Callable[[], None],
+        *,
+        plane: bool = False,
+    ) -> None:
+        """`plane`: takes the items that a plane flies."""
+        self._plane = plane
         self._send = send
         self._warn = warn
         self._changed = changed
@@ -148,7 +157,7 @@ class MissionStore:
             if item.seq > len(self._incoming):
                 self._request()
             return
-        result, why = refusal(item, self._expected)
+        result, why = refusal(item, self._expected, plane=self._plane)
         if result != MissionResult.ACCEPTED:
             self._incoming = None
             self._warn(f"Mission rejected: item {item.seq}: {why}")

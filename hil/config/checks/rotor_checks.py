@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config.checks.wing_checks import wing_problems
+from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
 from signals.documents.validate import Located, at
@@ -43,19 +44,22 @@ def _rank(rows: NDArray[np.float64]) -> int:
 
 def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
     """Report a plane that the autopilot cannot fly, or rotors that it cannot be given."""
-    if fixed_wing.is_plane(vehicle):
-        return _plane_problems(config, vehicle, settings)
-    if multirotor.unfit(vehicle) is not None:
-        return []
     autopilot = config.autopilot
-    misfits = autopilot.profile.vehicle_misfits(autopilot, multirotor_facts(vehicle))
+    if fixed_wing.is_plane(vehicle):
+        if not autopilot.profile.flies_planes:
+            return [_no_plane(config, vehicle, settings)]
+        if wing_problems(vehicle, settings):
+            return []  # told already
+        misfits = autopilot.profile.vehicle_misfits(autopilot, fixed_wing_facts(vehicle))
+    elif multirotor.unfit(vehicle) is not None:
+        return []
+    else:
+        misfits = autopilot.profile.vehicle_misfits(autopilot, multirotor_facts(vehicle))
     return [at(settings, misfit.place, misfit.message, misfit.hint) for misfit in misfits]
 
 
-def _plane_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
-    if config.autopilot.profile.flies_planes:
-        return []
+def _no_plane(config: BenchConfig, vehicle: Vehicle, settings: Located) -> Problem:
     able = [name for name, profile in PROFILES.items() if profile.flies_planes]
     message = f"{vehicle.name!r} is a plane, which an autopilot of kind {config.autopilot.kind!r} cannot fly here"
     hint = f"kinds that fly planes: {', '.join(able)}" if able else "no kind of autopilot flies planes yet"
-    return [at(settings, ("vehicle",), message, hint)]
+    return at(settings, ("vehicle",), message, hint)

@@ -108,7 +108,7 @@ def draw_path(axes: Axes, track: TrackArrays, plan: Sequence[PlanPoint]) -> None
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.12)
     axes.set(title="Path, seen from above", xlabel="east [m]", ylabel="north [m]")
-    _legend(axes)
+    legend(axes)
 
 
 def draw_altitude(axes: Axes, track: TrackArrays, plan: Sequence[PlanPoint]) -> None:
@@ -117,7 +117,7 @@ def draw_altitude(axes: Axes, track: TrackArrays, plan: Sequence[PlanPoint]) -> 
         axes.axhline(z, ls="--", color=_GREY, lw=1.2, label="plan" if i == 0 else None)
     axes.plot(track.t_s, track.p_WB[:, 2], color=_BLUE, lw=1.8, label="flown")
     axes.set(title="Altitude", ylabel="up [m]")
-    _legend(axes)
+    legend(axes)
 
 
 def draw_attitude(axes: Axes, track: TrackArrays) -> None:
@@ -134,7 +134,7 @@ def draw_attitude(axes: Axes, track: TrackArrays) -> None:
     yaw_axes.set_ylim(-190, 190)
     yaw_axes.set_yticks([-180, -90, 0, 90, 180])
     handles = [*axes.get_lines(), *yaw_axes.get_lines()]
-    _legend(axes, handles)
+    legend(axes, handles)
 
 
 def draw_motors(axes: Axes, track: TrackArrays) -> None:
@@ -142,10 +142,10 @@ def draw_motors(axes: Axes, track: TrackArrays) -> None:
     for i in range(track.controls.shape[1]):
         axes.plot(track.t_s, track.controls[:, i], color=_MOTORS[i % len(_MOTORS)], lw=0.9, label=f"{i}")
     axes.set(title="Motor commands", ylabel="0 to 1", ylim=(-0.03, 1.03))
-    _legend(axes)
+    legend(axes)
 
 
-def _legend(axes: Axes, handles: Sequence[Any] | None = None) -> None:
+def legend(axes: Axes, handles: Sequence[Any] | None = None) -> None:
     """Draw the legend in one row above the plot, to the right of the title."""
     handles = [h for h in handles or axes.get_lines() if not str(h.get_label()).startswith("_")]
     if handles:
@@ -188,11 +188,11 @@ def motion_figure(track: TrackArrays) -> Figure:
     speed.plot(track.t_s, np.hypot(v[:, 0], v[:, 1]), color=_BLUE, label="over ground")
     speed.plot(track.t_s, v[:, 2], color=_RED, lw=1.1, label="climb")
     speed.set(title="Speed", ylabel="[m/s]", xlabel="simulated time [s]")
-    _legend(speed)
+    legend(speed)
     for i in range(track.rotor_speed_radps.shape[1]):
         rotors.plot(track.t_s, track.rotor_speed_radps[:, i], color=_MOTORS[i % len(_MOTORS)], lw=0.9, label=f"{i}")
     rotors.set(title="Rotor speeds", ylabel="[rad/s]", xlabel="simulated time [s]")
-    _legend(rotors)
+    legend(rotors)
     return figure
 
 
@@ -209,7 +209,7 @@ def spectrum_figure(
         axes.set_yscale("log")
         what = "specific force" if unit.startswith("m") else "rate"
         axes.set(title=f"Spectrum of {name}: {what}", xlabel="[Hz]", ylabel=f"[{unit}/\N{SQUARE ROOT}Hz]")
-        _legend(axes)
+        legend(axes)
     return figure
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 from hil.config.missions.path import PlanPoint
 from hil.run.companion.files import FrameTimes
 from hil.run.recorder.track import TrackArrays
-from hil.run.report import figures, frame_pictures, radar_pictures
+from hil.run.report import figures, frame_pictures, plane_figures, radar_pictures
+from hil.run.verdict.plane_track import PlaneTrackArrays
 from signals.classes import Classes
 from signals.samples import FrameSample, RadarSample
 from sim.radar.chirp import Chirp
@@ -33,6 +34,15 @@ def flight_pictures(out: Path, track: TrackArrays, plan: Sequence[PlanPoint], ti
         ("Flown path against plan, altitude, attitude and motor commands", flight),
         ("Speed and rotor speeds", motion),
     ]
+
+
+def plane_pictures(out: Path, track: PlaneTrackArrays) -> list[Picture]:
+    """Draw a plane's airspeed, energy, angles of the flow and surfaces; nothing for an empty track."""
+    if not len(track.t_s):
+        return []
+    path = out / "plane.png"
+    figures.save(plane_figures.plane_figure(track), path)
+    return [("Airspeed, energy, angle of attack and surfaces", path)]
 
 
 def timing_pictures(out: Path, rtt_bins_ns: Bins, phase_us: Mapping[str, float]) -> list[Picture]:

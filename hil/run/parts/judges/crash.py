@@ -4,7 +4,8 @@ Only a script with `outcome: crashed` wants the crash: its flight is a FAIL with
 
 A vehicle has crashed when
 
-impact   it has been in the air and touches something at more than `impact_mps` (speed of the tick before)
+impact   it has been in the air and touches something at more than `impact_mps` (speed of the tick before). A plane
+         lands fast: it must lose that much speed within 0.2 s of the touch
 tilt     it is in contact and tilted by more than `tilt_deg` for 1 s: it lies on its side or back
 rest     it has been in the air and rests for `rest_s`, armed, more than 5 m from its start and from the end of its
          plan. Only for flights of a plan: where a script or a companion should land is not known
@@ -23,20 +24,23 @@ from hil.run.verdict.verdict import AIRBORNE_M, REST_SPEED_MPS, Row, Verdict
 from signals.rotation import cos_tilt_of
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
+from sim.physics.fixed_wing import is_plane
 
 _LIE_NS = NS_PER_S  # contact and tilt must last this long
 _GAP_NS = NS_PER_S // 2  # a vehicle that bounces or trembles is still in contact
 _NEAR_M = 5.0
 _AFTERMATH_NS = NS_PER_S
+_STOP_NS = NS_PER_S // 5  # a plane that hits an obstacle stops within this time; one that slides does not
 
 
 class CrashPart(Part):
     name = "crash"
     _start_z_m: float  # from `begin` on
 
-    def __init__(self, limits: Crash, *, wanted: bool = False) -> None:
-        """`wanted`: the script of the flight demands the crash (`outcome: crashed`)."""
-        self._limits, self._wanted = limits, wanted
+    def __init__(self, limits: Crash, *, wanted: bool = False, lands_fast: bool = False) -> None:
+        """`wanted`: the script of the flight demands the crash (`outcome: crashed`). `lands_fast`: a plane."""
+        self._limits, self._wanted, self._lands_fast = limits, wanted, lands_fast
+        self._touch: TruthState | None = None  # of a plane, the tick before its newest touch
         self._min_cos_tilt = -2.0 if limits.tilt_deg is None else math.cos(math.radians(limits.tilt_deg))
         self._rest_ns = None if limits.rest_s is None else round(limits.rest_s * NS_PER_S)
         self._allowed_W: list[Vec3] = []  # places of rest
@@ -72,12 +76,30 @@ class CrashPart(Part):
             limit_mps = self._limits.impact_mps
             if self._airborne and limit_mps is not None and previous is not None and not previous.in_contact:
                 speed = _speed_mps(previous)
-                if not speed <= limit_mps:
+                if self._lands_fast:
+                    self._touch = previous
+                elif not speed <= limit_mps:
                     self._crashed(truth, speed, f"impact at {speed:.1f} m/s")
                     return
+        if self._touch is not None and self._stopped(self._touch, truth):
+            return
         self._lies(truth)
         if self._airborne and self._has_plan:
             self._rests(truth)
+
+    def _stopped(self, touch: TruthState, truth: TruthState) -> bool:
+        """Return True if a plane has lost more speed since its touch than a landing may take."""
+        if truth.t_ns - touch.t_ns > _STOP_NS:
+            self._touch = None
+            return False
+        limit_mps = self._limits.impact_mps
+        lost_mps = math.dist(touch.v_WB_W, truth.v_WB_W)
+        if limit_mps is None or lost_mps <= limit_mps:
+            return False
+        self._crashed(
+            truth, _speed_mps(touch), f"impact at {_speed_mps(touch):.1f} m/s, of which it lost {lost_mps:.1f}"
+        )
+        return True
 
     def _lies(self, truth: TruthState) -> None:
         if cos_tilt_of(truth.q_WB) >= self._min_cos_tilt:
@@ -128,4 +150,4 @@ def _speed_mps(truth: TruthState) -> float:
 
 def make(bench: Bench) -> Part:
     assert bench.config.crash is not None
-    return CrashPart(bench.config.crash, wanted=bench.outcome == "crashed")
+    return CrashPart(bench.config.crash, wanted=bench.outcome == "crashed", lands_fast=is_plane(bench.vehicle))

@@ -1,0 +1,143 @@
+"""Parts that fly the vehicle: everything of the firmware that depends on whether it is a multirotor or a plane.
+
+`MultirotorStack` is here, `PlaneStack` in `plane/plane_stack.py`; the firmware takes one of them by CA_AIRFRAME and
+never asks which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from firmware_bridge._native import FlightCore
+from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
+from firmware_bridge.mock_pixhawk.estimate.state import Estimate
+from firmware_bridge.mock_pixhawk.flight.failsafe import Failsafe
+from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
+from firmware_bridge.mock_pixhawk.flight.guidance import Guidance
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
+from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
+from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
+from firmware_bridge.mock_pixhawk.flight.trajectory import Point
+from firmware_bridge.mock_pixhawk.modes import Mode
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+from firmware_bridge.mock_pixhawk.services.telemetry import Telemetry
+from firmware_bridge.mock_pixhawk.vehicle import Vehicle
+
+MissionState = Callable[[], tuple[int, int, int]]
+Say = Callable[[int, str], None]
+
+
+class SetPoint(Protocol):
+    """The moving set-point, as the commander uses it."""
+
+    def take_over(self) -> None: ...
+
+    def idle(self) -> None: ...
+
+    def off(self) -> None: ...
+
+    def descend_blind(self) -> None: ...
+
+    def refresh_params(self) -> None: ...
+
+
+class HoldMode(FlightMode, Protocol):
+    """Mode that can be sent to a place."""
+
+    def go_to(self, point: Point, speed_mps: float | None, yaw: float | None) -> None: ...
+
+
+class TakeoffMode(FlightMode, Protocol):
+    """Mode with a commanded altitude."""
+
+    altitude_d_m: float | None
+
+
+class Modes(Protocol):
+    """Table of the flight modes."""
+
+    @property
+    def guidance(self) -> SetPoint: ...
+
+    @property
+    def navigator(self) -> MissionRunner: ...
+
+    @property
+    def offboard(self) -> Offboard: ...
+
+    @property
+    def hold(self) -> HoldMode: ...
+
+    @property
+    def takeoff(self) -> TakeoffMode: ...
+
+    @property
+    def by_mode(self) -> dict[Mode, FlightMode]: ...
+
+
+class FlightStack(Protocol):
+    """The parts that fly one vehicle."""
+
+    plane: bool
+
+    @property
+    def modes(self) -> Modes: ...
+
+    def observe(self, now_us: int) -> None:
+        """Look at the estimate of this guidance step, before failsafes and modes."""
+
+    def outputs(self, now_us: int) -> list[float]:
+        """Return the 16 commands of this instant."""
+
+    def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
+        """Make the failsafes."""
+
+    def telemetry(self, sensors: SensorIntake, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
+        """Make the telemetry."""
+
+
+class MissionCallbacks(Protocol):
+    """Reports of a navigator to the firmware."""
+
+    def on_reached(self, seq: int) -> None: ...
+
+    def info(self, text: str) -> None: ...
+
+    def set_mission_home(self, position: Point | None) -> None: ...
+
+
+class MultirotorStack:
+    """Parts that fly a multirotor: its inner loops and mixer are those of the flight core."""
+
+    plane = False
+
+    def __init__(
+        self, core: FlightCore, vehicle: Vehicle, estimate: Estimate, params: ParamTable, callbacks: MissionCallbacks
+    ) -> None:
+        self._core, self._vehicle, self._estimate, self._params = core, vehicle, estimate, params
+        self._rotors = int(params["CA_ROTOR_COUNT"])
+        guidance = Guidance(core, vehicle, params)
+        self._offboard = Offboard(core, vehicle, estimate.ned)
+        navigator = Navigator(
+            guidance,
+            vehicle,
+            params,
+            project=estimate.ned,
+            reached=callbacks.on_reached,
+            info=callbacks.info,
+            set_home=callbacks.set_mission_home,
+        )
+        self.modes = FlightModes(vehicle, params, guidance, navigator, self._offboard)
+
+    def observe(self, now_us: int) -> None: ...
+
+    def outputs(self, now_us: int) -> list[float]:  # noqa: ARG002
+        return self._core.motor_commands(self._rotors)
+
+    def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
+        return Failsafe(self._vehicle, self._estimate, sensors, self._offboard, self._params, say, hitl=hitl)
+
+    def telemetry(self, sensors: SensorIntake, mission: MissionState, *, system_type: int, hil: bool) -> Telemetry:
+        return Telemetry(self._vehicle, self._estimate, sensors, mission, system_type=system_type, hil=hil)

@@ -1,0 +1,1 @@
+"""The mock autopilot flies a plane: laws, modes, missions. Nothing here runs for a multirotor."""

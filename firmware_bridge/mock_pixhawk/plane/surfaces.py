@@ -1,0 +1,83 @@
+"""Allocation of torque demands to control surfaces, by PX4's parameters CA_SV_CSn_*.
+
+CA_SV_CSn_TRQ_R, _P, _Y: torque of the surface at full command over that of a full demand, FRD. The commands are the
+least-norm solution of E u = demand, E^T (E E^T)^-1, over the axes that some surface acts on: elevons, ailerons with
+elevator and rudder, V-tails are the same to it. An axis without surface (the yaw of a flying wing) is left out.
+
+A demand beyond the surfaces is cut in this order: yaw, then pitch, then roll, so that a plane in trouble can first of
+all level its wings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
+
+_LEAST = 1e-3  # an axis with less effect is not controlled
+_SOLVABLE = 1e-9
+
+
+def allocation(effect: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Return the commands per unit demand, (surfaces, 3), for the effect (3, surfaces). Sums in fixed order."""
+    count = len(effect[0]) if effect else 0
+    axes = [a for a in range(3) if any(abs(value) > _LEAST for value in effect[a])]
+    while axes:
+        square = [[sum(effect[a][i] * effect[b][i] for i in range(count)) for b in axes] for a in axes]
+        inverse = _inverse(square)
+        if inverse is not None:
+            break
+        axes.pop()  # a V of one surface cannot give all of them: yaw goes first, then pitch
+    else:
+        return [[0.0, 0.0, 0.0] for _ in range(count)]
+    mix = [[0.0, 0.0, 0.0] for _ in range(count)]
+    for i in range(count):
+        for column, axis in enumerate(axes):
+            mix[i][axis] = sum(effect[a][i] * inverse[row][column] for row, a in enumerate(axes))
+    return mix
+
+
+def _inverse(matrix: list[list[float]]) -> list[list[float]] | None:
+    """Return the inverse by Gauss and Jordan with pivots; None if there is none."""
+    n = len(matrix)
+    rows = [list(row) + [1.0 if i == j else 0.0 for j in range(n)] for i, row in enumerate(matrix)]
+    for column in range(n):
+        pivot = max(range(column, n), key=lambda r: abs(rows[r][column]))
+        if abs(rows[pivot][column]) < _SOLVABLE:
+            return None
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        scale = rows[column][column]
+        rows[column] = [value / scale for value in rows[column]]
+        for r in range(n):
+            if r != column and rows[r][column] != 0.0:
+                factor = rows[r][column]
+                rows[r] = [a - factor * b for a, b in zip(rows[r], rows[column], strict=True)]
+    return [row[n:] for row in rows]
+
+
+class SurfaceMixer:
+    """Commands of the surfaces, -1..1."""
+
+    def __init__(self, params: ParamTable) -> None:
+        count = int(params["CA_SV_CS_COUNT"])
+        effect = [[params[f"CA_SV_CS{i}_TRQ_{axis}"] for i in range(count)] for axis in "RPY"]
+        self._mix = allocation(effect)
+        self._trim = [params[f"CA_SV_CS{i}_TRIM"] for i in range(count)]
+
+    @property
+    def count(self) -> int:
+        """Number of surfaces."""
+        return len(self._mix)
+
+    def commands(self, roll: float, pitch: float, yaw: float) -> list[float]:
+        """Return the commands for torque demands: of yaw, pitch and roll only what the surfaces have left."""
+        taken = list(self._trim)
+        for axis, demand in ((0, roll), (1, pitch), (2, yaw)):
+            share = 1.0
+            for now, row in zip(taken, self._mix, strict=True):
+                wanted = row[axis] * demand
+                room = (1.0 - now) if wanted > 0.0 else (1.0 + now)
+                if wanted != 0.0 and abs(wanted) > room:
+                    share = min(share, max(room, 0.0) / abs(wanted))
+            taken = [now + share * row[axis] * demand for now, row in zip(taken, self._mix, strict=True)]
+        return [min(max(value, -1.0), 1.0) for value in taken]

@@ -1,0 +1,145 @@
+"""Checks that a vehicle can fly its mission from where it starts: a plane's take-off, slope and legs, a copter's items.
+
+Take-off roll of a plane with wheels, from rest to the least airspeed V of its controller: s = V^2 / (2 a), with the
+mean acceleration a = (T - D / 2) / m - c g of full thrust T at V / 2, half of the drag D of cruise, and rolling
+resistance c.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+from firmware_bridge.autopilots.installation import FixedWing
+from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
+from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
+from hil.config.missions.path import Leg, LegKind, planned_path
+from hil.config.schema import BenchConfig
+from signals.documents.validate import Located, at
+from signals.errors import Problem
+from signals.units import STANDARD_GRAVITY_MPS2
+from sim.physics.fixed_wing import Airframe, is_plane
+from sim.physics.vehicle import Vehicle
+from sim.scene.scene import Scene
+
+_ROLLING = 0.05  # small wheels on short grass
+_STEEPEST_DEG = 10.0  # of an approach
+_VTOL = frozenset((84, 85))
+
+
+def flight_problems(
+    config: BenchConfig, vehicle: Vehicle, mission: Mission | None, scene: Scene, settings: Located
+) -> list[Problem]:
+    """Report a mission that the vehicle cannot fly, and a start from which a plane cannot take off."""
+    if not is_plane(vehicle):
+        return [] if mission is None else _copter_problems(config, mission)
+    if mission is None:
+        return []
+    facts = fixed_wing_facts(vehicle, scene.site)
+    problems = _start_problems(config, vehicle, facts, scene, settings)
+    return problems + _plane_mission_problems(config, facts, mission, scene)
+
+
+def _copter_problems(config: BenchConfig, mission: Mission) -> list[Problem]:
+    """Report items that an autopilot flies with planes alone."""
+    only = config.autopilot.profile.plane_items
+    return [
+        Problem(
+            f"{mission.path}",
+            f"item {item.seq + 1} ({PLACE_COMMANDS.get(item.command, item.command)}) is flown by planes alone, and the "
+            f"vehicle {config.vehicle!r} is a multirotor",
+            "leave it out, or choose a plane: --set vehicle=skywalker_x8",
+        )
+        for item in mission.items
+        if item.command in only
+    ]
+
+
+def _start_problems(
+    config: BenchConfig, vehicle: Vehicle, facts: FixedWing, scene: Scene, settings: Located
+) -> list[Problem]:
+    if getattr(config.start, "launch", None) is not None:
+        return []
+    g = STANDARD_GRAVITY_MPS2
+    airframe = Airframe(vehicle, scene.site)
+    weight = vehicle.mass_kg * g
+    if not facts.wheels:
+        most, held = airframe.thrust_range_n(0.1)[1], scene.ground_friction * weight
+        if most > held:
+            return []
+        message = (
+            f"leaves the plane {vehicle.name!r} lying on its belly: its {most:.1f} N of thrust do not overcome the "
+            f"friction of {held:.1f} N ({scene.ground_friction:g} of its weight)"
+        )
+        return [at(settings, ("start",), message, "start: {launch: {kind: catapult, length_m: 4, speed_mps: 16}}")]
+    V = facts.least_mps
+    drag = facts.idle_sink_mps / facts.cruise_mps * weight
+    a = (airframe.thrust_range_n(0.5 * V)[1] - 0.5 * drag) / vehicle.mass_kg - _ROLLING * g
+    if a <= 0.0:
+        message = f"leaves the plane {vehicle.name!r} on its wheels, whose resistance its thrust does not overcome"
+        return [at(settings, ("start",), message, "raise the thrust, or launch it")]
+    roll = V * V / (2.0 * a)
+    runway = scene.runway
+    if runway is None:
+        message = f"has no runway for the take-off roll of about {roll:.0f} m of the plane {vehicle.name!r}"
+        return [at(settings, ("scene",), message, "--scene airstrip, or start: {launch: {kind: catapult, ...}}")]
+    along, right, _ = runway.place_of(config.start.p_W)
+    heading = math.radians(90.0 - runway.heading_deg)
+    ahead = math.cos(math.radians(config.start.yaw_deg) - heading)
+    left = runway.length_m - along if ahead > 0.0 else along
+    if abs(ahead) < 0.9 or abs(right) > 0.5 * runway.width_m:
+        message = f"is not on the runway of the scene along its heading of {runway.heading_deg:g} deg"
+        return [at(settings, ("start",), message, "start: {p_W: [0, 0, 0], yaw_deg: 0} is on that of airstrip")]
+    if left < roll:
+        message = f"leaves {left:.0f} m of runway, and the take-off roll of {vehicle.name!r} needs about {roll:.0f} m"
+        return [at(settings, ("start",), message, "start nearer to the threshold")]
+    return []
+
+
+def _plane_mission_problems(config: BenchConfig, facts: FixedWing, mission: Mission, scene: Scene) -> list[Problem]:
+    problems: list[Problem] = []
+
+    def report(seq: int, message: str, hint: str) -> None:
+        problems.append(Problem(f"{mission.path}", f"item {seq + 1} {message}", hint))
+
+    for item in mission.items:
+        if item.command in _VTOL:
+            report(item.seq, f"is for a VTOL, and {facts.name!r} is a plane", "use NAV_TAKEOFF and NAV_LAND")
+    places = [item for item in mission.items if item.command in PLACE_COMMANDS]
+    if places and places[0].command not in TAKEOFF_COMMANDS:
+        report(places[0].seq, "comes first, and a plane on the ground needs a take-off", "begin with NAV_TAKEOFF")
+    radius = turn_radius_m(facts.cruise_mps)
+    legs = planned_path(mission, scene, home_W=config.start.p_W)
+    for before, leg in pairwise(legs):
+        length = math.dist(leg.start_W[:2], leg.end_W[:2])
+        flown = leg.kind is LegKind.FLY and before.kind is LegKind.FLY
+        if flown and 1.0 < length < radius:
+            where = f"lies {length:.0f} m from the one before, within one turn of {radius:.0f} m radius"
+            report(leg.seq, where, "spread the waypoints")
+    problems += _landing_problems(legs, mission, radius)
+    if problems:  # one word on what kind of mission this is
+        first = problems[0]
+        problems[0] = Problem(first.where, f"{first.message}; the vehicle {facts.name!r} is a plane", first.hint)
+    return problems
+
+
+def _landing_problems(legs: Sequence[Leg], mission: Mission, radius: float) -> list[Problem]:
+    """Report a landing without room for an approach."""
+    found = []
+    for i, leg in enumerate(legs):
+        if leg.kind is not LegKind.DESCENT or mission.items[leg.seq].command not in LAND_COMMANDS:
+            continue
+        height = leg.start_W[2] - leg.end_W[2]
+        approach = legs[i - 1] if i and legs[i - 1].kind is LegKind.APPROACH else None
+        length = 0.0 if approach is None else math.dist(approach.start_W[:2], approach.end_W[:2])
+        slope = math.degrees(math.atan2(height, max(length, 1e-9)))
+        if slope > _STEEPEST_DEG or length < 2.0 * radius:
+            least = max(height / math.tan(math.radians(_STEEPEST_DEG)), 2.0 * radius)
+            message = (
+                f"item {leg.seq + 1} (landing) lies {length:.0f} m from the waypoint before and {height:.0f} m below "
+                f"it: a plane needs {least:.0f} m or more"
+            )
+            hint = "put a waypoint low and far out on the line of the landing"
+            found.append(Problem(f"{mission.path}", message, hint))
+    return found

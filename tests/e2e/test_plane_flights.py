@@ -1,0 +1,102 @@
+"""Flights of a plane on the mock: every kind of mission item, an engine that fails, surfaces that stick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import load_bench
+from hil.run.bench_run import RunResult, run_bench
+
+ROOT = Path(__file__).resolve().parents[2]
+BENCH = (ROOT / "rigs/plane.yaml").read_text().replace("record: {mcap: true, tlog: true, report: true}", "")
+LAT, LON = 47.397742, 8.545594
+M_PER_DEG_N, M_PER_DEG_E = 111_174.0, 75_437.0
+
+Item = tuple[int, tuple[float, ...], tuple[float, float] | None, float]
+
+
+def mission_file(path: Path, items: list[Item]) -> Path:
+    """Write items (command, params 1 to 4, east and north of home, height) in QGroundControl's text format."""
+    rows = ["QGC WPL 110", f"0\t1\t0\t16\t0\t0\t0\t0\t{LAT}\t{LON}\t488\t1"]
+    for seq, (command, params, place, height) in enumerate(items, start=1):
+        east, north = place or (0.0, 0.0)
+        where = (f"{LAT + north / M_PER_DEG_N:.8f}", f"{LON + east / M_PER_DEG_E:.8f}") if place else ("0", "0")
+        frame = 3 if command < 100 else 2
+        rows.append("\t".join([f"{seq}", "0", f"{frame}", f"{command}", *map(str, params), *where, f"{height}", "1"]))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def fly(tmp_path: Path, more: str = "", *, mission: Path | None = None) -> RunResult:
+    """Fly rigs/plane.yaml with more sections."""
+    text = BENCH + "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n" + more
+    if mission is not None:
+        text = text.replace("mission: rigs/missions/circuit.waypoints", f"mission: {mission}")
+    file = tmp_path / "bench.yaml"
+    file.write_text(text)
+    return run_bench(load_bench(file), tmp_path / "out", quiet=True)
+
+
+@pytest.mark.slow
+def test_loiters_speeds_jumps_and_the_way_home(tmp_path: Path) -> None:
+    flat = (0.0, 0.0, 0.0, 0.0)
+    items: list[Item] = [
+        (22, flat, (200.0, 0.0), 40.0),
+        (16, flat, (400.0, 0.0), 50.0),
+        (18, (2.0, 0.0, 80.0, 0.0), (400.0, 300.0), 50.0),  # two turns
+        (178, (0.0, 15.0, -1.0, 0.0), None, 0.0),
+        (16, flat, (0.0, 400.0), 50.0),
+        (178, (0.0, 21.0, -1.0, 0.0), None, 0.0),
+        (16, flat, (-300.0, 300.0), 60.0),
+        (177, (5.0, 1.0, 0.0, 0.0), None, 0.0),  # once more to the waypoint before
+        (19, (20.0, 0.0, -60.0, 0.0), (-300.0, 0.0), 60.0),  # 20 s, to the left
+        (31, (0.0, 70.0, 0.0, 0.0), (0.0, 200.0), 80.0),
+        (20, flat, None, 0.0),
+    ]
+    more = "autopilot: {transport: loopback, params: {RTL_LAND_DELAY: 5, RTL_DESCEND_ALT: 30, RTL_RETURN_ALT: 60}}\n"
+    more += "plane_limits: {max_cross_track_m: 40, touchdown_error_m: null}\nduration_s: 500\n"
+    text = BENCH.replace("duration_s: 400\n", "")
+    file = tmp_path / "bench.yaml"
+    mission = mission_file(tmp_path / "variety.waypoints", items)
+    text = text.replace("mission: rigs/missions/circuit.waypoints", f"mission: {mission}")
+    file.write_text(text + "record: {mcap: false, tlog: false, report: false}\n" + more)
+    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    assert result.status == "PASS", result.run["verdict"]
+    assert result.run["mission"]["reached"] == 8
+    assert result.run["mission"]["loiter_error_m"] < 15.0
+    assert result.run["mission"]["airspeed_margin"] > 1.2
+
+
+def test_an_engine_that_fails_ends_in_a_glide_and_the_verdict_names_it(tmp_path: Path) -> None:
+    result = fly(tmp_path, "faults: {rotors: [{kind: efficiency, rotor: 0, at_s: 60, factor: 0}]}\n")
+    assert result.status == "FAIL"
+    reasons = " ".join(result.run["verdict"]["reasons"])
+    assert "engine failure, gliding" in reasons
+    assert "rotor 0 efficiency falls to 0 %" in reasons
+    mission = result.run["mission"]
+    assert mission["landed"]
+    assert mission["touchdown_sink_mps"] < 2.5
+    assert mission["touchdown_bank_deg"] < 10.0
+    assert mission["airspeed_margin"] > 1.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["angle_deg: -30", "angle_deg: 0", "angle_deg: 35"])
+def test_a_stuck_surface_fails_the_flight_and_not_the_bench(tmp_path: Path, fault: str) -> None:
+    stuck = f"faults: {{surfaces: [{{kind: stuck, surface: elevon_left, at_s: 60, {fault}}}]}}\nduration_s: 120\n"
+    file = tmp_path / "bench.yaml"
+    file.write_text(
+        BENCH.replace("duration_s: 400\n", "")
+        + "autopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
+        + stuck
+    )
+    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    assert result.status in ("PASS", "FAIL")
+    assert result.run["error"] is None
+
+
+def test_gusty_wind_across_the_circuit(tmp_path: Path) -> None:
+    result = fly(tmp_path, "wind: {steady_W_mps: [-3, 3, 0], turbulence: {wind_20ft_mps: 5}}\n")
+    assert result.status == "PASS", result.run["verdict"]

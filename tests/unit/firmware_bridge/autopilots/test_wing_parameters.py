@@ -1,0 +1,69 @@
+"""PX4's parameters for a plane, by its surfaces."""
+
+import pytest
+
+from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
+from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters
+from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+
+PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
+# Torques in B (FLU) of trailing edges down: left aileron rolls right, elevator pitches down (+y), rudder yaws left.
+ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), 0.0), Surface("elevon_right", (-6.0, 2.0, -0.1), 0.0)]
+CONVENTIONAL = [
+    Surface("aileron_left", (5.0, 0.1, 0.2), 0.0),
+    Surface("aileron_right", (-5.0, 0.1, -0.2), 0.0),
+    Surface("elevator", (0.0, 8.0, 0.0), -0.1),
+    Surface("rudder", (0.2, 0.0, 4.0), 0.0),
+]
+
+
+def plane(surfaces, **changes):
+    values = {
+        "name": "test", "mass_kg": 3.0, "inertia_kgm2": (0.3, 0.15, 0.4), "rotors": [PUSHER], "surfaces": surfaces,
+        "stall_mps": 10.0, "cruise_mps": 15.0, "fastest_mps": 25.0, "glide_mps": 13.0, "glide_sink_mps": 1.0,
+        "idle_sink_mps": 1.3, "climb_mps": 5.0, "pitch_rad": 0.05, "throttle": 0.5, "damping_nms": (-6.0, -0.6, -1.0),
+        "pull_up": 0.4, "wheels": False,
+    }  # fmt: skip
+    return FixedWing(**(values | changes))
+
+
+def test_elevons_share_roll_and_pitch_and_leave_yaw():
+    p = plane_parameters(plane(ELEVONS))
+    assert (p["CA_AIRFRAME"], p["MAV_TYPE"], p["CA_ROTOR_COUNT"], p["CA_SV_CS_COUNT"]) == (1, 1, 1, 2)
+    assert (p["CA_SV_CS0_TYPE"], p["CA_SV_CS1_TYPE"]) == (5, 6)
+    assert [p[f"CA_SV_CS0_TRQ_{axis}"] for axis in "RPY"] == [0.5, -0.5, 0.0]
+    assert [p[f"CA_SV_CS1_TRQ_{axis}"] for axis in "RPY"] == [-0.5, -0.5, 0.0]
+    assert p["FW_YR_P"] == 0.0
+
+
+def test_ailerons_elevator_and_rudder():
+    p = plane_parameters(plane(CONVENTIONAL))
+    assert [p[f"CA_SV_CS{i}_TYPE"] for i in range(4)] == [1, 2, 3, 4]
+    assert [p[f"CA_SV_CS{i}_TRQ_R"] for i in range(4)] == [0.5, -0.5, 0.0, 0.0]
+    assert [p[f"CA_SV_CS{i}_TRQ_P"] for i in range(4)] == [0.0, 0.0, -1.0, 0.0]
+    assert [p[f"CA_SV_CS{i}_TRQ_Y"] for i in range(4)] == [0.0, 0.0, 0.0, -1.0]
+    assert p["TRIM_PITCH"] == pytest.approx(0.1)  # elevator up by a tenth: nose up
+    assert p["FW_YR_P"] > 0.0
+
+
+def test_the_rate_loop_has_the_bandwidth_of_its_design():
+    """Roll: I p' = M (P e + FF p_sp) + L p. Steady at p_sp by FF alone; the pole lies at (M P - L) / I."""
+    p = plane_parameters(plane(CONVENTIONAL, damping_nms=(-0.5, -0.1, -1.0)))
+    full, inertia, damping = 10.0, 0.3, -0.5
+    assert full * p["FW_RR_FF"] == pytest.approx(-damping, rel=1e-3)
+    assert (full * p["FW_RR_P"] - damping) / inertia == pytest.approx(7.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("surfaces", [ELEVONS, CONVENTIONAL])
+def test_the_mock_takes_them(surfaces):
+    params = [f"{name}={value!r}" for name, value in plane_parameters(plane(surfaces)).items()]
+    mock = MockPixhawk(airframe="plane", params=params)
+    assert mock.firmware.telemetry.makers
+    assert mock.params["CA_SV_CS_COUNT"] == len(surfaces)
+    assert "FW_T_CLMB_MAX" not in MockPixhawk().params  # a multirotor has none of them
+
+
+def test_outputs_have_the_order_of_the_commands():
+    assert output_functions(plane(ELEVONS), "PWM_MAIN_FUNC") == {
+        "PWM_MAIN_FUNC1": 101, "PWM_MAIN_FUNC2": 201, "PWM_MAIN_FUNC3": 202,
+    }  # fmt: skip

@@ -1,0 +1,60 @@
+"""Checks of a plane's start and mission, each with its figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.config import load_bench
+from signals.errors import ConfigError
+
+ROOT = Path(__file__).resolve().parents[4]
+PLANE = (ROOT / "rigs/plane.yaml").read_text()
+LAUNCH = "start: {launch: {kind: catapult, length_m: 4, speed_mps: 16}}\n"
+
+
+def problems(tmp_path: Path, text: str) -> str:
+    file = tmp_path / "bench.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_bench(file)
+    return "\n".join(str(problem) for problem in caught.value.problems)
+
+
+def test_the_shipped_bench_is_fine(tmp_path: Path) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_text(PLANE)
+    assert load_bench(file).config.vehicle == "skywalker_x8"
+
+
+def test_a_belly_that_thrust_cannot_move(tmp_path: Path) -> None:
+    told = problems(tmp_path, PLANE.replace(LAUNCH, "").replace("scene: meadow", "scene: airfield"))
+    assert "lying on its belly: its 20.6 N of thrust do not overcome the friction of 26.4 N" in told
+    assert "launch" in told
+
+
+def test_a_copter_mission_on_a_plane(tmp_path: Path) -> None:
+    told = problems(tmp_path, PLANE.replace("circuit.waypoints", "rectangle.plan"))
+    assert "rectangle.plan: item 4 lies 40 m from the one before, within one turn of 47 m radius" in told
+    assert "'skywalker_x8' is a plane" in told
+    assert "(landing) lies 0 m from the waypoint before and 10 m below it: a plane needs 94 m or more" in told
+
+
+def test_items_of_a_plane_on_a_copter(tmp_path: Path) -> None:
+    rows = (ROOT / "rigs/missions/short.waypoints").read_text().splitlines()
+    rows[4] = rows[4].replace("\t16\t", "\t18\t", 1)
+    mission = tmp_path / "turns.waypoints"
+    mission.write_text("\n".join(rows) + "\n")
+    told = problems(tmp_path, f"rig: mock\nmission: {mission}\n")
+    assert "item 3 (loiter turns) is flown by planes alone, and the vehicle 'x500' is a multirotor" in told
+
+
+def test_an_autopilot_that_flies_no_planes(tmp_path: Path) -> None:
+    told = problems(tmp_path, PLANE.replace("rig: mock", "rig: ardupilot_sitl"))
+    assert "'skywalker_x8' is a plane, which an autopilot of kind 'ardupilot_sitl' cannot fly here" in told
+
+
+def test_parameters_of_a_plane_on_a_copter(tmp_path: Path) -> None:
+    told = problems(tmp_path, "rig: mock\nautopilot: {params: {FW_AIRSPD_TRIM: 15}}\n")
+    assert "is a parameter of a plane, and the vehicle 'x500' is a multirotor" in told
