@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from signals.rotation import matrix_of
 from signals.samples import TruthState
 from sim.physics import multirotor
 from sim.physics.flight_start import FlightStart
@@ -39,7 +41,12 @@ def test_stands_still(name: str, airfield: Scene) -> None:
         assert truth.p_WB == pytest.approx(start.p_WB, abs=1e-6)
         assert max(abs(v) for v in truth.v_WB_W + truth.w_WB_B) < 1e-6
         assert truth.in_contact
-    assert start.p_WB[2] == pytest.approx(physics.vehicle.standing_height_m, abs=1e-4)
+    feet = physics.vehicle.feet
+    # All feet stand on the ground, also those of a plane that rests on its tail.
+    bottoms = [start.p_WB[2] + np.dot(matrix_of(start.q_WB)[6:], foot.position_m) - foot.radius_m for foot in feet]
+    assert bottoms == pytest.approx([0.0] * len(feet), abs=1e-4)
+    if len({foot.position_m[2] - foot.radius_m for foot in feet}) == 1:
+        assert start.p_WB[2] == pytest.approx(physics.vehicle.standing_height_m, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", multirotor_names())
