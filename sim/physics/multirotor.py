@@ -50,14 +50,16 @@ def effectiveness(vehicle: Vehicle) -> NDArray[np.float64]:
 
 
 def hover_control(vehicle: Vehicle, density_ratio: float = 1.0) -> float:
-    """Return the command of each rotor at which the thrust aloft equals the standard weight, at nominal voltage.
+    """Return the command of each rotor at which the thrust aloft equals the standard weight; infinite if none lifts.
 
-    `density_ratio`: density of the air over that of the vehicle's file.
+    At nominal voltage. `density_ratio`: density of the air over that of the vehicle's file.
     """
     c = vehicle.rotor_constants
+    lift = sum(share * rotor.axis[2] for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True))
+    if lift < LEAST_UP:
+        return math.inf
     if c.motor is not None:
         return steady_duty(c, c.motor, vehicle.hover_speed_radps(density_ratio), density_ratio)
-    lift = sum(share * rotor.axis[2] for share, rotor in zip(vehicle.thrust_shares, vehicle.rotors, strict=True))
     max_thrust_n = density_ratio * c.thrust_coefficient_n_per_radps2 * c.max_speed_radps * c.max_speed_radps * lift
     share, f = vehicle.mass_kg * STANDARD_GRAVITY_MPS2 / max_thrust_n, c.thrust_model_factor
     if f == 0.0:

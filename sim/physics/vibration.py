@@ -6,7 +6,7 @@
     mount           damped spring between airframe and flight controller; none: rigid
 
 How a sensor feels it: sim/native/rotor_vibration.hpp. It is a motion of micrometres and not part of the vehicle's true
-state: b / m, its amplitude, is below 3 um for every shipped vehicle.
+state: b / m, its amplitude, is below 5 um for every shipped vehicle.
 """
 
 from __future__ import annotations

@@ -66,6 +66,8 @@ CLASS_COLOURS: dict[str, tuple[int, int, int]] = {
     "backpack": (90, 20, 140),
     "umbrella": (255, 110, 180),
     "potted_plant": (40, 200, 100),
+    "windsock": (255, 96, 0),
+    "runway": (70, 70, 84),
 }
 
 # Colours for a scene's own classes, in turn; easy to tell from each other.

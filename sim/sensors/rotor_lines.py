@@ -24,6 +24,7 @@ from sim.physics.vehicle import Vehicle
 from sim.physics.vibration import Vibration, estimate
 
 Vector = tuple[float, float, float]
+_LEAST_ACROSS = 1e-9
 _STREAM = "vibration"  # of a vehicle: its sensors share it
 
 
@@ -72,8 +73,10 @@ def _force(vehicle: Vehicle, v: Vibration, rotor: Rotor, line: int, angle: float
     if line > 0:
         size = v.blade_pass_thrust[line - 1] * vehicle.rotor_constants.thrust_coefficient_n_per_radps2
         return _scaled(n, size * s), _scaled(n, size * c)
-    across = math.sqrt(n[1] * n[1] + n[2] * n[2])  # of x_B to the axis: above 0 for a rotor that points up
-    e1 = ((1.0 - n[0] * n[0]) / across, -n[0] * n[1] / across, -n[0] * n[2] / across)
+    across = math.sqrt(n[1] * n[1] + n[2] * n[2])  # of x_B to the axis
+    e1: Vector = (0.0, 0.0, 1.0)  # for a propeller along x_B, as in forces/rotors.cpp
+    if across > _LEAST_ACROSS:
+        e1 = ((1.0 - n[0] * n[0]) / across, -n[0] * n[1] / across, -n[0] * n[2] / across)
     e2 = _cross(n, e1)
     b, turn = v.imbalance_kgm, rotor.spin.sign
     along, aside = (b * c, turn * b * s), (-b * s, turn * b * c)

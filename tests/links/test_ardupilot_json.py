@@ -9,6 +9,7 @@ import threading
 
 import pytest
 
+from firmware_bridge.links.ardupilot.json_link import StateLine
 from signals.errors import LockstepLost
 from signals.samples import DifferentialPressureSample, RangeSample, VaneSample
 from tests.worlds.ardupilot_json_sitl import (
@@ -77,7 +78,7 @@ def test_range_finder_is_sent_from_its_first_sample_on(make, sitl):
 
 
 def test_the_wind_is_told_only_where_asked_for(make, sitl):
-    link = make(sends_wind=True)
+    link = make(state_line=StateLine(wind_vane=True))
     link.observe(truth(0, v_WB_W=(5.0, 0.0, 0.0)), (1.0, 2.0, 0.0))
     link.send(0, 0, IMU, None, None, None, b"")
     text = sitl.take()

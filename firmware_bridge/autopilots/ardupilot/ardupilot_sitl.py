@@ -14,6 +14,7 @@ from firmware_bridge.autopilots.ardupilot.sensors import SITL
 from firmware_bridge.autopilots.installation import WORK_FOLDER, Home, Installation, Surroundings
 from firmware_bridge.autopilots.profile import Profile, StartCommand
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
+from firmware_bridge.links.ardupilot.json_link import StateLine
 from firmware_bridge.links.ardupilot.sitl import (
     TCP_PORT,
     ardupilot_sitl,
@@ -34,8 +35,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     settings: dict[str, Any] = {
         "instance": own.instance,
         "on_restart": own.on_restart,
-        "gravity_mps2": installation.gravity_mps2,
-        "sends_wind": installation.windy,
+        "state_line": StateLine(installation.gravity_mps2, installation.windy),
         "signed": installation.signed_controls,
         "on_event": around.on_event,
         "timeouts": limits if own.on_restart == "error" else replace(limits, reply_s=math.inf),

@@ -29,7 +29,7 @@ import select
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from firmware_bridge.codecs.ardupilot_json import (
     PwmRange,
@@ -107,12 +107,22 @@ class ArduPilotStats(LinkStats):
     restarts: int = 0
 
 
+class StateLine(NamedTuple):
+    """Settings of the line that tells SITL the vehicle's state."""
+
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2  # of a step without an IMU sample
+    wind_vane: bool = False  # in a bench with wind
+
+
+_STATE_LINE = StateLine()
+
+
 class ArduPilotJsonLink(AutopilotLink):
     """Lockstep with ArduPilot SITL (`--model JSON`), whose servo packets come to `inbox`.
 
     SITL gets positions relative to the vehicle's place at the first `observe`. SITL adds noise of its own to the IMU's
-    samples (SIM_ACC*, SIM_GYR*). With `sends_wind` the state line has a wind vane. `on_event` gets restarts, and a step
-    that does not fit the tick. Channels in `signed` are control surfaces.
+    samples (SIM_ACC*, SIM_GYR*). `on_event` gets restarts, and a step that does not fit the tick. Channels in `signed`
+    are control surfaces.
     """
 
     _stats: ArduPilotStats
@@ -124,8 +134,7 @@ class ArduPilotJsonLink(AutopilotLink):
         mavlink: MavlinkChannel | None = None,
         *,
         start_process: Callable[[], ChildProcess] | None = None,
-        gravity_mps2: float = STANDARD_GRAVITY_MPS2,
-        sends_wind: bool = False,
+        state_line: StateLine = _STATE_LINE,
         signed: frozenset[int] = frozenset(),
         on_restart: Literal["error", "reset"] = "error",
         on_event: Callable[[str, str], None] | None = None,
@@ -136,8 +145,7 @@ class ArduPilotJsonLink(AutopilotLink):
         self._encoder = FrameEncoder(SIMULATOR_SYSID, SIMULATOR_COMPID)
         self._pwm = PwmRange(signed=signed)
         self._home: Home | None = None
-        self._gravity_mps2 = gravity_mps2
-        self._sends_wind = sends_wind
+        self._state_line = state_line
         self._on_restart = on_restart
         self._timeouts = timeouts
         caps = LinkCaps(
@@ -255,7 +263,7 @@ class ArduPilotJsonLink(AutopilotLink):
         sample = self._imu
         if sample is None:
             # Before the sensor's first sample: with zeros the estimator would never initialise.
-            accel, gyro = ideal_imu(truth, self._gravity_mps2)
+            accel, gyro = ideal_imu(truth, self._state_line.gravity_mps2)
         else:
             accel, gyro = sample.accel_mps2, sample.gyro_radps
         state = state_from_truth(
@@ -265,7 +273,7 @@ class ArduPilotJsonLink(AutopilotLink):
             state = state._replace(airspeed_mps=self._airspeed_mps)
         if self._sideslip_rad is not None:
             return state._replace(windvane=(self._sideslip_rad, air_data(truth, self._wind_W)[1][1]))
-        return state._replace(windvane=air_data(truth, self._wind_W)[1]) if self._sends_wind else state
+        return state._replace(windvane=air_data(truth, self._wind_W)[1]) if self._state_line.wind_vane else state
 
     # ---- receiving
 

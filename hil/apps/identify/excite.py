@@ -66,7 +66,7 @@ class ExciteFiles:
 
 @dataclass(frozen=True)
 class _Dialect:
-    """What a firmware wants of a mission. `stem`: of its files; `turns`: by CONDITION_YAW; `least_hold_s`: shortest."""
+    """Form of a mission for one firmware. `stem`: of its files; `turns`: by CONDITION_YAW; `least_hold_s`: shortest."""
 
     stem: str
     turns: bool

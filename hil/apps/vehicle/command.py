@@ -23,7 +23,7 @@ LATTICE_DEG = tuple(range(-8, 15, 2))  # attached: the lattice knows no stall
 
 @dataclass(frozen=True)
 class AeroFiles:
-    """What was written."""
+    """Files that were written."""
 
     table: Path
     picture: Path

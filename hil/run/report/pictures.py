@@ -36,12 +36,12 @@ def flight_pictures(out: Path, track: TrackArrays, plan: Sequence[PlanPoint], ti
     ]
 
 
-def plane_pictures(out: Path, track: PlaneTrackArrays) -> list[Picture]:
+def plane_pictures(out: Path, track: PlaneTrackArrays, surface_names: Sequence[str]) -> list[Picture]:
     """Draw a plane's airspeed, energy, angles of the flow and surfaces; nothing for an empty track."""
     if not len(track.t_s):
         return []
     path = out / "plane.png"
-    figures.save(plane_figures.plane_figure(track), path)
+    figures.save(plane_figures.plane_figure(track, surface_names), path)
     return [("Airspeed, energy, angle of attack and surfaces", path)]
 
 

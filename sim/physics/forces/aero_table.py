@@ -86,7 +86,7 @@ class MovingSurface(Surface):
 
 
 class Stall(StrictModel):
-    """Where attached flow ends: alpha_0, beta_0 and M of the equations."""
+    """Limits of attached flow: alpha_0, beta_0 and M of the equations."""
 
     alpha_deg: Annotated[float, Field(gt=1.0, le=60.0)]
     sideslip_deg: Annotated[float, Field(gt=1.0, le=60.0)] = 35.0  # estimate

@@ -152,7 +152,7 @@ class Panels(ForceParameters):
 
     @property
     def mean_chord_m(self) -> float | None:
-        """Of the first wing."""
+        """Mean chord of the first wing."""
         return self.wings[0].area_m2 / self.wings[0].span_m
 
     def layout(self) -> list[PanelPlace]:

@@ -37,7 +37,7 @@ class Stream:
 
 @dataclass
 class Flight:
-    """What panels see of the body: expressions in B."""
+    """State of the body as panels see it: expressions in B."""
 
     air: ca.SX
     w: ca.SX

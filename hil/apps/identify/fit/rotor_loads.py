@@ -35,7 +35,7 @@ _TINY = 1e-12
 
 @dataclass(frozen=True)
 class Flow:
-    """What a rotor's loads depend on besides the unknowns, in B; `up_B`: the world's z. `height_m` of the origin."""
+    """Flow at a rotor, on which its loads depend besides the unknowns, in B. `height_m`: of the origin."""
 
     air_B: Any
     w_B: Any

@@ -1,4 +1,4 @@
-"""What flights do not show is put back, one unknown at a time, and the others move to what is most likely with it.
+"""Puts back what flights do not show, one unknown at a time; the others move to what is most likely with it.
 
 About the optimum the likelihood is a parabola with the information A. With the unknowns e held at given values,
     s_f = s*_f - A_ff^-1 A_fe (s_e - s*_e),  covariance of s_f: A_ff^-1

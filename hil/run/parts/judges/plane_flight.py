@@ -18,7 +18,7 @@ from signals.samples import TruthState
 
 
 class PlaneFlightPart(Part):
-    name = "flight"
+    name = "plane_flight"
 
     def __init__(self, bench: Bench) -> None:
         self._bench, self._config, self._outcome = bench, bench.config, bench.outcome
@@ -68,7 +68,8 @@ class PlaneFlightPart(Part):
 
         title = f"{run.bench.scene.name} on rig {self._config.rig}, seed {self._config.seed}"
         pictures = flight_pictures(run.out, run.recorder.track.arrays(), run.route, title)
-        return Report(pictures + plane_pictures(run.out, self._track.arrays()))
+        names = [surface.name for surface in self._bench.vehicle.surfaces]
+        return Report(pictures + plane_pictures(run.out, self._track.arrays(), names))
 
 
 def make(bench: Bench) -> Part:

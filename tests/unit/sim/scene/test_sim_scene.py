@@ -14,6 +14,7 @@ import pytest
 
 from signals.errors import ConfigError
 from signals.geodesy import LocalFrame, ecef_from_geodetic, geodetic_from_ecef
+from signals.rotation import matrix_of
 from sim.physics.contact_model import build_model
 from sim.physics.vehicle import load_vehicle, vehicle_names
 from sim.scene import atmosphere
@@ -92,8 +93,12 @@ def test_every_scene_and_vehicle_compiles_as_declared(all_pairs: bool) -> None:
             model = build_model(scene, vehicle, contact_step_s=0.001)
             assert (model.nq, model.nv) == (7, 6)
             assert model.body_mass[1] == vehicle.mass_kg
-            assert tuple(model.body_inertia[1]) == vehicle.inertia_kgm2
-            assert tuple(model.body_iquat[1]) == (1.0, 0.0, 0.0, 0.0)
+            if vehicle.inertia_products_kgm2 == (0.0, 0.0, 0.0):
+                assert tuple(model.body_inertia[1]) == vehicle.inertia_kgm2
+                assert tuple(model.body_iquat[1]) == (1.0, 0.0, 0.0, 0.0)
+            turned = np.array(matrix_of(model.body_iquat[1])).reshape(3, 3)
+            tensor = turned @ np.diag(model.body_inertia[1]) @ turned.T
+            np.testing.assert_allclose(tensor, vehicle.inertia_tensor_kgm2, rtol=0.0, atol=1e-12)
             assert tuple(model.body_ipos[1]) == (0.0, 0.0, 0.0)
             assert model.ngeom == int(load_world(scene).geom_solid.sum()) + len(vehicle.contact_spheres)
             if scene.map is None:

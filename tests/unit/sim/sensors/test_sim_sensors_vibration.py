@@ -307,16 +307,17 @@ def test_a_sample_depends_on_speeds_and_times_alone() -> None:
 
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_shipped_vehicle_vibrates_within_what_autopilots_call_good(name: str) -> None:
-    """Estimates between 1e-7 and 1e-5 kg m; in hover x shakes with less than ArduPilot's 30 m/s2 (VIBE)."""
+    """A motion below 5 um; in hover, a plane at full throttle, x shakes with less than ArduPilot's 30 m/s2 (VIBE)."""
     made = load_vehicle(name)
     v = vibration_of(made)
-    assert 1e-7 < v.imbalance_kgm < 1e-5
-    hover = multirotor.speed_radps(made, multirotor.hover_control(made))
+    assert 1e-7 < v.imbalance_kgm < 5e-6 * made.mass_kg
+    hover = multirotor.speed_radps(made, min(1.0, multirotor.hover_control(made)))
     installation = Installation("imu", rate_hz=250.0, seed=1, scene=SCENE, step_ns=TICK_NS, shaken_by=made)
     sensor: Any = make_sensor(installation, preset="icm20689")
     speeds = tuple(hover * (1.0 + 0.01 * k) for k in range(len(made.rotors)))
     rms = np.std(record(sensor, speeds, 2000), axis=0)
-    assert (rms[:3] > 0.2).all()
+    lifts = multirotor.unfit(made) is None
+    assert (rms[:3] > (0.2 if lifts else 0.1)).all()  # along a propeller ahead there is no imbalance
     assert (rms[:3] < 15.0).all()
     assert (rms[3:] < 0.3).all()
     assert sensor.clipped_readings == (0,) * 6

@@ -29,6 +29,7 @@ BENCHES = {
     "router and manual": ["router.gcs=udp:127.0.0.1:14550", "manual.device=keyboard"],
     "explore": [],
     "people_search": [],
+    "plane": [],
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
     "suite": ["parts.test_suite.command=[suite.py]"],
     "vibration": ["vibration=estimated"],
@@ -52,7 +53,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
     found: dict[str, Part] = {}
     for name, texts in BENCHES.items():
         settings = [text.format(folder=folder) for text in texts]
-        rig = name if name in ("explore", "people_search") else None
+        rig = name if name in ("explore", "people_search", "plane") else None
         for part in parts_of(load_bench(ROOT / "rigs" / f"{rig}.yaml" if rig else None, settings=settings)):
             found.setdefault(part.name, part)
     return found
