@@ -18,14 +18,12 @@ from firmware_bridge.links.px4.sitl import airframe_problem, px4_hand_start, px4
 
 EXTERNAL_AIRFRAME, EXTERNAL_PLANE = "none_iris", "gazebo-classic_plane"
 _OUTPUTS = 16
-# PX4's own defaults, as the mock has them, where the airframe has those of its aircraft. FW_LND_ABORT 0: without a
-# range finder PX4 would break off every landing.
+# PX4's own defaults, as the mock has them, where the airframe has those of its aircraft.
 _PLANE_DEFAULTS = {
     "FW_LND_ANG": 5.0,
     "FW_P_LIM_MIN": -30.0,
     "FW_THR_MAX": 1.0,
     "FW_THR_MIN": 0.0,
-    "FW_LND_ABORT": 0.0,
     "NPFG_PERIOD": 10.0,
 }
 

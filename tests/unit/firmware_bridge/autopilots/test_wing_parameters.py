@@ -6,7 +6,7 @@ import pytest
 
 from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
 from firmware_bridge.autopilots.px4 import px4_sitl
-from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters
+from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters, px4_parameters
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from hil.config import load_bench
 from hil.run.autopilot import installation_of
@@ -86,3 +86,11 @@ def test_sitl_takes_back_what_the_airframe_sets_for_its_own_aircraft():
     assert params["PWM_MAIN_REV"] == 0
     assert (params["FW_THR_MIN"], params["FW_THR_MAX"]) == (0.0, 1.0)
     assert params["FW_LND_ABORT"] == 0  # no range finder on board
+
+
+def test_px4_climbs_off_faster_than_its_slowest_and_turns_before_a_waypoint():
+    p = px4_parameters(plane(ELEVONS))
+    assert p["FW_TKO_AIRSPD"] == pytest.approx(14.0)  # 1.4 times the stall, above the best glide
+    assert px4_parameters(plane(ELEVONS, glide_mps=14.5))["FW_TKO_AIRSPD"] == pytest.approx(14.5)
+    assert px4_parameters(plane(ELEVONS, cruise_mps=12.0))["FW_TKO_AIRSPD"] == pytest.approx(12.0)  # of cruise at most
+    assert p["NAV_ACC_RAD"] == pytest.approx(0.32 * 15.0 * 7.0)  # NPFG's: cruise times period times damping
