@@ -18,7 +18,7 @@ import pytest
 from firmware_bridge.links import child_process
 from firmware_bridge.links.autopilot_link import LinkTimeouts
 from firmware_bridge.links.px4 import ground_channel, lockstep
-from firmware_bridge.links.px4.sitl import px4_sitl_link, px4_sitl_process
+from firmware_bridge.links.px4.sitl import px4_hand_start, px4_sitl_link, px4_sitl_process
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
@@ -59,7 +59,8 @@ def build(tmp_path: Path) -> Path:
     airframes = tree / "etc/init.d-posix/airframes"
     airframes.mkdir(parents=True)
     (tree / "etc/init.d-posix/rcS").write_text("#!/bin/sh\n")
-    for name in ("10016_none_iris", "10040_sihsim_quadx", "4001_gz_x500", "CMakeLists.txt"):
+    names = ("10016_none_iris", "10040_sihsim_quadx", "1030_gazebo-classic_plane", "4001_gz_x500", "CMakeLists.txt")
+    for name in names:
         (airframes / name).write_text("")
     binary = tree / "bin/px4"
     binary.parent.mkdir()
@@ -152,6 +153,24 @@ def test_a_run_that_ends_before_the_parameters_are_read_does_not_pass(fly: Fligh
     assert "MPC_XY_CRUSE" in result.run["error"]["message"]
 
 
+def test_a_parameter_at_its_default_outlasts_the_airframe(build: Path) -> None:
+    """PX4's script sets a variable's lines in turn, and stores only what changes a value."""
+    data = build.parent.parent / "etc"
+    (data / "init.d-posix/airframes/1030_gazebo-classic_plane").write_text("param set-default FW_THR_MAX 0.6\n")
+    (data / "init.d").mkdir()
+    (data / "init.d/rc.fw_defaults").write_text("param set-default -s RTL_TYPE 1\n")
+    params = {"FW_THR_MAX": 1.0, "RTL_TYPE": 0.0, "FW_PSP_OFF": 1.5}
+    env, _ = px4_hand_start(build, airframe="1030", tick_hz=250, params=params, instance=0)
+    lines = [line for key, value in env.items() for line in f"{key}={value}".splitlines() if "PARAM" in line]
+    assert lines == [
+        "PX4_PARAM_FW_THR_MAX=2",
+        "PX4_PARAM_FW_THR_MAX=1",
+        "PX4_PARAM_RTL_TYPE=1",
+        "PX4_PARAM_RTL_TYPE=0",
+        "PX4_PARAM_FW_PSP_OFF=1.5",
+    ]
+
+
 def test_an_unknown_airframe_is_told_by_the_check(build: Path, tmp_path: Path) -> None:
     (tmp_path / "bench.yaml").write_text("")
 
@@ -160,6 +179,7 @@ def test_an_unknown_airframe_is_told_by_the_check(build: Path, tmp_path: Path) -
         load_bench(tmp_path / "bench.yaml", rig="px4_sitl", settings=settings)
 
     check("none_iris")
+    check("gazebo-classic_plane")
     check("4001")
     with pytest.raises(
         ConfigError, match=r"airframe: is unknown to this PX4: 'none_irsi' \(did you mean 'none_iris'\?"

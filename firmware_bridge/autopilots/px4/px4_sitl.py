@@ -18,6 +18,14 @@ from firmware_bridge.links.px4.sitl import airframe_problem, px4_hand_start, px4
 
 EXTERNAL_AIRFRAME, EXTERNAL_PLANE = "none_iris", "gazebo-classic_plane"
 _OUTPUTS = 16
+# PX4's own defaults, as the mock has them, where the airframe has those of its aircraft.
+_PLANE_DEFAULTS = {
+    "FW_LND_ANG": 5.0,
+    "FW_P_LIM_MIN": -30.0,
+    "FW_THR_MAX": 1.0,
+    "FW_THR_MIN": 0.0,
+    "NPFG_PERIOD": 10.0,
+}
 
 
 def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
@@ -52,7 +60,7 @@ def airframe_and_params(installation: Installation) -> tuple[str, dict[str, floa
     if isinstance(vehicle, FixedWing):
         # The airframe's own outputs beyond the vehicle's, of which one is reversed, are off.
         off = {f"{PWM_OUTPUTS}{n}": 0.0 for n in range(1, _OUTPUTS + 1)} | {"PWM_MAIN_REV": 0.0}
-        return EXTERNAL_PLANE, off | vehicle_parameters(vehicle) | settings.all_params
+        return EXTERNAL_PLANE, off | _PLANE_DEFAULTS | vehicle_parameters(vehicle) | settings.all_params
     rotors = {} if matching_airframe(vehicle) == "iris" else vehicle_parameters(vehicle)
     return EXTERNAL_AIRFRAME, rotors | settings.all_params
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from firmware_bridge.autopilots.installation import FixedWing, Multirotor
+from firmware_bridge.autopilots.px4 import wing_parameters
 from firmware_bridge.autopilots.px4.rotor_parameters import motor_functions, px4_parameters
-from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters
 
 PWM_OUTPUTS, HIL_OUTPUTS = "PWM_MAIN_FUNC", "HIL_ACT_FUNC"  # of SITL and of a board
 
@@ -12,14 +12,18 @@ PWM_OUTPUTS, HIL_OUTPUTS = "PWM_MAIN_FUNC", "HIL_ACT_FUNC"  # of SITL and of a b
 def vehicle_parameters(vehicle: Multirotor | FixedWing, outputs: str = PWM_OUTPUTS) -> dict[str, float]:
     """Return the parameters of a vehicle, the functions of the outputs among them."""
     if isinstance(vehicle, FixedWing):
-        return output_functions(vehicle, outputs) | plane_parameters(vehicle)
+        return (
+            wing_parameters.output_functions(vehicle, outputs)
+            | wing_parameters.plane_parameters(vehicle)
+            | wing_parameters.px4_parameters(vehicle)
+        )
     return px4_parameters(vehicle, outputs=outputs)
 
 
 def vehicle_functions(vehicle: Multirotor | FixedWing, outputs: str) -> dict[str, float]:
     """Return the functions of the outputs alone."""
     if isinstance(vehicle, FixedWing):
-        return output_functions(vehicle, outputs)
+        return wing_parameters.output_functions(vehicle, outputs)
     return motor_functions(vehicle, outputs)
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from math import degrees
 
 from firmware_bridge.autopilots.installation import FixedWing, Surface
+from firmware_bridge.mock_pixhawk.plane.npfg import track_error_bound_m
 
 _RATE_BANDWIDTH = 7.5  # 1/s
 _SERVED = 0.05  # share of the strongest surface below which one does not serve an axis
@@ -26,6 +27,8 @@ _LEFT_ELEVON, _RIGHT_ELEVON, _LEFT_AILERON, _RIGHT_AILERON = 5, 6, 1, 2
 _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
+_TAKEOFF = 1.4  # airspeed of the climb over the stall
+_NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
 
 
 def torques_frd_nm(surface: Surface) -> tuple[float, float, float]:
@@ -149,6 +152,17 @@ def plane_parameters(vehicle: FixedWing) -> dict[str, float]:
         **{name: float(f"{value:.4g}") for name, value in (flight_parameters(vehicle) | rate_gains(vehicle)).items()},
     }
     return values
+
+
+def px4_parameters(vehicle: FixedWing) -> dict[str, float]:
+    """Return what PX4 needs beside `plane_parameters`, and the mock does not."""
+    # PX4 climbs off the catapult as steeply as it can at FW_TKO_AIRSPD, and its default is the slowest airspeed: the
+    # change to the first leg takes a tenth of it. 1.17 begins a leg at NAV_ACC_RAD, NPFG's distance no longer reaches
+    # its navigator. Without a range finder it would break off every landing.
+    takeoff_mps = min(max(vehicle.glide_mps, _TAKEOFF * vehicle.stall_mps), vehicle.cruise_mps)
+    switch_m = _SWITCH * track_error_bound_m(vehicle.cruise_mps, _NPFG_PERIOD_S, _NPFG_DAMPING)
+    values = {"FW_TKO_AIRSPD": takeoff_mps, "NAV_ACC_RAD": switch_m, "FW_LND_ABORT": 0.0}
+    return {name: float(f"{value:.4g}") for name, value in values.items()}
 
 
 def output_functions(vehicle: FixedWing, outputs: str) -> dict[str, float]:

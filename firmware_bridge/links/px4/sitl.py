@@ -1,15 +1,16 @@
 """Makes the link to PX4 SITL, and starts a user's own build of it.
 
 PX4's start script reads the airframe from PX4_SIM_MODEL and PX4_SYS_AUTOSTART, and sets a parameter for every variable
-PX4_PARAM_<NAME>. It keeps parameters, missions and logs in its working folder, so that a run in a clean folder starts
-from the airframe's defaults.
+PX4_PARAM_<NAME>; but it stores none that is the firmware's default, and then the airframe's own value comes in its
+place. So these are set twice (`_kept`). PX4 keeps parameters, missions and logs in its working folder, so that a run in
+a clean folder starts from the airframe's defaults.
 """
 
 from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,8 @@ def px4_sitl_process(
                            "build/px4_sitl_default/bin/px4")  # fmt: skip
     data = _data_folder(binary)
     number, name = _airframe(data, airframe)
-    settings = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number} | px4_parameters(tick_hz, params)
+    given = px4_parameters(tick_hz, params, own=_parameters_of(data, number, name))
+    settings = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number} | given
     _clean(build.folder)
     return ChildProcess(
         [str(binary), "-i", str(instance), "-d", *build.arguments, str(data)],
@@ -66,13 +68,32 @@ def px4_sitl_process(
     )
 
 
-def px4_parameters(tick_hz: int, params: Mapping[str, float]) -> dict[str, str]:
-    """Return the environment that sets the parameters of this tick; `params` overrides."""
+def px4_parameters(tick_hz: int, params: Mapping[str, float], own: Container[str] = ()) -> dict[str, str]:
+    """Return the environment that sets the parameters of this tick; `params` overrides. `own`: set by the airframe."""
     fast = {"IMU_INTEG_RATE": float(tick_hz), "SDLOG_MODE": -1.0} if tick_hz >= _FAST_TICK_HZ else {}
     return {
-        f"PX4_PARAM_{key}": f"{int(value)}" if value == int(value) else repr(value)
+        f"PX4_PARAM_{key}": _kept(key, value) if key in own else _text(value)
         for key, value in (fast | dict(params)).items()
     }
+
+
+def _text(value: float) -> str:
+    return f"{int(value)}" if value == int(value) else repr(value)
+
+
+def _kept(name: str, value: float) -> str:
+    """Return two lines of which PX4's script sets another value, then this one: then it is stored in any case."""
+    return f"{_text(value + 1.0)}\nPX4_PARAM_{name}={_text(value)}"
+
+
+def _parameters_of(data: Path, number: str, name: str) -> frozenset[str]:
+    """Return the names of the parameters that an airframe sets itself, and those of its kind of vehicle."""
+    scripts = [
+        data / "init.d-posix" / "airframes" / f"{number}_{name}",
+        *sorted((data / "init.d").glob("rc.*_defaults")),
+    ]
+    texts = [path.read_text(errors="replace") for path in scripts if path.is_file()]
+    return frozenset(found for text in texts for found in re.findall(r"param set-default (?:-s )?(\w+)", text))
 
 
 def px4_hand_start(
@@ -87,7 +108,8 @@ def px4_hand_start(
         return {key: airframe} | px4_parameters(tick_hz, params), ["px4", "-i", str(instance), "-d", "etc"]
     data = _data_folder(binary)
     number, name = _airframe(data, airframe)
-    env = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number} | px4_parameters(tick_hz, params)
+    given = px4_parameters(tick_hz, params, own=_parameters_of(data, number, name))
+    env = {"PX4_SIM_MODEL": name, "PX4_SYS_AUTOSTART": number} | given
     return env, [str(binary), "-i", str(instance), "-d", str(data)]
 
 
@@ -123,7 +145,7 @@ def _airframes(data: Path) -> dict[str, str]:
     """Return the airframes in PX4's start scripts, number -> name."""
     known: dict[str, str] = {}
     for path in sorted((data / "init.d-posix" / "airframes").glob("*")):
-        match = re.fullmatch(r"(\d+)_([A-Za-z0-9_]+)", path.name)
+        match = re.fullmatch(r"(\d+)_([A-Za-z0-9_-]+)", path.name)
         if match:
             known[match[1]] = match[2]
     return known

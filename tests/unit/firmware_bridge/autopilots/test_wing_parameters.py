@@ -1,10 +1,18 @@
 """PX4's parameters for a plane, by its surfaces."""
 
+from pathlib import Path
+
 import pytest
 
 from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
-from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters
+from firmware_bridge.autopilots.px4 import px4_sitl
+from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters, px4_parameters
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
+from hil.config import load_bench
+from hil.run.autopilot import installation_of
+from hil.run.loop.restartable_physics import make_physics
+
+RIGS = Path(__file__).parents[4] / "rigs"
 
 PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
 # Torques in B (FLU) of trailing edges down: left aileron rolls right, elevator pitches down (+y), rudder yaws left.
@@ -67,3 +75,22 @@ def test_outputs_have_the_order_of_the_commands():
     assert output_functions(plane(ELEVONS), "PWM_MAIN_FUNC") == {
         "PWM_MAIN_FUNC1": 101, "PWM_MAIN_FUNC2": 201, "PWM_MAIN_FUNC3": 202,
     }  # fmt: skip
+
+
+def test_sitl_takes_back_what_the_airframe_sets_for_its_own_aircraft():
+    """gazebo-classic_plane limits the throttle to 0.6 and uses outputs 3 to 9, the ninth reversed."""
+    bench = load_bench(RIGS / "plane.yaml", rig="px4_sitl", settings=["autopilot.start=false"])
+    airframe, params = px4_sitl.airframe_and_params(installation_of(bench, make_physics(bench).state))
+    assert airframe == "gazebo-classic_plane"
+    assert [params[f"PWM_MAIN_FUNC{n}"] for n in range(1, 17)] == [101, 201, 202] + 13 * [0]
+    assert params["PWM_MAIN_REV"] == 0
+    assert (params["FW_THR_MIN"], params["FW_THR_MAX"]) == (0.0, 1.0)
+    assert params["FW_LND_ABORT"] == 0  # no range finder on board
+
+
+def test_px4_climbs_off_faster_than_its_slowest_and_turns_before_a_waypoint():
+    p = px4_parameters(plane(ELEVONS))
+    assert p["FW_TKO_AIRSPD"] == pytest.approx(14.0)  # 1.4 times the stall, above the best glide
+    assert px4_parameters(plane(ELEVONS, glide_mps=14.5))["FW_TKO_AIRSPD"] == pytest.approx(14.5)
+    assert px4_parameters(plane(ELEVONS, cruise_mps=12.0))["FW_TKO_AIRSPD"] == pytest.approx(12.0)  # of cruise at most
+    assert p["NAV_ACC_RAD"] == pytest.approx(0.32 * 15.0 * 7.0)  # NPFG's: cruise times period times damping
