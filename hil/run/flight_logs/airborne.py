@@ -4,7 +4,8 @@
     height    higher above the ground before take-off and after landing than 1.5 times the vehicle's radius
     crash     the specific force, averaged over 20 ms, exceeds twice what all rotors give; or the vehicle lies
               on its back
-    gaps      no motor output (or gyro, or pose) for more than five samples and 0.1 s
+    gaps      no motor output (or gyro, or pose) for more than five samples and 0.1 s; or gyro and pose both repeat
+              their values for more than 0.3 s, as tables of a radio link do where it lost the data
 
 What is left out, and from when to when, becomes a note.
 """
@@ -34,6 +35,7 @@ _CRASH_MEAN_S = 0.02
 _BEFORE_CRASH_S, _AFTER_CRASH_S = 0.3, 1.0
 _AFTERMATH_S = 3.0  # shorter flight after a crash is part of it
 _GAP_S, _GAP_SAMPLES = 0.1, 5.0
+_REPEATED_S = 0.3  # a gyro in flight does not read the same for so long
 _INVERTED_COS = -0.2  # cosine of the tilt: beyond 100 degrees
 _SATURATED = 0.99
 _NOTED_SATURATION = 0.01
@@ -228,6 +230,15 @@ def _without_gaps(log: FlightLog, file: LogFile, flight: Interval) -> list[Inter
             hint = "the flight is split there; a faster card or fewer topics avoid gaps"
             file.note(message, hint, topic=file.topic(name))
         gaps += own
+    repeated = _repeated(log, flight)
+    if repeated:
+        worst = max(repeated, key=lambda gap: gap[1] - gap[0])
+        total_s = sum(b - a for a, b in repeated)
+        longest = f"longest from {worst[0]:.2f} to {worst[1]:.2f} s"
+        message = f"repeats its values, as the pose does, for {total_s:.2f} s, {longest}"
+        hint = "the flight is split there; log on board, or look after the radio link"
+        file.note(message, hint, topic=file.topic("rate"))
+    gaps += repeated
     kept: list[Interval] = []
     start_s = flight[0]
     for a, b in sorted(gaps):
@@ -237,3 +248,21 @@ def _without_gaps(log: FlightLog, file: LogFile, flight: Interval) -> list[Inter
     if flight[1] - start_s >= _SHORTEST_S:
         kept.append((start_s, flight[1]))
     return kept
+
+
+def _repeated(log: FlightLog, flight: Interval) -> list[Interval]:
+    """Return the stretches in which gyro and pose both keep their last values."""
+    if log.rate is None or log.pose is None:
+        return []
+    rate, pose = (_same(series.between(*flight)) for series in (log.rate, log.pose))
+    both = [(max(a, c), min(b, d)) for a, b in rate for c, d in pose]
+    return [(a, b) for a, b in both if b - a > _REPEATED_S]
+
+
+def _same(series: Series) -> list[Interval]:
+    """Return the stretches of one value for longer than `_REPEATED_S`, until the next one comes."""
+    changes = np.flatnonzero((np.diff(series.values, axis=0) != 0.0).any(axis=1)) + 1
+    edges = np.concatenate([[0], changes, [max(len(series) - 1, 0)]])
+    first_s, last_s = series.t_s[edges[:-1]], series.t_s[edges[1:]]
+    long = last_s - first_s > _REPEATED_S
+    return [(float(a), float(b)) for a, b in zip(first_s[long], last_s[long], strict=True)]

@@ -96,6 +96,35 @@ def test_gap_splits_the_flight_and_is_named() -> None:
     assert any("sensor_combined.gyro_rad: has a gap from 14.99 to 16.51 s" in note for note in notes)
 
 
+def test_rows_repeated_by_a_broken_link_are_a_gap() -> None:
+    def held(t_s: Array, values: Array) -> tuple[Array, Array]:
+        lost = np.flatnonzero((t_s > 15.0) & (t_s < 16.5))
+        values[lost] = values[lost[0] - 1]
+        return t_s, values
+
+    found, notes = flights_of(with_series(with_series(LOG, "rate", held), "pose", held))
+    assert len(found) == 2
+    assert found[0].end_s == pytest.approx(15.0, abs=0.02)
+    assert found[1].start_s == pytest.approx(16.5, abs=0.02)
+    assert any("sensor_combined.gyro_rad: repeats its values, as the pose does, for 1.5" in note for note in notes)
+
+
+def test_a_pose_alone_or_a_short_repetition_is_no_gap() -> None:
+    def held(until_s: float) -> Callable[[Array, Array], tuple[Array, Array]]:
+        def change(t_s: Array, values: Array) -> tuple[Array, Array]:
+            lost = np.flatnonzero((t_s > 15.0) & (t_s < until_s))
+            values[lost] = values[lost[0] - 1]
+            return t_s, values
+
+        return change
+
+    for log in (
+        with_series(LOG, "pose", held(15.5)),
+        with_series(with_series(LOG, "rate", held(15.25)), "pose", held(15.25)),
+    ):
+        assert len(flights_of(log)[0]) == 1
+
+
 def test_saturated_motors_are_counted() -> None:
     def limit(t_s: Array, values: Array) -> tuple[Array, Array]:
         values[(t_s > 20.0) & (t_s < 22.0), 1] = 1.0
