@@ -27,7 +27,7 @@ _LEFT_ELEVON, _RIGHT_ELEVON, _LEFT_AILERON, _RIGHT_AILERON = 5, 6, 1, 2
 _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
-_TAKEOFF = 1.4  # airspeed of the climb over the stall
+_TAKEOFF = 1.5  # airspeed of the climb over the stall
 _NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
 
 

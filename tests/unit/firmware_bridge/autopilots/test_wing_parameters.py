@@ -90,7 +90,7 @@ def test_sitl_takes_back_what_the_airframe_sets_for_its_own_aircraft():
 
 def test_px4_climbs_off_faster_than_its_slowest_and_turns_before_a_waypoint():
     p = px4_parameters(plane(ELEVONS))
-    assert p["FW_TKO_AIRSPD"] == pytest.approx(14.0)  # 1.4 times the stall, above the best glide
-    assert px4_parameters(plane(ELEVONS, glide_mps=14.5))["FW_TKO_AIRSPD"] == pytest.approx(14.5)
+    assert p["FW_TKO_AIRSPD"] == pytest.approx(15.0)  # 1.5 times the stall, above the best glide
+    assert px4_parameters(plane(ELEVONS, glide_mps=15.5, cruise_mps=18.0))["FW_TKO_AIRSPD"] == pytest.approx(15.5)
     assert px4_parameters(plane(ELEVONS, cruise_mps=12.0))["FW_TKO_AIRSPD"] == pytest.approx(12.0)  # of cruise at most
     assert p["NAV_ACC_RAD"] == pytest.approx(0.32 * 15.0 * 7.0)  # NPFG's: cruise times period times damping
