@@ -131,10 +131,10 @@ def excited_log(
         share = np.clip(thrust / (c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2), 0.02, 1.0)
         command = np.clip(np.sqrt(share) + 0.01 * random.standard_normal(len(share)), 0.05, 1.0)
         commands[tick] = command
-        # As of the middle of the tick. The mean acceleration turned by the attitude at the tick's end would err by the
-        # turn of half a tick, in phase with the speed: 1 to 3 % of the drag.
+        # The tick's mean, as of its middle. With the attitude at the tick's end it would err by the turn of half a
+        # tick, in phase with the speed: 1 to 3 % of the drag.
         imu = ideal_imu(truth.q_WB, truth.a_WB_W, truth.w_WB_B, truth.alpha_WB_B, TICK_S, STANDARD_GRAVITY_MPS2)
-        rows.append(np.concatenate([p, q, v, imu[3:], imu[:3]]))
+        rows.append(np.concatenate([p, q, v, w, imu[:3]]))
     x = np.array(rows)
     n = len(x)
     noise = random.standard_normal
@@ -153,7 +153,7 @@ def excited_log(
         motors_kind="command",
         pose=Series(t[some] + sensing.pose_delay_s, pose),
         velocity=Series(t[some] + sensing.pose_delay_s, velocity),
-        rate=Series(t - 0.5 * TICK_S + sensing.imu_delay_s, gyro),
+        rate=Series(t + sensing.imu_delay_s, gyro),
         accel=Series(t - 0.5 * TICK_S + sensing.imu_delay_s, accel),
         voltage=None,
         estimated=False,
