@@ -14,6 +14,8 @@ from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Site
 
 _BANK_RAD = math.radians(35.0)  # of the turns that a plan may expect
+_MOST_KNOWN = 16
+_KNOWN: dict[str, FixedWing] = {}  # by vehicle and site
 
 
 def turn_radius_m(airspeed_mps: float) -> float:
@@ -22,7 +24,19 @@ def turn_radius_m(airspeed_mps: float) -> float:
 
 
 def fixed_wing_facts(vehicle: Vehicle, site: Site | None = None) -> FixedWing:
-    """Return the facts about a vehicle that `fixed_wing.unfit` finds fit. Raises NoTrimError if it cannot fly level."""
+    """Return the facts about a vehicle that `fixed_wing.unfit` finds fit. Raises NoTrimError if it cannot fly level.
+
+    Checks, part and link of a run ask for the same: they are computed once, in about a second.
+    """
+    key = f"{vehicle.model_dump_json()} {site!r}"
+    if key not in _KNOWN:
+        if len(_KNOWN) >= _MOST_KNOWN:
+            _KNOWN.clear()
+        _KNOWN[key] = _computed(vehicle, site)
+    return _KNOWN[key]
+
+
+def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
     airframe = Airframe(vehicle, site)
     _, fastest = airframe.speed_range_mps
     cruise = airframe.cruise_mps

@@ -114,7 +114,7 @@ def test_the_dashboard_lists_campaigns_and_serves_their_pages(tab: Any, tmp_path
     hil = Hil(tmp_path, "dash", "--port", "0")
     try:
         tab.goto(hil.address)
-        tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
+        tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=60_000)
         tab.click("#tab-runs")
         tab.wait_for_selector("tr[data-campaign=live] >> text=flights: 7 of 5,000")
         write(8)

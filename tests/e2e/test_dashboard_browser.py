@@ -118,7 +118,7 @@ def page(browser: Any, address: str) -> Iterator[Any]:
         "window.WebSocket = class extends Socket { constructor(url) { super(url); window.sockets.push(this); } };"
     )
     tab.goto(address)
-    tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
+    tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=60_000)
     yield tab
     tab.close()
     # Drivers warn when a canvas is read back, which only this test does; a refused mission is told on the page, too.
@@ -380,7 +380,7 @@ def test_a_phone_flies_with_two_thumbs(browser: Any, address: str) -> None:
     )
     page = context.new_page()
     page.goto(address)
-    page.wait_for_selector("html[data-ready=yes]", state="attached", timeout=20_000)
+    page.wait_for_selector("html[data-ready=yes]", state="attached", timeout=60_000)
     screenshot(page, "phone")
     for selector in ("#start-top", "#stick-left", "#stick-right", "#hold", "#view"):
         assert inside(page, selector), selector
