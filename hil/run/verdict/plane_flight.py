@@ -177,13 +177,15 @@ class PlaneMeasurement:
             self._most("loiter_error_m", self._pending.pop(0)[1])
 
     def _most(self, name: str, value: float) -> None:
+        """Keep the greatest value; NaN stays."""
         so_far = self._values.get(name)
-        if so_far is None or not value <= so_far:
+        if so_far is None or not (value <= so_far or so_far != so_far):
             self._values[name] = value
 
     def _least(self, name: str, value: float) -> None:
+        """Keep the least value; NaN stays."""
         so_far = self._values.get(name)
-        if so_far is None or not value >= so_far:
+        if so_far is None or not (value >= so_far or so_far != so_far):
             self._values[name] = value
 
     # -- after the flight ---------------------------------------------------------------------------------------
