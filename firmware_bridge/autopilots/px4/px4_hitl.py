@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from firmware_bridge.autopilots.installation import Installation, Surroundings
+from firmware_bridge.autopilots.installation import Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.autopilots.px4.sensors import SENSORS
@@ -19,7 +19,8 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     """Make the link, to the board on `autopilot.port` or the only one on USB."""
     settings, vehicle = installation.settings, installation.vehicle
     # A board has its own airframe; PX4's for HITL are quadrotors.
-    given = {} if len(vehicle.rotors) == 4 else vehicle_parameters(vehicle, HIL_OUTPUTS)
+    boards_own = isinstance(vehicle, Multirotor) and len(vehicle.rotors) == 4
+    given = {} if boards_own else vehicle_parameters(vehicle, HIL_OUTPUTS)
     return hitl_link(installation, around, serial_line(settings), params=given | settings.params)
 
 
