@@ -155,7 +155,7 @@ class GroupRun:
     def _on_the_way(self) -> bool:
         """Return True until a vehicle with a mission has reached its last waypoint, or one is lost."""
         for flight in self._flights.values():
-            reached, waypoints = (flight.run.part("flight") or flight.run.part("plane_flight")).waypoints()
+            _, reached, waypoints = flight.run.status()
             if flight.lost or reached >= waypoints > 0:
                 return False
         return True
