@@ -74,7 +74,7 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
         throttle=trim.throttle,
         damping_nms=(float(damping[0, 0]), float(damping[1, 1]), float(damping[2, 2])),
         pull_up=_pull_up(airframe, trim, effect[1]),
-        wheels=any(getattr(force, "kind", "") == "wheels" for force in vehicle.forces),
+        wheels=vehicle.rolls,
     )
 
 

@@ -24,7 +24,6 @@ from sim.physics.forces.force import Command, Effects, ForceParameters, Point, a
 from sim.physics.forces.motor import curve_factor, lag_s, steady_duty, steady_speed_radps
 from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
 from sim.physics.forces.surface import Surface, check_names
-from sim.physics.forces.wheels import Wheels
 from sim.physics.forces.wind_tunnel import WindTunnel
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
@@ -245,8 +244,13 @@ class Vehicle(StrictModel):
     def standing_height_m(self) -> float:
         """Height of the body origin over level ground where the vehicle stands: on its wheels, or its lowest sphere."""
         weight_n = self.mass_kg * STANDARD_GRAVITY_MPS2
-        on_wheels = [force.standing_height_m(weight_n) for force in self.forces if isinstance(force, Wheels)]
-        return max(self.lying_height_m, *on_wheels) if on_wheels else self.lying_height_m
+        carried = [height for force in self.forces if (height := force.standing_height_m(weight_n)) is not None]
+        return max([self.lying_height_m, *carried])
+
+    @property
+    def rolls(self) -> bool:
+        """True if a force carries the vehicle on the ground, such as wheels."""
+        return any(force.standing_height_m(0.0) is not None for force in self.forces)
 
 
 def vehicle_names() -> list[str]:

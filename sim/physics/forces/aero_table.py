@@ -16,8 +16,9 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from sim import _kernels
-from sim.physics.forces.force import Command, Effects, ForceParameters, Point
+from sim.physics.forces.force import Effects, Point
 from sim.physics.forces.surface import Surface, check_names
+from sim.physics.forces.wing import WingParameters
 
 _Value = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 _Length = Annotated[float, Field(gt=1e-3, le=100.0)]
@@ -101,7 +102,7 @@ class Separated(StrictModel):
     surface_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.3  # estimate
 
 
-class AeroTable(ForceParameters):
+class AeroTable(WingParameters):
     """Aerodynamics of a whole aircraft, with its control surfaces."""
 
     kind: Literal["aero_table"]
@@ -133,18 +134,6 @@ class AeroTable(ForceParameters):
         if self.roll.p > 0.0 or self.yaw.r > 0.0:
             raise ValueError("roll.p and yaw.r damp the rates about their own axes: they must be 0 or less")
         return self
-
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        return tuple(Command(surface.name, signed=True) for surface in self.surfaces)
-
-    @property
-    def moved_surfaces(self) -> tuple[Surface, ...]:
-        return self.surfaces
-
-    @property
-    def is_wing(self) -> bool:
-        return True
 
     @property
     def mean_chord_m(self) -> float:

@@ -63,6 +63,10 @@ class ForceParameters(StrictModel):
         """True if the force carries the vehicle by its speed through the air, whose density it follows."""
         return False
 
+    def standing_height_m(self, weight_n: float) -> float | None:  # noqa: ARG002 (of one that carries it)
+        """Return the height of the body origin over level ground that the force rests on; None: it carries nothing."""
+        return None
+
     @property
     def mean_chord_m(self) -> float | None:
         """Chord of a wing, over which a static margin is counted."""

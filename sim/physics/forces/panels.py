@@ -19,8 +19,9 @@ from signals.documents.validate import StrictModel
 from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.forces.airfoil import Airfoil, flap_of, plate_drag, stall_of
-from sim.physics.forces.force import Command, Effects, ForceParameters, Point
+from sim.physics.forces.force import Effects, Point
 from sim.physics.forces.surface import Surface, check_names
+from sim.physics.forces.wing import WingParameters
 
 MOST_LIFTING, MOST_PLATES = 40, 24  # panels that the kernel holds
 _Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
@@ -101,7 +102,7 @@ class PlateBody(StrictModel):
         return self
 
 
-class Panels(ForceParameters):
+class Panels(WingParameters):
     """Aerodynamics by panels, with control surfaces; their commands are in the order of `surfaces`."""
 
     kind: Literal["panels"]
@@ -137,18 +138,6 @@ class Panels(ForceParameters):
                 "possible. Lower `panels` or `segments`"
             )
         return self
-
-    @property
-    def commands(self) -> tuple[Command, ...]:
-        return tuple(Command(surface.name, signed=True) for surface in self.surfaces)
-
-    @property
-    def moved_surfaces(self) -> tuple[Surface, ...]:
-        return self.surfaces
-
-    @property
-    def is_wing(self) -> bool:
-        return True
 
     @property
     def mean_chord_m(self) -> float | None:
