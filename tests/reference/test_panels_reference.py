@@ -1,56 +1,21 @@
-"""Free flight of the trainer by panels against the CasADi model solved by CVODES, and the pieces of both."""
+"""Loads of the panels against their reference in CasADi. Whole flights: test_plane_reference.py."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from hil.apps.bench_suite.physics.panels_reference import Flight, influence, panels
-from hil.apps.bench_suite.physics.plane_cases import (
-    CALM,
-    GUSTY,
-    INVERTED,
-    LEVEL,
-    SIDEWAYS,
-    SPIN,
-    TAIL_SLIDE,
-    PlaneFlight,
-    errors_of,
-    prompt_engine,
-    random_commands,
-)
 from sim.physics.forces.force import Effects
 from sim.physics.forces.panels import Panels
 from sim.physics.vehicle import load_vehicle
-from sim.scene.wind import Wind
 
 
 def _trainer() -> Panels:
     (part,) = load_vehicle("trainer").forces
     assert isinstance(part, Panels)
     return part
-
-
-@pytest.mark.parametrize(
-    ("start", "seed", "wind"),
-    [
-        pytest.param(LEVEL, 1, GUSTY, id="random, gusty"),
-        pytest.param(SPIN, 2, GUSTY, id="spin, gusty", marks=pytest.mark.slow),
-        pytest.param(INVERTED, 3, CALM, id="inverted", marks=pytest.mark.slow),
-        pytest.param(TAIL_SLIDE, 4, CALM, id="tail slide"),
-        pytest.param(SIDEWAYS, 5, GUSTY, id="sideways", marks=pytest.mark.slow),
-    ],
-)
-def test_ten_seconds_of_any_commands(start: Mapping[int, float], seed: int, wind: Wind) -> None:
-    vehicle = prompt_engine(load_vehicle("trainer"))
-    flight = PlaneFlight(vehicle, random_commands(vehicle, 10.0, seed), start, wind)
-    flown, winds = flight.fly()
-    errors = errors_of(vehicle, flown, flight.exact(flown[0], winds))
-    assert errors.position_m < 1e-6
-    assert errors.attitude_rad < 1e-6
 
 
 def test_mutual_velocities_of_the_panels() -> None:

@@ -17,6 +17,7 @@ from hil.apps.bench_suite.physics.plane_cases import (
     TAIL_SLIDE,
     PlaneFlight,
     errors_of,
+    prompt_engine,
     random_commands,
 )
 from sim.physics.integration import Integration
@@ -24,7 +25,7 @@ from sim.physics.vehicle import load_vehicle
 from sim.scene.wind import Wind
 
 
-@pytest.mark.parametrize("name", ["skywalker_x8", "aerosonde"])
+@pytest.mark.parametrize("name", ["skywalker_x8", "aerosonde", "trainer"])
 @pytest.mark.parametrize(
     ("start", "seed", "wind"),
     [
@@ -36,7 +37,7 @@ from sim.scene.wind import Wind
     ],
 )
 def test_ten_seconds_of_any_commands(name: str, start: Mapping[int, float], seed: int, wind: Wind) -> None:
-    vehicle = load_vehicle(name)
+    vehicle = prompt_engine(load_vehicle(name))
     flight = PlaneFlight(vehicle, random_commands(vehicle, 10.0, seed), start, wind)
     flown, winds = flight.fly()
     errors = errors_of(vehicle, flown, flight.exact(flown[0], winds))

@@ -163,3 +163,17 @@ class InflowRoots:
                     break
             v[i] = brentq(gap, low, high, xtol=1e-15, rtol=1e-15)
         return v
+
+
+def with_inflow(
+    problem: dict[str, ca.SX], rotors: list[BladeRotor], induced: ca.SX, gap: ca.SX
+) -> tuple[dict[str, ca.SX], InflowRoots]:
+    """Return a problem of CVODES (x, t, u, ode) with the induced velocities as states more, and what finds their roots.
+
+    `gap` [rotors] is 0 at the induced velocities `induced`; it may depend on x, t and u.
+    """
+    x, t, u, ode = (problem[key] for key in ("x", "t", "u", "ode"))
+    at_start = ca.Function("gap", [x, induced, u], [ca.substitute(gap, t, 0)])
+    change = ca.jtimes(gap, x, ode) + ca.jacobian(gap, t)
+    own = -ca.solve(ca.jacobian(gap, induced), change)
+    return problem | {"x": ca.vertcat(x, induced), "ode": ca.vertcat(ode, own)}, InflowRoots(rotors, at_start)

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density
+from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density, with_inflow
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Site
 
@@ -209,12 +209,7 @@ def _equations(
     problem = {"x": state, "t": t, "u": inputs_of_tick, "ode": moving}
     if not by_blades:
         return problem, None
-    gap = ca.vertcat(*gaps)
-    at_start = ca.Function("gap", [state, induced, inputs_of_tick], [ca.substitute(gap, t, 0)])
-    change = ca.jtimes(gap, state, moving) + ca.jacobian(gap, t)
-    problem["x"] = ca.vertcat(state, induced)
-    problem["ode"] = ca.vertcat(moving, -ca.solve(ca.jacobian(gap, induced), change))
-    return problem, InflowRoots(blades, at_start)
+    return with_inflow(problem, blades, induced, ca.vertcat(*gaps))
 
 
 def _motor(vehicle: Vehicle, speed: ca.SX, volts: ca.SX, duty: ca.SX, resisting: ca.SX) -> ca.SX:

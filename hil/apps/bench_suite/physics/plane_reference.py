@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density
+from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density, with_inflow
 from hil.apps.bench_suite.physics.multirotor_reference import (
     TOLERANCE,
     commanded_speeds,
@@ -174,12 +174,7 @@ def _equations(vehicle: Vehicle, g: float, site: Site | None) -> tuple[dict[str,
     problem = {"x": state, "t": share, "u": inputs, "ode": moving}
     if not n:
         return problem, None
-    gap = ca.vertcat(*gaps)
-    at_start = ca.Function("gap", [state, induced, inputs], [ca.substitute(gap, share, 0)])
-    change = ca.jtimes(gap, state, moving) + ca.jacobian(gap, share)
-    problem["x"] = ca.vertcat(state, induced)
-    problem["ode"] = ca.vertcat(moving, -ca.solve(ca.jacobian(gap, induced), change))
-    return problem, InflowRoots(blades, at_start)
+    return with_inflow(problem, blades, induced, ca.vertcat(*gaps))
 
 
 def aero_table(part: AeroTable, air: ca.SX, w: ca.SX, angles: ca.SX) -> tuple[ca.SX, ca.SX]:
