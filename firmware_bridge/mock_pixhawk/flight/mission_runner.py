@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
+from typing import Protocol
 
 from firmware_bridge.mock_pixhawk.flight.mission_item import (
     NAVIGATION,
@@ -25,8 +26,18 @@ from signals.mission import MissionItem
 _ITEMS_PER_STEP = 50  # items without duration done in one step; ends missions that only jump
 
 
+class MissionCallbacks(Protocol):
+    """Reports of a mission to the firmware."""
+
+    def on_reached(self, seq: int) -> None: ...
+
+    def info(self, text: str) -> None: ...
+
+    def set_mission_home(self, position: Point | None) -> None: ...
+
+
 class MissionRunner:
-    """AUTO.MISSION. `reached(seq)` reports progress; `project(lat, lon, alt)` returns local NED."""
+    """AUTO.MISSION. `project(lat, lon, alt)` returns local NED."""
 
     navigation = NAVIGATION  # commands that are flown
 
@@ -36,12 +47,10 @@ class MissionRunner:
         params: ParamTable,
         *,
         project: Callable[[float, float, float], Point],
-        reached: Callable[[int], None],
-        info: Callable[[str], None],
-        set_home: Callable[[Point | None], None],
+        callbacks: MissionCallbacks,
     ) -> None:
-        self._vehicle, self._params = vehicle, params
-        self._project, self._reached, self._info, self._set_home = project, reached, info, set_home
+        self._vehicle, self._params, self._project = vehicle, params, project
+        self._reached, self._info, self._set_home = callbacks.on_reached, callbacks.info, callbacks.set_mission_home
         self.items: list[MissionItem] = []
         self.index = 0  # current item; len(items) when there is none left
         self.complete = False

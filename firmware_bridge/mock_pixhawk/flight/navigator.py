@@ -18,7 +18,7 @@ from firmware_bridge.mock_pixhawk.flight.mission_item import (
     PAYLOAD,
     value_or,
 )
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
 from firmware_bridge.mock_pixhawk.modes import Mode
@@ -51,11 +51,9 @@ class Navigator(MissionRunner):
         params: ParamTable,
         *,
         project: Callable[[float, float, float], Point],
-        reached: Callable[[int], None],
-        info: Callable[[str], None],
-        set_home: Callable[[Point | None], None],
+        callbacks: MissionCallbacks,
     ) -> None:
-        super().__init__(vehicle, params, project=project, reached=reached, info=info, set_home=set_home)
+        super().__init__(vehicle, params, project=project, callbacks=callbacks)
         self._guidance = guidance
         self._climb = TakeoffClimb(guidance, vehicle, params)
         self._landing = Landing(guidance, vehicle, params)

@@ -15,7 +15,7 @@ from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Failsafe
 from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
 from firmware_bridge.mock_pixhawk.flight.guidance import Guidance
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
 from firmware_bridge.mock_pixhawk.flight.mode_table import FlightModes
 from firmware_bridge.mock_pixhawk.flight.navigator import Navigator
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
@@ -98,16 +98,6 @@ class FlightStack(Protocol):
         """Make the telemetry."""
 
 
-class MissionCallbacks(Protocol):
-    """Reports of a navigator to the firmware."""
-
-    def on_reached(self, seq: int) -> None: ...
-
-    def info(self, text: str) -> None: ...
-
-    def set_mission_home(self, position: Point | None) -> None: ...
-
-
 class MultirotorStack:
     """Parts that fly a multirotor: its inner loops and mixer are those of the flight core."""
 
@@ -120,15 +110,7 @@ class MultirotorStack:
         self._rotors = int(params["CA_ROTOR_COUNT"])
         guidance = Guidance(core, vehicle, params)
         self._offboard = Offboard(core, vehicle, estimate.ned)
-        navigator = Navigator(
-            guidance,
-            vehicle,
-            params,
-            project=estimate.ned,
-            reached=callbacks.on_reached,
-            info=callbacks.info,
-            set_home=callbacks.set_mission_home,
-        )
+        navigator = Navigator(guidance, vehicle, params, project=estimate.ned, callbacks=callbacks)
         self.modes = FlightModes(vehicle, params, guidance, navigator, self._offboard)
 
     def observe(self, now_us: int) -> None: ...

@@ -17,8 +17,7 @@ from math import pi, sqrt
 
 from firmware_bridge.mock_pixhawk import elementary as el
 from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_NAVIGATION, has_no_position, value_or
-from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
-from firmware_bridge.mock_pixhawk.flight.stack import MissionCallbacks
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks, MissionRunner
 from firmware_bridge.mock_pixhawk.flight.trajectory import Point
 from firmware_bridge.mock_pixhawk.ids import Cmd
 from firmware_bridge.mock_pixhawk.modes import Mode
@@ -54,14 +53,7 @@ class PlaneNavigator(MissionRunner):
         project: Callable[[float, float, float], Point],
         callbacks: MissionCallbacks,
     ) -> None:
-        super().__init__(
-            vehicle,
-            params,
-            project=project,
-            reached=callbacks.on_reached,
-            info=callbacks.info,
-            set_home=callbacks.set_mission_home,
-        )
+        super().__init__(vehicle, params, project=project, callbacks=callbacks)
         self._pilot, self._takeoff, self._landing = pilot, takeoff, landing
         self._from: Point | None = None  # the place before the current item
         self._d = 0.0  # height of flight while no item gives one

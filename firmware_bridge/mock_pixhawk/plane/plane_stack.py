@@ -12,8 +12,9 @@ from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Action, Failsafe
 from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
 from firmware_bridge.mock_pixhawk.flight.guidance import ATTITUDE, POSITION
+from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
-from firmware_bridge.mock_pixhawk.flight.stack import MissionCallbacks, MissionState, Say
+from firmware_bridge.mock_pixhawk.flight.stack import MissionState, Say
 from firmware_bridge.mock_pixhawk.ids import Severity
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
