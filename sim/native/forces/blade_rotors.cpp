@@ -67,12 +67,7 @@ void BladeRotors::set_rotor(int rotor, double thrust_left, double forced_speed_r
 
 void BladeRotors::prepare(const StepTimes &times, const Inertia &inertia) {
     Rotors::prepare(times, inertia);
-    double reach2 = 0.0;
-    for (int i = 0; i < p_.count; ++i) {
-        const double *r = p_.position_m[i];
-        reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-    }
-    const double mobility = p_.count / inertia.mass_kg + reach2 / inertia.least_kgm2();
+    const double mobility = mobility_per_kg(inertia);
     const double radius2 = p_.air.radius_m * p_.air.radius_m;
     damping_per_s_ += (lanes_.c_l[0] + 2.0 * lanes_.c_q[0] / radius2) * p_.max_speed_radps * mobility;
     edge_per_m_ = 2.0 * lanes_.c_v[0] * mobility;

@@ -55,20 +55,23 @@ void Rotors::set_rotor(int rotor, double thrust_left, double forced_speed_radps,
     for (int i = 0; i < p_.count; ++i) imbalanced_ = imbalanced_ || imbalance_kgm_[i] > 0.0;
 }
 
-Rotors::Decay Rotors::decay_over(double dt_s) const {
-    return {det::exp(-dt_s / p_.time_constant_up_s), det::exp(-dt_s / p_.time_constant_down_s)};
-}
-
-void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
+double Rotors::mobility_per_kg(const Inertia &inertia) const {
     double reach2 = 0.0;
     for (int i = 0; i < p_.count; ++i) {
         const double *r = p_.position_m[i];
         reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
     }
-    const double n = p_.count, least = inertia.least_kgm2();
+    return p_.count / inertia.mass_kg + reach2 / inertia.least_kgm2();
+}
+
+Rotors::Decay Rotors::decay_over(double dt_s) const {
+    return {det::exp(-dt_s / p_.time_constant_up_s), det::exp(-dt_s / p_.time_constant_down_s)};
+}
+
+void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
     const double drag = p_.drag_kg_per_rad + p_.air.axial_kg_per_rad;
-    damping_per_s_ = drag * p_.max_speed_radps * (n / inertia.mass_kg + reach2 / least) +
-                     n * p_.inertia_kgm2 * p_.max_speed_radps / least;
+    damping_per_s_ = drag * p_.max_speed_radps * mobility_per_kg(inertia) +
+                     p_.count * p_.inertia_kgm2 * p_.max_speed_radps / inertia.least_kgm2();
     lag_rate_per_s_ = 1.0 / (kLagsPerStep * std::fmin(p_.time_constant_up_s, p_.time_constant_down_s));
     nodes_ = times.nodes();
     for (int level = 0; level < kLevels; ++level) {

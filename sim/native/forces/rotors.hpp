@@ -101,6 +101,8 @@ class Rotors : public Force {
         double up, down;
     };
     Decay decay_over(double dt_s) const;
+    // Acceleration of the hubs along their axes, all together, over a force of 1 N at each: a bound of it [1/kg].
+    double mobility_per_kg(const Inertia &inertia) const;
     double tau_s(bool up) const { return up ? p_.time_constant_up_s : p_.time_constant_down_s; }
     double phase_at(int i, double t_s, double lag) const;
     void push(int i, double t_s, double lag);

@@ -25,12 +25,7 @@ TunnelRotors::TunnelRotors(const RotorsParams &rotors, const TunnelParams &tunne
 
 void TunnelRotors::prepare(const StepTimes &times, const Inertia &inertia) {
     Rotors::prepare(times, inertia);
-    double reach2 = 0.0;
-    for (int i = 0; i < p_.count; ++i) {
-        const double *r = p_.position_m[i];
-        reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-    }
-    const double mobility = p_.count / inertia.mass_kg + reach2 / inertia.least_kgm2();
+    const double mobility = mobility_per_kg(inertia);
     const double per = det::kPi / p_.air.radius_m, k = p_.thrust_coefficient_n_per_radps2;
     damping_per_s_ += k * per * (std::fabs(t_.thrust_slope) + kSoft * std::fabs(t_.thrust_bend)) * p_.max_speed_radps * mobility;
     edge_per_m_ = 2.0 * k * per * per * std::fabs(t_.thrust_bend) * mobility;
