@@ -21,6 +21,7 @@ from hil.run.loop.restartable_physics import make_physics
 from signals.errors import ConfigError, Problem
 from signals.geodesy import LocalFrame
 from signals.rotation import yaw_of
+from signals.time import NS_PER_S
 from sim.scene.scene import Site
 
 State = NDArray[float64]  # of the vehicle: p_W [m], q_WB (w, x, y, z), then velocities
@@ -61,6 +62,11 @@ def home_of(site: Site, state: State) -> Home:
     x, y, z, *q_WB = state[:7].tolist()
     yaw_deg = math.degrees(yaw_of(q_WB))
     return *LocalFrame(site).geodetic_from_enu((x, y, z)), (90.0 - yaw_deg) % 360.0
+
+
+def grid_ns(bench: Bench) -> int:
+    """Return the spacing of the times at which the autopilot may be sent requests [ns]; 0: any time."""
+    return NS_PER_S if bench.config.autopilot.profile.wall_clock_telemetry else 0
 
 
 def geodetic_from_W(bench: Bench, state: State) -> GeodeticFromW:

@@ -20,11 +20,10 @@ from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
-from hil.run.autopilot import geodetic_from_W
+from hil.run.autopilot import geodetic_from_W, grid_ns
 from hil.run.loop.scheduler import CommandSource, Scheduler
 from hil.run.part import Part, RunContext
 from hil.run.parts.catalog import link_parts
-from hil.run.parts.pilots.mission import grid_ns
 from hil.run.recorder.no_recorder import NoRecorder
 from hil.run.runs.vehicle_run import VehicleRun
 from signals.desired import DesiredState

@@ -10,13 +10,13 @@ from typing import Any
 from firmware_bridge.faults.companion_fault import CompanionFault
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
-from hil.run.autopilot import geodetic_from_W
 from hil.run.companion.files import TIMING_NAME, read_timing
 from hil.run.companion.link import CompanionLink
 from hil.run.companion.stage import AnswerCallbacks, CompanionStage
 from hil.run.loop.scheduler import CommandSource
+from hil.run.offboard import offboard_pilot
 from hil.run.part import Part, RunContext
-from hil.run.parts.pilots.mission import grid_ns, record_texts
+from hil.run.parts.pilots.mission import record_texts
 from hil.run.report.page import Report
 from signals.desired import DesiredState
 from signals.detections import Detections
@@ -56,19 +56,9 @@ class CompanionPart(Part):
             self._pilot = self._make_pilot(run)
 
     def _make_pilot(self, run: RunContext) -> OffboardPilot:
-        config = self._bench.config
-        return OffboardPilot(
-            geodetic_from_W(self._bench, run.physics.state),
-            tick_ns=config.tick_ns,
-            setpoint_hz=config.companion.setpoint_hz,
-            stale_s=max(_STALE_S, _STALE_FRAMES / config.companion.rate_hz),
-            projection=config.autopilot.profile.firmware.project,
-            target_sysid=None,
-            grid_ns=grid_ns(self._bench),
-            needs_estimator=config.autopilot.profile.needs_estimator,
-            on_event=run.recorder.event,
-            may_arm=run.may_arm,
-        )
+        companion = self._bench.config.companion
+        stale_s = max(_STALE_S, _STALE_FRAMES / companion.rate_hz)
+        return offboard_pilot(self._bench, run, setpoint_hz=companion.setpoint_hz, stale_s=stale_s)
 
     def command_sources(self) -> list[CommandSource]:
         return [] if self._pilot is None or self.link is None else [self.link.timed(self._pilot)]

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from firmware_bridge.ground_station.phased_flight import Phase
 from hil.config import Bench
-from hil.run.autopilot import geodetic_from_W
 from hil.run.follow.course import RATE_HZ, measured_velocity, pose_at, sampled
 from hil.run.follow.difference import Motion, delay_s, differences, greatest, rms
 from hil.run.follow.flight import FollowedFlight, followed_flight, refuse_obstacle
+from hil.run.offboard import offboard_pilot
 from hil.run.part import Part, RunContext
-from hil.run.parts.pilots.mission import grid_ns, record_texts
+from hil.run.parts.pilots.mission import record_texts
 from hil.run.report.page import Report
 from hil.run.verdict.clearance import Clearance, vehicle_radius_m
 from hil.run.verdict.verdict import Row, Verdict
@@ -96,19 +96,9 @@ class FollowPart(Part):
         run.event("status", f"follows {self._flight.log.source}: {self._flight.course.words}")
 
     def build(self, run: RunContext) -> None:
-        config = self._bench.config
-        self._pilot = OffboardPilot(
-            geodetic_from_W(self._bench, run.physics.state),
-            tick_ns=config.tick_ns,
-            setpoint_hz=RATE_HZ,
-            stale_s=_STALE_S,
-            takeoff_height_m=self._flight.takeoff_height_m,
-            projection=config.autopilot.profile.firmware.project,
-            target_sysid=None,
-            grid_ns=grid_ns(self._bench),
-            needs_estimator=config.autopilot.profile.needs_estimator,
-            on_event=run.recorder.event,
-            may_arm=run.may_arm,
+        takeoff_m = self._flight.takeoff_height_m
+        self._pilot = offboard_pilot(
+            self._bench, run, setpoint_hz=RATE_HZ, stale_s=_STALE_S, takeoff_height_m=takeoff_m
         )
 
     def command_sources(self) -> list[OffboardPilot]:

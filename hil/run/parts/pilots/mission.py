@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from firmware_bridge.ground_station.station import GroundStation
 from hil.config import Bench
+from hil.run.autopilot import grid_ns
 from hil.run.part import Part, RunContext
 from hil.run.recorder.recorder import Recorder
-from signals.time import NS_PER_S
 
 
 class MissionPart(Part):
@@ -45,11 +45,6 @@ def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
     """Record status texts as events: MAV_SEVERITY 0 (emergency) to 3 as errors, 4 as warnings."""
     for t_ns, severity, text in texts:
         recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
-
-
-def grid_ns(bench: Bench) -> int:
-    """Return the spacing of the times at which the autopilot may be sent requests [ns]; 0: any time."""
-    return NS_PER_S if bench.config.autopilot.profile.wall_clock_telemetry else 0
 
 
 def make(bench: Bench) -> Part:

@@ -14,13 +14,13 @@ from typing import Any
 
 from firmware_bridge.ground_station.offboard_pilot import OffboardPilot
 from hil.config import Bench
-from hil.run.autopilot import geodetic_from_W
 from hil.run.live.encoders import padded
 from hil.run.live.messages import CLOCK, LiveMessages, LiveTopic, Names, live_topics
 from hil.run.loop.scheduler import CommandSource
+from hil.run.offboard import offboard_pilot
 from hil.run.part import Part, RunContext
 from hil.run.parts.links.ros2.set_points import Frames, desired_pose, desired_velocity
-from hil.run.parts.pilots.mission import grid_ns, record_texts
+from hil.run.parts.pilots.mission import record_texts
 from hil.run.recorder.mcap.topics import BODY, MAP, ODOM, WORLD
 from signals.desired import DesiredState
 from signals.documents.validate import nearest
@@ -130,18 +130,7 @@ class Ros2Part(Part):
             pad_to=4,
         )
         if self._settings.control:
-            self._pilot = OffboardPilot(
-                geodetic_from_W(self._bench, run.physics.state),
-                tick_ns=config.tick_ns,
-                setpoint_hz=self._settings.setpoint_hz,
-                stale_s=_STALE_S,
-                projection=config.autopilot.profile.firmware.project,
-                target_sysid=None,
-                grid_ns=grid_ns(self._bench),
-                needs_estimator=config.autopilot.profile.needs_estimator,
-                on_event=run.recorder.event,
-                may_arm=run.may_arm,
-            )
+            self._pilot = offboard_pilot(self._bench, run, setpoint_hz=self._settings.setpoint_hz, stale_s=_STALE_S)
 
     def begin(self, run: RunContext) -> None:
         if self._node.unconfined:
