@@ -34,6 +34,7 @@ from collections.abc import Callable, Sequence
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
 from hil.config.schema import PlaneLimits
+from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import FlyablePath, Stop
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
 from signals.documents.validate import unit_of
@@ -131,14 +132,11 @@ class PlaneMeasurement:
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
         self._high = True
-        w = self._wind_at()
-        airspeed = math.dist(truth.v_WB_W, w)
+        air = air_data(truth, self._wind_at())
         bank = bank_rad(truth)
-        load = 1.0 / max(math.cos(bank), 0.1)
-        self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
+        self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall_mps, bank))
         self._most("max_bank_deg", abs(math.degrees(bank)))
-        attack = attack_rad(truth, w)
-        stalled = airspeed >= _LEAST_FLOW_MPS and not abs(attack) <= self._stall_attack_rad
+        stalled = air.airspeed_mps >= _LEAST_FLOW_MPS and not abs(air.attack_rad) <= self._stall_attack_rad
         seconds = _seconds(self._measured, truth)
         self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
         self._measured = truth
@@ -302,12 +300,9 @@ def bank_rad(truth: TruthState) -> float:
     return math.atan2(R[7], R[8])
 
 
-def attack_rad(truth: TruthState, wind_W_mps: Vec3) -> float:
-    """Return the angle of attack: of the flow in the plane of symmetry, to the body's x axis."""
-    R = matrix_of(truth.q_WB)
-    v = [a - b for a, b in zip(truth.v_WB_W, wind_W_mps, strict=True)]
-    x, z = (R[i] * v[0] + R[3 + i] * v[1] + R[6 + i] * v[2] for i in (0, 2))
-    return math.atan2(-z, x)
+def stall_at(stall_mps: float, bank_rad: float) -> float:
+    """Return the stall speed at the load of a level turn, of 84 degrees of bank at most."""
+    return stall_mps / math.sqrt(max(math.cos(bank_rad), 0.1))
 
 
 def _seconds(before: TruthState | None, now: TruthState) -> float:

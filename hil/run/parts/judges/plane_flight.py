@@ -9,13 +9,19 @@ from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.path import plan_points, planned_path
 from hil.run.part import Part, RunContext
+from hil.run.recorder.recorder import Tap
 from hil.run.report.page import Report
+from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.verdict import Verdict
-from signals.samples import TruthState
+from signals.samples import AirSample, TruthState, Vec3
+from signals.time import NS_PER_S
 from sim.physics.fixed_wing import Airframe
+
+AIR_PORT = "truth/air"
+_AIR_HZ = 50
 
 
 class PlaneFlightPart(Part):
@@ -23,11 +29,19 @@ class PlaneFlightPart(Part):
 
     def __init__(self, bench: Bench) -> None:
         self._bench, self._config, self._outcome = bench, bench.config, bench.outcome
+        self._air_stride = max(1, NS_PER_S // _AIR_HZ // bench.config.tick_ns)
         self._facts = facts = fixed_wing_facts(bench.vehicle, bench.scene.site)
         self._measured = PlaneMeasurement(
             (), (), bench.config.plane_limits, radius_m=1.0, stall_mps=facts.stall_mps, wind_at=lambda: (0.0, 0.0, 0.0)
         )
-        self._track = PlaneTrack(facts.stall_mps, bench.config.tick_ns, lambda: (0.0, 0.0, 0.0))
+        self._wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0)  # until `open`
+        self._track = PlaneTrack(
+            facts.stall_mps,
+            bench.vehicle.surfaces,
+            bench.config.tick_ns,
+            wind_at=lambda: self._wind_at(),
+            commands=self._commands,
+        )
 
     def open(self, run: RunContext) -> None:
         mission = run.bench.mission
@@ -45,10 +59,24 @@ class PlaneFlightPart(Part):
             stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
             wind_at=lambda: physics.wind_W_mps,
         )
-        self._track = PlaneTrack(facts.stall_mps, self._config.tick_ns, lambda: physics.wind_W_mps)
+        self._run, self._wind_at = run, lambda: physics.wind_W_mps
 
     def observers(self) -> list[Callable[[TruthState], None]]:
-        return [self._measured.add, self._track.add]
+        return [self._measured.add, self._track.add, self._record_air]
+
+    def tap(self) -> Tap:
+        return self._track
+
+    def _commands(self) -> list[float]:
+        controls, commands = self._run.scheduler.actuators.controls, self._bench.vehicle.commands
+        names = {surface.name for surface in self._bench.vehicle.surfaces}
+        return [u for u, command in zip(controls, commands, strict=False) if command.name in names]
+
+    def _record_air(self, truth: TruthState) -> None:
+        if truth.tick % self._air_stride == 0:
+            seq, t_ns = truth.tick // self._air_stride, truth.t_ns
+            sample = AirSample(seq, t_ns, t_ns, *air_data(truth, self._wind_at()))
+            self._run.recorder.sample(AIR_PORT, sample)
 
     def waypoints(self) -> tuple[int, int]:
         return self._measured.counts
