@@ -59,8 +59,17 @@ def _copter_problems(config: BenchConfig, mission: Mission) -> list[Problem]:
 def _start_problems(
     config: BenchConfig, vehicle: Vehicle, facts: FixedWing, scene: Scene, settings: Located
 ) -> list[Problem]:
-    if getattr(config.start, "launch", None) is not None:
-        return []
+    launch = config.start.launch
+    if launch is not None:
+        length = launch.pull(vehicle.mass_kg)[2]
+        end = launch.height_m + length * math.sin(math.radians(launch.elevation_deg))
+        if min(end, launch.height_m) >= vehicle.standing_height_m:
+            return []
+        message = (
+            f"leads from {launch.height_m:g} to {end:.2f} m over the ground, and {vehicle.name!r} needs "
+            f"{vehicle.standing_height_m:.2f} m to be clear of it"
+        )
+        return [at(settings, ("start", "launch"), message, "raise height_m or elevation_deg")]
     g = STANDARD_GRAVITY_MPS2
     airframe = Airframe(vehicle, scene.site)
     weight = vehicle.mass_kg * g

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.path import plan_points, planned_path
 from hil.run.part import Part, RunContext
+from hil.run.parts.links.failsafe import cause_of
 from hil.run.recorder.recorder import Tap
 from hil.run.report.page import Report
 from hil.run.verdict.air_data import air_data
@@ -26,6 +28,7 @@ _AIR_HZ = 50
 
 class PlaneFlightPart(Part):
     name = "plane_flight"
+    _run: RunContext | None = None  # from `open` on
 
     def __init__(self, bench: Bench) -> None:
         self._bench, self._config, self._outcome = bench, bench.config, bench.outcome
@@ -68,12 +71,13 @@ class PlaneFlightPart(Part):
         return self._track
 
     def _commands(self) -> list[float]:
+        assert self._run is not None
         controls, commands = self._run.scheduler.actuators.controls, self._bench.vehicle.commands
         names = {surface.name for surface in self._bench.vehicle.surfaces}
         return [u for u, command in zip(controls, commands, strict=False) if command.name in names]
 
     def _record_air(self, truth: TruthState) -> None:
-        if truth.tick % self._air_stride == 0:
+        if truth.tick % self._air_stride == 0 and self._run is not None:
             seq, t_ns = truth.tick // self._air_stride, truth.t_ns
             sample = AirSample(seq, t_ns, t_ns, *air_data(truth, self._wind_at()))
             self._run.recorder.sample(AIR_PORT, sample)
@@ -82,7 +86,10 @@ class PlaneFlightPart(Part):
         return self._measured.counts
 
     def verdict(self) -> Verdict:
-        return judge_plane(self._measured, self._config.plane_limits, outcome=self._outcome)
+        verdict = judge_plane(self._measured, self._config.plane_limits, outcome=self._outcome)
+        run = self._run
+        cause = cause_of(run.now_ns(), run.recorder.events) if verdict.reasons and run is not None else ""
+        return replace(verdict, reasons=(*verdict.reasons, cause)) if cause else verdict
 
     def run_keys(self) -> dict[str, Any]:
         measured = self._measured
