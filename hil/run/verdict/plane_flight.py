@@ -22,8 +22,8 @@ touchdown_offset_m  Distance of that contact from the line of the approach, whic
 touchdown_error_m   Distance of that contact from the planned point along that line; after a return, from home
 final_error_m       Horizontal distance of that contact from the planned point; of the last place, without a landing
 
-A plane that touches the ground before its last waypoint, once higher than 5 m, has not flown its plan. A limit fails
-if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
+A plane that touches the ground before its last waypoint, once higher than 5 m or launched, has not flown its plan. A
+limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
 
 from __future__ import annotations
@@ -67,9 +67,13 @@ class PlaneMeasurement:
         radius_m: float,
         stall_mps: float,
         stall_attack_rad: float = math.inf,
+        launched: bool = False,
         wind_at: Callable[[], Vec3],
     ) -> None:
-        """`radius_m`: of the turns of the flyable path. `wind_at` returns the wind at the vehicle in W."""
+        """`radius_m`: of the turns of the flyable path. `launched`: from a rail, not from wheels.
+
+        `wind_at` returns the wind at the vehicle in W.
+        """
         self._path = FlyablePath(stops, radius_m)
         self._stops = self._path.stops
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
@@ -86,7 +90,8 @@ class PlaneMeasurement:
         self._reached = 0
         self._values: dict[str, float] = {}
         self._home_up: float | None = None
-        self._airborne = self._touched = self._high = False
+        self._launched, self._airborne, self._touched = launched, False, False
+        self._off = False  # the ground for good, until it lands
         self._grounded: tuple[float, int] | None = None  # first contact before the last waypoint: time, waypoint
         self._contact, self._contact_ns = True, 0
         self._touch: TruthState | None = None
@@ -114,8 +119,10 @@ class PlaneMeasurement:
                     self._touched, self._touch = True, previous
                     self._values.pop("touchdown_sink_mps", None)
                 self._most("touchdown_sink_mps", -previous.v_WB_W[2])
-            if self._high and self._grounded is None and self._reached < len(self._targets):
+            if self._off and self._grounded is None and self._reached < len(self._targets):
                 self._grounded = (truth.t_ns / NS_PER_S, self._reached + 1)
+        elif self._launched:
+            self._off = True
         self._contact = contact
         if truth.tick % _STRIDE == 0:
             self._measure(truth)
@@ -131,7 +138,7 @@ class PlaneMeasurement:
             return
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
-        self._high = True
+        self._off = True
         air = air_data(truth, self._wind_at())
         bank = bank_rad(truth)
         self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall_mps, bank))

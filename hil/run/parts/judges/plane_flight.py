@@ -60,6 +60,7 @@ class PlaneFlightPart(Part):
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
             stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
+            launched=self._config.start.launch is not None,
             wind_at=lambda: physics.wind_W_mps,
         )
         self._run, self._wind_at = run, lambda: physics.wind_W_mps
