@@ -28,6 +28,8 @@ _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
 _TAKEOFF = 1.5  # airspeed of the climb over the stall
+_ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
+_STEERING_WHEEL = 440  # output function "Landing_Gear_Wheel"
 _NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
 
 
@@ -137,6 +139,9 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "FW_LAUN_AC_THLD": 12.0,
         "FW_W_EN": float(vehicle.wheels),
     }
+    if vehicle.wheels:  # it rolls as it stands: a tail wheel steers only on the ground
+        values["RWTO_PSP"] = min(max(degrees(vehicle.ground_pitch_rad), -10.0), 20.0)
+        values["RWTO_ROT_AIRSPD"] = _ROTATION * vehicle.stall_mps
     for name, trim in zip(("TRIM_ROLL", "TRIM_PITCH", "TRIM_YAW"), trims(vehicle), strict=True):
         values[name] = trim
     return values
@@ -169,4 +174,13 @@ def output_functions(vehicle: FixedWing, outputs: str) -> dict[str, float]:
     """Return the functions of the outputs in the order of the vehicle's commands: motors, then surfaces."""
     motors: dict[str, float] = {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
     first = len(vehicle.rotors) + 1
-    return motors | {f"{outputs}{first + i}": _FIRST_SERVO + i for i in range(len(vehicle.surfaces))}
+    servos: dict[str, float] = {f"{outputs}{first + i}": _FIRST_SERVO + i for i in range(len(vehicle.surfaces))}
+    return motors | servos | _steering(vehicle, outputs)
+
+
+def _steering(vehicle: FixedWing, outputs: str) -> dict[str, float]:
+    """Return the output of the wheel's servo, reversed: PX4's is positive to the right. It has none for brakes."""
+    if vehicle.steering is None:
+        return {}
+    reversed_bits = float(1 << vehicle.steering)
+    return {f"{outputs}{vehicle.steering + 1}": _STEERING_WHEEL, outputs.replace("FUNC", "REV"): reversed_bits}
