@@ -22,6 +22,7 @@ from signals.units import RAD_PER_DEG
 
 _FLARE_ROLL_RAD = 5.0 * RAD_PER_DEG
 _ROLL_OUT_M = 0.3
+_STANDS = 0.9  # airspeed over the stall below which a plane on wheels cannot leave the ground again
 _FLARE_DAMPING = 0.3  # three times FW_T_PTCH_DAMP: there is no time for the integral
 
 
@@ -90,6 +91,12 @@ class PlaneLanding:
         pilot, p = self._pilot, self._params
         assert self._flare_us is not None
         share = min(1e-6 * (now_us - self._flare_us) / p["FW_LND_FL_TIME"], 1.0)
+        wheels = bool(p["RWTO_TKOFF"])
+        if wheels and share >= 1.0 and pilot.air.airspeed_mps < _STANDS * p["FW_AIRSPD_STALL"]:
+            pilot.roll_on_ground(
+                self._line, pitch_rad=p["RWTO_PSP"] * RAD_PER_DEG, throttle=p["FW_THR_IDLE"], brake=1.0
+            )
+            return
         slow = pilot.ground_speed_mps < 0.7 * p["FW_AIRSPD_STALL"]
         if slow and height < _ROLL_OUT_M * 3.0:
             pilot.roll_on_ground(self._line, pitch_rad=p["FW_LND_FL_PMIN"] * RAD_PER_DEG, throttle=p["FW_THR_IDLE"])
@@ -105,6 +112,8 @@ class PlaneLanding:
             pitch_max_rad=p["FW_LND_FL_PMAX"] * RAD_PER_DEG,
             roll_limit_rad=_FLARE_ROLL_RAD,
             pitch_damping=_FLARE_DAMPING,
+            keeps_pitch=wheels and share == 0.0,
+            runway=self._line if wheels and share >= 1.0 else None,
         )
 
 

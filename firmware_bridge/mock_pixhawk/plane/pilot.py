@@ -47,6 +47,7 @@ class Wanted(TypedDict, total=False):
     pitch_min_rad: float
     pitch_max_rad: float
     pitch_damping: float
+    keeps_pitch: bool  # no jump of the pitch at a change of `weight`
     roll_limit_rad: float | None
     runway: Line | None  # wheels may touch: wings level, and rudder and wheel keep the nose along this line
 
@@ -204,6 +205,7 @@ class PlanePilot:
             load_factor=load,
             speed_weight=wanted.get("weight"),
             pitch_damping=wanted.get("pitch_damping"),
+            keeps_pitch=wanted.get("keeps_pitch", False),
         )
         state = VerticalState(-v.pos_d, -v.v_d, air.true_mps, air.rate_mps2)
         pitch, self.throttle = self._tecs.step(state, demand, PERIOD_S)
