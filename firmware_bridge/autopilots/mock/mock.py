@@ -9,6 +9,7 @@ from functools import cache
 from firmware_bridge.autopilots.installation import LOG_NAME, FixedWing, Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.mock.firmware import MOCK
 from firmware_bridge.autopilots.mock.sensors import FAULTS, SENSORS
+from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
 from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
@@ -115,7 +116,8 @@ def airframe_and_params(installation: Installation, rotors: Mapping[str, float] 
     airframe = settings.airframe
     if isinstance(vehicle, FixedWing):
         if airframe is None:
-            airframe, params = PLANE_AIRFRAME, plane_parameters(vehicle) | dict(rotors or {}) | params
+            known_wings = plane_parameters(vehicle) | wheel_parameters(vehicle)
+            airframe, params = PLANE_AIRFRAME, known_wings | dict(rotors or {}) | params
     else:
         airframe = airframe or matching_airframe(vehicle)
         if airframe is None:

@@ -186,7 +186,14 @@ def _without_engine(name: str = "trainer") -> Vehicle:
     constants = vehicle.rotor_constants.model_copy(
         update={"thrust_coefficient_n_per_radps2": 1e-12, "dead_time_s": 0.0}
     )
-    return vehicle.model_copy(update={"rotor_constants": constants, "rotor_model": "quadratic", "battery": None})
+    return vehicle.model_copy(
+        update={
+            "rotor_constants": constants,
+            "rotor_model": "quadratic",
+            "battery": None,
+            "forces": tuple(force for force in vehicle.forces if force.is_wing),  # no wheels
+        }
+    )
 
 
 def _glide(vehicle: Vehicle, start: dict[int, float], commands: list[float], seconds: float) -> np.ndarray[Any, Any]:
@@ -289,7 +296,7 @@ def test_a_propeller_blows_over_the_tail_and_not_over_the_tips() -> None:
     vehicle = load_vehicle("trainer")
     c = vehicle.rotor_constants
     body, part = _body(vehicle, 500.0)
-    body.steady_wrench((1.0, 0.0, 0.0, 0.0, 0.0))
+    body.steady_wrench((1.0, *[0.0] * (len(vehicle.commands) - 1)))
     thrust = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
     induced = math.sqrt(thrust / (2.0 * 1.225 * math.pi * c.radius_m**2))
     flow, middle = np.array(part.along_mps), np.array(part.middle_m)
