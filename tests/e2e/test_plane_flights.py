@@ -126,3 +126,26 @@ def test_a_short_flight_records_deflections_and_air_data_and_names_the_fault(tmp
     assert air["airspeed_mps"] == pytest.approx(speed, abs=1e-9)
     assert 0.0 < air["angle_of_attack_rad"] < 0.2
     assert (tmp_path / "out/plane.png").stat().st_size > 10_000
+
+
+WINDS = ("[3, 2, 0]", "[0, 5, 0]", "[-4, 0, 0]")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gusts", ["", ", turbulence: {wind_20ft_mps: 4}"], ids=["steady", "turbulent"])
+@pytest.mark.parametrize("wind", WINDS)
+def test_wind_from_every_side_ends_landed_and_disarmed(tmp_path: Path, wind: str, gusts: str) -> None:
+    """A strike of the belly clips the accelerometer; GPS keeps the estimate, and the plane stays where it landed."""
+    result = fly(tmp_path, f"wind: {{steady_W_mps: {wind}{gusts}}}\nplane_limits: {{touchdown_sink_mps: 2.5}}\n")
+    assert result.status == "PASS", result.run["verdict"]
+    assert result.run["sim_s"] < 250.0
+    assert result.run["mission"]["max_cross_track_m"] < 20.0
+
+
+@pytest.mark.slow
+def test_more_wind_than_the_land_detector_takes_is_named(tmp_path: Path) -> None:
+    """12 m/s across: at rest the airspeed stays above LNDFW_AIRSPD_MAX, and the plane stays down."""
+    result = fly(tmp_path, "wind: {steady_W_mps: [0, 12, 0]}\n")
+    assert result.status == "FAIL"
+    assert "it rests, armed" in " ".join(result.run["verdict"]["reasons"])
+    assert "Landing not detected: airspeed at rest above LNDFW_AIRSPD_MAX" in str(result.run["warnings"])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from firmware_bridge._native import FlightCore
@@ -39,6 +39,14 @@ MAX_EPH_CM, MAX_EPV_CM, MIN_FIX, MIN_SATELLITES = 300, 500, 3, 6
 _T0, _LAPSE, _P0_HPA = 288.15, 6.5e-3, 1013.25
 _EXPONENT = _LAPSE * 287.05 / STANDARD_GRAVITY_MPS2
 
+
+# A belly that strikes the ground pushes beyond the accelerometer's +-16 g, and what is cut off is missing in the
+# integral: 2 to 3 m/s of one strike, beyond the gate of GPS. PX4's EKF2 takes a larger noise for an accelerometer that
+# clips or disagrees with the vertical position (BADACC_BIAS_PNOISE 4.9 m/s2), for BADACC_PROBATION 10 s. Here the noise
+# density from a clipped sample on until, half a second later, the first fixes measured after it have come:
+# 8 sqrt(0.1) = 2.5 m/s per GPS period of 0.1 s.
+CLIPS_MPS2 = 0.99 * 16.0 * STANDARD_GRAVITY_MPS2
+CLIPPED_US, CLIPPED_NOISE = 500_000, 8.0  # m/s2/sqrt(Hz)
 
 LATE_US = 20_000
 _WINDOW = 500  # samples: 2 s at 250 Hz
@@ -131,6 +139,25 @@ class SensorIntake:
         self.vibration: VibrationMetrics | None = None  # measured from the first request for VIBRATION on
         self._next_mag_us = 0
         self._next_baro_us = 0
+        self._noise: tuple[int, Callable[[], float]] | None = None  # EKF_ACC_NOISE: index and value
+        self._clipped_until_us = 0
+        self._doubts = False  # the wider noise is set
+
+    def doubt_clipped(self, index: int, noise: Callable[[], float]) -> None:
+        """Doubt an accelerometer that clips. `index`, `noise()`: of EKF_ACC_NOISE, which is the noise otherwise."""
+        self._noise = (index, noise)
+
+    def _watch_clipping(self, t_us: int, force_mps2: tuple[float, float, float]) -> None:
+        if self._noise is None:
+            return
+        x, y, z = force_mps2
+        if abs(x) >= CLIPS_MPS2 or abs(y) >= CLIPS_MPS2 or abs(z) >= CLIPS_MPS2:
+            self._clipped_until_us = t_us + CLIPPED_US
+        doubts = t_us < self._clipped_until_us
+        if doubts != self._doubts:
+            self._doubts = doubts
+            index, noise = self._noise
+            self._estimator.set_param(index, CLIPPED_NOISE if doubts else noise())
 
     def stale(self, sensor: int) -> bool:
         """Return True if the last `STALE_SAMPLES` samples were equal."""
@@ -176,6 +203,7 @@ class SensorIntake:
                 self._last[GYRO] = payload[20:32]
                 self._same[GYRO] = 0
             self.last_us[ACCEL] = self.last_us[GYRO] = t_us
+            self._watch_clipping(t_us, (ax, ay, az))
             stepped = self._estimator.step_fifo(t_us, gx, gy, gz, ax, ay, az)
             self.not_finite += not stepped
             if self.vibration is not None and stepped:

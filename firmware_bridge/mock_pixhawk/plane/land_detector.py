@@ -1,4 +1,9 @@
-"""Land detector of a plane, as PX4's fixed-wing one: on the ground once slow in every way for LNDFW_TRIG_TIME."""
+"""Land detector of a plane, as PX4's fixed-wing one: on the ground once slow in every way for LNDFW_TRIG_TIME.
+
+Slow: over ground below LNDFW_VEL_XY_MAX, vertically below LNDFW_VEL_Z_MAX, through the air below LNDFW_AIRSPD_MAX (PX4,
+FixedwingLandDetector). In a wind above the last a plane at rest is never found on the ground, by PX4 neither: `blown`.
+Not taken from PX4: the acceleration of LNDFW_XYACC_MAX and the rotation, which low speeds for 2 s imply here.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +23,8 @@ class PlaneLandDetector:
         self._params = params
         self.landed = True
         self._slow_since_us: int | None = None
+        self._blown_since_us: int | None = None
+        self.blown = False  # slow over ground for twice the time, and only the airspeed speaks against a landing
         self._rest_d_m = 0.0
         self._speed = self._sink = 0.0
         self._last_us: int | None = None
@@ -25,6 +32,7 @@ class PlaneLandDetector:
     def at_rest(self, d_m: float) -> None:
         """Disarmed: on the ground by definition."""
         self.landed, self._slow_since_us, self._rest_d_m = True, None, d_m
+        self._blown_since_us, self.blown = None, False
 
     def step(
         self, now_us: int, velocity_NED: tuple[float, float, float], d_m: float, airspeed_mps: float, *, moves: bool
@@ -38,6 +46,12 @@ class PlaneLandDetector:
         self._sink += (abs(d) - self._sink) * gain
         p = self._params
         slow = self._speed < p["LNDFW_VEL_XY_MAX"] and self._sink < p["LNDFW_VEL_Z_MAX"]
+        if self.landed or not slow or airspeed_mps < p["LNDFW_AIRSPD_MAX"]:
+            self._blown_since_us = None
+        elif self._blown_since_us is None:
+            self._blown_since_us = now_us
+        blown_us = 0 if self._blown_since_us is None else now_us - self._blown_since_us
+        self.blown = blown_us > int(2.0 * p["LNDFW_TRIG_TIME"] * US_PER_S)
         slow = slow and airspeed_mps < p["LNDFW_AIRSPD_MAX"]
         if self.landed:
             if not moves:

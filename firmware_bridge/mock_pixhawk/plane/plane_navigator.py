@@ -1,6 +1,7 @@
 """Execution of missions by a plane: it flies through waypoints and circles instead of stopping.
 
-    waypoint   the straight line from the place before; height along it in proportion (first-order hold). Passed within
+    waypoint   the straight line from the place before; height along it in proportion (first-order hold), as PX4's
+               reached at the distance in which the waypoint is passed. Passed within
                the greater of NAV_ACC_RAD, its own radius and NPFG's switch distance, or once it is behind the plane
     loiter     a circle: param 3 is its radius (negative: counter-clockwise), else NAV_LOITER_RAD. TIME and TURNS count
                from the moment on the circle; TO_ALT ends at its height. Left towards the next item once the course
@@ -97,6 +98,7 @@ class PlaneNavigator(MissionRunner):
 
     def _begin(self, item: MissionItem, now_us: int) -> Callable[[int], bool]:
         command = item.command
+        self._landing.flaring = False
         self._pilot.airspeed_mps = self._speed
         if command == Cmd.NAV_TAKEOFF:
             return self._begin_takeoff(item, now_us)
@@ -166,11 +168,12 @@ class PlaneNavigator(MissionRunner):
                 return after(now)
             n, e, d = pilot.here()
             along = line.along_m(n, e)
-            share = min(max(along / length, 0.0), 1.0) if length > 1.0 else 1.0
+            near = max(own, p["NAV_ACC_RAD"], min(pilot.turn_distance_m(), 0.4 * length))
+            # At its height where the next leg begins: with the wind from behind that is early.
+            share = min(max(along / (length - near), 0.0), 1.0) if length - near > 1.0 else 1.0
             pilot.path = line
             pilot.fly(d_m=start[2] + (point[2] - start[2]) * share)
             self._d = point[2]
-            near = max(own, p["NAV_ACC_RAD"], min(pilot.turn_distance_m(), 0.4 * length))
             dn, de = n - point[0], e - point[1]
             at_place = dn * dn + de * de <= near * near or along >= length
             if not at_place:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import sqrt
 from typing import Any
 
-from firmware_bridge._native import STATE_FIELDS, FlightCore
+from firmware_bridge._native import PARAM_NAMES, STATE_FIELDS, FlightCore
 from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate
 from firmware_bridge.mock_pixhawk.flight.failsafe import Action, Failsafe
@@ -33,6 +33,9 @@ from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.units import DEG_PER_RAD
 
 _ACCEL = STATE_FIELDS["a_NF_N"][0]
+_ACCEL_NOISE = PARAM_NAMES.index("EKF_ACC_NOISE")
+_FLIES = 0.7  # airspeed over the stall below which a plane does not fly
+_LANDS = (Mode.MISSION, Mode.RTL, Mode.LAND)
 _RUNNING = 0.05  # throttle above which the land detector may see a take-off
 
 
@@ -89,9 +92,22 @@ class PlaneFailsafe(Failsafe):
     def armed(self, now_us: int) -> None:
         super().armed(now_us)
         self._stack.engine.reset()
+        self._stack.landing.flaring = False
 
     def check(self, now_us: int) -> Action | None:
+        if self._edge("blown", self._stack.detector.blown):
+            self._say(Severity.WARNING, "Landing not detected: airspeed at rest above LNDFW_AIRSPD_MAX")
         return super().check(now_us) or self._engine(now_us)
+
+    def _position(self, now_us: int) -> Action | None:
+        """From the flare on, and once too slow to fly, it lands: a position that is back must not end in a take-off."""
+        stack = self._stack
+        if self.descending_blind:
+            slow = stack.air.airspeed_mps < _FLIES * self._params["FW_AIRSPD_STALL"]
+            return None if slow else super()._position(now_us)
+        if stack.landing.flaring and self._vehicle.mode in _LANDS:
+            return None
+        return super()._position(now_us)
 
     def _engine(self, now_us: int) -> Action | None:
         stack, vehicle = self._stack, self._vehicle
@@ -155,12 +171,13 @@ class PlaneStack:
         self._core, self._vehicle, self._estimate, self._sensors = core, vehicle, estimate, sensors
         self._params = params
         self._state = core.state
+        sensors.doubt_clipped(_ACCEL_NOISE, lambda: params["EKF_ACC_NOISE"])
         air = self.air = AirData(pitot=bool(params["FW_USE_AIRSPD"]) and bool(params["SYS_HAS_NUM_ASPD"]))
         pilot = self.pilot = PlanePilot(core, vehicle, params, air)
         self.engine = EngineWatch(params)
         landing = self.landing = PlaneLanding(pilot, vehicle, params, callbacks.info)
         self._takeoff = PlaneTakeoff(pilot, vehicle, params, callbacks.info)
-        self._detector = PlaneLandDetector(params)
+        self.detector = PlaneLandDetector(params)
         navigator = PlaneNavigator(
             pilot,
             vehicle,
@@ -205,10 +222,10 @@ class PlaneStack:
             flying=not v.landed,
         )
         if not v.armed:
-            self._detector.at_rest(v.pos_d)
+            self.detector.at_rest(v.pos_d)
             self._takeoff.launched = False
         moves = v.armed and (self.pilot.throttle > _RUNNING or self._takeoff.launched)
-        self._core.set_landed(self._detector.step(now_us, velocity, v.pos_d, self.air.airspeed_mps, moves=moves))
+        self._core.set_landed(self.detector.step(now_us, velocity, v.pos_d, self.air.airspeed_mps, moves=moves))
 
     def outputs(self, now_us: int) -> list[float]:
         """Run the inner loops."""
