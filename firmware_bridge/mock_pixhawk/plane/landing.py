@@ -108,7 +108,8 @@ class PlaneLanding:
                 holds_tail=speed < _STAYS and p["RWTO_PSP"] > p["FW_PSP_OFF"],
             )
             return
-        slow = pilot.ground_speed_mps < 0.7 * p["FW_AIRSPD_STALL"]
+        # A belly that struck throws the plane up again: following the height rate then swings the pitch.
+        slow = pilot.ground_speed_mps < 0.7 * p["FW_AIRSPD_STALL"] or (share >= 1.0 and speed < _SETTLES)
         if slow and height < _ROLL_OUT_M * 3.0:
             pilot.roll_on_ground(self._line, pitch_rad=p["FW_LND_FL_PMIN"] * RAD_PER_DEG, throttle=p["FW_THR_IDLE"])
             return
