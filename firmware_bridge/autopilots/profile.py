@@ -79,6 +79,7 @@ class Profile:
     vehicle_misfits: Callable[[AutopilotSettings, Multirotor | FixedWing], Sequence[Misfit]] = _takes_any_vehicle
 
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
+    plane_program: Program | None = None  # that flies planes, where it is another one than `program`
     plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
 
     # The flight.
@@ -98,6 +99,10 @@ class Profile:
     airsim_type: str = ""  # the VehicleType of AirSim's settings.json that this kind flies
     start_command: Callable[[Installation, Path], StartCommand] | None = None  # may write files to the folder
     suite_env: Callable[[Installation, Path], Mapping[str, str]] | None = None  # of a test suite with its own SITL
+
+    def program_for(self, *, plane: bool) -> Program | None:
+        """Return the program that flies planes, or the one that flies rotorcraft."""
+        return self.plane_program if plane and self.plane_program is not None else self.program
 
     @property
     def is_program(self) -> bool:

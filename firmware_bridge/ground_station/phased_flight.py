@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any, ClassVar
 
+from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, Commands
+from firmware_bridge.ground_station.modes import firmware_of
 from firmware_bridge.ground_station.procedure import Step, declined_for_now
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.vehicle_link import VehicleLink, enum_name, refused
@@ -81,14 +83,20 @@ class Heartbeats:
         self.armed = False
         self.has_armed = False  # once
         self.autopilot = 0  # MAV_AUTOPILOT
+        self.vehicle_type = 0  # MAV_TYPE
         self.custom_mode = 0
 
     def on_heartbeat(self, message: Any) -> None:
         self.connected = True
         self.armed = bool(message.base_mode & _SAFETY_ARMED)
         self.has_armed |= self.armed
-        self.autopilot = message.autopilot
+        self.autopilot, self.vehicle_type = message.autopilot, message.type
         self.custom_mode = message.custom_mode
+
+    @property
+    def firmware(self) -> Firmware:
+        """Facts about the firmware of the vehicle."""
+        return firmware_of(self.autopilot, self.vehicle_type)
 
     def step(self, t_ns: int) -> None:
         if t_ns >= self.due_ns:

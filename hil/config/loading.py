@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
-from hil.config.bench import Bench, site_of
-from hil.config.checks.autopilot_checks import autopilot_problems
+from hil.config.bench import Bench, firmware_for, site_of
+from hil.config.checks.autopilot_checks import autopilot_problems, build_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
@@ -42,6 +42,7 @@ from signals.documents.document import Document, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
+from sim.physics.fixed_wing import is_plane
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import in_weather, randomized
 from sim.scene.scene import Scene, has_own_site
@@ -299,6 +300,8 @@ class BenchLoading:
 
                 self.problems += companion_problems(config, self.settings, scripted=script is not None)
         vehicle = self._vehicle()
+        if config is not None:
+            self.problems += build_problems(config, self.settings, plane=vehicle is not None and is_plane(vehicle))
         if config is not None and vehicle is not None:
             self.problems += vehicle_problems(config, vehicle, self.settings)
             self.problems += airframe_problems(config, vehicle, self.settings)
@@ -321,7 +324,7 @@ class BenchLoading:
                 self.problems.append(at(script.document, ("outcome",), message))
             if config is not None and vehicle is not None:
                 self.problems += bench_problems(script, sensors=sample_types(config), vehicle=vehicle)
-                self.problems += script_intake_problems(config, script)
+                self.problems += script_intake_problems(config, script, firmware_for(config.autopilot.profile, vehicle))
             if config is not None and scene is not None and not self.complete:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not sensor_problems:

@@ -20,7 +20,7 @@ def offboard_pilot(
         tick_ns=config.tick_ns,
         setpoint_hz=setpoint_hz,
         stale_s=stale_s,
-        projection=config.autopilot.profile.firmware.project,
+        projection=bench.firmware.project,
         target_sysid=None,
         grid_ns=grid_ns(bench),
         needs_estimator=config.autopilot.profile.needs_estimator,

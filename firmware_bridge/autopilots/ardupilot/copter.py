@@ -11,7 +11,7 @@ from signals.errors import LinkError
 
 PROGRAM = Program(
     "ArduCopter",
-    b"ArduCopter",
+    b"ArduCopter V",  # ArduPlane has the name alone, too
     "`./waf configure --board sitl && ./waf copter` in ardupilot makes build/sitl/bin/arducopter",
 )
 _LEAST_UPRIGHT = 0.9  # vertical part of an axis: the rotors of ArduPilot's frames are upright

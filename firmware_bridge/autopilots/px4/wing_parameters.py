@@ -41,7 +41,7 @@ def full_torques_nm(vehicle: FixedWing) -> tuple[float, float, float]:
     return _full(vehicle, 0), _full(vehicle, 1), _full(vehicle, 2)
 
 
-def _served(vehicle: FixedWing, axis: int) -> list[float]:
+def served_torques_nm(vehicle: FixedWing, axis: int) -> list[float]:
     """Return the torque of every surface about an axis; 0 for those that hardly act on it."""
     torques = [torques_frd_nm(surface)[axis] for surface in vehicle.surfaces]
     most = max((abs(t) for t in torques), default=0.0)
@@ -54,7 +54,7 @@ _OWN = 0.2  # of the surface's strongest torque
 
 
 def _full(vehicle: FixedWing, axis: int) -> float:
-    return sum(abs(t) for t in _served(vehicle, axis))
+    return sum(abs(t) for t in served_torques_nm(vehicle, axis))
 
 
 def surface_parameters(vehicle: FixedWing) -> dict[str, float]:
@@ -63,7 +63,7 @@ def surface_parameters(vehicle: FixedWing) -> dict[str, float]:
     shares = {}
     for letter, axis, _ in _AXES:
         full = _full(vehicle, axis)
-        shares[letter] = [t / full if full > 0.0 else 0.0 for t in _served(vehicle, axis)]
+        shares[letter] = [t / full if full > 0.0 else 0.0 for t in served_torques_nm(vehicle, axis)]
     for i in range(len(vehicle.surfaces)):
         roll, pitch, yaw = (shares[letter][i] for letter in "RPY")
         values[f"CA_SV_CS{i}_TYPE"] = _type(roll, pitch, yaw, vehicle.surfaces[i].name)
@@ -91,7 +91,8 @@ def trims(vehicle: FixedWing) -> tuple[float, float, float]:
     out = []
     for _, axis, _ in _AXES:
         full = _full(vehicle, axis)
-        torque = sum(t * s.trim for t, s in zip(_served(vehicle, axis), vehicle.surfaces, strict=True))
+        served = served_torques_nm(vehicle, axis)
+        torque = sum(t * s.trim for t, s in zip(served, vehicle.surfaces, strict=True))
         out.append(min(max(torque / full, -0.5), 0.5) if full > 0.0 else 0.0)
     return out[0], out[1], out[2]
 

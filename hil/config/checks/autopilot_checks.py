@@ -41,10 +41,6 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
             message = "must name your own build of the firmware, which the bench starts"
             hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"
             report("binary", message, hint)
-    if autopilot.binary is not None and autopilot.start and profile.program is not None:
-        problem = program_problem(Path(str(autopilot.binary)).expanduser(), profile.program)
-        if problem is not None:
-            report("binary", problem, profile.program.makes)
     for place, message, hint in profile.misfits(autopilot):
         if place[:-1] == ("autopilot", "params") and settings.where(place).startswith(COMMAND_LINE):
             hint = hint.replace("did you mean '", "did you mean 'autopilot.params.", 1)
@@ -52,6 +48,16 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
     if autopilot.mavlink_port == "none" and config.mission is not None:
         report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
     return problems + _own_fault_problems(config, settings) + _mavlink_problems(config, settings)
+
+
+def build_problems(config: BenchConfig, settings: Settings, *, plane: bool) -> list[Problem]:
+    """Report an `autopilot.binary` that is not the program which flies a plane, or a rotorcraft."""
+    autopilot = config.autopilot
+    program, other = autopilot.profile.program_for(plane=plane), autopilot.profile.program_for(plane=not plane)
+    if autopilot.binary is None or not autopilot.start or program is None:
+        return []
+    problem = program_problem(Path(str(autopilot.binary)).expanduser(), program, other if other != program else None)
+    return [] if problem is None else [at(settings, ("autopilot", "binary"), problem, program.makes)]
 
 
 def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:
