@@ -24,6 +24,7 @@ class Firmware:
 
     name: str  # for messages to the user
     mav_autopilot: int = 0  # HEARTBEAT.autopilot (MAV_AUTOPILOT)
+    program: str = ""  # of this kind of vehicle, where the firmware has several
     failsafe_texts: Sequence[str] = ()  # regular expressions; a STATUSTEXT that one matches, in flight, is a failsafe
     # Names (regular expressions) that belong to one board, not to how it flies: calibration, outputs, ports, identity.
     board_params: Sequence[str] = ()

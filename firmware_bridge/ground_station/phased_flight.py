@@ -282,7 +282,8 @@ class PhasedFlight:
 
     A HandshakeError names the request and the answer. With `grid_ns`, decisions fall on its multiples only,
     independently of when the frames for them came. With `needs_estimator` the vehicle is ready only once its estimator
-    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True.
+    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True. `firmware`: that of the
+    bench's vehicle; another of its programs that answers is refused.
     """
 
     # (message, interval [us]): the telemetry that the phases wait for.
@@ -298,6 +299,7 @@ class PhasedFlight:
         takeoff_limit_s: float = 60.0,
         grid_ns: int = 0,
         needs_estimator: bool = False,
+        firmware: Firmware | None = None,
         may_arm: Callable[[], bool] = lambda: True,
     ) -> None:
         self._link = VehicleLink(target_sysid=target_sysid)
@@ -312,6 +314,7 @@ class PhasedFlight:
         self._texts = StatusTexts()
         self._requests = RequestSequence(self._commands, self._heartbeats, self._texts)
         self._grid_ns = grid_ns
+        self._firmware = firmware
         self._grid_cell = -1  # of the last decision
         self.may_arm = may_arm
         self.phase = Phase.CONNECTING
@@ -388,6 +391,7 @@ class PhasedFlight:
                     f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; does it have another system id?"
                 )
             return False
+        self._check_program()
         if self._commands.busy:
             return False
         # A refused stream does no harm here: the phases that need it raise an error if it never comes.
@@ -397,6 +401,16 @@ class PhasedFlight:
             self._commands.send(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
             return False
         return True
+
+    def _check_program(self) -> None:
+        wanted, found = self._firmware, self._heartbeats.firmware
+        if wanted is None or wanted.mav_autopilot != found.mav_autopilot or wanted.program == found.program:
+            return
+        kind = enum_name("MAV_TYPE", self._heartbeats.vehicle_type)
+        raise refused(
+            f"the autopilot is {found.program} ({kind} in its heartbeat), and the vehicle of this bench needs "
+            f"{wanted.program}: start that one"
+        )
 
     def _check_preflight(self, t_ns: int, since_ns: int, problem: str) -> None:
         """Raise HandshakeError if the vehicle has not been ready since `since_ns` for too long."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config.bench import Bench, firmware_for, site_of
-from hil.config.checks.autopilot_checks import autopilot_problems, build_problems
+from hil.config.checks.autopilot_checks import autopilot_problems, build_problems, set_point_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
@@ -305,6 +305,8 @@ class BenchLoading:
         if config is not None and vehicle is not None:
             self.problems += vehicle_problems(config, vehicle, self.settings)
             self.problems += airframe_problems(config, vehicle, self.settings)
+            firmware = firmware_for(config.autopilot.profile, vehicle)
+            self.problems += set_point_problems(config, firmware, self.settings)
         scene = self._scene(vehicle, config)
         if config is not None and scene is not None:
             self.problems += site_problems(config, scene)

@@ -21,6 +21,7 @@ def offboard_pilot(
         setpoint_hz=setpoint_hz,
         stale_s=stale_s,
         projection=bench.firmware.project,
+        firmware=bench.firmware,
         target_sysid=None,
         grid_ns=grid_ns(bench),
         needs_estimator=config.autopilot.profile.needs_estimator,

@@ -67,6 +67,7 @@ def _modes(numbers: Mapping[str, int]) -> dict[str, ModeNumber]:
 
 _COPTER = Firmware(
     name="ArduPilot",
+    program="ArduCopter",
     failsafe_texts=(
         r"^(?!PreArm:|Arm:).*failsafe(?!.*\b(cleared|off)\b)",
         r"fence breached",
@@ -99,6 +100,7 @@ _COPTER = Firmware(
 # It arms in AUTO, and flies no set-points in the local frame.
 PLANE = replace(
     _COPTER,
+    program="ArduPlane",
     arms_in_guided=False,
     modes=_modes(_PLANE_MODES),
     other_modes=_OTHER_PLANE_MODES,

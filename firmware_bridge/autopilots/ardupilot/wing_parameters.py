@@ -16,7 +16,10 @@ with rates r (wanted) and p [rad/s]. With SCALING_SPEED the cruise airspeed, gai
 (`px4/wing_parameters.py`, where they come from torque, inertia and damping) are pi / 4 k here.
 
 Turns (AP_L1_Control): the L1 distance is 0.3183 NAVL1_DAMPING NAVL1_PERIOD V. ArduPlane begins a turn at that distance
-from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R begins at R.
+from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R begins at R, or earlier.
+
+Landing: ArduPlane's default sink rate in the flare, 0.25 m/s, lets a plane without brakes float 105 m past the point
+with 4 m/s of wind from behind. It flares later here, and sinks at 0.6 m/s.
 """
 
 from __future__ import annotations
@@ -33,7 +36,8 @@ _OUTPUTS = 16
 _GAIN = pi / 4.0
 _ATTITUDE_S = 0.4  # FW_R_TC, to which the rate loops belong
 _BANK_DEG = 35.0  # of the turns that a plan may expect
-_BANK_LIMIT_DEG = 45.0
+_BANK_LIMIT_DEG = 50.0
+_AHEAD = 1.2  # of that radius: where a turn begins, for rolling in, and for wind from behind
 _L1_DAMPING = 0.75
 _L1_SHARE = 0.3183  # 1 / pi
 _CLIMB_SHARE = 0.8  # of what the engine could
@@ -113,10 +117,14 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "TECS_SINK_MIN": max(vehicle.idle_sink_mps, 0.5),
         "TECS_SINK_MAX": max(3.0, 2.0 * vehicle.idle_sink_mps),
         "TECS_LAND_ARSPD": _APPROACH * stall,
-        "NAVL1_PERIOD": radius / (_L1_SHARE * _L1_DAMPING * cruise),
+        "NAVL1_PERIOD": _AHEAD * radius / (_L1_SHARE * _L1_DAMPING * cruise),
         "NAVL1_DAMPING": _L1_DAMPING,
         "WP_RADIUS": max(2.0 * radius, 50.0),
         "WP_LOITER_RAD": max(1.3 * radius, 50.0),
+        "TECS_LAND_SINK": 0.6,
+        "LAND_FLARE_ALT": 2.0,
+        "LAND_FLARE_SEC": 1.5,
+        "LAND_FLARE_AIM": 80.0,
         "LAND_PITCH_DEG": pitch_deg,
         "LAND_DISARMDELAY": 5.0,
     }

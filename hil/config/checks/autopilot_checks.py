@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.firmware import Firmware
 from hil.config.checks.program_checks import program_problem
 from hil.config.layers import Settings
 from hil.config.schema import Autopilot, BenchConfig
@@ -58,6 +59,20 @@ def build_problems(config: BenchConfig, settings: Settings, *, plane: bool) -> l
         return []
     problem = program_problem(Path(str(autopilot.binary)).expanduser(), program, other if other != program else None)
     return [] if problem is None else [at(settings, ("autopilot", "binary"), problem, program.makes)]
+
+
+def set_point_problems(config: BenchConfig, firmware: Firmware, settings: Settings) -> list[Problem]:
+    """Report pilots that fly by set-points, which the firmware does not take on this vehicle."""
+    if firmware.project is not None or not config.autopilot.profile.mavlink:
+        return []
+    pilots = {
+        ("companion", "control"): config.companion.flies,
+        ("ros2", "control"): config.ros2.flies,
+        ("follow", "log"): config.follow.flies,
+    }
+    message = f"flies by set-points, which {firmware.program or firmware.name} does not take"
+    hint = "leave it out, or choose another rig"
+    return [at(settings, place, message, hint) for place, flies in pilots.items() if flies]
 
 
 def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:

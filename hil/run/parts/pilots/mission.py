@@ -52,12 +52,16 @@ def make(bench: Bench) -> Part:
     profile = autopilot.profile
     if bench.mission is not None:
         station = GroundStation(
-            bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench), needs_estimator=profile.needs_estimator
+            bench.mission.items,
+            target_sysid=None,
+            grid_ns=grid_ns(bench),
+            needs_estimator=profile.needs_estimator,
+            firmware=bench.firmware,
         )
         return MissionPart(station, flies=True)
     if bench.script is not None:
         # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
-        return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=True)
+        return MissionPart(GroundStation((), target_sysid=None, fly=False, firmware=bench.firmware), flies=True)
     if not profile.expects_station or autopilot.on_restart != "error" or autopilot.mavlink_port == "none":
         return MissionPart(None, flies=False)
     # Real firmware expects the heartbeat of a ground station once a second.
