@@ -88,7 +88,7 @@ def test_the_wind_is_told_only_where_asked_for(make, sitl):
 
 
 def test_a_pitot_tube_is_the_airspeed_that_its_pressure_shows_and_a_vane_turns_the_wind_vane(make, sitl):
-    """SITL divides the airspeed by sqrt(rho_0 / rho), here at 2000 m above the sea: 1.225 and 1.00649 kg/m3 (ISO 2533)."""
+    """SITL divides the airspeed by sqrt(rho_0 / rho); at 2000 m rho is 1.00649, at sea level 1.225 kg/m3 (ISO 2533)."""
     link = make(state_line=StateLine(home_altitude_m=2000.0))
     pitot, vane = DifferentialPressureSample(0, 0, 0, 137.8125, 20.0), VaneSample(0, 0, 0, 0.05, -0.125)
     for tick, others in enumerate([(), (pitot, vane), (), (pitot._replace(differential_pressure_pa=-3.0),)]):
