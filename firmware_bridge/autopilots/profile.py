@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from firmware_bridge.autopilots.firmware import Firmware
-from firmware_bridge.autopilots.installation import FixedWing, Home, Installation, Multirotor, Surroundings
+from firmware_bridge.autopilots.installation import Aircraft, Home, Installation, Surroundings
 from firmware_bridge.autopilots.intake import Intake
 from firmware_bridge.autopilots.line import ONE_LINE, Line
 from firmware_bridge.autopilots.settings import AutopilotSettings
@@ -51,7 +51,7 @@ def _no_misfits(settings: AutopilotSettings) -> Sequence[Misfit]:  # noqa: ARG00
     return ()
 
 
-def _takes_any_vehicle(settings: AutopilotSettings, vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:  # noqa: ARG001
+def _takes_any_vehicle(settings: AutopilotSettings, vehicle: Aircraft) -> Sequence[Misfit]:  # noqa: ARG001
     return ()
 
 
@@ -76,10 +76,11 @@ class Profile:
     usb_port: str = ""  # of those, the port of the board's USB, which may be left out if there is only one board
     misfits: Callable[[AutopilotSettings], Sequence[Misfit]] = _no_misfits
     known_params: bool = False  # `misfits` tells parameters that it does not have; else it is asked for them in flight
-    vehicle_misfits: Callable[[AutopilotSettings, Multirotor | FixedWing], Sequence[Misfit]] = _takes_any_vehicle
+    vehicle_misfits: Callable[[AutopilotSettings, Aircraft], Sequence[Misfit]] = _takes_any_vehicle
 
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
-    plane_program: Program | None = None  # that flies planes, where it is another one than `program`
+    plane_program: Program | None = None  # for vehicles with wings, where it is another one than `program`
+    flies_vtols: bool = False  # takes a vehicle with lifters, pushers and wings
     plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
 
     # The flight.
@@ -100,9 +101,9 @@ class Profile:
     start_command: Callable[[Installation, Path], StartCommand] | None = None  # may write files to the folder
     suite_env: Callable[[Installation, Path], Mapping[str, str]] | None = None  # of a test suite with its own SITL
 
-    def program_for(self, *, plane: bool) -> Program | None:
-        """Return the program that flies planes, or the one that flies rotorcraft."""
-        return self.plane_program if plane and self.plane_program is not None else self.program
+    def program_for(self, *, winged: bool) -> Program | None:
+        """Return the program that flies vehicles with wings, or the one for those without."""
+        return self.plane_program if winged and self.plane_program is not None else self.program
 
     @property
     def is_program(self) -> bool:

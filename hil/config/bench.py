@@ -13,7 +13,6 @@ from hil.config.missions import Geopoint, Mission
 from hil.config.missions.script import MissionScript, Outcome
 from hil.config.schema import BenchConfig
 from hil.config.sensors.noise import noise_factors, scaled_parameters
-from sim.physics.fixed_wing import is_plane
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import drawn
 from sim.scene.scene import Scene
@@ -25,7 +24,7 @@ _FIXED_WING = 1  # MAV_TYPE
 
 def firmware_for(profile: Profile, vehicle: Vehicle) -> Firmware:
     """Return the facts about the firmware of an autopilot on a vehicle."""
-    return profile.firmware.of_type(_FIXED_WING) if is_plane(vehicle) else profile.firmware
+    return profile.firmware.of_type(_FIXED_WING) if vehicle.has_wings else profile.firmware
 
 
 @dataclass(frozen=True)

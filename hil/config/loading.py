@@ -42,7 +42,6 @@ from signals.documents.document import Document, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
-from sim.physics.fixed_wing import is_plane
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import in_weather, randomized
 from sim.scene.scene import Scene, has_own_site
@@ -301,7 +300,7 @@ class BenchLoading:
                 self.problems += companion_problems(config, self.settings, scripted=script is not None)
         vehicle = self._vehicle()
         if config is not None:
-            self.problems += build_problems(config, self.settings, plane=vehicle is not None and is_plane(vehicle))
+            self.problems += build_problems(config, self.settings, winged=vehicle is not None and vehicle.has_wings)
         if config is not None and vehicle is not None:
             self.problems += vehicle_problems(config, vehicle, self.settings)
             self.problems += airframe_problems(config, vehicle, self.settings)

@@ -51,10 +51,10 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
     return problems + _own_fault_problems(config, settings) + _mavlink_problems(config, settings)
 
 
-def build_problems(config: BenchConfig, settings: Settings, *, plane: bool) -> list[Problem]:
-    """Report an `autopilot.binary` that is not the program which flies a plane, or a rotorcraft."""
+def build_problems(config: BenchConfig, settings: Settings, *, winged: bool) -> list[Problem]:
+    """Report an `autopilot.binary` that is not the program which flies a vehicle with wings, or without."""
     autopilot = config.autopilot
-    program, other = autopilot.profile.program_for(plane=plane), autopilot.profile.program_for(plane=not plane)
+    program, other = (autopilot.profile.program_for(winged=wings) for wings in (winged, not winged))
     if autopilot.binary is None or not autopilot.start or program is None:
         return []
     problem = program_problem(Path(str(autopilot.binary)).expanduser(), program, other if other != program else None)
