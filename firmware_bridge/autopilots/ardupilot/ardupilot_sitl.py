@@ -12,8 +12,9 @@ from firmware_bridge.autopilots.ardupilot import plane
 from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits, frame_parameters
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import SITL
+from firmware_bridge.autopilots.ardupilot.vtol_parameters import vtol_parameters
 from firmware_bridge.autopilots.ardupilot.wing_parameters import plane_parameters
-from firmware_bridge.autopilots.installation import WORK_FOLDER, FixedWing, Home, Installation, Surroundings
+from firmware_bridge.autopilots.installation import WORK_FOLDER, Home, Installation, Multirotor, Surroundings, Vtol
 from firmware_bridge.autopilots.profile import Profile, StartCommand
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.ardupilot.json_link import StateLine
@@ -58,12 +59,12 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
 
 def _program(installation: Installation) -> str:
     """Return the name of the file that ArduPilot's build makes for this vehicle."""
-    return "arduplane" if isinstance(installation.vehicle, FixedWing) else "arducopter"
+    return "arducopter" if isinstance(installation.vehicle, Multirotor) else "arduplane"
 
 
 def _base(installation: Installation) -> Path:
     """Return the file with the parameters of every vehicle of this kind."""
-    return PLANE_DEFAULTS_PATH if isinstance(installation.vehicle, FixedWing) else DEFAULTS_PATH
+    return DEFAULTS_PATH if isinstance(installation.vehicle, Multirotor) else PLANE_DEFAULTS_PATH
 
 
 def _mavlink_address(installation: Installation) -> str:
@@ -75,9 +76,9 @@ def _mavlink_address(installation: Installation) -> str:
 def _vehicle_parameters(installation: Installation) -> dict[str, float]:
     """Return the parameters of this vehicle, its sensors and the tick, with those of the bench over them."""
     sensors, vehicle = dict(installation.sensor_parameters), installation.vehicle
-    if isinstance(vehicle, FixedWing):
-        parameters = plane_parameters(vehicle) | loop_parameters(installation.tick_hz)
-        return parameters | sensors | installation.settings.all_params
+    if not isinstance(vehicle, Multirotor):
+        own = vtol_parameters(vehicle) if isinstance(vehicle, Vtol) else plane_parameters(vehicle)
+        return own | loop_parameters(installation.tick_hz) | sensors | installation.settings.all_params
     return copter_parameters(
         hover_control=vehicle.hover_control,
         thrust_model_factor=vehicle.thrust_model_factor,
@@ -127,8 +128,9 @@ PROFILE = Profile(
     keys=frozenset({"binary", "arguments", "mavlink_port", "on_restart", "params_file"}),
     program=PROGRAM,
     flies_planes=True,
+    flies_vtols=True,
     plane_program=plane.PROGRAM,
-    vehicle_misfits=lambda settings, vehicle: () if isinstance(vehicle, FixedWing) else frame_misfits(vehicle),  # noqa: ARG005
+    vehicle_misfits=lambda settings, vehicle: frame_misfits(vehicle),  # noqa: ARG005
     wall_clock_telemetry=True,
     line=None,  # of its link only MAVLink has frames
     world=_world,

@@ -40,14 +40,13 @@ def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
 
 
 def frame_misfits(vehicle: Aircraft) -> Sequence[Misfit]:
-    """Report a vehicle with rotors for which ArduCopter has no frame."""
-    if isinstance(vehicle, FixedWing | Vtol):
-        what = "VTOL" if isinstance(vehicle, Vtol) else "plane"
-        message = f"is a {what}, which ArduCopter does not fly: {vehicle.name!r}"
-        return (Misfit(("vehicle",), message, "choose --rig mock or --rig px4_sitl"),)
-    if frame_for(vehicle) is not None:
+    """Report a vehicle with rotors, or lifters, for which ArduPilot has no frame."""
+    if isinstance(vehicle, FixedWing):
         return ()
-    count = len(vehicle.rotors)
+    lifting = vehicle.hover if isinstance(vehicle, Vtol) else vehicle
+    if frame_for(lifting) is not None:
+        return ()
+    count = len(lifting.rotors)
     message = f"has rotors for which ArduCopter has no frame: {vehicle.name!r} with {count}"
     hint = f"of so many motors it has {', '.join(frame_names(count)) or 'none'}, with upright rotors"
     return (Misfit(("vehicle",), message, hint),)

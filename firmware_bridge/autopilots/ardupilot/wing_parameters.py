@@ -24,6 +24,7 @@ with 4 m/s of wind from behind. It flares later here, and sinks at 0.6 m/s.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import degrees, pi, tan
 
 from firmware_bridge.autopilots.installation import FixedWing
@@ -58,8 +59,15 @@ def surface_function(roll: float, pitch: float, yaw: float) -> tuple[int, bool]:
     return (RUDDER, yaw < 0.0) if yaw else (UNUSED, False)
 
 
-def output_parameters(vehicle: FixedWing) -> dict[str, float]:
-    """Return SERVOn_*: engines, then surfaces, in the order of the vehicle's commands; all others off."""
+def output_parameters(
+    vehicle: FixedWing, engines: Sequence[int] | None = None, rotors: int | None = None
+) -> dict[str, float]:
+    """Return SERVOn_*: rotors, then surfaces, in the order of the vehicle's commands; all others off.
+
+    `engines`: which of its `rotors` are those of this plane; None: all.
+    """
+    engines = range(len(vehicle.rotors)) if engines is None else engines
+    first = (len(vehicle.rotors) if rotors is None else rotors) + 1
     values: dict[str, float] = {f"SERVO{n}_FUNCTION": UNUSED for n in range(1, _OUTPUTS + 1)}
 
     def output(n: int, function: int, *, reverse: bool, trim_us: int) -> None:
@@ -73,13 +81,13 @@ def output_parameters(vehicle: FixedWing) -> dict[str, float]:
             }
         )
 
-    for n in range(1, len(vehicle.rotors) + 1):
-        output(n, THROTTLE, reverse=False, trim_us=1000)
+    for rotor in engines:
+        output(rotor + 1, THROTTLE, reverse=False, trim_us=1000)
     torques = [served_torques_nm(vehicle, axis) for axis in range(3)]
     for i, surface in enumerate(vehicle.surfaces):
         function, reverse = surface_function(torques[0][i], torques[1][i], torques[2][i])
         trim_us = 1500 + round(500.0 * min(max(surface.trim, -0.5), 0.5))
-        output(len(vehicle.rotors) + 1 + i, function, reverse=reverse, trim_us=trim_us)
+        output(first + i, function, reverse=reverse, trim_us=trim_us)
     return values
 
 
@@ -144,5 +152,9 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
 
 def plane_parameters(vehicle: FixedWing) -> dict[str, float]:
     """Return the parameters that make ArduPlane's aircraft this vehicle."""
-    computed = flight_parameters(vehicle) | rate_parameters(vehicle)
-    return output_parameters(vehicle) | {name: float(f"{value:.5g}") for name, value in computed.items()}
+    return output_parameters(vehicle) | rounded(flight_parameters(vehicle) | rate_parameters(vehicle))
+
+
+def rounded(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values with the five digits that a parameter file needs."""
+    return {name: float(f"{value:.5g}") for name, value in values.items()}

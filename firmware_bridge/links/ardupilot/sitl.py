@@ -35,13 +35,17 @@ def copter_parameters(
     *, hover_control: float, thrust_model_factor: float, tick_hz: float, more: Mapping[str, float] | None = None
 ) -> dict[str, float]:
     """Return ArduCopter's parameters that depend on vehicle and tick; `more` overrides."""
+    return thrust_parameters(hover_control, thrust_model_factor) | loop_parameters(tick_hz) | dict(more or {})
+
+
+def thrust_parameters(hover_control: float, thrust_model_factor: float) -> dict[str, float]:
+    """Return the thrust curve of the rotors."""
     spin = {"spin_min": SPIN_MIN, "spin_max": SPIN_MAX}
     hover = hover_throttle(hover_control, thrust_model_factor, **spin)
-    parameters: dict[str, float] = {
+    return {
         "MOT_THST_EXPO": round(thrust_expo(thrust_model_factor, **spin), 6),
         "MOT_THST_HOVER": round(min(max(hover, _HOVER_RANGE[0]), _HOVER_RANGE[1]), 6),
     }
-    return parameters | loop_parameters(tick_hz) | dict(more or {})
 
 
 def loop_parameters(tick_hz: float) -> dict[str, float]:

@@ -9,14 +9,16 @@ from typing import Any
 import pytest
 
 from firmware_bridge.autopilots.ardupilot import ardupilot_sitl
+from firmware_bridge.autopilots.ardupilot.vtol_parameters import vtol_parameters
 from firmware_bridge.autopilots.ardupilot.wing_parameters import plane_parameters
-from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
+from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface, Vtol
 from firmware_bridge.autopilots.px4.wing_parameters import full_torques_nm, rate_gains
 from firmware_bridge.links.ardupilot.sitl import PLANE_DEFAULTS_PATH
 from hil.config import load_bench
 from hil.run.autopilot import installation_of
 from hil.run.loop.restartable_physics import make_physics
 
+VTOL = ("autopilot.start=false", "vehicle=quadplane", "mission=null", "start={}")
 RIGS = Path(__file__).parents[4] / "rigs"
 PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
 # Torques in B (FLU) of trailing edges down: a left aileron rolls to the right, an elevator pitches down (+y), a rudder
@@ -112,3 +114,20 @@ def test_a_bench_with_a_plane_gives_them_to_sitl(tmp_path: Path) -> None:
     assert (read["ARSPD_TYPE"], read["ARSPD_USE"]) == (100, 1)  # the bench has a pitot tube
     assert (read["SIM_RATE_HZ"], read["SCHED_LOOP_RATE"]) == (400, 200)
     assert "FRAME_CLASS" not in read
+
+
+def test_a_quadplane_has_its_lifters_as_motors_and_its_pusher_as_throttle(tmp_path: Path) -> None:
+    """Lifters front right, rear left, front left, rear right, then the pusher and the elevons, by quadplane.yaml."""
+    bench = load_bench(RIGS / "plane.yaml", rig="ardupilot_sitl", settings=VTOL)
+    installation = installation_of(bench, make_physics(bench).state)
+    vehicle = installation.vehicle
+    assert isinstance(vehicle, Vtol)
+    parameters = vtol_parameters(vehicle)
+    assert [parameters[f"SERVO{n}_FUNCTION"] for n in range(1, 9)] == [33, 34, 35, 36, 70, 77, 78, 0]
+    assert (parameters["Q_ENABLE"], parameters["Q_FRAME_CLASS"], parameters["Q_FRAME_TYPE"]) == (1, 1, 1)
+    assert vehicle.wing.stall_mps < parameters["Q_ASSIST_SPEED"] < parameters["AIRSPEED_MIN"]
+    # Roll by half of each lifter's range: 4 x 45 N x 0.35 m / 2 at full speed, 0.88 of it between the ends of the spin.
+    torque = 0.5 * 4 * 2.0e-5 * 1500.0**2 * 0.35 * (0.95**2 - 0.15**2)
+    assert parameters["Q_A_RAT_RLL_P"] * torque / 0.480256 == pytest.approx(15.0, rel=0.06)  # thin air at the site
+    ardupilot_sitl.start_command(installation, tmp_path)
+    assert "Q_M_THST_HOVER" in (tmp_path / "bench.parm").read_text()
