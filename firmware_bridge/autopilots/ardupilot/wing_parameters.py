@@ -19,7 +19,7 @@ Turns (AP_L1_Control): the L1 distance is 0.3183 NAVL1_DAMPING NAVL1_PERIOD V. A
 from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R begins at R, or earlier.
 
 Landing: ArduPlane's default sink rate in the flare, 0.25 m/s, lets a plane without brakes float 105 m past the point
-with 4 m/s of wind from behind. It flares later here, and sinks at 0.6 m/s.
+with 4 m/s of wind from behind. It sinks at 0.6 m/s here, for which LAND_FLARE_AIM 100 aims all of the flare ahead.
 """
 
 from __future__ import annotations
@@ -130,9 +130,9 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "WP_RADIUS": max(2.0 * radius, 50.0),
         "WP_LOITER_RAD": max(1.3 * radius, 50.0),
         "TECS_LAND_SINK": 0.6,
-        "LAND_FLARE_ALT": 2.0,
-        "LAND_FLARE_SEC": 1.5,
-        "LAND_FLARE_AIM": 80.0,
+        "LAND_FLARE_ALT": 2.5,
+        "LAND_FLARE_SEC": 2.0,
+        "LAND_FLARE_AIM": 100.0,
         "LAND_PITCH_DEG": pitch_deg,
         "LAND_DISARMDELAY": 5.0,
     }
