@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,11 +85,32 @@ class FixedWing:
 
 
 @dataclass(frozen=True)
+class Vtol:
+    """Facts about a vehicle that hovers on its lifters as a multirotor and flies on its wings as a plane.
+
+    Its commands are those of all rotors in the order of its file, then those of `wing.surfaces`.
+    """
+
+    hover: Multirotor  # its rotors are the lifters
+    wing: FixedWing  # its rotors are the pushers
+    lifters: Sequence[int]  # which of the vehicle's rotors they are, in the order of `hover.rotors`
+    pushers: Sequence[int]  # the same, of `wing.rotors`
+
+    @property
+    def name(self) -> str:
+        """Name of the vehicle."""
+        return self.hover.name
+
+
+Aircraft: TypeAlias = Multirotor | FixedWing | Vtol
+
+
+@dataclass(frozen=True)
 class Installation:
     """An autopilot in the vehicle of a bench."""
 
     settings: AutopilotSettings
-    vehicle: Multirotor | FixedWing
+    vehicle: Aircraft
     tick_hz: int
     home: Home  # start of the vehicle
     geodetic: Callable[[Vec3], tuple[float, float, float]]  # W [m] to latitude, longitude [deg], altitude [m MSL]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_bridge.autopilots.installation import Multirotor
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes, is_plane
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframe_kind, airframes
 from signals.units import STANDARD_GRAVITY_MPS2
 
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
@@ -107,7 +107,7 @@ def matching_airframe(vehicle: Multirotor) -> str | None:
     """Return the mock's airframe that has these rotors; None if there is none."""
     wanted = geometry_parameters(vehicle)
     for name in airframes():
-        if is_plane(name):
+        if airframe_kind(name) != "multirotor":
             continue
         table = _airframe_table(name)
         if table["CA_ROTOR_COUNT"] == wanted["CA_ROTOR_COUNT"] and all(
