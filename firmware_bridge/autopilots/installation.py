@@ -23,12 +23,13 @@ Home = tuple[float, float, float, float]  # latitude, longitude [deg], altitude 
 
 @dataclass(frozen=True)
 class Rotor:
-    """One rotor of a multirotor, in B."""
+    """One rotor, in B."""
 
     position_m: Vec3
     axis: Vec3  # unit vector of its thrust
     spin: float  # +1 counter-clockwise seen from above
     thrust_share: float  # of the thrust that it would have alone; below 1 in a coaxial pair
+    moment_ratio_m: float  # its torque over its thrust
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Multirotor:
     mass_kg: float
     inertia_kgm2: Vec3
     rotors: Sequence[Rotor]
-    moment_ratio_m: float  # torque over thrust of a rotor
+    moment_ratio_m: float  # torque over thrust of the first rotors that lift; sets differ: that of each is in `rotors`
     time_constant_s: float  # of the rotors' speed, up or down, the longer one
     thrust_model_factor: float
     hover_control: float  # command of each rotor, 0..1

@@ -49,7 +49,7 @@ def geometry_parameters(vehicle: Multirotor) -> dict[str, float]:
     values: dict[str, float] = {"CA_ROTOR_COUNT": len(vehicle.rotors)}
     for i, rotor in enumerate(vehicle.rotors):
         (x, y, z), (ax, ay, az), share = rotor.position_m, rotor.axis, rotor.thrust_share
-        km = rotor.spin * vehicle.moment_ratio_m / share
+        km = rotor.spin * rotor.moment_ratio_m / share
         place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": _CT * share, "KM": km}
         values |= {f"CA_ROTOR{i}_{key}": round(value, 6) + 0.0 for key, value in place.items()}
     return values
