@@ -61,7 +61,7 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
         inertia_kgm2=(x, y, z),
         rotors=[
             Rotor(rotor.position_m, rotor.axis, rotor.spin.sign, 1.0, constants[i].moment_ratio_m)
-            for i, rotor in enumerate(vehicle.rotors)
+            for i, rotor in enumerate(vehicle.rotors_ahead)
             if i in airframe.engines
         ],
         surfaces=surfaces,

@@ -161,6 +161,7 @@ class RigidBody {
             double *battery = battery_.data(), power_w = 0.0;
             hil::sim::Instant now;
             hil::sim::instant_at(body_, state(), wind_.start_W, now);
+            pose();
             for (std::size_t k = 0; k < body_.forces.size(); ++k) {
                 power_w += body_.forces[k]->power_w(now, state() + body_.first_state[k]);
             }
@@ -172,6 +173,12 @@ class RigidBody {
             voltage_ = battery[1] / pack_.nominal_voltage_v;
         }
         return command_forces(controls);
+    }
+
+    void pose() const {
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            body_.forces[k]->pose(state() + body_.first_state[k]);
+        }
     }
 
     // Current of the forces at V / V_nominal; adds its derivative.
@@ -382,6 +389,7 @@ class RigidBody {
     void add_wakes(const std::vector<const RigidBody *> &all, double *wind_W_mps) const {
         double wind[3];
         for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + times_.tick_s * wind_.slope_W[j];
+        pose();
         for (std::size_t k = 0; k < body_.forces.size(); ++k) {
             hil::sim::Jet jet;
             if (!body_.forces[k]->jet(state(), state() + body_.first_state[k], wind, jet)) continue;

@@ -86,13 +86,13 @@ class Mode:
 
 
 def engines(vehicle: Vehicle) -> list[int]:
-    """Return the indices of the rotors that pull ahead."""
-    return [i for i, rotor in enumerate(vehicle.rotors) if rotor.axis[0] >= LEAST_AHEAD]
+    """Return the indices of the rotors that pull ahead in flight, some of them turned there by tilts."""
+    return [i for i, rotor in enumerate(vehicle.rotors_ahead) if rotor.axis[0] >= LEAST_AHEAD]
 
 
 def is_plane(vehicle: Vehicle) -> bool:
     """Return True for a vehicle that its wings alone carry: it has no rotor that lifts."""
-    return vehicle.has_wings and all(rotor.axis[2] < LEAST_AHEAD for rotor in vehicle.rotors)
+    return vehicle.has_wings and all(vehicle.upward(rotor.axis) < LEAST_AHEAD for rotor in vehicle.rotors)
 
 
 def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
@@ -132,7 +132,7 @@ class Airframe:
         self.engines = engines(self.vehicle)
         names = {surface.name for surface in self.vehicle.surfaces}
         self.surfaces = [i for i, command in enumerate(commands) if command.name in names]
-        self._neutral = np.zeros(len(commands))
+        self._neutral = np.array(self.vehicle.ahead_commands)  # tilts stay where they are in flight
         self._weight_n = self.vehicle.mass_kg * self.gravity_mps2
 
     # ---- forces

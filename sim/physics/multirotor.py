@@ -83,20 +83,6 @@ def lifting_groups(vehicle: Vehicle) -> list[RotorGroup]:
     return [group for group in vehicle.rotor_groups if group.lift >= LEAST_UP]
 
 
-def lifting_part(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with only those rotors that lift, as it hovers: a standard VTOL without its pusher."""
-    lifters = [i for i, rotor in enumerate(vehicle.rotors) if rotor.axis[2] >= LEAST_UP]
-    number = {old: new for new, old in enumerate(lifters)}
-    rotors = tuple(
-        rotor
-        if rotor.coaxial_below is None
-        else rotor.model_copy(update={"coaxial_below": number[rotor.coaxial_below]})
-        for rotor in (vehicle.rotors[i] for i in lifters)
-    )
-    sets = {name: of for name, of in vehicle.rotor_sets.items() if any(rotor.set == name for rotor in rotors)}
-    return vehicle.model_copy(update={"rotors": rotors, "rotor_sets": sets})
-
-
 def _common_control(vehicle: Vehicle, lifting: Sequence[RotorGroup], density_ratio: float) -> float:
     """Return the command at which all sets together carry the weight; above 1 the square root of the missing thrust."""
     weight_n = vehicle.mass_kg * STANDARD_GRAVITY_MPS2

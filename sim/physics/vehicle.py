@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import pydantic
 from numpy.typing import NDArray
 from pydantic import Field
 
+from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel, load_model
-from signals.samples import Vec3
+from signals.samples import Quat, Vec3
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
 from sim.physics.battery import Battery
@@ -36,6 +38,7 @@ from sim.physics.forces.rotors import (
     rotor_groups,
 )
 from sim.physics.forces.surface import Surface, check_names
+from sim.physics.forces.tilt import Tilt, check_tilts, tilts_force
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
@@ -80,6 +83,9 @@ class Vehicle(StrictModel):
     rotor_model: RotorModel = "quadratic"
     # Other propellers, motors or models: a rotor names its set, and without one it has the two keys above.
     rotor_sets: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], RotorSet] = Field(default_factory=dict)
+    tilts: Annotated[tuple[Tilt, ...], Field(max_length=8)] = ()  # servos that turn rotors
+    # How it stands on the ground and hovers: with the body's z up, or as a tailsitter with x up.
+    stands: Literal["on_feet", "on_tail"] = "on_feet"
     body_drag_linear_n_per_mps: NonNegative3
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
@@ -117,9 +123,11 @@ class Vehicle(StrictModel):
 
     @pydantic.model_validator(mode="after")
     def _commands_fit(self) -> Vehicle:
-        check_names(self.surfaces)
+        check_names(self.servos)
         if len(self.commands) > CONTROLS:
-            raise ValueError(f"rotors and forces take {len(self.commands)} commands, and an autopilot has {CONTROLS}")
+            raise ValueError(
+                f"rotors, tilts and forces take {len(self.commands)} commands, and an autopilot has {CONTROLS}"
+            )
         return self
 
     @pydantic.model_validator(mode="after")
@@ -128,12 +136,13 @@ class Vehicle(StrictModel):
         if len(set(names)) != len(names):
             raise ValueError(f"contact spheres must have different names, not {names}")
         for i, rotor in enumerate(self.rotors):
-            if rotor.axis[2] < LEAST_UP and not self.has_wings:
+            if self.upward(rotor.axis) < LEAST_UP and not self.has_wings:
                 raise ValueError(
                     f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt "
                     "by up to 84 degrees from [0, 0, 1]"
                 )
         check_sets(self.rotors, self.rotor_sets)
+        check_tilts(self.tilts, self.rotors)
         if any(rotor.set is None for rotor in self.rotors) and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
         for group in self.rotor_groups:
@@ -198,7 +207,7 @@ class Vehicle(StrictModel):
     @property
     def rotor_groups(self) -> tuple[RotorGroup, ...]:
         """Rotors by their constants, in their order: each group is one force of the body."""
-        return rotor_groups(self.rotors, self.rotor_model, self.rotor_constants, self.rotor_sets)
+        return rotor_groups(self.rotors, self.rotor_model, self.rotor_constants, self.rotor_sets, self.up_axis)
 
     @property
     def leading_group(self) -> RotorGroup | None:
@@ -254,14 +263,17 @@ class Vehicle(StrictModel):
         drag = _kernels.AirDrag(
             linear_n_per_mps=self.body_drag_linear_n_per_mps, quadratic_n_per_m2ps2=self.body_drag_quadratic_n_per_m2ps2
         )
-        rotors = [group.force(effects) for group in self.rotor_groups]
-        return [drag, *rotors, *(force.make(effects) for force in self.forces)]
+        groups = self.rotor_groups
+        rotors = [group.force(effects) for group in groups]
+        tilts = [tilts_force(self.tilts, self.rotors, groups, rotors)] if self.tilts else []
+        return [drag, *rotors, *tilts, *(force.make(effects) for force in self.forces)]
 
     @property
     def commands(self) -> tuple[Command, ...]:
-        """Commands of the vehicle in the order of an autopilot's controls: rotors, then those of `forces`."""
+        """Commands of the vehicle in the order of an autopilot's controls: rotors, tilts, then those of `forces`."""
         rotors = [Command(f"rotor_{i}", signed=False) for i in range(len(self.rotors))]
-        return (*rotors, *(command for force in self.forces for command in force.commands))
+        tilts = [Command(tilt.name, signed=True) for tilt in self.tilts]
+        return (*rotors, *tilts, *(command for force in self.forces for command in force.commands))
 
     @property
     def signed_commands(self) -> frozenset[int]:
@@ -272,6 +284,52 @@ class Vehicle(StrictModel):
     def surfaces(self) -> tuple[Surface, ...]:
         """Control surfaces of all forces, in the order of their commands."""
         return tuple(surface for force in self.forces for surface in force.moved_surfaces)
+
+    @property
+    def servos(self) -> tuple[Tilt | Surface, ...]:
+        """All that a servo moves, in the order of the commands: tilts, then control surfaces."""
+        return (*self.tilts, *self.surfaces)
+
+    @property
+    def rest_commands(self) -> tuple[float, ...]:
+        """Commands at which rotors stop, tilts are where they hover, and surfaces are neutral."""
+        return tuple(self._commands(0.0, [tilt.hover_command for tilt in self.tilts]))
+
+    @property
+    def ahead_commands(self) -> tuple[float, ...]:
+        """The same with each tilt where its rotors point most ahead."""
+        return tuple(self._commands(0.0, [tilt.command_of(tilt.ahead_rad(self.rotors)) for tilt in self.tilts]))
+
+    def _commands(self, rotors: float, tilts: Sequence[float]) -> list[float]:
+        commands = [rotors] * len(self.rotors) + list(tilts)
+        return commands + [0.0] * (len(self.commands) - len(commands))
+
+    @property
+    def rotors_ahead(self) -> tuple[Rotor, ...]:
+        """Rotors as they are in forward flight: those on a tilt where they point most ahead."""
+        rotors = list(self.rotors)
+        for tilt in self.tilts:
+            angle_rad = tilt.ahead_rad(self.rotors)
+            for i in tilt.rotors:
+                rotors[i] = tilt.turned(rotors[i], angle_rad)
+        return tuple(rotors)
+
+    @property
+    def up_axis(self) -> Vec3:
+        """Direction in B that points up where the vehicle stands and hovers."""
+        return (1.0, 0.0, 0.0) if self.stands == "on_tail" else (0.0, 0.0, 1.0)
+
+    def upward(self, v_B: Vec3) -> float:
+        """Return the part of a vector along `up_axis`."""
+        return v_B[0] if self.stands == "on_tail" else v_B[2]
+
+    def standing_quat(self, yaw_rad: float) -> Quat:
+        """Return q_WB where it stands with a heading; a tailsitter's is that with its nose lowered to the horizon."""
+        c, s = det_cos(0.5 * yaw_rad), det_sin(0.5 * yaw_rad)
+        if self.stands == "on_feet":
+            return (c, 0.0, 0.0, s)
+        half = math.sqrt(0.5)  # then by 90 degrees about -y
+        return (half * c, half * s, -half * c, half * s)
 
     @property
     def inertia_tensor_kgm2(self) -> NDArray[np.float64]:
@@ -301,7 +359,7 @@ class Vehicle(StrictModel):
     @property
     def lying_height_m(self) -> float:
         """Height of the body origin over level ground when its lowest contact sphere just touches."""
-        return max(sphere.radius_m - sphere.position_m[2] for sphere in self.contact_spheres)
+        return max(sphere.radius_m - self.upward(sphere.position_m) for sphere in self.contact_spheres)
 
     @property
     def standing_height_m(self) -> float:

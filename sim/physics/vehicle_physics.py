@@ -33,7 +33,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import det_cos, det_sin
 from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
@@ -187,7 +186,7 @@ class VehiclePhysics:
         self._tick = -1
 
         state = self.state
-        state[_Q] = (det_cos(0.5 * start.yaw_rad), 0.0, 0.0, det_sin(0.5 * start.yaw_rad))
+        state[_Q] = vehicle.standing_quat(start.yaw_rad)
         self._standing = start.p_WB is None
         if self._rail is not None:
             state[_P], state[_Q] = self._rail.p_WB, self._rail.q_WB
@@ -227,7 +226,8 @@ class VehiclePhysics:
             wheels.set_ground(start.ground_W[2])
         self._rotors = [force for force in forces if isinstance(force, Rotors)]  # by `Vehicle.rotor_groups`
         self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
-        self._commands = sum(force.commands for force in forces)
+        rest = self.vehicle.rest_commands
+        self._rest = [*rest, *([0.0] * (sum(force.commands for force in forces) - len(rest)))]  # the launcher's
         self._surfaced, own = [], 0
         for force in forces:
             if isinstance(force, SurfacedForce):
@@ -676,8 +676,7 @@ class VehiclePhysics:
                     continue  # a later fault has replaced it
                 self._break_rotor(fault, ends=ends)
             elif fault is not None:
-                force, index, place = self._surface(fault.surface)
-                force.set_surface(index, fault.state, fault.stuck_rad(float(self._truth[place])))
+                self._break_surface(fault)
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
         self._next_change = self._pending[-1].tick if self._pending else -1
 
@@ -690,9 +689,18 @@ class VehiclePhysics:
             if group.constants.motor is not None:
                 rotors.set_driven(fault.rotor - group.first, driven=ends or fault.driven)
 
+    def _break_surface(self, fault: SurfaceFault) -> None:
+        force, index, place = self._surface(fault.surface)
+        force.set_surface(index, fault.state, fault.stuck_rad(float(self._truth[place])))
+        tilt = next((tilt for tilt in self.vehicle.tilts if tilt.name == fault.surface), None)
+        if tilt is not None and fault.kind == "lost":  # its rotors with it
+            for group, rotors in zip(self._groups, self._rotors, strict=True):
+                for i in set(tilt.rotors) & set(group.indices):
+                    rotors.set_rotor(i - group.first, 0.0, 0.0, 0.0)
+
     def _surface(self, name: str) -> tuple[SurfacedForce, int, int]:
         """Return the force of a surface, the surface's index in it, and its place in the state."""
-        names = [surface.name for surface in self.vehicle.surfaces]
+        names = [servo.name for servo in self.vehicle.servos]
         index = names.index(name)
         for force, first in self._surfaced:
             if index < force.states:
@@ -798,7 +806,7 @@ class VehiclePhysics:
 
     def _settle(self) -> None:
         """Let the feet settle to their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
-        self.body.command([0.0] * self._commands)
+        self.body.command(self._rest)
         if self._actors is not None:
             self._actors.pose_all(self.start_ns)
         settle_ns = _SETTLE_ON_WHEELS_NS if self._wheels else _SETTLE_NS

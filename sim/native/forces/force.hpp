@@ -130,6 +130,8 @@ class Force {
     virtual void end_contact(double * /*own*/, bool /*hard*/) {}
     // Own states with their rates at one instant.
     virtual void at_instant(const double * /*own*/) {}
+    // Puts what this force moves of others where these own states have it, at rest: before power_w and jet.
+    virtual void pose(const double * /*own*/) {}
 
     // Mechanical power now [W], and work over a tick that began at these own states [J]: what a battery must deliver.
     virtual double power_w(const Instant &, const double * /*own*/) { return 0.0; }

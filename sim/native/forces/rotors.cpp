@@ -55,11 +55,50 @@ void Rotors::set_rotor(int rotor, double thrust_left, double forced_speed_radps,
     for (int i = 0; i < p_.count; ++i) imbalanced_ = imbalanced_ || imbalance_kgm_[i] > 0.0;
 }
 
+RotorPose Rotors::let_tilt(int rotor, double reach_m) {
+    if (!tilting_) {
+        for (int i = 0; i < p_.count; ++i) {
+            const double *r = p_.position_m[i];
+            reach_m_[i] = std::sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
+        }
+    }
+    tilting_ = true;
+    upright_ = false;
+    reach_m_[rotor] = reach_m;
+    RotorPose pose{};
+    for (int j = 0; j < 3; ++j) {
+        pose.place_m[j] = p_.position_m[rotor][j];
+        pose.axis[j] = p_.axis[rotor][j];
+        for (int k = 0; k < 2; ++k) pose.plane[k][j] = plane_[rotor][k][j];
+    }
+    return pose;
+}
+
+void Rotors::turn(int rotor, const RotorPose &pose) {
+    tilt_rate_[rotor] = pose.tilt_rate_radps;
+    for (int j = 0; j < 3; ++j) {
+        p_.position_m[rotor][j] = pose.place_m[j];
+        p_.axis[rotor][j] = pose.axis[j];
+        place_rate_[rotor][j] = pose.place_rate_mps[j];
+        axis_rate_[rotor][j] = pose.axis_rate_per_s[j];
+        for (int k = 0; k < 2; ++k) plane_[rotor][k][j] = pose.plane[k][j];
+    }
+}
+
+double Rotors::tilt_rate_radps() const {
+    double most = 0.0;
+    for (int i = 0; i < p_.count; ++i) {
+        const double rate = std::fabs(tilt_rate_[i]);
+        if (rate > most) most = rate;
+    }
+    return most;
+}
+
 double Rotors::mobility_per_kg(const Inertia &inertia) const {
     double reach2 = 0.0;
     for (int i = 0; i < p_.count; ++i) {
         const double *r = p_.position_m[i];
-        reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+        reach2 += tilting_ ? reach_m_[i] * reach_m_[i] : r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
     }
     return p_.count / inertia.mass_kg + reach2 / inertia.least_kgm2();
 }
@@ -144,7 +183,7 @@ double Rotors::longest_step(const double *s, const double *wind_W, double longes
     double step = longest_s;
     for (int i = 0; i < p_.count; ++i) {
         double hub[3];
-        point_velocity(air, s + kW, p_.position_m[i], hub);
+        hub_velocity(i, air, s + kW, hub);
         if (!upright_) {  // into the axes e1, e2, n
             const double *rows[3] = {plane_[i][0], plane_[i][1], p_.axis[i]};
             const double b[3] = {hub[0], hub[1], hub[2]};
@@ -222,7 +261,7 @@ void Rotors::publish(int i, double induced_mps, const Instant &now) const {
     Slipstream &out = now.slipstreams->of[now.slipstreams->count++];
     const double *n = p_.axis[i];
     double hub[3];
-    point_velocity(now.air_B, now.s + kW, p_.position_m[i], hub);
+    hub_velocity(i, now.air_B, now.s + kW, hub);
     for (int j = 0; j < 3; ++j) {
         out.place_m[j] = p_.position_m[i][j];
         out.axis[j] = n[j];
@@ -295,7 +334,7 @@ void Rotors::add_tilted(const Instant &now, Wrench &out) const {
         const double speed = speed_[i];
         const double k = p_.thrust_coefficient_n_per_radps2 * thrust_left_[i];
         double hub[3], across[3];
-        point_velocity(now.air_B, w, r, hub);
+        hub_velocity(i, now.air_B, w, hub);
         const double axial = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
         for (int j = 0; j < 3; ++j) across[j] = hub[j] - axial * n[j];
         double thrust = k * speed * (speed - p_.coaxial_loss[i] * speed_[p_.above[i]]);
@@ -321,6 +360,7 @@ void Rotors::add_tilted(const Instant &now, Wrench &out) const {
             force[j] += f[j];
             torque[j] -= (reaction + momentum_rate) * n[j];
             h[j] += momentum * n[j];
+            if (tilting_) torque[j] -= momentum * axis_rate_[i][j];
         }
         torque[0] += r[1] * f[2] - r[2] * f[1];
         torque[1] += r[2] * f[0] - r[0] * f[2];
@@ -352,6 +392,7 @@ void Rotors::add_gyroscopic(const double *w, Wrench &out) const {
         for (int j = 0; j < 3; ++j) {
             h[j] += along * speed_[i] * p_.axis[i][j];
             rate[j] += along * accel_[i] * p_.axis[i][j];
+            if (tilting_) rate[j] += along * speed_[i] * axis_rate_[i][j];
         }
     }
     out.torque_B[0] -= (w[1] * h[2] - w[2] * h[1]) + rate[0];

@@ -3,6 +3,7 @@
 //
 // Per surface (u the command, saturated to -1..1; d its deflection [rad]):
 //   target   c = u d_max for u >= 0, -u d_min below         d_max at command +1, d_min at -1, of either sign
+//            c = d_0 + the same                             for a servo whose neutral angle d_0 is not 0
 //   motion   dd/dt = (c - d) / tau, limited to -r..r         r = 0 in the parameters: no limit
 //
 // Closed form for a constant target, with e = c - d at the start and s its sign:
@@ -33,6 +34,7 @@ struct ServoParams {
     double min_rad;  // at command -1
     double rate_radps;  // 0: no limit
     double time_constant_s;
+    double neutral_rad = 0.0;  // d_0, at command 0; max_rad and min_rad are then from there
 };
 
 enum class SurfaceState { kHealthy, kStuck, kFloating, kLost };
@@ -50,6 +52,12 @@ class Servos {
 
     // Deflections of the last `at`, `at_contact` or `at_instant` [rad].
     const double *angle() const { return angle_; }
+    // Rate at that angle [rad/s].
+    double rate(int i) const {
+        const double wanted = (target_[i] - angle_[i]) / p_[i].time_constant_s, most = p_[i].rate_radps;
+        if (!limited(i)) return wanted;
+        return wanted > most ? most : (wanted < -most ? -most : wanted);
+    }
     // Share of the surface's effect on the air: 1, or 0 when it is lost.
     double effect(int i) const { return effect_[i]; }
 
@@ -85,6 +93,7 @@ class Servos {
             if (!std::isfinite(control[i])) return i;
             const double u = control[i] < -1.0 ? -1.0 : (control[i] > 1.0 ? 1.0 : control[i]);
             target_[i] = u >= 0.0 ? u * p_[i].max_rad : -u * p_[i].min_rad;
+            if (p_[i].neutral_rad != 0.0) target_[i] += p_[i].neutral_rad;
             if (state_[i] == SurfaceState::kStuck) target_[i] = stuck_rad_[i];
             if (state_[i] == SurfaceState::kFloating) target_[i] = 0.0;
         }
@@ -97,7 +106,8 @@ class Servos {
     }
 
     double full_scale(int i) const {
-        const double up = std::fabs(p_[i].max_rad), down = std::fabs(p_[i].min_rad);
+        const double neutral = p_[i].neutral_rad;
+        const double up = std::fabs(neutral + p_[i].max_rad), down = std::fabs(neutral + p_[i].min_rad);
         return up > down ? up : down;
     }
 

@@ -15,6 +15,7 @@ import pydantic
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
+from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, Point
@@ -43,6 +44,14 @@ _COAXIAL_OFFSET_M = 0.01  # greatest distance of a lower rotor from the axis of 
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
 
+def unit_vector(axis: tuple[float, float, float], usual: str) -> tuple[float, float, float]:
+    """Return a vector of length 1. Raises ValueError for one of length 0."""
+    length = math.hypot(*axis)
+    if length < 1e-6:
+        raise ValueError(f"{list(axis)} has no direction: {usual}")
+    return (axis[0] / length, axis[1] / length, axis[2] / length)
+
+
 class Rotor(StrictModel):
     """One rotor; its index in the list is its number in the autopilot's control order."""
 
@@ -55,10 +64,7 @@ class Rotor(StrictModel):
     @pydantic.field_validator("axis")
     @classmethod
     def _unit_vector(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
-        length = math.hypot(*axis)
-        if length < 1e-6:
-            raise ValueError(f"{list(axis)} has no direction: an upright rotor has [0, 0, 1]")
-        unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+        unit = unit_vector(axis, "an upright rotor has [0, 0, 1]")
         if unit[2] < _LEAST_AHEAD:
             raise ValueError(
                 f"{list(axis)} does not point up or ahead: a rotor may tilt by up to 96 degrees from [0, 0, 1]"
@@ -136,6 +142,7 @@ class RotorGroup(NamedTuple):
     rotors: tuple[Rotor, ...]
     model: RotorModel
     constants: RotorConstants
+    up: Vec3  # direction in B that points up in hover
 
     @property
     def blades(self) -> BladeElement | WindTunnel | None:
@@ -164,8 +171,12 @@ class RotorGroup(NamedTuple):
 
     @property
     def lift(self) -> float:
-        """Vertical part of the axes, summed over the rotors with their shares: over k O^2 the thrust of the group."""
-        return sum(share * rotor.axis[2] for share, rotor in zip(self.thrust_shares, self.rotors, strict=True))
+        """Vertical part of the axes in hover, summed with the shares: the lift of the group over k O^2 of a rotor."""
+        x, y, z = self.up
+        return sum(
+            share * (x * rotor.axis[0] + y * rotor.axis[1] + z * rotor.axis[2])
+            for share, rotor in zip(self.thrust_shares, self.rotors, strict=True)
+        )
 
     def force(self, effects: Effects) -> _kernels.Rotors:
         """Return the force of these rotors."""
@@ -173,18 +184,22 @@ class RotorGroup(NamedTuple):
 
 
 def rotor_groups(
-    rotors: Sequence[Rotor], model: RotorModel, constants: RotorConstants, sets: Mapping[str, RotorSet]
+    rotors: Sequence[Rotor],
+    model: RotorModel,
+    constants: RotorConstants,
+    sets: Mapping[str, RotorSet],
+    up: Vec3 = (0.0, 0.0, 1.0),
 ) -> tuple[RotorGroup, ...]:
     """Return the groups of a vehicle's rotors, in their order."""
     groups, first = [], 0
     for name, members in itertools.groupby(rotors, key=lambda rotor: rotor.set):
         own = tuple(members)
         if name is None:
-            groups.append(RotorGroup("rotor_constants", first, own, model, constants))
+            groups.append(RotorGroup("rotor_constants", first, own, model, constants, up))
         else:
             of = sets[name]
             key = f"rotor_sets.{name}.rotor_constants"
-            groups.append(RotorGroup(key, first, own, of.rotor_model, of.rotor_constants))
+            groups.append(RotorGroup(key, first, own, of.rotor_model, of.rotor_constants, up))
         first += len(own)
     return tuple(groups)
 

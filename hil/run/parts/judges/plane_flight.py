@@ -68,7 +68,7 @@ class PlaneFlightPart(Part):
 
         title = f"{run.bench.scene.name} on rig {self._config.rig}, seed {self._config.seed}"
         pictures = flight_pictures(run.out, run.recorder.track.arrays(), run.route, title)
-        names = [surface.name for surface in self._bench.vehicle.surfaces]
+        names = [servo.name for servo in self._bench.vehicle.servos]
         return Report(pictures + plane_pictures(run.out, self._track.arrays(), names))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from signals.units import STANDARD_GRAVITY_MPS2
-from sim.physics import multirotor
+from sim.physics import multirotor, vtol
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import RotorFault
 from sim.physics.flight_start import FlightStart
@@ -153,7 +153,7 @@ def test_the_part_that_lifts_leaves_the_pusher_out() -> None:
     data["forces"] = yaml.safe_load((VEHICLE_DIR / "aerosonde.yaml").read_text())["forces"]
     vehicle = Vehicle.model_validate(data)
     assert [force.commands for force in vehicle.make_forces(Effects())][:3] == [0, 4, 1]
-    hover = multirotor.lifting_part(vehicle)
+    hover = vtol.hovering(vehicle)
     assert len(hover.rotors) == 4
     assert not hover.rotor_sets
     assert multirotor.unfit(hover) is None
