@@ -302,6 +302,7 @@ class PlaneLimits(Section):
     max_cross_track_m: Annotated[float, Field(gt=0)] | None = 25.0  # from the path that a plane can fly
     altitude_error_m: Annotated[float, Field(gt=0)] | None = 8.0  # on level legs
     airspeed_margin: Annotated[float, Field(gt=0)] | None = 1.1  # least airspeed over the stall at the load of the bank
+    stalled_s: Annotated[float, Field(ge=0)] | None = 0.5  # beyond the stall's angle of attack
     max_bank_deg: Annotated[float, Field(gt=0, le=180)] | None = 60.0
     loiter_error_m: Annotated[float, Field(gt=0)] | None = 15.0
     touchdown_sink_mps: Annotated[float, Field(gt=0)] | None = 2.0

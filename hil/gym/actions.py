@@ -1,6 +1,7 @@
 """Action kinds: actions in -1..1 to commands of a vehicle.
 
     motors     one value for each rotor: command (a + 1) / 2
+    controls   one value for each command of the vehicle: those of its rotors as above, -1..1 of its surfaces
     rates      body rates about x, y, z of B, and collective thrust: 1 + a (thrust_ratio - 1) times the weight
     velocity   forward, left (of the present heading), up, and yaw rate
     position   east, north, up from the episode's origin, and heading from east: +-pi
@@ -34,18 +35,27 @@ from hil.run.stepped.ideal_controller import (
 from hil.run.stepped.vehicle import FlyingVehicle
 from hil.run.stepped.world import SteppedWorld
 from signals.desired import DesiredState
-from signals.errors import HilError
+from signals.errors import ConfigError, HilError, Problem
 from signals.samples import TruthState, Vec3
 from sim._kernels import IdealController as Kernel
-from sim.physics.multirotor import hover_control
+from sim.physics.multirotor import hover_control, unfit
 from sim.physics.vehicle import Vehicle
 
 _BOOT_S = 120.0  # simulated time in which an autopilot has to be ready to arm
 
 
-def action_space(options: FlightOptions, vehicle: Vehicle) -> Box:
-    """Return the space of one vehicle's actions."""
-    return Box(-1.0, 1.0, (len(vehicle.rotors) if options.action == "motors" else 4,), np.float32)
+def action_space(options: FlightOptions, vehicle: Vehicle, name: str) -> Box:
+    """Return the space of one vehicle's actions. Raises ConfigError for a vehicle that they cannot fly."""
+    wrong = None
+    if options.action == "motors" and len(vehicle.commands) > len(vehicle.rotors):
+        wrong = "has surfaces besides its rotors"
+    elif options.action in ("rates", "velocity", "position") and options.controller == "ideal":
+        wrong = (unfit(vehicle) or ("", None))[1]
+    if wrong is not None:
+        message = f"action {options.action!r} does not fly {vehicle.name!r}, which {wrong}"
+        raise ConfigError([Problem(name, message, 'action="controls" commands its rotors and surfaces')])
+    counts = {"motors": len(vehicle.rotors), "controls": len(vehicle.commands)}
+    return Box(-1.0, 1.0, (counts.get(options.action, 4),), np.float32)
 
 
 def checked(action: Any, shape: tuple[int, ...], name: str) -> list[float]:
@@ -124,6 +134,26 @@ class MotorDriver:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+class ControlsDriver(MotorDriver):
+    """All commands of the vehicle, its surfaces too."""
+
+    cruises = False
+
+    def __init__(self, vehicle: FlyingVehicle) -> None:
+        super().__init__(vehicle)
+        self._signed = [command.signed for command in vehicle.vehicle.commands]
+
+    def rest(self) -> Sequence[float]:
+        """Return the commands that about keep the rotors' speeds, surfaces neutral."""
+        most = self._vehicle.vehicle.rotor_constants.max_speed_radps
+        shares = [(speed / most) * (speed / most) for speed in self._vehicle.truth.rotor_speed_radps]
+        rotors = [2.0 * min(share, 1.0) - 1.0 for share in shares]
+        return rotors + [0.0 if signed else -1.0 for signed in self._signed[len(rotors) :]]
+
+    def command(self, values: Sequence[float]) -> None:
+        self.held = [v if signed else 0.5 * (v + 1.0) for v, signed in zip(values, self._signed, strict=True)]
 
 
 class IdealDriver:
@@ -251,6 +281,8 @@ def make_driver(bench: Bench, vehicle: FlyingVehicle, world: SteppedWorld, optio
     """Return the driver of a vehicle."""
     if options.action == "motors":
         return MotorDriver(vehicle)
+    if options.action == "controls":
+        return ControlsDriver(vehicle)
     if options.controller == "rig":
         return RigDriver(bench, vehicle, world, options)
     return IdealDriver(vehicle, world, options)

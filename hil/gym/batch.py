@@ -27,6 +27,7 @@ TASKS = {
     "hover": "hil.gym.tasks.hover:HoverTask",
     "waypoints": "hil.gym.tasks.waypoints:WaypointsTask",
     "explore": "hil.gym.tasks.explore:ExploreTask",
+    "cruise": "hil.gym.tasks.cruise:CruiseTask",
     "bench": "hil.gym.tasks.bench:BenchTask",
 }
 
@@ -59,7 +60,7 @@ class Batch:
         self.options = read_options(kind.Options, dict(options or {}), self.name)
         self.ticks = self.options.ticks(bench.config.tick_ns, self.name)
         self.most_steps, self._step_s = self.options.steps(), self.options.step_s
-        self.action_space = action_space(self.options, bench.vehicle)
+        self.action_space = action_space(self.options, bench.vehicle, self.name)
         self._ports = kind.ports(bench, self.options)
         self.flights = [self._flight(bench) for _ in range(count)]
         self._map_seeds: list[int | None] = [bench.config.map_seed] * count

@@ -16,7 +16,7 @@ from signals.errors import ConfigError, Problem
 from signals.time import NS_PER_S
 from sim.physics.integration import Integration
 
-ActionKind = Literal["motors", "rates", "velocity", "position"]
+ActionKind = Literal["motors", "controls", "rates", "velocity", "position"]
 Speed = Annotated[float, Field(gt=0.0, le=50.0)]
 Rate = Annotated[float, Field(gt=0.0, le=50.0)]
 FUNCTION = "function"  # mark of an option that may be a function instead of its name

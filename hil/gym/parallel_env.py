@@ -306,7 +306,7 @@ class _Member:
         self.ports = Ports(
             bench, ports, None if frames is None else frames.seen_by(name), wind_at=lambda: physics.wind_W_mps
         )
-        self.space = action_space(env.options, bench.vehicle)
+        self.space = action_space(env.options, bench.vehicle, _NAME)
         self.shape: tuple[int, ...] = self.space.shape
         self.before: TruthState = self.vehicle.truth
 

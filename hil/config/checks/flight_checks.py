@@ -45,10 +45,10 @@ def _copter_problems(config: BenchConfig, mission: Mission) -> list[Problem]:
     """Report items that an autopilot flies with planes alone."""
     only = config.autopilot.profile.plane_items
     return [
-        Problem(
-            f"{mission.path}",
-            f"item {item.seq + 1} ({PLACE_COMMANDS.get(item.command, item.command)}) is flown by planes alone, and the "
-            f"vehicle {config.vehicle!r} is a multirotor",
+        mission.problem(
+            item.seq,
+            f"({PLACE_COMMANDS.get(item.command, item.command)}) is flown by planes alone, and the vehicle "
+            f"{config.vehicle!r} is a multirotor",
             "leave it out, or choose a plane: --set vehicle=skywalker_x8",
         )
         for item in mission.items
@@ -101,7 +101,7 @@ def _plane_mission_problems(config: BenchConfig, facts: FixedWing, mission: Miss
     problems: list[Problem] = []
 
     def report(seq: int, message: str, hint: str) -> None:
-        problems.append(Problem(f"{mission.path}", f"item {seq + 1} {message}", hint))
+        problems.append(mission.problem(seq, message, hint))
 
     for item in mission.items:
         if item.command in _VTOL:
@@ -137,9 +137,9 @@ def _landing_problems(legs: Sequence[Leg], mission: Mission, radius: float) -> l
         if slope > _STEEPEST_DEG or length < 2.0 * radius:
             least = max(height / math.tan(math.radians(_STEEPEST_DEG)), 2.0 * radius)
             message = (
-                f"item {leg.seq + 1} (landing) lies {length:.0f} m from the waypoint before and {height:.0f} m below "
-                f"it: a plane needs {least:.0f} m or more"
+                f"(landing) lies {length:.0f} m from the waypoint before and {height:.0f} m below it: a plane needs "
+                f"{least:.0f} m or more"
             )
             hint = "put a waypoint low and far out on the line of the landing"
-            found.append(Problem(f"{mission.path}", message, hint))
+            found.append(mission.problem(leg.seq, message, hint))
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -46,17 +46,24 @@ class Geopoint(NamedTuple):
 class Mission:
     """Items in the order of upload, numbered from 0, the first one current.
 
-    `planned_home` is the home position in the file, if it has one; the autopilot uses its own.
+    `planned_home` is the home position in the file, if it has one; the autopilot uses its own. `sources` are
+    'file:line' and name of each item, for messages.
     """
 
     path: Path
     items: tuple[MissionItem, ...]
     planned_home: Geopoint | None = None
+    sources: tuple[tuple[str, str], ...] = field(default=(), compare=False, repr=False)
 
     @property
     def waypoints(self) -> tuple[MissionItem, ...]:
         """Items that name a place to fly to, without take-off and landing."""
         return tuple(item for item in self.items if item.command in WAYPOINT_COMMANDS)
+
+    def problem(self, seq: int, message: str, hint: str = "") -> Problem:
+        """Return what is wrong with an item, at its line of the file."""
+        where, name = self.sources[seq]
+        return Problem(where, f"{name} {message}", hint)
 
 
 @dataclass(frozen=True)
@@ -89,7 +96,8 @@ def checked_mission(
         all_problems = problems + all_problems
     if all_problems:
         raise ConfigError(all_problems)
-    return Mission(path, tuple(_item(seq, raw) for seq, raw in enumerate(items)), home)
+    sources = tuple((raw.where(None), raw.name) for raw in items)
+    return Mission(path, tuple(_item(seq, raw) for seq, raw in enumerate(items)), home, sources)
 
 
 def _item(seq: int, raw: RawItem) -> MissionItem:

@@ -26,7 +26,8 @@ from signals.mission import MissionItem
 Float64 = NDArray[np.float64]
 Place = tuple[float, float]
 _ARC_RAD = math.radians(4.0)  # between two points of an arc: its chord is R (1 - cos 2 deg) = 0.0006 R inside it
-_LOITERS = (17, 18, 19, 31)
+_LOITER_TURNS, _LOITER_TIME = 18, 19
+_LOITERS = (17, _LOITER_TURNS, _LOITER_TIME, 31)
 _DEFAULT_LOITER_M = 80.0  # PX4's NAV_LOITER_RAD
 _LEAST_M = 1.0
 _BACK_RAD, _BACK = math.radians(120.0), 3.0  # turns back, and how many radii they may take
@@ -34,11 +35,16 @@ _BACK_RAD, _BACK = math.radians(120.0), 3.0  # turns back, and how many radii th
 
 @dataclass(frozen=True)
 class Stop:
-    """A place of the plan. `loiter_m`: signed radius of the circle about it, clockwise positive; 0: flown through."""
+    """A place of the plan. `loiter_m`: signed radius of the circle about it, clockwise positive; 0: flown through.
+
+    `turns` and `time_s` are what a loiter asks for before the plan goes on.
+    """
 
     place: Place
     loiter_m: float = 0.0
     leg: Leg | None = None  # the waypoint's; None for the start and the landing
+    turns: float = 0.0
+    time_s: float = 0.0
 
 
 def loiter_radius_m(item: MissionItem) -> float:
@@ -61,7 +67,11 @@ def stops_of(legs: Sequence[Leg], items: Sequence[MissionItem]) -> list[Stop]:
         elif leg.kind is LegKind.FLY:
             if not stops:
                 stops.append(Stop((leg.start_W[0], leg.start_W[1])))
-            stops.append(Stop(place, loiter_radius_m(items[leg.seq]), leg))
+            item = items[leg.seq]
+            open_ = math.isnan(item.param1)  # 1 turn, or no time
+            turns = (1.0 if open_ else item.param1) if item.command == _LOITER_TURNS else 0.0
+            time_s = item.param1 if item.command == _LOITER_TIME and not open_ else 0.0
+            stops.append(Stop(place, loiter_radius_m(item), leg, turns, time_s))
         elif leg.kind is LegKind.APPROACH and items[leg.seq].command in LAND_COMMANDS:
             stops.append(Stop(place))
     return stops

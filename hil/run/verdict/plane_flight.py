@@ -3,23 +3,27 @@
 reached             Waypoints count in order. One is reached when the true position comes, horizontally, within the
                     greatest of its acceptance radius, the distance R tan(45 deg) + 20 m at which a fly-by turn begins,
                     and for a loiter 1.25 times its radius; or when the plane has passed it, within three times that
-                    distance. Vertically within `altitude_error_m`, at least 10 m
+                    distance, and flies on to another. Vertically within `altitude_error_m`, at least 10 m. What follows
+                    a loiter counts once its turns (but a quarter) or its time (but 2 s) have been flown, near its
+                    circle and in its direction
 max_cross_track_m   Greatest horizontal distance from the path that a plane can fly through the waypoints
                     (`flyable_path.py`), from the first waypoint reached to the last, and on the approach
 altitude_error_m    Greatest |z - planned z| on level legs that follow a level leg
 airspeed_margin     Least airspeed over the stall speed at the load of the bank, V / (V_stall / sqrt(cos bank)), while
                     higher than 5 m over the start. 1 is the stall
+stalled_s           Time with an angle of attack beyond that of the stall, upright or inverted, while higher than 5 m
 max_bank_deg        Greatest bank while higher than 5 m
 loiter_error_m      Greatest |distance from the centre - radius| on a loiter's circle, from the first time within 10 %
                     of the radius until it is left
-touchdown_sink_mps  Downward speed in the tick before the first contact of the last landing
-touchdown_bank_deg  Bank at that contact
+touchdown_sink_mps  Greatest downward speed in the tick before a contact, from the first one of the last landing on
+touchdown_bank_deg  Bank at the first contact
 touchdown_offset_m  Distance of that contact from the line of the approach, which is a runway's centre line where the
                     plan lands on one
-touchdown_error_m   Distance of that contact from the planned point along that line
+touchdown_error_m   Distance of that contact from the planned point along that line; after a return, from home
 final_error_m       Horizontal distance of that contact from the planned point; of the last place, without a landing
 
-A limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
+A plane that touches the ground before its last waypoint, once higher than 5 m, has not flown its plan. A limit fails
+if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
 
 from __future__ import annotations
@@ -35,6 +39,7 @@ from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS,
 from signals.documents.validate import unit_of
 from signals.rotation import matrix_of
 from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_S
 
 _STRIDE = 10  # ticks
 _JUDGED_M = 5.0  # height over the start from which airspeed and bank count
@@ -43,6 +48,9 @@ _PASSED = 3.0  # times the distance
 _LEVEL_M = 0.5
 _ON_CIRCLE = 0.1
 _COMMITTED_RAD = math.radians(50.0)
+_NEAR_CIRCLE = 0.5  # of the radius
+_LESS_TURNS, _LESS_S = 0.25, 2.0  # of a loiter: autopilots begin to count before the circle is reached
+_LEAST_FLOW_MPS = 3.0
 _MINIMA = frozenset({"airspeed_margin"})
 
 
@@ -57,6 +65,7 @@ class PlaneMeasurement:
         *,
         radius_m: float,
         stall_mps: float,
+        stall_attack_rad: float = math.inf,
         wind_at: Callable[[], Vec3],
     ) -> None:
         """`radius_m`: of the turns of the flyable path. `wind_at` returns the wind at the vehicle in W."""
@@ -65,21 +74,27 @@ class PlaneMeasurement:
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
         self._reach_m = radius_m + _REACH_EXTRA_M
         self._height_m = max(_REACH_HEIGHT_M, limits.altitude_error_m or 0.0)
-        self._stall_mps, self._wind_at = stall_mps, wind_at
+        self._stall_mps, self._stall_attack_rad, self._wind_at = stall_mps, stall_attack_rad, wind_at
         self._last_leg = legs[-1] if legs else None
         self._lands = self._last_leg is not None and self._last_leg.kind is LegKind.DESCENT
         # A return lands on a line of the autopilot's own choice.
         self._approaches = self._lands and len(self._stops) > 1 and self._stops[-1].leg is None
+        self._returns = self._lands and not self._approaches
+        self._lands_between = any(leg.kind is LegKind.DESCENT for leg in legs[:-1])
         self.endless_item = legs[-1].seq if legs and legs[-1].kind is LegKind.ENDLESS else None
         self._reached = 0
         self._values: dict[str, float] = {}
         self._home_up: float | None = None
-        self._airborne = self._touched = False
+        self._airborne = self._touched = self._high = False
+        self._grounded: tuple[float, int] | None = None  # first contact before the last waypoint: time, waypoint
         self._contact, self._contact_ns = True, 0
         self._touch: TruthState | None = None
         self._previous: TruthState | None = None
+        self._measured: TruthState | None = None  # last one measured in flight
         self._circling = False
         self._bearing = self._turned = 0.0
+        self._flown_turns = self._flown_s = 0.0  # of the present loiter; turns in its direction are positive
+        self._loitered = False
         self._pending: list[tuple[float, float]] = []  # angle turned on the circle, error there
 
     @property
@@ -93,8 +108,13 @@ class PlaneMeasurement:
         contact = truth.in_contact
         if contact:
             self._contact_ns = truth.t_ns
-            if not self._contact and self._airborne and not self._touched and previous is not None:
-                self._touched, self._touch = True, previous
+            if not self._contact and self._airborne and previous is not None:
+                if not self._touched:
+                    self._touched, self._touch = True, previous
+                    self._values.pop("touchdown_sink_mps", None)
+                self._most("touchdown_sink_mps", -previous.v_WB_W[2])
+            if self._high and self._grounded is None and self._reached < len(self._targets):
+                self._grounded = (truth.t_ns / NS_PER_S, self._reached + 1)
         self._contact = contact
         if truth.tick % _STRIDE == 0:
             self._measure(truth)
@@ -110,20 +130,25 @@ class PlaneMeasurement:
             return
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
+        self._high = True
         w = self._wind_at()
-        v = truth.v_WB_W
-        airspeed = math.dist(v, w)
+        airspeed = math.dist(truth.v_WB_W, w)
         bank = bank_rad(truth)
         load = 1.0 / max(math.cos(bank), 0.1)
         self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
         self._most("max_bank_deg", abs(math.degrees(bank)))
+        attack = attack_rad(truth, w)
+        stalled = airspeed >= _LEAST_FLOW_MPS and not abs(attack) <= self._stall_attack_rad
+        seconds = _seconds(self._measured, truth)
+        self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
+        self._measured = truth
         if self._airborne:
-            self._follow(truth.p_WB)
+            self._follow(truth.p_WB, seconds)
 
-    def _follow(self, p: Vec3) -> None:
+    def _follow(self, p: Vec3, seconds: float) -> None:
         """Count waypoints, and measure against the path."""
         place = (p[0], p[1])
-        self._loiter(place)
+        self._loiter(place, seconds)
         if self._reached >= len(self._targets):
             if self._approaches and self._targets:
                 self._error(len(self._stops) - 1, place)
@@ -144,17 +169,31 @@ class PlaneMeasurement:
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (
             stop.place[1] - start[1]
         )
-        passed = along > 0.0 and distance <= _PASSED * reach
-        if (distance <= reach or passed) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m:
+        flies_on = self._approaches or self._reached + 1 < len(self._targets)  # and is measured on the way
+        passed = flies_on and along > 0.0 and distance <= _PASSED * reach
+        near = (distance <= reach or passed) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m
+        if near and self.unflown_loiter() is None:
             self._reached += 1
             self._circling = False
+            self._flown_turns, self._flown_s, self._loitered = 0.0, 0.0, False
 
     def _error(self, target: int, place: tuple[float, float]) -> None:
         error = self._path.error_m(target, place)
         if error is not None:
             self._most("max_cross_track_m", error)
 
-    def _loiter(self, place: tuple[float, float]) -> None:
+    def unflown_loiter(self) -> str | None:
+        """Return what is missing of the loiter about the waypoint reached last; None if nothing is."""
+        stop = self._stops[self._targets[self._reached - 1]] if self._reached else None
+        if stop is None or not (stop.turns or stop.time_s) or self._loitered:
+            return None
+        turned, flown_s = self._flown_turns, self._flown_s
+        needed = f"{stop.turns:g} turns" if stop.turns else f"{stop.time_s:g} s"
+        back = " the wrong way round" if turned < -_LESS_TURNS else ""
+        flown = f"{abs(turned):.1f} turns in {flown_s:.0f} s{back}"
+        return f"the loiter at waypoint {self._reached} was not flown: {flown} of {needed}"
+
+    def _loiter(self, place: tuple[float, float], seconds: float) -> None:
         """Measure the circle about the waypoint reached last, or the way on from it, whichever is nearer."""
         stop = self._stops[self._targets[self._reached - 1]] if self._reached else None
         if stop is None or not stop.loiter_m:
@@ -162,7 +201,13 @@ class PlaneMeasurement:
         radius = abs(stop.loiter_m)
         bearing = math.atan2(place[1] - stop.place[1], place[0] - stop.place[0])
         off = abs(math.dist(place, stop.place) - radius)
-        circling = off <= (0.5 if self._circling else _ON_CIRCLE) * radius
+        if off <= _NEAR_CIRCLE * radius:
+            change = math.remainder(bearing - self._bearing, math.tau) if self._flown_s else 0.0
+            self._flown_turns -= math.copysign(1.0, stop.loiter_m) * change / math.tau
+            self._flown_s += seconds
+        enough = self._flown_turns >= stop.turns - _LESS_TURNS and self._flown_s >= stop.time_s - _LESS_S
+        self._loitered = self._loitered or enough
+        circling = off <= (_NEAR_CIRCLE if self._circling else _ON_CIRCLE) * radius
         if not circling or not self._circling:
             self._turned, self._pending = 0.0, []
         else:
@@ -203,15 +248,25 @@ class PlaneMeasurement:
         """True if all waypoints were reached, and the plan's end."""
         all_reached = self._reached == len(self._targets)
         known = self._last_leg is not None and self.endless_item is None
-        return known and all_reached and self._airborne and (self.landed or not self._lands)
+        whole = all_reached and self.touched_early is None and self.unflown_loiter() is None
+        return known and whole and self._airborne and (self.landed or not self._lands)
+
+    @property
+    def touched_early(self) -> str | None:
+        """What to say of a contact with the ground before the last waypoint; None without one."""
+        if self._grounded is None or self._lands_between:
+            return None
+        t_s, waypoint = self._grounded
+        return f"touched the ground at {t_s:.1f} s, on the way to waypoint {waypoint}"
 
     def values(self) -> dict[str, float | None]:
         """Return every measurement by name; None: the flight did not yield it."""
         found: dict[str, float | None] = {name: self._values.get(name) for name in PlaneLimits.model_fields}
         end = self._last_leg.end_W if self._last_leg is not None else None
         touch = self._touch if self._touched else None
-        if touch is not None:
-            found["touchdown_sink_mps"] = -touch.v_WB_W[2]
+        if touch is None:
+            found["touchdown_sink_mps"] = None
+        else:
             found["touchdown_bank_deg"] = abs(math.degrees(bank_rad(touch)))
         if touch is not None and end is not None and self._approaches:
             before, (x, y) = self._stops[-2].place, self._stops[-1].place
@@ -220,6 +275,8 @@ class PlaneMeasurement:
             dx, dy = touch.p_WB[0] - x, touch.p_WB[1] - y
             found["touchdown_offset_m"] = abs(t[0] * dy - t[1] * dx)
             found["touchdown_error_m"] = abs(t[0] * dx + t[1] * dy)
+        if touch is not None and end is not None and self._returns:
+            found["touchdown_error_m"] = math.dist(touch.p_WB[:2], end[:2])
         last = touch or self._previous
         if last is not None and end is not None and self._airborne and (self.landed or not self._lands):
             found["final_error_m"] = math.dist(last.p_WB[:2], end[:2])
@@ -227,11 +284,13 @@ class PlaneMeasurement:
 
     def called_for(self) -> frozenset[str]:
         """Return the names of the measurements that this plan must yield."""
-        names = {"airspeed_margin", "max_bank_deg"} if self._last_leg is not None else set()
+        names = {"airspeed_margin", "max_bank_deg", "stalled_s"} if self._last_leg is not None else set()
         if self._lands:
-            names |= {"touchdown_sink_mps", "touchdown_bank_deg", "final_error_m"}
+            names |= {"touchdown_sink_mps", "touchdown_bank_deg", "touchdown_error_m", "final_error_m"}
             if self._approaches:
-                names |= {"touchdown_offset_m", "touchdown_error_m"}
+                names.add("touchdown_offset_m")
+        if any(stop.turns >= 0.5 for stop in self._stops):
+            names.add("loiter_error_m")
         if len(self._targets) > 1:
             names.add("max_cross_track_m")
         return frozenset(names)
@@ -241,6 +300,21 @@ def bank_rad(truth: TruthState) -> float:
     """Return the bank: the angle of the body's y axis under the horizontal, right wing down positive."""
     R = matrix_of(truth.q_WB)
     return math.atan2(R[7], R[8])
+
+
+def attack_rad(truth: TruthState, wind_W_mps: Vec3) -> float:
+    """Return the angle of attack: of the flow in the plane of symmetry, to the body's x axis."""
+    R = matrix_of(truth.q_WB)
+    v = [a - b for a, b in zip(truth.v_WB_W, wind_W_mps, strict=True)]
+    x, z = (R[i] * v[0] + R[3 + i] * v[1] + R[6 + i] * v[2] for i in (0, 2))
+    return math.atan2(-z, x)
+
+
+def _seconds(before: TruthState | None, now: TruthState) -> float:
+    """Return the time since the last tick that was measured, 0 after a gap."""
+    if before is None or now.tick - before.tick != _STRIDE:
+        return 0.0
+    return (now.t_ns - before.t_ns) / NS_PER_S
 
 
 def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Outcome = "complete") -> Verdict:
@@ -253,8 +327,9 @@ def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Out
             reasons.append(f"the mission never ends: item {measured.endless_item + 1} jumps back for ever")
         elif reached < waypoints:
             reasons.append(f"reached {reached} of {waypoints} waypoints")
-        else:
+        elif not (measured.unflown_loiter() or measured.touched_early):
             reasons.append("the mission was not finished: the plane did not end on the ground")
+        reasons += [text for text in (measured.unflown_loiter(), measured.touched_early) if text]
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []

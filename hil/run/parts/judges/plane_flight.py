@@ -15,6 +15,7 @@ from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.verdict import Verdict
 from signals.samples import TruthState
+from sim.physics.fixed_wing import Airframe
 
 
 class PlaneFlightPart(Part):
@@ -41,6 +42,7 @@ class PlaneFlightPart(Part):
             self._config.plane_limits,
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
+            stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
             wind_at=lambda: physics.wind_W_mps,
         )
         self._track = PlaneTrack(facts.stall_mps, self._config.tick_ns, lambda: physics.wind_W_mps)

@@ -36,9 +36,10 @@ def test_a_belly_that_thrust_cannot_move(tmp_path: Path) -> None:
 
 def test_a_copter_mission_on_a_plane(tmp_path: Path) -> None:
     told = problems(tmp_path, PLANE.replace("circuit.waypoints", "rectangle.plan"))
-    assert "rectangle.plan: item 4 lies 40 m from the one before, within one turn of 47 m radius" in told
+    assert "rectangle.plan:69: item 4 lies 40 m from the one before, within one turn of 47 m radius" in told
     assert "'skywalker_x8' is a plane" in told
-    assert "(landing) lies 0 m from the waypoint before and 10 m below it: a plane needs 94 m or more" in told
+    assert "rectangle.plan:164: item 9 (landing) lies 0 m from the waypoint before and 10 m below it" in told
+    assert "a plane needs 94 m or more" in told
 
 
 def test_items_of_a_plane_on_a_copter(tmp_path: Path) -> None:
@@ -47,7 +48,8 @@ def test_items_of_a_plane_on_a_copter(tmp_path: Path) -> None:
     mission = tmp_path / "turns.waypoints"
     mission.write_text("\n".join(rows) + "\n")
     told = problems(tmp_path, f"rig: mock\nmission: {mission}\n")
-    assert "item 3 (loiter turns) is flown by planes alone, and the vehicle 'x500' is a multirotor" in told
+    assert f"{mission}:5: item 3 (loiter turns) is flown by planes alone" in told
+    assert "the vehicle 'x500' is a multirotor" in told
 
 
 def test_an_autopilot_that_flies_no_planes(tmp_path: Path) -> None:
