@@ -3,10 +3,10 @@
     tiltrotor: transition, gusty     from hover; tilts jump anywhere in their range, past full speed of their servos
     tiltrotor: ahead, gusty          from trimmed flight, the same commands
     tailsitter: hover, gusty         from hover with the nose up
-    pusher of its own, gusty         from hover; a tiltrotor whose rear rotors are a set of another propeller
+    two sets of rotors, tilts, gusty from hover; a tiltrotor with two rotors of another propeller, one on a tilt
 
-Commands jump every 0.03 to 0.5 s, each by itself: rotors about hover, tilts and surfaces over their whole range, so that
-the vehicle turns over in every flight. A tick's cost is compared with that of the same vehicle without tilts, in turns.
+Commands jump every 0.03 to 0.5 s, each by itself: rotors about hover, tilts and surfaces over their whole range, so
+that the vehicle turns over. A tick's cost is compared with that of the same vehicle without tilts, in turns.
 """
 
 from __future__ import annotations
