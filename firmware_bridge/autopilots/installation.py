@@ -85,16 +85,42 @@ class FixedWing:
 
 
 @dataclass(frozen=True)
+class Tilt:
+    """One servo that turns rotors. Its command is -1..1, linear from `min_rad` to `max_rad`; 0 rad is hover."""
+
+    name: str
+    rotors: Sequence[int]  # of the vehicle, those that it turns
+    axis: Vec3  # of the hinge in B (FLU): a positive angle is a right-handed turn
+    min_rad: float  # at command -1
+    max_rad: float  # at command +1
+    hover_command: float  # of the angle 0
+    ahead_command: float  # at which its rotors point most ahead
+    ahead_rad: float
+
+
+@dataclass(frozen=True)
 class Vtol:
     """Facts about a vehicle that hovers on its lifters as a multirotor and flies on its wings as a plane.
 
-    Its commands are those of all rotors in the order of its file, then those of `wing.surfaces`.
+    Its commands are those of all rotors in the order of its file, then those of `tilts`, then those of `wing.surfaces`.
     """
 
     hover: Multirotor  # its rotors are the lifters
-    wing: FixedWing  # its rotors are the pushers
+    wing: FixedWing  # its rotors are those that pull ahead in flight, at their places there
     lifters: Sequence[int]  # which of the vehicle's rotors they are, in the order of `hover.rotors`
-    pushers: Sequence[int]  # the same, of `wing.rotors`
+    pushers: Sequence[int]  # rotors that pull ahead and do not lift: without tilts the rotors of `wing`
+    engines: Sequence[int] = ()  # which of the vehicle's rotors those of `wing` are
+    tilts: Sequence[Tilt] = ()
+    # Body pitch in hover over that in level flight: 0, or of a tailsitter pi / 2. `hover` is then in a frame of its
+    # own, level in hover and with the heading of the flight ahead: z along the nose, x out of the belly, y to the left.
+    hover_pitch_rad: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """How it changes between hover and flight: "standard" (pushers), "tiltrotor" or "tailsitter"."""
+        if self.hover_pitch_rad > 0.0:
+            return "tailsitter"
+        return "tiltrotor" if self.tilts else "standard"
 
     @property
     def name(self) -> str:

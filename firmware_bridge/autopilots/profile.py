@@ -81,6 +81,7 @@ class Profile:
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
     plane_program: Program | None = None  # for vehicles with wings, where it is another one than `program`
     flies_vtols: bool = False  # takes a vehicle with lifters, pushers and wings
+    vtol_kinds: frozenset[str] = frozenset({"standard"})  # of these, those that it flies: `Vtol.kind`
     plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
 
     # The flight.

@@ -22,6 +22,8 @@ _MOST_HOVER_CONTROL = 0.95
 
 def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
     """Return the key of the vehicle's file and the reason why it cannot hover on its rotors; None if it can."""
+    if vehicle.tilts:
+        return "tilts", "turns rotors by servos, which a multirotor's controller does not command"
     count = len(vehicle.rotors)
     if count < LEAST_ROTORS:
         return "rotors", f"holds {count} rotors, and a multirotor's controller needs at least {LEAST_ROTORS}"

@@ -57,7 +57,11 @@ def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) 
             return [_not_flown(config, vehicle, settings, "VTOL", [n for n, p in PROFILES.items() if p.flies_vtols])]
         if control_problems(vehicle, settings):
             return []  # told already
-        misfits = autopilot.profile.vehicle_misfits(autopilot, vtol_facts(vehicle))
+        facts = vtol_facts(vehicle)
+        if facts.kind not in autopilot.profile.vtol_kinds:
+            able = [n for n, p in PROFILES.items() if p.flies_vtols and facts.kind in p.vtol_kinds]
+            return [_not_flown(config, vehicle, settings, facts.kind, able)]
+        misfits = autopilot.profile.vehicle_misfits(autopilot, facts)
     elif fixed_wing.is_plane(vehicle):
         if not autopilot.profile.flies_planes:
             return [_not_flown(config, vehicle, settings, "plane", [n for n, p in PROFILES.items() if p.flies_planes])]

@@ -16,6 +16,7 @@
 //   begin_tick     reads the own states
 //   step_rate, damping_per_s, longest_step   bound the steps
 //   for each step: at (each stage), set_integrated, add, rates; then end_step, set_integrated
+//   longest_step_by_rates  between the first stage of a step and the others
 //   end_tick       writes the own states
 // A contact sub-step: at_contact, add, end_contact.
 //
@@ -116,6 +117,12 @@ class Force {
     virtual double damping_per_s(double /*airspeed_mps*/) const { return 0.0; }
     // Longest step from here, at most `longest_s`. `s`: p, q, v, w. Not asked for by the classical method.
     virtual double longest_step(const double * /*s*/, const double * /*wind_W*/, double longest_s) const {
+        return longest_s;
+    }
+
+    // Longest step by the rates of p, q, v, w at its start, where the forces were added just now. Asked of bodies with
+    // slipstreams only, and not for the classical method.
+    virtual double longest_step_by_rates(const double * /*s*/, const double * /*ds*/, double longest_s) const {
         return longest_s;
     }
 

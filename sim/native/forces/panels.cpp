@@ -19,6 +19,7 @@ namespace {
 constexpr double kHalfDensity = 0.5 * 1.225;  // kg/m3
 constexpr double kGroundReachSpans = 4.0;     // height of the end of the ground effect
 constexpr double kTurnPerStep = 0.05;           // rad of the flow at a panel
+constexpr double kTurnByRates = 0.04;           // the same by the rates at the start of a step
 constexpr double kSpeedUp_mps2 = 20.0, kCalm2 = 0.09, kEndless = 1e300;
 constexpr double kSlipstream_mps = 30.0;      // that the bound of the damping allows for
 
@@ -139,6 +140,7 @@ void Panels::prepare(const StepTimes &times, const Inertia &inertia) {
     for (int at : lane_) {
         const double r[3] = {lanes_.middle[0][at], lanes_.middle[1][at], lanes_.middle[2][at]};
         const double slope = lanes_.slope[at] + 2.0 * lanes_.plate[at] + lanes_.drag[at];
+        arm_m_[at] = std::sqrt(dot(r, r));
         damping_per_m_ += kHalfDensity * lanes_.area[at] * slope * (1.0 / inertia.mass_kg + dot(r, r) / least);
     }
 }
@@ -168,6 +170,19 @@ double Panels::longest_step(const double *s, const double *wind_W, double longes
     return limit < step ? limit : step;
 }
 
+double Panels::longest_step_by_rates(const double *s, const double *ds, double longest_s) const {
+    const PanelLanes &l = lanes_;
+    const double turn = std::sqrt(dot(s + kW, s + kW));
+    const double speed_up = std::sqrt(dot(ds + kV, ds + kV)) + 2.0 * wash_rate_mps2_, spin_up = std::sqrt(dot(ds + kW, ds + kW));
+    for (int at : lane_) {
+        const double along = l.along[at], through = l.through[at];
+        const double speed = std::sqrt(along * along + through * through + kCalm2);
+        const double rate = turn + (speed_up + spin_up * arm_m_[at]) / speed;
+        if (longest_s * rate > kTurnByRates) longest_s = kTurnByRates / rate;
+    }
+    return longest_s;
+}
+
 void Panels::deflect(const double *angle, bool healthy) const {
     PanelLanes &l = lanes_;
     for (const Flap &flap : flaps_) l.bend[flap.lane] = l.flap_moment[flap.lane] = 0.0;
@@ -190,6 +205,13 @@ void Panels::add(const Instant &now, Wrench &out) const {
     l.near_ground = l.ground_per_m > 0.0 && l.height_m < ground_reach_m_;
     l.half_density = kHalfDensity * now.density_ratio;
     l.slipstreams = now.slipstreams;
+    wash_rate_mps2_ = 0.0;
+    if (now.slipstreams) {
+        for (int i = 0; i < now.slipstreams->count; ++i) {
+            const double rate = now.slipstreams->of[i].rate_mps2;
+            if (rate > wash_rate_mps2_) wash_rate_mps2_ = rate;
+        }
+    }
     kernel_.loads(l);
     for (int j = 0; j < 3; ++j) {
         out.force_B[j] += l.all_force[j];

@@ -40,6 +40,8 @@
 //
 // Limits of a step, besides those of servos.hpp: the flow at a panel turns by at most 0.05 rad,
 //   (|w| + A / V) h <= 0.05,  V the least speed of a panel across its span, A = 20 m/s2: gravity, and as much again
+// and, by what is known at the start of the step, for each panel with its own V, slipstreams included:
+//   (|w| + A / V) h <= 0.04,  A = |dv/dt| + |dw/dt| |r| + 2 max |dv_i/dt|, v_i the velocity induced at a rotor
 #pragma once
 
 #include <vector>
@@ -74,6 +76,7 @@ class Panels : public SurfacedForce {
     void prepare(const StepTimes &times, const Inertia &inertia) override;
     double damping_per_s(double airspeed_mps) const override;
     double longest_step(const double *s, const double *wind_W, double longest_s) const override;
+    double longest_step_by_rates(const double *s, const double *ds, double longest_s) const override;
     void add(const Instant &now, Wrench &out) const override;
 
     int count() const { return static_cast<int>(lane_.size()); }
@@ -97,6 +100,8 @@ class Panels : public SurfacedForce {
     std::vector<Flap> flaps_;
     double damping_per_m_ = 0.0, ground_reach_m_ = 0.0, reach_m_ = 0.0;
     mutable PanelLanes lanes_{};
+    double arm_m_[kPanelLanes] = {};        // of each panel from the centre of mass
+    mutable double wash_rate_mps2_ = 0.0;  // greatest |dv_i/dt|
 };
 
 }  // namespace hil::sim

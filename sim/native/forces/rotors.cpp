@@ -268,6 +268,7 @@ void Rotors::publish(int i, double induced_mps, const Instant &now) const {
     }
     out.radius_m = p_.air.radius_m;
     out.induced_mps = induced_mps;
+    out.rate_mps2 = std::fabs(accel_[i]) * std::sqrt(p_.air.kappa_m2);
     out.axial_mps = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
     const double across2 = ((hub[0] * hub[0] + hub[1] * hub[1]) + hub[2] * hub[2]) - out.axial_mps * out.axial_mps;
     out.across2 = across2 > 0.0 ? across2 : 0.0;
