@@ -29,7 +29,7 @@ if its value is NaN, or if the plan calls for the measurement and the flight did
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
@@ -131,6 +131,14 @@ class PlaneMeasurement:
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
         self._high = True
+        seconds = _seconds(self._measured, truth)
+        self._measured = truth
+        if self._on_wings(truth):
+            self._measure_flow(truth, seconds)
+        if self._airborne:
+            self._follow(truth.p_WB, seconds)
+
+    def _measure_flow(self, truth: TruthState, seconds: float) -> None:
         w = self._wind_at()
         airspeed = math.dist(truth.v_WB_W, w)
         bank = bank_rad(truth)
@@ -139,11 +147,11 @@ class PlaneMeasurement:
         self._most("max_bank_deg", abs(math.degrees(bank)))
         attack = attack_rad(truth, w)
         stalled = airspeed >= _LEAST_FLOW_MPS and not abs(attack) <= self._stall_attack_rad
-        seconds = _seconds(self._measured, truth)
         self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
-        self._measured = truth
-        if self._airborne:
-            self._follow(truth.p_WB, seconds)
+
+    def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)
+        """Return True while the wings carry the vehicle."""
+        return True
 
     def _follow(self, p: Vec3, seconds: float) -> None:
         """Count waypoints, and measure against the path."""
@@ -319,6 +327,11 @@ def _seconds(before: TruthState | None, now: TruthState) -> float:
 
 def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Outcome = "complete") -> Verdict:
     """Return the verdict on how a plane flew its plan under these limits; `outcome` as in `verdict.judge`."""
+    return judge_by(measured, dict(limits), outcome=outcome)
+
+
+def judge_by(measured: PlaneMeasurement, limits: Mapping[str, float | None], *, outcome: Outcome) -> Verdict:
+    """Return the verdict under limits by the name of the measurement."""
     called_for = measured.called_for() if outcome == "complete" else frozenset[str]()
     reasons: list[str] = []
     reached, waypoints = measured.counts
@@ -328,13 +341,13 @@ def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Out
         elif reached < waypoints:
             reasons.append(f"reached {reached} of {waypoints} waypoints")
         elif not (measured.unflown_loiter() or measured.touched_early):
-            reasons.append("the mission was not finished: the plane did not end on the ground")
+            reasons.append("the mission was not finished: the vehicle did not end on the ground")
         reasons += [text for text in (measured.unflown_loiter(), measured.touched_early) if text]
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []
     for name, value in measured.values().items():
-        limit = None if outcome == "crashed" else getattr(limits, name)
+        limit = None if outcome == "crashed" else limits.get(name)
         unit = unit_of(name).strip()
         ok = True
         if limit is not None and value is not None:
