@@ -20,7 +20,7 @@ from hil.run.loop.restartable_physics import make_physics
 
 VTOL = ("autopilot.start=false", "vehicle=quadplane", "mission=null", "start={}")
 RIGS = Path(__file__).parents[4] / "rigs"
-PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
+PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0, 0.02)
 # Torques in B (FLU) of trailing edges down: a left aileron rolls to the right, an elevator pitches down (+y), a rudder
 # whose trailing edge goes to the left yaws to the left (+z).
 ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), -0.1), Surface("elevon_right", (-6.0, 2.0, -0.1), -0.1)]
