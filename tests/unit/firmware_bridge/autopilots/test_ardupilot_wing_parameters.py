@@ -97,9 +97,9 @@ def test_airspeeds_and_turns() -> None:
     parameters = plane_parameters(plane(ELEVONS))
     assert (parameters["AIRSPEED_MIN"], parameters["AIRSPEED_CRUISE"]) == (12.0, 15.0)
     assert parameters["TRIM_ARSPD_CM"] == 1500.0  # before 4.5
-    # A right angle of a radius of 32.8 m (35 degrees of bank) begins at the L1 distance, 1.2 times as far.
+    # A right angle of a radius of 32.8 m (35 degrees of bank) begins at the L1 distance, 1.35 times as far.
     distance = 0.3183 * parameters["NAVL1_DAMPING"] * parameters["NAVL1_PERIOD"] * 15.0
-    assert distance == pytest.approx(1.2 * 15.0**2 / (9.80665 * 0.70021), rel=1e-3)
+    assert distance == pytest.approx(1.35 * 15.0**2 / (9.80665 * 0.70021), rel=1e-3)
     assert parameters["WP_RADIUS"] > distance
 
 
