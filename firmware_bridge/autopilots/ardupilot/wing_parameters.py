@@ -18,9 +18,10 @@ with rates r (wanted) and p [rad/s]. With SCALING_SPEED the cruise airspeed, gai
 Turns (AP_L1_Control): the L1 distance is 0.3183 NAVL1_DAMPING NAVL1_PERIOD V. ArduPlane begins a turn at that distance
 from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R begins at R, or earlier.
 
-Landing: a plane without brakes comes down a slope with wind from behind faster than it should, and floats. With the
-flare of ArduPlane's defaults, 0.25 m/s, the X8 touched down 105 m past the point. Here it sinks at 0.7 m/s and may keep
-its nose level (LAND_PITCH_DEG is the least pitch of the flare); LAND_FLARE_AIM 100 aims all of the flare ahead.
+Landing: a plane without brakes comes down a slope with wind from behind faster than it should. With ArduPlane's defaults
+it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
+(TECS_LAND_SPDWGT 0), sinks at 0.7 m/s in the flare in place of 0.25 and may keep its nose level there (LAND_PITCH_DEG,
+the least pitch); LAND_FLARE_AIM 100 aims all of the flare ahead.
 """
 
 from __future__ import annotations
@@ -131,6 +132,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "WP_RADIUS": max(2.0 * radius, 50.0),
         "WP_LOITER_RAD": max(1.3 * radius, 50.0),
         "TECS_LAND_SINK": 0.7,
+        "TECS_LAND_SPDWGT": 0.0,
         "LAND_FLARE_ALT": 2.5,
         "LAND_FLARE_SEC": 2.0,
         "LAND_FLARE_AIM": 100.0,
