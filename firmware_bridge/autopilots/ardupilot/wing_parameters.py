@@ -18,7 +18,7 @@ with rates r (wanted) and p [rad/s]. With SCALING_SPEED the cruise airspeed, gai
 Turns (AP_L1_Control): the L1 distance is 0.3183 NAVL1_DAMPING NAVL1_PERIOD V. ArduPlane begins a turn at that distance
 from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R begins at R, or earlier.
 
-Landing: a plane without brakes comes down a slope with wind from behind faster than it should. With ArduPlane's defaults
+Landing: a plane without brakes comes down a slope with wind from behind faster than it should. By ArduPlane's defaults
 it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
 (TECS_LAND_SPDWGT 0), sinks at 0.7 m/s in the flare in place of 0.25 and may keep its nose level there (LAND_PITCH_DEG,
 the least pitch); LAND_FLARE_AIM 100 aims all of the flare ahead.
