@@ -24,13 +24,7 @@ def pushers(vehicle: Vehicle) -> list[int]:
 
 def hovering(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with its lifters alone, as a multirotor's controller sees it in hover."""
-    kept = lifters(vehicle)
-    rotors = []
-    for i in kept:
-        rotor = vehicle.rotors[i]
-        above = rotor.coaxial_below
-        rotors.append(rotor if above is None else rotor.model_copy(update={"coaxial_below": kept.index(above)}))
-    return vehicle.model_copy(update={"rotors": tuple(rotors)})
+    return multirotor.lifting_part(vehicle)
 
 
 def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
