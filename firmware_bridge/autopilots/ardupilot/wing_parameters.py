@@ -20,8 +20,8 @@ from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R beg
 
 Landing: a plane without brakes comes down a slope with wind from behind faster than it should. By ArduPlane's defaults
 it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
-(TECS_LAND_SPDWGT 0), sinks at 0.7 m/s in the flare in place of 0.25 and may keep its nose level there (LAND_PITCH_DEG,
-the least pitch); LAND_FLARE_AIM 100 aims all of the flare ahead.
+(TECS_LAND_SPDWGT 0) and sinks at 0.7 m/s in the flare in place of 0.25; LAND_FLARE_AIM 100 aims all of the flare ahead.
+LAND_PITCH_DEG, the least pitch of the flare, is that of cruise: with a level nose it touched its front skid, and bounced.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "LAND_FLARE_ALT": 2.5,
         "LAND_FLARE_SEC": 2.0,
         "LAND_FLARE_AIM": 100.0,
-        "LAND_PITCH_DEG": min(pitch_deg, 0.0),
+        "LAND_PITCH_DEG": pitch_deg,
         "LAND_DISARMDELAY": 5.0,
     }
     # Their names before 4.5 and 4.7, with units in the name where they changed.
@@ -148,7 +148,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "LIM_PITCH_MIN": -2500.0,
         "LIM_ROLL_CD": 100.0 * _BANK_LIMIT_DEG,
         "TRIM_PITCH_CD": 100.0 * pitch_deg,
-        "LAND_PITCH_CD": 100.0 * min(pitch_deg, 0.0),
+        "LAND_PITCH_CD": 100.0 * pitch_deg,
     }
     return values
 
