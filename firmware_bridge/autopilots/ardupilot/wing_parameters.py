@@ -21,7 +21,7 @@ from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R beg
 Landing: a plane without brakes comes down a slope with wind from behind faster than it should. By ArduPlane's defaults
 it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
 (TECS_LAND_SPDWGT 0) and sinks at 0.7 m/s in the flare in place of 0.25; LAND_FLARE_AIM 100 aims all of the flare ahead.
-LAND_PITCH_DEG, the least pitch of the flare, is that of cruise: with a level nose it touched its front skid, and bounced.
+LAND_PITCH_DEG, the least pitch of the flare, is that of cruise: with a level nose it bounced on its front skid.
 """
 
 from __future__ import annotations
