@@ -20,7 +20,8 @@ from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R beg
 
 Landing: a plane without brakes comes down a slope with wind from behind faster than it should. By ArduPlane's defaults
 it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
-(TECS_LAND_SPDWGT 0) and sinks at 0.7 m/s in the flare in place of 0.25; LAND_FLARE_AIM 100 aims all of the flare ahead.
+(TECS_LAND_SPDWGT 0), and LAND_FLARE_AIM 100 aims all of the flare ahead. It sinks at 0.35 m/s in the flare: at 0.7 it
+came down so fast over the ground that it bounced, and stalled.
 LAND_PITCH_DEG, the least pitch of the flare, is that of cruise: with a level nose it bounced on its front skid.
 """
 
@@ -131,7 +132,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "NAVL1_DAMPING": _L1_DAMPING,
         "WP_RADIUS": max(2.0 * radius, 50.0),
         "WP_LOITER_RAD": max(1.3 * radius, 50.0),
-        "TECS_LAND_SINK": 0.7,
+        "TECS_LAND_SINK": 0.35,
         "TECS_LAND_SPDWGT": 0.0,
         "LAND_FLARE_ALT": 2.5,
         "LAND_FLARE_SEC": 2.0,
