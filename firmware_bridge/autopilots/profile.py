@@ -81,7 +81,8 @@ class Profile:
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
     plane_program: Program | None = None  # for vehicles with wings, where it is another one than `program`
     flies_vtols: bool = False  # takes a vehicle with lifters, pushers and wings
-    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
+    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes (or VTOLs) alone
+    vtol_items: frozenset[int] = frozenset()  # the same, with VTOLs alone
 
     # The flight.
     flight_sensors: Sequence[str] = ("gps", "barometer", "magnetometer")  # needed to fly a mission, besides the IMU

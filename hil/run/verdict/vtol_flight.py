@@ -20,11 +20,12 @@ hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 
 from hil.config.missions.path import Leg
+from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import Stop
 from hil.run.verdict.plane_flight import PlaneMeasurement
@@ -38,8 +39,7 @@ _AFTER_FRONT_NS, _BACK_NS = 5 * NS_PER_S, 10 * NS_PER_S
 _SLOW_MPS = 5.0
 _OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "max_bank_deg", "loiter_error_m")
 _OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
-_TRANSITION, _TO_HOVER, _TO_WINGS = 3000, 3.0, 4.0
-_TAKEOFFS, _LOITERS, _WAYPOINT = frozenset((22, 84)), frozenset((17, 18, 19, 31)), 16
+_LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,12 @@ class _Phase(Enum):
     BACK = auto()
 
 
-def flown_items(items: Sequence[MissionItem]) -> list[MissionItem]:
+def flown_items(items: Sequence[MissionItem], params: Mapping[str, float]) -> list[MissionItem]:
     """Return the items with loiters in hover as waypoints: there is no circle about them."""
-    out, wings = [], False
-    for item in items:
-        if item.command in _TAKEOFFS:
-            wings = True
-        elif item.command == _TRANSITION:
-            wings = item.param1 == _TO_WINGS
-        hovers = item.command in _LOITERS and not wings
-        out.append(item._replace(command=_WAYPOINT) if hovers else item)
-    return out
-
-
-def uses_wings(items: Sequence[MissionItem]) -> bool:
-    """Return True if a plan leads to flight on the wings."""
-    return any(i.command in _TAKEOFFS or (i.command == _TRANSITION and i.param1 == _TO_WINGS) for i in items)
+    return [
+        item._replace(command=_WAYPOINT) if item.command in _LOITERS and not wings else item
+        for item, wings in zip(items, on_wings(items, params), strict=True)
+    ]
 
 
 class VtolMeasurement(PlaneMeasurement):

@@ -8,12 +8,13 @@ from typing import Any
 from hil.config import Bench
 from hil.config.fixed_wing_facts import turn_radius_m
 from hil.config.missions.path import Leg
+from hil.config.missions.regimes import leads_to_wings
 from hil.run.part import Part, RunContext
 from hil.run.parts.judges.plane_flight import PlaneFlightPart
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_by
 from hil.run.verdict.verdict import Verdict
-from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement, flown_items, uses_wings
+from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement, flown_items
 from signals.mission import MissionItem
 from sim.physics import vtol
 from sim.physics.vehicle import Vehicle
@@ -23,13 +24,13 @@ class VtolFlightPart(PlaneFlightPart):
     name = "vtol_flight"
 
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
-        facts, physics = self._facts, run.physics
+        facts, physics, params = self._facts, run.physics, self._config.autopilot.params
         return VtolMeasurement(
             legs,
-            stops_of(legs, flown_items(items)),
+            stops_of(legs, flown_items(items, params)),
             (self._config.plane_limits, self._config.limits),
             rotors_of(self._bench.vehicle),
-            wings=uses_wings(items),
+            wings=any(leads_to_wings(item, params) for item in items),
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
             wind_at=lambda: physics.wind_W_mps,
