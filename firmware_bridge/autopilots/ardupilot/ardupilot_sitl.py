@@ -9,21 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.autopilots.ardupilot import plane
-from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits, frame_parameters
+from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import SITL
-from firmware_bridge.autopilots.ardupilot.vtol_parameters import vtol_parameters
-from firmware_bridge.autopilots.ardupilot.wing_parameters import plane_parameters
-from firmware_bridge.autopilots.installation import WORK_FOLDER, Home, Installation, Multirotor, Surroundings, Vtol
+from firmware_bridge.autopilots.ardupilot.vehicle_parameters import base_file, build_name, vehicle_parameters
+from firmware_bridge.autopilots.installation import WORK_FOLDER, Home, Installation, Surroundings
 from firmware_bridge.autopilots.profile import Profile, StartCommand
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
 from firmware_bridge.links.ardupilot.json_link import StateLine
 from firmware_bridge.links.ardupilot.sitl import (
-    DEFAULTS_PATH,
-    PLANE_DEFAULTS_PATH,
     TCP_PORT,
     ardupilot_sitl,
-    copter_parameters,
     hand_start_command,
     loop_parameters,
     write_defaults,
@@ -49,22 +45,12 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     if not own.start:
         return ardupilot_sitl(home=installation.home, mavlink=_mavlink_address(installation), **settings)
     return ardupilot_sitl(
-        build=around.build(own, log=f"{WORK_FOLDER}/{_program(installation)}.log"),
+        build=around.build(own, log=f"{WORK_FOLDER}/{build_name(installation.vehicle)}.log"),
         home=installation.home,
         parameters=_vehicle_parameters(installation),
-        base=_base(installation),
+        base=base_file(installation.vehicle),
         **settings,
     )
-
-
-def _program(installation: Installation) -> str:
-    """Return the name of the file that ArduPilot's build makes for this vehicle."""
-    return "arducopter" if isinstance(installation.vehicle, Multirotor) else "arduplane"
-
-
-def _base(installation: Installation) -> Path:
-    """Return the file with the parameters of every vehicle of this kind."""
-    return DEFAULTS_PATH if isinstance(installation.vehicle, Multirotor) else PLANE_DEFAULTS_PATH
 
 
 def _mavlink_address(installation: Installation) -> str:
@@ -75,16 +61,8 @@ def _mavlink_address(installation: Installation) -> str:
 
 def _vehicle_parameters(installation: Installation) -> dict[str, float]:
     """Return the parameters of this vehicle, its sensors and the tick, with those of the bench over them."""
-    sensors, vehicle = dict(installation.sensor_parameters), installation.vehicle
-    if not isinstance(vehicle, Multirotor):
-        own = vtol_parameters(vehicle) if isinstance(vehicle, Vtol) else plane_parameters(vehicle)
-        return own | loop_parameters(installation.tick_hz) | sensors | installation.settings.all_params
-    return copter_parameters(
-        hover_control=vehicle.hover_control,
-        thrust_model_factor=vehicle.thrust_model_factor,
-        tick_hz=installation.tick_hz,
-        more=frame_parameters(vehicle) | sensors | installation.settings.all_params,
-    )
+    own = vehicle_parameters(installation.vehicle) | loop_parameters(installation.tick_hz)
+    return own | dict(installation.sensor_parameters) | installation.settings.all_params
 
 
 def start_command(installation: Installation, folder: Path) -> StartCommand:
@@ -94,11 +72,11 @@ def start_command(installation: Installation, folder: Path) -> StartCommand:
     """
     settings, path = installation.settings, folder / _DEFAULTS_NAME
     try:
-        defaults = write_defaults(path, _vehicle_parameters(installation), _base(installation))
+        defaults = write_defaults(path, _vehicle_parameters(installation), base_file(installation.vehicle))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
     argv = hand_start_command(
-        _program(installation) if settings.binary is None else Path(settings.binary).expanduser().resolve(),
+        build_name(installation.vehicle) if settings.binary is None else Path(settings.binary).expanduser().resolve(),
         home=installation.home,
         defaults=defaults,
         instance=settings.instance,

@@ -24,13 +24,6 @@ def frame_for(vehicle: Multirotor) -> Frame | None:
     return frame_of([(rotor.position_m[0], rotor.position_m[1], rotor.spin) for rotor in vehicle.rotors])
 
 
-def as_copter(vehicle: Aircraft) -> Multirotor:
-    """Return the vehicle as ArduCopter flies it. LinkError for a plane."""
-    if isinstance(vehicle, FixedWing | Vtol):
-        raise LinkError("ardupilot", f"is ArduCopter here, which does not fly a plane such as {vehicle.name!r}")
-    return vehicle
-
-
 def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     """Return the parameters of ArduCopter's frame for the rotors. LinkError if it has none."""
     frame = frame_for(vehicle)

@@ -18,8 +18,11 @@ with rates r (wanted) and p [rad/s]. With SCALING_SPEED the cruise airspeed, gai
 Turns (AP_L1_Control): the L1 distance is 0.3183 NAVL1_DAMPING NAVL1_PERIOD V. ArduPlane begins a turn at that distance
 from a waypoint, if WP_RADIUS is not less; a right angle flown with radius R begins at R, or earlier.
 
-Landing: ArduPlane's default sink rate in the flare, 0.25 m/s, lets a plane without brakes float 105 m past the point
-with 4 m/s of wind from behind. It sinks at 0.6 m/s here, for which LAND_FLARE_AIM 100 aims all of the flare ahead.
+Landing: a plane without brakes comes down a slope with wind from behind faster than it should. By ArduPlane's defaults
+it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
+(TECS_LAND_SPDWGT 0), and LAND_FLARE_AIM 100 aims all of the flare ahead. It sinks at 0.35 m/s in the flare: at 0.7 it
+came down so fast over the ground that it bounced, and stalled.
+LAND_PITCH_DEG, the least pitch of the flare, is that of cruise: with a level nose it bounced on its front skid.
 """
 
 from __future__ import annotations
@@ -38,7 +41,7 @@ _GAIN = pi / 4.0
 _ATTITUDE_S = 0.4  # FW_R_TC, to which the rate loops belong
 _BANK_DEG = 35.0  # of the turns that a plan may expect
 _BANK_LIMIT_DEG = 50.0
-_AHEAD = 1.2  # of that radius: where a turn begins, for rolling in, and for wind from behind
+_AHEAD = 1.35  # of that radius: where a turn begins, for rolling in, and for wind from behind
 _L1_DAMPING = 0.75
 _L1_SHARE = 0.3183  # 1 / pi
 _CLIMB_SHARE = 0.8  # of what the engine could
@@ -129,7 +132,8 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "NAVL1_DAMPING": _L1_DAMPING,
         "WP_RADIUS": max(2.0 * radius, 50.0),
         "WP_LOITER_RAD": max(1.3 * radius, 50.0),
-        "TECS_LAND_SINK": 0.6,
+        "TECS_LAND_SINK": 0.35,
+        "TECS_LAND_SPDWGT": 0.0,
         "LAND_FLARE_ALT": 2.5,
         "LAND_FLARE_SEC": 2.0,
         "LAND_FLARE_AIM": 100.0,

@@ -31,13 +31,6 @@ _GYRO_PER_LOOP = 1.8  # ArduCopter does not arm with fewer gyro samples a loop, 
 _HOVER_RANGE = (0.125, 0.6875)  # what ArduPilot allows for MOT_THST_HOVER
 
 
-def copter_parameters(
-    *, hover_control: float, thrust_model_factor: float, tick_hz: float, more: Mapping[str, float] | None = None
-) -> dict[str, float]:
-    """Return ArduCopter's parameters that depend on vehicle and tick; `more` overrides."""
-    return thrust_parameters(hover_control, thrust_model_factor) | loop_parameters(tick_hz) | dict(more or {})
-
-
 def thrust_parameters(hover_control: float, thrust_model_factor: float) -> dict[str, float]:
     """Return the thrust curve of the rotors."""
     spin = {"spin_min": SPIN_MIN, "spin_max": SPIN_MAX}

@@ -20,7 +20,7 @@ from hil.run.loop.restartable_physics import make_physics
 
 VTOL = ("autopilot.start=false", "vehicle=quadplane", "mission=null", "start={}")
 RIGS = Path(__file__).parents[4] / "rigs"
-PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
+PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0, 0.02)
 # Torques in B (FLU) of trailing edges down: a left aileron rolls to the right, an elevator pitches down (+y), a rudder
 # whose trailing edge goes to the left yaws to the left (+z).
 ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), -0.1), Surface("elevon_right", (-6.0, 2.0, -0.1), -0.1)]
@@ -97,9 +97,9 @@ def test_airspeeds_and_turns() -> None:
     parameters = plane_parameters(plane(ELEVONS))
     assert (parameters["AIRSPEED_MIN"], parameters["AIRSPEED_CRUISE"]) == (12.0, 15.0)
     assert parameters["TRIM_ARSPD_CM"] == 1500.0  # before 4.5
-    # A right angle of a radius of 32.8 m (35 degrees of bank) begins at the L1 distance, 1.2 times as far.
+    # A right angle of a radius of 32.8 m (35 degrees of bank) begins at the L1 distance, 1.35 times as far.
     distance = 0.3183 * parameters["NAVL1_DAMPING"] * parameters["NAVL1_PERIOD"] * 15.0
-    assert distance == pytest.approx(1.2 * 15.0**2 / (9.80665 * 0.70021), rel=1e-3)
+    assert distance == pytest.approx(1.35 * 15.0**2 / (9.80665 * 0.70021), rel=1e-3)
     assert parameters["WP_RADIUS"] > distance
 
 
