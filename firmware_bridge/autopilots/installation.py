@@ -77,6 +77,9 @@ class FixedWing:
     damping_nms: Vec3  # torque per rate about each axis of B, below 0
     pull_up: float  # share of a full pitch demand per rate of pitch [s/rad] in a steady turn
     wheels: bool  # it can roll on a runway
+    ground_pitch_rad: float = 0.0  # of the vehicle that stands on its wheels, nose up above 0
+    steering: int | None = None  # index of the command that steers its wheels, -1..1, to the left at +1
+    brake: int | None = None  # index of the command that brakes them, 0..1
 
     @property
     def least_mps(self) -> float:

@@ -77,7 +77,15 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
         damping_nms=(float(damping[0, 0]), float(damping[1, 1]), float(damping[2, 2])),
         pull_up=_pull_up(airframe, trim, effect[1]),
         wheels=vehicle.rolls,
+        ground_pitch_rad=vehicle.standing_pitch_rad,
+        steering=_command(vehicle, "steering"),
+        brake=_command(vehicle, "brake"),
     )
+
+
+def _command(vehicle: Vehicle, name: str) -> int | None:
+    """Return the index of a command of the vehicle; None: it has none of this name."""
+    return next((i for i, command in enumerate(vehicle.commands) if command.name == name), None)
 
 
 def _idle_sink_mps(airframe: Airframe, trim: Trim) -> float:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signals.units import STANDARD_GRAVITY_MPS2
+from sim._kernels import Wheels
 from sim.physics.forces.force import Effects
 from sim.physics.forces.rotors import RotorSet
 from sim.physics.integration import TickSteps
@@ -37,6 +38,7 @@ _STEPS, _CLOSE = 30, 1e-10  # Newton's method; residual over the weight
 _MOST_ALPHA_RAD = math.radians(60.0)
 _SLOPE_RAD = 1e-5
 _FASTEST_MPS = 150.0
+_DEEP_M = 1000.0
 
 
 class NoTrimError(Exception):
@@ -103,6 +105,9 @@ def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
         return "rotors", "holds no engine: a rotor with the axis [1, 0, 0]"
     if not vehicle.surfaces:
         return "forces", "holds no control surfaces"
+    after = vehicle.commands[len(vehicle.rotors) :]
+    if [command.name for command in after[: len(vehicle.surfaces)]] != [surface.name for surface in vehicle.surfaces]:
+        return "forces", "holds wheels before the control surfaces: put what has the surfaces first"
     return None
 
 
@@ -117,6 +122,9 @@ class Airframe:
 
     def __post_init__(self) -> None:
         forces = self.vehicle.make_forces(Effects(ground_effect=False))
+        for force in forces:
+            if isinstance(force, Wheels):  # it flies, though at a height of 0
+                force.set_ground(-_DEEP_M)
         self._truth = np.zeros(13 + sum(force.states for force in forces) + 6)
         self._truth[3] = 1.0
         self._body = rigid_body(

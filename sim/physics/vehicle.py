@@ -369,6 +369,18 @@ class Vehicle(StrictModel):
         return max([self.lying_height_m, *carried])
 
     @property
+    def standing_pitch_rad(self) -> float:
+        """Pitch of the vehicle that stands on its wheels on level ground, nose up above 0; else 0."""
+        weight_n = self.mass_kg * STANDARD_GRAVITY_MPS2
+        carried = [force for force in self.forces if force.standing_height_m(weight_n) is not None]
+        return carried[0].standing_pitch_rad(weight_n) if carried else 0.0
+
+    @property
+    def rolling_resistance(self) -> float:
+        """Greatest rolling resistance over load of its wheels; 0 without wheels."""
+        return max((force.rolling_resistance for force in self.forces), default=0.0)
+
+    @property
     def rolls(self) -> bool:
         """True if a force carries the vehicle on the ground, such as wheels."""
         return any(force.standing_height_m(0.0) is not None for force in self.forces)

@@ -9,6 +9,7 @@ from functools import cache
 from firmware_bridge.autopilots.installation import LOG_NAME, Aircraft, FixedWing, Installation, Surroundings, Vtol
 from firmware_bridge.autopilots.mock.firmware import MOCK
 from firmware_bridge.autopilots.mock.sensors import FAULTS, SENSORS
+from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
 from firmware_bridge.autopilots.px4.vtol_parameters import vtol_parameters
@@ -124,7 +125,7 @@ def _airframe_of(vehicle: Aircraft) -> tuple[str, dict[str, float]]:
     if isinstance(vehicle, Vtol):
         return VTOL_AIRFRAME, vtol_parameters(vehicle)
     if isinstance(vehicle, FixedWing):
-        return PLANE_AIRFRAME, plane_parameters(vehicle)
+        return PLANE_AIRFRAME, plane_parameters(vehicle) | wheel_parameters(vehicle)
     airframe = matching_airframe(vehicle)
     return (BASE_AIRFRAME, mock_parameters(vehicle)) if airframe is None else (airframe, {})
 

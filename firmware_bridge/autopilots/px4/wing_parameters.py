@@ -28,6 +28,11 @@ _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
 _TAKEOFF = 1.5  # airspeed of the climb over the stall
+LAUNCH_MPS2 = 12.0  # forward acceleration of a launch; PX4's 30 is more than a hand has
+ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
+_WHEEL_GAINS = 1.0, 0.5  # of the yaw rate: PX4's 0.5 and 0.1 let a tail wheel turn into the wind by 12 degrees
+_TOUCHDOWN_S = 2.0  # after the beginning of the flare
+_STEERING_WHEEL = 440  # output function "Landing_Gear_Wheel"
 _NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
 
 
@@ -135,9 +140,13 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "FW_T_SINK_MAX": max(3.0, 2.0 * vehicle.idle_sink_mps),
         "LNDFW_AIRSPD_MAX": max(6.0, 0.7 * vehicle.stall_mps),
         "RWTO_TKOFF": float(vehicle.wheels),
-        "FW_LAUN_AC_THLD": 12.0,
+        "FW_LAUN_AC_THLD": LAUNCH_MPS2,
         "FW_W_EN": float(vehicle.wheels),
     }
+    if vehicle.wheels:  # it rolls as it stands: a tail wheel steers only on the ground
+        values["RWTO_PSP"] = min(max(degrees(vehicle.ground_pitch_rad), -10.0), 20.0)
+        values["FW_WR_P"], values["FW_WR_I"] = _WHEEL_GAINS
+        values["RWTO_ROT_AIRSPD"] = ROTATION * vehicle.stall_mps
     for name, trim in zip(("TRIM_ROLL", "TRIM_PITCH", "TRIM_YAW"), trims(vehicle), strict=True):
         values[name] = trim
     return values
@@ -163,6 +172,8 @@ def px4_parameters(vehicle: FixedWing) -> dict[str, float]:
     takeoff_mps = min(max(vehicle.glide_mps, _TAKEOFF * vehicle.stall_mps), vehicle.cruise_mps)
     switch_m = _SWITCH * track_error_bound_m(vehicle.cruise_mps, _NPFG_PERIOD_S, _NPFG_DAMPING)
     values = {"FW_TKO_AIRSPD": takeoff_mps, "NAV_ACC_RAD": switch_m, "FW_LND_ABORT": 0.0}
+    if vehicle.wheels:  # after the flare it takes the pitch RWTO_PSP: a tail wheel off the ground does not steer
+        values["FW_LND_TD_TIME"] = _TOUCHDOWN_S
     return {name: float(f"{value:.4g}") for name, value in values.items()}
 
 
@@ -170,4 +181,13 @@ def output_functions(vehicle: FixedWing, outputs: str) -> dict[str, float]:
     """Return the functions of the outputs in the order of the vehicle's commands: motors, then surfaces."""
     motors: dict[str, float] = {f"{outputs}{n}": 100 + n for n in range(1, len(vehicle.rotors) + 1)}
     first = len(vehicle.rotors) + 1
-    return motors | {f"{outputs}{first + i}": _FIRST_SERVO + i for i in range(len(vehicle.surfaces))}
+    servos: dict[str, float] = {f"{outputs}{first + i}": _FIRST_SERVO + i for i in range(len(vehicle.surfaces))}
+    return motors | servos | _steering(vehicle, outputs)
+
+
+def _steering(vehicle: FixedWing, outputs: str) -> dict[str, float]:
+    """Return the output of the wheel's servo, reversed: PX4's is positive to the right. It has none for brakes."""
+    if vehicle.steering is None:
+        return {}
+    reversed_bits = float(1 << vehicle.steering)
+    return {f"{outputs}{vehicle.steering + 1}": _STEERING_WHEEL, outputs.replace("FUNC", "REV"): reversed_bits}

@@ -5,6 +5,10 @@ level until it meets the slope, then down on it at FW_LND_AIRSPD (default: 1.3 t
 height max(FW_LND_FLALT, FW_LND_FL_TIME times the sink rate): within FW_LND_FL_TIME the height rate goes from that of
 the approach to -FW_LND_FL_SINK, the throttle to FW_THR_IDLE. Then wings level, straight on, until the land detector
 acts.
+
+A plane with a steered wheel (FW_W_EN 1) holds the runway's heading, wings level, from the flare to rest; once it is
+slow it rolls at the pitch RWTO_PSP and brakes, and a tail wheel is pressed on the ground. PX4 keeps its wheel
+controller on as long, and rolls out at RWTO_PSP.
 """
 
 from __future__ import annotations
@@ -22,6 +26,9 @@ from signals.units import RAD_PER_DEG
 
 _FLARE_ROLL_RAD = 5.0 * RAD_PER_DEG
 _ROLL_OUT_M = 0.3
+# Airspeed over the stall below which a plane that has touched down takes the attitude in which it stands, and below
+# which it cannot leave the ground again.
+_SETTLES, _STAYS = 1.12, 1.05
 _FLARE_DAMPING = 0.3  # three times FW_T_PTCH_DAMP: there is no time for the integral
 
 
@@ -90,6 +97,17 @@ class PlaneLanding:
         pilot, p = self._pilot, self._params
         assert self._flare_us is not None
         share = min(1e-6 * (now_us - self._flare_us) / p["FW_LND_FL_TIME"], 1.0)
+        wheels = bool(p["FW_W_EN"])
+        speed = pilot.air.airspeed_mps / p["FW_AIRSPD_STALL"]
+        if wheels and share >= 1.0 and speed < _SETTLES:
+            pilot.roll_on_ground(
+                self._line,
+                pitch_rad=p["RWTO_PSP"] * RAD_PER_DEG,
+                throttle=p["FW_THR_IDLE"],
+                brake=1.0,
+                holds_tail=speed < _STAYS and p["RWTO_PSP"] > p["FW_PSP_OFF"],
+            )
+            return
         slow = pilot.ground_speed_mps < 0.7 * p["FW_AIRSPD_STALL"]
         if slow and height < _ROLL_OUT_M * 3.0:
             pilot.roll_on_ground(self._line, pitch_rad=p["FW_LND_FL_PMIN"] * RAD_PER_DEG, throttle=p["FW_THR_IDLE"])
@@ -105,6 +123,8 @@ class PlaneLanding:
             pitch_max_rad=p["FW_LND_FL_PMAX"] * RAD_PER_DEG,
             roll_limit_rad=_FLARE_ROLL_RAD,
             pitch_damping=_FLARE_DAMPING,
+            keeps_pitch=wheels and share == 0.0,
+            runway=self._line if wheels else None,
         )
 
 

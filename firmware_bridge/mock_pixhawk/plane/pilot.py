@@ -30,8 +30,9 @@ PERIOD_S = 0.02
 CHANNELS = 16
 _EULER, _RATES, _ACCEL = (STATE_FIELDS[name][0] for name in ("euler", "w_NF_F", "a_NF_N"))
 _GROUND_ROLL_RAD = 5.0 * RAD_PER_DEG
-_STEERING_WHEEL = 16  # CA_SV_CSn_TYPE
 _GROUND_GAIN, _GROUND_YAW_GAIN = 0.05, 1.5  # rad/m, 1/s
+_GROUND_INTEGRAL = 0.4  # most of the wheel's command, as PX4's FW_WR_IMAX
+_RUDDER_SHARE = 2.0  # of the wheel's command
 _GROUND_TURN_RAD = 20.0 * RAD_PER_DEG
 _LOW_M = 15.0  # above home: below, the bank is limited
 
@@ -48,7 +49,9 @@ class Wanted(TypedDict, total=False):
     pitch_min_rad: float
     pitch_max_rad: float
     pitch_damping: float
+    keeps_pitch: bool  # no jump of the pitch at a change of `weight`
     roll_limit_rad: float | None
+    runway: Line | None  # wheels may touch: wings level, and rudder and wheel keep the nose along this line
 
 
 class PlanePilot:
@@ -61,9 +64,6 @@ class PlanePilot:
         self._attitude = PlaneAttitude(params)
         self._mixer = SurfaceMixer(params)
         self.rotors = int(params["CA_ROTOR_COUNT"])
-        self.wheel_slots = [
-            i for i in range(int(params["CA_SV_CS_COUNT"])) if params[f"CA_SV_CS{i}_TYPE"] == _STEERING_WHEEL
-        ]
         self.path: Line | Circle | None = None
         self.airspeed_mps: float | None = None  # commanded, calibrated; None: FW_AIRSPD_TRIM
         self.throttle = 0.0
@@ -71,7 +71,10 @@ class PlanePilot:
         self._direct: tuple[float, float, float] | None = None  # torque demands of the manual mode
         self._yaw_rate_sp = 0.0  # on the ground
         self._runs = False
-        self._rolling = False  # wheels or belly on the ground: heading is held by rudder and wheel
+        self._steers = False  # wheels or belly on the ground, or nearly: heading is held by rudder and wheel
+        self._rolling = False  # the same, and no integrator runs
+        self._holds_tail = False
+        self._brake = self._wheel_integral = 0.0
         self._last_us: int | None = None
         self.refresh_params()
 
@@ -149,7 +152,7 @@ class PlanePilot:
         self._tecs.reset(-v.pos_d, -v.v_d, float(self._state[_EULER + 1]) - self._offset)
         self.path = None
         self._direct = None
-        self._rolling = False
+        self._steers = self._rolling = self._holds_tail = False
         self.airspeed_mps = None
 
     def circle_here(self) -> None:
@@ -162,14 +165,21 @@ class PlanePilot:
 
     # -- the guidance step: exactly one of these per step -------------------------------------------------------
 
+    def _mode(self, direct: tuple[float, float, float] | None = None) -> None:
+        """Begin a step: in the air, without brakes."""
+        self._runs, self._direct, self._brake = True, direct, 0.0
+        self._steers = self._rolling = self._holds_tail = False
+
     def off(self) -> None:
-        """Engine off, surfaces neutral."""
+        """Engine off, surfaces neutral, brakes free."""
+        self._mode()
         self._runs = False
         self.throttle = 0.0
 
     def idle(self) -> None:
-        """On the ground: engine idle, surfaces level the plane."""
-        self._runs, self._direct, self._rolling = True, None, False
+        """On the ground: engine idle, surfaces level the plane, brakes on."""
+        self._mode()
+        self._brake = 1.0
         self.throttle = self._params["FW_THR_IDLE"]
         self.roll_sp, self.pitch_sp = 0.0, self._offset
         self._attitude.reset()
@@ -180,8 +190,13 @@ class PlanePilot:
         d_m, pitch_min_rad, pitch_max_rad = wanted.get("d_m"), wanted.get("pitch_min_rad"), wanted.get("pitch_max_rad")
         airspeed_mps, throttle_max = wanted.get("airspeed_mps"), wanted.get("throttle_max")
         least_airspeed_mps = wanted.get("least_airspeed_mps")
-        self._runs, self._direct, self._rolling = True, None, False
-        self._steer(wanted.get("roll_limit_rad"))
+        self._mode()
+        runway = wanted.get("runway")
+        if runway is None:
+            self._bank(wanted.get("roll_limit_rad"))
+        else:
+            self.roll_sp = 0.0
+            self._hold_heading(runway)
         cos_roll = el.cos(self.roll_sp)
         load = 1.0 / max(cos_roll, 0.3)
         # A banked wing stalls later by the root of its load.
@@ -200,6 +215,7 @@ class PlanePilot:
             load_factor=load,
             speed_weight=wanted.get("weight"),
             pitch_damping=wanted.get("pitch_damping"),
+            keeps_pitch=wanted.get("keeps_pitch", False),
         )
         state = VerticalState(-v.pos_d, -v.v_d, air.true_mps, air.rate_mps2)
         pitch, self.throttle = self._tecs.step(state, demand, PERIOD_S)
@@ -207,20 +223,30 @@ class PlanePilot:
 
     def attitude(self, roll: float, pitch: float, throttle: float) -> None:
         """Hold an attitude."""
-        self._runs, self._direct, self._rolling = True, None, False
+        self._mode()
         self.roll_sp, self.pitch_sp, self.throttle = roll, pitch, throttle
 
     def direct(self, roll: float, pitch: float, yaw: float, throttle: float) -> None:
         """Pass torque demands to the surfaces."""
-        self._runs, self._direct, self._rolling = True, (roll, pitch, yaw), False
+        self._mode((roll, pitch, yaw))
         self.throttle = throttle
 
-    def roll_on_ground(self, line: Line, *, pitch_rad: float, throttle: float) -> None:
-        """Roll along a line on the ground, wings level; rudder and wheel steer."""
-        v = self._vehicle
-        self._runs, self._direct, self._rolling = True, None, True
+    def roll_on_ground(
+        self, line: Line, *, pitch_rad: float, throttle: float, brake: float = 0.0, holds_tail: bool = False
+    ) -> None:
+        """Roll along a line on the ground, wings level; rudder and wheel steer.
+
+        `holds_tail`: full up elevator presses a tail wheel on the ground, whose side force grows with its load.
+        """
+        self._mode()
+        self._rolling, self._brake, self._holds_tail = True, brake, holds_tail
         self.roll_sp, self.pitch_sp, self.throttle = 0.0, pitch_rad, throttle
         self.path = line
+        self._hold_heading(line)
+
+    def _hold_heading(self, line: Line) -> None:
+        v = self._vehicle
+        self._steers = True
         right = line.nearest(v.pos_n, v.pos_e).right_m
         # Head for the line, at most 20 degrees off its course.
         want = el.atan2(line.t_e, line.t_n) - min(max(_GROUND_GAIN * right, -_GROUND_TURN_RAD), _GROUND_TURN_RAD)
@@ -236,7 +262,7 @@ class PlanePilot:
 
     # -- inner loops --------------------------------------------------------------------------------------------
 
-    def _steer(self, roll_limit_rad: float | None) -> None:
+    def _bank(self, roll_limit_rad: float | None) -> None:
         p, v = self._params, self._vehicle
         wanted = 0.0
         if self.path is not None:
@@ -283,16 +309,21 @@ class PlanePilot:
                 holds=self._vehicle.landed or self._rolling,
                 dt_s=dt,
             )
-            if self._rolling:
+            if self._steers:
                 p = self._params
                 error = self._yaw_rate_sp - rates[2]
-                wheel = p["FW_WR_P"] * error + p["FW_WR_FF"] * self._yaw_rate_sp
-                demands = (demands[0], demands[1], min(max(2.0 * wheel, -1.0), 1.0))
+                if self.ground_speed_mps > 1.0:
+                    step = p["FW_WR_I"] * error * min(dt, 0.1)
+                    self._wheel_integral = min(max(self._wheel_integral + step, -_GROUND_INTEGRAL), _GROUND_INTEGRAL)
+                wheel = p["FW_WR_P"] * error + p["FW_WR_FF"] * self._yaw_rate_sp + self._wheel_integral
+                pitch = 1.0 if self._holds_tail else demands[1]
+                demands = (demands[0], pitch, min(max(_RUDDER_SHARE * wheel, -1.0), 1.0))
+            else:
+                self._wheel_integral = 0.0
         for i in range(min(self.rotors, CHANNELS)):
             out[i] = _thousandths(min(max(self.throttle, 0.0), 1.0))
         surfaces = self._mixer.commands(*demands)
-        for i in self.wheel_slots:
-            surfaces[i] = min(max(wheel, -1.0), 1.0)
+        self._mixer.set_wheels(surfaces, steering=wheel, brake=self._brake)
         for i, value in enumerate(surfaces[: CHANNELS - self.rotors]):
             out[self.rotors + i] = _thousandths(value)
         return out

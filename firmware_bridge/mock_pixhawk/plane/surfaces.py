@@ -2,7 +2,8 @@
 
 CA_SV_CSn_TRQ_R, _P, _Y: torque of the surface at full command over that of a full demand, FRD. The commands are the
 least-norm solution of E u = demand, E^T (E E^T)^-1, over the axes that some surface acts on: elevons, ailerons with
-elevator and rudder, V-tails are the same to it. An axis without surface (the yaw of a flying wing) is left out.
+elevator and rudder, V-tails are the same to it. An axis without surface (the yaw of a flying wing) is left out. Entries
+that are a steering wheel or a brake have no part in this.
 
 A demand beyond the surfaces is cut in this order: yaw, then pitch, then roll, so that a plane in trouble can first of
 all level its wings.
@@ -14,6 +15,8 @@ from collections.abc import Sequence
 
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 
+STEERING_WHEEL = 16  # CA_SV_CSn_TYPE
+WHEEL_BRAKE = 20  # of the mock alone: PX4 has no wheel brakes
 _LEAST = 1e-3  # an axis with less effect is not controlled
 _SOLVABLE = 1e-9
 
@@ -60,7 +63,15 @@ class SurfaceMixer:
 
     def __init__(self, params: ParamTable) -> None:
         count = int(params["CA_SV_CS_COUNT"])
-        effect = [[params[f"CA_SV_CS{i}_TRQ_{axis}"] for i in range(count)] for axis in "RPY"]
+        types = [int(params[f"CA_SV_CS{i}_TYPE"]) for i in range(count)]
+        flies = [kind not in (STEERING_WHEEL, WHEEL_BRAKE) for kind in types]
+        effect = [[params[f"CA_SV_CS{i}_TRQ_{axis}"] if flies[i] else 0.0 for i in range(count)] for axis in "RPY"]
+        self._wheels = [
+            (i, -1.0 if params[f"CA_SV_CS{i}_TRQ_Y"] < 0.0 else 1.0)
+            for i, kind in enumerate(types)
+            if kind == STEERING_WHEEL
+        ]
+        self._brakes = [i for i, kind in enumerate(types) if kind == WHEEL_BRAKE]
         self._mix = allocation(effect)
         self._trim = [params[f"CA_SV_CS{i}_TRIM"] for i in range(count)]
 
@@ -81,3 +92,10 @@ class SurfaceMixer:
                     share = min(share, max(room, 0.0) / abs(wanted))
             taken = [now + share * row[axis] * demand for now, row in zip(taken, self._mix, strict=True)]
         return [min(max(value, -1.0), 1.0) for value in taken]
+
+    def set_wheels(self, commands: list[float], *, steering: float, brake: float) -> None:
+        """Write the commands of steered and braked wheels. `steering`: -1..1, to the right above 0; `brake`: 0..1."""
+        for i, sign in self._wheels:
+            commands[i] = min(max(sign * steering, -1.0), 1.0)
+        for i in self._brakes:
+            commands[i] = min(max(brake, 0.0), 1.0)

@@ -1,7 +1,9 @@
 """Take-off of a plane: from a runway, from a hand or a catapult, or at once, then the climb.
 
-RWTO_TKOFF 1        throttle rises to RWTO_MAX_THR in RWTO_RAMP_TIME, the plane rolls along its heading, steered by
-                    wheel and rudder; at RWTO_ROT_AIRSPD (default: FW_TKO_AIRSPD) the nose rises and it climbs
+RWTO_TKOFF 1        throttle rises to RWTO_MAX_THR in RWTO_RAMP_TIME, the plane rolls along its heading at the pitch
+                    RWTO_PSP, steered by wheel and rudder; at RWTO_ROT_AIRSPD (at most FW_TKO_AIRSPD; default: 0.9 times
+                    that) the nose rises: the limits of the pitch open from RWTO_PSP to those of the climb within
+                    RWTO_ROT_TIME. As PX4's RunwayTakeoff. Below 1 m the wings stay level and rudder and wheel steer
 FW_LAUN_DETCN_ON 1  engine idle until the specific force forward was above FW_LAUN_AC_THLD for FW_LAUN_AC_T;
                     FW_LAUN_MOT_DEL later the engine starts
 neither             the engine starts at once
@@ -23,7 +25,9 @@ from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.time import US_PER_S
 from signals.units import RAD_PER_DEG
 
+_ROTATION = 0.9  # over the airspeed of the take-off, as PX4's default
 _CLIMB_ROLL_RAD = 15.0 * RAD_PER_DEG
+_OFF_GROUND_M = 1.0  # height from which the wings may bank after a roll
 _TURNS_FROM_M = 15.0  # height from which the climb turns to the take-off point
 
 
@@ -47,6 +51,12 @@ class PlaneTakeoff:
         self._target_d = 0.0
         self._since_us = 0
         self._above_s = 0.0
+        self._rotated_us: int | None = None  # when the nose rose off the runway
+
+    @property
+    def rolling(self) -> bool:
+        """True while the plane rolls towards its rotation speed."""
+        return self._phase is _Phase.ROLLING
 
     def start(self, now_us: int) -> None:
         """Begin the mode."""
@@ -67,6 +77,7 @@ class PlaneTakeoff:
         self._to = to
         self._since_us = now_us
         self._above_s = 0.0
+        self._rotated_us = None
         if not vehicle.landed:
             self._phase = _Phase.CLIMBING
         elif p["RWTO_TKOFF"]:
@@ -93,7 +104,7 @@ class PlaneTakeoff:
         elif self._phase is _Phase.ROLLING:
             self._roll(now_us)
         else:
-            return self._climb()
+            return self._climb(now_us)
         return False
 
     def _wait(self, now_us: int) -> None:
@@ -111,7 +122,7 @@ class PlaneTakeoff:
         p = self._params
         if now_us - self._since_us >= int(p["FW_LAUN_MOT_DEL"] * US_PER_S):
             self._phase = _Phase.CLIMBING
-            self._climb()
+            self._climb(now_us)
             return
         self._pilot.attitude(0.0, p["FW_TKO_PITCH_MIN"] * RAD_PER_DEG, p["FW_THR_IDLE"])
 
@@ -119,12 +130,12 @@ class PlaneTakeoff:
         p, pilot = self._params, self._pilot
         ramp = 1e-6 * (now_us - self._since_us) / p["RWTO_RAMP_TIME"]
         throttle = p["RWTO_MAX_THR"] * min(ramp, 1.0)
-        rotation = p["RWTO_ROT_AIRSPD"]
-        if rotation <= 0.0:
-            rotation = self._takeoff_airspeed_mps()
+        takeoff = self._takeoff_airspeed_mps()
+        rotation = min(p["RWTO_ROT_AIRSPD"], takeoff) if p["RWTO_ROT_AIRSPD"] > 0.0 else _ROTATION * takeoff
         pilot.roll_on_ground(self._line, pitch_rad=p["RWTO_PSP"] * RAD_PER_DEG, throttle=throttle)
         if pilot.air.airspeed_mps >= rotation:
             self._phase = _Phase.CLIMBING
+            self._rotated_us = now_us
             pilot.take_over()
             pilot.path = self._line
 
@@ -132,7 +143,7 @@ class PlaneTakeoff:
         p = self._params
         return p["FW_TKO_AIRSPD"] if p["FW_TKO_AIRSPD"] > 0.0 else p["FW_AIRSPD_MIN"]
 
-    def _climb(self) -> bool:
+    def _climb(self, now_us: int) -> bool:
         p, pilot = self._params, self._pilot
         low = p["FW_AIRSPD_STALL"]
         room = max(p["FW_AIRSPD_MIN"] - low, 0.1)
@@ -141,9 +152,18 @@ class PlaneTakeoff:
             n, e, _ = pilot.here()
             pilot.path = line_between(n, e, *self._to, otherwise_rad=pilot.course_rad)
             self._to = None
+        low_deg, high_deg = share * p["FW_TKO_PITCH_MIN"], p["FW_P_LIM_MAX"]
+        runway = None
+        if self._rotated_us is not None:
+            risen = min(1e-6 * (now_us - self._rotated_us) / p["RWTO_ROT_TIME"], 1.0)
+            low_deg += (p["RWTO_PSP"] - low_deg) * (1.0 - risen)
+            high_deg += (p["RWTO_PSP"] - high_deg) * (1.0 - risen)
+            runway = self._line if pilot.height_m() < _OFF_GROUND_M else None
         pilot.fly(
             d_m=self._target_d,
-            pitch_min_rad=share * p["FW_TKO_PITCH_MIN"] * RAD_PER_DEG,
+            pitch_min_rad=low_deg * RAD_PER_DEG,
+            pitch_max_rad=high_deg * RAD_PER_DEG,
+            runway=runway,
             roll_limit_rad=_CLIMB_ROLL_RAD if pilot.height_m() < 2.0 * _TURNS_FROM_M else None,
         )
         return self._vehicle.pos_d <= self._target_d + min(p["NAV_FW_ALT_RAD"], 0.5 * pilot.height_m())

@@ -46,6 +46,7 @@ class Demand:
     load_factor: float = 1.0
     speed_weight: float | None = None  # None: FW_T_SPDWEIGHT
     pitch_damping: float | None = None  # None: FW_T_PTCH_DAMP
+    keeps_pitch: bool = False  # the integral takes up what the change to this demand would make the pitch jump by
 
 
 class Tecs:
@@ -146,6 +147,9 @@ class Tecs:
         step = self._pitch_i * error * dt
         if not ((raw >= high and step > 0.0) or (raw <= low and step < 0.0)):
             self._pitch_integral = min(max(self._pitch_integral + step, -0.6 / scale), 0.6 / scale)
+        if demand.keeps_pitch:
+            self._pitch_integral = self.pitch_rad / scale - self._forward * balance_sp - damping * error
+            raw = self.pitch_rad
         most = self._vertical_accel / v * dt
         wanted = min(max(raw, low), high)
         self.pitch_rad += min(max(wanted - self.pitch_rad, -most), most)

@@ -37,7 +37,7 @@ from signals.time import NS_PER_S
 _ON_WINGS, _TURNS = 0.1, 0.1  # share of the lift in hover; share of the pusher's full speed
 _AFTER_FRONT_NS, _BACK_NS = 5 * NS_PER_S, 10 * NS_PER_S
 _SLOW_MPS = 5.0
-_OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "max_bank_deg", "loiter_error_m")
+_OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
 _OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
 _LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
 
@@ -90,10 +90,19 @@ class VtolMeasurement(PlaneMeasurement):
         wings: bool,
         radius_m: float,
         stall_mps: float,
+        stall_attack_rad: float = math.inf,
         wind_at: Callable[[], Vec3],
     ) -> None:
         """`wings`: the plan leads to flight on the wings."""
-        super().__init__(legs, stops, limits[0], radius_m=radius_m, stall_mps=stall_mps, wind_at=wind_at)
+        super().__init__(
+            legs,
+            stops,
+            limits[0],
+            radius_m=radius_m,
+            stall_mps=stall_mps,
+            stall_attack_rad=stall_attack_rad,
+            wind_at=wind_at,
+        )
         self._landing = FlightMeasurement(legs[-1:], limits[1])
         self._rotors, self._uses_wings = rotors, wings
         self._phase = _Phase.HOVER
@@ -155,9 +164,9 @@ class VtolMeasurement(PlaneMeasurement):
             assert leg is not None
             self._most("hover_cross_track_m", horizontal_distance_m(truth.p_WB, leg))
 
-    def _follow(self, p: Vec3) -> None:
+    def _follow(self, p: Vec3, seconds: float) -> None:
         before = self._reached
-        super()._follow(p)
+        super()._follow(p, seconds)
         if self._reached != before:
             self._in_hover = self._phase is _Phase.HOVER
 

@@ -67,6 +67,15 @@ class ForceParameters(StrictModel):
         """Return the height of the body origin over level ground that the force rests on; None: it carries nothing."""
         return None
 
+    def standing_pitch_rad(self, weight_n: float) -> float:  # noqa: ARG002 (of one that carries it)
+        """Return the pitch, nose up above 0, at which the body rests on the force on level ground."""
+        return 0.0
+
+    @property
+    def rolling_resistance(self) -> float:
+        """Rolling resistance over load of wheels with free brakes."""
+        return 0.0
+
     @property
     def mean_chord_m(self) -> float | None:
         """Chord of a wing, over which a static margin is counted."""

@@ -17,6 +17,7 @@ as contact spheres, in MuJoCo; give a vehicle with wheels such spheres above its
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 import pydantic
@@ -27,6 +28,17 @@ from sim import _kernels
 from sim.physics.forces.force import Command, Effects, ForceParameters, Point
 
 _Degrees = Annotated[float, Field(ge=-85.0, le=85.0)]
+
+
+_STEEPEST_RAD = math.radians(45.0)
+
+
+def _zero(falling: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a falling function is 0, or the end nearest to it."""
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if falling(middle) > 0.0 else (low, middle)
+    return 0.5 * (low + high)
 
 
 class Steering(StrictModel):
@@ -96,6 +108,31 @@ class Wheels(ForceParameters):
         bare = max(wheel.radius_m - wheel.position_m[2] for wheel in self.wheels)
         touching = [w for w in self.wheels if bare - (w.radius_m - w.position_m[2]) < 1e-3]
         return bare - weight_n / sum(wheel.stiffness_npm for wheel in touching)
+
+    def standing_pitch_rad(self, weight_n: float) -> float:
+        """Return the pitch at which the moments of the wheels' loads about the centre of mass are in balance.
+
+        With the compressions d_i = r_i - h - x_i sin(pitch) - z_i cos(pitch) of a body at the height h: sum k_i d_i is
+        the weight, and sum k_i d_i (x_i cos(pitch) - z_i sin(pitch)) is 0, over the wheels that touch (d_i > 0).
+        """
+
+        def loads(pitch: float, height: float) -> list[float]:
+            s, c = math.sin(pitch), math.cos(pitch)
+            low = [w.radius_m - height - w.position_m[0] * s - w.position_m[2] * c for w in self.wheels]
+            return [w.stiffness_npm * max(d, 0.0) for w, d in zip(self.wheels, low, strict=True)]
+
+        def tips_back(pitch: float) -> float:  # above 0: the nose rises
+            high = max(w.radius_m + math.hypot(*w.position_m) for w in self.wheels)
+            height = _zero(lambda h: sum(loads(pitch, h)) - weight_n, -high, high)
+            s, c = math.sin(pitch), math.cos(pitch)
+            arms = [w.position_m[0] * c - w.position_m[2] * s for w in self.wheels]
+            return sum(n * arm for n, arm in zip(loads(pitch, height), arms, strict=True))
+
+        return _zero(tips_back, -_STEEPEST_RAD, _STEEPEST_RAD)
+
+    @property
+    def rolling_resistance(self) -> float:
+        return max(wheel.rolling for wheel in self.wheels)
 
     def make(self, effects: Effects) -> _kernels.Wheels:
         del effects

@@ -7,12 +7,13 @@ from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.path import Leg, plan_points, planned_path
+from hil.config.missions.path import Leg, LegKind, plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
+from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import Verdict
 from signals.mission import MissionItem
 from signals.samples import TruthState
@@ -42,6 +43,13 @@ class PlaneFlightPart(Part):
 
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics = self._facts, run.physics
+        runway = run.bench.scene.runway if facts.wheels else None
+        rolls = None
+        if runway is not None:
+            x, y, z = physics.state[:3].tolist()
+            end = legs[-1] if legs else None
+            lands = end is not None and end.kind is LegKind.DESCENT and runway.contains(end.end_W)
+            rolls = RunwayRolls(runway, start_W=(x, y, z), lands=lands)
         return PlaneMeasurement(
             legs,
             stops_of(legs, items),
@@ -50,6 +58,7 @@ class PlaneFlightPart(Part):
             stall_mps=facts.stall_mps,
             stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
             wind_at=lambda: physics.wind_W_mps,
+            rolls=rolls,
         )
 
     def observers(self) -> list[Callable[[TruthState], None]]:

@@ -17,6 +17,7 @@ from hil.run.verdict.verdict import Verdict
 from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement, flown_items
 from signals.mission import MissionItem
 from sim.physics import vtol
+from sim.physics.fixed_wing import Airframe
 from sim.physics.vehicle import Vehicle
 
 
@@ -33,6 +34,7 @@ class VtolFlightPart(PlaneFlightPart):
             wings=any(leads_to_wings(item, params) for item in items),
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
+            stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
             wind_at=lambda: physics.wind_W_mps,
         )
 
