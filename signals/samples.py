@@ -218,6 +218,17 @@ class VaneSample(NamedTuple):
     sideslip_rad: Annotated[float, "rad", "B"]  # above 0: the air comes from the right
 
 
+class AirSample(NamedTuple):
+    """True motion of a vehicle through the air: no sensor measures it so."""
+
+    seq: Count
+    t_capture_ns: Ns
+    t_available_ns: Ns
+    airspeed_mps: Annotated[float, "m/s", "B"]
+    angle_of_attack_rad: Annotated[float, "rad", "B"]
+    sideslip_rad: Annotated[float, "rad", "B"]  # positive with the flow from the right
+
+
 class ScalarSample(NamedTuple):
     """Single number of a sensor without a sample type of its own, such as a tachometer or a fuel gauge."""
 
@@ -250,6 +261,7 @@ Sample = (
     | FollowedSample
     | DifferentialPressureSample
     | VaneSample
+    | AirSample
     | ScalarSample
     | FrameSample
 )

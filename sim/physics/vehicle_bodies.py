@@ -6,6 +6,7 @@ The shapes follow from the vehicle file; R is the radius of a rotor and `up` its
 * motors: cylinders from the hub of each rotor 0.25 R down, or up from the lower rotor of a coaxial pair; arms: rods
   from the hull to the ends of the motors
 * feet: their contact spheres, each with a leg from the inner half of the nearest arm
+* wings: the convex bodies of the forces that carry the vehicle (`WingParameters.solids`)
 * rotors: two blades of 0.92 R each, 0.18 R wide and 0.02 R thick, pitched by 12 degrees, at the rotor's true angle
 
 Blades are solid and stand still in a picture, as with a short exposure; between two pictures they may turn by any
@@ -31,6 +32,7 @@ from signals.units import TURN_RAD
 from sim import _kernels
 from sim.frame.source import VEHICLE_CLASS
 from sim.physics.forces.rotors import Rotor
+from sim.physics.forces.wing import Corners, WingParameters
 from sim.physics.vehicle import ContactSphere, Vehicle
 from sim.scene import surfaces
 from sim.scene.compile.world_compiler import compile_map, read_only
@@ -39,6 +41,7 @@ from sim.scene.world import World
 
 _HALF_TURN_RAD = 3.141592653589793
 _PITCH_RAD = 0.21
+_WING_RGB = (0.88, 0.88, 0.86)
 _FRAME_RGB, _MOTOR_RGB, _FRONT_RGB, _REAR_RGB = (
     (0.10, 0.10, 0.11),
     (0.45, 0.45, 0.47),
@@ -61,7 +64,11 @@ class VehicleBodies(_kernels.PlacedVehicle):
             p_BR=[rotor.position_m for rotor in rotors],
             q_BR=[_onto(rotor.axis) for rotor in rotors],
             spin=self._spin,
-            radius_m=max(vehicle.bounding_radius_m, *(norm(rotor.position_m) + 1.02 * blade_m for rotor in rotors)),
+            radius_m=max(
+                vehicle.bounding_radius_m,
+                *(norm(corner) for corners in _wing_solids(vehicle) for corner in corners),
+                *(norm(rotor.position_m) + 1.02 * blade_m for rotor in rotors),
+            ),
         )
 
     def place(self, truth: TruthState) -> None:
@@ -105,6 +112,12 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
     for sphere in hull:
         r = sphere.radius_m
         body.geom("ellipsoid", (r, r, 0.6 * r), material=frame, pos=sphere.position_m, solid=False)
+    wings = _wing_solids(vehicle)
+    if wings:
+        foam = builder.material("drone:wing", surfaces.PLASTIC, rgb=_WING_RGB)
+        for i, corners in enumerate(wings):
+            mesh = builder.hull(f"{actor.name}_wing_{i}", np.array(corners))
+            body.geom("mesh", asset=mesh, material=foam, solid=False)
     arm_ends: list[Vec3] = []
     for rotor, R_m in zip(rotors, radii_m, strict=True):
         motor_m = -0.125 * R_m if rotor.coaxial_below is None else 0.125 * R_m  # of its middle, along the axis
@@ -142,6 +155,12 @@ def _add_blades(body: Body, material: str, R_m: float, spin: float) -> None:
             quat=product(turn, roll_quat(spin * _PITCH_RAD)),
             solid=False,
         )
+
+
+def _wing_solids(vehicle: Vehicle) -> list[Corners]:
+    hull = [(sphere.position_m, sphere.radius_m) for sphere in vehicle.hull]
+    wings = [force for force in vehicle.forces if isinstance(force, WingParameters)]
+    return [corners for wing in wings for corners in wing.solids(hull)]
 
 
 def _is_motor(sphere: ContactSphere, rotors: tuple[Rotor, ...]) -> bool:

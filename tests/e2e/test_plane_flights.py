@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
+from hil.run.recorder.reading import read_messages
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = (ROOT / "rigs/plane.yaml").read_text().replace("record: {mcap: true, tlog: true, report: true}", "")
@@ -100,3 +103,26 @@ def test_a_stuck_surface_fails_the_flight_and_not_the_bench(tmp_path: Path, faul
 def test_gusty_wind_across_the_circuit(tmp_path: Path) -> None:
     result = fly(tmp_path, "wind: {steady_W_mps: [-3, 3, 0], turbulence: {wind_20ft_mps: 5}}\n")
     assert result.status == "PASS", result.run["verdict"]
+
+
+def test_a_short_flight_records_deflections_and_air_data_and_names_the_fault(tmp_path: Path) -> None:
+    fault = "faults: {surfaces: [{kind: stuck, surface: elevon_left, at_s: 8, angle_deg: 2}]}\n"
+    text = BENCH.replace("duration_s: 400", "duration_s: 12") + "record: {mcap: true, tlog: false, report: true}\n"
+    file = tmp_path / "bench.yaml"
+    file.write_text(text + "autopilot: {transport: loopback}\nwind: {steady_W_mps: [-2, 0, 0]}\n" + fault)
+    result = run_bench(load_bench(file), tmp_path / "out", quiet=True)
+    assert result.run["verdict"]["reasons"][-1] == "fault: surface elevon_left stuck at 2 degrees at 8 s"
+    topics: dict[str, list[dict[str, Any]]] = {"/truth/surfaces": [], "/truth/air": [], "/truth/velocity": []}
+    for message in read_messages(tmp_path / "out/run.mcap"):
+        if message.topic in topics:
+            topics[message.topic].append(message.decode())
+    assert len(topics["/truth/surfaces"]) == 3000
+    left, right = (topics["/truth/surfaces"][-1][f"angle_rad[{i}]"] for i in (0, 1))
+    assert left == pytest.approx(math.radians(2.0))
+    assert left != right
+    assert len(topics["/truth/air"]) == 600
+    air, v = topics["/truth/air"][-1], topics["/truth/velocity"][-5]
+    speed = math.hypot(v["vector.x"] + 2.0, v["vector.y"], v["vector.z"])
+    assert air["airspeed_mps"] == pytest.approx(speed, abs=1e-9)
+    assert 0.0 < air["angle_of_attack_rad"] < 0.2
+    assert (tmp_path / "out/plane.png").stat().st_size > 10_000

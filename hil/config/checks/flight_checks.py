@@ -126,7 +126,15 @@ def _start_problems(
 
 
 def _launch_problems(config: BenchConfig, launch: Launch, vehicle: Vehicle, settings: Located) -> list[Problem]:
-    """Report a launch that PX4's launch detection, or the mock's, would not see: too weak, or not before the engine."""
+    """Report a launch into the ground, or that launch detection would not see: too weak, or not before the engine."""
+    length = launch.pull(vehicle.mass_kg)[2]
+    end = launch.height_m + length * math.sin(math.radians(launch.elevation_deg))
+    if min(end, launch.height_m) < vehicle.standing_height_m:
+        message = (
+            f"leads from {launch.height_m:g} to {end:.2f} m over the ground, and {vehicle.name!r} needs "
+            f"{vehicle.standing_height_m:.2f} m to be clear of it"
+        )
+        return [at(settings, ("start", "launch"), message, "raise height_m or elevation_deg")]
     params = config.autopilot.params
     if not params.get("FW_LAUN_DETCN_ON"):
         return []

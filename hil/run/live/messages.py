@@ -84,7 +84,7 @@ def live_topics(bench: Bench, tf: str = WORLD) -> tuple[LiveTopic, ...]:
     config = bench.config
     names = Names(config.name)
     topics = [LiveTopic(CLOCK, "rosgraph_msgs/Clock")]
-    rows = (*live_truth_topics(tf), *ACTUATOR_TOPICS)
+    rows = [row for row in live_truth_topics(tf) if not row.needs or bench.vehicle.servos] + [*ACTUATOR_TOPICS]
     topics += [LiveTopic(names.topic(f"/{row.suffix}"), row.type_name) for row in rows]
     if config.physics.effects.battery:
         topics.append(LiveTopic(names.topic(f"/{BATTERY_TOPIC.suffix}"), BATTERY_TOPIC.type_name))
@@ -141,6 +141,10 @@ class _LiveRow:
         self._frames = names.frame(row.frame or port), names.frame(row.child_frame)
         self._encoder: SampleEncoder | None = None  # until the first sample
         self.every = max(1, round(row.every_s * NS_PER_S / tick_ns)) if row.every_s else 1
+
+    def has(self, sample: Any) -> bool:
+        """Return True if a vehicle with such samples has the topic."""
+        return not self._row.needs or len(getattr(sample, self._row.needs)) > 0
 
     def message(self, sample: Any, stamp_ns: int, pad_to: int) -> LiveMessage:
         """Return the message of a sample."""
@@ -223,7 +227,7 @@ class LiveMessages:
     def _add(self, rows: list[_LiveRow], sample: Any, stamp_ns: int, tick: int) -> None:
         selected = self._selected
         for row in rows:
-            if row.topic.name in selected and tick % row.every == 0:
+            if row.topic.name in selected and tick % row.every == 0 and row.has(sample):
                 self.pending.append(row.message(sample, stamp_ns, self.pad_to))
 
     def _add_frame(self, port: str, sample: FrameSample, t_ns: int) -> None:

@@ -24,8 +24,8 @@ final_error_m       Horizontal distance of that contact from the planned point; 
 takeoff_roll_m, landing_roll_m, centre_line_m, off_runway_m
                     On wheels, on a runway: `runway_rolls.py`
 
-A plane that touches the ground before its last waypoint, once higher than 5 m, has not flown its plan. A limit fails
-if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
+A plane that touches the ground before its last waypoint, once higher than 5 m or launched, has not flown its plan. A
+limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from collections.abc import Callable, Mapping, Sequence
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
 from hil.config.schema import PlaneLimits
+from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import FlyablePath, Stop
 from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
@@ -69,12 +70,14 @@ class PlaneMeasurement:
         radius_m: float,
         stall_mps: float,
         stall_attack_rad: float = math.inf,
+        launched: bool = False,
         wind_at: Callable[[], Vec3],
         rolls: RunwayRolls | None = None,
     ) -> None:
-        """`radius_m`: of the turns of the flyable path. `wind_at` returns the wind at the vehicle in W.
+        """`radius_m`: of the turns of the flyable path. `launched`: from a rail, not from wheels.
 
-        `rolls` measures those on a runway; None: the plane has no wheels, or the scene has no runway.
+        `wind_at` returns the wind at the vehicle in W. `rolls` measures those on a runway; None: the plane has no
+        wheels, or the scene has no runway.
         """
         self._rolls = rolls
         self._path = FlyablePath(stops, radius_m)
@@ -93,7 +96,8 @@ class PlaneMeasurement:
         self._reached = 0
         self._values: dict[str, float] = {}
         self._home_up: float | None = None
-        self._airborne = self._touched = self._high = False
+        self._launched, self._airborne, self._touched = launched, False, False
+        self._off = False  # the ground for good, until it lands
         self._grounded: tuple[float, int] | None = None  # first contact before the last waypoint: time, waypoint
         self._contact, self._contact_ns = True, 0
         self._touch: TruthState | None = None
@@ -123,8 +127,10 @@ class PlaneMeasurement:
                     self._touched, self._touch = True, previous
                     self._values.pop("touchdown_sink_mps", None)
                 self._most("touchdown_sink_mps", -previous.v_WB_W[2])
-            if self._high and self._grounded is None and self._reached < len(self._targets):
+            if self._off and self._grounded is None and self._reached < len(self._targets):
                 self._grounded = (truth.t_ns / NS_PER_S, self._reached + 1)
+        elif self._launched:
+            self._off = True
         self._contact = contact
         if truth.tick % _STRIDE == 0:
             self._measure(truth)
@@ -140,7 +146,7 @@ class PlaneMeasurement:
             return
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
-        self._high = True
+        self._off = True
         seconds = _seconds(self._measured, truth)
         self._measured = truth
         if self._on_wings(truth):
@@ -149,14 +155,11 @@ class PlaneMeasurement:
             self._follow(truth.p_WB, seconds)
 
     def _measure_flow(self, truth: TruthState, seconds: float) -> None:
-        w = self._wind_at()
-        airspeed = math.dist(truth.v_WB_W, w)
+        air = air_data(truth, self._wind_at())
         bank = bank_rad(truth)
-        load = 1.0 / max(math.cos(bank), 0.1)
-        self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
+        self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall_mps, bank))
         self._most("max_bank_deg", abs(math.degrees(bank)))
-        attack = attack_rad(truth, w)
-        stalled = airspeed >= _LEAST_FLOW_MPS and not abs(attack) <= self._stall_attack_rad
+        stalled = air.airspeed_mps >= _LEAST_FLOW_MPS and not abs(air.attack_rad) <= self._stall_attack_rad
         self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
 
     def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)
@@ -324,12 +327,9 @@ def bank_rad(truth: TruthState) -> float:
     return math.atan2(R[7], R[8])
 
 
-def attack_rad(truth: TruthState, wind_W_mps: Vec3) -> float:
-    """Return the angle of attack: of the flow in the plane of symmetry, to the body's x axis."""
-    R = matrix_of(truth.q_WB)
-    v = [a - b for a, b in zip(truth.v_WB_W, wind_W_mps, strict=True)]
-    x, z = (R[i] * v[0] + R[3 + i] * v[1] + R[6 + i] * v[2] for i in (0, 2))
-    return math.atan2(-z, x)
+def stall_at(stall_mps: float, bank_rad: float) -> float:
+    """Return the stall speed at the load of a level turn, of 84 degrees of bank at most."""
+    return stall_mps / math.sqrt(max(math.cos(bank_rad), 0.1))
 
 
 def _seconds(before: TruthState | None, now: TruthState) -> float:

@@ -9,6 +9,7 @@ is `controls: {elevator: {pitch: ...}}`.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import pydantic
@@ -18,7 +19,7 @@ from signals.documents.validate import StrictModel
 from sim import _kernels
 from sim.physics.forces.force import Effects, Point
 from sim.physics.forces.surface import Surface, check_names
-from sim.physics.forces.wing import WingParameters
+from sim.physics.forces.wing import Corners, Sphere, WingParameters, spindle, tapered
 
 _Value = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 _Length = Annotated[float, Field(gt=1e-3, le=100.0)]
@@ -138,6 +139,19 @@ class AeroTable(WingParameters):
     @property
     def mean_chord_m(self) -> float:
         return self.chord_m
+
+    def solids(self, hull: Sequence[Sphere]) -> list[Corners]:
+        """Draw a wing of the chord, to the hull's spheres at its tips, and a body along the others."""
+        x, y, z = self.reference_m
+        quarter, half_m = (0.25 * self.chord_m, 0.0, 0.0), 0.5 * self.span_m
+        tips = [(p[0] + 0.25 * self.chord_m, p[1], p[2]) for p, _ in hull if abs(p[1] - y) > 0.8 * half_m]
+        ends = tips or [(x, y + half_m, z), (x, y - half_m, z)]
+        solids = [tapered(((x, y, z), quarter), (end, quarter)) for end in ends]
+        middle = sorted((p, r) for p, r in hull if abs(p[1] - y) < 0.1 * half_m)
+        if len(middle) > 1:
+            tail, nose, width_m = middle[0][0], middle[-1][0], 2.0 * max(r for _, r in middle)
+            solids.append(spindle(nose, tail, width_m, width_m))
+        return solids
 
     def make(self, effects: Effects) -> _kernels.Force:
         del effects

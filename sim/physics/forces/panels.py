@@ -21,7 +21,7 @@ from sim import _kernels
 from sim.physics.forces.airfoil import Airfoil, flap_of, plate_drag, stall_of
 from sim.physics.forces.force import Effects, Point
 from sim.physics.forces.surface import Surface, check_names
-from sim.physics.forces.wing import WingParameters
+from sim.physics.forces.wing import Corners, Sphere, WingParameters, spindle, tapered
 
 MOST_LIFTING, MOST_PLATES = 40, 24  # panels that the kernel holds
 _Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
@@ -155,6 +155,12 @@ class Panels(WingParameters):
             places += _plates(body)
         return places
 
+    def solids(self, hull: Sequence[Sphere]) -> list[Corners]:
+        del hull
+        halves = [(wing, half) for wing in self.wings for half in range(2 if wing.symmetric else 1)]
+        wings = [tapered(_station(wing, half, 0.0), _station(wing, half, 1.0)) for wing, half in halves]
+        return wings + [spindle(body.nose_m, body.tail_m, body.width_m, body.height_m) for body in self.bodies]
+
     def make(self, effects: Effects) -> _kernels.Panels:
         return _kernels.Panels(
             panels=[self._panel(place) for place in self.layout()],
@@ -213,31 +219,33 @@ class PanelPlace(NamedTuple):
     body: PlateBody | None = None
 
 
-def _half_wing(index: int, wing: Wing, half: int, surfaces: Sequence[tuple[int, WingSurface]]) -> list[PanelPlace]:
-    nodes = [det_sin(0.5 * math.pi * k / wing.panels) for k in range(wing.panels + 1)]
+def _station(wing: Wing, half: int, share: float) -> tuple[Vec3, Vec3]:
+    """Return the quarter-chord point at a share of a half's length, and a quarter of the chord there as a vector."""
     mirror = -1.0 if half else 1.0
     dihedral, sweep = math.radians(wing.dihedral_deg), math.radians(wing.sweep_deg)
     up, out, back = det_sin(dihedral), det_cos(dihedral), det_sin(sweep) / det_cos(sweep)
-    x, y, z = wing.root_m
+    (x, y, z), way = wing.root_m, share * wing.half_m
+    chord = wing.root_chord_m + share * (wing.tip_chord_m - wing.root_chord_m)
+    angle = math.radians(wing.incidence_deg + share * wing.twist_deg)
+    rise = 0.25 * chord * det_sin(angle)
+    quarter = (x - way * back, mirror * (y + way * out), z + way * up)
+    return quarter, (0.25 * chord * det_cos(angle), -mirror * rise * up, rise * out)
 
-    def quarter(share: float) -> Vec3:
-        way = share * wing.half_m
-        return (x - way * back, mirror * (y + way * out), z + way * up)
 
+def _half_wing(index: int, wing: Wing, half: int, surfaces: Sequence[tuple[int, WingSurface]]) -> list[PanelPlace]:
+    nodes = [det_sin(0.5 * math.pi * k / wing.panels) for k in range(wing.panels + 1)]
     places = []
     for k, (inner, outer) in enumerate(itertools.pairwise(nodes)):
         middle = det_sin(0.5 * math.pi * (k + 0.5) / wing.panels)  # forces/lifting_lines.hpp says why
-        chord = wing.root_chord_m + middle * (wing.tip_chord_m - wing.root_chord_m)
-        angle = math.radians(wing.incidence_deg + middle * wing.twist_deg)
-        rise = 0.25 * chord * det_sin(angle)
-        ahead = (0.25 * chord * det_cos(angle), -mirror * rise * up, rise * out)
+        quarter, ahead = _station(wing, half, middle)
         flaps = []
         for i, surface in surfaces:
             covered = (min(outer, surface.span[1]) - max(inner, surface.span[0])) / (outer - inner)
             if covered > 0.0 and surface.gearing(half):
                 flaps.append((i, covered * surface.gearing(half)))
-        ends = (quarter(outer), quarter(inner)) if half == 0 else (quarter(inner), quarter(outer))
-        places.append(PanelPlace(*ends, quarter(middle), ahead, index, tuple(flaps)))
+        inside, outside = _station(wing, half, inner)[0], _station(wing, half, outer)[0]
+        ends = (outside, inside) if half == 0 else (inside, outside)
+        places.append(PanelPlace(*ends, quarter, ahead, index, tuple(flaps)))
     return places
 
 

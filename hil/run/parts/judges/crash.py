@@ -10,7 +10,8 @@ tilt     it is in contact and tilted by more than `tilt_deg` for 1 s: it lies on
 rest     it has been in the air and rests for `rest_s`, armed, more than 5 m from its start and from the end of its
          plan. Only for flights of a plan: where a script or a companion should land is not known
 
-The flight goes on for another second, so that the recording shows the end of it.
+A launcher holds a vehicle as it likes: nothing is a crash before it lets go. The flight goes on for another second, so
+that the recording shows the end of it.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class CrashPart(Part):
 
     def after_tick(self, tick: int) -> None:  # noqa: ARG002 (the truth has its tick)
         truth = self._run.scheduler.truth
-        if truth is None or self._reason is not None:
+        if truth is None or self._reason is not None or self._run.physics.launching:
             return
         previous, self._previous = self._previous, truth
         if not truth.in_contact:

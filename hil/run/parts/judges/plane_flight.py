@@ -3,33 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.path import Leg, LegKind, plan_points, planned_path
 from hil.run.part import Part, RunContext
+from hil.run.parts.links.failsafe import cause_of
+from hil.run.recorder.recorder import Tap
 from hil.run.report.page import Report
+from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import Verdict
 from signals.mission import MissionItem
-from signals.samples import TruthState
+from signals.samples import AirSample, TruthState, Vec3
+from signals.time import NS_PER_S
 from sim.physics.fixed_wing import Airframe
+
+AIR_PORT = "truth/air"
+_AIR_HZ = 50
 
 
 class PlaneFlightPart(Part):
     name = "plane_flight"
+    _run: RunContext | None = None  # from `open` on
 
     def __init__(self, bench: Bench) -> None:
         self._bench, self._config, self._outcome = bench, bench.config, bench.outcome
+        self._air_stride = max(1, NS_PER_S // _AIR_HZ // bench.config.tick_ns)
         self._facts = facts = fixed_wing_facts(bench.vehicle, bench.scene.site)
         self._measured = PlaneMeasurement(
             (), (), bench.config.plane_limits, radius_m=1.0, stall_mps=facts.stall_mps, wind_at=lambda: (0.0, 0.0, 0.0)
         )
-        self._track = PlaneTrack(facts.stall_mps, bench.config.tick_ns, lambda: (0.0, 0.0, 0.0))
+        self._wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0)  # until `open`
+        self._track = PlaneTrack(
+            facts.stall_mps,
+            bench.vehicle.servos,
+            bench.config.tick_ns,
+            wind_at=lambda: self._wind_at(),
+            commands=self._commands,
+        )
 
     def open(self, run: RunContext) -> None:
         mission = run.bench.mission
@@ -37,9 +54,9 @@ class PlaneFlightPart(Part):
             x, y, z = run.physics.state[:3].tolist()
             run.legs = planned_path(mission, run.bench.scene, home_W=(x, y, z))
         run.route = plan_points(run.legs)
-        facts, physics = self._facts, run.physics
+        physics = run.physics
+        self._run, self._wind_at = run, lambda: physics.wind_W_mps
         self._measured = self._measurement(run.legs, () if mission is None else mission.items, run)
-        self._track = PlaneTrack(facts.stall_mps, self._config.tick_ns, lambda: physics.wind_W_mps)
 
     def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics = self._facts, run.physics
@@ -57,17 +74,38 @@ class PlaneFlightPart(Part):
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
             stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
+            launched=self._config.start.launch is not None,
             wind_at=lambda: physics.wind_W_mps,
             rolls=rolls,
         )
 
     def observers(self) -> list[Callable[[TruthState], None]]:
-        return [self._measured.add, self._track.add]
+        return [self._measured.add, self._track.add, self._record_air]
+
+    def tap(self) -> Tap:
+        return self._track
+
+    def _commands(self) -> list[float]:
+        assert self._run is not None
+        controls, commands = self._run.scheduler.actuators.controls, self._bench.vehicle.commands
+        names = {servo.name for servo in self._bench.vehicle.servos}
+        return [u for u, command in zip(controls, commands, strict=False) if command.name in names]
+
+    def _record_air(self, truth: TruthState) -> None:
+        if truth.tick % self._air_stride == 0 and self._run is not None:
+            seq, t_ns = truth.tick // self._air_stride, truth.t_ns
+            sample = AirSample(seq, t_ns, t_ns, *air_data(truth, self._wind_at()))
+            self._run.recorder.sample(AIR_PORT, sample)
 
     def waypoints(self) -> tuple[int, int]:
         return self._measured.counts
 
     def verdict(self) -> Verdict:
+        verdict, run = self._judged(), self._run
+        cause = cause_of(run.now_ns(), run.recorder.events) if verdict.reasons and run is not None else ""
+        return replace(verdict, reasons=(*verdict.reasons, cause)) if cause else verdict
+
+    def _judged(self) -> Verdict:
         return judge_plane(self._measured, self._config.plane_limits, outcome=self._outcome)
 
     def run_keys(self) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class VtolFlightPart(PlaneFlightPart):
             wind_at=lambda: physics.wind_W_mps,
         )
 
-    def verdict(self) -> Verdict:
+    def _judged(self) -> Verdict:
         config = self._config
         own = dict(config.vtol_limits) | {
             "hover_cross_track_m": config.limits.max_cross_track_m,

@@ -93,7 +93,8 @@ class TopicWriters:
     def blocks(self, file: Topics, tick_ns: int, columns: Columns, log_ns: NDArray[np.int64]) -> list[Block]:
         """Return the records of samples in the form that `columns_of` returns."""
         if not self._writers:
-            self._writers = [TopicWriter(file, topic, self._port, columns, tick_ns) for topic in self._topics]
+            topics = [topic for topic in self._topics if not topic.needs or columns[topic.needs].size]
+            self._writers = [TopicWriter(file, topic, self._port, columns, tick_ns) for topic in topics]
         unsigned_ns = log_ns.astype(np.uint64)
         return [writer.block(columns, unsigned_ns) for writer in self._writers]
 

@@ -165,6 +165,10 @@ DEFINITIONS: dict[str, str] = {
         "uint32 receivers\nuint32 chirps\nuint32 samples\nuint16[] data"
     ),
     "hil_msgs/RotorSpeeds": "std_msgs/Header header\nfloat64[] speed_radps",
+    "hil_msgs/SurfaceAngles": "std_msgs/Header header\nfloat64[] angle_rad",
+    "hil_msgs/AirData": (
+        "std_msgs/Header header\nfloat64 airspeed_mps\nfloat64 angle_of_attack_rad\nfloat64 sideslip_rad"
+    ),
     "hil_msgs/Contact": "std_msgs/Header header\nbool in_contact",
     "hil_msgs/ActuatorControls": "std_msgs/Header header\nfloat64[] controls\nbool armed\nuint8 mode",
     "hil_msgs/MavlinkFrame": "builtin_interfaces/Time stamp\nuint32 msgid\nuint8[] data",

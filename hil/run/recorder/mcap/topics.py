@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from signals._kernel import rotate_into_body
 from signals.samples import (
     ActuatorFrame,
+    AirSample,
     BaroSample,
     DifferentialPressureSample,
     FlowSample,
@@ -64,6 +65,7 @@ class Topic:
     child_frame: str = ""
     every_s: float | None = None
     variances: Mapping[str, str] = field(default_factory=dict)
+    needs: str = ""  # a column; where it is empty in the first sample, there is no such topic
 
 
 _MATRIX = "covariance"  # end of the name of a field with 3 x 3 numbers
@@ -98,6 +100,14 @@ TRUTH_TOPICS = (
         BODY,
         {"speed_radps": "rotor_speed_radps"},
         lengths={"speed_radps": "rotor_speed_radps"},
+    ),
+    Topic(
+        "truth/surfaces",
+        "hil_msgs/SurfaceAngles",
+        BODY,
+        {"angle_rad": "surface_rad"},
+        lengths={"angle_rad": "surface_rad"},
+        needs="surface_rad",
     ),
     Topic("truth/contact", "hil_msgs/Contact", BODY, {"in_contact": "in_contact"}),
     Topic(
@@ -258,6 +268,14 @@ SAMPLE_TOPICS: dict[type, tuple[Topic, ...]] = {
     ),
     VaneSample: (
         Topic("", "hil_msgs/AirVane", BODY, {name: name for name in ("angle_of_attack_rad", "sideslip_rad")}),
+    ),
+    AirSample: (
+        Topic(
+            "",
+            "hil_msgs/AirData",
+            BODY,
+            {name: name for name in ("airspeed_mps", "angle_of_attack_rad", "sideslip_rad")},
+        ),
     ),
     ScalarSample: (Topic("", "hil_msgs/Scalar", BODY, {"value": "value"}),),
     OdometrySample: (

@@ -161,3 +161,10 @@ def test_a_launch_strong_enough_is_fine(tmp_path: Path) -> None:
     file = tmp_path / "bench.yaml"
     file.write_text(PLANE.replace("speed_mps: 16}", "speed_mps: 16, at_s: 12}") + WAITS)
     assert load_bench(file).config.start.launch is not None
+
+
+def test_a_rail_that_leads_into_the_ground(tmp_path: Path) -> None:
+    told = problems(tmp_path, PLANE.replace("speed_mps: 16}", "speed_mps: 16, elevation_deg: -30}"))
+    assert "start.launch leads from 1.2 to -0.80 m over the ground, and 'skywalker_x8' needs 0.12 m" in told
+    told = problems(tmp_path, PLANE.replace("speed_mps: 16}", "speed_mps: 16, height_m: 0}"))
+    assert "leads from 0 to 0.69 m" in told

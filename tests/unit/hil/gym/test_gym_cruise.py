@@ -109,7 +109,7 @@ def test_a_dive_ends_on_the_ground_or_out_of_range_and_pays_less() -> None:
     env.reset(seed=1)
     rewards = []
     for _ in range(1_000):
-        _, reward, ends, _, info = env.step(np.array([-1.0, 0.1, 0.1], np.float32))
+        _, reward, ends, _, info = env.step(np.array([-1.0, 0.25, 0.25], np.float32))
         rewards.append(float(reward))
         if ends:
             break

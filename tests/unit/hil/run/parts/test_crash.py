@@ -35,8 +35,9 @@ class Judged:
             legs=legs,
             now_ns=lambda: self.now_ns_value,
             event=lambda _kind, text: self.events.append(text),
-            physics=SimpleNamespace(state=_Start()),
+            physics=SimpleNamespace(state=_Start(), launching=False),
         )
+        self.physics = run.physics
         self.tick = 0
         self.part.begin(run)
 
@@ -159,3 +160,12 @@ def test_a_stopped_rotor_ends_the_run_with_its_cause_first(tmp_path: Path) -> No
     assert result.status == "FAIL"
     assert result.run["verdict"]["reasons"][0].startswith("crashed: impact at ")
     assert result.run["sim_s"] < 30.0
+
+
+def test_what_a_launcher_holds_has_not_crashed() -> None:
+    judged = Judged()
+    judged.physics.launching = True
+    assert not judged.stay(3.0, (0.0, 0.0, 1.2), q=ON_ITS_SIDE, contact=True)
+    judged.physics.launching = False
+    assert judged.stay(3.0, (0.0, 0.0, 0.1), q=ON_ITS_SIDE, contact=True)
+    assert "it lies on its side or back" in judged.reasons[0]

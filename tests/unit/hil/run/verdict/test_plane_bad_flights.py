@@ -53,6 +53,7 @@ def judged(
     points: Sequence[Vec3],
     *,
     rests: bool = False,
+    launched: bool = False,
     pitch_deg: float = 0.0,
     pitched_m: tuple[float, float] = (0.0, 0.0),
 ) -> Verdict:
@@ -60,7 +61,7 @@ def judged(
     limits = PlaneLimits(touchdown_sink_mps=2.5)
     measured = PlaneMeasurement(
         legs, stops_of(legs, items), limits, radius_m=48.0, stall_mps=10.0, stall_attack_rad=math.radians(15.0),
-        wind_at=lambda: (0.0, 0.0, 0.0),
+        launched=launched, wind_at=lambda: (0.0, 0.0, 0.0),
     )  # fmt: skip
     flight = [*along(points), *([(points[-1], (0.0, 0.0, 0.0))] * 30 if rests else [])]
     for k, (place, v) in enumerate(flight):
@@ -118,6 +119,15 @@ def test_a_plane_that_touches_the_ground_on_the_way_has_not_flown_its_plan() -> 
     reasons = judged(legs, items, way).reasons
     assert any(text.startswith("touched the ground at ") and "on the way to waypoint 2" in text for text in reasons)
     assert judged(legs, items, [HOME, UP, FIRST, sloping, (1600.0, 0.0, 45.0)]).reasons == ()
+
+
+def test_a_launch_that_falls_to_the_ground_has_not_taken_off_but_wheels_may_bounce() -> None:
+    legs, items = plan((FLY, 16, 0, FIRST), (FLY, 16, 0, LAST))
+    way: list[Vec3] = [HOME, (10.0, 0.0, 1.5), (20.0, 0.0, 0.0), (22.0, 0.0, 0.0), FIRST, LAST]
+    assert judged(legs, items, way).reasons == ()
+    (reason,) = judged(legs, items, way, launched=True).reasons
+    assert reason.startswith("touched the ground at 1.")
+    assert reason.endswith("on the way to waypoint 1")
 
 
 def test_a_bounce_counts_as_a_touch_down() -> None:
