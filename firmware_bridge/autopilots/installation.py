@@ -76,6 +76,7 @@ class FixedWing:
     damping_nms: Vec3  # torque per rate about each axis of B, below 0
     pull_up: float  # share of a full pitch demand per rate of pitch [s/rad] in a steady turn
     wheels: bool  # it can roll on a runway
+    density_kgpm3: float = 1.225  # of the air at the site
 
     @property
     def least_mps(self) -> float:
