@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,13 @@ Home = tuple[float, float, float, float]  # latitude, longitude [deg], altitude 
 
 @dataclass(frozen=True)
 class Rotor:
-    """One rotor of a multirotor, in B."""
+    """One rotor, in B."""
 
     position_m: Vec3
     axis: Vec3  # unit vector of its thrust
     spin: float  # +1 counter-clockwise seen from above
     thrust_share: float  # of the thrust that it would have alone; below 1 in a coaxial pair
+    moment_ratio_m: float  # its torque over its thrust
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Multirotor:
     mass_kg: float
     inertia_kgm2: Vec3
     rotors: Sequence[Rotor]
-    moment_ratio_m: float  # torque over thrust of a rotor
+    moment_ratio_m: float  # torque over thrust of the first rotors that lift; sets differ: that of each is in `rotors`
     time_constant_s: float  # of the rotors' speed, up or down, the longer one
     thrust_model_factor: float
     hover_control: float  # command of each rotor, 0..1
@@ -85,11 +86,32 @@ class FixedWing:
 
 
 @dataclass(frozen=True)
+class Vtol:
+    """Facts about a vehicle that hovers on its lifters as a multirotor and flies on its wings as a plane.
+
+    Its commands are those of all rotors in the order of its file, then those of `wing.surfaces`.
+    """
+
+    hover: Multirotor  # its rotors are the lifters
+    wing: FixedWing  # its rotors are the pushers
+    lifters: Sequence[int]  # which of the vehicle's rotors they are, in the order of `hover.rotors`
+    pushers: Sequence[int]  # the same, of `wing.rotors`
+
+    @property
+    def name(self) -> str:
+        """Name of the vehicle."""
+        return self.hover.name
+
+
+Aircraft: TypeAlias = Multirotor | FixedWing | Vtol
+
+
+@dataclass(frozen=True)
 class Installation:
     """An autopilot in the vehicle of a bench."""
 
     settings: AutopilotSettings
-    vehicle: Multirotor | FixedWing
+    vehicle: Aircraft
     tick_hz: int
     home: Home  # start of the vehicle
     geodetic: Callable[[Vec3], tuple[float, float, float]]  # W [m] to latitude, longitude [deg], altitude [m MSL]

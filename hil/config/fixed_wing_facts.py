@@ -55,14 +55,16 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
     ]
     most = airframe.thrust_range_n(cruise)[1]
     needed = _thrust_n(airframe, trim)
+    constants = vehicle.constants_of_rotors
     x, y, z = vehicle.inertia_kgm2
     return FixedWing(
         name=vehicle.name,
         mass_kg=vehicle.mass_kg,
         inertia_kgm2=(x, y, z),
         rotors=[
-            Rotor(vehicle.rotors[i].position_m, vehicle.rotors[i].axis, vehicle.rotors[i].spin.sign, 1.0)
-            for i in airframe.engines
+            Rotor(rotor.position_m, rotor.axis, rotor.spin.sign, 1.0, constants[i].moment_ratio_m)
+            for i, rotor in enumerate(vehicle.rotors)
+            if i in airframe.engines
         ],
         surfaces=surfaces,
         stall_mps=airframe.stall_speed_mps,

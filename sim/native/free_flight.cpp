@@ -99,8 +99,10 @@ using Step = double (*)(const Body &, const TickWind &, int, double, double, dou
 Step step_of(const Body &body, bool classical) {
     constexpr int kBare = kPoseVelocity, kOne = kPoseVelocity + 1, kMost = kPoseVelocity + kMostIntegrals;
     constexpr int kFew = kPoseVelocity + 9;  // of four rotors with motors
+    constexpr int kOneSet = kPoseVelocity + 17;  // of eight rotors with motors
     if (classical) return body.integrals > 0 ? &classical_step<kMost> : &classical_step<kBare>;
-    if (body.integrals > 9) return &order8_step<kMost>;
+    if (body.integrals > 17) return &order8_step<kMost>;
+    if (body.integrals > 9) return &order8_step<kOneSet>;
     if (body.integrals > 1) return &order8_step<kFew>;
     return body.integrals > 0 ? &order8_step<kOne> : &order8_step<kBare>;
 }

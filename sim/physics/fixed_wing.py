@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.forces.force import Effects
+from sim.physics.forces.rotors import RotorSet
 from sim.physics.integration import TickSteps
 from sim.physics.vehicle import Vehicle, rigid_body
 from sim.scene.scene import Site
@@ -351,10 +352,13 @@ class Airframe:
     @cached_property
     def _without_engines(self) -> Airframe:
         vehicle = self.vehicle
-        bare = vehicle.rotor_constants.model_copy(
-            update={"thrust_coefficient_n_per_radps2": 1e-30, "drag_kg_per_rad": 0.0}
-        )
-        update = {"rotor_constants": bare, "rotor_model": "quadratic"}
+        weak = {"thrust_coefficient_n_per_radps2": 1e-30, "drag_kg_per_rad": 0.0}
+        sets = {
+            name: RotorSet(rotor_constants=of.rotor_constants.model_copy(update=weak))
+            for name, of in vehicle.rotor_sets.items()
+        }
+        bare = vehicle.rotor_constants.model_copy(update=weak)
+        update = {"rotor_constants": bare, "rotor_model": "quadratic", "rotor_sets": sets}
         return Airframe(vehicle.model_copy(update=update), self.site, self.gravity_mps2)
 
     # ---- stability

@@ -5,9 +5,10 @@ All vectors are in B (FLU, origin at the centre of mass), SI units.
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import pydantic
@@ -19,12 +20,22 @@ from signals.samples import Vec3
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
 from sim.physics.battery import Battery
-from sim.physics.forces.blade_element import BladeElement, lumps_of
+from sim.physics.forces.blade_element import lumps_of
 from sim.physics.forces.force import Command, Effects, ForceParameters, Point, any_kind
 from sim.physics.forces.motor import curve_factor, lag_s, steady_duty, steady_speed_radps
-from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.rotors import (
+    LEAST_UP,
+    Rotor,
+    RotorConstants,
+    RotorGroup,
+    RotorModel,
+    RotorSet,
+    check_coaxial_pairs,
+    check_sets,
+    no_rotors,
+    rotor_groups,
+)
 from sim.physics.forces.surface import Surface, check_names
-from sim.physics.forces.wind_tunnel import WindTunnel
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
@@ -66,7 +77,9 @@ class Vehicle(StrictModel):
     inertia_products_kgm2: tuple[_Product, _Product, _Product] = (0.0, 0.0, 0.0)
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
-    rotor_model: Literal["blade_element", "quadratic", "wind_tunnel"] = "quadratic"
+    rotor_model: RotorModel = "quadratic"
+    # Other propellers, motors or models: a rotor names its set, and without one it has the two keys above.
+    rotor_sets: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], RotorSet] = Field(default_factory=dict)
     body_drag_linear_n_per_mps: NonNegative3
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
@@ -120,78 +133,128 @@ class Vehicle(StrictModel):
                     f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt "
                     "by up to 84 degrees from [0, 0, 1]"
                 )
-        if self.rotors and "rotor_constants" not in self.model_fields_set:
+        check_sets(self.rotors, self.rotor_sets)
+        if any(rotor.set is None for rotor in self.rotors) and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
-        if self.rotor_model == "blade_element":
-            if self.rotor_constants.blade_element is None:
-                raise ValueError(
-                    "rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model"
-                )
-            lumps_of(self.rotor_constants, self.rotor_constants.blade_element)  # raises if they contradict each other
-        if self.rotor_model == "wind_tunnel" and self.rotor_constants.wind_tunnel is None:
-            raise ValueError("rotor_model wind_tunnel needs rotor_constants.wind_tunnel, the coefficients of the model")
-        if self.rotors and self.rotor_constants.motor is not None:
-            self._follow_the_motor()
+        for group in self.rotor_groups:
+            self._check_model(group)
+        delays_s = [group.constants.dead_time_s for group in self.rotor_groups]
+        if [delay > 0.0 for delay, _ in itertools.groupby(delays_s)].count(True) > 1:
+            raise ValueError(
+                f"dead_time_s of the sets of rotors is {', '.join(f'{delay:g}' for delay in delays_s)}: sets that have "
+                "one must have the same, and follow each other"
+            )
+        if any(group.constants.motor is not None for group in self.rotor_groups):
+            self._follow_the_motors()
         return self
 
-    def _follow_the_motor(self) -> None:
-        """Set the constants that follow from the motor, in the air for which the file holds: about hover, or cruise."""
-        c, motor = self.rotor_constants, self.rotor_constants.motor
-        assert motor is not None
-        if self.battery is not None and self.battery.nominal_voltage_v != motor.nominal_voltage_v:
+    def _check_model(self, group: RotorGroup) -> None:
+        c, of = group.constants, group.key.removesuffix("rotor_constants")
+        if group.model == "blade_element":
+            if c.blade_element is None:
+                raise ValueError(f"{of}rotor_model blade_element needs {group.key}.blade_element, lumps of the model")
+            lumps_of(c, c.blade_element)  # raises if they contradict each other
+        if group.model == "wind_tunnel" and c.wind_tunnel is None:
             raise ValueError(
-                f"rotor_constants.motor.nominal_voltage_v is {motor.nominal_voltage_v:g} and "
-                f"battery.nominal_voltage_v {self.battery.nominal_voltage_v:g}: they must be the same"
+                f"{of}rotor_model wind_tunnel needs {group.key}.wind_tunnel, the coefficients of the model"
             )
-        most_radps = steady_speed_radps(c, motor, 1.0)
-        hover_radps = self.hover_speed_radps()
-        usual_radps = min(hover_radps, most_radps) if math.isfinite(hover_radps) else _CRUISE_SHARE * most_radps
-        factor = curve_factor(steady_duty(c, motor, usual_radps), (usual_radps / most_radps) ** 2)
-        tau_s = min(1.0, max(1e-3, lag_s(c, motor, usual_radps)))
-        follows = {
-            "max_speed_radps": most_radps,
-            "thrust_model_factor": factor,
-            "time_constant_up_s": tau_s,
-            "time_constant_down_s": tau_s,
-        }
-        object.__setattr__(self, "rotor_constants", c.model_copy(update=follows))
+
+    def _follow_the_motors(self) -> None:
+        """Set the constants that follow from motors, in the air for which the file holds: about hover, or cruise."""
+        most = {}
+        for group in self.rotor_groups:
+            motor = group.constants.motor
+            if motor is None:
+                continue
+            if self.battery is not None and self.battery.nominal_voltage_v != motor.nominal_voltage_v:
+                raise ValueError(
+                    f"{group.key}.motor.nominal_voltage_v is {motor.nominal_voltage_v:g} and "
+                    f"battery.nominal_voltage_v {self.battery.nominal_voltage_v:g}: they must be the same"
+                )
+            most[group.first] = steady_speed_radps(group.constants, motor, 1.0)
+            self._replace_constants(group, {"max_speed_radps": most[group.first]})
+        for group in self.rotor_groups:
+            c, motor = group.constants, group.constants.motor
+            if motor is None:
+                continue
+            most_radps = most[group.first]
+            hover_radps = self.hover_speeds_radps()[group.first]
+            usual_radps = min(hover_radps, most_radps) if math.isfinite(hover_radps) else _CRUISE_SHARE * most_radps
+            factor = curve_factor(steady_duty(c, motor, usual_radps), (usual_radps / most_radps) ** 2)
+            tau_s = min(1.0, max(1e-3, lag_s(c, motor, usual_radps)))
+            self._replace_constants(
+                group, {"thrust_model_factor": factor, "time_constant_up_s": tau_s, "time_constant_down_s": tau_s}
+            )
+
+    def _replace_constants(self, group: RotorGroup, update: dict[str, float]) -> None:
+        constants = group.constants.model_copy(update=update)
+        name = group.rotors[0].set
+        if name is None:
+            object.__setattr__(self, "rotor_constants", constants)
+        else:
+            of = self.rotor_sets[name].model_copy(update={"rotor_constants": constants})
+            object.__setattr__(self, "rotor_sets", self.rotor_sets | {name: of})
+
+    @property
+    def rotor_groups(self) -> tuple[RotorGroup, ...]:
+        """Rotors by their constants, in their order: each group is one force of the body."""
+        return rotor_groups(self.rotors, self.rotor_model, self.rotor_constants, self.rotor_sets)
+
+    @property
+    def leading_group(self) -> RotorGroup | None:
+        """Group of the vehicle's first rotors that lift, else its first; None without rotors."""
+        groups = self.rotor_groups
+        return next((group for group in groups if group.lift >= LEAST_UP), groups[0] if groups else None)
+
+    @property
+    def constants_of_rotors(self) -> tuple[RotorConstants, ...]:
+        """Constants of each rotor."""
+        return tuple(group.constants for group in self.rotor_groups for _ in group.rotors)
 
     @property
     def thrust_shares(self) -> tuple[float, ...]:
-        """Thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
-
-        Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
-        the speed of either. Their sum at equal speeds is exact.
-        """
-        paired = {rotor.coaxial_below for rotor in self.rotors} - {None}
-        shared = 0.5 * (1.0 + self.rotor_constants.coaxial_thrust_ratio)
-        return tuple(
-            shared if i in paired or rotor.coaxial_below is not None else 1.0 for i, rotor in enumerate(self.rotors)
-        )
-
-    def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
-        """Return the speed of all rotors at which the thrust aloft equals the standard weight; infinite if none lifts.
-
-        `density_ratio`: density of the air over that of the vehicle's file.
-        """
-        lift = sum(share * rotor.axis[2] for share, rotor in zip(self.thrust_shares, self.rotors, strict=True))
-        k = density_ratio * self.rotor_constants.thrust_coefficient_n_per_radps2
-        if lift < LEAST_UP:
-            return math.inf
-        return math.sqrt(self.mass_kg * STANDARD_GRAVITY_MPS2 / (k * lift))
+        """Thrust of each rotor over that of a rotor alone; see `RotorGroup.thrust_shares`."""
+        return tuple(share for group in self.rotor_groups for share in group.thrust_shares)
 
     @property
-    def blades(self) -> BladeElement | WindTunnel | None:
-        """Parameters of the rotor model; None for the quadratic one."""
-        c = self.rotor_constants
-        return {"blade_element": c.blade_element, "wind_tunnel": c.wind_tunnel, "quadratic": None}[self.rotor_model]
+    def most_radius_m(self) -> float:
+        """Radius of the largest rotor; that of `rotor_constants` without rotors."""
+        return max((c.radius_m for c in self.constants_of_rotors), default=self.rotor_constants.radius_m)
+
+    def hover_speeds_radps(self, density_ratio: float = 1.0) -> tuple[float, ...]:
+        """Return the speed of each rotor at which the thrust aloft equals the standard weight.
+
+        Sets that lift have the same share of their full speed; a rotor of another set, infinity. `density_ratio`:
+        density of the air over that of the vehicle's file.
+        """
+        groups = self.rotor_groups
+        lifting = [group for group in groups if group.lift >= LEAST_UP]
+        weight_n = self.mass_kg * STANDARD_GRAVITY_MPS2
+        full_n = sum(
+            density_ratio * g.constants.thrust_coefficient_n_per_radps2 * g.lift * g.constants.max_speed_radps**2
+            for g in lifting
+        )
+
+        def speed(group: RotorGroup) -> float:
+            if group not in lifting:
+                return math.inf
+            k = density_ratio * group.constants.thrust_coefficient_n_per_radps2
+            if len(lifting) == 1:
+                return math.sqrt(weight_n / (k * group.lift))
+            return group.constants.max_speed_radps * math.sqrt(weight_n / full_n)
+
+        return tuple(speed(group) for group in groups for _ in group.rotors)
+
+    def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
+        """Return the least of `hover_speeds_radps`: that of all rotors of a vehicle with one set; infinite without."""
+        return min(self.hover_speeds_radps(density_ratio), default=math.inf)
 
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:
         """Return new forces for one body, in the order of their own states and commands."""
         drag = _kernels.AirDrag(
             linear_n_per_mps=self.body_drag_linear_n_per_mps, quadratic_n_per_m2ps2=self.body_drag_quadratic_n_per_m2ps2
         )
-        rotors = [rotors_force(self.rotors, self.rotor_constants, effects, blades=self.blades)] if self.rotors else []
+        rotors = [group.force(effects) for group in self.rotor_groups]
         return [drag, *rotors, *(force.make(effects) for force in self.forces)]
 
     @property

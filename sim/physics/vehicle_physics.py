@@ -225,7 +225,7 @@ class VehiclePhysics:
         self._wheels = [force for force in forces if isinstance(force, Wheels)]
         for wheels in self._wheels:
             wheels.set_ground(start.ground_W[2])
-        self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
+        self._rotors = [force for force in forces if isinstance(force, Rotors)]  # by `Vehicle.rotor_groups`
         self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
         self._commands = sum(force.commands for force in forces)
         self._surfaced, own = [], 0
@@ -243,25 +243,30 @@ class VehiclePhysics:
             steps=self._steps,
             air=self._air,
         )
-        dead_time_s = self.vehicle.rotor_constants.dead_time_s
-        if dead_time_s > 0.0:  # the rotors' commands are the first
-            self.body.delay_commands(dead_time_s=dead_time_s, first=0, count=len(self.vehicle.rotors))
+        self._groups = self.vehicle.rotor_groups
+        self._most_radps = [2.0 * constants.max_speed_radps for constants in self.vehicle.constants_of_rotors]
+        leading = self.vehicle.leading_group
+        self._blades = None if leading is None else leading.blades
+        late = [group for group in self._groups if group.constants.dead_time_s > 0.0]
+        if late:  # the rotors' commands are the first
+            count = sum(len(group.rotors) for group in late)
+            self.body.delay_commands(dead_time_s=late[0].constants.dead_time_s, first=late[0].first, count=count)
         return own
 
     @property
     def _air(self) -> tuple[float, float] | None:
         vehicle = self.vehicle
-        if not self._effects.air_density or (vehicle.rotor_model == "quadratic" and not vehicle.has_wings):
+        thin = vehicle.has_wings or any(group.model != "quadratic" for group in vehicle.rotor_groups)
+        if not self._effects.air_density or not thin:
             return None
         return self.scene.site.altitude_m, self.scene.site.warmer_k
 
     @property
     def density_ratio(self) -> float:
         """Density of the air where the vehicle is over that of its file, as `multirotor.density_ratio` at the site."""
-        blades = self.vehicle.blades
-        if blades is None:
+        if self._blades is None:
             return 1.0
-        return self.body.density_ratio() * SEA_LEVEL_KGPM3 / blades.air_density_kgpm3
+        return self.body.density_ratio() * SEA_LEVEL_KGPM3 / self._blades.air_density_kgpm3
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -419,13 +424,13 @@ class VehiclePhysics:
         """
         rotors = [0.0] * len(self.vehicle.rotors) if rotor_speed_radps is None else list(rotor_speed_radps)
         length = check_motion(p_WB, q_WB, v_WB_W, w_WB_B)
-        most_radps, limit_radps = max(rotors, default=0.0), 2.0 * self.vehicle.rotor_constants.max_speed_radps
-        if not most_radps <= limit_radps:
-            raise ValueError(f"rotor_speed_radps has the size {most_radps:g}; the model holds up to {limit_radps:g}")
         if len(rotors) != len(self.vehicle.rotors) or not all(speed >= 0.0 for speed in rotors):
             raise ValueError(
                 f"rotor_speed_radps needs a speed of 0 or more for each of {len(self.vehicle.rotors)} rotors"
             )
+        for speed_radps, most_radps in zip(rotors, self._most_radps, strict=True):
+            if not speed_radps <= most_radps:
+                raise ValueError(f"rotor_speed_radps has {speed_radps:g}; the model holds up to {most_radps:g}")
         if self._rail is not None:
             self._rail.let_go()
         self._truth[:] = 0.0
@@ -677,11 +682,13 @@ class VehiclePhysics:
         self._next_change = self._pending[-1].tick if self._pending else -1
 
     def _break_rotor(self, fault: RotorFault, *, ends: bool) -> None:
-        assert self._rotors is not None  # check_faults
         self._faulty[fault.rotor] = fault
-        self._rotors.set_rotor(fault.rotor, *(HEALTHY if ends else fault.rotor_state))
-        if self.vehicle.rotor_constants.motor is not None:
-            self._rotors.set_driven(fault.rotor, driven=ends or fault.driven)
+        for group, rotors in zip(self._groups, self._rotors, strict=True):
+            if fault.rotor not in group.indices:
+                continue
+            rotors.set_rotor(fault.rotor - group.first, *(HEALTHY if ends else fault.rotor_state))
+            if group.constants.motor is not None:
+                rotors.set_driven(fault.rotor - group.first, driven=ends or fault.driven)
 
     def _surface(self, name: str) -> tuple[SurfacedForce, int, int]:
         """Return the force of a surface, the surface's index in it, and its place in the state."""

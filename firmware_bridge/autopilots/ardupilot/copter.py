@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from firmware_bridge.autopilots.installation import FixedWing, Multirotor
+from firmware_bridge.autopilots.installation import Aircraft, FixedWing, Multirotor, Vtol
 from firmware_bridge.autopilots.profile import Misfit, Program
 from firmware_bridge.links.ardupilot.frames import Frame, frame_names, frame_of
 from signals.errors import LinkError
@@ -24,9 +24,9 @@ def frame_for(vehicle: Multirotor) -> Frame | None:
     return frame_of([(rotor.position_m[0], rotor.position_m[1], rotor.spin) for rotor in vehicle.rotors])
 
 
-def as_copter(vehicle: Multirotor | FixedWing) -> Multirotor:
+def as_copter(vehicle: Aircraft) -> Multirotor:
     """Return the vehicle as ArduCopter flies it. LinkError for a plane."""
-    if isinstance(vehicle, FixedWing):
+    if isinstance(vehicle, FixedWing | Vtol):
         raise LinkError("ardupilot", f"is ArduCopter here, which does not fly a plane such as {vehicle.name!r}")
     return vehicle
 
@@ -39,10 +39,11 @@ def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     return frame.parameters()
 
 
-def frame_misfits(vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:
+def frame_misfits(vehicle: Aircraft) -> Sequence[Misfit]:
     """Report a vehicle with rotors for which ArduCopter has no frame."""
-    if isinstance(vehicle, FixedWing):
-        message = f"is a plane, which ArduCopter does not fly: {vehicle.name!r}"
+    if isinstance(vehicle, FixedWing | Vtol):
+        what = "VTOL" if isinstance(vehicle, Vtol) else "plane"
+        message = f"is a {what}, which ArduCopter does not fly: {vehicle.name!r}"
         return (Misfit(("vehicle",), message, "choose --rig mock or --rig px4_sitl"),)
     if frame_for(vehicle) is not None:
         return ()

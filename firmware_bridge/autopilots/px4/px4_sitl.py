@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from firmware_bridge.autopilots.installation import FixedWing, Installation, Surroundings
+from firmware_bridge.autopilots.installation import FixedWing, Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.line import HIL_LINE
 from firmware_bridge.autopilots.profile import Misfit, Profile, Program, StartCommand
 from firmware_bridge.autopilots.px4.firmware import PX4
@@ -61,7 +61,8 @@ def airframe_and_params(installation: Installation) -> tuple[str, dict[str, floa
         # The airframe's own outputs beyond the vehicle's, of which one is reversed, are off.
         off = {f"{PWM_OUTPUTS}{n}": 0.0 for n in range(1, _OUTPUTS + 1)} | {"PWM_MAIN_REV": 0.0}
         return EXTERNAL_PLANE, off | _PLANE_DEFAULTS | vehicle_parameters(vehicle) | settings.all_params
-    rotors = {} if matching_airframe(vehicle) == "iris" else vehicle_parameters(vehicle)
+    known = isinstance(vehicle, Multirotor) and matching_airframe(vehicle) == "iris"
+    rotors = {} if known else vehicle_parameters(vehicle)
     return EXTERNAL_AIRFRAME, rotors | settings.all_params
 
 

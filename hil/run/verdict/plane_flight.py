@@ -25,7 +25,7 @@ A limit fails if its value is NaN, or if the plan calls for the measurement and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
@@ -110,15 +110,18 @@ class PlaneMeasurement:
             return
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
-        w = self._wind_at()
-        v = truth.v_WB_W
-        airspeed = math.dist(v, w)
-        bank = bank_rad(truth)
-        load = 1.0 / max(math.cos(bank), 0.1)
-        self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
-        self._most("max_bank_deg", abs(math.degrees(bank)))
+        if self._on_wings(truth):
+            airspeed = math.dist(truth.v_WB_W, self._wind_at())
+            bank = bank_rad(truth)
+            load = 1.0 / max(math.cos(bank), 0.1)
+            self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
+            self._most("max_bank_deg", abs(math.degrees(bank)))
         if self._airborne:
             self._follow(truth.p_WB)
+
+    def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)
+        """Return True while the wings carry the vehicle."""
+        return True
 
     def _follow(self, p: Vec3) -> None:
         """Count waypoints, and measure against the path."""
@@ -245,6 +248,11 @@ def bank_rad(truth: TruthState) -> float:
 
 def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Outcome = "complete") -> Verdict:
     """Return the verdict on how a plane flew its plan under these limits; `outcome` as in `verdict.judge`."""
+    return judge_by(measured, dict(limits), outcome=outcome)
+
+
+def judge_by(measured: PlaneMeasurement, limits: Mapping[str, float | None], *, outcome: Outcome) -> Verdict:
+    """Return the verdict under limits by the name of the measurement."""
     called_for = measured.called_for() if outcome == "complete" else frozenset[str]()
     reasons: list[str] = []
     reached, waypoints = measured.counts
@@ -254,12 +262,12 @@ def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Out
         elif reached < waypoints:
             reasons.append(f"reached {reached} of {waypoints} waypoints")
         else:
-            reasons.append("the mission was not finished: the plane did not end on the ground")
+            reasons.append("the mission was not finished: the vehicle did not end on the ground")
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []
     for name, value in measured.values().items():
-        limit = None if outcome == "crashed" else getattr(limits, name)
+        limit = None if outcome == "crashed" else limits.get(name)
         unit = unit_of(name).strip()
         ok = True
         if limit is not None and value is not None:

@@ -30,7 +30,8 @@ namespace hil::sim {
 inline constexpr int kPoseVelocity = 13;  // p_WB[3], q_WB[4], v_WB_W[3], w_WB_B[3]: the states of the body
 inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
 
-inline constexpr int kMostIntegrals = 17;  // of all forces of a body: speeds and angles of 8 rotors, and their charge
+// Of all forces of a body: speeds and angles of 8 rotors, and the charge of each of up to 8 sets of them.
+inline constexpr int kMostIntegrals = 24;
 
 struct Jet;
 struct Slipstreams;

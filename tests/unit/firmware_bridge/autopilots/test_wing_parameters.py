@@ -14,7 +14,7 @@ from hil.run.loop.restartable_physics import make_physics
 
 RIGS = Path(__file__).parents[4] / "rigs"
 
-PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
+PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0, 0.02)
 # Torques in B (FLU) of trailing edges down: left aileron rolls right, elevator pitches down (+y), rudder yaws left.
 ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), 0.0), Surface("elevon_right", (-6.0, 2.0, -0.1), 0.0)]
 CONVENTIONAL = [
