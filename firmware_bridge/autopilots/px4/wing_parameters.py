@@ -163,12 +163,16 @@ def plane_parameters(vehicle: FixedWing) -> dict[str, float]:
     return values
 
 
+def calibration(vehicle: FixedWing) -> float:
+    """Return calibrated over true airspeed, sqrt(rho / rho0): PX4's airspeeds are calibrated."""
+    return sqrt(vehicle.density_kgpm3 / _SEA_LEVEL_KGPM3)
+
+
 def px4_parameters(vehicle: FixedWing) -> dict[str, float]:
     """Return what PX4 needs over `plane_parameters`, and the mock does not."""
     own = flight_parameters(vehicle)
-    # PX4's airspeeds are calibrated, V sqrt(rho / rho0); it multiplies throttle and sink of level flight by
-    # sqrt(rho0 / rho), the throttle by 1 at least.
-    calibrated = sqrt(vehicle.density_kgpm3 / _SEA_LEVEL_KGPM3)
+    # PX4 multiplies throttle and sink of level flight by sqrt(rho0 / rho), the throttle by 1 at least.
+    calibrated = calibration(vehicle)
     values = {name: own[name] * calibrated for name in own if name.startswith("FW_AIRSPD_")}
     values["FW_THR_TRIM"] = own["FW_THR_TRIM"] * min(calibrated, 1.0)
     values["FW_T_SINK_MIN"] = own["FW_T_SINK_MIN"] * calibrated
