@@ -80,6 +80,7 @@ class FixedWing:
     ground_pitch_rad: float = 0.0  # of the vehicle that stands on its wheels, nose up above 0
     steering: int | None = None  # index of the command that steers its wheels, -1..1, to the left at +1
     brake: int | None = None  # index of the command that brakes them, 0..1
+    density_kgpm3: float = 1.225  # of the air at the site
 
     @property
     def least_mps(self) -> float:

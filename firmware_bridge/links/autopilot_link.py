@@ -35,6 +35,7 @@ class LinkCaps:
     boot_sensors: int | None  # HIL_SENSORs that a booting autopilot does not answer; None: unknown
     busy_processors: int = 1  # processors that the autopilot keeps busy, where it runs on this machine
     takes_truth: bool = False  # `observe` must give it the true state before each `send`
+    air_temperature: bool = False  # the autopilot takes HIL_SENSOR's temperature for that of the air (`AirTemperature`)
 
 
 @dataclass(frozen=True)

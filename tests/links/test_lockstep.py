@@ -1,9 +1,11 @@
 """The lockstep link against a scripted autopilot: in memory and over a pty."""
 
+import dataclasses
 import random
 import sys
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameParser
@@ -14,6 +16,7 @@ from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from signals.errors import HandshakeError, LockstepLost
+from signals.samples import DifferentialPressureSample
 from tests.worlds import scripted_autopilot as fake
 from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG
 
@@ -95,6 +98,24 @@ def test_one_write_holds_extra_then_gps_then_sensor(scripted):
     sent = link.send(0, 0, IMU, MAG, BARO, GPS, b"extra")
     assert sent.startswith(b"extra\xfd")
     assert [f.msgid for f in FrameParser().feed(sent)] == [MSGID["HIL_GPS"], MSGID["HIL_SENSOR"]]
+
+
+@pytest.mark.parametrize("taken", [True, False])
+def test_the_temperature_of_a_pitot_is_kept_for_an_autopilot_that_takes_it_for_the_airs(taken):
+    """PX4 makes true airspeed of it; the pitot's samples and the barometer's come in different ticks."""
+    caps = dataclasses.replace(CAPS, air_temperature=taken)
+    link = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT)), caps)
+    link.open()
+    pitots = [[], [DifferentialPressureSample(0, 0, 0, 200.0, 11.5)], [], [], []]
+    degc = []
+    for tick, ranging in enumerate(pitots):
+        sent = link.send(tick, tick * TICK_NS, IMU, MAG, BARO, None, b"", ranging)
+        link.wait(tick, tick * TICK_NS)
+        (sensor,) = FrameParser().feed(sent)
+        degc.append(common.MAVLink(None).decode(bytearray(sensor.raw)).temperature)
+    link.close()
+    own = BARO.temperature_degc
+    assert degc == pytest.approx([own] + 4 * [11.5] if taken else 5 * [own])
 
 
 def test_memory_and_pty_carry_the_same_bytes():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from firmware_bridge.autopilots.installation import FixedWing, Installation, Multirotor, Surroundings
+from firmware_bridge.autopilots.installation import FixedWing, Installation, Surroundings, Vtol
 from firmware_bridge.autopilots.line import HIL_LINE
 from firmware_bridge.autopilots.profile import Misfit, Profile, Program, StartCommand
 from firmware_bridge.autopilots.px4.firmware import PX4
@@ -17,11 +17,13 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.px4.sitl import airframe_problem, px4_hand_start, px4_sitl_link, px4_sitl_process
 
 EXTERNAL_AIRFRAME, EXTERNAL_PLANE = "none_iris", "gazebo-classic_plane"
+EXTERNAL_VTOL = "gazebo-classic_standard_vtol"
 _OUTPUTS = 16
 # PX4's own defaults, as the mock has them, where the airframe has those of its aircraft.
 _PLANE_DEFAULTS = {
     "FW_LND_ANG": 5.0,
     "FW_P_LIM_MIN": -30.0,
+    "FW_THR_ASPD_MAX": 0.0,
     "FW_THR_MAX": 1.0,
     "FW_THR_MIN": 0.0,
     "NPFG_PERIOD": 10.0,
@@ -57,12 +59,12 @@ def airframe_and_params(installation: Installation) -> tuple[str, dict[str, floa
     settings, vehicle = installation.settings, installation.vehicle
     if settings.airframe is not None:
         return settings.airframe, settings.all_params
-    if isinstance(vehicle, FixedWing):
+    if isinstance(vehicle, FixedWing | Vtol):
         # The airframe's own outputs beyond the vehicle's, of which one is reversed, are off.
         off = {f"{PWM_OUTPUTS}{n}": 0.0 for n in range(1, _OUTPUTS + 1)} | {"PWM_MAIN_REV": 0.0}
-        return EXTERNAL_PLANE, off | _PLANE_DEFAULTS | vehicle_parameters(vehicle) | settings.all_params
-    known = isinstance(vehicle, Multirotor) and matching_airframe(vehicle) == "iris"
-    rotors = {} if known else vehicle_parameters(vehicle)
+        airframe = EXTERNAL_VTOL if isinstance(vehicle, Vtol) else EXTERNAL_PLANE
+        return airframe, off | _PLANE_DEFAULTS | vehicle_parameters(vehicle) | settings.all_params
+    rotors = {} if matching_airframe(vehicle) == "iris" else vehicle_parameters(vehicle)
     return EXTERNAL_AIRFRAME, rotors | settings.all_params
 
 
@@ -101,4 +103,5 @@ PROFILE = Profile(
     airsim_type="PX4Multirotor",
     start_command=start_command,
     flies_planes=True,
+    flies_vtols=True,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from firmware_bridge.autopilots.installation import Aircraft, FixedWing, Vtol
 from firmware_bridge.autopilots.px4 import wing_parameters
 from firmware_bridge.autopilots.px4.rotor_parameters import motor_functions, px4_parameters
-from firmware_bridge.autopilots.px4.vtol_parameters import vtol_functions, vtol_parameters
+from firmware_bridge.autopilots.px4.vtol_parameters import px4_vtol_parameters, vtol_functions
 
 PWM_OUTPUTS, HIL_OUTPUTS = "PWM_MAIN_FUNC", "HIL_ACT_FUNC"  # of SITL and of a board
 
@@ -13,7 +13,7 @@ PWM_OUTPUTS, HIL_OUTPUTS = "PWM_MAIN_FUNC", "HIL_ACT_FUNC"  # of SITL and of a b
 def vehicle_parameters(vehicle: Aircraft, outputs: str = PWM_OUTPUTS) -> dict[str, float]:
     """Return the parameters of a vehicle, the functions of the outputs among them."""
     if isinstance(vehicle, Vtol):
-        return vehicle_functions(vehicle, outputs) | vtol_parameters(vehicle)
+        return vehicle_functions(vehicle, outputs) | px4_vtol_parameters(vehicle)
     if isinstance(vehicle, FixedWing):
         return (
             wing_parameters.output_functions(vehicle, outputs)

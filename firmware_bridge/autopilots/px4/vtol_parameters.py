@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from firmware_bridge.autopilots.installation import Vtol
 from firmware_bridge.autopilots.px4.rotor_parameters import geometry_parameters, mock_parameters
-from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
+from firmware_bridge.autopilots.px4.wing_parameters import calibration, plane_parameters, px4_parameters
 from signals.units import STANDARD_GRAVITY_MPS2
 
 STANDARD_VTOL = 2  # CA_AIRFRAME
@@ -20,6 +20,8 @@ _VT_STANDARD = 2  # VT_TYPE
 _FIRST_SERVO = 201
 _TRANSITION, _BLEND = 1.3, 1.0  # over the stall
 _RAMP_S = 3.0  # 1 / VT_PSHER_SLEW
+# PX4's own defaults, where its airframe has those of its aircraft: full throttle, and no pusher in hover.
+_PX4_TRANSITION = {"VT_F_TRANS_THR": 1.0, "VT_FWD_THRUST_EN": 0.0}
 
 
 def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -34,6 +36,21 @@ def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
         **{name: float(f"{value:.4g}") for name, value in transition_parameters(vehicle).items()},
     }
     return values
+
+
+def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
+    """Return the parameters that make PX4's standard VTOL this vehicle.
+
+    PX4 takes the thrust curve THR_MDL_FAC for the pusher, too: throttles are shares of the thrust, f u^2 + (1 - f) u of
+    a command u. Airspeeds are calibrated.
+    """
+    values = vtol_parameters(vehicle) | px4_parameters(vehicle.wing) | _PX4_TRANSITION
+    del values["SYS_AUTOSTART"]
+    curve = values["THR_MDL_FAC"]
+    values["FW_THR_TRIM"] *= curve * values["FW_THR_TRIM"] + 1.0 - curve
+    for name in ("VT_ARSP_TRANS", "VT_ARSP_BLEND"):
+        values[name] *= calibration(vehicle.wing)
+    return {name: float(f"{value:.6g}") for name, value in values.items()}
 
 
 def transition_parameters(vehicle: Vtol) -> dict[str, float]:

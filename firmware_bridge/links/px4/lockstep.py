@@ -91,6 +91,27 @@ _SKIPPED = (
 _TIMEOUTS = LinkTimeouts()
 
 
+class AirTemperature:
+    """Temperature of the air for HIL_SENSOR: the pitot's newest.
+
+    PX4 takes the temperature of HIL_SENSOR for that of its differential pressure sensor, and this one for the air's:
+    from it and the static pressure come the density and the true airspeed. With a barometer that its board has warmed
+    to 40 degC in air of 12 degC the true airspeed was 5 % too high, and the estimate of the wind wrong by it.
+    """
+
+    def __init__(self, caps: LinkCaps) -> None:
+        self._wanted = caps.air_temperature
+        self.degc: float | None = None  # None: as the barometer measures it
+
+    def take(self, samples: Sequence[Sample]) -> float | None:
+        """Return the temperature [degC] for a tick with these samples."""
+        if self._wanted:
+            for sample in samples:
+                if isinstance(sample, DifferentialPressureSample):
+                    self.degc = sample.temperature_degc
+        return self.degc
+
+
 def tick_messages(
     encoder: FrameEncoder,
     t_ns: int,
@@ -101,10 +122,12 @@ def tick_messages(
     ranging: Sequence[Sample],
     *,
     request: bytes | None = None,
+    air_degc: float | None = None,
 ) -> bytes:
     """Return [range, flow, vision][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
 
-    HIL_SENSOR has the newest differential pressure of `ranging`; no message has the angles of vanes.
+    HIL_SENSOR has the newest differential pressure of `ranging`, and the temperature `air_degc` or the barometer's; no
+    message has the angles of vanes.
     CodecError if a sample is not a number.
     """
     data = b""
@@ -118,7 +141,7 @@ def tick_messages(
         data += encoder.frame(TIMESYNC, request)
     if gps is not None:
         data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
-    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot))
+    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot, air_degc))
     return data
 
 
@@ -148,6 +171,7 @@ class LockstepLink(AutopilotLink):
         self._imu: ImuSample | None = None  # the newest of each that was sent
         self._mag: MagSample | None = None
         self._baro: BaroSample | None = None
+        self._air = AirTemperature(self._caps)
         self._held: list[Frame] = []  # came after the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
@@ -224,7 +248,7 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
+        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging, air_degc=self._air.take(ranging))
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:
@@ -388,7 +412,7 @@ class LockstepLink(AutopilotLink):
             # The last values again, at later times: an autopilot that only missed one message answers the next one, and
             # one that no longer answers still sends its state. (PX4 does not answer without an IMU, and ends the flight
             # when its sensors fall silent.)
-            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro)
+            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro, air_degc=self._air.degc)
             try:
                 self._transport.write(self._encoder.frame(HIL_SENSOR, payload))
             except LinkClosed as error:

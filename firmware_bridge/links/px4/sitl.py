@@ -37,7 +37,9 @@ def px4_sitl_link(
     Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit. Other
     settings as `LockstepLink`.
     """
-    caps = LinkCaps("px4_sitl", lockstep=True, deterministic=False, boot_sensors=None, busy_processors=2)
+    caps = LinkCaps(
+        "px4_sitl", lockstep=True, deterministic=False, boot_sensors=None, busy_processors=2, air_temperature=True
+    )
     ground = GroundChannel(_GROUND_PORT + instance)
     return LockstepLink(wrap(TcpServer(_SIMULATOR_PORT + instance)), caps, ground=ground, **settings)
 
