@@ -10,7 +10,7 @@ namespace hil::sim {
 namespace {
 
 constexpr double kTurnPerStep = 0.1;   // rad
-constexpr double kWayPerStep = 0.06;   // m
+constexpr double kWayPerStep = 0.25;  // m
 constexpr double kDampingPerStep = 2.0, kDampingPerClassicalStep = 1.0;
 
 double length(const double *v) { return std::sqrt((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]); }

@@ -745,7 +745,7 @@ class VehiclePhysics:
                 return False
         elif actors is not None:
             actors.pose_all(t_ns)
-        if not self._touches(travelled_m):
+        if not self._touches():
             self.skips.queried += 1
             if travelled_m < left_m:
                 self.body.remaining_m = left_m - travelled_m
@@ -781,16 +781,16 @@ class VehiclePhysics:
             self._hard = hard
             soften_contact(self._model, self._tick_s / self.contact_substeps[hard])
 
-    def _touches(self, travelled_m: float) -> bool:
+    def _touches(self) -> bool:
         model, data, body = self._model, self._data, self.body
-        steps = body.steps()
-        queries = max(1, math.ceil(travelled_m / (steps * self._min_sphere_radius_m)))  # per sub-step
-        for query in range(steps * queries):
-            body.pose_in_substep(query // queries, (query % queries + 1) / queries)
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            if data.ncon:
-                return True
+        for step in range(body.steps()):
+            queries = max(1, math.ceil(body.way_in_substep(step) / self._min_sphere_radius_m))
+            for query in range(queries):
+                body.pose_in_substep(step, (query + 1) / queries)
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_collision(model, data)
+                if data.ncon:
+                    return True
         return False
 
     def _contact_steps(self) -> bool:

@@ -24,6 +24,8 @@
 // body and holds what `at` computed until the next `at`.
 #pragma once
 
+#include <cmath>
+
 #include "step_times.hpp"
 
 namespace hil::sim {
@@ -82,6 +84,13 @@ inline void point_velocity(const double air[3], const double *w, const double *r
     u[2] = air[2] + (w[0] * r[1] - w[1] * r[0]);
 }
 
+// Rate at which the flow turns in a body that turns with w, in steady flight: that part of w which is across the flow [rad/s].
+// A roll about the flow turns nothing. V = |air| > 0.
+inline double turn_across(const double *w, const double air[3], double V) {
+    const double x = w[1] * air[2] - w[2] * air[1], y = w[2] * air[0] - w[0] * air[2], z = w[0] * air[1] - w[1] * air[0];
+    return std::sqrt((x * x + y * y) + z * z) / V;
+}
+
 class Force {
   public:
     virtual ~Force() = default;
@@ -125,6 +134,10 @@ class Force {
     virtual double longest_step_by_rates(const double * /*s*/, const double * /*ds*/, double longest_s) const {
         return longest_s;
     }
+
+    // Time from these own states to the next corner of their motion under the latched commands, where its slope or that of its
+    // rate jumps [s]; 0: none. A tick ends a part there. Not asked for by the classical method.
+    virtual double corner_s(const double * /*own*/) const { return 0.0; }
 
     // Own states `t_s` after the start of the step, which is a node of steps of this level.
     virtual void at(int /*level*/, int /*node*/, double /*t_s*/) {}

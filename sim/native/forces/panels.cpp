@@ -38,7 +38,7 @@ void set(PanelLanes::Lane (&lanes)[3], int at, const double *value) {
 // A lane without a panel.
 void clear(PanelLanes &l, int at) {
     l.x[0][at] = l.y[1][at] = l.z[2][at] = 1.0;
-    l.stall_width8[at] = 1.0;
+    l.stall_width8[at] = l.shift_cosine[at] = 1.0;
 }
 
 }  // namespace
@@ -91,6 +91,7 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
         set(l.ahead, at, p.ahead_m);
         l.slope[at] = p.lift_slope_per_rad;
         l.zero_lift[at] = p.zero_lift_rad;
+        shift(at, 0.0);
         l.stall_middle[at] = p.stall_middle;
         const double h2 = p.stall_half_width * p.stall_half_width, h4 = h2 * h2;
         l.stall_width8[at] = h4 * h4;
@@ -183,14 +184,29 @@ double Panels::longest_step_by_rates(const double *s, const double *ds, double l
     return longest_s;
 }
 
+// Sine and cosine of t by its half angle, where the surfaces turn the zero-lift line by `bend`.
+void Panels::shift(int lane, double bend) const {
+    const double half = 0.5 * (bend - lanes_.zero_lift[lane]), half2 = half * half, inverse = 1.0 / (1.0 + half2);
+    lanes_.shift_sine[lane] = (half + half) * inverse;
+    lanes_.shift_cosine[lane] = (1.0 - half2) * inverse;
+}
+
 void Panels::deflect(const double *angle, bool healthy) const {
-    PanelLanes &l = lanes_;
-    for (const Flap &flap : flaps_) l.bend[flap.lane] = l.flap_moment[flap.lane] = 0.0;
-    for (const Flap &flap : flaps_) {
-        const double d = healthy ? angle[flap.surface] : servos_.effect(flap.surface) * angle[flap.surface];
-        l.bend[flap.lane] += flap.angle * d;
-        l.flap_moment[flap.lane] += flap.moment * d;
+    bool moved = false;
+    for (int i = 0; i < servos_.count(); ++i) {
+        const double d = healthy ? angle[i] : servos_.effect(i) * angle[i];
+        moved = moved || d != seen_rad_[i];
+        seen_rad_[i] = d;
     }
+    if (!moved) return;
+    double bend[kLiftingLanes] = {};
+    for (const Flap &flap : flaps_) lanes_.flap_moment[flap.lane] = 0.0;
+    for (const Flap &flap : flaps_) {
+        const double d = seen_rad_[flap.surface];
+        bend[flap.lane] += flap.angle * d;
+        lanes_.flap_moment[flap.lane] += flap.moment * d;
+    }
+    for (const Flap &flap : flaps_) shift(flap.lane, bend[flap.lane]);
 }
 
 void Panels::add(const Instant &now, Wrench &out) const {

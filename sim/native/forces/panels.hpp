@@ -89,6 +89,7 @@ class Panels : public SurfacedForce {
 
   private:
     void deflect(const double *angle, bool healthy) const;
+    void shift(int lane, double bend) const;
 
     const PanelKernel &kernel_;
     struct Flap {
@@ -98,6 +99,7 @@ class Panels : public SurfacedForce {
 
     std::vector<int> lane_;
     std::vector<Flap> flaps_;
+    mutable double seen_rad_[kMaxSurfaces] = {};  // deflections for which the lanes are shifted
     double damping_per_m_ = 0.0, ground_reach_m_ = 0.0, reach_m_ = 0.0;
     mutable PanelLanes lanes_{};
     double arm_m_[kPanelLanes] = {};        // of each panel from the centre of mass

@@ -104,7 +104,17 @@ double Rotors::mobility_per_kg(const Inertia &inertia) const {
 }
 
 Rotors::Decay Rotors::decay_over(double dt_s) const {
-    return {det::exp(-dt_s / p_.time_constant_up_s), det::exp(-dt_s / p_.time_constant_down_s)};
+    const double up = det::exp(-dt_s / p_.time_constant_up_s);
+    const bool same = p_.time_constant_down_s == p_.time_constant_up_s;
+    return {up, same ? up : det::exp(-dt_s / p_.time_constant_down_s)};
+}
+
+const Rotors::Decay &Rotors::decay_at(int level, int node) {
+    if (!filled_[level]) [[unlikely]] {
+        filled_[level] = true;
+        for (int n = 0; n < nodes_; ++n) node_[level][n] = decay_over(times_.node(n) * times_.step_s(level));
+    }
+    return node_[level][node];
 }
 
 void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
@@ -113,9 +123,8 @@ void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
                      p_.count * p_.inertia_kgm2 * p_.max_speed_radps / inertia.least_kgm2();
     lag_rate_per_s_ = 1.0 / (kLagsPerStep * std::fmin(p_.time_constant_up_s, p_.time_constant_down_s));
     nodes_ = times.nodes();
-    for (int level = 0; level < kLevels; ++level) {
-        for (int n = 0; n < nodes_; ++n) node_[level][n] = decay_over(times.node(n) * times.step_s(level));
-    }
+    times_ = times;
+    for (bool &filled : filled_) filled = false;
     for (int hard = 0; hard < kContactKinds; ++hard) {
         contact_s_[hard] = times.contact_s(hard);
         contact_[hard] = decay_over(contact_s_[hard]);
@@ -203,7 +212,7 @@ double Rotors::longest_step(const double *s, const double *wind_W, double longes
 }
 
 void Rotors::at(int level, int node, double t_s) {
-    const Decay d = node_[level][node];
+    const Decay d = decay_at(level, node);
     for (int i = 0; i < p_.count; ++i) {
         const double lag_now = lag_[i] * (up_[i] ? d.up : d.down);
         speed_[i] = command_[i] + lag_now;
@@ -228,7 +237,7 @@ double Rotors::phase_at(int i, double t_s, double lag_now) const {
 }
 
 void Rotors::end_step(int level, double h_s) {
-    const Decay d = node_[level][nodes_ - 1];
+    const Decay d = decay_at(level, nodes_ - 1);
     for (int i = 0; i < p_.count; ++i) {
         const double lag_now = lag_[i] * (up_[i] ? d.up : d.down);
         if (imbalanced_) {

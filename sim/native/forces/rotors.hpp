@@ -115,6 +115,8 @@ class Rotors : public Force {
         double up, down;
     };
     Decay decay_over(double dt_s) const;
+    // That of a node; a level is filled where it is first used.
+    const Decay &decay_at(int level, int node);
     // Acceleration of the hubs along their axes, all together, over a force of 1 N at each: a bound of it [1/kg].
     double mobility_per_kg(const Inertia &inertia) const;
     double tau_s(bool up) const { return up ? p_.time_constant_up_s : p_.time_constant_down_s; }
@@ -147,6 +149,8 @@ class Rotors : public Force {
     double tilt_rate_[kMaxRotors] = {}, place_rate_[kMaxRotors][3] = {}, axis_rate_[kMaxRotors][3] = {};
     double plane_[kMaxRotors][2][3];  // e1_i, e2_i
     Decay node_[kLevels][StepTimes::kMaxNodes], contact_[kContactKinds], tick_;
+    StepTimes times_{};
+    bool filled_[kLevels] = {};
     double tick_s_ = 0.0, contact_s_[kContactKinds] = {};
     double damping_per_s_ = 0.0, lag_rate_per_s_ = 0.0;
     int nodes_ = 0;

@@ -10,8 +10,8 @@
 //   t_1 = max(0, |e| / r - tau)                              d moves at the rate s r until t_1
 //   d   = c - e_1 exp(-(t - t_1) / tau),  e_1 = e - s r t_1  from there
 //
-// d and its rate are continuous at t_1, the rate's slope is not: no step of the integrator may be long where it crosses
-// t_1, so longest_step() ends steps before it and takes the shortest one across it.
+// d and its rate are continuous at t_1, the rate's slope is not: no step of the integrator may cross t_1. A tick ends a part
+// there (corner_s). In a force without corners, longest_step() ends steps before t_1 and takes the shortest one across it.
 //
 // Limits of a step h: h <= 2 tau (not the classical method).
 //
@@ -72,19 +72,18 @@ class Servos {
     }
 
     void prepare(const StepTimes &times) {
+        times_ = times;
+        for (bool &filled : filled_) filled = false;
         lag_rate_per_s_ = 0.0;
         for (int i = 0; i < count_; ++i) {
             const double rate = 1.0 / (kLagsPerStep * p_[i].time_constant_s);
             if (rate > lag_rate_per_s_) lag_rate_per_s_ = rate;
-            for (int level = 0; level < kLevels; ++level) {
-                for (int n = 0; n < times.nodes(); ++n) {
-                    left_[level][n][i] = left_after(i, times.node(n) * times.step_s(level));
-                }
-            }
-            for (int hard = 0; hard < kContactKinds; ++hard) contact_left_[hard][i] = left_after(i, times.contact_s(hard));
         }
         last_node_ = times.nodes() - 1;
-        for (int hard = 0; hard < kContactKinds; ++hard) contact_s_[hard] = times.contact_s(hard);
+        for (int hard = 0; hard < kContactKinds; ++hard) {
+            contact_s_[hard] = times.contact_s(hard);
+            fill(contact_left_[hard], contact_s_[hard]);
+        }
     }
 
     // Latches the commands. Returns -1, or the index of the first that is not finite.
@@ -120,6 +119,16 @@ class Servos {
 
     double step_rate_per_s(bool classical) const { return classical ? 0.0 : lag_rate_per_s_; }
 
+    // First t_1 from these deflections on; 0: none is to come.
+    double corner_s(const double *own) const {
+        double first = 0.0;
+        for (int i = 0; i < count_; ++i) {
+            const double slow = limited_for_s(i, target_[i] - own[i]);
+            if (slow > 0.0 && (!(first > 0.0) || slow < first)) first = slow;
+        }
+        return first;
+    }
+
     double longest_step(double longest_s) const {
         for (int i = 0; i < count_; ++i) {
             if (kink_s_[i] > 0.0 && kink_s_[i] < longest_s) longest_s = kink_s_[i];
@@ -128,10 +137,12 @@ class Servos {
     }
 
     void at(int level, int node, double t_s) {
+        fill_level(level);
         for (int i = 0; i < count_; ++i) angle_[i] = target_[i] - gap_after(i, t_s, left_[level][node][i]);
     }
 
     void end_step(int level, double h_s) {
+        fill_level(level);
         for (int i = 0; i < count_; ++i) {
             gap_[i] = gap_after(i, h_s, left_[level][last_node_][i]);
             kink_s_[i] = kink_s_[i] > h_s ? kink_s_[i] - h_s : 0.0;
@@ -154,14 +165,32 @@ class Servos {
 
     double left_after(int i, double t_s) const { return det::exp(-t_s / p_[i].time_constant_s); }
 
+    // e^(-t / tau) of all surfaces; those of one time constant share it.
+    void fill(double *left, double t_s) const {
+        for (int i = 0; i < count_; ++i) {
+            const bool same = i > 0 && p_[i].time_constant_s == p_[i - 1].time_constant_s;
+            left[i] = same ? left[i - 1] : left_after(i, t_s);
+        }
+    }
+    // Few levels are ever used, and a tick in parts prepares anew for each.
+    void fill_level(int level) {
+        if (filled_[level]) return;
+        filled_[level] = true;
+        for (int n = 0; n <= last_node_; ++n) fill(left_[level][n], times_.node(n) * times_.step_s(level));
+    }
+
     bool limited(int i) const { return p_[i].rate_radps > 0.0 && state_[i] != SurfaceState::kFloating; }
+
+    // t_1 for the error e; 0 without a limit, or where it is past.
+    double limited_for_s(int i, double gap) const {
+        if (!limited(i)) return 0.0;
+        const double slow = std::fabs(gap) / p_[i].rate_radps - p_[i].time_constant_s;
+        return slow > 0.0 ? slow : 0.0;
+    }
 
     void start(int i, double angle) {
         gap_[i] = target_[i] - angle;
-        kink_s_[i] = 0.0;
-        if (!limited(i)) return;
-        const double slow = std::fabs(gap_[i]) / p_[i].rate_radps - p_[i].time_constant_s;
-        if (slow > 0.0) kink_s_[i] = slow;
+        kink_s_[i] = limited_for_s(i, gap_[i]);
     }
 
     // e(t) for `left` = exp(-t / tau).
@@ -174,6 +203,8 @@ class Servos {
     }
 
     int count_ = 0, last_node_ = 0;
+    StepTimes times_{};
+    bool filled_[kLevels] = {};
     ServoParams p_[kMaxSurfaces] = {};
     SurfaceState state_[kMaxSurfaces] = {};
     double stuck_rad_[kMaxSurfaces] = {}, effect_[kMaxSurfaces] = {};
