@@ -81,7 +81,8 @@ class Profile:
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
     flies_vtols: bool = False  # takes a vehicle with lifters, pushers and wings
     vtol_kinds: frozenset[str] = frozenset({"standard"})  # of these, those that it flies: `Vtol.kind`
-    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
+    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes (or VTOLs) alone
+    vtol_items: frozenset[int] = frozenset()  # the same, with VTOLs alone
 
     # The flight.
     flight_sensors: Sequence[str] = ("gps", "barometer", "magnetometer")  # needed to fly a mission, besides the IMU

@@ -16,7 +16,7 @@ from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED
+from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED, VTOL_SUPPORTED
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframe_kind, airframes
 from firmware_bridge.transports.transport import Transport
 from signals.documents.validate import nearest
@@ -225,4 +225,5 @@ PROFILE = Profile(
     flies_planes=True,
     flies_vtols=True,
     plane_items=frozenset(PLANE_SUPPORTED - SUPPORTED),
+    vtol_items=frozenset(VTOL_SUPPORTED - PLANE_SUPPORTED),
 )

@@ -12,12 +12,14 @@ from __future__ import annotations
 from firmware_bridge.autopilots.installation import Vtol
 from firmware_bridge.autopilots.px4.rotor_parameters import geometry_parameters, mock_parameters
 from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
+from signals.units import STANDARD_GRAVITY_MPS2
 
 STANDARD_VTOL = 2  # CA_AIRFRAME
 _MAV_TYPE = 22  # MAV_TYPE_VTOL_FIXEDROTOR
 _VT_STANDARD = 2  # VT_TYPE
 _FIRST_SERVO = 201
 _TRANSITION, _BLEND = 1.3, 1.0  # over the stall
+_RAMP_S = 3.0  # 1 / VT_PSHER_SLEW
 
 
 def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -29,15 +31,24 @@ def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
         "MAV_TYPE": _MAV_TYPE,
         "VT_TYPE": _VT_STANDARD,
         "RWTO_TKOFF": 0.0,
-        **{name: float(f"{value:.4g}") for name, value in transition_airspeeds(vehicle).items()},
+        **{name: float(f"{value:.4g}") for name, value in transition_parameters(vehicle).items()},
     }
     return values
 
 
-def transition_airspeeds(vehicle: Vtol) -> dict[str, float]:
-    """Return VT_ARSP_TRANS and VT_ARSP_BLEND."""
-    stall, cruise = vehicle.wing.stall_mps, vehicle.wing.cruise_mps
-    return {"VT_ARSP_TRANS": min(_TRANSITION * stall, cruise), "VT_ARSP_BLEND": min(_BLEND * stall, 0.9 * cruise)}
+def transition_parameters(vehicle: Vtol) -> dict[str, float]:
+    """Return VT_ARSP_* and the times within which the pusher must reach them."""
+    wing = vehicle.wing
+    trans_mps = min(_TRANSITION * wing.stall_mps, wing.cruise_mps)
+    blend_mps = min(_BLEND * wing.stall_mps, 0.9 * trans_mps)
+    # The thrust beyond the drag of cruise is the least that there is on the way.
+    least_mps2 = max(STANDARD_GRAVITY_MPS2 * wing.climb_mps / wing.cruise_mps, 0.1)
+    return {
+        "VT_ARSP_TRANS": trans_mps,
+        "VT_ARSP_BLEND": blend_mps,
+        "VT_F_TR_OL_TM": min(max(_RAMP_S + blend_mps / (1.5 * least_mps2), 6.0), 30.0),
+        "VT_TRANS_TIMEOUT": min(max(_RAMP_S + trans_mps / least_mps2, 15.0), 30.0),
+    }
 
 
 def rotor_geometry(vehicle: Vtol) -> dict[str, float]:

@@ -144,27 +144,27 @@ class Transition:
         return 1e-6 * (now_us - self._start_us)
 
     def _reason(self, now_us: int, m: Motion) -> str | None:
-        """Return why the wings must be given up, or None."""
+        """Return why the wings must be given up, or None: words that fit into a STATUSTEXT of 50 characters."""
         p = self._params
         if self.regime is Regime.BACK:
             return None
         front = self.regime is Regime.FRONT
         if not front and p["VT_FW_MIN_ALT"] > 0.0 and m.height_m < p["VT_FW_MIN_ALT"]:
-            return f"minimum altitude of {p['VT_FW_MIN_ALT']:g} m"
+            return "minimum altitude"
         loss = p["VT_QC_ALT_LOSS"]
         if not front and loss > 0.0 and m.asked_height_m is not None and m.asked_height_m - m.height_m > loss:
-            return "loss of altitude"
+            return "altitude loss"
         lately = self._front_end_us is not None and now_us - self._front_end_us < _AFTER_FRONT_US
         lost = 0.0 if self._start_height_m is None else self._start_height_m - m.height_m
         if (front or lately) and 0.0 < p["VT_QC_T_ALT_LOSS"] < lost:
-            return "loss of altitude in the transition"
+            return "altitude loss"
         if 0.0 < p["VT_FW_QC_P"] < abs(m.pitch_rad) * DEG_PER_RAD:
             return "maximum pitch"
         if 0.0 < p["VT_FW_QC_R"] < abs(m.roll_rad) * DEG_PER_RAD:
             return "maximum roll"
         elapsed = self._elapsed_s(now_us)
         if front and elapsed > p["VT_F_TR_OL_TM"] and m.airspeed_mps < p["VT_ARSP_BLEND"]:
-            return "transition timeout: the airspeed does not rise"
+            return "airspeed too low"
         if front and elapsed > p["VT_TRANS_TIMEOUT"]:
             return "transition timeout"
         return None

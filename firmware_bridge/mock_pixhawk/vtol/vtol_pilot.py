@@ -1,10 +1,11 @@
 """The pilot of a standard VTOL: it owns a multirotor's guidance and a plane's pilot, and flies the transitions itself.
 
 In a transition roll follows the path (the plane's NPFG), and the plane's energy control holds the height by pitch, in a
-range that opens with the share s = (V - V_blend) / (V_trans - V_blend), cut to 0..1, about the pitch of cruise. Both
-the lifters' attitude loops and the surfaces get these angles. The lifters carry what the wings do not:
+range about s times the pitch of cruise that opens with s = (V - V_blend) / (V_trans - V_blend), cut to 0..1; in a
+back-transition with s = 1. Both the lifters' attitude loops and the surfaces get these angles. The lifters carry what
+the wings do not:
 
-    T = T_hover (1 - (V / V_trim)^2 + a / g) / cos(tilt),    a = K (climb_sp - climb) + I,    climb_sp = k (h_sp - h)
+    T = T_hover (1 - s (V / V_trim)^2 + a / g) / cos(tilt),    a = K (climb_sp - climb) + I,    climb_sp = k (h_sp - h)
 
 (V / V_trim)^2 is the lift over the weight at the pitch of cruise. T and the torques are then weighted (`transition`).
 """
@@ -196,31 +197,32 @@ class VtolPilot:
         airspeed = plane.air.airspeed_mps
         blend, end = p["VT_ARSP_BLEND"], p["VT_ARSP_TRANS"]
         share = min(max((airspeed - blend) / max(end - blend, 0.1), 0.0), 1.0)
-        cruise = p["FW_PSP_OFF"] * RAD_PER_DEG
         up = _NOSE_UP_RAD if front else _BACK_NOSE_UP_RAD
         opening = share if front else 1.0
+        middle = opening * p["FW_PSP_OFF"] * RAD_PER_DEG
         plane.fly(
             d_m=self._d,
             weight=0.0,
             least_airspeed_mps=0.0,
             throttle_max=p["VT_F_TRANS_THR"] if front else 0.0,
-            pitch_min_rad=cruise - opening * _NOSE_DOWN_RAD,
-            pitch_max_rad=cruise + opening * up,
+            pitch_min_rad=middle - opening * _NOSE_DOWN_RAD,
+            pitch_max_rad=middle + opening * up,
             roll_limit_rad=_ROLL_LIMIT_RAD,
         )
         plane.throttle = self.transition.throttle
         if share > 0.0:
             self.guidance.yaw = self._vehicle.yaw  # the wings turn it
-        self.guidance.attitude(plane.roll_sp, plane.pitch_sp, self._thrust(airspeed), 0.0)
+        self.guidance.attitude(plane.roll_sp, plane.pitch_sp, self._thrust(airspeed, opening), 0.0)
 
-    def _thrust(self, airspeed_mps: float) -> float:
+    def _thrust(self, airspeed_mps: float, share: float) -> float:
         p, v, g = self._params, self._vehicle, STANDARD_GRAVITY_MPS2
         climb_sp = min(max(_HEIGHT_GAIN * (v.pos_d - self._d), -_MOST_CLIMB_MPS), _MOST_CLIMB_MPS)
         error = climb_sp + v.v_d
         self._integral += _CLIMB_INTEGRAL * error * PERIOD_S
         self._integral = min(max(self._integral, -_MOST_INTEGRAL_MPS2), _MOST_INTEGRAL_MPS2)
         accel = _CLIMB_GAIN * error + self._integral
-        lift = min((airspeed_mps / p["FW_AIRSPD_TRIM"]) ** 2, 1.0)
+        speed = airspeed_mps / p["FW_AIRSPD_TRIM"]
+        lift = min(share * speed * speed, 1.0)
         thrust = p["MPC_THR_HOVER"] * (1.0 - lift + accel / g) / max(v.tilt_cos, 0.7)
         return min(max(thrust, 0.0), 1.0)
 

@@ -25,7 +25,7 @@ A limit fails if its value is NaN, or if the plan calls for the measurement and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
@@ -110,15 +110,18 @@ class PlaneMeasurement:
             return
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
-        w = self._wind_at()
-        v = truth.v_WB_W
-        airspeed = math.dist(v, w)
-        bank = bank_rad(truth)
-        load = 1.0 / max(math.cos(bank), 0.1)
-        self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
-        self._most("max_bank_deg", abs(math.degrees(bank)))
+        if self._on_wings(truth):
+            airspeed = math.dist(truth.v_WB_W, self._wind_at())
+            bank = bank_rad(truth)
+            load = 1.0 / max(math.cos(bank), 0.1)
+            self._least("airspeed_margin", airspeed / (self._stall_mps * math.sqrt(load)))
+            self._most("max_bank_deg", abs(math.degrees(bank)))
         if self._airborne:
             self._follow(truth.p_WB)
+
+    def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)
+        """Return True while the wings carry the vehicle."""
+        return True
 
     def _follow(self, p: Vec3) -> None:
         """Count waypoints, and measure against the path."""
@@ -138,16 +141,19 @@ class PlaneMeasurement:
             level = abs(stop.leg.end_W[2] - stop.leg.start_W[2]) < _LEVEL_M
             if level and abs(before.end_W[2] - before.start_W[2]) < _LEVEL_M:
                 self._most("altitude_error_m", abs(p[2] - stop.leg.end_W[2]))
-        reach = max(stop.leg.acceptance_radius_m, self._reach_m, 1.25 * abs(stop.loiter_m))
         distance = math.dist(place, stop.place)
         start = stop.leg.start_W
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (
             stop.place[1] - start[1]
         )
-        passed = along > 0.0 and distance <= _PASSED * reach
-        if (distance <= reach or passed) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m:
+        if self._near(stop, stop.leg, distance, along) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m:
             self._reached += 1
             self._circling = False
+
+    def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
+        """Return True if a waypoint is reached, or passed: `along` counts past it along its leg."""
+        reach = max(leg.acceptance_radius_m, self._reach_m, 1.25 * abs(stop.loiter_m))
+        return distance <= reach or (along > 0.0 and distance <= _PASSED * reach)
 
     def _error(self, target: int, place: tuple[float, float]) -> None:
         error = self._path.error_m(target, place)
@@ -245,6 +251,11 @@ def bank_rad(truth: TruthState) -> float:
 
 def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Outcome = "complete") -> Verdict:
     """Return the verdict on how a plane flew its plan under these limits; `outcome` as in `verdict.judge`."""
+    return judge_by(measured, dict(limits), outcome=outcome)
+
+
+def judge_by(measured: PlaneMeasurement, limits: Mapping[str, float | None], *, outcome: Outcome) -> Verdict:
+    """Return the verdict under limits by the name of the measurement."""
     called_for = measured.called_for() if outcome == "complete" else frozenset[str]()
     reasons: list[str] = []
     reached, waypoints = measured.counts
@@ -254,12 +265,12 @@ def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Out
         elif reached < waypoints:
             reasons.append(f"reached {reached} of {waypoints} waypoints")
         else:
-            reasons.append("the mission was not finished: the plane did not end on the ground")
+            reasons.append("the mission was not finished: the vehicle did not end on the ground")
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []
     for name, value in measured.values().items():
-        limit = None if outcome == "crashed" else getattr(limits, name)
+        limit = None if outcome == "crashed" else limits.get(name)
         unit = unit_of(name).strip()
         ok = True
         if limit is not None and value is not None:

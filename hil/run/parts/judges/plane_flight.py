@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.path import plan_points, planned_path
+from hil.config.missions.path import Leg, plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.verdict import Verdict
+from signals.mission import MissionItem
 from signals.samples import TruthState
 
 
@@ -35,15 +36,19 @@ class PlaneFlightPart(Part):
             run.legs = planned_path(mission, run.bench.scene, home_W=(x, y, z))
         run.route = plan_points(run.legs)
         facts, physics = self._facts, run.physics
-        self._measured = PlaneMeasurement(
-            run.legs,
-            stops_of(run.legs, mission.items) if mission is not None else [],
+        self._measured = self._measurement(run.legs, () if mission is None else mission.items, run)
+        self._track = PlaneTrack(facts.stall_mps, self._config.tick_ns, lambda: physics.wind_W_mps)
+
+    def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
+        facts, physics = self._facts, run.physics
+        return PlaneMeasurement(
+            legs,
+            stops_of(legs, items),
             self._config.plane_limits,
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
             wind_at=lambda: physics.wind_W_mps,
         )
-        self._track = PlaneTrack(facts.stall_mps, self._config.tick_ns, lambda: physics.wind_W_mps)
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add, self._track.add]
