@@ -117,9 +117,9 @@ def test_angular_momentum_is_kept_while_rotors_tilt() -> None:
     before, rates = momentum(), []
     for tick in range(1, 300):
         physics.advance(tick, (0.0, 0.0, 0.0, 0.0, 1.0 if tick < 150 else -0.5))
-        rates.append(physics.state[11])
+        rates.append(physics.state[10])
     np.testing.assert_allclose(momentum(), before, rtol=0.0, atol=1e-10)
-    assert max(rates) - min(rates) > 0.05  # the body has turned against the spins
+    assert max(rates) - min(rates) > 0.1  # the body has turned against the spins, from z ahead to x
 
 
 def test_hubs_that_swing_meet_the_air() -> None:
