@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from firmware_bridge.autopilots.installation import Aircraft, Vtol
+from firmware_bridge.autopilots.installation import Aircraft
 from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
+from hil.config.vtol_facts import vtol_facts
 from sim.physics import fixed_wing, multirotor, vtol
 from sim.physics.forces.force import Effects
 from sim.physics.vehicle import Vehicle
@@ -18,13 +19,3 @@ def airframe_facts(vehicle: Vehicle, site: Site, effects: Effects) -> Aircraft:
     if fixed_wing.is_plane(vehicle):
         return fixed_wing_facts(vehicle, site)
     return multirotor_facts(vehicle, multirotor.density_ratio(vehicle, site, effects))
-
-
-def vtol_facts(vehicle: Vehicle, site: Site | None = None, density_ratio: float = 1.0) -> Vtol:
-    """Return the facts about a vehicle that `vtol.unfit` finds fit. Raises NoTrimError if it cannot fly level."""
-    return Vtol(
-        hover=multirotor_facts(vtol.hovering(vehicle), density_ratio),
-        wing=fixed_wing_facts(vehicle, site),
-        lifters=tuple(vtol.lifters(vehicle)),
-        pushers=tuple(vtol.pushers(vehicle)),
-    )
