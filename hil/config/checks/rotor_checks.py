@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_bridge.autopilots.catalog import PROFILES
-from hil.config.airframe_facts import vtol_facts
 from hil.config.checks.wing_checks import wing_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
+from hil.config.vtol_facts import vtol_facts
 from signals.documents.validate import Located, at
 from signals.errors import Problem
 from sim.physics import fixed_wing, multirotor, vtol

@@ -14,7 +14,8 @@ hover, final_error_m, landing_speed_mps and landed_tilt_deg. Its own:
 
 transition_loss_m    greatest height lost since the beginning of a transition (`vtol_limits`)
 hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal distance from the start before the first
-                     transition, and from the straight legs to waypoints in hover, the first after a transition left out
+                     transition, and from the straight legs to waypoints in hover, from where a waypoint counts as
+                     reached; the first leg after a transition is left out
 """
 
 from __future__ import annotations
@@ -160,18 +161,15 @@ class VtolMeasurement(PlaneMeasurement):
         target = self._reached
         if target >= len(self._targets):
             return
-        leg = self._leg(target)
+        leg = self._stops[self._targets[target]].leg
+        assert leg is not None
         if target == 0 and not self._transited and leg.seq in self._wings:
             self._most("hover_cross_track_m", math.dist(place, self._start))
         elif self._in_hover:
             # The count is ahead of the vehicle by the distance at which a waypoint counts as reached.
-            near = [leg] if target == 0 else [self._leg(target - 1), leg]
-            self._most("hover_cross_track_m", min(horizontal_distance_m(truth.p_WB, each) for each in near))
-
-    def _leg(self, target: int) -> Leg:
-        leg = self._stops[self._targets[target]].leg
-        assert leg is not None
-        return leg
+            corner_m = leg.acceptance_radius_m + REACH_MARGIN_M
+            if math.dist(place, leg.start_W[:2]) > corner_m:
+                self._most("hover_cross_track_m", horizontal_distance_m(truth.p_WB, leg))
 
     def _follow(self, p: Vec3, seconds: float) -> None:
         before = self._reached

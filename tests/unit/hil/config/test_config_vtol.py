@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmware_bridge.autopilots.catalog import PROFILES
-from hil.config.airframe_facts import vtol_facts
+from hil.config.vtol_facts import vtol_facts
 from sim.physics.vehicle import VEHICLE_DIR, load_vehicle
 from tests.e2e.test_plane_flights import Item, mission_file
 from tests.worlds.bench_files import elsewhere, load, refused  # noqa: F401 (the fixture is for every test)
