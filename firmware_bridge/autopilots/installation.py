@@ -121,7 +121,7 @@ class Vtol:
 
     @property
     def kind(self) -> str:
-        """How it changes between hover and flight: "standard" (pushers), "tiltrotor" or "tailsitter"."""
+        """Kind of its change between hover and flight: "standard" (pushers), "tiltrotor" or "tailsitter"."""
         if self.hover_pitch_rad > 0.0:
             return "tailsitter"
         return "tiltrotor" if self.tilts else "standard"

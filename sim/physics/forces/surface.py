@@ -44,7 +44,7 @@ class Surface(StrictModel):
 
 
 class Named(Protocol):
-    """What has a name."""
+    """Anything with a name."""
 
     @property
     def name(self) -> str: ...
