@@ -1,4 +1,4 @@
-"""Flights of a standard VTOL on the mock: every kind of mission item, transitions that fail, rotors and a pitot lost."""
+"""Flights of a standard VTOL on the mock: all mission items, transitions that fail, rotors and a pitot lost."""
 
 from __future__ import annotations
 

@@ -141,16 +141,19 @@ class PlaneMeasurement:
             level = abs(stop.leg.end_W[2] - stop.leg.start_W[2]) < _LEVEL_M
             if level and abs(before.end_W[2] - before.start_W[2]) < _LEVEL_M:
                 self._most("altitude_error_m", abs(p[2] - stop.leg.end_W[2]))
-        reach = max(stop.leg.acceptance_radius_m, self._reach_m, 1.25 * abs(stop.loiter_m))
         distance = math.dist(place, stop.place)
         start = stop.leg.start_W
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (
             stop.place[1] - start[1]
         )
-        passed = along > 0.0 and distance <= _PASSED * reach
-        if (distance <= reach or passed) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m:
+        if self._near(stop, stop.leg, distance, along) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m:
             self._reached += 1
             self._circling = False
+
+    def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
+        """Return True if a waypoint is reached, or passed: `along` counts past it along its leg."""
+        reach = max(leg.acceptance_radius_m, self._reach_m, 1.25 * abs(stop.loiter_m))
+        return distance <= reach or (along > 0.0 and distance <= _PASSED * reach)
 
     def _error(self, target: int, place: tuple[float, float]) -> None:
         error = self._path.error_m(target, place)

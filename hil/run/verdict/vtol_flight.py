@@ -8,19 +8,20 @@ transition      to the wings from the moment at which the pusher turns at a tent
                 slower than 5 m/s over ground, or for 10 s
 hover           all other time in the air
 
-As of a plane (`plane_limits`): waypoints, max_cross_track_m, altitude_error_m and loiter_error_m, of which errors count
-on the wings alone, airspeed_margin and max_bank_deg. As of a multirotor (`limits`): final_error_m, landing_speed_mps
-and landed_tilt_deg. Its own:
+As of a plane (`plane_limits`): waypoints flown to on the wings, max_cross_track_m, altitude_error_m and loiter_error_m,
+of which errors count on the wings alone, airspeed_margin and max_bank_deg. As of a multirotor (`limits`): waypoints in
+hover, final_error_m, landing_speed_mps and landed_tilt_deg. Its own:
 
 transition_loss_m    greatest height lost since the beginning of a transition (`vtol_limits`)
 hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal distance from the start before the first
-                     transition, and from the straight legs after a waypoint that was reached in hover
+                     transition, and from the straight legs to waypoints in hover, from where a waypoint counts as
+                     reached; the first leg after a transition is left out
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from enum import Enum, auto
 
@@ -29,7 +30,7 @@ from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import Stop
 from hil.run.verdict.plane_flight import PlaneMeasurement
-from hil.run.verdict.verdict import FlightMeasurement, horizontal_distance_m
+from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m
 from signals.mission import MissionItem
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
@@ -87,22 +88,22 @@ class VtolMeasurement(PlaneMeasurement):
         limits: tuple[PlaneLimits, Limits],
         rotors: Rotors,
         *,
-        wings: bool,
+        wings: Set[int],
         radius_m: float,
         stall_mps: float,
         wind_at: Callable[[], Vec3],
     ) -> None:
-        """`wings`: the plan leads to flight on the wings."""
+        """`wings`: numbers of the items that are flown on the wings."""
         super().__init__(legs, stops, limits[0], radius_m=radius_m, stall_mps=stall_mps, wind_at=wind_at)
         self._landing = FlightMeasurement(legs[-1:], limits[1])
-        self._rotors, self._uses_wings = rotors, wings
+        self._rotors, self._wings = rotors, wings
         self._phase = _Phase.HOVER
         self._phase_ns = 0
         self._transited = False
         self._from_m = 0.0  # height at the beginning of the transition
         self._wings_ns: int | None = None
         self._start: tuple[float, float] | None = None
-        self._in_hover = False  # the newest waypoint was reached in hover
+        self._in_hover = True  # the newest waypoint was reached in hover, or none yet
 
     def add(self, truth: TruthState) -> None:
         self._landing.add(truth)
@@ -132,7 +133,7 @@ class VtolMeasurement(PlaneMeasurement):
 
     def _begin(self, phase: _Phase, truth: TruthState) -> None:
         self._phase, self._phase_ns, self._from_m = phase, truth.t_ns, truth.p_WB[2]
-        self._transited = True
+        self._transited, self._in_hover = True, False
 
     def _front(self, truth: TruthState, *, wings: bool, pushes: bool) -> None:
         if wings and self._wings_ns is None:
@@ -147,19 +148,30 @@ class VtolMeasurement(PlaneMeasurement):
 
     def _hover(self, truth: TruthState) -> None:
         place = (truth.p_WB[0], truth.p_WB[1])
-        if not self._transited:
-            self._start = self._start or place
+        self._start = self._start or place
+        target = self._reached
+        if target >= len(self._targets):
+            return
+        leg = self._stops[self._targets[target]].leg
+        assert leg is not None
+        if target == 0 and not self._transited and leg.seq in self._wings:
             self._most("hover_cross_track_m", math.dist(place, self._start))
-        elif self._in_hover and self._reached < len(self._targets):
-            leg = self._stops[self._targets[self._reached]].leg
-            assert leg is not None
-            self._most("hover_cross_track_m", horizontal_distance_m(truth.p_WB, leg))
+        elif self._in_hover:
+            # The count is ahead of the vehicle by the distance at which a waypoint counts as reached.
+            corner_m = leg.acceptance_radius_m + REACH_MARGIN_M
+            if math.dist(place, leg.start_W[:2]) > corner_m:
+                self._most("hover_cross_track_m", horizontal_distance_m(truth.p_WB, leg))
 
     def _follow(self, p: Vec3) -> None:
         before = self._reached
         super()._follow(p)
         if self._reached != before:
             self._in_hover = self._phase is _Phase.HOVER
+
+    def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
+        if leg.seq in self._wings:
+            return super()._near(stop, leg, distance, along)
+        return distance <= leg.acceptance_radius_m + REACH_MARGIN_M
 
     def _error(self, target: int, place: tuple[float, float]) -> None:
         if self._phase is _Phase.WINGS:
@@ -175,7 +187,7 @@ class VtolMeasurement(PlaneMeasurement):
         return {name: found[name] for name in _OF_PLANE} | of_hover | own
 
     def called_for(self) -> frozenset[str]:
-        names = set(super().called_for()) & set(_OF_PLANE) if self._uses_wings else set()
-        if self._uses_wings:
+        names = set(super().called_for()) & set(_OF_PLANE) if self._wings else set()
+        if self._wings:
             names.add("transition_loss_m")
         return frozenset(names | (self._landing.result().called_for & set(_OF_HOVER)))

@@ -8,7 +8,7 @@ from typing import Any
 from hil.config import Bench
 from hil.config.fixed_wing_facts import turn_radius_m
 from hil.config.missions.path import Leg
-from hil.config.missions.regimes import leads_to_wings
+from hil.config.missions.regimes import on_wings
 from hil.run.part import Part, RunContext
 from hil.run.parts.judges.plane_flight import PlaneFlightPart
 from hil.run.verdict.flyable_path import stops_of
@@ -30,7 +30,7 @@ class VtolFlightPart(PlaneFlightPart):
             stops_of(legs, flown_items(items, params)),
             (self._config.plane_limits, self._config.limits),
             rotors_of(self._bench.vehicle),
-            wings=any(leads_to_wings(item, params) for item in items),
+            wings={item.seq for item, wings in zip(items, on_wings(items, params), strict=True) if wings},
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
             wind_at=lambda: physics.wind_W_mps,
