@@ -286,8 +286,8 @@ class PhasedFlight:
 
     A HandshakeError names the request and the answer. With `grid_ns`, decisions fall on its multiples only,
     independently of when the frames for them came. With `needs_estimator` the vehicle is ready only once its estimator
-    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True. `firmware`: that of the
-    bench's vehicle; another of its programs that answers is refused.
+    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True. Set `expected` to the
+    firmware of the vehicle to have another of its programs refused.
     """
 
     # (message, interval [us]): the telemetry that the phases wait for.
@@ -303,7 +303,6 @@ class PhasedFlight:
         takeoff_limit_s: float = 60.0,
         grid_ns: int = 0,
         needs_estimator: bool = False,
-        firmware: Firmware | None = None,
         may_arm: Callable[[], bool] = lambda: True,
     ) -> None:
         self._link = VehicleLink(target_sysid=target_sysid)
@@ -318,7 +317,7 @@ class PhasedFlight:
         self._texts = StatusTexts()
         self._requests = RequestSequence(self._commands, self._heartbeats, self._texts)
         self._grid_ns = grid_ns
-        self._firmware = firmware
+        self.expected: Firmware | None = None
         self._grid_cell = -1  # of the last decision
         self.may_arm = may_arm
         self.phase = Phase.CONNECTING
@@ -407,7 +406,7 @@ class PhasedFlight:
         return True
 
     def _check_program(self) -> None:
-        wanted, found = self._firmware, self._heartbeats.firmware
+        wanted, found = self.expected, self._heartbeats.firmware
         if wanted is None or wanted.mav_autopilot != found.mav_autopilot or wanted.program == found.program:
             return
         kind = enum_name("MAV_TYPE", self._heartbeats.vehicle_type)

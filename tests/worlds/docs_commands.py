@@ -83,7 +83,7 @@ def make_folder(folder: Path) -> None:
         (folder / name).symlink_to(ROOT / name)
     for name, marker in _FIRMWARE.items():
         path = folder / name
-        path.parent.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"\x7fELF" + bytes(14) + struct.pack("<H", 62) + marker)
         path.chmod(0o755)
     for name in ("yard.glb", "quarter.osm"):

@@ -22,7 +22,8 @@ Landing: a plane without brakes comes down a slope with wind from behind faster 
 it pulls up to slow down, and floats: the X8 touched down 105 m past the point. Here it keeps to the slope instead
 (TECS_LAND_SPDWGT 0), and LAND_FLARE_AIM 100 aims all of the flare ahead. It sinks at 0.35 m/s in the flare: at 0.7 it
 came down so fast over the ground that it bounced, and stalled.
-LAND_PITCH_DEG, the least pitch of the flare, is that of cruise: with a level nose it bounced on its front skid.
+LAND_PITCH_DEG, the least pitch of the flare, is 1.5 degrees over that of cruise: with a lower nose it touched its front
+skid, bounced, and once rolled over.
 """
 
 from __future__ import annotations
@@ -40,11 +41,12 @@ _OUTPUTS = 16
 _GAIN = pi / 4.0
 _ATTITUDE_S = 0.4  # FW_R_TC, to which the rate loops belong
 _BANK_DEG = 35.0  # of the turns that a plan may expect
-_BANK_LIMIT_DEG = 50.0
+_BANK_LIMIT_DEG = 54.0
 _AHEAD = 1.35  # of that radius: where a turn begins, for rolling in, and for wind from behind
 _L1_DAMPING = 0.75
 _L1_SHARE = 0.3183  # 1 / pi
 _CLIMB_SHARE = 0.8  # of what the engine could
+_FLARE_DEG = 1.5  # least pitch of the flare over that of cruise
 _APPROACH = 1.3  # airspeed over the stall
 
 
@@ -137,7 +139,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "LAND_FLARE_ALT": 2.5,
         "LAND_FLARE_SEC": 2.0,
         "LAND_FLARE_AIM": 100.0,
-        "LAND_PITCH_DEG": pitch_deg,
+        "LAND_PITCH_DEG": pitch_deg + _FLARE_DEG,
         "LAND_DISARMDELAY": 5.0,
     }
     # Their names before 4.5 and 4.7, with units in the name where they changed.
@@ -149,7 +151,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "LIM_PITCH_MIN": -2500.0,
         "LIM_ROLL_CD": 100.0 * _BANK_LIMIT_DEG,
         "TRIM_PITCH_CD": 100.0 * pitch_deg,
-        "LAND_PITCH_CD": 100.0 * pitch_deg,
+        "LAND_PITCH_CD": 100.0 * (pitch_deg + _FLARE_DEG),
     }
     return values
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config import load_bench
 from signals.errors import ConfigError
 
@@ -52,7 +54,8 @@ def test_items_of_a_plane_on_a_copter(tmp_path: Path) -> None:
     assert "the vehicle 'x500' is a multirotor" in told
 
 
-def test_an_autopilot_that_flies_no_planes(tmp_path: Path) -> None:
+def test_an_autopilot_that_flies_no_planes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PROFILES, "ardupilot_eahrs", replace(PROFILES["ardupilot_eahrs"], flies_planes=False))
     told = problems(tmp_path, PLANE.replace("rig: mock", "rig: ardupilot_eahrs"))
     assert "'skywalker_x8' is a plane, which an autopilot of kind 'ardupilot_eahrs' cannot fly here" in told
 
