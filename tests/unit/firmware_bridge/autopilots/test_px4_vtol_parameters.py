@@ -1,5 +1,6 @@
 """PX4's parameters for a standard VTOL, by the airframe that they replace."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from hil.config.airframe_facts import vtol_facts
 from hil.run.autopilot import installation_of
 from hil.run.loop.restartable_physics import make_physics
 
+PLANE_MODULES = ["px4-fw_att_control", "px4-fw_rate_control", "px4-fw_mode_manager", "px4-airspeed_selector"]
 RIGS = Path(__file__).parents[4] / "rigs"
 
 
@@ -38,6 +40,31 @@ def test_what_the_airframe_sets_for_its_own_aircraft_is_taken_back(bench):
     assert (params["FW_THR_MAX"], params["FW_THR_ASPD_MAX"], params["NPFG_PERIOD"]) == (1.0, 0.0, 10.0)
     assert (params["VT_F_TRANS_THR"], params["VT_FWD_THRUST_EN"]) == (1.0, 0.0)
     assert "SYS_AUTOSTART" not in params  # PX4's start script has it from the environment
+
+
+@pytest.mark.parametrize(
+    ("modules", "lacking"),
+    [
+        (["px4-commander"], "fw_att_control, fw_rate_control, fw_mode_manager, airspeed_selector, vtol_att_control"),
+        (PLANE_MODULES, "vtol_att_control"),
+        ([*PLANE_MODULES, "px4-vtol_att_control"], None),
+        ([], None),  # not a build tree: nothing is known
+    ],
+)
+def test_a_build_without_the_controllers_of_a_vtol_is_refused(bench, facts, tmp_path, modules, lacking):
+    for name in modules:
+        (tmp_path / name).write_text("")
+    settings = bench.config.autopilot.model_copy(update={"binary": str(tmp_path / "px4")})
+    found = px4_sitl.vehicle_misfits(settings, facts)
+    assert [misfit.place for misfit in found] == ([("autopilot", "binary")] if lacking else [])
+    if lacking:
+        assert found[0].message == f"this PX4 cannot fly 'quadplane': it was built without {lacking}"
+
+
+def test_more_surfaces_than_px4_has_are_refused(bench, facts):
+    wing = dataclasses.replace(facts.wing, surfaces=[facts.wing.surfaces[0]] * 9)
+    (found,) = px4_sitl.vehicle_misfits(bench.config.autopilot, dataclasses.replace(facts, wing=wing))
+    assert "has 9 control surfaces, and PX4 takes 8" in found.message
 
 
 def test_the_throttles_of_the_wings_are_shares_of_the_thrust(facts):
