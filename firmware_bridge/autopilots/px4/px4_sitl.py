@@ -50,6 +50,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
         start_process=None if process is None else lambda: process,
         timeouts=installation.timeouts,
         wrap=around.wrap,
+        uneven_answers=isinstance(installation.vehicle, Vtol),
     )
 
 
