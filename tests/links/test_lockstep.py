@@ -169,6 +169,49 @@ def test_a_second_answer_ends_the_next_tick(scripted):
         fly(link, 1, first=BOOT + 5)
 
 
+@pytest.fixture
+def uneven():
+    """Yield a function that opens a link to one that may answer a tick twice or not at all, as PX4's VTOLs do."""
+    links = []
+
+    def make(fault):
+        transport = PtyTransport()
+
+        def start():
+            options = ["--boot-sensors", str(BOOT), "--fault", fault]
+            return ChildProcess([sys.executable, fake.__file__, "--port", transport.far_path, *options])
+
+        caps = dataclasses.replace(CAPS, uneven_answers=True)
+        links.append(LockstepLink(transport, caps, start_process=start, timeouts=LinkTimeouts(reply_s=3.0)))
+        links[0].open()
+        return links[0]
+
+    yield make
+    links[0].close()
+
+
+def test_a_second_answer_is_left_out_where_the_autopilot_may_give_one(uneven):
+    log = fly(link := uneven("twice"), 30)
+    assert all(answer is not None for _, answer, _ in log[BOOT:])
+    assert (link.stats.repeated, link.stats.unanswered) == (1, 0)
+
+
+@pytest.mark.parametrize("fault", ["damaged", "silent"])
+def test_a_tick_without_an_answer_holds_the_command_where_the_autopilot_may_leave_one_out(uneven, fault):
+    link = uneven(fault)
+    answers = [answer for _, answer, _ in fly(link, 30)[BOOT:]]
+    assert answers[4].controls == answers[3].controls
+    assert answers[4].tick == answers[3].tick + 1
+    assert (link.stats.repeated, link.stats.unanswered) == (0, 1)
+
+
+def test_an_autopilot_that_leaves_out_more_than_single_ticks_is_lost(uneven):
+    link = uneven("hang")
+    with pytest.raises(LockstepLost, match="no bytes came"):
+        fly(link, 30)
+    assert link.stats.unanswered == 3
+
+
 def test_a_wrong_boot_length_in_the_rig_is_named():
     early = LockstepLink(
         LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, timeouts=LinkTimeouts(reply_s=0.1)

@@ -72,6 +72,9 @@ _LINGER_S = 1.0
 # While PX4 boots, simulated time is this much slower than the wall clock: at real-time pace the first answer in time
 # came at tick 13 to 15, at this pace at tick 9 in every run.
 _BOOT_SLOWNESS = 6
+# PX4's vtol_att_control publishes torques for the inputs of one controller or of both, by its mode: where the mode
+# changes this is twice in a tick, or not at all. Its motors then keep their commands, and it answers the next tick.
+_HOLD_S, _MOST_HELD = 0.5, 3
 _PROBE_STEP_NS = 4_000_000
 _PROBES = 350
 _PROBES_INTO_SILENCE = 128
@@ -172,6 +175,8 @@ class LockstepLink(AutopilotLink):
         self._mag: MagSample | None = None
         self._baro: BaroSample | None = None
         self._air = AirTemperature(self._caps)
+        self._answer: Frame | None = None  # the newest
+        self._held_ticks = 0  # without an answer, in a row
         self._held: list[Frame] = []  # came after the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
@@ -286,15 +291,35 @@ class LockstepLink(AutopilotLink):
             answer = self._find_answer(frames, want_us)
             if answer is not None:
                 self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
+                self._answer, self._held_ticks = answer, 0
                 return self._decode(tick, answer)
             if not deadline_ns:
                 deadline_ns = self._sent_at_ns + int(self._timeouts.reply_s * 1e9)
-            left_s = (deadline_ns - time.perf_counter_ns()) * 1e-9
+            now_ns = time.perf_counter_ns()
+            if self._holds(now_ns):
+                return self._hold(tick)
+            left_s = (deadline_ns - now_ns) * 1e-9
             if left_s <= 0.0:
                 raise self._lost(want_us)
             frames = self._feed(min(left_s, _SLICE_S))
             if not frames:
                 frames = self._quiet(want_us)
+
+    def _holds(self, now_ns: int) -> bool:
+        """Return True if an autopilot that leaves single ticks out has left out this one."""
+        return (
+            self._caps.uneven_answers
+            and self._answer is not None
+            and self._held_ticks < _MOST_HELD
+            and now_ns - self._sent_at_ns > _HOLD_S * 1e9
+        )
+
+    def _hold(self, tick: int) -> ActuatorFrame:
+        """Return the command before, which the motors of such an autopilot hold, too."""
+        self._held_ticks += 1
+        self._stats.unanswered += 1
+        assert self._answer is not None
+        return self._decode(tick, self._answer)
 
     def _feed(self, timeout_s: float) -> list[Frame]:
         """Return the frames completed by one read."""
@@ -318,6 +343,9 @@ class LockstepLink(AutopilotLink):
         for i, frame in enumerate(frames):
             if frame[0] == HIL_ACTUATOR_CONTROLS:
                 got_us = int.from_bytes(frame[4][:8], "little")
+                if got_us < want_us and self._caps.uneven_answers:
+                    self._stats.repeated += 1
+                    continue
                 if got_us != want_us:
                     self._frames += frames
                     raise LockstepLost(self.name, self._wrong_time(got_us, want_us))
