@@ -212,8 +212,7 @@ def _part_of(progress: Callable[[float, str], None], share: tuple[float, float])
 def _add_resolution(unknowns: Sequence[at.Unknown], solution: Solution, step_s: float) -> None:
     """Add to the variances of lags and delays what the step leaves open.
 
-    Within a step commands are a straight line. What they do faster than that moves a lag against the delay. A reading
-    is compared with the state moved along its slope by up to half a step, without its bend.
+    Within a step commands are a straight line. What they do faster than that moves a lag against the delay.
     """
     diagonal = np.einsum("ii->i", solution.covariance)
     resolution_s = _RESOLUTION * step_s
