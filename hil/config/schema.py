@@ -309,6 +309,10 @@ class PlaneLimits(Section):
     touchdown_offset_m: Annotated[float, Field(gt=0)] | None = 6.0  # from the line of the approach
     touchdown_error_m: Annotated[float, Field(gt=0)] | None = 100.0  # from the planned point along that line
     final_error_m: Annotated[float, Field(gt=0)] | None = None
+    takeoff_roll_m: Annotated[float, Field(gt=0)] | None = None  # on wheels, on the runway of the scene, as the next
+    landing_roll_m: Annotated[float, Field(gt=0)] | None = None
+    centre_line_m: Annotated[float, Field(gt=0)] | None = 5.0  # from the centre line of the runway while it rolls
+    off_runway_m: Annotated[float, Field(ge=0)] | None = 0.0  # outside the runway while it touches the ground
 
 
 class Crash(Section):

@@ -255,6 +255,11 @@ class Vehicle(StrictModel):
         return carried[0].standing_pitch_rad(weight_n) if carried else 0.0
 
     @property
+    def rolling_resistance(self) -> float:
+        """Greatest rolling resistance over load of its wheels; 0 without wheels."""
+        return max((force.rolling_resistance for force in self.forces), default=0.0)
+
+    @property
     def rolls(self) -> bool:
         """True if a force carries the vehicle on the ground, such as wheels."""
         return any(force.standing_height_m(0.0) is not None for force in self.forces)

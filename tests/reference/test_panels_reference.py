@@ -13,7 +13,7 @@ from sim.physics.vehicle import load_vehicle
 
 
 def _trainer() -> Panels:
-    (part,) = load_vehicle("trainer").forces
+    part = load_vehicle("trainer").forces[0]
     assert isinstance(part, Panels)
     return part
 

@@ -28,7 +28,8 @@ _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
 _TAKEOFF = 1.5  # airspeed of the climb over the stall
-_ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
+ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
+_WHEEL_GAINS = 1.0, 0.5  # of the yaw rate: PX4's 0.5 and 0.1 let a tail wheel turn into the wind by 12 degrees
 _STEERING_WHEEL = 440  # output function "Landing_Gear_Wheel"
 _NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
 
@@ -141,7 +142,8 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
     }
     if vehicle.wheels:  # it rolls as it stands: a tail wheel steers only on the ground
         values["RWTO_PSP"] = min(max(degrees(vehicle.ground_pitch_rad), -10.0), 20.0)
-        values["RWTO_ROT_AIRSPD"] = _ROTATION * vehicle.stall_mps
+        values["FW_WR_P"], values["FW_WR_I"] = _WHEEL_GAINS
+        values["RWTO_ROT_AIRSPD"] = ROTATION * vehicle.stall_mps
     for name, trim in zip(("TRIM_ROLL", "TRIM_PITCH", "TRIM_YAW"), trims(vehicle), strict=True):
         values[name] = trim
     return values

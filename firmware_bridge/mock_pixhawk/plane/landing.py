@@ -22,7 +22,6 @@ from signals.units import RAD_PER_DEG
 
 _FLARE_ROLL_RAD = 5.0 * RAD_PER_DEG
 _ROLL_OUT_M = 0.3
-_STANDS = 0.9  # airspeed over the stall below which a plane on wheels cannot leave the ground again
 _FLARE_DAMPING = 0.3  # three times FW_T_PTCH_DAMP: there is no time for the integral
 
 
@@ -92,9 +91,13 @@ class PlaneLanding:
         assert self._flare_us is not None
         share = min(1e-6 * (now_us - self._flare_us) / p["FW_LND_FL_TIME"], 1.0)
         wheels = bool(p["RWTO_TKOFF"])
-        if wheels and share >= 1.0 and pilot.air.airspeed_mps < _STANDS * p["FW_AIRSPD_STALL"]:
+        if wheels and share >= 1.0 and pilot.air.airspeed_mps < p["FW_AIRSPD_STALL"]:  # it cannot leave the ground again
             pilot.roll_on_ground(
-                self._line, pitch_rad=p["RWTO_PSP"] * RAD_PER_DEG, throttle=p["FW_THR_IDLE"], brake=1.0
+                self._line,
+                pitch_rad=p["RWTO_PSP"] * RAD_PER_DEG,
+                throttle=p["FW_THR_IDLE"],
+                brake=1.0,
+                holds_tail=p["RWTO_PSP"] > p["FW_PSP_OFF"],
             )
             return
         slow = pilot.ground_speed_mps < 0.7 * p["FW_AIRSPD_STALL"]
@@ -113,7 +116,7 @@ class PlaneLanding:
             roll_limit_rad=_FLARE_ROLL_RAD,
             pitch_damping=_FLARE_DAMPING,
             keeps_pitch=wheels and share == 0.0,
-            runway=self._line if wheels and share >= 1.0 else None,
+            runway=self._line if wheels else None,
         )
 
 

@@ -31,6 +31,8 @@ CHANNELS = 16
 _EULER, _RATES, _ACCEL = (STATE_FIELDS[name][0] for name in ("euler", "w_NF_F", "a_NF_N"))
 _GROUND_ROLL_RAD = 5.0 * RAD_PER_DEG
 _GROUND_GAIN, _GROUND_YAW_GAIN = 0.05, 1.5  # rad/m, 1/s
+_GROUND_INTEGRAL = 0.4  # most of the wheel's command, as PX4's FW_WR_IMAX
+_RUDDER_SHARE = 2.0  # of the wheel's command
 _GROUND_TURN_RAD = 20.0 * RAD_PER_DEG
 _LOW_M = 15.0  # above home: below, the bank is limited
 
@@ -71,7 +73,8 @@ class PlanePilot:
         self._runs = False
         self._steers = False  # wheels or belly on the ground, or nearly: heading is held by rudder and wheel
         self._rolling = False  # the same, and no integrator runs
-        self._brake = 0.0
+        self._holds_tail = False
+        self._brake = self._wheel_integral = 0.0
         self._last_us: int | None = None
         self.refresh_params()
 
@@ -158,7 +161,8 @@ class PlanePilot:
 
     def _mode(self, direct: tuple[float, float, float] | None = None) -> None:
         """Begin a step: in the air, without brakes."""
-        self._runs, self._direct, self._steers, self._rolling, self._brake = True, direct, False, False, 0.0
+        self._runs, self._direct, self._brake = True, direct, 0.0
+        self._steers = self._rolling = self._holds_tail = False
 
     def off(self) -> None:
         """Engine off, surfaces neutral, brakes free."""
@@ -221,10 +225,15 @@ class PlanePilot:
         self._mode((roll, pitch, yaw))
         self.throttle = throttle
 
-    def roll_on_ground(self, line: Line, *, pitch_rad: float, throttle: float, brake: float = 0.0) -> None:
-        """Roll along a line on the ground, wings level; rudder and wheel steer."""
+    def roll_on_ground(
+        self, line: Line, *, pitch_rad: float, throttle: float, brake: float = 0.0, holds_tail: bool = False
+    ) -> None:
+        """Roll along a line on the ground, wings level; rudder and wheel steer.
+
+        `holds_tail`: full up elevator presses a tail wheel on the ground, whose side force grows with its load.
+        """
         self._mode()
-        self._rolling, self._brake = True, brake
+        self._rolling, self._brake, self._holds_tail = True, brake, holds_tail
         self.roll_sp, self.pitch_sp, self.throttle = 0.0, pitch_rad, throttle
         self.path = line
         self._hold_heading(line)
@@ -297,8 +306,14 @@ class PlanePilot:
             if self._steers:
                 p = self._params
                 error = self._yaw_rate_sp - rates[2]
-                wheel = p["FW_WR_P"] * error + p["FW_WR_FF"] * self._yaw_rate_sp
-                demands = (demands[0], demands[1], min(max(2.0 * wheel, -1.0), 1.0))
+                if self.ground_speed_mps > 1.0:
+                    step = p["FW_WR_I"] * error * min(dt, 0.1)
+                    self._wheel_integral = min(max(self._wheel_integral + step, -_GROUND_INTEGRAL), _GROUND_INTEGRAL)
+                wheel = p["FW_WR_P"] * error + p["FW_WR_FF"] * self._yaw_rate_sp + self._wheel_integral
+                pitch = 1.0 if self._holds_tail else demands[1]
+                demands = (demands[0], pitch, min(max(_RUDDER_SHARE * wheel, -1.0), 1.0))
+            else:
+                self._wheel_integral = 0.0
         for i in range(min(self.rotors, CHANNELS)):
             out[i] = _thousandths(min(max(self.throttle, 0.0), 1.0))
         surfaces = self._mixer.commands(*demands)

@@ -1,8 +1,8 @@
 """Checks that a vehicle can fly its mission from where it starts: a plane's take-off, slope and legs, a copter's items.
 
-Take-off roll of a plane with wheels, from rest to the least airspeed V of its controller: s = V^2 / (2 a), with the
-mean acceleration a = (T - D / 2) / m - c g of full thrust T at V / 2, half of the drag D of cruise, and rolling
-resistance c.
+Take-off roll of a plane, from rest to the airspeed V at which its controller raises the nose, and the way that it flies in
+the second in which it rises: s = V^2 / (2 a) + V * 1 s, with the mean acceleration a = (T - D / 2) / m - c g of full thrust
+T at V / 2, half of the drag D of cruise, and c the rolling resistance of its wheels, or the friction of its belly.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from firmware_bridge.autopilots.installation import FixedWing
+from firmware_bridge.autopilots.px4.wing_parameters import ROTATION
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
 from hil.config.missions.path import Leg, LegKind, planned_path
@@ -23,7 +24,9 @@ from sim.physics.fixed_wing import Airframe, is_plane
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 
-_ROLLING = 0.05  # small wheels on short grass
+_ROTATION_S = 1.0  # RWTO_ROT_TIME of PX4
+_LONGEST_SLIDE_M = 30.0  # of a belly: beyond, the nose digs in sooner or later
+_CATAPULT = "start: {launch: {kind: catapult, length_m: 4, speed_mps: 16}}"
 _STEEPEST_DEG = 10.0  # of an approach
 _VTOL = frozenset((84, 85))
 
@@ -64,25 +67,39 @@ def _start_problems(
     g = STANDARD_GRAVITY_MPS2
     airframe = Airframe(vehicle, scene.site)
     weight = vehicle.mass_kg * g
+    V = ROTATION * facts.stall_mps
+    drag = facts.idle_sink_mps / facts.cruise_mps * weight
+    resistance = vehicle.rolling_resistance if facts.wheels else scene.ground_friction
+    a = (airframe.thrust_range_n(0.5 * V)[1] - 0.5 * drag) / vehicle.mass_kg - resistance * g
     if not facts.wheels:
         most, held = airframe.thrust_range_n(0.1)[1], scene.ground_friction * weight
+        slide = V * V / (2.0 * a) if a > 0.0 else math.inf
         if most > held:
-            return []
+            if slide <= _LONGEST_SLIDE_M:
+                return []
+            far = f"for {slide:.0f} m" if a > 0.0 else "without end"
+            message = (
+                f"leaves the plane {vehicle.name!r}, which has no wheels, to slide on its belly {far} before it flies at "
+                f"{V:.1f} m/s: friction takes {held:.1f} N ({scene.ground_friction:g} of its weight) of {most:.1f} N"
+            )
+            return [at(settings, ("start",), message, _CATAPULT)]
         message = (
             f"leaves the plane {vehicle.name!r} lying on its belly: its {most:.1f} N of thrust do not overcome the "
             f"friction of {held:.1f} N ({scene.ground_friction:g} of its weight)"
         )
-        return [at(settings, ("start",), message, "start: {launch: {kind: catapult, length_m: 4, speed_mps: 16}}")]
-    V = facts.least_mps
-    drag = facts.idle_sink_mps / facts.cruise_mps * weight
-    a = (airframe.thrust_range_n(0.5 * V)[1] - 0.5 * drag) / vehicle.mass_kg - _ROLLING * g
+        return [at(settings, ("start",), message, _CATAPULT)]
     if a <= 0.0:
-        message = f"leaves the plane {vehicle.name!r} on its wheels, whose resistance its thrust does not overcome"
+        message = (
+            f"leaves the plane {vehicle.name!r} on its wheels: drag and rolling resistance ({resistance:g} of its weight) "
+            f"take all its thrust below its rotation speed of {V:.1f} m/s"
+        )
         return [at(settings, ("start",), message, "raise the thrust, or launch it")]
-    roll = V * V / (2.0 * a)
+    roll = V * V / (2.0 * a) + V * _ROTATION_S
     runway = scene.runway
     if runway is None:
-        message = f"has no runway for the take-off roll of about {roll:.0f} m of the plane {vehicle.name!r}"
+        message = (
+            f"has no runway for the take-off roll of about {roll:.0f} m, to {V:.1f} m/s, of the plane {vehicle.name!r}"
+        )
         return [at(settings, ("scene",), message, "--scene airstrip, or start: {launch: {kind: catapult, ...}}")]
     along, right, _ = runway.place_of(config.start.p_W)
     heading = math.radians(90.0 - runway.heading_deg)

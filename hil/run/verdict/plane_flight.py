@@ -18,6 +18,8 @@ touchdown_offset_m  Distance of that contact from the line of the approach, whic
                     plan lands on one
 touchdown_error_m   Distance of that contact from the planned point along that line
 final_error_m       Horizontal distance of that contact from the planned point; of the last place, without a landing
+takeoff_roll_m, landing_roll_m, centre_line_m, off_runway_m
+                    On wheels, on a runway: `runway_rolls.py`
 
 A limit fails if its value is NaN, or if the plan calls for the measurement and the flight did not yield it.
 """
@@ -31,6 +33,7 @@ from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
 from hil.config.schema import PlaneLimits
 from hil.run.verdict.flyable_path import FlyablePath, Stop
+from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import AIRBORNE_M, REST_CONTACT_NS, REST_SPEED_MPS, Row, Verdict
 from signals.documents.validate import unit_of
 from signals.rotation import matrix_of
@@ -58,8 +61,13 @@ class PlaneMeasurement:
         radius_m: float,
         stall_mps: float,
         wind_at: Callable[[], Vec3],
+        rolls: RunwayRolls | None = None,
     ) -> None:
-        """`radius_m`: of the turns of the flyable path. `wind_at` returns the wind at the vehicle in W."""
+        """`radius_m`: of the turns of the flyable path. `wind_at` returns the wind at the vehicle in W.
+
+        `rolls` measures those on a runway; None: the plane has no wheels, or the scene has no runway.
+        """
+        self._rolls = rolls
         self._path = FlyablePath(stops, radius_m)
         self._stops = self._path.stops
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
@@ -90,6 +98,8 @@ class PlaneMeasurement:
     def add(self, truth: TruthState) -> None:
         """Add the true state of one tick; call it for every tick, in order."""
         previous, self._previous = self._previous, truth
+        if self._rolls is not None:
+            self._rolls.add(truth)
         contact = truth.in_contact
         if contact:
             self._contact_ns = truth.t_ns
@@ -220,6 +230,8 @@ class PlaneMeasurement:
             dx, dy = touch.p_WB[0] - x, touch.p_WB[1] - y
             found["touchdown_offset_m"] = abs(t[0] * dy - t[1] * dx)
             found["touchdown_error_m"] = abs(t[0] * dx + t[1] * dy)
+        if self._rolls is not None:
+            found |= self._rolls.values()
         last = touch or self._previous
         if last is not None and end is not None and self._airborne and (self.landed or not self._lands):
             found["final_error_m"] = math.dist(last.p_WB[:2], end[:2])
@@ -234,6 +246,8 @@ class PlaneMeasurement:
                 names |= {"touchdown_offset_m", "touchdown_error_m"}
         if len(self._targets) > 1:
             names.add("max_cross_track_m")
+        if self._rolls is not None and self._last_leg is not None:
+            names |= self._rolls.called_for()
         return frozenset(names)
 
 

@@ -72,6 +72,11 @@ class ForceParameters(StrictModel):
         return 0.0
 
     @property
+    def rolling_resistance(self) -> float:
+        """Rolling resistance over load of wheels with free brakes."""
+        return 0.0
+
+    @property
     def mean_chord_m(self) -> float | None:
         """Chord of a wing, over which a static margin is counted."""
         return None

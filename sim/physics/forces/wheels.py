@@ -130,6 +130,10 @@ class Wheels(ForceParameters):
 
         return _zero(tips_back, -_STEEPEST_RAD, _STEEPEST_RAD)
 
+    @property
+    def rolling_resistance(self) -> float:
+        return max(wheel.rolling for wheel in self.wheels)
+
     def make(self, effects: Effects) -> _kernels.Wheels:
         del effects
         steering = []

@@ -69,9 +69,10 @@ class Errors(NamedTuple):
 
 
 def prompt_engine(vehicle: Vehicle) -> Vehicle:
-    """Return a vehicle whose engine has no dead time, which the reference does not have."""
+    """Return a vehicle without wheels whose engine has no dead time: the reference has neither."""
     constants = vehicle.rotor_constants.model_copy(update={"dead_time_s": 0.0})
-    return vehicle.model_copy(update={"rotor_constants": constants})
+    wings = tuple(force for force in vehicle.forces if force.is_wing)
+    return vehicle.model_copy(update={"rotor_constants": constants, "forces": wings})
 
 
 def random_commands(vehicle: Vehicle, seconds: float, seed: int) -> Float64:

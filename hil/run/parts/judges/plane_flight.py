@@ -7,12 +7,13 @@ from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.path import plan_points, planned_path
+from hil.config.missions.path import LegKind, plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.verdict.flyable_path import stops_of
 from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
+from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import Verdict
 from signals.samples import TruthState
 
@@ -35,6 +36,13 @@ class PlaneFlightPart(Part):
             run.legs = planned_path(mission, run.bench.scene, home_W=(x, y, z))
         run.route = plan_points(run.legs)
         facts, physics = self._facts, run.physics
+        runway = run.bench.scene.runway if facts.wheels else None
+        rolls = None
+        if runway is not None:
+            x, y, z = run.physics.state[:3].tolist()
+            end = run.legs[-1] if run.legs else None
+            lands = end is not None and end.kind is LegKind.DESCENT and runway.contains(end.end_W)
+            rolls = RunwayRolls(runway, start_W=(x, y, z), lands=lands)
         self._measured = PlaneMeasurement(
             run.legs,
             stops_of(run.legs, mission.items) if mission is not None else [],
@@ -42,6 +50,7 @@ class PlaneFlightPart(Part):
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
             wind_at=lambda: physics.wind_W_mps,
+            rolls=rolls,
         )
         self._track = PlaneTrack(facts.stall_mps, self._config.tick_ns, lambda: physics.wind_W_mps)
 

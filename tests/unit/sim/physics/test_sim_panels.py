@@ -289,7 +289,7 @@ def test_a_propeller_blows_over_the_tail_and_not_over_the_tips() -> None:
     vehicle = load_vehicle("trainer")
     c = vehicle.rotor_constants
     body, part = _body(vehicle, 500.0)
-    body.steady_wrench((1.0, 0.0, 0.0, 0.0, 0.0))
+    body.steady_wrench((1.0, *[0.0] * (len(vehicle.commands) - 1)))
     thrust = c.thrust_coefficient_n_per_radps2 * c.max_speed_radps**2
     induced = math.sqrt(thrust / (2.0 * 1.225 * math.pi * c.radius_m**2))
     flow, middle = np.array(part.along_mps), np.array(part.middle_m)

@@ -20,7 +20,7 @@ _HAS_LATTICE = importlib.util.find_spec("aerosandbox") is not None
 
 
 def _trainer() -> Panels:
-    (part,) = load_vehicle("trainer").forces
+    part = load_vehicle("trainer").forces[0]
     assert isinstance(part, Panels)
     return part
 
