@@ -22,6 +22,9 @@ from signals.units import RAD_PER_DEG
 
 _FLARE_ROLL_RAD = 5.0 * RAD_PER_DEG
 _ROLL_OUT_M = 0.3
+# Airspeed over the stall below which a plane that has touched down takes the attitude in which it stands, and below which
+# it cannot leave the ground again.
+_SETTLES, _STAYS = 1.12, 1.05
 _FLARE_DAMPING = 0.3  # three times FW_T_PTCH_DAMP: there is no time for the integral
 
 
@@ -90,14 +93,15 @@ class PlaneLanding:
         pilot, p = self._pilot, self._params
         assert self._flare_us is not None
         share = min(1e-6 * (now_us - self._flare_us) / p["FW_LND_FL_TIME"], 1.0)
-        wheels = bool(p["RWTO_TKOFF"])
-        if wheels and share >= 1.0 and pilot.air.airspeed_mps < p["FW_AIRSPD_STALL"]:  # it cannot leave the ground again
+        wheels = bool(p["FW_W_EN"])
+        speed = pilot.air.airspeed_mps / p["FW_AIRSPD_STALL"]
+        if wheels and share >= 1.0 and speed < _SETTLES:
             pilot.roll_on_ground(
                 self._line,
                 pitch_rad=p["RWTO_PSP"] * RAD_PER_DEG,
                 throttle=p["FW_THR_IDLE"],
                 brake=1.0,
-                holds_tail=p["RWTO_PSP"] > p["FW_PSP_OFF"],
+                holds_tail=speed < _STAYS and p["RWTO_PSP"] > p["FW_PSP_OFF"],
             )
             return
         slow = pilot.ground_speed_mps < 0.7 * p["FW_AIRSPD_STALL"]
