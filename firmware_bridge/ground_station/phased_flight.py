@@ -197,6 +197,10 @@ class StatusTexts:
         latest = list(dict.fromkeys(reversed(checks)))[:count]
         return " | ".join(text + _remedy(text) for text in latest)
 
+    def said(self, part: str) -> bool:
+        """Return True if a text holds `part`."""
+        return any(part in text for _, _, text in self.texts)
+
     def last(self, count: int = 3) -> str:
         """Return the latest different texts, for an error message; "" if there are none."""
         latest = list(dict.fromkeys(text.strip() for _, _, text in reversed(self.texts)))[:count]

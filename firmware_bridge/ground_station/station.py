@@ -26,6 +26,7 @@ from signals.time import NS_PER_S
 
 _MissionSetCurrent = message_class("MISSION_SET_CURRENT")
 _DO_SET_MODE = 176
+_ABORTED = "takeoff aborted"
 
 
 class GroundStation(PhasedFlight):
@@ -126,6 +127,9 @@ class GroundStation(PhasedFlight):
             if not self._fly:
                 if not self._heartbeats.armed:
                     self._enter(Phase.ARMING, t_ns)
+                return
+            if not self._heartbeats.armed and self._texts.said(_ABORTED):
+                self._land_reached(t_ns)  # the vehicle failed, on the ground, and not the bench
                 return
             self._check_takeoff(t_ns)
             if not self._heartbeats.armed:

@@ -146,7 +146,8 @@ class PlanePilot:
         v = self._vehicle
         self._tecs.reset(-v.pos_d, -v.v_d, float(self._state[_EULER + 1]) - self._offset)
         self.path = None
-        self._mode()
+        self._direct = None
+        self._steers = self._rolling = self._holds_tail = False
         self.airspeed_mps = None
 
     def circle_here(self) -> None:

@@ -95,6 +95,11 @@ class PlaneFailsafe(Failsafe):
 
     def _engine(self, now_us: int) -> Action | None:
         stack, vehicle = self._stack, self._vehicle
+        if stack.rolls:
+            if not stack.engine.roll_step(now_us, ground_mps=stack.pilot.ground_speed_mps):
+                return None
+            self._say(Severity.EMERGENCY, "Failsafe activated: engine failed, takeoff aborted")
+            return Action.LAND
         if vehicle.landed or stack.landing.flaring:
             return None
         air = stack.air
@@ -179,6 +184,11 @@ class PlaneStack:
             Mode.OFFBOARD: offboard,
         }
         self.modes = PlaneModes(pilot, navigator, offboard, self._takeoff, by_mode)
+
+    @property
+    def rolls(self) -> bool:
+        """True during a take-off roll."""
+        return self._vehicle.armed and self._vehicle.mode in (Mode.TAKEOFF, Mode.MISSION) and self._takeoff.rolling
 
     def observe(self, now_us: int) -> None:
         """Update air data and land detector from the estimate."""
