@@ -9,9 +9,9 @@ from functools import cache
 from firmware_bridge.autopilots.installation import LOG_NAME, FixedWing, Installation, Multirotor, Surroundings
 from firmware_bridge.autopilots.mock.firmware import MOCK
 from firmware_bridge.autopilots.mock.sensors import FAULTS, SENSORS
+from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
-from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps

@@ -1,7 +1,7 @@
 """Parameters that tell the mock of a plane's steered and braked wheels, by the surfaces' CA_SV_CSn_*.
 
-CA_SV_CSn_TYPE 16 is PX4's steering wheel, without torque in the air; the sign of CA_SV_CSn_TRQ_Y is that of the turn at a
-positive command, to the right above 0. PX4 knows no wheel brakes: type 20 is the mock's own.
+CA_SV_CSn_TYPE 16 is PX4's steering wheel, without torque in the air; the sign of CA_SV_CSn_TRQ_Y is that of the turn at
+a positive command, to the right above 0. PX4 knows no wheel brakes: type 20 is the mock's own.
 """
 
 from __future__ import annotations

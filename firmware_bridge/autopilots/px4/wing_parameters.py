@@ -28,6 +28,7 @@ _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
 _TAKEOFF = 1.5  # airspeed of the climb over the stall
+LAUNCH_MPS2 = 12.0  # forward acceleration of a launch; PX4's 30 is more than a hand has
 ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
 _WHEEL_GAINS = 1.0, 0.5  # of the yaw rate: PX4's 0.5 and 0.1 let a tail wheel turn into the wind by 12 degrees
 _STEERING_WHEEL = 440  # output function "Landing_Gear_Wheel"
@@ -137,7 +138,7 @@ def flight_parameters(vehicle: FixedWing) -> dict[str, float]:
         "FW_T_SINK_MAX": max(3.0, 2.0 * vehicle.idle_sink_mps),
         "LNDFW_AIRSPD_MAX": max(6.0, 0.7 * vehicle.stall_mps),
         "RWTO_TKOFF": float(vehicle.wheels),
-        "FW_LAUN_AC_THLD": 12.0,
+        "FW_LAUN_AC_THLD": LAUNCH_MPS2,
         "FW_W_EN": float(vehicle.wheels),
     }
     if vehicle.wheels:  # it rolls as it stands: a tail wheel steers only on the ground

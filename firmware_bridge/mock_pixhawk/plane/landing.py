@@ -5,6 +5,10 @@ level until it meets the slope, then down on it at FW_LND_AIRSPD (default: 1.3 t
 height max(FW_LND_FLALT, FW_LND_FL_TIME times the sink rate): within FW_LND_FL_TIME the height rate goes from that of
 the approach to -FW_LND_FL_SINK, the throttle to FW_THR_IDLE. Then wings level, straight on, until the land detector
 acts.
+
+A plane with a steered wheel (FW_W_EN 1) holds the runway's heading, wings level, from the flare to rest; once it is slow it
+rolls at the pitch RWTO_PSP and brakes, and a tail wheel is pressed on the ground. PX4 keeps its wheel controller on
+as long, and rolls out at RWTO_PSP.
 """
 
 from __future__ import annotations
@@ -22,8 +26,8 @@ from signals.units import RAD_PER_DEG
 
 _FLARE_ROLL_RAD = 5.0 * RAD_PER_DEG
 _ROLL_OUT_M = 0.3
-# Airspeed over the stall below which a plane that has touched down takes the attitude in which it stands, and below which
-# it cannot leave the ground again.
+# Airspeed over the stall below which a plane that has touched down takes the attitude in which it stands, and below
+# which it cannot leave the ground again.
 _SETTLES, _STAYS = 1.12, 1.05
 _FLARE_DAMPING = 0.3  # three times FW_T_PTCH_DAMP: there is no time for the integral
 

@@ -1,8 +1,8 @@
 """Checks that a vehicle can fly its mission from where it starts: a plane's take-off, slope and legs, a copter's items.
 
-Take-off roll of a plane, from rest to the airspeed V at which its controller raises the nose, and the way that it flies in
-the second in which it rises: s = V^2 / (2 a) + V * 1 s, with the mean acceleration a = (T - D / 2) / m - c g of full thrust
-T at V / 2, half of the drag D of cruise, and c the rolling resistance of its wheels, or the friction of its belly.
+Take-off roll of a plane, from rest to the airspeed V at which its controller raises the nose, and the way that it goes
+in the second in which it rises: s = V^2 / (2 a) + V * 1 s, with the mean acceleration a = (T - D / 2) / m - c g of full
+thrust T at V / 2, half of the drag D of cruise, and c the rolling resistance of its wheels, or the friction of its belly.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from firmware_bridge.autopilots.installation import FixedWing
-from firmware_bridge.autopilots.px4.wing_parameters import ROTATION
+from firmware_bridge.autopilots.px4.wing_parameters import LAUNCH_MPS2, ROTATION
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
 from hil.config.missions.path import Leg, LegKind, planned_path
@@ -21,6 +21,7 @@ from signals.documents.validate import Located, at
 from signals.errors import Problem
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.fixed_wing import Airframe, is_plane
+from sim.physics.launch import Launch
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 
@@ -62,8 +63,9 @@ def _copter_problems(config: BenchConfig, mission: Mission) -> list[Problem]:
 def _start_problems(
     config: BenchConfig, vehicle: Vehicle, facts: FixedWing, scene: Scene, settings: Located
 ) -> list[Problem]:
-    if getattr(config.start, "launch", None) is not None:
-        return []
+    launch = config.start.launch
+    if launch is not None:
+        return _launch_problems(config, launch, vehicle, settings)
     g = STANDARD_GRAVITY_MPS2
     airframe = Airframe(vehicle, scene.site)
     weight = vehicle.mass_kg * g
@@ -79,8 +81,8 @@ def _start_problems(
                 return []
             far = f"for {slide:.0f} m" if a > 0.0 else "without end"
             message = (
-                f"leaves the plane {vehicle.name!r}, which has no wheels, to slide on its belly {far} before it flies at "
-                f"{V:.1f} m/s: friction takes {held:.1f} N ({scene.ground_friction:g} of its weight) of {most:.1f} N"
+                f"leaves the plane {vehicle.name!r}, which has no wheels, to slide on its belly {far} before it flies "
+                f"at {V:.1f} m/s: friction takes {held:.1f} N ({scene.ground_friction:g} of its weight) of {most:.1f} N"
             )
             return [at(settings, ("start",), message, _CATAPULT)]
         message = (
@@ -90,8 +92,8 @@ def _start_problems(
         return [at(settings, ("start",), message, _CATAPULT)]
     if a <= 0.0:
         message = (
-            f"leaves the plane {vehicle.name!r} on its wheels: drag and rolling resistance ({resistance:g} of its weight) "
-            f"take all its thrust below its rotation speed of {V:.1f} m/s"
+            f"leaves the plane {vehicle.name!r} on its wheels: drag and rolling resistance ({resistance:g} of its "
+            f"weight) take all its thrust below its rotation speed of {V:.1f} m/s"
         )
         return [at(settings, ("start",), message, "raise the thrust, or launch it")]
     roll = V * V / (2.0 * a) + V * _ROTATION_S
@@ -112,6 +114,26 @@ def _start_problems(
         message = f"leaves {left:.0f} m of runway, and the take-off roll of {vehicle.name!r} needs about {roll:.0f} m"
         return [at(settings, ("start",), message, "start nearer to the threshold")]
     return []
+
+
+def _launch_problems(config: BenchConfig, launch: Launch, vehicle: Vehicle, settings: Located) -> list[Problem]:
+    """Report a launch that PX4's launch detection, or the mock's, would not see: too weak, or not before the engine."""
+    params = config.autopilot.params
+    if not params.get("FW_LAUN_DETCN_ON"):
+        return []
+    if launch.at_s is None:
+        message = (
+            f"is released by the engine at throttle {launch.throttle:g}, and with FW_LAUN_DETCN_ON the engine waits "
+            "for the launch"
+        )
+        hint = f"start: {{launch: {{kind: {launch.kind}, at_s: 12, ...}}}}"
+        return [at(settings, ("start", "launch"), message, hint)]
+    most = launch.pull(vehicle.mass_kg)[0] / vehicle.mass_kg
+    least = params.get("FW_LAUN_AC_THLD", LAUNCH_MPS2)
+    if most > least:
+        return []
+    message = f"pulls with {most:.1f} m/s2 at most, and FW_LAUN_AC_THLD takes {least:g} m/s2 for a launch"
+    return [at(settings, ("start", "launch"), message, "launch faster or over a shorter way, or lower FW_LAUN_AC_THLD")]
 
 
 def _plane_mission_problems(config: BenchConfig, facts: FixedWing, mission: Mission, scene: Scene) -> list[Problem]:

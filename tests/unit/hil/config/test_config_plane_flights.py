@@ -58,3 +58,69 @@ def test_an_autopilot_that_flies_no_planes(tmp_path: Path) -> None:
 def test_parameters_of_a_plane_on_a_copter(tmp_path: Path) -> None:
     told = problems(tmp_path, "rig: mock\nautopilot: {params: {FW_AIRSPD_TRIM: 15}}\n")
     assert "is a parameter of a plane, and the vehicle 'x500' is a multirotor" in told
+
+
+RUNWAY = (ROOT / "rigs/benches/runway.yaml").read_text()
+
+
+def test_the_bench_on_a_runway_is_fine(tmp_path: Path) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_text(RUNWAY)
+    bench = load_bench(file)
+    assert [command.name for command in bench.vehicle.commands][-2:] == ["steering", "brake"]
+
+
+def test_wheels_without_a_runway(tmp_path: Path) -> None:
+    told = problems(tmp_path, RUNWAY.replace("scene: airstrip", "scene: airfield"))
+    line = RUNWAY.splitlines().index("scene: airstrip") + 1
+    assert f"bench.yaml:{line}" in told
+    assert "scene has no runway for the take-off roll of about 21 m, to 12.1 m/s, of the plane 'trainer'" in told
+
+
+def test_a_runway_too_short(tmp_path: Path) -> None:
+    told = problems(tmp_path, RUNWAY + "start: {p_W: [375, 0, 0]}\n")
+    assert "start leaves 15 m of runway, and the take-off roll of 'trainer' needs about 21 m" in told
+    assert "start nearer to the threshold" in told
+
+
+@pytest.mark.parametrize("start", ["{p_W: [40, 30, 0]}", "{p_W: [40, 0, 0], yaw_deg: 60}"])
+def test_a_start_off_the_runway_or_across_it(tmp_path: Path, start: str) -> None:
+    told = problems(tmp_path, RUNWAY + f"start: {start}\n")
+    assert "start is not on the runway of the scene along its heading of 90 deg" in told
+
+
+def test_wheels_in_deep_grass(tmp_path: Path) -> None:
+    trainer = (ROOT / "rigs/vehicles/trainer.yaml").read_text().replace("rolling: 0.02", "rolling: 0.95")
+    (tmp_path / "stuck.yaml").write_text(trainer)
+    told = problems(tmp_path, RUNWAY.replace("vehicle: trainer", f"vehicle: {tmp_path / 'stuck.yaml'}"))
+    assert "on its wheels: drag and rolling resistance (0.95 of its weight) take all its thrust" in told
+
+
+def test_a_belly_that_slides_too_far(tmp_path: Path) -> None:
+    text = PLANE.replace(LAUNCH, "").replace("scene: meadow", "scene: airfield")
+    text += "vehicle_settings: {mass_kg: 2.5}\n"
+    told = problems(tmp_path, text)
+    assert "which has no wheels, to slide on its belly" in told
+    assert "start" in told
+    assert "kind: catapult" in told
+
+
+WAITS = "autopilot: {params: {FW_LAUN_DETCN_ON: 1}}\n"
+
+
+def test_a_launch_too_weak_to_be_seen(tmp_path: Path) -> None:
+    weak = "start: {launch: {kind: hand, speed_mps: 4, at_s: 12}}\n"
+    told = problems(tmp_path, PLANE.replace(LAUNCH, weak) + WAITS)
+    assert "launch pulls with 8.0 m/s2 at most, and FW_LAUN_AC_THLD takes 12 m/s2 for a launch" in told
+
+
+def test_a_launch_that_waits_for_the_engine_that_waits_for_it(tmp_path: Path) -> None:
+    told = problems(tmp_path, PLANE + WAITS)
+    assert "launch is released by the engine at throttle 0.5, and with FW_LAUN_DETCN_ON the engine waits" in told
+    assert "at_s: 12" in told
+
+
+def test_a_launch_strong_enough_is_fine(tmp_path: Path) -> None:
+    file = tmp_path / "bench.yaml"
+    file.write_text(PLANE.replace("speed_mps: 16}", "speed_mps: 16, at_s: 12}") + WAITS)
+    assert load_bench(file).config.start.launch is not None

@@ -56,3 +56,20 @@ def test_one_surface_that_should_do_all_does_what_it_can():
     mix = allocation([[0.5], [0.5], [0.1]])
     assert mix[0][0] == pytest.approx(2.0)
     assert mix[0][1:] == [0.0, 0.0]
+
+
+def test_a_steering_wheel_and_a_brake_take_no_part_in_the_allocation_and_get_their_own_commands():
+    with_wheels = [[*row, 0.0, 0.0] for row in CONVENTIONAL]
+    with_wheels[2][4] = -1.0  # turns to the left at a positive command
+    table = ParamTable.of_firmware(plane=True)
+    table.set("CA_SV_CS_COUNT", 6)
+    for axis, row in zip("RPY", with_wheels, strict=True):
+        for i, value in enumerate(row):
+            table.set(f"CA_SV_CS{i}_TRQ_{axis}", value)
+    table.set("CA_SV_CS4_TYPE", 16)
+    table.set("CA_SV_CS5_TYPE", 20)
+    plane = SurfaceMixer(table)
+    commands = plane.commands(0.2, -0.1, 0.3)
+    assert commands == [*mixer(CONVENTIONAL).commands(0.2, -0.1, 0.3), 0.0, 0.0]
+    plane.set_wheels(commands, steering=0.4, brake=2.0)
+    assert commands[4:] == [-0.4, 1.0]
