@@ -38,6 +38,7 @@ from hil.config.schema import STANDARD_SENSORS, Autopilot, BenchConfig, Start
 from hil.config.sensors import radar_checks
 from hil.config.sensors.noise import noise_problems
 from hil.config.sensors.resolve import resolve_sensors, sample_types
+from hil.config.windsock import with_windsock
 from signals.documents.document import Document, shown_path
 from signals.documents.validate import COMMAND_LINE, at, nearest, shown, validate
 from signals.documents.yaml_lines import read_yaml
@@ -204,6 +205,7 @@ class BenchLoading:
             except ValueError as error:
                 self.problems.append(at(self.settings, ("map_seed",), f"has no meaning: {error}", "leave it out"))
         if scene is not None and config is not None:
+            scene = with_windsock(scene, scene.wind_W_mps if config.wind is None else config.wind.steady_W_mps)
             scene = randomized(in_weather(scene, config.weather), config.randomize, config.seed)
         if scene is not None and not problems:
             start = Start() if config is None else config.start

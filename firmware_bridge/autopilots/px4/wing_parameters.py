@@ -31,6 +31,7 @@ _TAKEOFF = 1.5  # airspeed of the climb over the stall
 LAUNCH_MPS2 = 12.0  # forward acceleration of a launch; PX4's 30 is more than a hand has
 ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
 _WHEEL_GAINS = 1.0, 0.5  # of the yaw rate: PX4's 0.5 and 0.1 let a tail wheel turn into the wind by 12 degrees
+_TOUCHDOWN_S = 2.0  # after the beginning of the flare
 _STEERING_WHEEL = 440  # output function "Landing_Gear_Wheel"
 _NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
 
@@ -170,6 +171,8 @@ def px4_parameters(vehicle: FixedWing) -> dict[str, float]:
     takeoff_mps = min(max(vehicle.glide_mps, _TAKEOFF * vehicle.stall_mps), vehicle.cruise_mps)
     switch_m = _SWITCH * track_error_bound_m(vehicle.cruise_mps, _NPFG_PERIOD_S, _NPFG_DAMPING)
     values = {"FW_TKO_AIRSPD": takeoff_mps, "NAV_ACC_RAD": switch_m, "FW_LND_ABORT": 0.0}
+    if vehicle.wheels:  # after the flare it takes the pitch RWTO_PSP: a tail wheel off the ground does not steer
+        values["FW_LND_TD_TIME"] = _TOUCHDOWN_S
     return {name: float(f"{value:.4g}") for name, value in values.items()}
 
 

@@ -6,9 +6,9 @@ height max(FW_LND_FLALT, FW_LND_FL_TIME times the sink rate): within FW_LND_FL_T
 the approach to -FW_LND_FL_SINK, the throttle to FW_THR_IDLE. Then wings level, straight on, until the land detector
 acts.
 
-A plane with a steered wheel (FW_W_EN 1) holds the runway's heading, wings level, from the flare to rest; once it is slow it
-rolls at the pitch RWTO_PSP and brakes, and a tail wheel is pressed on the ground. PX4 keeps its wheel controller on
-as long, and rolls out at RWTO_PSP.
+A plane with a steered wheel (FW_W_EN 1) holds the runway's heading, wings level, from the flare to rest; once it is
+slow it rolls at the pitch RWTO_PSP and brakes, and a tail wheel is pressed on the ground. PX4 keeps its wheel
+controller on as long, and rolls out at RWTO_PSP.
 """
 
 from __future__ import annotations

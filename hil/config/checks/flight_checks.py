@@ -2,7 +2,8 @@
 
 Take-off roll of a plane, from rest to the airspeed V at which its controller raises the nose, and the way that it goes
 in the second in which it rises: s = V^2 / (2 a) + V * 1 s, with the mean acceleration a = (T - D / 2) / m - c g of full
-thrust T at V / 2, half of the drag D of cruise, and c the rolling resistance of its wheels, or the friction of its belly.
+thrust T at V / 2, half of the drag D of cruise, and c the rolling resistance of its wheels, or the friction of its
+belly.
 """
 
 from __future__ import annotations
