@@ -28,7 +28,7 @@ FLOORS: dict[str, Sequence[str]] = {
             "checks airframe_facts",
             "vtol_facts",
             "companion formation multirotor_facts fixed_wing_facts",
-            "bench scenes",
+            "bench scenes windsock",
         ),
         *("sensors", "missions", "schema", "group_schema", "layers", "files params_file"),
     ),

@@ -123,7 +123,7 @@ class PlaneFlight:
             disturbances=Disturbances(self.wind, seed=4),
             integration=integration or Integration(),
         )
-        physics.state[:] = self.start_state
+        physics.state[: len(self.start_state)] = self.start_state  # wheels have states beyond, at rest
         physics.advance(0, self.commands[0].tolist())
         states, winds = [physics.state.copy()], [physics.wind_W_mps]
         for tick, controls in enumerate(self.commands.tolist(), start=1):

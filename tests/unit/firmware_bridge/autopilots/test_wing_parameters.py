@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
+from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.px4 import px4_sitl
 from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters, px4_parameters
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
@@ -132,3 +133,20 @@ def test_the_mock_keeps_its_own():
         "FW_TKO_AIRSPD",
     }
     assert plane_parameters(plane(ELEVONS, density_kgpm3=1.0))["FW_AIRSPD_TRIM"] == 15.0
+
+
+def test_a_steered_wheel_is_px4s_landing_gear_wheel_and_the_mocks_surface_without_torque():
+    wheels = plane(CONVENTIONAL, wheels=True, ground_pitch_rad=0.2, steering=5, brake=6)
+    functions = output_functions(wheels, "PWM_MAIN_FUNC")
+    assert functions["PWM_MAIN_FUNC6"] == 440
+    assert functions["PWM_MAIN_REV"] == 32  # bit of output 6: PX4 steers to the right at +1, the bench to the left
+    assert "PWM_MAIN_FUNC7" not in functions
+    assert output_functions(wheels, "HIL_ACT_FUNC")["HIL_ACT_REV"] == 32
+    p = plane_parameters(wheels)
+    assert (p["RWTO_TKOFF"], p["FW_W_EN"], p["CA_SV_CS_COUNT"]) == (1.0, 1.0, 4)
+    assert p["RWTO_PSP"] == pytest.approx(11.46, abs=0.01)
+    assert p["RWTO_ROT_AIRSPD"] == pytest.approx(11.5)
+    mock = wheel_parameters(wheels)
+    assert (mock["CA_SV_CS_COUNT"], mock["CA_SV_CS4_TYPE"], mock["CA_SV_CS5_TYPE"]) == (6, 16, 20)
+    assert mock["CA_SV_CS4_TRQ_Y"] == -1.0
+    assert wheel_parameters(plane(CONVENTIONAL)) == {}

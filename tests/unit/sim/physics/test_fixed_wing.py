@@ -160,3 +160,22 @@ def test_kinds_of_vehicles() -> None:
         "holds no engine: a rotor with the axis [1, 0, 0]",
     )
     assert unfit(with_table(x8, surfaces=())) == ("forces", "holds no control surfaces")
+
+
+def test_wheels_change_no_fact_of_a_flight() -> None:
+    """Facts are computed at a height of 0, where wheels would stand on the ground."""
+    trainer = load_vehicle("trainer")
+    bare = trainer.model_copy(update={"forces": trainer.forces[:1]})
+    rolls, flies = Airframe(trainer), Airframe(bare)
+    assert rolls.stall_speed_mps == flies.stall_speed_mps
+    a, b = rolls.trim(14.4), flies.trim(14.4)
+    assert a.throttle == b.throttle
+    assert a.controls == (*b.controls, 0.0, 0.0)
+
+
+def test_wheels_before_the_wings_are_unfit() -> None:
+    trainer = load_vehicle("trainer")
+    assert unfit(trainer) is None
+    reason = unfit(trainer.model_copy(update={"forces": trainer.forces[::-1]}))
+    assert reason is not None
+    assert "wheels before the control surfaces" in reason[1]

@@ -186,7 +186,14 @@ def _without_engine(name: str = "trainer") -> Vehicle:
     constants = vehicle.rotor_constants.model_copy(
         update={"thrust_coefficient_n_per_radps2": 1e-12, "dead_time_s": 0.0}
     )
-    return vehicle.model_copy(update={"rotor_constants": constants, "rotor_model": "quadratic", "battery": None})
+    return vehicle.model_copy(
+        update={
+            "rotor_constants": constants,
+            "rotor_model": "quadratic",
+            "battery": None,
+            "forces": tuple(force for force in vehicle.forces if force.is_wing),  # no wheels
+        }
+    )
 
 
 def _glide(vehicle: Vehicle, start: dict[int, float], commands: list[float], seconds: float) -> np.ndarray[Any, Any]:

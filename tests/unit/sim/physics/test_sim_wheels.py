@@ -10,7 +10,7 @@ import pytest
 
 from sim.physics.flight_start import FlightStart
 from sim.physics.integration import Integration
-from sim.physics.vehicle import Vehicle
+from sim.physics.vehicle import Vehicle, load_vehicle
 from sim.physics.vehicle_physics import VehiclePhysics
 from sim.scene.scene import load_scene
 
@@ -243,3 +243,28 @@ def test_settings_that_contradict_each_other_are_refused() -> None:
         vehicle(wheel={"castering": True, "steers": 0.5})
     names = [command.name for command in vehicle().commands]
     assert names == ["steering", "brake"]
+
+
+def test_a_taildragger_stands_at_the_pitch_of_its_loads() -> None:
+    """The physics settles by itself where the moments of the loads are in balance."""
+    trainer = load_vehicle("trainer")
+    physics = VehiclePhysics(trainer, SCENE, TICK_NS)
+    for tick in range(250):
+        truth = physics.advance(tick, (0.0,) * len(trainer.commands))
+    w, x, y, z = truth.q_WB
+    pitch = math.asin(2.0 * (z * x - w * y))
+    assert pitch == pytest.approx(trainer.standing_pitch_rad, abs=2e-5)
+    assert math.degrees(pitch) == pytest.approx(11.4, abs=0.1)
+    assert trainer.rolling_resistance == 0.02
+
+
+def test_a_tail_wheel_turns_the_nose_to_the_side_of_its_command() -> None:
+    trainer = load_vehicle("trainer")
+    physics = VehiclePhysics(trainer, SCENE, TICK_NS)
+    physics.advance(0, (0.0,) * len(trainer.commands))
+    physics.state[7:10] = (2.0, 0.0, 0.0)
+    steering = [c.name for c in trainer.commands].index("steering")
+    commands = tuple(0.3 if i == steering else 0.0 for i in range(len(trainer.commands)))
+    for tick in range(1, 100):
+        truth = physics.advance(tick, commands)
+    assert truth.w_WB_B[2] > 0.2  # to the left
