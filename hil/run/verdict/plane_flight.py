@@ -277,7 +277,7 @@ class PlaneMeasurement:
 
     @property
     def touched_early(self) -> str | None:
-        """What to say of a contact with the ground before the last waypoint; None without one."""
+        """Contact with the ground before the last waypoint, in words; None without one."""
         if self._grounded is None or self._lands_between:
             return None
         t_s, waypoint = self._grounded

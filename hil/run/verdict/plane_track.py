@@ -33,7 +33,7 @@ class PlaneTrackArrays(NamedTuple):
     airspeed_mps: NDArray[np.float64]  # true
     indicated_mps: NDArray[np.float64]  # of the newest sample of the pitot tube; NaN without one
     stall_mps: NDArray[np.float64]  # at the load of the bank
-    attack_deg: NDArray[np.float64]  # NaN while slow
+    attack_deg: NDArray[np.float64]  # NaN while slow or on the ground
     sideslip_deg: NDArray[np.float64]
     bank_deg: NDArray[np.float64]
     height_m: NDArray[np.float64]  # over the start
@@ -80,7 +80,7 @@ class PlaneTrack:
         if self._home_up is None:
             self._home_up = truth.p_WB[2]
         airspeed, attack, sideslip = air_data(truth, self._wind_at())
-        fast, bank = airspeed >= _LEAST_MPS, bank_rad(truth)
+        fast, bank = airspeed >= _LEAST_MPS and not truth.in_contact, bank_rad(truth)
         height = truth.p_WB[2] - self._home_up
         commands = (tuple(self._commands()) + (0.0,) * len(self._servos))[: len(self._servos)]
         self._rows.extend(
