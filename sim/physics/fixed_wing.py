@@ -79,6 +79,7 @@ class _Root(NamedTuple):
     airspeed_mps: float
     x: Float64  # unknowns
     residual: float
+    ahead: float  # force along x that is left, over the weight
     throttle: float
     climb_rad: float
     bank_rad: float
@@ -257,13 +258,13 @@ class Airframe:
         third, fourth = float(x[3]), float(x[4])
         throttle, climb = (0.0, third) if climb_rad is None else (third, climb_rad)
         bank, turn = (bank_rad, fourth) if turning else (fourth, 0.0)
-        return _Root(V, x, size, throttle, climb, bank, turn)
+        return _Root(V, x, size, float(r[0]), throttle, climb, bank, turn)
 
     def _accepted(self, root: _Root) -> Trim:
         """Return the trim of a solution. Raises NoTrimError."""
         V, x, throttle = root.airspeed_mps, root.x, root.throttle
         controls = self.controls(throttle, x[5:])
-        self._refuse(V, x, root.residual, throttle, controls)
+        self._refuse(root, controls)
         return Trim(
             V,
             root.climb_rad,
@@ -276,25 +277,29 @@ class Airframe:
             tuple(float(u) for u in controls),
         )
 
-    def _refuse(self, V: float, x: Float64, size: float, throttle: float, controls: Float64) -> None:
+    def _refuse(self, root: _Root, controls: Float64) -> None:
         """Raise NoTrimError if the solution is none, or asks for more than the vehicle has."""
-        where, found = f"steady flight at {V:.3g} m/s", size < 1e-7
+        V, throttle = root.airspeed_mps, root.throttle
+        where, found = f"steady flight at {V:.3g} m/s", root.residual < 1e-7
         if not found and self.stall_speed_mps > V:
             raise NoTrimError(
                 f"no {where}: the wings carry {self._weight_n:.3g} N from {self.stall_speed_mps:.3g} m/s on"
             )
-        if not found and throttle > 0.99:
+        at_an_end = not found and throttle > 0.0 and not 0.01 < throttle < 0.99
+        if at_an_end and root.ahead < 0.0:
             raise NoTrimError(f"{where} would need more thrust than the engines have")
         for i in self.surfaces:
             if abs(controls[i]) > 1.0 + 1e-9:
                 wanted = f"at {controls[i]:.2f}" if found else "beyond the end"
                 raise NoTrimError(f"{where} would need {self.vehicle.commands[i].name} {wanted} of its range")
-        if not found and 0.0 < throttle < 0.01:
+        if at_an_end:
             raise NoTrimError(f"{where} would need more drag than the vehicle has with its engines at 0")
         if not found:
             raise NoTrimError(f"no {where} was found")
-        if self.lift_slope_n_per_rad(V, float(x[0]), controls) <= 0.0:
-            raise NoTrimError(f"steady flight at {V:.3g} m/s is beyond the stall, at {math.degrees(x[0]):.1f} degrees")
+        if self.lift_slope_n_per_rad(V, float(root.x[0]), controls) <= 0.0:
+            raise NoTrimError(
+                f"steady flight at {V:.3g} m/s is beyond the stall, at {math.degrees(root.x[0]):.1f} degrees"
+            )
 
     def lift_slope_n_per_rad(self, V: float, alpha_rad: float, controls: Float64) -> float:
         """Return the change of lift with alpha [N/rad]: below 0 beyond the stall."""
@@ -399,7 +404,7 @@ class Airframe:
         return self.glide(_greatest(self._climb_in_glide_rad, 1.02 * stall, 3.0 * stall, steps=30))
 
     def _climb_in_glide_rad(self, V: float) -> float:
-        """Return the climb angle of a glide, below that of any if there is none; of two such the slower is better."""
+        """Return the climb angle of a glide; where there is none, less than any, and less the faster it is."""
         try:
             return self.glide(V).climb_rad
         except NoTrimError:
@@ -544,7 +549,7 @@ def _greatest(f: Callable[[float], float], low: float, high: float, *, steps: in
 
 
 def _zero(f: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]) -> float:
-    """Return a zero between two places where f has opposite signs, by false position with halving (Illinois)."""
+    """Return a zero between two places where f, given there, has opposite signs: false position (Illinois)."""
     (a, at_a), (b, at_b) = low, high
     for _ in range(60):
         if at_b == 0.0 or abs(b - a) < 1e-12:

@@ -9,6 +9,7 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
 4. contact       Otherwise the tick starts again at t_{k-1} with sub-steps of 1 ms or less: wrench of the forces from
                  the same kernel, contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not
                  used: its quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
+                 A plane slides without MuJoCo's friction (sim.physics.sliding).
                  A touch-down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until the vehicle is in
                  the air again: feet sink about v T / e in a contact of time constant T (sim.physics.contact_model).
 
@@ -48,6 +49,7 @@ from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.launch import LaunchRail
 from sim.physics.scene_contact import SceneContact, deepest_contact
+from sim.physics.sliding import SlidingContact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.surface_faults import SurfaceFault, VehicleFault, check_surface_faults
 from sim.physics.vehicle import Vehicle, rigid_body
@@ -486,6 +488,7 @@ class VehiclePhysics:
         if self._battery is not None:
             self._fit_battery(0.0 if vehicle.battery is None else vehicle.battery.auxiliary_w)
         set_inertia(self._model, self._data, vehicle)
+        self._sliding = self._sliding_contact()
         self.attach(self._data)
 
     def join(self, tick: int) -> TruthState:
@@ -573,6 +576,7 @@ class VehiclePhysics:
         """Make the model of contact with a scene."""
         self._model = build_model(scene, self.vehicle, contact_step_s=self._tick_s / self.contact_substeps[self._hard])
         self._data = mujoco.MjData(self._model)
+        self._sliding = self._sliding_contact()
         self.attach(self._data)
         world = load_world(scene)
         self._solids = solid_tree(world)
@@ -583,6 +587,11 @@ class VehiclePhysics:
         if world.map.actors:
             self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=self.tick_ns)
             self.body.actors_remaining_m, self.body.approach_m = 0.0, self._actors.approach_m
+
+    def _sliding_contact(self) -> SlidingContact | None:
+        if not self.vehicle.has_wings:  # only wings land at flying speed
+            return None
+        return SlidingContact(self.vehicle, self._model, self._data, friction=self.scene.ground_friction)
 
     def switch_off(self) -> None:
         """Switch off everything but the rotors, so that a vehicle that only lies there does not empty its battery."""
@@ -795,11 +804,15 @@ class VehiclePhysics:
 
     def _contact_steps(self) -> bool:
         model, data, body = self._model, self._data, self.body
-        load, update, forward = body.contact_load, body.contact_update, mujoco.mj_forward
+        load, update, forward, sliding = body.contact_load, body.contact_update, mujoco.mj_forward, self._sliding
         touched, hard = False, self._hard
-        for substep in range(self.contact_substeps[hard]):
+        substeps = self.contact_substeps[hard]
+        for substep in range(substeps):
             load(substep, hard)
-            forward(model, data)
+            if sliding is None:
+                forward(model, data)
+            else:
+                sliding.forward(self._truth, self._radius_m, self._tick_s / substeps)
             touched = touched or data.ncon > 0
             update(hard)
         return touched
