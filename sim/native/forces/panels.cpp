@@ -108,6 +108,7 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
         line.chord_m = chord;
         line.slope_per_rad = p.lift_slope_per_rad;
         line.wing = p.wing;
+        line.sheet = p.sheet;
         lines.push_back(line);
     }
     std::vector<double> w, tilting;
@@ -280,7 +281,7 @@ const ForceBinding binding{[](nb::module_ &m) {
         .def(
             "__init__",
             [](PanelParams *self, const ::Vec3 &left_m, const ::Vec3 &right_m, const ::Vec3 &quarter_m,
-               const ::Vec3 &ahead_m, int wing,
+               const ::Vec3 &ahead_m, int wing, int sheet,
                double lift_slope_per_rad, double zero_lift_rad, double stall_middle, double stall_half_width, double drag,
                double drag_of_lift, double moment, double plate,
                const std::vector<std::tuple<int, double, double>> &flaps) {
@@ -293,6 +294,7 @@ const ForceBinding binding{[](nb::module_ &m) {
                 copy(quarter_m, p.quarter_m);
                 copy(ahead_m, p.ahead_m);
                 p.wing = wing;
+                p.sheet = sheet < 0 ? wing : sheet;
                 p.lift_slope_per_rad = lift_slope_per_rad;
                 p.zero_lift_rad = zero_lift_rad;
                 p.stall_middle = stall_middle;
@@ -304,7 +306,7 @@ const ForceBinding binding{[](nb::module_ &m) {
                 for (const auto &[surface, angle, change] : flaps) p.flaps.push_back({surface, angle, change});
                 new (self) PanelParams(p);
             },
-            nb::kw_only(), "left_m"_a, "right_m"_a, "quarter_m"_a, "ahead_m"_a, "wing"_a, "lift_slope_per_rad"_a = 0.0,
+            nb::kw_only(), "left_m"_a, "right_m"_a, "quarter_m"_a, "ahead_m"_a, "wing"_a, "sheet"_a = -1, "lift_slope_per_rad"_a = 0.0,
             "zero_lift_rad"_a = 0.0, "stall_middle"_a = 0.0, "stall_half_width"_a = 1.0, "drag"_a = 0.0,
             "drag_of_lift"_a = 0.0, "moment"_a = 0.0, "plate"_a = 0.0,
             "flaps"_a = std::vector<std::tuple<int, double, double>>{},

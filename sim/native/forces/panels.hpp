@@ -62,6 +62,7 @@ struct PanelParams {
     double quarter_m[3];           // point of that line for which the panel stands
     double ahead_m[3];             // a quarter of the chord, along it
     int wing;                      // index; -1: a plate of a body
+    int sheet;                     // of vortices: the same for wings that meet
     double lift_slope_per_rad, zero_lift_rad, stall_middle, stall_half_width;  // a, alpha_0, m, h
     double drag, drag_of_lift, moment, plate;                                  // C_d0, k, C_m0, C_90
     std::vector<PanelFlap> flaps;

@@ -120,7 +120,7 @@ def influence(part: Panels) -> tuple[Float64, Float64]:
                 p: Float64,
                 middle: Float64 = (left + right) / 2,
                 width: float = frames[j].width,
-                other: bool = places[i].wing != places[j].wing,
+                other: bool = _sheet(places[i]) != _sheet(places[j]),
             ) -> float:
                 behind = max(0.0, float(middle[0] - p[0])) if other else 0.0
                 return width / 2 * behind / math.hypot(behind, 2 * width)
@@ -136,6 +136,10 @@ def influence(part: Panels) -> tuple[Float64, Float64]:
     section = normal + np.diag(2 / (slopes * chords) - 1 / (np.pi * chords))
     circulation = np.linalg.solve(section, np.eye(n))
     return np.eye(n) - (2 / (slopes * chords))[:, None] * circulation, beside @ circulation
+
+
+def _sheet(place: PanelPlace) -> int:
+    return place.wing if place.sheet is None else place.sheet
 
 
 def _vortex(a: Float64, b: Float64, p: Float64, core: float) -> Float64:
