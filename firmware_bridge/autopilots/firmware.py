@@ -24,6 +24,7 @@ class Firmware:
 
     name: str  # for messages to the user
     mav_autopilot: int = 0  # HEARTBEAT.autopilot (MAV_AUTOPILOT)
+    program: str = ""  # of this kind of vehicle, where the firmware has several
     failsafe_texts: Sequence[str] = ()  # regular expressions; a STATUSTEXT that one matches, in flight, is a failsafe
     # Names (regular expressions) that belong to one board, not to how it flies: calibration, outputs, ports, identity.
     board_params: Sequence[str] = ()
@@ -40,10 +41,17 @@ class Firmware:
     plain_masks: bool = False  # set-points only with type masks that ignore whole groups
     auto: str = ""  # before the names of modes in which it flies by itself
     modes: Mapping[str, ModeNumber] = field(default_factory=dict)  # by the words of `ground_station.modes`
+    other_modes: Mapping[int, str] = field(default_factory=dict)  # by HEARTBEAT.custom_mode, for messages to the user
     # Logs that it writes as a program, as a pattern in its working folder: what they are.
     flight_logs: Mapping[str, str] = field(default_factory=dict)
     # Modes for a person at the sticks, by name: parameters 2 and 3 of DO_SET_MODE.
     manual_modes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # Other facts for vehicles of these types (HEARTBEAT.type, MAV_TYPE): ArduPilot is a program for each.
+    by_type: Mapping[int, Firmware] = field(default_factory=dict)
+
+    def of_type(self, vehicle_type: int) -> Firmware:
+        """Return the facts about this firmware on vehicles of a MAV_TYPE."""
+        return self.by_type.get(vehicle_type, self)
 
     def is_of_board(self, parameter: str) -> bool:
         """Return True if a parameter of this name belongs to one board, and says nothing about how it flies."""

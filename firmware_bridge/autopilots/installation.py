@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,13 @@ Home = tuple[float, float, float, float]  # latitude, longitude [deg], altitude 
 
 @dataclass(frozen=True)
 class Rotor:
-    """One rotor of a multirotor, in B."""
+    """One rotor, in B."""
 
     position_m: Vec3
     axis: Vec3  # unit vector of its thrust
     spin: float  # +1 counter-clockwise seen from above
     thrust_share: float  # of the thrust that it would have alone; below 1 in a coaxial pair
+    moment_ratio_m: float  # its torque over its thrust
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Multirotor:
     mass_kg: float
     inertia_kgm2: Vec3
     rotors: Sequence[Rotor]
-    moment_ratio_m: float  # torque over thrust of a rotor
+    moment_ratio_m: float  # torque over thrust of the first rotors that lift; sets differ: that of each is in `rotors`
     time_constant_s: float  # of the rotors' speed, up or down, the longer one
     thrust_model_factor: float
     hover_control: float  # command of each rotor, 0..1
@@ -79,6 +80,7 @@ class FixedWing:
     ground_pitch_rad: float = 0.0  # of the vehicle that stands on its wheels, nose up above 0
     steering: int | None = None  # index of the command that steers its wheels, -1..1, to the left at +1
     brake: int | None = None  # index of the command that brakes them, 0..1
+    density_kgpm3: float = 1.225  # of the air at the site
 
     @property
     def least_mps(self) -> float:
@@ -87,11 +89,58 @@ class FixedWing:
 
 
 @dataclass(frozen=True)
+class Tilt:
+    """One servo that turns rotors. Its command is -1..1, linear from `min_rad` to `max_rad`; 0 rad is hover."""
+
+    name: str
+    rotors: Sequence[int]  # of the vehicle, those that it turns
+    axis: Vec3  # of the hinge in B (FLU): a positive angle is a right-handed turn
+    min_rad: float  # at command -1
+    max_rad: float  # at command +1
+    hover_command: float  # of the angle 0
+    ahead_command: float  # at which its rotors point most ahead
+    ahead_rad: float
+
+
+@dataclass(frozen=True)
+class Vtol:
+    """Facts about a vehicle that hovers on its lifters as a multirotor and flies on its wings as a plane.
+
+    Its commands are those of all rotors in the order of its file, then those of `tilts`, then those of `wing.surfaces`.
+    """
+
+    hover: Multirotor  # its rotors are the lifters
+    wing: FixedWing  # its rotors are those that pull ahead in flight, at their places there
+    lifters: Sequence[int]  # which of the vehicle's rotors they are, in the order of `hover.rotors`
+    pushers: Sequence[int]  # rotors that pull ahead and do not lift: without tilts the rotors of `wing`
+    engines: Sequence[int] = ()  # which of the vehicle's rotors those of `wing` are
+    tilts: Sequence[Tilt] = ()
+    # Body pitch in hover over that in level flight: 0, or of a tailsitter pi / 2. `hover` is then in a frame of its
+    # own, level in hover and with the heading of the flight ahead: z along the nose, x out of the belly, y to the left.
+    hover_pitch_rad: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """Kind of its change between hover and flight: "standard" (pushers), "tiltrotor" or "tailsitter"."""
+        if self.hover_pitch_rad > 0.0:
+            return "tailsitter"
+        return "tiltrotor" if self.tilts else "standard"
+
+    @property
+    def name(self) -> str:
+        """Name of the vehicle."""
+        return self.hover.name
+
+
+Aircraft: TypeAlias = Multirotor | FixedWing | Vtol
+
+
+@dataclass(frozen=True)
 class Installation:
     """An autopilot in the vehicle of a bench."""
 
     settings: AutopilotSettings
-    vehicle: Multirotor | FixedWing
+    vehicle: Aircraft
     tick_hz: int
     home: Home  # start of the vehicle
     geodetic: Callable[[Vec3], tuple[float, float, float]]  # W [m] to latitude, longitude [deg], altitude [m MSL]

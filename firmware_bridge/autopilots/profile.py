@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from firmware_bridge.autopilots.firmware import Firmware
-from firmware_bridge.autopilots.installation import FixedWing, Home, Installation, Multirotor, Surroundings
+from firmware_bridge.autopilots.installation import Aircraft, Home, Installation, Surroundings
 from firmware_bridge.autopilots.intake import Intake
 from firmware_bridge.autopilots.line import ONE_LINE, Line
 from firmware_bridge.autopilots.settings import AutopilotSettings
@@ -51,7 +51,7 @@ def _no_misfits(settings: AutopilotSettings) -> Sequence[Misfit]:  # noqa: ARG00
     return ()
 
 
-def _takes_any_vehicle(settings: AutopilotSettings, vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:  # noqa: ARG001
+def _takes_any_vehicle(settings: AutopilotSettings, vehicle: Aircraft) -> Sequence[Misfit]:  # noqa: ARG001
     return ()
 
 
@@ -76,10 +76,14 @@ class Profile:
     usb_port: str = ""  # of those, the port of the board's USB, which may be left out if there is only one board
     misfits: Callable[[AutopilotSettings], Sequence[Misfit]] = _no_misfits
     known_params: bool = False  # `misfits` tells parameters that it does not have; else it is asked for them in flight
-    vehicle_misfits: Callable[[AutopilotSettings, Multirotor | FixedWing], Sequence[Misfit]] = _takes_any_vehicle
+    vehicle_misfits: Callable[[AutopilotSettings, Aircraft], Sequence[Misfit]] = _takes_any_vehicle
 
     flies_planes: bool = False  # takes a vehicle that its wings alone carry
-    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes alone
+    plane_program: Program | None = None  # for vehicles with wings, where it is another one than `program`
+    flies_vtols: bool = False  # takes a vehicle with lifters, pushers and wings
+    vtol_kinds: frozenset[str] = frozenset({"standard"})  # of these, those that it flies: `Vtol.kind`
+    plane_items: frozenset[int] = frozenset()  # MAV_CMD of mission items that it flies with planes (or VTOLs) alone
+    vtol_items: frozenset[int] = frozenset()  # the same, with VTOLs alone
 
     # The flight.
     flight_sensors: Sequence[str] = ("gps", "barometer", "magnetometer")  # needed to fly a mission, besides the IMU
@@ -98,6 +102,10 @@ class Profile:
     airsim_type: str = ""  # the VehicleType of AirSim's settings.json that this kind flies
     start_command: Callable[[Installation, Path], StartCommand] | None = None  # may write files to the folder
     suite_env: Callable[[Installation, Path], Mapping[str, str]] | None = None  # of a test suite with its own SITL
+
+    def program_for(self, *, winged: bool) -> Program | None:
+        """Return the program that flies vehicles with wings, or the one for those without."""
+        return self.plane_program if winged and self.plane_program is not None else self.program
 
     @property
     def is_program(self) -> bool:

@@ -45,6 +45,8 @@ _unpack_16 = struct.Struct("<HHI16H").unpack
 _unpack_32 = struct.Struct("<HHI32H").unpack
 _BYTES_16, _BYTES_32 = 40, 72
 _SEA_LEVEL_KGPM3 = 1.225
+_LAPSE_PER_M = 0.0065 / 288.15  # L / T_0
+_DENSITY_EXPONENT = 9.80665 / (287.05287 * 0.0065) - 1.0
 _LARGEST = 1e30  # far above any physical value; a 32-bit float ends at 3.4e38
 _STRETCH_PER_US = 1.0000001e-6  # seconds per microsecond, stretched: see the module's header
 
@@ -214,12 +216,15 @@ def air_data(truth: TruthState, wind_W_mps: Vec3) -> tuple[float, tuple[float, f
     return sqrt(sum(c * c for c in air_W)), (atan2(-left, forward), sqrt(forward * forward + left * left))
 
 
-def indicated_airspeed_mps(differential_pressure_pa: float) -> float:
-    """Return the airspeed that a sensor shows, sqrt(2 dp / rho_0) with rho_0 at sea level; 0 for dp below 0.
+def true_airspeed_mps(differential_pressure_pa: float, altitude_m: float) -> float:
+    """Return the airspeed of which SITL makes this pressure at an altitude above the sea; 0 for a pressure below 0.
 
-    SITL takes it for the equivalent airspeed, and makes the sensor's pressure of it with this law.
+    V = sqrt(2 dp / rho_0) sqrt(rho_0 / rho(h)), with the density of the standard atmosphere below 11 km (ISO 2533),
+    rho(h) = rho_0 (1 - L h / T_0)^(g / (R L) - 1). Since 4.3 SITL takes the state's airspeed for the true one: it
+    divides by the second root, and its sensor has the pressure of the rest (AP_HAL_SITL/sitl_airspeed.cpp).
     """
-    return sqrt(2.0 * max(differential_pressure_pa, 0.0) / _SEA_LEVEL_KGPM3)
+    density_ratio = max(1.0 - _LAPSE_PER_M * altitude_m, 0.1) ** _DENSITY_EXPONENT
+    return sqrt(2.0 * max(differential_pressure_pa, 0.0) / (_SEA_LEVEL_KGPM3 * density_ratio))
 
 
 def thrust_expo(thrust_model_factor: float, *, spin_min: float, spin_max: float) -> float:

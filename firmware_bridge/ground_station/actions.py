@@ -151,6 +151,7 @@ class ActionSource:
         self._began_ns: list[int | None] = [None] * len(self._actions)
         self._outcome = ["waiting"] * len(self._actions)
         self._autopilot: int | None = None
+        self._vehicle_type = 0  # MAV_TYPE
         self._armed = False
         self._custom_mode: int | None = None
         self._flown = False
@@ -226,7 +227,7 @@ class ActionSource:
     def _start(self, action: Action, autopilot: int, t_ns: int) -> _Job:
         do = action.do
         if isinstance(do, SetMode):
-            return _CommandJob(self._commands, _DO_SET_MODE, mode_params(autopilot, do.word), t_ns)
+            return _CommandJob(self._commands, _DO_SET_MODE, mode_params(autopilot, do.word, self._vehicle_type), t_ns)
         if isinstance(do, SetParam):
             return _ParamJob(self._link, do, bytewise=firmware_of(autopilot).bytewise_params, t_ns=t_ns)
         assert isinstance(do, RunCommand)
@@ -268,7 +269,7 @@ class ActionSource:
             heapq.heappush(self._due, (self._t_ns + self._actions[index].delay_ns, index))
 
     def _on_heartbeat(self, message: Any) -> None:
-        self._autopilot = message.autopilot
+        self._autopilot, self._vehicle_type = message.autopilot, message.type
         armed = bool(message.base_mode & _SAFETY_ARMED)
         if armed != self._armed:
             self._armed = armed
@@ -276,7 +277,8 @@ class ActionSource:
         if message.custom_mode != self._custom_mode:
             first, self._custom_mode = self._custom_mode is None, message.custom_mode
             if not first:
-                self._on_vehicle_event(VehicleEvent("mode", word=mode_word(message.autopilot, message.custom_mode)))
+                word = mode_word(message.autopilot, message.custom_mode, message.type)
+                self._on_vehicle_event(VehicleEvent("mode", word=word))
 
     def _on_extended_sys_state(self, message: Any) -> None:
         if message.landed_state in _LANDED_IN_AIR:

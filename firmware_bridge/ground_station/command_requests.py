@@ -27,7 +27,7 @@ Answered = Callable[[str], None]  # gets "" for an accepted command, otherwise w
 
 class _Request(NamedTuple):
     command: int
-    params: Callable[[int], tuple[float, ...]]  # of the autopilot (MAV_AUTOPILOT)
+    params: Callable[[int, int], tuple[float, ...]]  # of the autopilot (MAV_AUTOPILOT) and the vehicle (MAV_TYPE)
     answered: Answered
 
 
@@ -40,6 +40,7 @@ class CommandRequests:
         self._waiting: deque[_Request] = deque()
         self._running: _Request | None = None
         self._autopilot: int | None = None
+        self._vehicle_type = 0
         self._t_ns = 0
         self._handlers: dict[int, Callable[[Any], None]] = {
             MSGID["HEARTBEAT"]: self._on_heartbeat,
@@ -48,11 +49,11 @@ class CommandRequests:
 
     def arm(self, armed: bool, answered: Answered) -> None:
         """Arm or disarm."""
-        self._ask(_Request(_COMPONENT_ARM_DISARM, lambda _: (float(armed),), answered))
+        self._ask(_Request(_COMPONENT_ARM_DISARM, lambda *_: (float(armed),), answered))
 
     def set_mode(self, word: str, answered: Answered) -> None:
         """Change to a mode of `modes.WORDS`."""
-        self._ask(_Request(_DO_SET_MODE, lambda autopilot: mode_params(autopilot, word), answered))
+        self._ask(_Request(_DO_SET_MODE, lambda autopilot, kind: mode_params(autopilot, word, kind), answered))
 
     def step(self, t_ns: int, frames: Sequence[Frame]) -> bytes:
         """Take last tick's `frames`. Return the bytes to send at `t_ns`."""
@@ -63,7 +64,7 @@ class CommandRequests:
         if self._running is None and self._waiting and self._autopilot is not None:
             request = self._waiting.popleft()
             try:
-                self._commands.send(t_ns, request.command, request.params(self._autopilot))
+                self._commands.send(t_ns, request.command, request.params(self._autopilot, self._vehicle_type))
                 self._running = request
             except HandshakeError as error:  # no such mode
                 request.answered(str(error))
@@ -91,4 +92,4 @@ class CommandRequests:
         request.answered("" if accepted else f"the autopilot answered {enum_name('MAV_RESULT', result or 0)}")
 
     def _on_heartbeat(self, message: Any) -> None:
-        self._autopilot = message.autopilot
+        self._autopilot, self._vehicle_type = message.autopilot, message.type

@@ -75,7 +75,7 @@ class FailsafeWatch:
         was_armed, self._armed = self._armed, bool(message.base_mode & _SAFETY_ARMED)
         was_in_charge = self._continues = self._in_charge
         self._in_charge = self._armed and message.system_status in _IN_CHARGE
-        before, self._mode = self._mode, mode_word(message.autopilot, message.custom_mode)
+        before, self._mode = self._mode, mode_word(message.autopilot, message.custom_mode, message.type)
         if was_armed or self._armed:
             self._complete()
         self._pending.clear()

@@ -21,8 +21,8 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.ground_station.follower import DesiredQueue, Follower
-from firmware_bridge.ground_station.modes import firmware_of, mode_number, mode_params, mode_word, plain_word
-from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
+from firmware_bridge.ground_station.modes import mode_number, mode_params, mode_word, plain_word
+from firmware_bridge.ground_station.phased_flight import Heartbeats, Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import Step
 from firmware_bridge.ground_station.projections import AutopilotFrame, GeodeticFromW, Projection
 from firmware_bridge.ground_station.vehicle_link import refused
@@ -108,7 +108,7 @@ class OffboardPilot(PhasedFlight):
         if self._not_ready_since_ns is not None or not self._frame.known:
             return False
         streaming = self._streaming_since_ns
-        return firmware_of(self._heartbeats.autopilot).arms_in_guided or (
+        return self._heartbeats.firmware.arms_in_guided or (
             streaming is not None and self._t_ns >= streaming + _STREAM_FIRST_NS
         )
 
@@ -146,9 +146,9 @@ class OffboardPilot(PhasedFlight):
     def _connecting(self, t_ns: int) -> None:
         if not self._connected(t_ns):
             return
-        autopilot = self._heartbeats.autopilot
-        mode_number(autopilot, "OFFBOARD")  # raises early if there is no such mode
-        firmware = firmware_of(autopilot)
+        beat = self._heartbeats
+        mode_number(beat.autopilot, "OFFBOARD", beat.vehicle_type)  # raises early if there is no such mode
+        firmware = beat.firmware
         self._frame.project_as(firmware.project)
         self._follower.plain_masks = firmware.plain_masks
         self._enter(Phase.PREFLIGHT, t_ns)
@@ -162,7 +162,7 @@ class OffboardPilot(PhasedFlight):
             self._check_preflight(t_ns, self._not_ready_since_ns, problem)
             return
         self._not_ready_since_ns = self._retry_ns = None
-        if not firmware_of(self._heartbeats.autopilot).arms_in_guided:
+        if not self._heartbeats.firmware.arms_in_guided:
             if self._streaming_since_ns is None:
                 self._streaming_since_ns = t_ns
             if t_ns < self._streaming_since_ns + _STREAM_FIRST_NS:
@@ -176,7 +176,7 @@ class OffboardPilot(PhasedFlight):
             return
         assert self._frame.p_N is not None
         self._ground_d_m = self._frame.p_N[2]
-        steps = _start_steps(self._heartbeats.autopilot, self._takeoff_height_m)
+        steps = _start_steps(self._heartbeats, self._takeoff_height_m)
         self._requests.begin(t_ns, steps, self._preflight_limit_ns)
         self._enter(Phase.ARMING, t_ns)
 
@@ -213,8 +213,9 @@ class OffboardPilot(PhasedFlight):
             self._streaming_since_ns = t_ns
         applied = self._queue.current
         if applied is not None and applied.desired.land and armed and not self._commands.busy:
-            autopilot = self._heartbeats.autopilot
-            land = Step(f"enter mode {firmware_of(autopilot).auto}LAND", _DO_SET_MODE, mode_params(autopilot, "LAND"))
+            beat = self._heartbeats
+            params = mode_params(beat.autopilot, "LAND", beat.vehicle_type)
+            land = Step(f"enter mode {beat.firmware.auto}LAND", _DO_SET_MODE, params)
             self._requests.begin(t_ns, (land,), self._preflight_limit_ns)
             self._enter(Phase.LANDING, t_ns)
             return
@@ -231,13 +232,13 @@ class OffboardPilot(PhasedFlight):
 
     def _check_mode(self, t_ns: int) -> None:
         beat = self._heartbeats
-        in_mode = beat.custom_mode == mode_number(beat.autopilot, "OFFBOARD").custom_mode
+        in_mode = beat.custom_mode == mode_number(beat.autopilot, "OFFBOARD", beat.vehicle_type).custom_mode
         if in_mode == self._in_mode or (self._in_mode is None and not in_mode):
             return
         before, self._in_mode = self._in_mode, in_mode
         if before is None:
             return
-        word = mode_word(beat.autopilot, beat.custom_mode)
+        word = mode_word(beat.autopilot, beat.custom_mode, beat.vehicle_type)
         why = "as requested" if plain_word(self.requested_mode) == word else "by itself"
         text = f"the vehicle is in mode {word} again" if in_mode else f"the vehicle went to mode {word} {why}"
         self._report(
@@ -269,13 +270,14 @@ class OffboardPilot(PhasedFlight):
             self._on_event(t_ns, kind, text)
 
 
-def _start_steps(autopilot: int, height_m: float) -> tuple[Step, ...]:
+def _start_steps(beat: Heartbeats, height_m: float) -> tuple[Step, ...]:
     """Return the steps, in order, before set-points fly the vehicle."""
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
-    if firmware_of(autopilot).arms_in_guided:
+    offboard = mode_params(beat.autopilot, "OFFBOARD", beat.vehicle_type)
+    if beat.firmware.arms_in_guided:
         return (
-            Step("enter mode GUIDED", _DO_SET_MODE, mode_params(autopilot, "GUIDED")),
+            Step("enter mode GUIDED", _DO_SET_MODE, offboard),
             arm,
             Step(f"take off to {height_m:g} m", _NAV_TAKEOFF, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, height_m)),
         )
-    return (Step("enter mode OFFBOARD", _DO_SET_MODE, mode_params(autopilot, "OFFBOARD")), arm)
+    return (Step("enter mode OFFBOARD", _DO_SET_MODE, offboard), arm)

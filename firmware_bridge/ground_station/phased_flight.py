@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any, ClassVar
 
+from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.commands import ACCEPTED, Commands
+from firmware_bridge.ground_station.modes import firmware_of
 from firmware_bridge.ground_station.procedure import Step, declined_for_now
 from firmware_bridge.ground_station.progress import Progress
 from firmware_bridge.ground_station.vehicle_link import VehicleLink, enum_name, refused
@@ -81,14 +83,20 @@ class Heartbeats:
         self.armed = False
         self.has_armed = False  # once
         self.autopilot = 0  # MAV_AUTOPILOT
+        self.vehicle_type = 0  # MAV_TYPE
         self.custom_mode = 0
 
     def on_heartbeat(self, message: Any) -> None:
         self.connected = True
         self.armed = bool(message.base_mode & _SAFETY_ARMED)
         self.has_armed |= self.armed
-        self.autopilot = message.autopilot
+        self.autopilot, self.vehicle_type = message.autopilot, message.type
         self.custom_mode = message.custom_mode
+
+    @property
+    def firmware(self) -> Firmware:
+        """Facts about the firmware of the vehicle."""
+        return firmware_of(self.autopilot, self.vehicle_type)
 
     def step(self, t_ns: int) -> None:
         if t_ns >= self.due_ns:
@@ -278,7 +286,8 @@ class PhasedFlight:
 
     A HandshakeError names the request and the answer. With `grid_ns`, decisions fall on its multiples only,
     independently of when the frames for them came. With `needs_estimator` the vehicle is ready only once its estimator
-    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True.
+    has converged (PX4's ESTIMATOR_STATUS), and in any case only once `may_arm` returns True. Set `expected` to the
+    firmware of the vehicle to have another of its programs refused.
     """
 
     # (message, interval [us]): the telemetry that the phases wait for.
@@ -308,6 +317,7 @@ class PhasedFlight:
         self._texts = StatusTexts()
         self._requests = RequestSequence(self._commands, self._heartbeats, self._texts)
         self._grid_ns = grid_ns
+        self.expected: Firmware | None = None
         self._grid_cell = -1  # of the last decision
         self.may_arm = may_arm
         self.phase = Phase.CONNECTING
@@ -384,6 +394,7 @@ class PhasedFlight:
                     f"{self._heartbeat_limit_ns / NS_PER_S:g} s of simulated time; does it have another system id?"
                 )
             return False
+        self._check_program()
         if self._commands.busy:
             return False
         # A refused stream does no harm here: the phases that need it raise an error if it never comes.
@@ -393,6 +404,16 @@ class PhasedFlight:
             self._commands.send(t_ns, _SET_MESSAGE_INTERVAL, (float(msgid), interval_us))
             return False
         return True
+
+    def _check_program(self) -> None:
+        wanted, found = self.expected, self._heartbeats.firmware
+        if wanted is None or wanted.mav_autopilot != found.mav_autopilot or wanted.program == found.program:
+            return
+        kind = enum_name("MAV_TYPE", self._heartbeats.vehicle_type)
+        raise refused(
+            f"the autopilot is {found.program} ({kind} in its heartbeat), and the vehicle of this bench needs "
+            f"{wanted.program}: start that one"
+        )
 
     def _check_preflight(self, t_ns: int, since_ns: int, problem: str) -> None:
         """Raise HandshakeError if the vehicle has not been ready since `since_ns` for too long."""

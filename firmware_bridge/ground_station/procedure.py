@@ -2,7 +2,8 @@
 
             PX4                            ArduPilot
 items       unchanged                      after a place-holder for home, which is its item 0; NaN params become 0
-start       mode AUTO.MISSION, arm         mode GUIDED, arm, MISSION_START (it does not arm in AUTO)
+start       mode AUTO.MISSION, arm         Copter: mode GUIDED, arm, MISSION_START (it does not arm in AUTO)
+                                           Plane: mode AUTO, arm
 """
 
 from __future__ import annotations
@@ -37,17 +38,21 @@ class Step(NamedTuple):
     arms: bool = False
 
 
-def start_steps(autopilot: int) -> tuple[Step, ...]:
-    """Return the steps, in order, with which `autopilot` (MAV_AUTOPILOT) flies the mission that it has stored."""
+def start_steps(autopilot: int, vehicle_type: int = 0) -> tuple[Step, ...]:
+    """Return the steps, in order, with which `autopilot` (MAV_AUTOPILOT) flies the mission that it has stored.
+
+    `vehicle_type`: MAV_TYPE.
+    """
     arm = Step("arm", _COMPONENT_ARM_DISARM, (1.0,), arms=True)
-    firmware = firmware_of(autopilot)
+    firmware = firmware_of(autopilot, vehicle_type)
     if firmware.arms_in_guided:
         return (
             Step("enter mode GUIDED", _DO_SET_MODE, mode_params(autopilot, "GUIDED")),
             arm,
             Step("start the mission", _MISSION_START, (0.0, 0.0)),
         )
-    return (Step(f"enter mode {firmware.auto}MISSION", _DO_SET_MODE, mode_params(autopilot, "MISSION")), arm)
+    mission = mode_params(autopilot, "MISSION", vehicle_type)
+    return (Step(f"enter mode {firmware.auto}MISSION", _DO_SET_MODE, mission), arm)
 
 
 def declined_for_now(autopilot: int) -> tuple[int, ...]:

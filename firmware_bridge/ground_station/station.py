@@ -17,7 +17,7 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.codecs.messages import MSGID, message_class
 from firmware_bridge.ground_station.mission_upload import MissionUpload
-from firmware_bridge.ground_station.modes import firmware_of, mode_params
+from firmware_bridge.ground_station.modes import mode_params
 from firmware_bridge.ground_station.phased_flight import Phase, PhasedFlight
 from firmware_bridge.ground_station.procedure import items_for, start_steps
 from firmware_bridge.ground_station.vehicle_link import refused
@@ -83,7 +83,7 @@ class GroundStation(PhasedFlight):
             return
         if self._fly:
             autopilot = self._heartbeats.autopilot
-            firmware = firmware_of(autopilot)
+            firmware = self._heartbeats.firmware
             self._progress.first_seq = firmware.first_mission_item
             self._upload.start(t_ns, items_for(autopilot, self._mission), retry_refusals=firmware.fails_until_ready)
             self._enter(Phase.UPLOADING, t_ns)
@@ -96,11 +96,11 @@ class GroundStation(PhasedFlight):
             self._enter(Phase.PREFLIGHT, t_ns)
 
     def _preflight(self, t_ns: int) -> None:
-        if self._progress.current > 0 and firmware_of(self._heartbeats.autopilot).resumes_missions:
+        if self._progress.current > 0 and self._heartbeats.firmware.resumes_missions:
             self._go_to_first_item(t_ns)
         elif self._health.ready(t_ns) and self.may_arm():
             self._enter(Phase.ARMING, t_ns)
-            steps = start_steps(self._heartbeats.autopilot)
+            steps = start_steps(self._heartbeats.autopilot, self._heartbeats.vehicle_type)
             self._requests.begin(self._preflight_since_ns, steps, self._preflight_limit_ns)
         else:
             self._check_preflight(t_ns, self._preflight_since_ns, self._health.problem())
@@ -140,4 +140,5 @@ class GroundStation(PhasedFlight):
             self._land_reached(t_ns)
         elif self._must_land and progress.completed and not self._commands.busy:
             self._must_land = False
-            self._commands.send(t_ns, _DO_SET_MODE, mode_params(self._heartbeats.autopilot, "LAND"))
+            beat = self._heartbeats
+            self._commands.send(t_ns, _DO_SET_MODE, mode_params(beat.autopilot, "LAND", beat.vehicle_type))

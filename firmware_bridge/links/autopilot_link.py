@@ -35,6 +35,8 @@ class LinkCaps:
     boot_sensors: int | None  # HIL_SENSORs that a booting autopilot does not answer; None: unknown
     busy_processors: int = 1  # processors that the autopilot keeps busy, where it runs on this machine
     takes_truth: bool = False  # `observe` must give it the true state before each `send`
+    uneven_answers: bool = False  # where its mode changes, it answers a tick twice or not at all: PX4's VTOLs
+    air_temperature: bool = False  # the autopilot takes HIL_SENSOR's temperature for that of the air (`AirTemperature`)
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ class LinkStats:
     garbage_bytes: int = 0
     lost_frames: int = 0  # gaps in the autopilot's sequence numbers
     bad_controls: int = 0  # skipped commands that were not numbers (free-running links only)
+    unanswered: int = 0  # ticks without an answer, in which the command before was held (`uneven_answers` only)
+    repeated: int = 0  # further answers to a tick, which were left out (`uneven_answers` only)
 
     def take_received(self, *parsers: FrameParser) -> None:
         """Update the counters of received data: the sums over the link's parsers."""

@@ -20,7 +20,7 @@ from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.hitl import Board, Hitl
 from firmware_bridge.mock_pixhawk.ids import COMPONENT_AUTOPILOT
 from firmware_bridge.mock_pixhawk.lockstep import Lockstep
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, is_plane
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframe_kind
 from firmware_bridge.mock_pixhawk.services.outbox import Outbox
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 from signals.mission import MissionItem
@@ -52,7 +52,8 @@ class MockPixhawk:
         self.clock = None if board is None else board.clock  # in lockstep HIL_SENSOR is the clock
         self._boot_sensors, self._offboard_silence = boot_sensors, offboard_silence
         self._fault_injector = FaultInjector(tuple(faults))
-        self.params = ParamTable.of_firmware(hitl=board is not None, plane=is_plane(airframe))
+        kind = airframe_kind(airframe)
+        self.params = ParamTable.of_firmware(hitl=board is not None, plane=kind != "multirotor", vtol=kind == "VTOL")
         self.params.load_airframe(airframe)
         given = [] if sysid is None else [f"MAV_SYS_ID={sysid}"]
         self.params.load([*([] if board is None else ["SYS_HITL=1"]), *params, *given])

@@ -19,6 +19,7 @@ from firmware_bridge.mock_pixhawk.estimate.sensors import HITL_TIMEOUT_US, TIMEO
 from firmware_bridge.mock_pixhawk.estimate.state import Estimate, declination_deg
 from firmware_bridge.mock_pixhawk.flight.commander import Commander, Output
 from firmware_bridge.mock_pixhawk.flight.guidance import PERIOD_US
+from firmware_bridge.mock_pixhawk.flight.mission_item import REPERTOIRES
 from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionRunner
 from firmware_bridge.mock_pixhawk.flight.preflight import Preflight
 from firmware_bridge.mock_pixhawk.flight.stack import FlightStack, MultirotorStack
@@ -39,7 +40,7 @@ _Reached = message_class("MISSION_ITEM_REACHED")
 
 
 NEVER_US = 1 << 62
-_FIXED_WING = 1  # CA_AIRFRAME
+_MULTIROTOR, _FIXED_WING = 0, 1  # CA_AIRFRAME
 
 
 class Timer:
@@ -123,19 +124,19 @@ class Firmware:
         self._origin_known = False
         self.ignored = 0
 
-        plane = "CA_AIRFRAME" in params and params["CA_AIRFRAME"] == _FIXED_WING
+        kind = int(params["CA_AIRFRAME"]) if "CA_AIRFRAME" in params else _MULTIROTOR
         names = list(_native.PARAM_NAMES)
         self.native_index = {name: index for index, name in enumerate(names)}
         try:
             values = np.array([float(params[name]) for name in names])
-            self.core = _native.FlightCore(values, rotors=not plane)
+            self.core = _native.FlightCore(values, rotors=kind != _FIXED_WING)
         except ValueError as error:  # each value is in range, but their combination is not a vehicle
             raise ConfigError([Problem("parameters", str(error), "check the CA_ROTOR parameters")]) from error
 
         vehicle = self.vehicle = Vehicle()
         self.estimate = Estimate(self.core, vehicle)
         self.sensors = SensorIntake(self.core, HITL_TIMEOUT_US if hitl else TIMEOUT_US)
-        stack = self._stack = self._make_stack(plane=plane)
+        stack = self._stack = self._make_stack(kind)
         self.rotors = int(params["CA_ROTOR_COUNT"])
         self.outputs = stack.outputs  # the 16 commands of an instant
         self.preflight = Preflight(vehicle, self.estimate, self.sensors, params)
@@ -154,11 +155,13 @@ class Firmware:
         self.telemetry = stack.telemetry(
             self.sensors, self._mission_state, system_type=int(params["MAV_TYPE"]), hil=hitl
         )
-        self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission, plane=plane)
+        self.missions = MissionStore(outbox.send, outbox.warn, self._on_mission, repertoire=REPERTOIRES[kind])
         self.missions.items = mission
         self.navigator.load(mission)
         param_service = ParamService(params, outbox.send_payload, self._start_param_list, outbox.warn)
-        commands = Commands(self.commander, self.navigator, vehicle, self.estimate, self, host.request_reboot)
+        commands = Commands(
+            self.commander, self.navigator, vehicle, self.estimate, self, host.request_reboot, stack.commands
+        )
         self.handlers = Services(
             sysid=sysid,
             vehicle=vehicle,
@@ -174,12 +177,17 @@ class Firmware:
         params.after_change = stack.modes.guidance.refresh_params
         stack.modes.guidance.off()
 
-    def _make_stack(self, *, plane: bool) -> FlightStack:
-        if not plane:
+    def _make_stack(self, kind: int) -> FlightStack:
+        if kind == _MULTIROTOR:
             return MultirotorStack(self.core, self.vehicle, self.estimate, self.params, self)
-        from firmware_bridge.mock_pixhawk.plane.plane_stack import PlaneStack  # a multirotor needs none of it
+        parts = (self.core, self.vehicle, self.estimate, self.sensors, self.params, self)
+        if kind == _FIXED_WING:
+            from firmware_bridge.mock_pixhawk.plane.plane_stack import PlaneStack  # a multirotor needs none of it
 
-        return PlaneStack(self.core, self.vehicle, self.estimate, self.sensors, self.params, self)
+            return PlaneStack(*parts)
+        from firmware_bridge.mock_pixhawk.vtol.vtol_stack import VtolStack
+
+        return VtolStack(*parts)
 
     def _set_up_timers(self, param_service: ParamService) -> None:
         """Guidance first: telemetry of the same instant then tells what it decided."""

@@ -79,7 +79,7 @@ void FlightCore::control(double dt) {
     const bool idle = setpoint_.kind == SetpointKind::Idle;
     if (idle || !ekf_.tilt_aligned()) {
         if (idle && land_.landed()) land_.disarmed();
-        for (int i = 0; i < mixer_.rotor_count(); ++i) controls_[i] = mixer_.idle_command();
+        for (int i = 0; i < mixer_.rotor_count(); ++i) controls_[i] = mixer_.lifts(i) ? mixer_.idle_command() : 0.0;
         controller_.reset();
         return;
     }

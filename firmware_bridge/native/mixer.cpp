@@ -45,10 +45,17 @@ bool Mixer::configure(const Params &params) {
     const int count = static_cast<int>(params[CA_ROTOR_COUNT]);
     if (count < 3 || count > static_cast<int>(kMaxRotors)) return false;
     double b[4][kMaxRotors] = {};
+    bool lifts[kMaxRotors] = {};
+    int lifting = 0;
     double strongest = 0.0;
     for (int i = 0; i < count; ++i) {
-        strongest = std::max(strongest, params[CA_ROTOR0_CT + kRotorParams * static_cast<std::size_t>(i)]);
+        const double *rotor = &params[CA_ROTOR0_PX + kRotorParams * static_cast<std::size_t>(i)];
+        lifts[i] = !(rotor[kRotorAX] > -rotor[kRotorAZ]);
+        if (!lifts[i]) continue;
+        ++lifting;
+        strongest = std::max(strongest, rotor[kRotorCT]);
     }
+    if (lifting < 3) return false;
     for (int i = 0; i < count; ++i) {
         const double *rotor = &params[CA_ROTOR0_PX + kRotorParams * static_cast<std::size_t>(i)];
         const double *p = rotor + kRotorPX;
@@ -57,6 +64,7 @@ bool Mixer::configure(const Params &params) {
         const double share = rotor[kRotorCT] / strongest, km = rotor[kRotorKM];
         const double a[3] = {rotor[kRotorAX] / length, rotor[kRotorAY] / length, rotor[kRotorAZ] / length};
         if (!(strongest > 0.0) || !(length > 0.0)) return false;
+        if (!lifts[i]) continue;
         b[0][i] = share * ((p[1] * a[2] - p[2] * a[1]) - km * a[0]);
         b[1][i] = share * ((p[2] * a[0] - p[0] * a[2]) - km * a[1]);
         b[2][i] = share * ((p[0] * a[1] - p[1] * a[0]) - km * a[2]);
@@ -82,14 +90,15 @@ bool Mixer::configure(const Params &params) {
         largest_yaw = std::max(largest_yaw, std::fabs(mix[i][2]));
         sum_thrust += mix[i][3];
     }
-    const double scale[4] = {std::sqrt(std::max(square_roll, square_pitch) / (0.5 * count)),
-                             std::sqrt(std::max(square_roll, square_pitch) / (0.5 * count)), largest_yaw,
-                             sum_thrust / count};
+    const double scale[4] = {std::sqrt(std::max(square_roll, square_pitch) / (0.5 * lifting)),
+                             std::sqrt(std::max(square_roll, square_pitch) / (0.5 * lifting)), largest_yaw,
+                             sum_thrust / lifting};
     for (const double s : scale) {
         if (!(s > 0.0)) return false;
     }
     for (int i = 0; i < static_cast<int>(kMaxRotors); ++i) {
         for (int c = 0; c < 4; ++c) mix_[i][c] = i < count ? mix[i][c] / scale[c] : 0.0;
+        lifts_[i] = lifts[i];
     }
     count_ = count;
     curve_ = params[THR_MDL_FAC];
@@ -135,7 +144,7 @@ Saturation Mixer::allocate(double roll, double pitch, double yaw, double thrust,
         if (std::fabs(wish) * s.yaw > room) s.yaw = room / std::fabs(wish);
     }
     for (int i = 0; i < static_cast<int>(kMaxRotors); ++i) {
-        if (i >= count_) {
+        if (i >= count_ || !lifts_[i]) {
             u_out[i] = 0.0;
             continue;
         }

@@ -4,6 +4,7 @@
 // thrust T_i of the strongest rotor (FRD, thrust along -z), as PX4 computes it:
 //     [roll, pitch, yaw] += c (p x a - km a) T_i,   thrust += -c a_z T_i
 // An upright rotor has a = (0, 0, -1): [-py, px, km, 1]. Forces across z are not controlled.
+// A rotor that points ahead more than up (the pusher of a VTOL) is left out: its command stays 0, as PX4's standard VTOL.
 // The allocation is the pseudo-inverse B^T (B B^T)^-1, its columns scaled as PX4 scales them: roll and pitch by one
 // factor so that a symmetric quad has +-sqrt(1/2), yaw to a largest entry of 1, thrust to a mean of 1. So the inputs
 // are fractions: thrust in [0, 1], torques in about [-1, 1].
@@ -40,12 +41,14 @@ class Mixer {
 
     double motor_command(double thrust_fraction) const;
     int rotor_count() const { return count_; }
+    bool lifts(int rotor) const { return lifts_[rotor]; }
     double idle_command() const { return idle_command_; }
     // Normalised allocation, entry (rotor, axis), axes roll, pitch, yaw, thrust.
     double entry(int rotor, int axis) const { return mix_[rotor][axis]; }
 
    private:
     int count_ = 0;
+    bool lifts_[kMaxRotors] = {};
     double mix_[kMaxRotors][4] = {};
     double curve_ = 1.0, idle_command_ = 0.0, idle_thrust_ = 0.0;
 };

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.autopilots.firmware import Firmware
+from firmware_bridge.autopilots.profile import Profile
 from hil.config.missions import Geopoint, Mission
 from hil.config.missions.script import MissionScript, Outcome
 from hil.config.schema import BenchConfig
@@ -16,6 +18,13 @@ from sim.randomize.variant import drawn
 from sim.scene.scene import Scene
 from sim.scene.world import World
 from sim.world_loader import load_world
+
+_FIXED_WING = 1  # MAV_TYPE
+
+
+def firmware_for(profile: Profile, vehicle: Vehicle) -> Firmware:
+    """Return the facts about the firmware of an autopilot on a vehicle."""
+    return profile.firmware.of_type(_FIXED_WING) if vehicle.has_wings else profile.firmware
 
 
 @dataclass(frozen=True)
@@ -39,6 +48,11 @@ class Bench:
     def each_vehicle(self) -> Mapping[str, Bench]:
         """The bench of every vehicle by name; the name of an only vehicle is empty."""
         return self.vehicles or {"": self}
+
+    @property
+    def firmware(self) -> Firmware:
+        """Facts about the autopilot's firmware on this vehicle."""
+        return firmware_for(self.config.autopilot.profile, self.vehicle)
 
     @property
     def outcome(self) -> Outcome:

@@ -11,9 +11,11 @@ from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.fixed_wing import Airframe, NoTrimError, Trim
 from sim.physics.vehicle import Vehicle
+from sim.scene.atmosphere import density_kgpm3
 from sim.scene.scene import Site
 
 _BANK_RAD = math.radians(35.0)  # of the turns that a plan may expect
+_SEA_LEVEL_KGPM3 = 1.225
 _MOST_KNOWN = 16
 _KNOWN: dict[str, FixedWing] = {}  # by vehicle and site
 
@@ -53,14 +55,16 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
     ]
     most = airframe.thrust_range_n(cruise)[1]
     needed = _thrust_n(airframe, trim)
+    constants = vehicle.constants_of_rotors
     x, y, z = vehicle.inertia_kgm2
     return FixedWing(
         name=vehicle.name,
         mass_kg=vehicle.mass_kg,
         inertia_kgm2=(x, y, z),
         rotors=[
-            Rotor(vehicle.rotors[i].position_m, vehicle.rotors[i].axis, vehicle.rotors[i].spin.sign, 1.0)
-            for i in airframe.engines
+            Rotor(rotor.position_m, rotor.axis, rotor.spin.sign, 1.0, constants[i].moment_ratio_m)
+            for i, rotor in enumerate(vehicle.rotors_ahead)
+            if i in airframe.engines
         ],
         surfaces=surfaces,
         stall_mps=airframe.stall_speed_mps,
@@ -78,6 +82,7 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
         ground_pitch_rad=vehicle.standing_pitch_rad,
         steering=_command(vehicle, "steering"),
         brake=_command(vehicle, "brake"),
+        density_kgpm3=_SEA_LEVEL_KGPM3 if site is None else density_kgpm3(site.altitude_m, site.warmer_k),
     )
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
-from hil.config.bench import Bench, site_of
-from hil.config.checks.autopilot_checks import autopilot_problems
+from hil.config.bench import Bench, firmware_for, site_of
+from hil.config.checks.autopilot_checks import autopilot_problems, build_problems, set_point_problems
 from hil.config.checks.cross_checks import cross_problems, site_problems, vehicle_problems
 from hil.config.checks.flight_checks import flight_problems
 from hil.config.checks.intake_checks import intake_problems, script_intake_problems
@@ -301,9 +301,13 @@ class BenchLoading:
 
                 self.problems += companion_problems(config, self.settings, scripted=script is not None)
         vehicle = self._vehicle()
+        if config is not None:
+            self.problems += build_problems(config, self.settings, winged=vehicle is not None and vehicle.has_wings)
         if config is not None and vehicle is not None:
             self.problems += vehicle_problems(config, vehicle, self.settings)
             self.problems += airframe_problems(config, vehicle, self.settings)
+            firmware = firmware_for(config.autopilot.profile, vehicle)
+            self.problems += set_point_problems(config, firmware, self.settings)
         scene = self._scene(vehicle, config)
         if config is not None and scene is not None:
             self.problems += site_problems(config, scene)
@@ -323,7 +327,7 @@ class BenchLoading:
                 self.problems.append(at(script.document, ("outcome",), message))
             if config is not None and vehicle is not None:
                 self.problems += bench_problems(script, sensors=sample_types(config), vehicle=vehicle)
-                self.problems += script_intake_problems(config, script)
+                self.problems += script_intake_problems(config, script, firmware_for(config.autopilot.profile, vehicle))
             if config is not None and scene is not None and not self.complete:
                 config = config.model_copy(update={"wind": with_gusts(config.wind, scene.wind_W_mps, script)})
         if config is not None and mission is not None and not sensor_problems:

@@ -316,6 +316,15 @@ class PlaneLimits(Section):
     off_runway_m: Annotated[float, Field(ge=0)] | None = 0.0  # outside the runway while it touches the ground
 
 
+class VtolLimits(Section):
+    """Limits of a VTOL beside `limits`, of its hover, and `plane_limits`, of its flight; null: measured but not judged.
+
+    Definition: hil/run/verdict/vtol_flight.py.
+    """
+
+    transition_loss_m: Annotated[float, Field(gt=0)] | None = 5.0  # of height, in a transition
+
+
 class Crash(Section):
     """A crash ends the flight as FAIL; null: not a sign of one. Definitions: hil/run/parts/judges/crash.py."""
 
@@ -478,6 +487,7 @@ class BenchConfig(Section):
     dataset: DatasetSettings = DatasetSettings()
     limits: Limits = Limits()
     plane_limits: PlaneLimits = PlaneLimits()  # of a plane, in place of `limits`
+    vtol_limits: VtolLimits = VtolLimits()  # of a VTOL, beside both
     crash: Crash | None = Crash()  # null: a crash does not end the flight
     # Distance from start, plan and goal at which the flight ends as FAIL; null: it never does.
     fly_away_m: Annotated[float, Field(gt=0, le=1e6)] | None = 500.0

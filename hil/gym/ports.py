@@ -249,7 +249,7 @@ def field_widths(sample_type: type, rotors: int, surfaces: int = 0) -> dict[str,
 
 def _numbers(sample_type: type, stamps: int, vehicle: Vehicle) -> _Port:
     units = SAMPLE_FIELDS[sample_type]
-    widths = field_widths(sample_type, len(vehicle.rotors), len(vehicle.surfaces))
+    widths = field_widths(sample_type, len(vehicle.rotors), len(vehicle.servos))
     dtype = np.float64 if sample_type is GpsSample else np.float32  # 1e-5 degrees are a metre
     most = np.concatenate([np.full(n, _MOST.get(units[name][0], _MOST_OTHER)) for name, n in widths.items()])
     most = most.astype(dtype)

@@ -21,6 +21,7 @@ from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel
 from signals.noise import NoiseStream
 from signals.samples import Vec3
+from sim.physics.forces.rotors import RotorConstants
 from sim.physics.vehicle import Vehicle
 from sim.randomize.settings import NoiseLimits
 from sim.randomize.settings import Randomize as SceneRandomize
@@ -120,16 +121,19 @@ class Draw(NamedTuple):
 
     def applied_to(self, v: Vehicle) -> Vehicle:
         """Return the vehicle with the factors."""
-        c, lag, drag = v.rotor_constants, self.motor_lag, self.drag
-        constants = c.model_copy(
-            update={
-                "time_constant_up_s": lag * c.time_constant_up_s,
-                "time_constant_down_s": lag * c.time_constant_down_s,
-                # The lag of a motor is proportional to the inertia that it turns.
-                "inertia_kgm2": c.inertia_kgm2 if c.motor is None else lag * c.inertia_kgm2,
-                "drag_kg_per_rad": drag * c.drag_kg_per_rad,
-            }
-        )
+        lag, drag = self.motor_lag, self.drag
+
+        def changed(c: RotorConstants) -> RotorConstants:
+            return c.model_copy(
+                update={
+                    "time_constant_up_s": lag * c.time_constant_up_s,
+                    "time_constant_down_s": lag * c.time_constant_down_s,
+                    # The lag of a motor is proportional to the inertia that it turns.
+                    "inertia_kgm2": c.inertia_kgm2 if c.motor is None else lag * c.inertia_kgm2,
+                    "drag_kg_per_rad": drag * c.drag_kg_per_rad,
+                }
+            )
+
         x, y, z = v.inertia_kgm2
         f = self.inertia
         linear, quadratic = v.body_drag_linear_n_per_mps, v.body_drag_quadratic_n_per_m2ps2
@@ -137,7 +141,11 @@ class Draw(NamedTuple):
             update={
                 "mass_kg": self.mass * v.mass_kg,
                 "inertia_kgm2": (f * x, f * y, f * z),
-                "rotor_constants": constants,
+                "rotor_constants": changed(v.rotor_constants),
+                "rotor_sets": {
+                    name: of.model_copy(update={"rotor_constants": changed(of.rotor_constants)})
+                    for name, of in v.rotor_sets.items()
+                },
                 "body_drag_linear_n_per_mps": (drag * linear[0], drag * linear[1], drag * linear[2]),
                 "body_drag_quadratic_n_per_m2ps2": (drag * quadratic[0], drag * quadratic[1], drag * quadratic[2]),
             }

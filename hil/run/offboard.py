@@ -15,12 +15,12 @@ def offboard_pilot(
 ) -> OffboardPilot:
     """Return the pilot; `run` is at its build. `settings`: further ones of `OffboardPilot`, such as its take-off."""
     config = bench.config
-    return OffboardPilot(
+    pilot = OffboardPilot(
         geodetic_from_W(bench, run.physics.state),
         tick_ns=config.tick_ns,
         setpoint_hz=setpoint_hz,
         stale_s=stale_s,
-        projection=config.autopilot.profile.firmware.project,
+        projection=bench.firmware.project,
         target_sysid=None,
         grid_ns=grid_ns(bench),
         needs_estimator=config.autopilot.profile.needs_estimator,
@@ -28,3 +28,5 @@ def offboard_pilot(
         may_arm=run.may_arm,
         **settings,
     )
+    pilot.expected = bench.firmware
+    return pilot

@@ -61,7 +61,7 @@ class RigidBody {
             force->prepare(times_, body_.inertia);
         }
         set_wind(wind_W_mps, wind_W_mps);
-        path_.resize(7 * (static_cast<std::size_t>(substeps) << (hil::sim::kLevels - 1)));
+        make_room(1 + body_.commands);
         before_.resize(body_.states);
         part_before_.resize(body_.states);
         commanded_.resize(body_.commands);
@@ -98,8 +98,7 @@ class RigidBody {
             throw std::invalid_argument("a dead time must be 0 or more, for commands that the forces take");
         }
         delay_ = hil::sim::CommandDelay(dead_time_s, times_.tick_s, body_.commands, first, count);
-        const std::size_t parts = delay_.splits() ? 2 : 1;
-        path_.resize(parts * 7 * (static_cast<std::size_t>(times_.base) << (hil::sim::kLevels - 1)));
+        make_room(2 + body_.commands);
     }
 
     void forget_commands() { delay_.forget(); }
@@ -161,6 +160,7 @@ class RigidBody {
             double *battery = battery_.data(), power_w = 0.0;
             hil::sim::Instant now;
             hil::sim::instant_at(body_, state(), wind_.start_W, now);
+            pose();
             for (std::size_t k = 0; k < body_.forces.size(); ++k) {
                 power_w += body_.forces[k]->power_w(now, state() + body_.first_state[k]);
             }
@@ -172,6 +172,12 @@ class RigidBody {
             voltage_ = battery[1] / pack_.nominal_voltage_v;
         }
         return command_forces(controls);
+    }
+
+    void pose() const {
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            body_.forces[k]->pose(state() + body_.first_state[k]);
+        }
     }
 
     // Current of the forces at V / V_nominal; adds its derivative.
@@ -197,32 +203,40 @@ class RigidBody {
 
     double fly() {
         remember();
-        in_parts_ = delay_.splits() && delay_.changes();
+        in_parts_ = (delay_.splits() && delay_.changes()) || (!times_.classical && corner_s(times_.tick_s) > 0.0);
         if (in_parts_) return fly_in_parts();
         return hil::sim::free_flight_tick(body_, times_, wind_, state(), path_.data(), steps_);
     }
 
-    // A tick in which the delayed commands change: one flight up to the change, one from there. Each has constant
-    // commands, so the integrator keeps its order.
+    // A tick in which the delayed commands change, or the motion of a force has a corner: a flight up to each, and one from
+    // the last. Each is smooth, so the integrator keeps its order.
     double fly_in_parts() {
-        const double lengths_s[2] = {delay_.change_s(), times_.tick_s - delay_.change_s()};
-        double travelled_m = 0.0;
+        double travelled_m = 0.0, begin_s = 0.0;
         int steps = 0;
+        bool changes = delay_.splits() && delay_.changes();  // still to come
         work_j_ = charge_c_ = 0.0;
-        for (int part = 0; part < 2; ++part) {
+        for (int part = 0; part < parts_; ++part) {
+            const double left_s = times_.tick_s - begin_s;
+            double length_s = changes ? delay_.change_s() - begin_s : left_s;
+            const double corner = part + (changes ? 2 : 1) < parts_ ? corner_s(length_s) : 0.0;
+            const bool to_corner = corner > 0.0;
+            if (to_corner) length_s = corner;
             hil::sim::StepTimes times = times_;
-            times.tick_s = lengths_s[part];
+            times.tick_s = length_s;
             prepare(times);
-            if (part == 1) command_forces(delay_.second());
             hil::sim::TickWind wind = wind_;
-            if (part == 1) {
-                for (int j = 0; j < 3; ++j) wind.start_W[j] += lengths_s[0] * wind_.slope_W[j];
-            }
+            for (int j = 0; j < 3; ++j) wind.start_W[j] += begin_s * wind_.slope_W[j];
             for (int k = kPoseVelocity; k < body_.states; ++k) part_before_[k] = state()[k];
             travelled_m += hil::sim::free_flight_tick(body_, times, wind, state(), path_.data() + 7 * steps, steps_);
             steps += steps_;
             if (pack_.fitted) work_j_ += work_j(part_before_.data());
             charge_c_ += charge_c();
+            if (!to_corner && !changes) break;
+            begin_s = to_corner ? begin_s + length_s : delay_.change_s();
+            if (!to_corner) {
+                command_forces(delay_.second());
+                changes = false;
+            }
         }
         steps_ = steps;
         prepare(times_);
@@ -370,6 +384,15 @@ class RigidBody {
         hil::sim::normalise_quaternion(q + 3);
     }
 
+    // Length of the path in a sub-step.
+    double way_in_substep(int substep) const {
+        if (substep < 0 || substep >= steps_) throw nb::index_error("sub-step index is out of range");
+        const double *to = path_.data() + 7 * static_cast<std::size_t>(substep);
+        const double *from = substep == 0 ? before_.data() : to - 7;
+        const double d[3] = {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+        return std::sqrt((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]);
+    }
+
     // Writes the pose at `share` of the tick to qpos, interpolated linearly between its start and the state now: after
     // contact steps there is no path. Over 4 ms at 20 m/s2 and 20 rad/s the error is 40 um and 0.8 mrad.
     void pose_in_tick(double share) {
@@ -382,6 +405,7 @@ class RigidBody {
     void add_wakes(const std::vector<const RigidBody *> &all, double *wind_W_mps) const {
         double wind[3];
         for (int j = 0; j < 3; ++j) wind[j] = wind_.start_W[j] + times_.tick_s * wind_.slope_W[j];
+        pose();
         for (std::size_t k = 0; k < body_.forces.size(); ++k) {
             hil::sim::Jet jet;
             if (!body_.forces[k]->jet(state(), state() + body_.first_state[k], wind, jet)) continue;
@@ -463,6 +487,24 @@ class RigidBody {
         for (std::size_t k = 0; k < before_.size(); ++k) before_[k] = state()[k];
     }
 
+    // Room for the path of a tick in so many parts.
+    void make_room(int parts) {
+        parts_ = parts;
+        path_.resize(7 * static_cast<std::size_t>(parts) *
+                     (static_cast<std::size_t>(times_.base) << (hil::sim::kLevels - 1)));
+    }
+
+    // Time to the next corner of the forces' motion in the next `within_s` of flight; 0: none.
+    double corner_s(double within_s) const {
+        const double least = kLeastPart * times_.tick_s, most = within_s - least;
+        double first = 0.0;
+        for (std::size_t k = 0; k < body_.forces.size(); ++k) {
+            const double corner = body_.forces[k]->corner_s(state() + body_.first_state[k]);
+            if (corner > least && corner < most && (!(first > 0.0) || corner < first)) first = corner;
+        }
+        return first;
+    }
+
     void prepare(const hil::sim::StepTimes &times) {
         for (Force *force : body_.forces) force->prepare(times, body_.inertia);
     }
@@ -523,6 +565,8 @@ class RigidBody {
     double work_j_ = 0.0, charge_c_ = 0.0;  // of a tick flown in parts
     bool electric_ = false;   // a force takes its current itself
     bool in_parts_ = false;
+    static constexpr double kLeastPart = 1e-9;  // of a tick: shorter ones are rounding
+    int parts_ = 1;  // of a tick at most: one ends at each corner of a commanded motion, and where delayed commands change
     hil::sim::StepTimes times_{};
     hil::sim::TickWind wind_{};
     int steps_ = 0;
@@ -736,6 +780,7 @@ void bind_body(nb::module_ &m) {
              "qacc"_a.noconvert(), "Set MuJoCo's arrays, for contact.")
         .def("pose_in_substep", &RigidBody::pose_in_substep, "substep"_a, "share"_a,
              "Write a pose of fly() to qpos; share 1 is the pose after that sub-step.")
+        .def("way_in_substep", &RigidBody::way_in_substep, "substep"_a, "Return how far that sub-step of fly() moved the vehicle [m].")
         .def("moved_m", &RigidBody::moved_m, "Return the distance between the state before the last fly() and the state now [m].")
         .def("pose_in_tick", &RigidBody::pose_in_tick, "share"_a,
              "Write a pose between the state before the last fly() and the state now to qpos.")

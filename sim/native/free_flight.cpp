@@ -10,7 +10,7 @@ namespace hil::sim {
 namespace {
 
 constexpr double kTurnPerStep = 0.1;   // rad
-constexpr double kWayPerStep = 0.06;   // m
+constexpr double kWayPerStep = 0.25;  // m
 constexpr double kDampingPerStep = 2.0, kDampingPerClassicalStep = 1.0;
 
 double length(const double *v) { return std::sqrt((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]); }
@@ -59,7 +59,8 @@ void derivative_at(const Body &body, const TickWind &wind, int level, int node, 
 }
 
 template <int kWidth>
-double classical_step(const Body &body, const TickWind &wind, int level, double t, double h, double *s, double *path) {
+double classical_step(const Body &body, const TickWind &wind, int level, double t, double h, const double *, double *s,
+                      double *path) {
     double k1[kWidth] = {}, k2[kWidth] = {}, k3[kWidth] = {}, k4[kWidth] = {}, mid[kWidth];
     const double reach = 0.5 * h;
     derivative_at<kWidth>(body, wind, level, 0, t, 0.0, s, k1);
@@ -74,10 +75,15 @@ double classical_step(const Body &body, const TickWind &wind, int level, double 
     return finish_step(kWidth, s, mid, path);
 }
 
+// `first`: derivatives at the start if they are known, else null.
 template <int kWidth>
-double order8_step(const Body &body, const TickWind &wind, int level, double t, double h, double *s, double *path) {
+double order8_step(const Body &body, const TickWind &wind, int level, double t, double h, const double *first, double *s,
+                   double *path) {
     double k[dp8::kStages][kWidth] = {}, y[kWidth];
-    for (int stage = 0; stage < dp8::kStages; ++stage) {
+    if (first) {
+        for (int j = 0; j < kWidth; ++j) k[0][j] = first[j];
+    }
+    for (int stage = first ? 1 : 0; stage < dp8::kStages; ++stage) {
         for (int j = 0; j < kWidth; ++j) {
             double sum = 0.0;
             for (int earlier = 0; earlier < stage; ++earlier) sum += dp8::kA[stage][earlier] * k[earlier][j];
@@ -93,16 +99,25 @@ double order8_step(const Body &body, const TickWind &wind, int level, double t, 
     return finish_step(kWidth, s, y, path);
 }
 
-using Step = double (*)(const Body &, const TickWind &, int, double, double, double *, double *);
+using Step = double (*)(const Body &, const TickWind &, int, double, double, const double *, double *, double *);
+using Start = void (*)(const Body &, const TickWind &, int, int, double, double, const double *, double *);
 
 // Widths are compiled in, for the speed of the sums over stages; the values beyond those of the body stay 0.
 Step step_of(const Body &body, bool classical) {
     constexpr int kBare = kPoseVelocity, kOne = kPoseVelocity + 1, kMost = kPoseVelocity + kMostIntegrals;
     constexpr int kFew = kPoseVelocity + 9;  // of four rotors with motors
+    constexpr int kOneSet = kPoseVelocity + 17;  // of eight rotors with motors
     if (classical) return body.integrals > 0 ? &classical_step<kMost> : &classical_step<kBare>;
-    if (body.integrals > 9) return &order8_step<kMost>;
+    if (body.integrals > 17) return &order8_step<kMost>;
+    if (body.integrals > 9) return &order8_step<kOneSet>;
     if (body.integrals > 1) return &order8_step<kFew>;
     return body.integrals > 0 ? &order8_step<kOne> : &order8_step<kBare>;
+}
+
+// What computes the derivatives at the start of a step, for bodies that choose steps by them.
+Start start_of(const Body &body) {
+    constexpr int kMost = kPoseVelocity + kMostIntegrals;
+    return body.integrals > 0 ? &derivative_at<kMost> : &derivative_at<kPoseVelocity>;
 }
 
 // Number of times to halve the steps.
@@ -138,7 +153,7 @@ int level_for(const Body &body, const StepTimes &times, const TickWind &wind, co
 double free_flight_tick(const Body &body, const StepTimes &times, const TickWind &wind, double *state, double *path,
                         int &steps) {
     for (std::size_t k = 0; k < body.forces.size(); ++k) body.forces[k]->begin_tick(state + body.first_state[k]);
-    double s[kPoseVelocity + kMostIntegrals] = {};
+    double s[kPoseVelocity + kMostIntegrals] = {}, rates[kPoseVelocity + kMostIntegrals] = {};
     for (int k = 0; k < kPoseVelocity; ++k) s[k] = state[k];
     double *values = s + kPoseVelocity;
     for (const Force *force : body.forces) {
@@ -154,16 +169,22 @@ double free_flight_tick(const Body &body, const StepTimes &times, const TickWind
     for (int done = 0; done < shortest; ++steps) {
         const double t = done * (times.tick_s / shortest);
         int fine = level;
+        const double *first = nullptr;
         if (!times.classical) {
             double limit = times.step_s(level), wind_now[3];
             wind_at(wind, t, wind_now);
             for (const Force *force : body.forces) limit = force->longest_step(s, wind_now, limit);
+            if (body.has_slipstreams) {
+                start_of(body)(body, wind, level, 0, t, 0.0, s, rates);
+                first = rates;
+                for (const Force *force : body.forces) limit = force->longest_step_by_rates(s, rates, limit);
+            }
             while (fine < kLevels - 1 && times.step_s(fine) > limit) ++fine;
         }
         while (done % (1 << (kLevels - 1 - fine)) != 0) ++fine;
         const double h = times.step_s(fine);
         double *reached = path + 7 * steps;
-        travelled += step(body, wind, fine, t, h, s, reached);
+        travelled += step(body, wind, fine, t, h, first, s, reached);
         for (Force *force : body.forces) force->end_step(fine, h);
         if (body.integrals > 0) set_integrated(body, s);
         done += 1 << (kLevels - 1 - fine);

@@ -12,7 +12,8 @@
 //
 // Steps are halved, up to 64 times as many, until h satisfies these limits for the state at the tick's start:
 //   |w| h <= 0.1          a turning vehicle                                (not the classical method)
-//   |v| h <= 0.06 m       no contact is skipped: collisions are checked at the ends of steps (not the classical)
+//   |v| h <= 0.25 m       a vehicle in the ground's effect. Contacts need no limit: they are looked for in between
+//                         (vehicle_physics.py)                             (not the classical)
 //   lambda h <= 2         the fastest damping and gyroscopic rate, for stability of a light vehicle in a gale: the sum of
 //                         damping_per_s of the forces                        (classical: lambda h <= 1)
 //   rate h <= 1           step_rate_per_s of every force

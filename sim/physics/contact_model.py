@@ -118,8 +118,8 @@ def _add_vehicle(worldbody: ET.Element, vehicle: Vehicle, name: str, *, others: 
 def _add_rotors_and_rods(body: ET.Element, vehicle: Vehicle) -> None:
     """Add the geoms that meet only other vehicles."""
     bits = {"contype": str(_OTHER_VEHICLE_BIT), "conaffinity": str(_OTHER_VEHICLE_BIT)}
-    disc = _numbers((vehicle.rotor_constants.radius_m, ROTOR_HALF_THICKNESS_M))
-    for rotor in vehicle.rotors:
+    for rotor, constants in zip(vehicle.rotors, vehicle.constants_of_rotors, strict=True):
+        disc = _numbers((constants.radius_m, ROTOR_HALF_THICKNESS_M))
         pose = {"pos": _numbers(rotor.position_m), "quat": _turned_up(rotor.axis)}
         ET.SubElement(body, "geom", {"type": "cylinder", "size": disc} | pose | bits)
     for sphere in vehicle.contact_spheres:

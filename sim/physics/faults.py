@@ -25,6 +25,7 @@ from pydantic import Field
 
 from signals.documents.validate import StrictModel
 from signals.time import NS_PER_S
+from sim.physics.forces.rotors import RotorConstants
 from sim.physics.vehicle import Vehicle
 
 _ALLOWED = {
@@ -114,7 +115,8 @@ def misfits(faults: Sequence[RotorFault], vehicle: Vehicle) -> list[tuple[int, s
     for index, fault in enumerate(faults):
         if fault.rotor >= rotors:
             found.append((index, "rotor", f"names rotor {fault.rotor}, but the vehicle has rotors 0 to {rotors - 1}"))
-        if not fault.driven and vehicle.rotor_constants.motor is None:
+        constants = vehicle.constants_of_rotors[fault.rotor] if fault.rotor < rotors else vehicle.rotor_constants
+        if not fault.driven and constants.motor is None:
             found.append(
                 (
                     index,
@@ -123,27 +125,25 @@ def misfits(faults: Sequence[RotorFault], vehicle: Vehicle) -> list[tuple[int, s
                     "follow the commands whatever their torque. Give it a motor, or use stuck with speed_radps: 0",
                 )
             )
-        most = most_imbalance_gcm(vehicle, fault.blades or 2)
+        most = most_imbalance_gcm(constants, fault.blades or 2)
         if most is not None and (fault.imbalance_gcm or 0.0) > most:
-            c = vehicle.rotor_constants
             found.append(
                 (
                     index,
                     "imbalance_gcm",
                     f"must be at most {most:.3g} g cm, not {fault.imbalance_gcm:g}: one of {fault.blades or 2} blades "
-                    f"of a rotor with {c.inertia_kgm2:g} kg m2 and {c.radius_m:g} m has no more",
+                    f"of a rotor with {constants.inertia_kgm2:g} kg m2 and {constants.radius_m:g} m has no more",
                 )
             )
     return found
 
 
-def most_imbalance_gcm(vehicle: Vehicle, blades: int) -> float | None:
+def most_imbalance_gcm(c: RotorConstants, blades: int) -> float | None:
     """Return the greatest imbalance by the loss of one blade; None for a rotor without inertia (`inertia_kgm2: 0`).
 
     A blade of uniform density along the radius R has J_b = m R^2 / 3 and the imbalance m R / 2 = 1.5 J_b / R, with
     J_b = J / blades. A real blade is heavier at the root, so that its imbalance is greater by its inertia: up to twice.
     """
-    c = vehicle.rotor_constants
     if c.inertia_kgm2 == 0.0:
         return None
     return 2.0 * 1.5 * c.inertia_kgm2 / blades / c.radius_m / _KGM_PER_GCM

@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim._kernels import Wheels
 from sim.physics.forces.force import Effects
+from sim.physics.forces.rotors import RotorSet
 from sim.physics.integration import TickSteps
 from sim.physics.vehicle import Vehicle, rigid_body
 from sim.scene.scene import Site
@@ -34,6 +36,8 @@ Float64 = NDArray[np.float64]
 USUAL_CRUISE = 1.4  # cruise speed over the stall speed where the vehicle's file says none
 LEAST_AHEAD = 0.5  # forward part of the axis of an engine
 _STEPS, _CLOSE = 30, 1e-10  # Newton's method; residual over the weight
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_SERVES = 0.1  # residual that is left by a step with slopes that serve
 _MOST_ALPHA_RAD = math.radians(60.0)
 _SLOPE_RAD = 1e-5
 _FASTEST_MPS = 150.0
@@ -69,6 +73,19 @@ class Trim:
         return -self.turn_radps * _up(self.pitch_rad, self.bank_rad)
 
 
+class _Root(NamedTuple):
+    """Where the equations of a trim were left."""
+
+    airspeed_mps: float
+    x: Float64  # unknowns
+    residual: float
+    ahead: float  # force along x that is left, over the weight
+    throttle: float
+    climb_rad: float
+    bank_rad: float
+    turn_radps: float
+
+
 @dataclass(frozen=True)
 class Mode:
     """A mode of the linearised motion: eigenvalue with a positive or no imaginary part."""
@@ -87,13 +104,13 @@ class Mode:
 
 
 def engines(vehicle: Vehicle) -> list[int]:
-    """Return the indices of the rotors that pull ahead."""
-    return [i for i, rotor in enumerate(vehicle.rotors) if rotor.axis[0] >= LEAST_AHEAD]
+    """Return the indices of the rotors that pull ahead in flight, some of them turned there by tilts."""
+    return [i for i, rotor in enumerate(vehicle.rotors_ahead) if rotor.axis[0] >= LEAST_AHEAD]
 
 
 def is_plane(vehicle: Vehicle) -> bool:
     """Return True for a vehicle that its wings alone carry: it has no rotor that lifts."""
-    return vehicle.has_wings and all(rotor.axis[2] < LEAST_AHEAD for rotor in vehicle.rotors)
+    return vehicle.has_wings and all(vehicle.upward(rotor.axis) < LEAST_AHEAD for rotor in vehicle.rotors)
 
 
 def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
@@ -139,7 +156,7 @@ class Airframe:
         self.engines = engines(self.vehicle)
         names = {surface.name for surface in self.vehicle.surfaces}
         self.surfaces = [i for i, command in enumerate(commands) if command.name in names]
-        self._neutral = np.zeros(len(commands))
+        self._neutral = np.array(self.vehicle.ahead_commands)  # tilts stay where they are in flight
         self._weight_n = self.vehicle.mass_kg * self.gravity_mps2
 
     # ---- forces
@@ -169,73 +186,120 @@ class Airframe:
         """Return straight flight at an airspeed with the engines' command at 0. Raises NoTrimError."""
         return self._solve(airspeed_mps, climb_rad=None, bank_rad=0.0)
 
-    def _solve(self, V: float, *, climb_rad: float | None, bank_rad: float) -> Trim:
-        """Newton's method with least-norm steps.
+    def _solve(self, V: float, *, climb_rad: float | None, bank_rad: float, start: Float64 | None = None) -> Trim:
+        return self._accepted(self._root(V, climb_rad=climb_rad, bank_rad=bank_rad, start=start))
 
-        Unknown: alpha, beta, pitch, throttle or climb, bank or turn, surfaces.
+    def _root(self, V: float, *, climb_rad: float | None, bank_rad: float, start: Float64 | None = None) -> _Root:
+        """Newton's method with least-norm steps, its slopes kept while they serve.
+
+        Unknown: alpha, beta, pitch, throttle or climb, bank or turn, surfaces. `start`: unknowns of a flight nearby.
         """
-        n, turning = len(self.surfaces), bank_rad != 0.0
-        inertia, gravity = self.vehicle.inertia_tensor_kgm2, self.gravity_mps2
-        level_turn = gravity * math.tan(bank_rad) / V
-        reach = math.sqrt(float(np.max(np.diag(inertia))) / self.vehicle.mass_kg)  # of gyration
-
-        def flight(x: Float64) -> tuple[float, float, float, float]:
-            third, fourth = float(x[3]), float(x[4])
-            throttle, climb = (0.0, third) if climb_rad is None else (third, climb_rad)
-            return (throttle, climb, bank_rad, fourth) if turning else (throttle, climb, fourth, 0.0)
+        n, turning, mass, gravity = len(self.surfaces), bank_rad != 0.0, self.vehicle.mass_kg, self.gravity_mps2
+        inertia = self.vehicle.inertia_tensor_kgm2
+        rows = inertia.tolist()
+        per_force, sin, cos = 1.0 / self._weight_n, math.sin, math.cos
+        per_torque = per_force / math.sqrt(float(np.max(np.diag(inertia))) / mass)  # by the radius of gyration
+        neutral, wrench = self._neutral.tolist(), self._body.steady_wrench
 
         def residual(x: Float64) -> Float64:
-            throttle, climb, bank, turn = flight(x)
-            v, up = _velocity(V, x[0], x[1]), _up(x[2], bank)
-            w = -turn * up
-            load = self.wrench(v, w, self.controls(throttle, x[5:]))
-            force = load[:3] - self.vehicle.mass_kg * (gravity * up + _cross(w, v))
-            torque = load[3:] - _cross(w, inertia @ w)
-            rises = [float(v @ up) / V - math.sin(climb)]
-            return np.concatenate([force / self._weight_n, torque / (self._weight_n * reach), rises])
+            alpha, beta, pitch, third, fourth, *surfaces = x.tolist()
+            throttle, climb = (0.0, third) if climb_rad is None else (third, climb_rad)
+            bank, turn = (bank_rad, fourth) if turning else (fourth, 0.0)
+            controls = neutral.copy()
+            for i in self.engines:
+                controls[i] = throttle
+            for i, u in zip(self.surfaces, surfaces, strict=True):
+                controls[i] = u
+            a, b, c = V * cos(alpha) * cos(beta), -V * sin(beta), -V * sin(alpha) * cos(beta)
+            ux, uy, uz = sin(pitch), cos(pitch) * sin(bank), cos(pitch) * cos(bank)
+            p, q, r = -turn * ux, -turn * uy, -turn * uz
+            self._truth[7:13] = (a, b, c, p, q, r)  # at the attitude (1, 0, 0, 0), W is B
+            fx, fy, fz, mx, my, mz = wrench(tuple(controls))
+            hx, hy, hz = (row[0] * p + row[1] * q + row[2] * r for row in rows)
+            return np.array(
+                [
+                    (fx - mass * (gravity * ux + q * c - r * b)) * per_force,
+                    (fy - mass * (gravity * uy + r * a - p * c)) * per_force,
+                    (fz - mass * (gravity * uz + p * b - q * a)) * per_force,
+                    (mx - (q * hz - r * hy)) * per_torque,
+                    (my - (r * hx - p * hz)) * per_torque,
+                    (mz - (p * hy - q * hx)) * per_torque,
+                    (a * ux + b * uy + c * uz) / V - sin(climb),
+                ]
+            )
 
         scale = np.ones(5 + n)
         scale[1] = 0.02  # beta
-        x = np.zeros(5 + n)
-        x[0] = x[2] = 0.05
-        x[3] = -0.1 if climb_rad is None else 0.5
-        x[4] = level_turn if turning else 0.0
-        if climb_rad is not None:
-            x[2] += climb_rad
-        size = math.inf
+        if start is None:
+            x = np.zeros(5 + n)
+            x[0] = x[2] = 0.05
+            x[3] = -0.1 if climb_rad is None else 0.5
+            x[4] = gravity * math.tan(bank_rad) / V if turning else 0.0
+            if climb_rad is not None:
+                x[2] += climb_rad
+        else:
+            x = start.copy()
+        r, slopes = residual(x), None
+        size = float(np.max(np.abs(r)))
         for _ in range(_STEPS):
-            r = residual(x)
-            size = float(np.max(np.abs(r)))
             if size < _CLOSE:
                 break
-            step = scale * np.linalg.lstsq(_slopes(residual, x) * scale, -r, rcond=1e-9)[0]
-            x = x + step * min(1.0, 0.15 / max(1e-12, float(np.max(np.abs(step)))))
+            if slopes is None:
+                slopes = _central_slopes(residual, x) * scale
+            step = scale * np.linalg.lstsq(slopes, -r, rcond=1e-9)[0]
+            last, x = x, x + step * min(1.0, 0.15 / max(1e-12, float(np.max(np.abs(step)))))
+            if climb_rad is not None and not 0.0 <= x[3] <= 1.0:  # beyond, a command changes nothing
+                x[3] = 0.5 * (last[3] + (1.0 if x[3] > 1.0 else 0.0))
             x[0] = min(_MOST_ALPHA_RAD, max(-_MOST_ALPHA_RAD, x[0]))
-        throttle, climb, bank, turn = flight(x)
+            r, before = residual(x), size
+            size = float(np.max(np.abs(r)))
+            if not size < _SERVES * before:
+                slopes = None
+        third, fourth = float(x[3]), float(x[4])
+        throttle, climb = (0.0, third) if climb_rad is None else (third, climb_rad)
+        bank, turn = (bank_rad, fourth) if turning else (fourth, 0.0)
+        return _Root(V, x, size, float(r[0]), throttle, climb, bank, turn)
+
+    def _accepted(self, root: _Root) -> Trim:
+        """Return the trim of a solution. Raises NoTrimError."""
+        V, x, throttle = root.airspeed_mps, root.x, root.throttle
         controls = self.controls(throttle, x[5:])
-        self._refuse(V, x, size, throttle, controls)
+        self._refuse(root, controls)
         return Trim(
-            V, climb, bank, turn, float(x[0]), float(x[1]), float(x[2]), throttle, tuple(float(u) for u in controls)
+            V,
+            root.climb_rad,
+            root.bank_rad,
+            root.turn_radps,
+            float(x[0]),
+            float(x[1]),
+            float(x[2]),
+            throttle,
+            tuple(float(u) for u in controls),
         )
 
-    def _refuse(self, V: float, x: Float64, size: float, throttle: float, controls: Float64) -> None:
+    def _refuse(self, root: _Root, controls: Float64) -> None:
         """Raise NoTrimError if the solution is none, or asks for more than the vehicle has."""
-        where, found = f"steady flight at {V:.3g} m/s", size < 1e-7
+        V, throttle = root.airspeed_mps, root.throttle
+        where, found = f"steady flight at {V:.3g} m/s", root.residual < 1e-7
         if not found and self.stall_speed_mps > V:
             raise NoTrimError(
                 f"no {where}: the wings carry {self._weight_n:.3g} N from {self.stall_speed_mps:.3g} m/s on"
             )
-        if not -1e-9 <= throttle <= 1.0 + 1e-9:
-            wanted = f"a throttle of {throttle:.2f}" if found else "more thrust than the engines have"
-            raise NoTrimError(f"{where} would need {wanted}")
+        at_an_end = not found and throttle > 0.0 and not 0.01 < throttle < 0.99
+        if at_an_end and root.ahead < 0.0:
+            raise NoTrimError(f"{where} would need more thrust than the engines have")
         for i in self.surfaces:
             if abs(controls[i]) > 1.0 + 1e-9:
                 wanted = f"at {controls[i]:.2f}" if found else "beyond the end"
                 raise NoTrimError(f"{where} would need {self.vehicle.commands[i].name} {wanted} of its range")
+        if at_an_end:
+            raise NoTrimError(f"{where} would need more drag than the vehicle has with its engines at 0")
         if not found:
             raise NoTrimError(f"no {where} was found")
-        if self.lift_slope_n_per_rad(V, float(x[0]), controls) <= 0.0:
-            raise NoTrimError(f"steady flight at {V:.3g} m/s is beyond the stall, at {math.degrees(x[0]):.1f} degrees")
+        if self.lift_slope_n_per_rad(V, float(root.x[0]), controls) <= 0.0:
+            raise NoTrimError(
+                f"steady flight at {V:.3g} m/s is beyond the stall, at {math.degrees(root.x[0]):.1f} degrees"
+            )
 
     def lift_slope_n_per_rad(self, V: float, alpha_rad: float, controls: Float64) -> float:
         """Return the change of lift with alpha [N/rad]: below 0 beyond the stall."""
@@ -257,34 +321,41 @@ class Airframe:
     @cached_property
     def stall_speed_mps(self) -> float:
         """Slowest airspeed at which the wings carry the weight in straight flight, pitch trimmed, engines at 0."""
-        if self.most_lift_n(_FASTEST_MPS)[0] < self._weight_n:
-            raise NoTrimError(f"the wings do not carry {self._weight_n:.3g} N at {_FASTEST_MPS:g} m/s")
-        V = _FASTEST_MPS
-        for _ in range(12):  # the lift is nearly quadratic in V
-            better = V * math.sqrt(self._weight_n / self.most_lift_n(V)[0])
-            if abs(better - V) < 1e-9 * V:
-                break
-            V = better
-        return V
+        return self._stall[0]
 
     @cached_property
     def stall_alpha_rad(self) -> float:
         """Angle of attack of the greatest lift at the stall speed."""
-        return self.most_lift_n(self.stall_speed_mps)[1]
+        return self._stall[1]
 
-    def most_lift_n(self, V: float) -> tuple[float, float]:
-        """Return the greatest lift [N] with the pitch trimmed as far as the surfaces reach, and its alpha [rad]."""
+    @cached_property
+    def _stall(self) -> tuple[float, float]:
+        lift, alpha = self.most_lift_n(_FASTEST_MPS)
+        if lift < self._weight_n:
+            raise NoTrimError(f"the wings do not carry {self._weight_n:.3g} N at {_FASTEST_MPS:g} m/s")
+        V = _FASTEST_MPS
+        for _ in range(12):  # the lift is nearly quadratic in V
+            better = V * math.sqrt(self._weight_n / lift)
+            if abs(better - V) < 1e-9 * V:
+                break
+            V = better
+            lift, alpha = self.most_lift_n(V, near_rad=alpha)
+        return V, alpha
+
+    def most_lift_n(self, V: float, *, near_rad: float | None = None) -> tuple[float, float]:
+        """Return the greatest lift [N] with the pitch trimmed as far as the surfaces reach, and its alpha [rad].
+
+        `near_rad`: an alpha within 2 degrees of it; by default all up to 45 degrees are tried.
+        """
 
         def lift(alpha: float) -> float:
             return self._lift_n(V, alpha, self.controls(0.0, self._pitch_trimmed(V, alpha)))
 
-        coarse = np.radians(np.arange(0.0, 45.0, 2.0))
-        best = float(coarse[int(np.argmax([lift(alpha) for alpha in coarse]))])
-        low, high = best - math.radians(2.0), best + math.radians(2.0)
-        for _ in range(25):  # golden section
-            a, b = high - 0.618034 * (high - low), low + 0.618034 * (high - low)
-            low, high = (low, b) if lift(a) > lift(b) else (a, high)
-        return lift(0.5 * (low + high)), 0.5 * (low + high)
+        if near_rad is None:
+            coarse = np.radians(np.arange(0.0, 45.0, 2.0))
+            near_rad = float(coarse[int(np.argmax([lift(alpha) for alpha in coarse]))])
+        alpha = _greatest(lift, near_rad - math.radians(2.0), near_rad + math.radians(2.0), steps=25)
+        return lift(alpha), alpha
 
     def _pitch_trimmed(self, V: float, alpha: float) -> Float64:
         """Return commands of the surfaces at which the pitching torque is 0, moved in proportion to their effect."""
@@ -297,9 +368,7 @@ class Airframe:
         at_low, at_high = torque(-1.0), torque(1.0)
         if at_low * at_high > 0.0:
             return direction * (-1.0 if abs(at_low) < abs(at_high) else 1.0)
-        from scipy.optimize import brentq  # slow to load
-
-        return float(brentq(torque, -1.0, 1.0, xtol=1e-9)) * direction
+        return _zero(torque, (-1.0, at_low), (1.0, at_high)) * direction
 
     @cached_property
     def _pitch_direction(self) -> Float64:
@@ -332,21 +401,14 @@ class Airframe:
     def best_glide(self) -> Trim:
         """Glide with the engines' command at 0 that loses least height over the way. Raises NoTrimError."""
         stall = self.stall_speed_mps
-        low, high = 1.02 * stall, 3.0 * stall
-        for _ in range(30):  # golden section
-            a, b = high - 0.618034 * (high - low), low + 0.618034 * (high - low)
-            low, high = (low, b) if self._sinks_less(a, b) else (a, high)
-        return self.glide(0.5 * (low + high))
+        return self.glide(_greatest(self._climb_in_glide_rad, 1.02 * stall, 3.0 * stall, steps=30))
 
-    def _sinks_less(self, a: float, b: float) -> bool:
+    def _climb_in_glide_rad(self, V: float) -> float:
+        """Return the climb angle of a glide; where there is none, less than any, and less the faster it is."""
         try:
-            at_b = self.glide(b).climb_rad
+            return self.glide(V).climb_rad
         except NoTrimError:
-            return True
-        try:
-            return self.glide(a).climb_rad > at_b
-        except NoTrimError:
-            return False
+            return -math.pi - V
 
     def thrust_range_n(self, airspeed_mps: float) -> tuple[float, float]:
         """Return the force of the engines along x at command 0 and 1 in level flow [N]."""
@@ -359,10 +421,13 @@ class Airframe:
     @cached_property
     def _without_engines(self) -> Airframe:
         vehicle = self.vehicle
-        bare = vehicle.rotor_constants.model_copy(
-            update={"thrust_coefficient_n_per_radps2": 1e-30, "drag_kg_per_rad": 0.0}
-        )
-        update = {"rotor_constants": bare, "rotor_model": "quadratic"}
+        weak = {"thrust_coefficient_n_per_radps2": 1e-30, "drag_kg_per_rad": 0.0}
+        sets = {
+            name: RotorSet(rotor_constants=of.rotor_constants.model_copy(update=weak))
+            for name, of in vehicle.rotor_sets.items()
+        }
+        bare = vehicle.rotor_constants.model_copy(update=weak)
+        update = {"rotor_constants": bare, "rotor_model": "quadratic", "rotor_sets": sets}
         return Airframe(vehicle.model_copy(update=update), self.site, self.gravity_mps2)
 
     # ---- stability
@@ -467,6 +532,41 @@ def _border(reached: Callable[[float], bool], low: float, high: float) -> float:
     return high
 
 
+def _greatest(f: Callable[[float], float], low: float, high: float, *, steps: int) -> float:
+    """Return where a function with one maximum in an interval has it, by golden section."""
+    a, b = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_a, at_b = f(a), f(b)
+    for _ in range(steps - 1):
+        if at_a > at_b:
+            high, b, at_b = b, a, at_a
+            a = high - _GOLDEN * (high - low)
+            at_a = f(a)
+        else:
+            low, a, at_a = a, b, at_b
+            b = low + _GOLDEN * (high - low)
+            at_b = f(b)
+    return 0.5 * (low + b) if at_a > at_b else 0.5 * (a + high)
+
+
+def _zero(f: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]) -> float:
+    """Return a zero between two places where f, given there, has opposite signs: false position (Illinois)."""
+    (a, at_a), (b, at_b) = low, high
+    for _ in range(60):
+        if at_b == 0.0 or abs(b - a) < 1e-12:
+            return b
+        c = b - at_b * (b - a) / (at_b - at_a)
+        at_c = f(c)
+        if at_b * at_c < 0.0:
+            a, at_a = b, at_b
+        else:
+            at_a *= 0.5
+        near = abs(c - b) < 1e-10
+        b, at_b = c, at_c
+        if near:
+            break
+    return b
+
+
 def _velocity(V: float, alpha: float, beta: float) -> Float64:
     """Return the velocity through the air in B (FLU)."""
     return V * np.array(
@@ -474,13 +574,20 @@ def _velocity(V: float, alpha: float, beta: float) -> Float64:
     )
 
 
-def _cross(a: Float64, b: Float64) -> Float64:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
 def _up(pitch: float, bank: float) -> Float64:
     """Return z_W in B (FLU)."""
     return np.array([math.sin(pitch), math.cos(pitch) * math.sin(bank), math.cos(pitch) * math.cos(bank)])
+
+
+def _central_slopes(f: Callable[[Float64], Float64], x: Float64) -> Float64:
+    """Return the Jacobian by central differences."""
+    columns = []
+    for i in range(len(x)):
+        ahead, behind = x.copy(), x.copy()
+        ahead[i] += _SLOPE_RAD
+        behind[i] -= _SLOPE_RAD
+        columns.append((f(ahead) - f(behind)) * (0.5 / _SLOPE_RAD))
+    return np.column_stack(columns)
 
 
 def _slopes(f: Callable[[Float64], Float64], x: Float64) -> Float64:

@@ -48,7 +48,7 @@ class Outcome:
 
 def reach_m(vehicle: Vehicle) -> float:
     """Return the radius of a sphere about the body origin that encloses contact spheres and rotor discs."""
-    edge_m = math.hypot(vehicle.rotor_constants.radius_m, ROTOR_HALF_THICKNESS_M)
+    edge_m = math.hypot(vehicle.most_radius_m, ROTOR_HALF_THICKNESS_M)
     rotors_m = max(math.hypot(*rotor.position_m) for rotor in vehicle.rotors) + edge_m
     return max(vehicle.bounding_radius_m, rotors_m * (1.0 + 1e-12))
 

@@ -8,7 +8,6 @@ from itertools import combinations
 import mujoco
 import numpy as np
 
-from signals._kernel import det_cos, det_sin
 from sim.physics.contact_model import build_model
 from sim.physics.flight_start import FlightStart
 from sim.physics.joint_contact import reach_m
@@ -42,5 +41,4 @@ def overlapping_starts(scene: Scene, vehicles: Mapping[str, tuple[Vehicle, Fligh
 def _pose(vehicle: Vehicle, start: FlightStart) -> np.ndarray:
     x, y, z = start.ground_W
     p_WB = (x, y, z + vehicle.standing_height_m) if start.p_WB is None else start.p_WB
-    half_rad = 0.5 * start.yaw_rad
-    return np.array([*p_WB, det_cos(half_rad), 0.0, 0.0, det_sin(half_rad)])
+    return np.array([*p_WB, *vehicle.standing_quat(start.yaw_rad)])

@@ -5,6 +5,8 @@
     - {kind: floating, surface: elevator, at_s: 12.0}              no servo holds it: the air carries it to 0
     - {kind: lost, surface: elevator, at_s: 12.0}                  torn off: no effect on the air
 
+A tilt is named like a surface. A floating one swings to its angle 0, an estimate; a lost one takes its rotors along.
+
 A fault begins at the first tick at or after `at_s` and lasts. A later fault of the same surface replaces the earlier.
 """
 
@@ -36,7 +38,7 @@ class SurfaceFault(StrictModel):
     kind: Literal["stuck", "floating", "lost"]
     surface: Annotated[str, Field(min_length=1, max_length=64)]  # its name in the vehicle's file
     at_s: Annotated[float, Field(ge=0.0, le=86_400.0)]
-    angle_deg: Annotated[float, Field(ge=-90.0, le=90.0)] | None = None  # stuck: default where it is then
+    angle_deg: Annotated[float, Field(ge=-180.0, le=180.0)] | None = None  # stuck: default where it is then
 
     @pydantic.model_validator(mode="after")
     def _fits_kind(self) -> SurfaceFault:
@@ -69,7 +71,7 @@ VehicleFault = RotorFault | SurfaceFault
 
 def surface_misfits(faults: Sequence[SurfaceFault], vehicle: Vehicle) -> list[tuple[int, str, str]]:
     """Return (index, key, message) of faults of surfaces that the vehicle does not have."""
-    names = [surface.name for surface in vehicle.surfaces]
+    names = [servo.name for servo in vehicle.servos]
     known = f"has {', '.join(names)}" if names else "has no control surfaces"
     return [
         (index, "surface", f"names {fault.surface!r}, but the vehicle {known}")

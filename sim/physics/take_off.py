@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
 
@@ -35,14 +33,14 @@ def take_off_problem(
     x, y, z = start.ground_W
     at_origin = start.ground_W == (0.0, 0.0, 0.0)
     where = "the origin" if at_origin else f"({x:g}, {y:g}, {z:g})"
-    contacts = _contacts(model, data, start, vehicle.standing_height_m)
+    contacts = _contacts(model, data, start, vehicle, vehicle.standing_height_m)
     deepest = min(contacts, default=(0.0, -1))
     if deepest[0] < -INSIDE_M:
         what = _name(world, model, deepest[1])
         message = f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
         hint = "move the map so that free ground is there, or set start.p_W to a place on free ground"
         return message, hint if at_origin else _surface_hint(model, data, x, y)
-    if not _contacts(model, data, start, vehicle.lying_height_m - OVER_GROUND_M):
+    if not _contacts(model, data, start, vehicle, vehicle.lying_height_m - OVER_GROUND_M):
         message = f"has no ground to take off from: nothing solid is under {where}"
         hint = (
             "flights start at x = y = z = 0 unless start.p_W names another place: set it, move the map, make its "
@@ -76,12 +74,11 @@ def _pose_actors(world: World, model: mujoco.MjModel, data: mujoco.MjData) -> No
 
 
 def _contacts(
-    model: mujoco.MjModel, data: mujoco.MjData, start: FlightStart, height_m: float
+    model: mujoco.MjModel, data: mujoco.MjData, start: FlightStart, vehicle: Vehicle, height_m: float
 ) -> list[tuple[float, int]]:
     """Return distance (negative: depth) and geom of the scene for each contact at that height above the start."""
     x, y, z = start.ground_W
-    half_rad = 0.5 * start.yaw_rad
-    data.qpos[:] = (x, y, z + height_m, math.cos(half_rad), 0.0, 0.0, math.sin(half_rad))
+    data.qpos[:] = (x, y, z + height_m, *vehicle.standing_quat(start.yaw_rad))
     mujoco.mj_kinematics(model, data)
     mujoco.mj_collision(model, data)
     vehicle_body = int(model.jnt_bodyid[0])

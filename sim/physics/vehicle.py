@@ -5,7 +5,9 @@ All vectors are in B (FLU, origin at the centre of mass), SI units.
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -14,17 +16,29 @@ import pydantic
 from numpy.typing import NDArray
 from pydantic import Field
 
+from signals._kernel import det_cos, det_sin
 from signals.documents.validate import StrictModel, load_model
-from signals.samples import Vec3
+from signals.samples import Quat, Vec3
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim import _kernels
 from sim.physics.battery import Battery
-from sim.physics.forces.blade_element import BladeElement, lumps_of
+from sim.physics.forces.blade_element import lumps_of
 from sim.physics.forces.force import Command, Effects, ForceParameters, Point, any_kind
 from sim.physics.forces.motor import curve_factor, lag_s, steady_duty, steady_speed_radps
-from sim.physics.forces.rotors import LEAST_UP, Rotor, RotorConstants, check_coaxial_pairs, no_rotors, rotors_force
+from sim.physics.forces.rotors import (
+    LEAST_UP,
+    Rotor,
+    RotorConstants,
+    RotorGroup,
+    RotorModel,
+    RotorSet,
+    check_coaxial_pairs,
+    check_sets,
+    no_rotors,
+    rotor_groups,
+)
 from sim.physics.forces.surface import Surface, check_names
-from sim.physics.forces.wind_tunnel import WindTunnel
+from sim.physics.forces.tilt import Tilt, check_tilts, tilts_force
 from sim.physics.integration import TickSteps
 from sim.physics.vibration import Vibration
 
@@ -66,7 +80,12 @@ class Vehicle(StrictModel):
     inertia_products_kgm2: tuple[_Product, _Product, _Product] = (0.0, 0.0, 0.0)
     rotors: Annotated[tuple[Rotor, ...], Field(max_length=8)] = ()
     rotor_constants: RotorConstants = Field(default_factory=no_rotors)
-    rotor_model: Literal["blade_element", "quadratic", "wind_tunnel"] = "quadratic"
+    rotor_model: RotorModel = "quadratic"
+    # Other propellers, motors or models: a rotor names its set, and without one it has the two keys above.
+    rotor_sets: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], RotorSet] = Field(default_factory=dict)
+    tilts: Annotated[tuple[Tilt, ...], Field(max_length=8)] = ()  # servos that turn rotors
+    # How it stands on the ground and hovers: with the body's z up, or as a tailsitter with x up.
+    stands: Literal["on_feet", "on_tail"] = "on_feet"
     body_drag_linear_n_per_mps: NonNegative3
     body_drag_quadratic_n_per_m2ps2: NonNegative3
     feet: Annotated[tuple[ContactSphere, ...], Field(min_length=3, max_length=16)]
@@ -104,9 +123,11 @@ class Vehicle(StrictModel):
 
     @pydantic.model_validator(mode="after")
     def _commands_fit(self) -> Vehicle:
-        check_names(self.surfaces)
+        check_names(self.servos)
         if len(self.commands) > CONTROLS:
-            raise ValueError(f"rotors and forces take {len(self.commands)} commands, and an autopilot has {CONTROLS}")
+            raise ValueError(
+                f"rotors, tilts and forces take {len(self.commands)} commands, and an autopilot has {CONTROLS}"
+            )
         return self
 
     @pydantic.model_validator(mode="after")
@@ -115,90 +136,144 @@ class Vehicle(StrictModel):
         if len(set(names)) != len(names):
             raise ValueError(f"contact spheres must have different names, not {names}")
         for i, rotor in enumerate(self.rotors):
-            if rotor.axis[2] < LEAST_UP and not self.has_wings:
+            if self.upward(rotor.axis) < LEAST_UP and not self.has_wings:
                 raise ValueError(
                     f"axis of rotor {i} does not point up: without wings (a force such as aero_table) a rotor may tilt "
                     "by up to 84 degrees from [0, 0, 1]"
                 )
-        if self.rotors and "rotor_constants" not in self.model_fields_set:
+        check_sets(self.rotors, self.rotor_sets)
+        check_tilts(self.tilts, self.rotors)
+        if any(rotor.set is None for rotor in self.rotors) and "rotor_constants" not in self.model_fields_set:
             raise ValueError("rotors need rotor_constants, the constants that they share")
-        if self.rotor_model == "blade_element":
-            if self.rotor_constants.blade_element is None:
-                raise ValueError(
-                    "rotor_model blade_element needs rotor_constants.blade_element, the lumps of the model"
-                )
-            lumps_of(self.rotor_constants, self.rotor_constants.blade_element)  # raises if they contradict each other
-        if self.rotor_model == "wind_tunnel" and self.rotor_constants.wind_tunnel is None:
-            raise ValueError("rotor_model wind_tunnel needs rotor_constants.wind_tunnel, the coefficients of the model")
-        if self.rotors and self.rotor_constants.motor is not None:
-            self._follow_the_motor()
+        for group in self.rotor_groups:
+            self._check_model(group)
+        delays_s = [group.constants.dead_time_s for group in self.rotor_groups]
+        if [delay > 0.0 for delay, _ in itertools.groupby(delays_s)].count(True) > 1:
+            raise ValueError(
+                f"dead_time_s of the sets of rotors is {', '.join(f'{delay:g}' for delay in delays_s)}: sets that have "
+                "one must have the same, and follow each other"
+            )
+        if any(group.constants.motor is not None for group in self.rotor_groups):
+            self._follow_the_motors()
         return self
 
-    def _follow_the_motor(self) -> None:
-        """Set the constants that follow from the motor, in the air for which the file holds: about hover, or cruise."""
-        c, motor = self.rotor_constants, self.rotor_constants.motor
-        assert motor is not None
-        if self.battery is not None and self.battery.nominal_voltage_v != motor.nominal_voltage_v:
+    def _check_model(self, group: RotorGroup) -> None:
+        c, of = group.constants, group.key.removesuffix("rotor_constants")
+        if group.model == "blade_element":
+            if c.blade_element is None:
+                raise ValueError(f"{of}rotor_model blade_element needs {group.key}.blade_element, lumps of the model")
+            lumps_of(c, c.blade_element)  # raises if they contradict each other
+        if group.model == "wind_tunnel" and c.wind_tunnel is None:
             raise ValueError(
-                f"rotor_constants.motor.nominal_voltage_v is {motor.nominal_voltage_v:g} and "
-                f"battery.nominal_voltage_v {self.battery.nominal_voltage_v:g}: they must be the same"
+                f"{of}rotor_model wind_tunnel needs {group.key}.wind_tunnel, the coefficients of the model"
             )
-        most_radps = steady_speed_radps(c, motor, 1.0)
-        hover_radps = self.hover_speed_radps()
-        usual_radps = min(hover_radps, most_radps) if math.isfinite(hover_radps) else _CRUISE_SHARE * most_radps
-        factor = curve_factor(steady_duty(c, motor, usual_radps), (usual_radps / most_radps) ** 2)
-        tau_s = min(1.0, max(1e-3, lag_s(c, motor, usual_radps)))
-        follows = {
-            "max_speed_radps": most_radps,
-            "thrust_model_factor": factor,
-            "time_constant_up_s": tau_s,
-            "time_constant_down_s": tau_s,
-        }
-        object.__setattr__(self, "rotor_constants", c.model_copy(update=follows))
+
+    def _follow_the_motors(self) -> None:
+        """Set the constants that follow from motors, in the air for which the file holds: about hover, or cruise."""
+        most = {}
+        for group in self.rotor_groups:
+            motor = group.constants.motor
+            if motor is None:
+                continue
+            if self.battery is not None and self.battery.nominal_voltage_v != motor.nominal_voltage_v:
+                raise ValueError(
+                    f"{group.key}.motor.nominal_voltage_v is {motor.nominal_voltage_v:g} and "
+                    f"battery.nominal_voltage_v {self.battery.nominal_voltage_v:g}: they must be the same"
+                )
+            most[group.first] = steady_speed_radps(group.constants, motor, 1.0)
+            self._replace_constants(group, {"max_speed_radps": most[group.first]})
+        for group in self.rotor_groups:
+            c, motor = group.constants, group.constants.motor
+            if motor is None:
+                continue
+            most_radps = most[group.first]
+            hover_radps = self.hover_speeds_radps()[group.first]
+            usual_radps = min(hover_radps, most_radps) if math.isfinite(hover_radps) else _CRUISE_SHARE * most_radps
+            factor = curve_factor(steady_duty(c, motor, usual_radps), (usual_radps / most_radps) ** 2)
+            tau_s = min(1.0, max(1e-3, lag_s(c, motor, usual_radps)))
+            self._replace_constants(
+                group, {"thrust_model_factor": factor, "time_constant_up_s": tau_s, "time_constant_down_s": tau_s}
+            )
+
+    def _replace_constants(self, group: RotorGroup, update: dict[str, float]) -> None:
+        constants = group.constants.model_copy(update=update)
+        name = group.rotors[0].set
+        if name is None:
+            object.__setattr__(self, "rotor_constants", constants)
+        else:
+            of = self.rotor_sets[name].model_copy(update={"rotor_constants": constants})
+            object.__setattr__(self, "rotor_sets", self.rotor_sets | {name: of})
+
+    @property
+    def rotor_groups(self) -> tuple[RotorGroup, ...]:
+        """Rotors by their constants, in their order: each group is one force of the body."""
+        return rotor_groups(self.rotors, self.rotor_model, self.rotor_constants, self.rotor_sets, self.up_axis)
+
+    @property
+    def leading_group(self) -> RotorGroup | None:
+        """Group of the vehicle's first rotors that lift, else its first; None without rotors."""
+        groups = self.rotor_groups
+        return next((group for group in groups if group.lift >= LEAST_UP), groups[0] if groups else None)
+
+    @property
+    def constants_of_rotors(self) -> tuple[RotorConstants, ...]:
+        """Constants of each rotor."""
+        return tuple(group.constants for group in self.rotor_groups for _ in group.rotors)
 
     @property
     def thrust_shares(self) -> tuple[float, ...]:
-        """Thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
-
-        Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
-        the speed of either. Their sum at equal speeds is exact.
-        """
-        paired = {rotor.coaxial_below for rotor in self.rotors} - {None}
-        shared = 0.5 * (1.0 + self.rotor_constants.coaxial_thrust_ratio)
-        return tuple(
-            shared if i in paired or rotor.coaxial_below is not None else 1.0 for i, rotor in enumerate(self.rotors)
-        )
-
-    def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
-        """Return the speed of all rotors at which the thrust aloft equals the standard weight; infinite if none lifts.
-
-        `density_ratio`: density of the air over that of the vehicle's file.
-        """
-        lift = sum(share * rotor.axis[2] for share, rotor in zip(self.thrust_shares, self.rotors, strict=True))
-        k = density_ratio * self.rotor_constants.thrust_coefficient_n_per_radps2
-        if lift < LEAST_UP:
-            return math.inf
-        return math.sqrt(self.mass_kg * STANDARD_GRAVITY_MPS2 / (k * lift))
+        """Thrust of each rotor over that of a rotor alone; see `RotorGroup.thrust_shares`."""
+        return tuple(share for group in self.rotor_groups for share in group.thrust_shares)
 
     @property
-    def blades(self) -> BladeElement | WindTunnel | None:
-        """Parameters of the rotor model; None for the quadratic one."""
-        c = self.rotor_constants
-        return {"blade_element": c.blade_element, "wind_tunnel": c.wind_tunnel, "quadratic": None}[self.rotor_model]
+    def most_radius_m(self) -> float:
+        """Radius of the largest rotor; that of `rotor_constants` without rotors."""
+        return max((c.radius_m for c in self.constants_of_rotors), default=self.rotor_constants.radius_m)
+
+    def hover_speeds_radps(self, density_ratio: float = 1.0) -> tuple[float, ...]:
+        """Return the speed of each rotor at which the thrust aloft equals the standard weight.
+
+        Sets that lift have the same share of their full speed; a rotor of another set, infinity. `density_ratio`:
+        density of the air over that of the vehicle's file.
+        """
+        groups = self.rotor_groups
+        lifting = [group for group in groups if group.lift >= LEAST_UP]
+        weight_n = self.mass_kg * STANDARD_GRAVITY_MPS2
+        full_n = sum(
+            density_ratio * g.constants.thrust_coefficient_n_per_radps2 * g.lift * g.constants.max_speed_radps**2
+            for g in lifting
+        )
+
+        def speed(group: RotorGroup) -> float:
+            if group not in lifting:
+                return math.inf
+            k = density_ratio * group.constants.thrust_coefficient_n_per_radps2
+            if len(lifting) == 1:
+                return math.sqrt(weight_n / (k * group.lift))
+            return group.constants.max_speed_radps * math.sqrt(weight_n / full_n)
+
+        return tuple(speed(group) for group in groups for _ in group.rotors)
+
+    def hover_speed_radps(self, density_ratio: float = 1.0) -> float:
+        """Return the least of `hover_speeds_radps`: that of all rotors of a vehicle with one set; infinite without."""
+        return min(self.hover_speeds_radps(density_ratio), default=math.inf)
 
     def make_forces(self, effects: Effects) -> list[_kernels.Force]:
         """Return new forces for one body, in the order of their own states and commands."""
         drag = _kernels.AirDrag(
             linear_n_per_mps=self.body_drag_linear_n_per_mps, quadratic_n_per_m2ps2=self.body_drag_quadratic_n_per_m2ps2
         )
-        rotors = [rotors_force(self.rotors, self.rotor_constants, effects, blades=self.blades)] if self.rotors else []
-        return [drag, *rotors, *(force.make(effects) for force in self.forces)]
+        groups = self.rotor_groups
+        rotors = [group.force(effects) for group in groups]
+        tilts = [tilts_force(self.tilts, self.rotors, groups, rotors)] if self.tilts else []
+        return [drag, *rotors, *tilts, *(force.make(effects) for force in self.forces)]
 
     @property
     def commands(self) -> tuple[Command, ...]:
-        """Commands of the vehicle in the order of an autopilot's controls: rotors, then those of `forces`."""
+        """Commands of the vehicle in the order of an autopilot's controls: rotors, tilts, then those of `forces`."""
         rotors = [Command(f"rotor_{i}", signed=False) for i in range(len(self.rotors))]
-        return (*rotors, *(command for force in self.forces for command in force.commands))
+        tilts = [Command(tilt.name, signed=True) for tilt in self.tilts]
+        return (*rotors, *tilts, *(command for force in self.forces for command in force.commands))
 
     @property
     def signed_commands(self) -> frozenset[int]:
@@ -209,6 +284,52 @@ class Vehicle(StrictModel):
     def surfaces(self) -> tuple[Surface, ...]:
         """Control surfaces of all forces, in the order of their commands."""
         return tuple(surface for force in self.forces for surface in force.moved_surfaces)
+
+    @property
+    def servos(self) -> tuple[Tilt | Surface, ...]:
+        """All that a servo moves, in the order of the commands: tilts, then control surfaces."""
+        return (*self.tilts, *self.surfaces)
+
+    @property
+    def rest_commands(self) -> tuple[float, ...]:
+        """Commands at which rotors stop, tilts are where they hover, and surfaces are neutral."""
+        return tuple(self._commands(0.0, [tilt.hover_command for tilt in self.tilts]))
+
+    @property
+    def ahead_commands(self) -> tuple[float, ...]:
+        """The same with each tilt where its rotors point most ahead."""
+        return tuple(self._commands(0.0, [tilt.command_of(tilt.ahead_rad(self.rotors)) for tilt in self.tilts]))
+
+    def _commands(self, rotors: float, tilts: Sequence[float]) -> list[float]:
+        commands = [rotors] * len(self.rotors) + list(tilts)
+        return commands + [0.0] * (len(self.commands) - len(commands))
+
+    @property
+    def rotors_ahead(self) -> tuple[Rotor, ...]:
+        """Rotors as they are in forward flight: those on a tilt where they point most ahead."""
+        rotors = list(self.rotors)
+        for tilt in self.tilts:
+            angle_rad = tilt.ahead_rad(self.rotors)
+            for i in tilt.rotors:
+                rotors[i] = tilt.turned(rotors[i], angle_rad)
+        return tuple(rotors)
+
+    @property
+    def up_axis(self) -> Vec3:
+        """Direction in B that points up where the vehicle stands and hovers."""
+        return (1.0, 0.0, 0.0) if self.stands == "on_tail" else (0.0, 0.0, 1.0)
+
+    def upward(self, v_B: Vec3) -> float:
+        """Return the part of a vector along `up_axis`."""
+        return v_B[0] if self.stands == "on_tail" else v_B[2]
+
+    def standing_quat(self, yaw_rad: float) -> Quat:
+        """Return q_WB where it stands with a heading; a tailsitter's is that with its nose lowered to the horizon."""
+        c, s = det_cos(0.5 * yaw_rad), det_sin(0.5 * yaw_rad)
+        if self.stands == "on_feet":
+            return (c, 0.0, 0.0, s)
+        half = math.sqrt(0.5)  # then by 90 degrees about -y
+        return (half * c, half * s, -half * c, half * s)
 
     @property
     def inertia_tensor_kgm2(self) -> NDArray[np.float64]:
@@ -238,7 +359,7 @@ class Vehicle(StrictModel):
     @property
     def lying_height_m(self) -> float:
         """Height of the body origin over level ground when its lowest contact sphere just touches."""
-        return max(sphere.radius_m - sphere.position_m[2] for sphere in self.contact_spheres)
+        return max(sphere.radius_m - self.upward(sphere.position_m) for sphere in self.contact_spheres)
 
     @property
     def standing_height_m(self) -> float:

@@ -59,7 +59,7 @@ class VehicleBodies(_kernels.PlacedVehicle):
         self.max_speed_mps = float("inf")  # given from outside
         rotors = vehicle.rotors
         self._spin = [rotor.spin.sign for rotor in rotors]
-        blade_m = vehicle.rotor_constants.radius_m
+        blade_m = vehicle.most_radius_m
         super().__init__(
             p_BR=[rotor.position_m for rotor in rotors],
             q_BR=[_onto(rotor.axis) for rotor in rotors],
@@ -105,8 +105,7 @@ def with_vehicles(base: World, vehicles: Mapping[str, Vehicle]) -> World:
 def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
     frame = builder.material("drone:frame", surfaces.CARBON_FIBRE, rgb=_FRAME_RGB)
     metal = builder.material("drone:motor", surfaces.METAL, rgb=_MOTOR_RGB)
-    R_m = vehicle.rotor_constants.radius_m
-    rotors = vehicle.rotors
+    rotors, radii_m = vehicle.rotors, [c.radius_m for c in vehicle.constants_of_rotors]
     hull = [sphere for sphere in vehicle.hull if not _is_motor(sphere, rotors)]
     centre: Vec3 = hull[0].position_m if hull else (0.0, 0.0, 0.0)
     body, *blades = builder.actor(actor, at_origin=True)
@@ -120,7 +119,7 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
             mesh = builder.hull(f"{actor.name}_wing_{i}", np.array(corners))
             body.geom("mesh", asset=mesh, material=foam, solid=False)
     arm_ends: list[Vec3] = []
-    for rotor in rotors:
+    for rotor, R_m in zip(rotors, radii_m, strict=True):
         motor_m = -0.125 * R_m if rotor.coaxial_below is None else 0.125 * R_m  # of its middle, along the axis
         middle = _along(rotor.position_m, rotor.axis, motor_m)
         body.geom(
@@ -133,8 +132,8 @@ def _add(builder: MapBuilder, actor: VehicleBodies, vehicle: Vehicle) -> None:
         hip = min((_hip(foot.position_m, centre, end) for end in arm_ends), key=lambda p: _gap(p, foot.position_m))
         body.geom("sphere", (foot.radius_m,), material=frame, pos=foot.position_m, solid=False)
         if _gap(hip, foot.position_m) > 1e-3:
-            body.rod(0.045 * R_m, (*hip, *foot.position_m), material=frame, solid=False)
-    for rotor_body, rotor in zip(blades, rotors, strict=True):
+            body.rod(0.045 * vehicle.most_radius_m, (*hip, *foot.position_m), material=frame, solid=False)
+    for rotor_body, rotor, R_m in zip(blades, rotors, radii_m, strict=True):
         ahead = rotor.position_m[0] > centre[0]
         blade = builder.material(
             "drone:blade_front" if ahead else "drone:blade_rear",

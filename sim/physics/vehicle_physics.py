@@ -9,6 +9,7 @@ One tick, from t_{k-1} to t_k, with the commands u held constant:
 4. contact       Otherwise the tick starts again at t_{k-1} with sub-steps of 1 ms or less: wrench of the forces from
                  the same kernel, contact forces from mj_forward, semi-implicit Euler. MuJoCo's own integrator is not
                  used: its quaternion update calls the C library's sin and cos, whose last bit depends on the CPU.
+                 A plane slides without MuJoCo's friction (sim.physics.sliding).
                  A touch-down faster than 2.5 m/s gets shorter sub-steps and stiffer contact until the vehicle is in
                  the air again: feet sink about v T / e in a contact of time constant T (sim.physics.contact_model).
 
@@ -33,7 +34,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from signals._kernel import det_cos, det_sin
 from signals.errors import ModelRangeError
 from signals.rotation import NO_TURN, norm, quaternion_norm
 from signals.samples import Quat, TruthState, Vec3
@@ -49,6 +49,7 @@ from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.launch import LaunchRail
 from sim.physics.scene_contact import SceneContact, deepest_contact
+from sim.physics.sliding import SlidingContact
 from sim.physics.stiffness import too_stiff, too_strong
 from sim.physics.surface_faults import SurfaceFault, VehicleFault, check_surface_faults
 from sim.physics.vehicle import Vehicle, rigid_body
@@ -187,7 +188,7 @@ class VehiclePhysics:
         self._tick = -1
 
         state = self.state
-        state[_Q] = (det_cos(0.5 * start.yaw_rad), 0.0, 0.0, det_sin(0.5 * start.yaw_rad))
+        state[_Q] = vehicle.standing_quat(start.yaw_rad)
         self._standing = start.p_WB is None
         if self._rail is not None:
             state[_P], state[_Q] = self._rail.p_WB, self._rail.q_WB
@@ -225,9 +226,10 @@ class VehiclePhysics:
         self._wheels = [force for force in forces if isinstance(force, Wheels)]
         for wheels in self._wheels:
             wheels.set_ground(start.ground_W[2])
-        self._rotors = next((force for force in forces if isinstance(force, Rotors)), None)
+        self._rotors = [force for force in forces if isinstance(force, Rotors)]  # by `Vehicle.rotor_groups`
         self._push = next((force for force in reversed(forces) if isinstance(force, Push)), None)
-        self._commands = sum(force.commands for force in forces)
+        rest = self.vehicle.rest_commands
+        self._rest = [*rest, *([0.0] * (sum(force.commands for force in forces) - len(rest)))]  # the launcher's
         self._surfaced, own = [], 0
         for force in forces:
             if isinstance(force, SurfacedForce):
@@ -243,25 +245,30 @@ class VehiclePhysics:
             steps=self._steps,
             air=self._air,
         )
-        dead_time_s = self.vehicle.rotor_constants.dead_time_s
-        if dead_time_s > 0.0:  # the rotors' commands are the first
-            self.body.delay_commands(dead_time_s=dead_time_s, first=0, count=len(self.vehicle.rotors))
+        self._groups = self.vehicle.rotor_groups
+        self._most_radps = [2.0 * constants.max_speed_radps for constants in self.vehicle.constants_of_rotors]
+        leading = self.vehicle.leading_group
+        self._blades = None if leading is None else leading.blades
+        late = [group for group in self._groups if group.constants.dead_time_s > 0.0]
+        if late:  # the rotors' commands are the first
+            count = sum(len(group.rotors) for group in late)
+            self.body.delay_commands(dead_time_s=late[0].constants.dead_time_s, first=late[0].first, count=count)
         return own
 
     @property
     def _air(self) -> tuple[float, float] | None:
         vehicle = self.vehicle
-        if not self._effects.air_density or (vehicle.rotor_model == "quadratic" and not vehicle.has_wings):
+        thin = vehicle.has_wings or any(group.model != "quadratic" for group in vehicle.rotor_groups)
+        if not self._effects.air_density or not thin:
             return None
         return self.scene.site.altitude_m, self.scene.site.warmer_k
 
     @property
     def density_ratio(self) -> float:
         """Density of the air where the vehicle is over that of its file, as `multirotor.density_ratio` at the site."""
-        blades = self.vehicle.blades
-        if blades is None:
+        if self._blades is None:
             return 1.0
-        return self.body.density_ratio() * SEA_LEVEL_KGPM3 / blades.air_density_kgpm3
+        return self.body.density_ratio() * SEA_LEVEL_KGPM3 / self._blades.air_density_kgpm3
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -419,13 +426,13 @@ class VehiclePhysics:
         """
         rotors = [0.0] * len(self.vehicle.rotors) if rotor_speed_radps is None else list(rotor_speed_radps)
         length = check_motion(p_WB, q_WB, v_WB_W, w_WB_B)
-        most_radps, limit_radps = max(rotors, default=0.0), 2.0 * self.vehicle.rotor_constants.max_speed_radps
-        if not most_radps <= limit_radps:
-            raise ValueError(f"rotor_speed_radps has the size {most_radps:g}; the model holds up to {limit_radps:g}")
         if len(rotors) != len(self.vehicle.rotors) or not all(speed >= 0.0 for speed in rotors):
             raise ValueError(
                 f"rotor_speed_radps needs a speed of 0 or more for each of {len(self.vehicle.rotors)} rotors"
             )
+        for speed_radps, most_radps in zip(rotors, self._most_radps, strict=True):
+            if not speed_radps <= most_radps:
+                raise ValueError(f"rotor_speed_radps has {speed_radps:g}; the model holds up to {most_radps:g}")
         if self._rail is not None:
             self._rail.let_go()
         self._truth[:] = 0.0
@@ -481,6 +488,7 @@ class VehiclePhysics:
         if self._battery is not None:
             self._fit_battery(0.0 if vehicle.battery is None else vehicle.battery.auxiliary_w)
         set_inertia(self._model, self._data, vehicle)
+        self._sliding = self._sliding_contact()
         self.attach(self._data)
 
     def join(self, tick: int) -> TruthState:
@@ -568,6 +576,7 @@ class VehiclePhysics:
         """Make the model of contact with a scene."""
         self._model = build_model(scene, self.vehicle, contact_step_s=self._tick_s / self.contact_substeps[self._hard])
         self._data = mujoco.MjData(self._model)
+        self._sliding = self._sliding_contact()
         self.attach(self._data)
         world = load_world(scene)
         self._solids = solid_tree(world)
@@ -578,6 +587,11 @@ class VehiclePhysics:
         if world.map.actors:
             self._actors = Actors(world, self._model, self._data, radius_m=self._radius_m, tick_ns=self.tick_ns)
             self.body.actors_remaining_m, self.body.approach_m = 0.0, self._actors.approach_m
+
+    def _sliding_contact(self) -> SlidingContact | None:
+        if not self.vehicle.has_wings:  # only wings land at flying speed
+            return None
+        return SlidingContact(self.vehicle, self._model, self._data, friction=self.scene.ground_friction)
 
     def switch_off(self) -> None:
         """Switch off everything but the rotors, so that a vehicle that only lies there does not empty its battery."""
@@ -671,21 +685,31 @@ class VehiclePhysics:
                     continue  # a later fault has replaced it
                 self._break_rotor(fault, ends=ends)
             elif fault is not None:
-                force, index, place = self._surface(fault.surface)
-                force.set_surface(index, fault.state, fault.stuck_rad(float(self._truth[place])))
+                self._break_surface(fault)
             self._events.append(PhysicsEvent(tick * self.tick_ns, kind, text))
         self._next_change = self._pending[-1].tick if self._pending else -1
 
     def _break_rotor(self, fault: RotorFault, *, ends: bool) -> None:
-        assert self._rotors is not None  # check_faults
         self._faulty[fault.rotor] = fault
-        self._rotors.set_rotor(fault.rotor, *(HEALTHY if ends else fault.rotor_state))
-        if self.vehicle.rotor_constants.motor is not None:
-            self._rotors.set_driven(fault.rotor, driven=ends or fault.driven)
+        for group, rotors in zip(self._groups, self._rotors, strict=True):
+            if fault.rotor not in group.indices:
+                continue
+            rotors.set_rotor(fault.rotor - group.first, *(HEALTHY if ends else fault.rotor_state))
+            if group.constants.motor is not None:
+                rotors.set_driven(fault.rotor - group.first, driven=ends or fault.driven)
+
+    def _break_surface(self, fault: SurfaceFault) -> None:
+        force, index, place = self._surface(fault.surface)
+        force.set_surface(index, fault.state, fault.stuck_rad(float(self._truth[place])))
+        tilt = next((tilt for tilt in self.vehicle.tilts if tilt.name == fault.surface), None)
+        if tilt is not None and fault.kind == "lost":  # its rotors with it
+            for group, rotors in zip(self._groups, self._rotors, strict=True):
+                for i in set(tilt.rotors) & set(group.indices):
+                    rotors.set_rotor(i - group.first, 0.0, 0.0, 0.0)
 
     def _surface(self, name: str) -> tuple[SurfacedForce, int, int]:
         """Return the force of a surface, the surface's index in it, and its place in the state."""
-        names = [surface.name for surface in self.vehicle.surfaces]
+        names = [servo.name for servo in self.vehicle.servos]
         index = names.index(name)
         for force, first in self._surfaced:
             if index < force.states:
@@ -730,7 +754,7 @@ class VehiclePhysics:
                 return False
         elif actors is not None:
             actors.pose_all(t_ns)
-        if not self._touches(travelled_m):
+        if not self._touches():
             self.skips.queried += 1
             if travelled_m < left_m:
                 self.body.remaining_m = left_m - travelled_m
@@ -766,32 +790,36 @@ class VehiclePhysics:
             self._hard = hard
             soften_contact(self._model, self._tick_s / self.contact_substeps[hard])
 
-    def _touches(self, travelled_m: float) -> bool:
+    def _touches(self) -> bool:
         model, data, body = self._model, self._data, self.body
-        steps = body.steps()
-        queries = max(1, math.ceil(travelled_m / (steps * self._min_sphere_radius_m)))  # per sub-step
-        for query in range(steps * queries):
-            body.pose_in_substep(query // queries, (query % queries + 1) / queries)
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_collision(model, data)
-            if data.ncon:
-                return True
+        for step in range(body.steps()):
+            queries = max(1, math.ceil(body.way_in_substep(step) / self._min_sphere_radius_m))
+            for query in range(queries):
+                body.pose_in_substep(step, (query + 1) / queries)
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_collision(model, data)
+                if data.ncon:
+                    return True
         return False
 
     def _contact_steps(self) -> bool:
         model, data, body = self._model, self._data, self.body
-        load, update, forward = body.contact_load, body.contact_update, mujoco.mj_forward
+        load, update, forward, sliding = body.contact_load, body.contact_update, mujoco.mj_forward, self._sliding
         touched, hard = False, self._hard
-        for substep in range(self.contact_substeps[hard]):
+        substeps = self.contact_substeps[hard]
+        for substep in range(substeps):
             load(substep, hard)
-            forward(model, data)
+            if sliding is None:
+                forward(model, data)
+            else:
+                sliding.forward(self._truth, self._radius_m, self._tick_s / substeps)
             touched = touched or data.ncon > 0
             update(hard)
         return touched
 
     def _settle(self) -> None:
         """Let the feet settle to their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
-        self.body.command([0.0] * self._commands)
+        self.body.command(self._rest)
         if self._actors is not None:
             self._actors.pose_all(self.start_ns)
         settle_ns = _SETTLE_ON_WHEELS_NS if self._wheels else _SETTLE_NS

@@ -30,7 +30,8 @@ _STREAM = "vibration"  # of a vehicle: its sensors share it
 
 def vibration_of(vehicle: Vehicle) -> Vibration:
     """Return the vibration that the vehicle's file declares, else the estimate from its size."""
-    constants = vehicle.rotor_constants
+    group = vehicle.leading_group
+    constants = vehicle.rotor_constants if group is None else group.constants
     return vehicle.vibration or estimate(constants.inertia_kgm2, constants.radius_m)
 
 
@@ -42,11 +43,12 @@ def vibration_arguments(vehicle: Vehicle, seed: int, place_m: Vector) -> dict[st
     orders = [1.0, *(float(vibration.blades * (k + 1)) for k in range(len(vibration.blade_pass_thrust)))]
     lanes = len(vehicle.rotors) * len(orders)
     angles = (TURN_RAD * NoiseStream(seed, _STREAM, lanes=lanes).uniform_block(0)[0]).tolist()
+    k_T = [constants.thrust_coefficient_n_per_radps2 for constants in vehicle.constants_of_rotors]
     cosine: list[float] = []
     sine: list[float] = []
     for r, rotor in enumerate(vehicle.rotors):
         for line, order in enumerate(orders):
-            c_N, s_N = _force(vehicle, vibration, rotor, line, angles[r * len(orders) + line])
+            c_N, s_N = _force(k_T[r], vibration, rotor, line, angles[r * len(orders) + line])
             (c_f, c_w), (s_f, s_w) = (_felt(vehicle, rotor, force, place_m) for force in (c_N, s_N))
             # The integral of cos h theta is sin h theta / (h O), and that of sin is -cos / (h O).
             cosine += [*c_f, *(-x / order for x in s_w)]
@@ -66,12 +68,12 @@ def vibration_arguments(vehicle: Vehicle, seed: int, place_m: Vector) -> dict[st
     }
 
 
-def _force(vehicle: Vehicle, v: Vibration, rotor: Rotor, line: int, angle: float) -> tuple[Vector, Vector]:
+def _force(k_T: float, v: Vibration, rotor: Rotor, line: int, angle: float) -> tuple[Vector, Vector]:
     """Return what multiplies O^2 cos(h theta) and O^2 sin(h theta) of a line's force [N s2], in B."""
     c, s = det_cos(angle), det_sin(angle)
     n = rotor.axis
     if line > 0:
-        size = v.blade_pass_thrust[line - 1] * vehicle.rotor_constants.thrust_coefficient_n_per_radps2
+        size = v.blade_pass_thrust[line - 1] * k_T
         return _scaled(n, size * s), _scaled(n, size * c)
     across = math.sqrt(n[1] * n[1] + n[2] * n[2])  # of x_B to the axis
     e1: Vector = (0.0, 0.0, 1.0)  # for a propeller along x_B, as in forces/rotors.cpp

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +82,7 @@ def row(seed: int, found: Recovery) -> str:
     return " | ".join([f"{seed}", *errors, *delays, f"{len(found.normal)}", outside or "none"])
 
 
-def check(seeds: range, duration_s: float) -> None:
+def check(seeds: Sequence[int], duration_s: float) -> None:
     normal: list[float] = []
     missed: dict[str, float] = {}
     for seed in seeds:
@@ -95,7 +96,8 @@ def check(seeds: range, duration_s: float) -> None:
 
 
 def test_hidden_parameters_of_two_vehicles_are_found() -> None:
-    check(range(1, 3), DURATION_S)
+    """One of few delays, and the one whose lags were 3 % off while the steps began at a delay not yet found."""
+    check((2, 18), DURATION_S)
 
 
 @pytest.mark.slow

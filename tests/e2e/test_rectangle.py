@@ -67,6 +67,8 @@ def test_run_json_follows_the_contract(flown: Path) -> None:
         "garbage_bytes": 0,
         "lost_frames": 0,
         "bad_controls": 0,
+        "unanswered": 0,
+        "repeated": 0,
     }
     contact = next(s for s in run["skipped"] if s["what"] == "contact")
     assert contact["ticks_skipped"] > contact["ticks_touching"] > 0

@@ -88,16 +88,35 @@ def test_the_wind_is_told_only_where_asked_for(make, sitl):
 
 
 def test_a_pitot_tube_is_the_airspeed_that_its_pressure_shows_and_a_vane_turns_the_wind_vane(make, sitl):
-    link = make()
+    """SITL divides the airspeed by sqrt(rho_0 / rho); at 2000 m rho is 1.00649, at sea level 1.225 kg/m3 (ISO 2533)."""
+    link = make(state_line=StateLine(home_altitude_m=2000.0))
     pitot, vane = DifferentialPressureSample(0, 0, 0, 137.8125, 20.0), VaneSample(0, 0, 0, 0.05, -0.125)
     for tick, others in enumerate([(), (pitot, vane), (), (pitot._replace(differential_pressure_pa=-3.0),)]):
-        link.observe(truth(tick, v_WB_W=(3.0, 4.0, 0.0)))
+        link.observe(truth(tick, p_WB=(10.0, 20.0, 0.25), v_WB_W=(3.0, 4.0, 0.0)))
         link.send(tick, tick * TICK_NS, IMU, None, None, None, b"", others)
         sitl.step()
         link.wait(tick, tick * TICK_NS)
     assert ["airspeed" in text for text in sitl.taken] == [False, True, True, True]
-    assert [value(text, "airspeed") for text in sitl.taken[1:]] == [[15.0], [15.0], [0.0]]  # 1.225 / 2 * 15^2 Pa
+    equivalent = [value(text, "airspeed")[0] / (1.225 / 1.00649) ** 0.5 for text in sitl.taken[1:]]
+    assert equivalent == pytest.approx([15.0, 15.0, 0.0], rel=2e-5)  # 1.225 / 2 * 15^2 Pa
     assert '"windvane":{"direction":-0.125,"speed":5}' in sitl.taken[2]
+
+
+def test_arduplanes_place_holders_at_boot_move_no_motor(make, sitl):
+    """Output 1 has 1500 us until ArduPlane sets it: half throttle to a plane whose motor is there."""
+    link = make(signed=frozenset({1}))
+    sitl.pwm = (1500, 1500, 1000, 1500) + (1000,) * 12
+    frame = fly(link, sitl, 3)
+    assert frame.controls == (0.0,) * 16
+    assert not frame.armed
+    sitl.pwm = (1000, 1500, 1000, 1500) + (1000,) * 12
+    send(link, 3)
+    sitl.step()
+    assert link.wait(3, 3 * TICK_NS).controls == (0.0, 0.0, 0.0, 0.5) + (0.0,) * 12
+    sitl.pwm = (1500, 1500, 1000, 1500) + (1000,) * 12  # from then on its own
+    send(link, 4)
+    sitl.step()
+    assert link.wait(4, 4 * TICK_NS).controls == (0.5, 0.0, 0.0, 0.5) + (0.0,) * 12
 
 
 def test_truth_of_another_tick_is_refused(make):

@@ -8,7 +8,8 @@ from firmware_bridge.links.ardupilot.sitl import (
     SPIN_MAX,
     SPIN_MIN,
     ardupilot_sitl,
-    copter_parameters,
+    loop_parameters,
+    thrust_parameters,
     write_defaults,
 )
 from firmware_bridge.links.autopilot_link import LinkTimeouts
@@ -45,16 +46,14 @@ def test_command_line(tmp_path):
     ("tick_hz", "loop_hz"), [(250, 125), (333, 166), (400, 200), (500, 250), (800, 400), (1000, 333), (1200, 400)]
 )
 def test_loop_rate_leaves_enough_gyro_samples_for_arming(tick_hz, loop_hz):
-    parameters = copter_parameters(hover_control=0.598, thrust_model_factor=1.0, tick_hz=tick_hz)
+    parameters = loop_parameters(tick_hz)
     assert parameters["SCHED_LOOP_RATE"] == loop_hz
     assert parameters["SIM_RATE_HZ"] == tick_hz
     assert tick_hz >= 1.8 * loop_hz
 
 
 def test_parameters_fit_the_vehicle(tmp_path):
-    parameters = copter_parameters(
-        hover_control=0.598, thrust_model_factor=1.0, tick_hz=400, more={"LOG_DISARMED": 1, "MOT_SPIN_ARM": 0.05}
-    )
+    parameters = thrust_parameters(0.598, 1.0) | {"LOG_DISARMED": 1, "MOT_SPIN_ARM": 0.05}
     # d / (d + 2 SPIN_MIN) with d = SPIN_MAX - SPIN_MIN (`thrust_expo` with a factor of 1)
     assert parameters["MOT_THST_EXPO"] == pytest.approx(8 / 11, abs=1e-6)
     assert parameters["MOT_THST_HOVER"] == pytest.approx(
@@ -70,9 +69,9 @@ def test_parameters_fit_the_vehicle(tmp_path):
     assert (read["MOT_SPIN_MIN"], read["MOT_SPIN_MAX"]) == (SPIN_MIN, SPIN_MAX)
     assert (read["LOG_DISARMED"], read["MOT_SPIN_ARM"]) == (1, 0.05)
     # Hover throttle is limited to ArduPilot's range.
-    assert copter_parameters(hover_control=0.9, thrust_model_factor=1.0, tick_hz=400)["MOT_THST_HOVER"] == 0.6875
+    assert thrust_parameters(0.9, 1.0)["MOT_THST_HOVER"] == 0.6875
     with pytest.raises(LinkError, match="too slow"):
-        copter_parameters(hover_control=0.5, thrust_model_factor=1.0, tick_hz=90)
+        loop_parameters(90)
 
 
 def test_wrong_settings_are_named(tmp_path):

@@ -418,11 +418,11 @@ def test_command_line_and_parameters(tmp_path):
     for wire in wires:
         wire.close()
     assert argv[argv.index("--model") + 1] == "quad"
-    found = sitl_parameters(hover_control=0.5, thrust_model_factor=1.0, tick_hz=400, more={"FENCE_ENABLE": 1.0})
+    found = sitl_parameters({"FRAME_CLASS": 1.0}, tick_hz=400, more={"FENCE_ENABLE": 1.0})
     assert found["EAHRS_RATE"] == 400
     assert found["SCHED_LOOP_RATE"] == 200
     assert (found["SERIAL4_PROTOCOL"], found["COMPASS_DEV_ID"], found["INS_ACC_ID"]) == (36, 38, 3277350)
-    assert found["FENCE_ENABLE"] == 1.0
+    assert (found["FRAME_CLASS"], found["FENCE_ENABLE"]) == (1.0, 1.0)
     assert "SIM_RATE_HZ" not in found
     with pytest.raises(LinkError, match="Canberra"):
         arducopter_on_ptys(build, *wires, **(usual | {"home": (0.0, 0.0, 0.0, 0.0)}))()

@@ -1,9 +1,11 @@
 """The lockstep link against a scripted autopilot: in memory and over a pty."""
 
+import dataclasses
 import random
 import sys
 
 import pytest
+from pymavlink.dialects.v20 import common
 
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameParser
@@ -14,6 +16,7 @@ from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from signals.errors import HandshakeError, LockstepLost
+from signals.samples import DifferentialPressureSample
 from tests.worlds import scripted_autopilot as fake
 from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG
 
@@ -97,6 +100,24 @@ def test_one_write_holds_extra_then_gps_then_sensor(scripted):
     assert [f.msgid for f in FrameParser().feed(sent)] == [MSGID["HIL_GPS"], MSGID["HIL_SENSOR"]]
 
 
+@pytest.mark.parametrize("taken", [True, False])
+def test_the_temperature_of_a_pitot_is_kept_for_an_autopilot_that_takes_it_for_the_airs(taken):
+    """PX4 makes true airspeed of it; the pitot's samples and the barometer's come in different ticks."""
+    caps = dataclasses.replace(CAPS, air_temperature=taken)
+    link = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT)), caps)
+    link.open()
+    pitots = [[], [DifferentialPressureSample(0, 0, 0, 200.0, 11.5)], [], [], []]
+    degc = []
+    for tick, ranging in enumerate(pitots):
+        sent = link.send(tick, tick * TICK_NS, IMU, MAG, BARO, None, b"", ranging)
+        link.wait(tick, tick * TICK_NS)
+        (sensor,) = FrameParser().feed(sent)
+        degc.append(common.MAVLink(None).decode(bytearray(sensor.raw)).temperature)
+    link.close()
+    own = BARO.temperature_degc
+    assert degc == pytest.approx([own] + 4 * [11.5] if taken else 5 * [own])
+
+
 def test_memory_and_pty_carry_the_same_bytes():
     logs = []
     for link in (in_memory(), over_pty()):
@@ -146,6 +167,49 @@ def test_a_second_answer_ends_the_next_tick(scripted):
     fly(link, BOOT + 5)
     with pytest.raises(LockstepLost, match="late, or twice"):
         fly(link, 1, first=BOOT + 5)
+
+
+@pytest.fixture
+def uneven():
+    """Yield a function that opens a link to one that may answer a tick twice or not at all, as PX4's VTOLs do."""
+    links = []
+
+    def make(fault):
+        transport = PtyTransport()
+
+        def start():
+            options = ["--boot-sensors", str(BOOT), "--fault", fault]
+            return ChildProcess([sys.executable, fake.__file__, "--port", transport.far_path, *options])
+
+        caps = dataclasses.replace(CAPS, uneven_answers=True)
+        links.append(LockstepLink(transport, caps, start_process=start, timeouts=LinkTimeouts(reply_s=3.0)))
+        links[0].open()
+        return links[0]
+
+    yield make
+    links[0].close()
+
+
+def test_a_second_answer_is_left_out_where_the_autopilot_may_give_one(uneven):
+    log = fly(link := uneven("twice"), 30)
+    assert all(answer is not None for _, answer, _ in log[BOOT:])
+    assert (link.stats.repeated, link.stats.unanswered) == (1, 0)
+
+
+@pytest.mark.parametrize("fault", ["damaged", "silent"])
+def test_a_tick_without_an_answer_holds_the_command_where_the_autopilot_may_leave_one_out(uneven, fault):
+    link = uneven(fault)
+    answers = [answer for _, answer, _ in fly(link, 30)[BOOT:]]
+    assert answers[4].controls == answers[3].controls
+    assert answers[4].tick == answers[3].tick + 1
+    assert (link.stats.repeated, link.stats.unanswered) == (0, 1)
+
+
+def test_an_autopilot_that_leaves_out_more_than_single_ticks_is_lost(uneven):
+    link = uneven("hang")
+    with pytest.raises(LockstepLost, match="no bytes came"):
+        fly(link, 30)
+    assert link.stats.unanswered == 3
 
 
 def test_a_wrong_boot_length_in_the_rig_is_named():

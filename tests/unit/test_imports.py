@@ -26,6 +26,7 @@ FLOORS: dict[str, Sequence[str]] = {
             "vehicles",
             "loading",
             "checks airframe_facts",
+            "vtol_facts",
             "companion formation multirotor_facts fixed_wing_facts",
             "bench scenes windsock",
         ),

@@ -52,6 +52,7 @@ _FIRMWARE = {
     "old/px4": b"SYS_AUTOSTART",
     "new/px4": b"SYS_AUTOSTART",
     "ardupilot/build/sitl/bin/arducopter": b"ArduCopter V4.7",
+    "ardupilot/build/sitl/bin/arduplane": b"ArduPlane V4.7",
 }
 _CAMPAIGN = "bench: hil.yaml\nsettings: {duration_s: 1, mission: null}\nrecheck: 0\naxes: {seed: [1, 2]}\n"
 _YARD = """<mujoco><asset><material name="plaster"/><material name="foil"/></asset><worldbody>
@@ -82,7 +83,7 @@ def make_folder(folder: Path) -> None:
         (folder / name).symlink_to(ROOT / name)
     for name, marker in _FIRMWARE.items():
         path = folder / name
-        path.parent.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"\x7fELF" + bytes(14) + struct.pack("<H", 62) + marker)
         path.chmod(0o755)
     for name in ("yard.glb", "quarter.osm"):

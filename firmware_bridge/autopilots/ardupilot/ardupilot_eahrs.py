@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, as_copter, frame_misfits, frame_parameters
+from firmware_bridge.autopilots.ardupilot import plane
+from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import EXTERNAL_AHRS
+from firmware_bridge.autopilots.ardupilot.vehicle_parameters import base_file, vehicle_parameters
 from firmware_bridge.autopilots.installation import Installation, Surroundings
 from firmware_bridge.autopilots.line import Line
 from firmware_bridge.autopilots.profile import Profile
@@ -15,6 +17,9 @@ from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.transports.transport import Transport
 from signals.errors import PortNotFound
 
+# A VectorNav has no airspeed: a plane flies by its speed over ground and the wind that it estimates.
+_NO_AIRSPEED = {"ARSPD_TYPE": 0.0, "ARSPD_USE": 0.0}
+
 
 def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
     """Make the link, to `autopilot.binary` on pseudo-terminals or to the board on `autopilot.port`."""
@@ -22,7 +27,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     from firmware_bridge.links.ardupilot.external_ahrs import ExternalAhrsLink  # loads multiprocessing
     from firmware_bridge.links.ardupilot.vectornav_stream import InsErrors
 
-    settings, vehicle = installation.settings, as_copter(installation.vehicle)
+    settings, vehicle = installation.settings, installation.vehicle
     sensor: Transport
     mavlink: Transport
     start = None
@@ -35,11 +40,9 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
             home=installation.home,
             instance=settings.instance,
             parameters=sitl_parameters(
-                hover_control=vehicle.hover_control,
-                thrust_model_factor=vehicle.thrust_model_factor,
-                tick_hz=installation.tick_hz,
-                more=frame_parameters(vehicle) | settings.params,
+                vehicle_parameters(vehicle), tick_hz=installation.tick_hz, more=_NO_AIRSPEED | settings.params
             ),
+            base=base_file(vehicle),
         )
     else:
         if settings.port is None:
@@ -77,6 +80,8 @@ PROFILE = Profile(
     lockstep=False,
     keys=frozenset({"binary", "arguments", "port", "mavlink_port"}),
     program=replace(PROGRAM, always=False),
+    plane_program=replace(plane.PROGRAM, always=False),
+    flies_planes=True,
     board_ports=("port", "mavlink_port"),
     usb_port="mavlink_port",  # its sensor data comes on a second port
     # A board tells its own frame.

@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, as_copter, frame_misfits, frame_parameters
+from firmware_bridge.autopilots.ardupilot import plane
+from firmware_bridge.autopilots.ardupilot.copter import PROGRAM, frame_misfits
 from firmware_bridge.autopilots.ardupilot.firmware import ARDUPILOT
 from firmware_bridge.autopilots.ardupilot.sensors import SITL
+from firmware_bridge.autopilots.ardupilot.vehicle_parameters import base_file, build_name, vehicle_parameters
 from firmware_bridge.autopilots.installation import WORK_FOLDER, Home, Installation, Surroundings
 from firmware_bridge.autopilots.profile import Profile, StartCommand
 from firmware_bridge.ground_station.projections import GeodeticFromW, Place, ardupilot_sitl_world
@@ -18,8 +20,8 @@ from firmware_bridge.links.ardupilot.json_link import StateLine
 from firmware_bridge.links.ardupilot.sitl import (
     TCP_PORT,
     ardupilot_sitl,
-    copter_parameters,
     hand_start_command,
+    loop_parameters,
     write_defaults,
 )
 from firmware_bridge.links.autopilot_link import AutopilotLink
@@ -35,7 +37,7 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     settings: dict[str, Any] = {
         "instance": own.instance,
         "on_restart": own.on_restart,
-        "state_line": StateLine(installation.gravity_mps2, installation.windy),
+        "state_line": StateLine(installation.gravity_mps2, installation.windy, installation.home[2]),
         "signed": installation.signed_controls,
         "on_event": around.on_event,
         "timeouts": limits if own.on_restart == "error" else replace(limits, reply_s=math.inf),
@@ -43,9 +45,10 @@ def make_link(installation: Installation, around: Surroundings) -> AutopilotLink
     if not own.start:
         return ardupilot_sitl(home=installation.home, mavlink=_mavlink_address(installation), **settings)
     return ardupilot_sitl(
-        build=around.build(own, log=f"{WORK_FOLDER}/arducopter.log"),
+        build=around.build(own, log=f"{WORK_FOLDER}/{build_name(installation.vehicle)}.log"),
         home=installation.home,
         parameters=_vehicle_parameters(installation),
+        base=base_file(installation.vehicle),
         **settings,
     )
 
@@ -58,13 +61,8 @@ def _mavlink_address(installation: Installation) -> str:
 
 def _vehicle_parameters(installation: Installation) -> dict[str, float]:
     """Return the parameters of this vehicle, its sensors and the tick, with those of the bench over them."""
-    vehicle, sensors = as_copter(installation.vehicle), dict(installation.sensor_parameters)
-    return copter_parameters(
-        hover_control=vehicle.hover_control,
-        thrust_model_factor=vehicle.thrust_model_factor,
-        tick_hz=installation.tick_hz,
-        more=frame_parameters(vehicle) | sensors | installation.settings.all_params,
-    )
+    own = vehicle_parameters(installation.vehicle) | loop_parameters(installation.tick_hz)
+    return own | dict(installation.sensor_parameters) | installation.settings.all_params
 
 
 def start_command(installation: Installation, folder: Path) -> StartCommand:
@@ -74,11 +72,11 @@ def start_command(installation: Installation, folder: Path) -> StartCommand:
     """
     settings, path = installation.settings, folder / _DEFAULTS_NAME
     try:
-        defaults = write_defaults(path, _vehicle_parameters(installation))
+        defaults = write_defaults(path, _vehicle_parameters(installation), base_file(installation.vehicle))
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written ({error.strerror or error})") from error
     argv = hand_start_command(
-        "arducopter" if settings.binary is None else Path(settings.binary).expanduser().resolve(),
+        build_name(installation.vehicle) if settings.binary is None else Path(settings.binary).expanduser().resolve(),
         home=installation.home,
         defaults=defaults,
         instance=settings.instance,
@@ -107,6 +105,9 @@ PROFILE = Profile(
     lockstep=True,
     keys=frozenset({"binary", "arguments", "mavlink_port", "on_restart", "params_file"}),
     program=PROGRAM,
+    flies_planes=True,
+    flies_vtols=True,
+    plane_program=plane.PROGRAM,
     vehicle_misfits=lambda settings, vehicle: frame_misfits(vehicle),  # noqa: ARG005
     wall_clock_telemetry=True,
     line=None,  # of its link only MAVLink has frames

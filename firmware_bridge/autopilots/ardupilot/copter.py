@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from firmware_bridge.autopilots.installation import FixedWing, Multirotor
+from firmware_bridge.autopilots.installation import Aircraft, FixedWing, Multirotor, Vtol
 from firmware_bridge.autopilots.profile import Misfit, Program
 from firmware_bridge.links.ardupilot.frames import Frame, frame_names, frame_of
 from signals.errors import LinkError
 
 PROGRAM = Program(
     "ArduCopter",
-    b"ArduCopter",
+    b"ArduCopter V",  # ArduPlane has the name alone, too
     "`./waf configure --board sitl && ./waf copter` in ardupilot makes build/sitl/bin/arducopter",
 )
 _LEAST_UPRIGHT = 0.9  # vertical part of an axis: the rotors of ArduPilot's frames are upright
@@ -24,13 +24,6 @@ def frame_for(vehicle: Multirotor) -> Frame | None:
     return frame_of([(rotor.position_m[0], rotor.position_m[1], rotor.spin) for rotor in vehicle.rotors])
 
 
-def as_copter(vehicle: Multirotor | FixedWing) -> Multirotor:
-    """Return the vehicle as ArduCopter flies it. LinkError for a plane."""
-    if isinstance(vehicle, FixedWing):
-        raise LinkError("ardupilot", f"is ArduCopter here, which does not fly a plane such as {vehicle.name!r}")
-    return vehicle
-
-
 def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     """Return the parameters of ArduCopter's frame for the rotors. LinkError if it has none."""
     frame = frame_for(vehicle)
@@ -39,14 +32,14 @@ def frame_parameters(vehicle: Multirotor) -> dict[str, float]:
     return frame.parameters()
 
 
-def frame_misfits(vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:
-    """Report a vehicle with rotors for which ArduCopter has no frame."""
+def frame_misfits(vehicle: Aircraft) -> Sequence[Misfit]:
+    """Report a vehicle with rotors, or lifters, for which ArduPilot has no frame."""
     if isinstance(vehicle, FixedWing):
-        message = f"is a plane, which ArduCopter does not fly: {vehicle.name!r}"
-        return (Misfit(("vehicle",), message, "choose --rig mock or --rig px4_sitl"),)
-    if frame_for(vehicle) is not None:
         return ()
-    count = len(vehicle.rotors)
+    lifting = vehicle.hover if isinstance(vehicle, Vtol) else vehicle
+    if frame_for(lifting) is not None:
+        return ()
+    count = len(lifting.rotors)
     message = f"has rotors for which ArduCopter has no frame: {vehicle.name!r} with {count}"
     hint = f"of so many motors it has {', '.join(frame_names(count)) or 'none'}, with upright rotors"
     return (Misfit(("vehicle",), message, hint),)

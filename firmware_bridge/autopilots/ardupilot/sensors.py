@@ -22,7 +22,7 @@ In both links a missing sample leaves the last one standing where no message is 
 be a freeze. A VectorNav's IMU packet carries compass and barometer, the JSON state IMU, range and airspeed. A VectorNav
 has no airspeed and no vane: on a board ArduPilot reads those from drivers of their own.
 
-SITL makes the pressure of its airspeed sensor from the equivalent airspeed in the JSON state (sitl_airspeed.cpp); the
+SITL makes the pressure of its airspeed sensor from the true airspeed in the JSON state (sitl_airspeed.cpp); the
 vane is the wind vane of boats, read with WNDVN_TYPE 11, which a plane does not have.
 """
 

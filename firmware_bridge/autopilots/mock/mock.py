@@ -6,23 +6,24 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 
-from firmware_bridge.autopilots.installation import LOG_NAME, FixedWing, Installation, Multirotor, Surroundings
+from firmware_bridge.autopilots.installation import LOG_NAME, Aircraft, FixedWing, Installation, Surroundings, Vtol
 from firmware_bridge.autopilots.mock.firmware import MOCK
 from firmware_bridge.autopilots.mock.sensors import FAULTS, SENSORS
 from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.profile import Misfit, Profile
 from firmware_bridge.autopilots.px4.rotor_parameters import BASE_AIRFRAME, matching_airframe, mock_parameters
+from firmware_bridge.autopilots.px4.vtol_parameters import vtol_parameters
 from firmware_bridge.autopilots.px4.wing_parameters import plane_parameters
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
-from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes, is_plane
+from firmware_bridge.mock_pixhawk.flight.mission_item import PLANE_SUPPORTED, SUPPORTED, VTOL_SUPPORTED
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframe_kind, airframes
 from firmware_bridge.transports.transport import Transport
 from signals.documents.validate import nearest
 
 MOCK_BOOT_SENSORS = 20
-PLANE_AIRFRAME = "plane"  # whose surfaces and gains the vehicle's replace
+PLANE_AIRFRAME, VTOL_AIRFRAME = "plane", "standard_vtol"  # whose surfaces and gains the vehicle's replace
 
 
 def make_link(installation: Installation, around: Surroundings) -> AutopilotLink:
@@ -110,19 +111,23 @@ def airframe_and_params(installation: Installation, rotors: Mapping[str, float] 
     with `rotors` over them.
     """
     settings, vehicle = installation.settings, installation.vehicle
-    plane = isinstance(vehicle, FixedWing)
-    known = _table() if plane else _multirotor_table()
+    known = _table_of(vehicle)
     params = {name: value for name, value in settings.params_of_file.items() if name in known} | settings.params
     airframe = settings.airframe
-    if isinstance(vehicle, FixedWing):
-        if airframe is None:
-            known_wings = plane_parameters(vehicle) | wheel_parameters(vehicle)
-            airframe, params = PLANE_AIRFRAME, known_wings | dict(rotors or {}) | params
-    else:
-        airframe = airframe or matching_airframe(vehicle)
-        if airframe is None:
-            airframe, params = BASE_AIRFRAME, mock_parameters(vehicle) | dict(rotors or {}) | params
+    if airframe is None:
+        airframe, own = _airframe_of(vehicle)
+        params = own | (dict(rotors or {}) if own else {}) | params
     return airframe, [f"{name}={value!r}" for name, value in params.items()]
+
+
+def _airframe_of(vehicle: Aircraft) -> tuple[str, dict[str, float]]:
+    """Return the mock's airframe for a vehicle, and the parameters that make it the vehicle."""
+    if isinstance(vehicle, Vtol):
+        return VTOL_AIRFRAME, vtol_parameters(vehicle)
+    if isinstance(vehicle, FixedWing):
+        return PLANE_AIRFRAME, plane_parameters(vehicle) | wheel_parameters(vehicle)
+    airframe = matching_airframe(vehicle)
+    return (BASE_AIRFRAME, mock_parameters(vehicle)) if airframe is None else (airframe, {})
 
 
 def _system_id(settings: AutopilotSettings) -> int | None:
@@ -130,8 +135,19 @@ def _system_id(settings: AutopilotSettings) -> int | None:
     return settings.system_id if settings.instance else None
 
 
+def _table_of(vehicle: Aircraft) -> ParamTable:
+    if isinstance(vehicle, Vtol):
+        return _table()
+    return _plane_table() if isinstance(vehicle, FixedWing) else _multirotor_table()
+
+
 @cache
 def _table() -> ParamTable:
+    return ParamTable.of_firmware(hitl=True, plane=True, vtol=True)
+
+
+@cache
+def _plane_table() -> ParamTable:
     return ParamTable.of_firmware(hitl=True, plane=True)
 
 
@@ -165,25 +181,34 @@ def misfits(settings: AutopilotSettings) -> Sequence[Misfit]:
     return found
 
 
-def vehicle_misfits(settings: AutopilotSettings, vehicle: Multirotor | FixedWing) -> Sequence[Misfit]:
-    """Report an airframe with other rotors than the vehicle, or parameters of a plane for a multirotor."""
-    if isinstance(vehicle, FixedWing):
-        if settings.airframe is None or is_plane(settings.airframe):
-            return ()
-        message = f"is {settings.airframe!r}, a multirotor, but the vehicle {vehicle.name!r} is a plane"
-        return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's surfaces are then taken"),)
-    if settings.airframe is not None and is_plane(settings.airframe):
-        message = f"is {settings.airframe!r}, a plane, but the vehicle {vehicle.name!r} is a multirotor"
-        return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's rotors are then taken"),)
-    wrong = [name for name in settings.params if name in _table() and name not in _multirotor_table()]
+def vehicle_misfits(settings: AutopilotSettings, vehicle: Aircraft) -> Sequence[Misfit]:
+    """Report an airframe of another kind or with other rotors than the vehicle, or parameters of another kind."""
+    kind = _kind_of(vehicle)
+    if settings.airframe is not None and (other := airframe_kind(settings.airframe)) != kind:
+        message = f"is {settings.airframe!r}, a {other}, but the vehicle {vehicle.name!r} is a {kind}"
+        has = "rotors" if kind == "multirotor" else "surfaces"
+        return (Misfit(("autopilot", "airframe"), message, f"leave it out: the vehicle's {has} are then taken"),)
+    wrong = [name for name in settings.params if name in _table() and name not in _table_of(vehicle)]
     if wrong:
-        message = f"is a parameter of a plane, and the vehicle {vehicle.name!r} is a multirotor"
+        message = f"is a parameter of a {_owner(wrong[0])}, and the vehicle {vehicle.name!r} is a {kind}"
         return tuple(Misfit(("autopilot", "params", name), message, "leave it out") for name in wrong)
+    if isinstance(vehicle, FixedWing | Vtol):
+        return ()
     count = len(vehicle.rotors)
     if settings.airframe is None or count == 4:
         return ()
     message = f"is {settings.airframe!r}, a quadrotor, but the vehicle {vehicle.name!r} has {count} rotors"
     return (Misfit(("autopilot", "airframe"), message, "leave it out: the vehicle's rotors are then taken"),)
+
+
+def _kind_of(vehicle: Aircraft) -> str:
+    if isinstance(vehicle, Vtol):
+        return "VTOL"
+    return "plane" if isinstance(vehicle, FixedWing) else "multirotor"
+
+
+def _owner(name: str) -> str:
+    return "plane" if name in _plane_table() else "VTOL"
 
 
 PROFILE = Profile(
@@ -199,5 +224,7 @@ PROFILE = Profile(
     vehicle_misfits=vehicle_misfits,
     expects_station=False,
     flies_planes=True,
+    flies_vtols=True,
     plane_items=frozenset(PLANE_SUPPORTED - SUPPORTED),
+    vtol_items=frozenset(VTOL_SUPPORTED - PLANE_SUPPORTED),
 )

@@ -45,7 +45,7 @@ def hitl_link(
 
     return FreeRunningLink(
         around.wrap(transport),
-        LinkCaps(installation.settings.kind, lockstep=False, deterministic=False, boot_sensors=0),
+        LinkCaps(installation.settings.kind, lockstep=False, deterministic=False, boot_sensors=0, air_temperature=True),
         motors=command_count(installation.vehicle),
         params=params,
         start_process=start,

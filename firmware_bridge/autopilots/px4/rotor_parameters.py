@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from firmware_bridge.autopilots.installation import Multirotor
-from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframes, is_plane
+from firmware_bridge.mock_pixhawk.parameters.params import ParamTable, airframe_kind, airframes
 from signals.units import STANDARD_GRAVITY_MPS2
 
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
@@ -49,7 +49,7 @@ def geometry_parameters(vehicle: Multirotor) -> dict[str, float]:
     values: dict[str, float] = {"CA_ROTOR_COUNT": len(vehicle.rotors)}
     for i, rotor in enumerate(vehicle.rotors):
         (x, y, z), (ax, ay, az), share = rotor.position_m, rotor.axis, rotor.thrust_share
-        km = rotor.spin * vehicle.moment_ratio_m / share
+        km = rotor.spin * rotor.moment_ratio_m / share
         place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": _CT * share, "KM": km}
         values |= {f"CA_ROTOR{i}_{key}": round(value, 6) + 0.0 for key, value in place.items()}
     return values
@@ -107,7 +107,7 @@ def matching_airframe(vehicle: Multirotor) -> str | None:
     """Return the mock's airframe that has these rotors; None if there is none."""
     wanted = geometry_parameters(vehicle)
     for name in airframes():
-        if is_plane(name):
+        if airframe_kind(name) != "multirotor":
             continue
         table = _airframe_table(name)
         if table["CA_ROTOR_COUNT"] == wanted["CA_ROTOR_COUNT"] and all(

@@ -15,10 +15,11 @@ w is three times 1 / FW_R_TC, the attitude loop outside. No gain is below a tent
 
 from __future__ import annotations
 
-from math import degrees
+from math import degrees, pi, radians, sin, sqrt, tan
 
 from firmware_bridge.autopilots.installation import FixedWing, Surface
 from firmware_bridge.mock_pixhawk.plane.npfg import track_error_bound_m
+from signals.units import STANDARD_GRAVITY_MPS2
 
 _RATE_BANDWIDTH = 7.5  # 1/s
 _SERVED = 0.05  # share of the strongest surface below which one does not serve an axis
@@ -27,13 +28,21 @@ _LEFT_ELEVON, _RIGHT_ELEVON, _LEFT_AILERON, _RIGHT_AILERON = 5, 6, 1, 2
 _ELEVATOR, _RUDDER, _LEFT_V, _RIGHT_V, _ANY = 3, 4, 7, 8, 12
 _FIRST_SERVO = 201
 _CLIMB_SHARE = 0.8  # of what the engine could: TECS keeps some for speed
-_TAKEOFF = 1.5  # airspeed of the climb over the stall
 LAUNCH_MPS2 = 12.0  # forward acceleration of a launch; PX4's 30 is more than a hand has
 ROTATION = 1.15  # airspeed at which the nose rises on the runway, over the stall
 _WHEEL_GAINS = 1.0, 0.5  # of the yaw rate: PX4's 0.5 and 0.1 let a tail wheel turn into the wind by 12 degrees
 _TOUCHDOWN_S = 2.0  # after the beginning of the flare
 _STEERING_WHEEL = 440  # output function "Landing_Gear_Wheel"
-_NPFG_PERIOD_S, _NPFG_DAMPING, _SWITCH = 10.0, 0.7, 0.32  # PX4's NPFG_PERIOD, NPFG_DAMPING and NPFG_SW_DST_MLT
+_STEADY_CLIMB = 0.6  # of what the engine could, in PX4's climb off a catapult
+_TAKEOFF, _APPROACH = 1.5, 1.3  # airspeeds of the climb and of the approach over the stall
+_WIND = 0.5  # of the cruise airspeed, the strongest that is expected
+_GUST_MPS = 0.5  # up or down near the ground: a tenth of a wind of 5 m/s (MIL-F-8785C)
+_FLARE_S = 0.5  # FW_LND_FL_TIME, half of PX4's: while it runs PX4 lowers the nose
+_SEA_LEVEL_KGPM3 = 1.225
+# PX4's defaults: NPFG_PERIOD and NPFG_DAMPING; FW_R_LIM, FW_R_TC and FW_R_RMAX; FW_P_TC and FW_LND_ANG.
+_NPFG_PERIOD_S, _NPFG_DAMPING = 10.0, 0.7
+_BANK_DEG, _ROLL_S, _ROLL_DEGPS = 50.0, 0.4, 70.0
+_PITCH_S, _SLOPE_DEG = 0.4, 5.0
 
 
 def torques_frd_nm(surface: Surface) -> tuple[float, float, float]:
@@ -46,7 +55,7 @@ def full_torques_nm(vehicle: FixedWing) -> tuple[float, float, float]:
     return _full(vehicle, 0), _full(vehicle, 1), _full(vehicle, 2)
 
 
-def _served(vehicle: FixedWing, axis: int) -> list[float]:
+def served_torques_nm(vehicle: FixedWing, axis: int) -> list[float]:
     """Return the torque of every surface about an axis; 0 for those that hardly act on it."""
     torques = [torques_frd_nm(surface)[axis] for surface in vehicle.surfaces]
     most = max((abs(t) for t in torques), default=0.0)
@@ -59,7 +68,7 @@ _OWN = 0.2  # of the surface's strongest torque
 
 
 def _full(vehicle: FixedWing, axis: int) -> float:
-    return sum(abs(t) for t in _served(vehicle, axis))
+    return sum(abs(t) for t in served_torques_nm(vehicle, axis))
 
 
 def surface_parameters(vehicle: FixedWing) -> dict[str, float]:
@@ -68,7 +77,7 @@ def surface_parameters(vehicle: FixedWing) -> dict[str, float]:
     shares = {}
     for letter, axis, _ in _AXES:
         full = _full(vehicle, axis)
-        shares[letter] = [t / full if full > 0.0 else 0.0 for t in _served(vehicle, axis)]
+        shares[letter] = [t / full if full > 0.0 else 0.0 for t in served_torques_nm(vehicle, axis)]
     for i in range(len(vehicle.surfaces)):
         roll, pitch, yaw = (shares[letter][i] for letter in "RPY")
         values[f"CA_SV_CS{i}_TYPE"] = _type(roll, pitch, yaw, vehicle.surfaces[i].name)
@@ -96,7 +105,8 @@ def trims(vehicle: FixedWing) -> tuple[float, float, float]:
     out = []
     for _, axis, _ in _AXES:
         full = _full(vehicle, axis)
-        torque = sum(t * s.trim for t, s in zip(_served(vehicle, axis), vehicle.surfaces, strict=True))
+        served = served_torques_nm(vehicle, axis)
+        torque = sum(t * s.trim for t, s in zip(served, vehicle.surfaces, strict=True))
         out.append(min(max(torque / full, -0.5), 0.5) if full > 0.0 else 0.0)
     return out[0], out[1], out[2]
 
@@ -163,17 +173,73 @@ def plane_parameters(vehicle: FixedWing) -> dict[str, float]:
     return values
 
 
+def calibration(vehicle: FixedWing) -> float:
+    """Return calibrated over true airspeed, sqrt(rho / rho0): PX4's airspeeds are calibrated."""
+    return sqrt(vehicle.density_kgpm3 / _SEA_LEVEL_KGPM3)
+
+
 def px4_parameters(vehicle: FixedWing) -> dict[str, float]:
-    """Return what PX4 needs beside `plane_parameters`, and the mock does not."""
-    # PX4 climbs off the catapult as steeply as it can at FW_TKO_AIRSPD, and its default is the slowest airspeed: the
-    # change to the first leg takes a tenth of it. 1.17 begins a leg at NAV_ACC_RAD, NPFG's distance no longer reaches
-    # its navigator. Without a range finder it would break off every landing.
+    """Return what PX4 needs over `plane_parameters`, and the mock does not."""
+    own = flight_parameters(vehicle)
+    # PX4 multiplies throttle and sink of level flight by sqrt(rho0 / rho), the throttle by 1 at least.
+    calibrated = calibration(vehicle)
+    values = {name: own[name] * calibrated for name in own if name.startswith("FW_AIRSPD_")}
+    values["FW_THR_TRIM"] = own["FW_THR_TRIM"] * min(calibrated, 1.0)
+    values["FW_T_SINK_MIN"] = own["FW_T_SINK_MIN"] * calibrated
+    # Off the catapult PX4 holds FW_T_CLMB_MAX at FW_TKO_AIRSPD, and gives airspeed for it: its share of what the engine
+    # can is what gusts leave. Its default of FW_TKO_AIRSPD is the slowest airspeed.
+    values["FW_T_CLMB_MAX"] = max(min(_STEADY_CLIMB * vehicle.climb_mps, 8.0), 1.0)
     takeoff_mps = min(max(vehicle.glide_mps, _TAKEOFF * vehicle.stall_mps), vehicle.cruise_mps)
-    switch_m = _SWITCH * track_error_bound_m(vehicle.cruise_mps, _NPFG_PERIOD_S, _NPFG_DAMPING)
-    values = {"FW_TKO_AIRSPD": takeoff_mps, "NAV_ACC_RAD": switch_m, "FW_LND_ABORT": 0.0}
+    values["FW_TKO_AIRSPD"] = takeoff_mps * calibrated
+    switch = _switch(vehicle.cruise_mps)
+    # 1.17 begins a leg at NAV_ACC_RAD or, if it is nearer, at NPFG's switch distance, which grows with the speed over
+    # ground: NAV_ACC_RAD is that of the strongest wind from behind.
+    fastest_mps = (1.0 + _WIND) * vehicle.cruise_mps
+    values["NPFG_SW_DST_MLT"] = switch
+    values["NAV_ACC_RAD"] = switch * track_error_bound_m(fastest_mps, _NPFG_PERIOD_S, _NPFG_DAMPING)
+    values |= _landing(vehicle, calibrated)
     if vehicle.wheels:  # after the flare it takes the pitch RWTO_PSP: a tail wheel off the ground does not steer
         values["FW_LND_TD_TIME"] = _TOUCHDOWN_S
     return {name: float(f"{value:.4g}") for name, value in values.items()}
+
+
+def _switch(cruise_mps: float) -> float:
+    """Return NPFG_SW_DST_MLT, with which PX4 turns a right-angled corner in the strongest wind from behind.
+
+        d = V^2 / a + W (pi/2) V / a + (V + W) t,  a = g tan(FW_R_LIM),  t = FW_R_TC + FW_R_LIM / FW_R_RMAX
+
+    V: cruise, W: wind. The radius of the turn in the air, what the wind adds meanwhile, and the time to roll into it.
+    """
+    wind_mps = _WIND * cruise_mps
+    turn_mps2 = STANDARD_GRAVITY_MPS2 * tan(radians(_BANK_DEG))
+    roll_s = _ROLL_S + _BANK_DEG / _ROLL_DEGPS
+    turn_m = (cruise_mps + 0.5 * pi * wind_mps) * cruise_mps / turn_mps2
+    ahead_m = turn_m + (cruise_mps + wind_mps) * roll_s
+    return ahead_m / track_error_bound_m(cruise_mps + wind_mps, _NPFG_PERIOD_S, _NPFG_DAMPING)
+
+
+def _landing(vehicle: FixedWing, calibrated: float) -> dict[str, float]:
+    """Return airspeed, height and times of the approach and the flare, without a range finder.
+
+    For FW_LND_FL_TIME T PX4 keeps the sink rate w and closes the throttle, in a second T w falls as 1 - sqrt(t / T);
+    the pitch follows with FW_P_TC, and lift beyond the weight, at most 0.3 g, stops what is left:
+
+        FW_LND_FLALT = w (4/3 T + FW_P_TC) + w^2 / (2 * 0.3 g),   w = V sin(FW_LND_ANG) + gust
+
+    PX4's own FW_LND_FLALT of 0.5 m lets the plane reach the ground while T runs. On the slope PX4 flies
+    (1 - FW_T_HRATE_FF) w TC too high, with TC = FW_T_ALT_TC FW_LND_THRTC_SC: half of it is left.
+    """
+    approach_mps = _APPROACH * vehicle.stall_mps
+    sink_mps = approach_mps * sin(radians(_SLOPE_DEG)) + _GUST_MPS
+    flare_m = sink_mps * (4.0 / 3.0 * _FLARE_S + _PITCH_S) + sink_mps**2 / (2.0 * 0.3 * STANDARD_GRAVITY_MPS2)
+    return {
+        "FW_LND_AIRSPD": approach_mps * calibrated,
+        "FW_LND_FLALT": flare_m,
+        "FW_LND_FL_TIME": _FLARE_S,
+        "FW_LND_FL_SINK": 0.7,
+        "FW_LND_THRTC_SC": 0.5,
+        "FW_LND_ABORT": 0.0,  # else it breaks off every landing
+    }
 
 
 def output_functions(vehicle: FixedWing, outputs: str) -> dict[str, float]:

@@ -12,11 +12,13 @@ and its outputs leave as late. At 200 Hz that is a round trip of 2.6 ms in the m
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from firmware_bridge.links.ardupilot.sitl import (
+    DEFAULTS_PATH,
     OWN_RC,
     arducopter_command,
-    copter_parameters,
+    loop_parameters,
     program_at,
     write_defaults,
 )
@@ -81,18 +83,14 @@ def board_parameters(*, serial: int, rate_hz: int) -> dict[str, float]:
 
 
 def sitl_parameters(
-    *,
-    hover_control: float,
-    thrust_model_factor: float,
-    tick_hz: float,
-    more: Mapping[str, float] | None = None,
+    vehicle: Mapping[str, float], *, tick_hz: float, more: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """Return the parameters of an ArduCopter SITL whose only sensor is the bench's device; `more` overrides.
+    """Return the parameters of a SITL whose only sensor is the bench's device: `vehicle`'s, and `more`, which override.
 
     EAHRS_RATE is the tick's rate and SCHED_LOOP_RATE half of it at most: the loop waits for packets.
     """
-    copter = copter_parameters(hover_control=hover_control, thrust_model_factor=thrust_model_factor, tick_hz=tick_hz)
-    del copter["SIM_RATE_HZ"]  # of its own simulation, which is not used
+    loop = loop_parameters(tick_hz)
+    del loop["SIM_RATE_HZ"]  # of its own simulation, which is not used
     simulated = {
         "SIM_IMU_COUNT": 0,
         "SIM_BARO_COUNT": 0,
@@ -104,7 +102,7 @@ def sitl_parameters(
         "SIM_ENGINE_MUL": 0,
     }
     board = board_parameters(serial=SENSOR_SERIAL, rate_hz=round(tick_hz))
-    return copter | board | simulated | dict(more or {})
+    return dict(vehicle) | loop | board | simulated | dict(more or {})
 
 
 def arducopter_on_ptys(
@@ -114,6 +112,7 @@ def arducopter_on_ptys(
     *,
     home: tuple[float, float, float, float],
     parameters: Mapping[str, float],
+    base: Path = DEFAULTS_PATH,
     instance: int = 0,
 ) -> Callable[[], ChildProcess]:
     """Return a function that starts the build; call it once the two pseudo-terminals are open.
@@ -130,7 +129,7 @@ def arducopter_on_ptys(
             instance=instance,
             speedup=1,
             home=home,
-            defaults=write_defaults(where / "bench.parm", parameters),
+            defaults=write_defaults(where / "bench.parm", parameters, base),
             serials=dict.fromkeys(range(9), "none") | {n: f"uart:{path}:{BAUD}" for n, path in ports.items()},
             arguments=[*OWN_RC, *build.arguments],
         )

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from firmware_bridge.codecs.ardupilot_json import (
+    CONTROLS,
     PwmRange,
     ServoPacket,
     VehicleState,
@@ -39,8 +40,8 @@ from firmware_bridge.codecs.ardupilot_json import (
     decode_servos,
     encode_state,
     ideal_imu,
-    indicated_airspeed_mps,
     state_from_truth,
+    true_airspeed_mps,
 )
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.hil_odometry import ODOMETRY, odometry_payload
@@ -83,6 +84,8 @@ _GRACE_S = 0.25
 _UNSETTLED_PACKETS = 1000  # the rate may change by 1 Hz a packet, from 1200
 _RATE_TOLERANCE_HZ = 1.5  # SITL reports the rate of the bench's timestamps, with an error of 1 Hz
 _MODULUS = 1 << 32
+# Sent for ArduPlane until its outputs are set (SITL_State::_simulator_servos): to a motor, half throttle.
+_BOOT_US = (1500, 1500, 1000, 1500, *(1000,) * 12)
 _TIMEOUTS = LinkTimeouts(connect_s=60.0)
 
 
@@ -112,6 +115,7 @@ class StateLine(NamedTuple):
 
     gravity_mps2: float = STANDARD_GRAVITY_MPS2  # of a step without an IMU sample
     wind_vane: bool = False  # in a bench with wind
+    home_altitude_m: float = 0.0  # above the sea, of the vehicle's place at its start
 
 
 _STATE_LINE = StateLine()
@@ -168,13 +172,14 @@ class ArduPilotJsonLink(AutopilotLink):
         self._sender: Address = ("", 0)
         self._former: Address | None = None  # address of the autopilot before its last start
         self._reply = b""  # the last one
+        self._has_outputs = False
         self._home_W: Vec3 | None = None
         self._home_check = None if self._home is None else HomeCheck(self._home)
         self._truth: TruthState | None = None
         self._wind_W: Vec3 = (0.0, 0.0, 0.0)
         self._imu: ImuSample | None = None
         self._ranges_m: tuple[float, ...] = ()
-        self._airspeed_mps: float | None = None
+        self._pitot_pa: float | None = None
         self._sideslip_rad: float | None = None
         self._frames = []
         self._vehicle = VehicleMonitor()
@@ -222,7 +227,7 @@ class ArduPilotJsonLink(AutopilotLink):
             if isinstance(sample, OdometrySample):
                 extra += self._encoder.frame(ODOMETRY, odometry_payload(t_ns, sample))
             elif isinstance(sample, DifferentialPressureSample):
-                self._airspeed_mps = indicated_airspeed_mps(sample.differential_pressure_pa)
+                self._pitot_pa = sample.differential_pressure_pa
             elif isinstance(sample, VaneSample):
                 self._sideslip_rad = sample.sideslip_rad
         if self._epoch_ns is None:
@@ -251,7 +256,8 @@ class ArduPilotJsonLink(AutopilotLink):
         self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
         self._drain()
         self._watch_rate(packet)
-        controls = self._pwm.controls(packet.pwm_us)
+        self._has_outputs = self._has_outputs or packet.pwm_us[:CONTROLS] != _BOOT_US
+        controls = self._pwm.controls(packet.pwm_us) if self._has_outputs else (0.0,) * CONTROLS
         return motor_command(tick, t_ns, controls, self._vehicle.base_mode, self._pwm.signed)
 
     # ---- sending
@@ -269,8 +275,9 @@ class ArduPilotJsonLink(AutopilotLink):
         state = state_from_truth(
             t_ns - epoch_ns, truth, home_W=home_W, accel_B_mps2=accel, gyro_B_radps=gyro, ranges_m=self._ranges_m
         )
-        if self._airspeed_mps is not None:
-            state = state._replace(airspeed_mps=self._airspeed_mps)
+        if self._pitot_pa is not None:
+            altitude_m = self._state_line.home_altitude_m + truth.p_WB[2] - home_W[2]
+            state = state._replace(airspeed_mps=true_airspeed_mps(self._pitot_pa, altitude_m))
         if self._sideslip_rad is not None:
             return state._replace(windvane=(self._sideslip_rad, air_data(truth, self._wind_W)[1][1]))
         return state._replace(windvane=air_data(truth, self._wind_W)[1]) if self._state_line.wind_vane else state

@@ -21,6 +21,7 @@ TCP_PORT = 5760  # + 10 * instance
 # Any free port for RC input: on 5501 + 10 * instance, sticks meant for another SITL would steer this one.
 OWN_RC = ("--rc-in-port", "0")
 DEFAULTS_PATH = Path(__file__).with_name("copter_x.parm")
+PLANE_DEFAULTS_PATH = Path(__file__).with_name("plane.parm")
 # As in copter_x.parm.
 SPIN_MIN, SPIN_MAX = 0.15, 0.95
 
@@ -30,35 +31,35 @@ _GYRO_PER_LOOP = 1.8  # ArduCopter does not arm with fewer gyro samples a loop, 
 _HOVER_RANGE = (0.125, 0.6875)  # what ArduPilot allows for MOT_THST_HOVER
 
 
-def copter_parameters(
-    *, hover_control: float, thrust_model_factor: float, tick_hz: float, more: Mapping[str, float] | None = None
-) -> dict[str, float]:
-    """Return the parameters that depend on vehicle and tick; `more` overrides.
+def thrust_parameters(hover_control: float, thrust_model_factor: float) -> dict[str, float]:
+    """Return the thrust curve of the rotors."""
+    spin = {"spin_min": SPIN_MIN, "spin_max": SPIN_MAX}
+    hover = hover_throttle(hover_control, thrust_model_factor, **spin)
+    return {
+        "MOT_THST_EXPO": round(thrust_expo(thrust_model_factor, **spin), 6),
+        "MOT_THST_HOVER": round(min(max(hover, _HOVER_RANGE[0]), _HOVER_RANGE[1]), 6),
+    }
 
-    SCHED_LOOP_RATE comes from the tick: every second tick, or more seldom where that is above 400 Hz. 800 Hz and
-    1200 Hz give ArduCopter its usual 400, a tick of 400 Hz gives 200.
+
+def loop_parameters(tick_hz: float) -> dict[str, float]:
+    """Return the parameters that depend on the tick. LinkError if it is too slow.
+
+    SCHED_LOOP_RATE: every second tick, or more seldom where that is above 400 Hz. 800 Hz and 1200 Hz give ArduCopter
+    its usual 400, a tick of 400 Hz gives 200.
     """
     ticks = math.ceil(max(_GYRO_PER_LOOP, tick_hz / _LOOP_HZ[1]))
     if tick_hz / ticks < _LOOP_HZ[0]:
         raise LinkError(
             "ardupilot", f"a tick of {tick_hz:g} Hz is too slow: set tick_hz to {_LOOP_HZ[0] * ticks} or more"
         )
-    spin = {"spin_min": SPIN_MIN, "spin_max": SPIN_MAX}
-    hover = hover_throttle(hover_control, thrust_model_factor, **spin)
-    parameters: dict[str, float] = {
-        "MOT_THST_EXPO": round(thrust_expo(thrust_model_factor, **spin), 6),
-        "MOT_THST_HOVER": round(min(max(hover, _HOVER_RANGE[0]), _HOVER_RANGE[1]), 6),
-        "SIM_RATE_HZ": round(tick_hz),
-        "SCHED_LOOP_RATE": round(tick_hz / ticks),
-    }
-    return parameters | dict(more or {})
+    return {"SIM_RATE_HZ": round(tick_hz), "SCHED_LOOP_RATE": round(tick_hz / ticks)}
 
 
-def write_defaults(path: Path, parameters: Mapping[str, float]) -> Path:
-    """Write a defaults file: copter_x.parm, then `parameters`, which override it. Return its path."""
+def write_defaults(path: Path, parameters: Mapping[str, float], base: Path = DEFAULTS_PATH) -> Path:
+    """Write a defaults file: `base`, then `parameters`, which override it. Return its path."""
     lines = [f"{name} {value!r}" for name, value in parameters.items()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(DEFAULTS_PATH.read_text() + "\n# This vehicle, this bench, this run.\n" + "\n".join(lines) + "\n")
+    path.write_text(base.read_text() + "\n# This vehicle, this bench, this run.\n" + "\n".join(lines) + "\n")
     return path
 
 
@@ -138,16 +139,17 @@ def ardupilot_sitl(
     build: FirmwareBuild | None = None,
     home: Home | None = None,
     parameters: Mapping[str, float] | None = None,
+    base: Path = DEFAULTS_PATH,
     instance: int = 0,
     mavlink: str = "udp:0",
     **settings: Any,
 ) -> ArduPilotJsonLink:
     """Return the link to SITL, which the link starts at `home` if there is a `build` of it.
 
-    Without a `build` the user starts SITL: it sends its servo packets to port 9002 + 10 * instance, and `mavlink` says
-    where its MAVLink is, 'udp:14550' (it sends there), 'tcp:5760' (it listens there) or 'none' (another program speaks
-    with it, as ArduPilot's own autotest does). Its home is compared with `home` before take-off. Other settings as
-    `ArduPilotJsonLink`.
+    `parameters` are written over those of the file `base`. Without a `build` the user starts SITL: it sends its servo
+    packets to port 9002 + 10 * instance, and `mavlink` says where its MAVLink is, 'udp:14550' (it sends there),
+    'tcp:5760' (it listens there) or 'none' (another program speaks with it, as ArduPilot's own autotest does). Its home
+    is compared with `home` before take-off. Other settings as `ArduPilotJsonLink`.
     """
     channel = _mavlink_channel(mavlink)
     if build is None:
@@ -166,7 +168,7 @@ def ardupilot_sitl(
             program,
             model="JSON:127.0.0.1",
             home=place,
-            defaults=write_defaults(where / "bench.parm", parameters or {}),
+            defaults=write_defaults(where / "bench.parm", parameters or {}, base),
             instance=instance,
             serials={} if port is None else serials_for(f"udp:{port}"),
             arguments=["--sim-port-out", str(inbox.port), *OWN_RC, *build.arguments],

@@ -14,7 +14,7 @@ from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
 from firmware_bridge.codecs.mavlink_frame import Frame
 from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
 from firmware_bridge.links.px4.hitl_setup import HitlSetup, await_autopilot
-from firmware_bridge.links.px4.lockstep import tick_messages
+from firmware_bridge.links.px4.lockstep import AirTemperature, tick_messages
 from firmware_bridge.links.px4.restart import BoardRestart
 from firmware_bridge.links.realtime.link import RealtimeLink
 from firmware_bridge.transports.transport import Transport
@@ -53,6 +53,7 @@ class FreeRunningLink(RealtimeLink):
         super()._reset()
         self._latest: Frame | None = None
         self._bad_in_a_row = 0
+        self._air = AirTemperature(self._caps)
 
     def _await_autopilot(self) -> None:
         line, limit_s = self._transport, self._timeouts.connect_s
@@ -114,7 +115,8 @@ class FreeRunningLink(RealtimeLink):
         """Pass the tick's bytes to the sender and return them. CodecError if a sample is not a number."""
         stats = self._stats
         request = self.timesync.request(self._deadline_ns)
-        data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, request=request)
+        air_degc = self._air.take(ranging)
+        data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, request=request, air_degc=air_degc)
         # Commands must arrive; a stale sample is dropped rather than sent late.
         if extra:
             self._push(extra, keep=True)

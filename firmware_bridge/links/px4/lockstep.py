@@ -72,6 +72,9 @@ _LINGER_S = 1.0
 # While PX4 boots, simulated time is this much slower than the wall clock: at real-time pace the first answer in time
 # came at tick 13 to 15, at this pace at tick 9 in every run.
 _BOOT_SLOWNESS = 6
+# PX4's vtol_att_control publishes torques for the inputs of one controller or of both, by its mode: where the mode
+# changes this is twice in a tick, or not at all. Its motors then keep their commands, and it answers the next tick.
+_HOLD_S, _MOST_HELD = 0.5, 3
 _PROBE_STEP_NS = 4_000_000
 _PROBES = 350
 _PROBES_INTO_SILENCE = 128
@@ -91,6 +94,27 @@ _SKIPPED = (
 _TIMEOUTS = LinkTimeouts()
 
 
+class AirTemperature:
+    """Temperature of the air for HIL_SENSOR: the pitot's newest.
+
+    PX4 takes the temperature of HIL_SENSOR for that of its differential pressure sensor, and this one for the air's:
+    from it and the static pressure come the density and the true airspeed. With a barometer that its board has warmed
+    to 40 degC in air of 12 degC the true airspeed was 5 % too high, and the estimate of the wind wrong by it.
+    """
+
+    def __init__(self, caps: LinkCaps) -> None:
+        self._wanted = caps.air_temperature
+        self.degc: float | None = None  # None: as the barometer measures it
+
+    def take(self, samples: Sequence[Sample]) -> float | None:
+        """Return the temperature [degC] for a tick with these samples."""
+        if self._wanted:
+            for sample in samples:
+                if isinstance(sample, DifferentialPressureSample):
+                    self.degc = sample.temperature_degc
+        return self.degc
+
+
 def tick_messages(
     encoder: FrameEncoder,
     t_ns: int,
@@ -101,10 +125,12 @@ def tick_messages(
     ranging: Sequence[Sample],
     *,
     request: bytes | None = None,
+    air_degc: float | None = None,
 ) -> bytes:
     """Return [range, flow, vision][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
 
-    HIL_SENSOR has the newest differential pressure of `ranging`; no message has the angles of vanes.
+    HIL_SENSOR has the newest differential pressure of `ranging`, and the temperature `air_degc` or the barometer's; no
+    message has the angles of vanes.
     CodecError if a sample is not a number.
     """
     data = b""
@@ -118,7 +144,7 @@ def tick_messages(
         data += encoder.frame(TIMESYNC, request)
     if gps is not None:
         data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
-    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot))
+    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot, air_degc))
     return data
 
 
@@ -148,6 +174,9 @@ class LockstepLink(AutopilotLink):
         self._imu: ImuSample | None = None  # the newest of each that was sent
         self._mag: MagSample | None = None
         self._baro: BaroSample | None = None
+        self._air = AirTemperature(self._caps)
+        self._answer: Frame | None = None  # the newest
+        self._held_ticks = 0  # without an answer, in a row
         self._held: list[Frame] = []  # came after the last answer: they belong to the next tick
         self._booting = self._caps.boot_sensors != 0
         self._last_t_ns: int | None = None
@@ -224,7 +253,7 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
+        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging, air_degc=self._air.take(ranging))
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:
@@ -262,15 +291,35 @@ class LockstepLink(AutopilotLink):
             answer = self._find_answer(frames, want_us)
             if answer is not None:
                 self._stats.rtt.add(time.perf_counter_ns() - self._sent_at_ns)
+                self._answer, self._held_ticks = answer, 0
                 return self._decode(tick, answer)
             if not deadline_ns:
                 deadline_ns = self._sent_at_ns + int(self._timeouts.reply_s * 1e9)
-            left_s = (deadline_ns - time.perf_counter_ns()) * 1e-9
+            now_ns = time.perf_counter_ns()
+            if self._holds(now_ns):
+                return self._hold(tick)
+            left_s = (deadline_ns - now_ns) * 1e-9
             if left_s <= 0.0:
                 raise self._lost(want_us)
             frames = self._feed(min(left_s, _SLICE_S))
             if not frames:
                 frames = self._quiet(want_us)
+
+    def _holds(self, now_ns: int) -> bool:
+        """Return True if an autopilot that leaves single ticks out has left out this one."""
+        return (
+            self._caps.uneven_answers
+            and self._answer is not None
+            and self._held_ticks < _MOST_HELD
+            and now_ns - self._sent_at_ns > _HOLD_S * 1e9
+        )
+
+    def _hold(self, tick: int) -> ActuatorFrame:
+        """Return the command before, which the motors of such an autopilot hold, too."""
+        self._held_ticks += 1
+        self._stats.unanswered += 1
+        assert self._answer is not None
+        return self._decode(tick, self._answer)
 
     def _feed(self, timeout_s: float) -> list[Frame]:
         """Return the frames completed by one read."""
@@ -294,6 +343,9 @@ class LockstepLink(AutopilotLink):
         for i, frame in enumerate(frames):
             if frame[0] == HIL_ACTUATOR_CONTROLS:
                 got_us = int.from_bytes(frame[4][:8], "little")
+                if got_us < want_us and self._caps.uneven_answers:
+                    self._stats.repeated += 1
+                    continue
                 if got_us != want_us:
                     self._frames += frames
                     raise LockstepLost(self.name, self._wrong_time(got_us, want_us))
@@ -388,7 +440,7 @@ class LockstepLink(AutopilotLink):
             # The last values again, at later times: an autopilot that only missed one message answers the next one, and
             # one that no longer answers still sends its state. (PX4 does not answer without an IMU, and ends the flight
             # when its sensors fall silent.)
-            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro)
+            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro, air_degc=self._air.degc)
             try:
                 self._transport.write(self._encoder.frame(HIL_SENSOR, payload))
             except LinkClosed as error:

@@ -30,14 +30,26 @@ _SIMULATOR_PORT, _GROUND_PORT = 4560, 18570
 
 
 def px4_sitl_link(
-    instance: int, *, wrap: Callable[[Transport], Transport] = lambda transport: transport, **settings: Any
+    instance: int,
+    *,
+    wrap: Callable[[Transport], Transport] = lambda transport: transport,
+    uneven_answers: bool = False,
+    **settings: Any,
 ) -> LockstepLink:
     """Return the link to PX4 SITL, which connects to the bench. `wrap` wraps the simulator's transport.
 
-    Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit. Other
-    settings as `LockstepLink`.
+    Its boot time is unknown and its threads run on wall-clock time, so a run is not repeatable bit by bit.
+    `uneven_answers`: it is a VTOL (`LinkCaps`). Other settings as `LockstepLink`.
     """
-    caps = LinkCaps("px4_sitl", lockstep=True, deterministic=False, boot_sensors=None, busy_processors=2)
+    caps = LinkCaps(
+        "px4_sitl",
+        lockstep=True,
+        deterministic=False,
+        boot_sensors=None,
+        busy_processors=2,
+        uneven_answers=uneven_answers,
+        air_temperature=True,
+    )
     ground = GroundChannel(_GROUND_PORT + instance)
     return LockstepLink(wrap(TcpServer(_SIMULATOR_PORT + instance)), caps, ground=ground, **settings)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from typing import NamedTuple
 
 from firmware_bridge.mock_pixhawk.ids import Cmd, MissionResult
 from signals.mission import MissionItem
@@ -16,9 +17,11 @@ MIN_ALTITUDE_M = -500.0  # relative or below the Dead Sea
 UNKNOWN_POSITION = 2**31 - 1  # INT32_MAX in MISSION_ITEM_INT: the current position
 
 #: Items with a position. In the first group it is optional.
-POSITION_OPTIONAL = frozenset({Cmd.NAV_TAKEOFF, Cmd.NAV_LAND, Cmd.NAV_LOITER_UNLIM, Cmd.NAV_LOITER_TIME})
-NAVIGATION = POSITION_OPTIONAL | {Cmd.NAV_WAYPOINT}
+VTOL_ONLY = frozenset({Cmd.NAV_VTOL_TAKEOFF, Cmd.NAV_VTOL_LAND})
+POSITION_OPTIONAL = VTOL_ONLY | {Cmd.NAV_TAKEOFF, Cmd.NAV_LAND, Cmd.NAV_LOITER_UNLIM, Cmd.NAV_LOITER_TIME}
+NAVIGATION = (POSITION_OPTIONAL - VTOL_ONLY) | {Cmd.NAV_WAYPOINT}
 PLANE_NAVIGATION = NAVIGATION | {Cmd.NAV_LOITER_TURNS, Cmd.NAV_LOITER_TO_ALT}  # those of a plane
+VTOL_NAVIGATION = PLANE_NAVIGATION | VTOL_ONLY
 
 #: Items for payloads: accepted and reported as reached, without effect.
 PAYLOAD = frozenset(
@@ -53,6 +56,21 @@ SUPPORTED = (
     }
 )
 PLANE_SUPPORTED = SUPPORTED | PLANE_NAVIGATION | {Cmd.DO_LAND_START}
+VTOL_SUPPORTED = PLANE_SUPPORTED | VTOL_ONLY | {Cmd.DO_VTOL_TRANSITION}
+
+
+class Repertoire(NamedTuple):
+    """Commands of mission items that a kind of vehicle takes, and those of them that are flown."""
+
+    supported: frozenset[int]
+    navigation: frozenset[int]
+
+
+REPERTOIRES = {
+    0: Repertoire(SUPPORTED, NAVIGATION),
+    1: Repertoire(PLANE_SUPPORTED, PLANE_NAVIGATION),
+    2: Repertoire(VTOL_SUPPORTED, VTOL_NAVIGATION),
+}  # by CA_AIRFRAME
 
 _OK = (MissionResult.ACCEPTED, "")
 
@@ -82,6 +100,8 @@ def _bad_params(item: MissionItem, count: int) -> tuple[int, str]:
         return MissionResult.INVALID_PARAM1, f"negative time {item.param1:g} s"
     if item.command == Cmd.NAV_DELAY and not item.param1 >= 0.0:
         return MissionResult.INVALID_PARAM1, "delays until a time of day are not supported"
+    if item.command == Cmd.DO_VTOL_TRANSITION and item.param1 not in (3.0, 4.0):
+        return MissionResult.INVALID_PARAM1, f"transition to state {item.param1:g}, which is neither 3 nor 4"
     if item.command == Cmd.DO_CHANGE_SPEED and item.param2 != item.param2:
         return MissionResult.INVALID_PARAM2, "no speed"
     return _OK
@@ -102,17 +122,14 @@ def _bad_position(item: MissionItem) -> tuple[int, str]:
     return _OK
 
 
-def refusal(item: MissionItem, count: int, *, plane: bool = False) -> tuple[int, str]:
-    """Return (ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else result and reason.
-
-    `plane`: as a plane, else as a multirotor.
-    """
-    if item.command not in (PLANE_SUPPORTED if plane else SUPPORTED):
+def refusal(item: MissionItem, count: int, repertoire: Repertoire = REPERTOIRES[0]) -> tuple[int, str]:
+    """Return (ACCEPTED, "") if the mock can fly `item` in a mission of `count` items, else result and reason."""
+    if item.command not in repertoire.supported:
         return MissionResult.UNSUPPORTED, f"command {item.command} is not supported"
     result = _bad_params(item, count)
     if result is not _OK:
         return result
-    if item.command in (PLANE_NAVIGATION if plane else NAVIGATION):
+    if item.command in repertoire.navigation:
         return _bad_position(item)
     if item.frame not in GLOBAL_FRAMES and item.frame != FRAME_MISSION:
         return MissionResult.UNSUPPORTED_FRAME, f"frame {item.frame} is not supported"

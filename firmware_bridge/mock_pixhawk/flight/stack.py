@@ -1,13 +1,13 @@
-"""Parts that fly the vehicle: everything of the firmware that depends on whether it is a multirotor or a plane.
+"""Parts that fly the vehicle: everything of the firmware that depends on its kind: multirotor, plane or VTOL.
 
-`MultirotorStack` is here, `PlaneStack` in `plane/plane_stack.py`; the firmware takes one of them by CA_AIRFRAME and
-never asks which.
+`MultirotorStack` is here, the others in `plane/plane_stack.py` and `vtol/vtol_stack.py`; the firmware takes one of them
+by CA_AIRFRAME and never asks which.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Protocol
 
 from firmware_bridge._native import FlightCore
 from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
@@ -25,6 +25,7 @@ from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
 from firmware_bridge.mock_pixhawk.services.telemetry import Telemetry
 from firmware_bridge.mock_pixhawk.vehicle import Vehicle
 
+Handlers = Mapping[int, Callable[[Any, int], int]]  # (command, now_us) to the result, by MAV_CMD
 MissionState = Callable[[], tuple[int, int, int]]
 Say = Callable[[int, str], None]
 
@@ -80,7 +81,9 @@ class Modes(Protocol):
 class FlightStack(Protocol):
     """The parts that fly one vehicle."""
 
-    plane: bool
+    @property
+    def commands(self) -> Handlers:
+        """Commands beside those of every vehicle."""
 
     @property
     def modes(self) -> Modes: ...
@@ -101,7 +104,7 @@ class FlightStack(Protocol):
 class MultirotorStack:
     """Parts that fly a multirotor: its inner loops and mixer are those of the flight core."""
 
-    plane = False
+    commands: ClassVar[Handlers] = {}
 
     def __init__(
         self, core: FlightCore, vehicle: Vehicle, estimate: Estimate, params: ParamTable, callbacks: MissionCallbacks

@@ -67,10 +67,14 @@ def _lines(path: Path) -> Iterable[tuple[int, list[str]]]:
             yield number, words
 
 
-def is_plane(airframe: str) -> bool:
-    """Return True if an airframe's file makes the mock a plane: it sets CA_AIRFRAME to 1."""
+_KINDS = {0: "multirotor", 1: "plane", 2: "VTOL"}  # by CA_AIRFRAME
+
+
+def airframe_kind(airframe: str) -> str:
+    """Return what an airframe's file makes the mock: "multirotor", "plane" or "VTOL", by its CA_AIRFRAME."""
     path = _HERE / "airframes" / f"{airframe}.params"
-    return path.is_file() and any(words[0] == "CA_AIRFRAME" and words[1] == "1" for _, words in _lines(path))
+    lines = [words for _, words in _lines(path)] if path.is_file() else []
+    return next((_KINDS[int(words[1])] for words in lines if words[0] == "CA_AIRFRAME"), _KINDS[0])
 
 
 def _accept(name: str, value: float) -> str | None:  # noqa: ARG001
@@ -95,16 +99,19 @@ class ParamTable:
         *,
         hitl: bool = False,
         plane: bool = False,
+        vtol: bool = False,
     ) -> None:
         """`native`: name, default, minimum, maximum of the flight core's parameters (not in `parameters.txt`).
 
         `hitl`: add the parameters of a board built for HITL (`parameters_hitl.txt`); `plane`: those of a plane
-        (`parameters_plane.txt`), with its defaults for those that both have.
+        (`parameters_plane.txt`), with its defaults for those that both have; `vtol`, beside `plane`: those of a VTOL
+        (`parameters_vtol.txt`) with its defaults.
         """
         params: dict[str, Param] = {}
         files = ["parameters.txt"]
         files += ["parameters_hitl.txt"] if hitl else []
         files += ["parameters_plane.txt"] if plane else []
+        files += ["parameters_vtol.txt"] if vtol else []
         for file in files:
             for _, (name, kind, default, minimum, maximum) in _lines(_HERE / file):
                 params[name] = Param(
@@ -124,10 +131,10 @@ class ParamTable:
         self.clear_callbacks()
 
     @classmethod
-    def of_firmware(cls, *, hitl: bool = False, plane: bool = False) -> ParamTable:
+    def of_firmware(cls, *, hitl: bool = False, plane: bool = False, vtol: bool = False) -> ParamTable:
         """Return the parameters of the mock's firmware, those of its flight core among them."""
         columns = (_native.PARAM_NAMES, _native.PARAM_DEFAULTS, _native.PARAM_MIN, _native.PARAM_MAX)
-        return cls(zip(*columns, strict=True), hitl=hitl, plane=plane)
+        return cls(zip(*columns, strict=True), hitl=hitl, plane=plane, vtol=vtol)
 
     def clear_callbacks(self) -> None:
         """Remove the callbacks `on_change` and `after_change`."""

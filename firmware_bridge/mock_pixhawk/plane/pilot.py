@@ -128,6 +128,11 @@ class PlanePilot:
         along = sum(float(s[_ACCEL + i]) * forward[i] for i in range(3))
         return along + STANDARD_GRAVITY_MPS2 * el.sin(pitch)
 
+    @property
+    def reference_d_m(self) -> float:
+        """Height that the energy control follows on its way to the one asked for, local down."""
+        return -self._tecs.reference_m
+
     def turn_distance_m(self) -> float:
         """Return how far before a waypoint the next leg is begun: NPFG's switch distance, as PX4's."""
         p = self._params

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 from firmware_bridge._native import PARAM_NAMES, STATE_FIELDS, FlightCore
 from firmware_bridge.mock_pixhawk.estimate.sensors import SensorIntake
@@ -14,7 +14,7 @@ from firmware_bridge.mock_pixhawk.flight.flight_modes import FlightMode
 from firmware_bridge.mock_pixhawk.flight.guidance import ATTITUDE, POSITION
 from firmware_bridge.mock_pixhawk.flight.mission_runner import MissionCallbacks
 from firmware_bridge.mock_pixhawk.flight.offboard import Offboard
-from firmware_bridge.mock_pixhawk.flight.stack import MissionState, Say
+from firmware_bridge.mock_pixhawk.flight.stack import Handlers, MissionState, Say
 from firmware_bridge.mock_pixhawk.ids import Severity
 from firmware_bridge.mock_pixhawk.modes import Mode
 from firmware_bridge.mock_pixhawk.parameters.params import ParamTable
@@ -143,8 +143,11 @@ class PlaneTelemetry(Telemetry):
         e = self._estimate
         vn, ve, vd = e.v_NF_N
         heading = round(e.euler[2] * DEG_PER_RAD) % 360
-        throttle = round(100.0 * max(self.controls[0], 0.0))
+        throttle = round(100.0 * max(self._throttle(), 0.0))
         return cls(self._air.airspeed_mps, sqrt(vn * vn + ve * ve), heading, throttle, self._altitude_amsl(), -vd)
+
+    def _throttle(self) -> float:
+        return self.controls[0]
 
     def _servo_output_raw(self, cls: Any, now_us: int) -> Any:
         pulses = []
@@ -157,7 +160,7 @@ class PlaneTelemetry(Telemetry):
 class PlaneStack:
     """Parts that fly a plane."""
 
-    plane = True
+    commands: ClassVar[Handlers] = {}
 
     def __init__(
         self,
@@ -219,13 +222,17 @@ class PlaneStack:
             acceleration_NED_mps2=(float(s[_ACCEL]), float(s[_ACCEL + 1]), float(s[_ACCEL + 2])),
             yaw_rad=v.yaw,
             altitude_m=altitude,
-            flying=not v.landed,
+            flying=self.flies(),
         )
         if not v.armed:
             self.detector.at_rest(v.pos_d)
             self._takeoff.launched = False
         moves = v.armed and (self.pilot.throttle > _RUNNING or self._takeoff.launched)
         self._core.set_landed(self.detector.step(now_us, velocity, v.pos_d, self.air.airspeed_mps, moves=moves))
+
+    def flies(self) -> bool:
+        """Return True while the nose tells where the air comes from."""
+        return not self._vehicle.landed
 
     def outputs(self, now_us: int) -> list[float]:
         """Run the inner loops."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import isfinite
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 from firmware_bridge.codecs.messages import MSGID
@@ -55,7 +56,9 @@ class Commands:
         estimate: Estimate,
         streams: Streams,
         reboot: Callable[[], None],
+        more: Mapping[int, Callable[[Command, int], int]] = MappingProxyType({}),
     ) -> None:
+        """`more`: handlers of the commands of this kind of vehicle."""
         self._commander, self._navigator = commander, navigator
         self._vehicle, self._estimate, self._streams = vehicle, estimate, streams
         self._reboot = reboot
@@ -76,6 +79,7 @@ class Commands:
             Cmd.SET_MESSAGE_INTERVAL: self._set_interval,
             Cmd.REQUEST_MESSAGE: self._request_message,
             Cmd.REQUEST_AUTOPILOT_CAPABILITIES: self._capabilities,
+            **more,
         }
 
     def run(self, command: Command, now_us: int) -> int:

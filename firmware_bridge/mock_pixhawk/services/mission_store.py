@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from firmware_bridge.codecs.messages import message_class
-from firmware_bridge.mock_pixhawk.flight.mission_item import refusal
+from firmware_bridge.mock_pixhawk.flight.mission_item import REPERTOIRES, Repertoire, refusal
 from firmware_bridge.mock_pixhawk.ids import (
     MISSION_TYPE_ALL,
     MISSION_TYPE_FENCE,
@@ -47,10 +47,10 @@ class MissionStore:
         warn: Callable[[str], None],
         changed: Callable[[], None],
         *,
-        plane: bool = False,
+        repertoire: Repertoire = REPERTOIRES[0],
     ) -> None:
-        """`plane`: takes the items that a plane flies."""
-        self._plane = plane
+        """`repertoire`: the items that it takes."""
+        self._repertoire = repertoire
         self._send = send
         self._warn = warn
         self._changed = changed
@@ -157,7 +157,7 @@ class MissionStore:
             if item.seq > len(self._incoming):
                 self._request()
             return
-        result, why = refusal(item, self._expected, plane=self._plane)
+        result, why = refusal(item, self._expected, self._repertoire)
         if result != MissionResult.ACCEPTED:
             self._incoming = None
             self._warn(f"Mission rejected: item {item.seq}: {why}")

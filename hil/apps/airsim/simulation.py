@@ -37,7 +37,7 @@ from signals.frames import ned_from_enu
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.physics.forces.push import Push
-from sim.physics.multirotor import unfit
+from sim.physics.multirotor import uneven, unfit
 
 TICK_NS = 4_000_000  # 250 Hz
 FRAME_TICKS = 4  # of simContinueForFrames: 16 ms, about a frame of AirSim at 60 Hz
@@ -65,7 +65,7 @@ class Simulation:
         self.bench, self._rigs = bench, rigs
         self.scene, self.model, self.settings = bench.scene, bench.vehicle, settings
         self.log = log
-        if self.flies and (wrong := unfit(self.model)) is not None:
+        if self.flies and (wrong := unfit(self.model) or uneven(self.model)) is not None:
             message = f"{self.model.name} {wrong[1]}; AirSim has multirotors and cars, and its API flies no plane"
             raise ConfigError([Problem("vehicle", message, "serve a multirotor, such as vehicle: x500")])
         self.large_replies = LargeReplies(log)

@@ -33,14 +33,13 @@ class DashboardPart(Part):
         return self._vehicle
 
     def build(self, run: RunContext) -> None:
-        config = run.bench.config
-        if not config.autopilot.profile.mavlink:
+        if not run.bench.config.autopilot.profile.mavlink:
             return
 
         def page_source() -> ManualControlSource:
-            settings = manual_settings(config)
+            settings = manual_settings(run.bench)
             # The page has a button that hands the vehicle back to the mission.
-            settings["modes"] = settings["modes"] | {"mission": mission_mode(config)}
+            settings["modes"] = settings["modes"] | {"mission": mission_mode(run.bench)}
             return ManualControlSource(self._vehicle.sticks, buttons=page_buttons(settings["modes"]), **settings)
 
         self.sticks = ManualPart(page_source)

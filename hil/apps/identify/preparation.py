@@ -15,7 +15,7 @@ from hil.run.flight_logs.airborne import find_flights, motors_up, note_saturatio
 from hil.run.flight_logs.flight_log import FlightLog
 from hil.run.flight_logs.log_format import LogFile, read_log
 from signals.errors import ConfigError, Problem
-from sim.physics.multirotor import unfit
+from sim.physics.multirotor import uneven, unfit
 from sim.physics.vehicle import Vehicle
 
 LEAST_FLIGHT_S = 20.0  # of free flight in all: fewer windows of half a second leave no part to hold out
@@ -44,7 +44,7 @@ def prepare(
     progress: Callable[[float, str], None],
 ) -> Prepared:
     """Read and check logs. Raises ConfigError with the problems of all of them."""
-    wrong = unfit(vehicle)
+    wrong = unfit(vehicle) or uneven(vehicle)
     if wrong is not None:
         raise ConfigError([Problem(f"vehicle {vehicle.name!r}", f"{wrong[0]} {wrong[1]}")])
     _refuse_twice_named(paths)

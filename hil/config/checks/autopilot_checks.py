@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.firmware import Firmware
 from hil.config.checks.program_checks import program_problem
 from hil.config.layers import Settings
 from hil.config.schema import Autopilot, BenchConfig
@@ -41,10 +42,6 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
             message = "must name your own build of the firmware, which the bench starts"
             hint = "--set autopilot.binary=PATH, or --set autopilot.start=false if you start it yourself"
             report("binary", message, hint)
-    if autopilot.binary is not None and autopilot.start and profile.program is not None:
-        problem = program_problem(Path(str(autopilot.binary)).expanduser(), profile.program)
-        if problem is not None:
-            report("binary", problem, profile.program.makes)
     for place, message, hint in profile.misfits(autopilot):
         if place[:-1] == ("autopilot", "params") and settings.where(place).startswith(COMMAND_LINE):
             hint = hint.replace("did you mean '", "did you mean 'autopilot.params.", 1)
@@ -52,6 +49,30 @@ def autopilot_problems(config: BenchConfig, settings: Settings) -> list[Problem]
     if autopilot.mavlink_port == "none" and config.mission is not None:
         report("mavlink_port", "is none, so the mission cannot be uploaded", "--set mission=null")
     return problems + _own_fault_problems(config, settings) + _mavlink_problems(config, settings)
+
+
+def build_problems(config: BenchConfig, settings: Settings, *, winged: bool) -> list[Problem]:
+    """Report an `autopilot.binary` that is not the program which flies a vehicle with wings, or without."""
+    autopilot = config.autopilot
+    program, other = (autopilot.profile.program_for(winged=wings) for wings in (winged, not winged))
+    if autopilot.binary is None or not autopilot.start or program is None:
+        return []
+    problem = program_problem(Path(str(autopilot.binary)).expanduser(), program, other if other != program else None)
+    return [] if problem is None else [at(settings, ("autopilot", "binary"), problem, program.makes)]
+
+
+def set_point_problems(config: BenchConfig, firmware: Firmware, settings: Settings) -> list[Problem]:
+    """Report pilots that fly by set-points, which the firmware does not take on this vehicle."""
+    if firmware.project is not None or not config.autopilot.profile.mavlink:
+        return []
+    pilots = {
+        ("companion", "control"): config.companion.flies,
+        ("ros2", "control"): config.ros2.flies,
+        ("follow", "log"): config.follow.flies,
+    }
+    message = f"flies by set-points, which {firmware.program or firmware.name} does not take"
+    hint = "leave it out, or choose another rig"
+    return [at(settings, place, message, hint) for place, flies in pilots.items() if flies]
 
 
 def _mavlink_problems(config: BenchConfig, settings: Settings) -> list[Problem]:

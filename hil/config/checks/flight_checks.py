@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 
 from firmware_bridge.autopilots.installation import FixedWing
 from firmware_bridge.autopilots.px4.wing_parameters import LAUNCH_MPS2, ROTATION
+from hil.config.checks.short_legs import short_legs
+from hil.config.checks.vtol_checks import VTOL_WORDS, vtol_mission_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
 from hil.config.missions.mission import LAND_COMMANDS, PLACE_COMMANDS, TAKEOFF_COMMANDS, Mission
 from hil.config.missions.path import Leg, LegKind, planned_path
@@ -24,6 +25,7 @@ from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.fixed_wing import Airframe, is_plane
 from sim.physics.launch import Launch
 from sim.physics.vehicle import Vehicle
+from sim.physics.vtol import is_vtol
 from sim.scene.scene import Scene
 
 _ROTATION_S = 1.0  # RWTO_ROT_TIME of PX4
@@ -37,8 +39,10 @@ def flight_problems(
     config: BenchConfig, vehicle: Vehicle, mission: Mission | None, scene: Scene, settings: Located
 ) -> list[Problem]:
     """Report a mission that the vehicle cannot fly, and a start from which a plane cannot take off."""
+    if is_vtol(vehicle):
+        return [] if mission is None else vtol_mission_problems(config, vehicle, mission, scene)
     if not is_plane(vehicle):
-        return [] if mission is None else _copter_problems(config, mission)
+        return [] if mission is None else _copter_problems(config, vehicle, mission)
     if mission is None:
         return []
     facts = fixed_wing_facts(vehicle, scene.site)
@@ -46,19 +50,23 @@ def flight_problems(
     return problems + _plane_mission_problems(config, facts, mission, scene)
 
 
-def _copter_problems(config: BenchConfig, mission: Mission) -> list[Problem]:
-    """Report items that an autopilot flies with planes alone."""
-    only = config.autopilot.profile.plane_items
-    return [
-        mission.problem(
-            item.seq,
-            f"({PLACE_COMMANDS.get(item.command, item.command)}) is flown by planes alone, and the vehicle "
-            f"{config.vehicle!r} is a multirotor",
-            "leave it out, or choose a plane: --set vehicle=skywalker_x8",
-        )
-        for item in mission.items
-        if item.command in only
-    ]
+def _copter_problems(config: BenchConfig, vehicle: Vehicle, mission: Mission) -> list[Problem]:
+    """Report items that an autopilot flies with planes or VTOLs alone."""
+    profile = config.autopilot.profile
+    what = f"and the vehicle {config.vehicle!r} is a multirotor"
+    if vehicle.has_wings:
+        what = f"and the vehicle {config.vehicle!r} has no pusher: a rotor with the axis [1, 0, 0]"
+    found = []
+    for item in mission.items:
+        name = VTOL_WORDS.get(item.command) or PLACE_COMMANDS.get(item.command, f"{item.command}")
+        if item.command in profile.plane_items:
+            kinds, hint = "planes", "leave it out, or choose a plane: --set vehicle=skywalker_x8"
+        elif item.command in profile.vtol_items:
+            kinds, hint = "VTOLs", "leave it out, or choose a VTOL: --set vehicle=quadplane"
+        else:
+            continue
+        found.append(mission.problem(item.seq, f"({name}) is flown by {kinds} alone, {what}", hint))
+    return found
 
 
 def _start_problems(
@@ -159,12 +167,8 @@ def _plane_mission_problems(config: BenchConfig, facts: FixedWing, mission: Miss
         report(places[0].seq, "comes first, and a plane on the ground needs a take-off", "begin with NAV_TAKEOFF")
     radius = turn_radius_m(facts.cruise_mps)
     legs = planned_path(mission, scene, home_W=config.start.p_W)
-    for before, leg in pairwise(legs):
-        length = math.dist(leg.start_W[:2], leg.end_W[:2])
-        flown = leg.kind is LegKind.FLY and before.kind is LegKind.FLY
-        if flown and 1.0 < length < radius:
-            where = f"lies {length:.0f} m from the one before, within one turn of {radius:.0f} m radius"
-            report(leg.seq, where, "spread the waypoints")
+    for where, seq in short_legs(legs, radius):
+        report(seq, where, "spread the waypoints")
     problems += _landing_problems(legs, mission, radius)
     if problems:  # one word on what kind of mission this is
         first = problems[0]

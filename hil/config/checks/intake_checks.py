@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from firmware_bridge.autopilots.catalog import PROFILES
+from firmware_bridge.autopilots.firmware import Firmware
 from firmware_bridge.autopilots.intake import Intake, Samples, Simulated
 from firmware_bridge.codecs.sensor_rotation import named_rotation
 from firmware_bridge.faults.link_fault import LinkFault
@@ -167,7 +168,7 @@ def _direction_problems(config: BenchConfig, settings: Settings) -> list[Problem
     return problems
 
 
-def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[Problem]:
+def script_intake_problems(config: BenchConfig, script: MissionScript, firmware: Firmware) -> list[Problem]:
     """Report required modes and parameters that the autopilot does not have, and faults that cannot reach it."""
     types = sample_types(config)
     problems: list[Problem] = []
@@ -179,8 +180,8 @@ def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[P
                 problems.append(at(script.document, place, misfit.message, misfit.hint))
     for index, spec in enumerate(script.script.actions):
         for key, word in spec.modes.items():
-            if spec.required and plain_word(word) not in profile.firmware.modes:
-                problems.append(at(script.document, ("actions", index, key), *_no_mode(config, word)))
+            if spec.required and plain_word(word) not in firmware.modes:
+                problems.append(at(script.document, ("actions", index, key), *_no_mode(firmware, word)))
         fault = None if spec.fault is None or spec.in_settings else injected_at(spec, 0.0)
         if not isinstance(fault, SensorFault) or any(fault_problems([fault], types)):
             continue
@@ -191,7 +192,6 @@ def script_intake_problems(config: BenchConfig, script: MissionScript) -> list[P
     return problems
 
 
-def _no_mode(config: BenchConfig, word: str) -> tuple[str, str]:
-    firmware = config.autopilot.profile.firmware
+def _no_mode(firmware: Firmware, word: str) -> tuple[str, str]:
     hint = f"it has {', '.join(firmware.modes)}; with required: false the action is left out there"
     return f"names the mode {word}, which {firmware.name} does not have", hint

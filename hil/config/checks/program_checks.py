@@ -15,10 +15,11 @@ _MACHINES = {"x86_64": 62, "aarch64": 183, "armv7l": 40, "riscv64": 243, "i686":
 _NAMES = {3: "x86 (32 bits)", 40: "ARM (32 bits)", 62: "x86-64", 183: "ARM (64 bits)", 243: "RISC-V"}
 
 
-def program_problem(path: Path, program: Program) -> str | None:
+def program_problem(path: Path, program: Program, other: Program | None = None) -> str | None:
     """Return what is wrong with the file at `path` as this program; None if nothing is found.
 
-    A script is taken as it is. On systems whose programs are not ELF files only the contents are checked.
+    `other`: a program that it may be mistaken for. A script is taken as it is. On systems whose programs are not ELF
+    files only the contents are checked.
     """
     if path.is_dir():
         return f"names a folder, not a program: {path}"
@@ -37,6 +38,8 @@ def program_problem(path: Path, program: Program) -> str | None:
                 return f"names a program built for {built_for}, this computer is {platform.machine()}: {path}"
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as contents:
                 if contents.find(program.mark) < 0:
+                    if other is not None and contents.find(other.mark) >= 0:
+                        return f"names {other.name}, and this vehicle needs {program.name}: {path}"
                     return f"names a program that is not {program.name}: {path}"
     except (OSError, ValueError) as error:  # ValueError: an empty file
         return f"names a file that cannot be read as a program: {path} ({error})"

@@ -10,9 +10,10 @@ from hil.config.checks.wing_checks import wing_problems
 from hil.config.fixed_wing_facts import fixed_wing_facts
 from hil.config.multirotor_facts import multirotor_facts
 from hil.config.schema import BenchConfig
+from hil.config.vtol_facts import vtol_facts
 from signals.documents.validate import Located, at
 from signals.errors import Problem
-from sim.physics import fixed_wing, multirotor
+from sim.physics import fixed_wing, multirotor, vtol
 from sim.physics.vehicle import Vehicle
 
 _AXES = ("roll", "pitch", "yaw", "thrust")
@@ -20,9 +21,15 @@ _RANK_TOLERANCE = 1e-6  # of the greatest entry of each axis
 
 
 def control_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
-    """Report a plane that cannot fly, or rotors that cannot lift the vehicle or give all four axes independently."""
+    """Report wings that cannot fly, or rotors that cannot lift the vehicle or give all four axes independently."""
+    if vtol.is_vtol(vehicle):
+        return wing_problems(vehicle, file) + _rotor_problems(vtol.hovering(vehicle), file)
     if fixed_wing.is_plane(vehicle):
         return wing_problems(vehicle, file)
+    return _rotor_problems(vehicle, file)
+
+
+def _rotor_problems(vehicle: Vehicle, file: Located) -> list[Problem]:
     unfit = multirotor.unfit(vehicle)
     if unfit is not None:
         return [at(file, (unfit[0],), unfit[1])]
@@ -43,11 +50,21 @@ def _rank(rows: NDArray[np.float64]) -> int:
 
 
 def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) -> list[Problem]:
-    """Report a plane that the autopilot cannot fly, or rotors that it cannot be given."""
+    """Report a plane or VTOL that the autopilot cannot fly, or rotors that it cannot be given."""
     autopilot = config.autopilot
-    if fixed_wing.is_plane(vehicle):
+    if vtol.is_vtol(vehicle):
+        if not autopilot.profile.flies_vtols:
+            return [_not_flown(config, vehicle, settings, "VTOL", [n for n, p in PROFILES.items() if p.flies_vtols])]
+        if control_problems(vehicle, settings):
+            return []  # told already
+        facts = vtol_facts(vehicle)
+        if facts.kind not in autopilot.profile.vtol_kinds:
+            able = [n for n, p in PROFILES.items() if p.flies_vtols and facts.kind in p.vtol_kinds]
+            return [_not_flown(config, vehicle, settings, facts.kind, able)]
+        misfits = autopilot.profile.vehicle_misfits(autopilot, facts)
+    elif fixed_wing.is_plane(vehicle):
         if not autopilot.profile.flies_planes:
-            return [_no_plane(config, vehicle, settings)]
+            return [_not_flown(config, vehicle, settings, "plane", [n for n, p in PROFILES.items() if p.flies_planes])]
         if wing_problems(vehicle, settings):
             return []  # told already
         misfits = autopilot.profile.vehicle_misfits(autopilot, fixed_wing_facts(vehicle))
@@ -58,8 +75,8 @@ def airframe_problems(config: BenchConfig, vehicle: Vehicle, settings: Located) 
     return [at(settings, misfit.place, misfit.message, misfit.hint) for misfit in misfits]
 
 
-def _no_plane(config: BenchConfig, vehicle: Vehicle, settings: Located) -> Problem:
-    able = [name for name, profile in PROFILES.items() if profile.flies_planes]
-    message = f"{vehicle.name!r} is a plane, which an autopilot of kind {config.autopilot.kind!r} cannot fly here"
-    hint = f"kinds that fly planes: {', '.join(able)}" if able else "no kind of autopilot flies planes yet"
+def _not_flown(config: BenchConfig, vehicle: Vehicle, settings: Located, what: str, able: list[str]) -> Problem:
+    kind = config.autopilot.kind
+    message = f"{vehicle.name!r} is a {what}, which an autopilot of kind {kind!r} cannot fly here"
+    hint = f"kinds that fly {what}s: {', '.join(able)}" if able else f"no kind of autopilot flies {what}s yet"
     return at(settings, ("vehicle",), message, hint)

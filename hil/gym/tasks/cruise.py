@@ -83,7 +83,7 @@ class CruiseTask(Task):
         trim = airframe.trim(self._V)
         self._alpha_rad = round(trim.alpha_rad, 4)
         self._rotors_radps = [round(speed_radps(vehicle, trim.throttle), 1)] * len(vehicle.rotors)
-        self.width = _DEVIATIONS + 9 + len(vehicle.rotors) + len(vehicle.surfaces)
+        self.width = _DEVIATIONS + 9 + len(vehicle.rotors) + len(vehicle.servos)
         self.observation_space = Box(-1.0, 1.0, (self.width,), np.float32)
         self._course: list[Vec3] = [(1.0, 0.0, 0.0)] * count
         self._height = np.zeros(count)

@@ -84,7 +84,7 @@ def live_topics(bench: Bench, tf: str = WORLD) -> tuple[LiveTopic, ...]:
     config = bench.config
     names = Names(config.name)
     topics = [LiveTopic(CLOCK, "rosgraph_msgs/Clock")]
-    rows = [row for row in live_truth_topics(tf) if not row.needs or bench.vehicle.surfaces] + [*ACTUATOR_TOPICS]
+    rows = [row for row in live_truth_topics(tf) if not row.needs or bench.vehicle.servos] + [*ACTUATOR_TOPICS]
     topics += [LiveTopic(names.topic(f"/{row.suffix}"), row.type_name) for row in rows]
     if config.physics.effects.battery:
         topics.append(LiveTopic(names.topic(f"/{BATTERY_TOPIC.suffix}"), BATTERY_TOPIC.type_name))

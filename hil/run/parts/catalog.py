@@ -16,6 +16,7 @@ from hil.config.checks.part_settings import part_module
 from hil.config.schema import Faults
 from hil.run.part import Part
 from sim.physics.fixed_wing import is_plane
+from sim.physics.vtol import is_vtol
 
 Condition = Callable[[Bench], bool]
 
@@ -45,7 +46,8 @@ _VEHICLE: tuple[tuple[str, Condition], ...] = (
 )
 _CRASH: tuple[tuple[str, Condition], ...] = (("judges.crash", lambda bench: bench.config.crash is not None),)
 _JUDGES: tuple[tuple[str, Condition], ...] = (
-    ("judges.flight", lambda bench: not is_plane(bench.vehicle)),
+    ("judges.flight", lambda bench: not is_plane(bench.vehicle) and not is_vtol(bench.vehicle)),
+    ("judges.vtol_flight", lambda bench: is_vtol(bench.vehicle)),
     ("judges.plane_flight", lambda bench: is_plane(bench.vehicle)),
     *_CRASH,
     ("judges.fly_away", lambda bench: bench.config.fly_away_m is not None),

@@ -31,9 +31,14 @@ _SINGULAR = 1e-9  # of the largest entry
 
 
 class Allocation:
-    """Inverse of one vehicle's rotor geometry. Raises ValueError if it cannot produce all torques and thrust."""
+    """Inverse of one vehicle's rotor geometry.
+
+    Raises ValueError if its rotors cannot produce all torques and thrust, or are of several sets.
+    """
 
     def __init__(self, vehicle: Vehicle, *, least_n: float, density_ratio: float = 1.0) -> None:
+        if (found := multirotor.uneven(vehicle)) is not None:
+            raise ValueError(f"the vehicle {vehicle.name!r} cannot be controlled: {found[0]} {found[1]}")
         k = density_ratio * vehicle.rotor_constants.thrust_coefficient_n_per_radps2
         top = vehicle.rotor_constants.max_speed_radps
         effect = multirotor.effectiveness(vehicle)

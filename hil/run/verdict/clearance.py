@@ -20,7 +20,7 @@ _GOLDEN_ANGLE_RAD = math.pi * (3.0 - math.sqrt(5.0))
 
 def vehicle_radius_m(vehicle: Vehicle) -> float:
     """Return the radius of the sphere about the body's origin that encloses the whole vehicle, propellers included."""
-    blades = vehicle.rotor_constants.radius_m
+    blades = vehicle.most_radius_m
     return max(vehicle.bounding_radius_m, *(math.hypot(*rotor.position_m) + blades for rotor in vehicle.rotors))
 
 

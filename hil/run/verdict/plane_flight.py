@@ -31,7 +31,7 @@ limit fails if its value is NaN, or if the plan calls for the measurement and th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
@@ -147,16 +147,24 @@ class PlaneMeasurement:
         if self._touched:  # took off again: the next touch-down counts
             self._touched = False
         self._off = True
+        seconds = _seconds(self._measured, truth)
+        self._measured = truth
+        if self._on_wings(truth):
+            self._measure_flow(truth, seconds)
+        if self._airborne:
+            self._follow(truth.p_WB, seconds)
+
+    def _measure_flow(self, truth: TruthState, seconds: float) -> None:
         air = air_data(truth, self._wind_at())
         bank = bank_rad(truth)
         self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall_mps, bank))
         self._most("max_bank_deg", abs(math.degrees(bank)))
         stalled = air.airspeed_mps >= _LEAST_FLOW_MPS and not abs(air.attack_rad) <= self._stall_attack_rad
-        seconds = _seconds(self._measured, truth)
         self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
-        self._measured = truth
-        if self._airborne:
-            self._follow(truth.p_WB, seconds)
+
+    def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)
+        """Return True while the wings carry the vehicle."""
+        return True
 
     def _follow(self, p: Vec3, seconds: float) -> None:
         """Count waypoints, and measure against the path."""
@@ -176,19 +184,22 @@ class PlaneMeasurement:
             level = abs(stop.leg.end_W[2] - stop.leg.start_W[2]) < _LEVEL_M
             if level and abs(before.end_W[2] - before.start_W[2]) < _LEVEL_M:
                 self._most("altitude_error_m", abs(p[2] - stop.leg.end_W[2]))
-        reach = max(stop.leg.acceptance_radius_m, self._reach_m, 1.25 * abs(stop.loiter_m))
         distance = math.dist(place, stop.place)
         start = stop.leg.start_W
         along = (p[0] - stop.place[0]) * (stop.place[0] - start[0]) + (p[1] - stop.place[1]) * (
             stop.place[1] - start[1]
         )
-        flies_on = self._approaches or self._reached + 1 < len(self._targets)  # and is measured on the way
-        passed = flies_on and along > 0.0 and distance <= _PASSED * reach
-        near = (distance <= reach or passed) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m
+        near = self._near(stop, stop.leg, distance, along) and abs(p[2] - stop.leg.end_W[2]) <= self._height_m
         if near and self.unflown_loiter() is None:
             self._reached += 1
             self._circling = False
             self._flown_turns, self._flown_s, self._loitered = 0.0, 0.0, False
+
+    def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
+        """Return True if a waypoint is reached, or passed: `along` counts past it along its leg."""
+        reach = max(leg.acceptance_radius_m, self._reach_m, 1.25 * abs(stop.loiter_m))
+        flies_on = self._approaches or self._reached + 1 < len(self._targets)  # and is measured on the way
+        return distance <= reach or (flies_on and along > 0.0 and distance <= _PASSED * reach)
 
     def _error(self, target: int, place: tuple[float, float]) -> None:
         error = self._path.error_m(target, place)
@@ -333,6 +344,11 @@ def _seconds(before: TruthState | None, now: TruthState) -> float:
 
 def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Outcome = "complete") -> Verdict:
     """Return the verdict on how a plane flew its plan under these limits; `outcome` as in `verdict.judge`."""
+    return judge_by(measured, dict(limits), outcome=outcome)
+
+
+def judge_by(measured: PlaneMeasurement, limits: Mapping[str, float | None], *, outcome: Outcome) -> Verdict:
+    """Return the verdict under limits by the name of the measurement."""
     called_for = measured.called_for() if outcome == "complete" else frozenset[str]()
     reasons: list[str] = []
     reached, waypoints = measured.counts
@@ -342,13 +358,13 @@ def judge_plane(measured: PlaneMeasurement, limits: PlaneLimits, *, outcome: Out
         elif reached < waypoints:
             reasons.append(f"reached {reached} of {waypoints} waypoints")
         elif not (measured.unflown_loiter() or measured.touched_early):
-            reasons.append("the mission was not finished: the plane did not end on the ground")
+            reasons.append("the mission was not finished: the vehicle did not end on the ground")
         reasons += [text for text in (measured.unflown_loiter(), measured.touched_early) if text]
     if outcome == "aborted" and measured.completed:
         reasons.append("the mission was completed, but the script expects that it is not (outcome: aborted)")
     rows: list[Row] = []
     for name, value in measured.values().items():
-        limit = None if outcome == "crashed" else getattr(limits, name)
+        limit = None if outcome == "crashed" else limits.get(name)
         unit = unit_of(name).strip()
         ok = True
         if limit is not None and value is not None:

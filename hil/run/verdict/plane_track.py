@@ -17,6 +17,7 @@ from signals.samples import DifferentialPressureSample, Sample, TruthState, Vec3
 from signals.time import NS_PER_S
 from signals.units import DEG_PER_RAD, STANDARD_GRAVITY_MPS2
 from sim.physics.forces.surface import Surface
+from sim.physics.forces.tilt import Tilt
 from sim.scene.atmosphere import SEA_LEVEL_KGPM3
 
 _RATE_HZ = 10
@@ -57,19 +58,19 @@ class PlaneTrack:
     def __init__(
         self,
         stall_mps: float,
-        surfaces: Sequence[Surface],
+        servos: Sequence[Tilt | Surface],
         tick_ns: int,
         *,
         wind_at: Callable[[], Vec3],
         commands: Callable[[], Sequence[float]],
     ) -> None:
-        """`commands` returns the present commands of the surfaces, -1..1."""
+        """`commands` returns the present commands of the servos, -1..1."""
         self._stall_mps, self._wind_at, self._commands = stall_mps, wind_at, commands
-        self._ranges = [(surface.min_deg, surface.max_deg) for surface in surfaces]
+        self._servos = servos
         self._indicated_mps = math.nan
         self._stride = max(1, NS_PER_S // _RATE_HZ // tick_ns)
         self._rows = array("d")
-        self._columns = _FIXED + 2 * len(surfaces)
+        self._columns = _FIXED + 2 * len(servos)
         self._home_up: float | None = None
 
     def add(self, truth: TruthState) -> None:
@@ -81,7 +82,7 @@ class PlaneTrack:
         airspeed, attack, sideslip = air_data(truth, self._wind_at())
         fast, bank = airspeed >= _LEAST_MPS and not truth.in_contact, bank_rad(truth)
         height = truth.p_WB[2] - self._home_up
-        commands = (tuple(self._commands()) + (0.0,) * len(self._ranges))[: len(self._ranges)]
+        commands = (tuple(self._commands()) + (0.0,) * len(self._servos))[: len(self._servos)]
         self._rows.extend(
             (
                 truth.t_ns / NS_PER_S,
@@ -94,14 +95,14 @@ class PlaneTrack:
                 height,
                 height + airspeed * airspeed / (2.0 * STANDARD_GRAVITY_MPS2),
                 *(angle * DEG_PER_RAD for angle in truth.surface_rad),
-                *(u * (most if u > 0.0 else -least) for u, (least, most) in zip(commands, self._ranges, strict=True)),
+                *(s.deflection_rad(u) * DEG_PER_RAD for s, u in zip(self._servos, commands, strict=True)),
             )
         )
 
     def arrays(self) -> PlaneTrackArrays:
         """Return copies of the kept ticks."""
         rows = np.array(self._rows, np.float64).reshape(-1, self._columns)
-        n = len(self._ranges)
+        n = len(self._servos)
         columns = [*rows[:, :_FIXED].T, rows[:, _FIXED : _FIXED + n], rows[:, _FIXED + n :]]
         return PlaneTrackArrays(*columns)
 

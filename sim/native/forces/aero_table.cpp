@@ -37,8 +37,10 @@
 // at the centre of mass, as in the source.
 //
 // Limits of a step h: those of the surfaces (servos.hpp), and w h <= 0.4 d (not the classical method): w is the fastest turn
-// of the flow in B, |rates| + g / V + rho S N_max V / (2 m), d the distance of alpha and beta from the nearest singularity
-// of A and |w| as functions of complex angles: +-x_0 +- i pi / M, and +-i 0.05 at alpha = 180 degrees.
+// of the flow in B, the rates across it + g / sqrt(V^2 + V_1^2) + rho S N_max V / (2 m), d the distance of alpha and beta from
+// the nearest singularity of A and |w| as functions of complex angles: +-x_0 +- i pi / M, and +-i 0.05 at alpha = 180 degrees.
+// V_1 = 0.5 m/s, because the slower the flow, the less its direction matters: the forces are quadratic in V. At V_1 they are
+// below 1 % of the weight of an aircraft whose stall speed is above 5 m/s, and gravity leaves V_1 behind in 50 ms.
 
 #include <cmath>
 
@@ -54,6 +56,7 @@ namespace {
 constexpr double kDensity = 1.225;  // at a density ratio of 1
 constexpr double kSmooth = 0.05;
 constexpr double kPolePerStep = 0.4;
+constexpr double kSlow_mps = 0.5;  // V_1
 constexpr int kMaxControls = 8;
 
 struct Control {
@@ -106,18 +109,20 @@ class AeroTable : public SurfacedForce {
     double damping_per_s(double airspeed_mps) const override { return damping_per_m_ * airspeed_mps; }
 
     double longest_step(const double *s, const double *wind_W, double longest_s) const override {
-        double step = servos_.longest_step(longest_s);
+        double step = longest_s;
         const double *w = s + kW;
         double air2 = 0.0;
         for (int j = 0; j < 3; ++j) air2 += (s[kV + j] - wind_W[j]) * (s[kV + j] - wind_W[j]);
         const double V = std::sqrt(air2);
-        const double turn = std::sqrt((w[0] * w[0] + w[1] * w[1]) + w[2] * w[2]) + kGravity / V + turn_per_m_ * V;
+        const double bent = kGravity / std::sqrt(air2 + kSlow_mps * kSlow_mps) + turn_per_m_ * V;
+        double turn = std::sqrt((w[0] * w[0] + w[1] * w[1]) + w[2] * w[2]) + bent;
         const double pole = det::kPi / p_.sharpness;
         const double least = pole < kSmooth ? pole : kSmooth;
         if (!(turn * step > kPolePerStep * least)) return step;  // wherever the singularities are
         double R[9], air[3];
         rotation_matrix(s + kQ, R);
         air_velocity(R, s, wind_W, air);
+        if (V > 0.0) turn = turn_across(w, air, V) + bent;
         const double across = std::sqrt(air[0] * air[0] + air[2] * air[2]);
         const double alpha = std::fabs(det::atan2(air[2], air[0])), beta = std::fabs(det::atan2(air[1], across));
         const double a = alpha - p_.alpha_0, b = beta - p_.beta_0, back = det::kPi - alpha;

@@ -22,6 +22,9 @@ struct alignas(32) BladeLanes {
     double ground_floor = 0.0;  // 0: no ground effect
     double ground_radius_m = 1.0;
 
+    bool drifts = false;  // hubs move in B with `drift`: tilts turn them
+    Lane drift[3];
+
     // At an instant: speeds, and of the body velocity through the air, body rate, z of W in B, height, density ratio.
     Lane speed;
     double air_B[3], w[3], up_B[3], height_m, density_ratio;

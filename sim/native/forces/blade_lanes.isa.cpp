@@ -40,9 +40,14 @@ HIL_QUAD void block(BladeLanes &l, int at, const Quads<N> &wake) {
     const Quads<N> rx = load<N>(l.r[0] + at), ry = load<N>(l.r[1] + at), rz = load<N>(l.r[2] + at);
     const Quads<N> nx = load<N>(l.n[0] + at), ny = load<N>(l.n[1] + at), nz = load<N>(l.n[2] + at);
     const double *w = l.w;
-    const Quads<N> ux = splat<N>(l.air_B[0]) + (w[1] * rz - w[2] * ry);
-    const Quads<N> uy = splat<N>(l.air_B[1]) + (w[2] * rx - w[0] * rz);
-    const Quads<N> uz = splat<N>(l.air_B[2]) + (w[0] * ry - w[1] * rx);
+    Quads<N> ux = splat<N>(l.air_B[0]) + (w[1] * rz - w[2] * ry);
+    Quads<N> uy = splat<N>(l.air_B[1]) + (w[2] * rx - w[0] * rz);
+    Quads<N> uz = splat<N>(l.air_B[2]) + (w[0] * ry - w[1] * rx);
+    if (l.drifts) {
+        ux = ux + load<N>(l.drift[0] + at);
+        uy = uy + load<N>(l.drift[1] + at);
+        uz = uz + load<N>(l.drift[2] + at);
+    }
     const Quads<N> along = (ux * nx + uy * ny) + uz * nz;
     const Quads<N> ax = ux - along * nx, ay = uy - along * ny, az = uz - along * nz;
     const Quads<N> across2 = (ax * ax + ay * ay) + az * az;

@@ -65,6 +65,17 @@ void BladeRotors::set_rotor(int rotor, double thrust_left, double forced_speed_r
     l.v_disc[at] = l.c_v[at] / disc;
 }
 
+void BladeRotors::turn(int rotor, const RotorPose &pose) {
+    Rotors::turn(rotor, pose);
+    const int at = lane_[rotor];
+    lanes_.drifts = true;
+    for (int j = 0; j < 3; ++j) {
+        lanes_.r[j][at] = pose.place_m[j];
+        lanes_.n[j][at] = pose.axis[j];
+        lanes_.drift[j][at] = pose.place_rate_mps[j];
+    }
+}
+
 void BladeRotors::prepare(const StepTimes &times, const Inertia &inertia) {
     Rotors::prepare(times, inertia);
     const double mobility = mobility_per_kg(inertia);
@@ -83,7 +94,8 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
         through2 += through * through;
     }
     const double per = 1.0 / std::sqrt(p_.air.kappa_m2);
-    const double turned = 0.5 * per * std::sqrt(turning2 * through2);
+    double turned = 0.5 * per * std::sqrt(turning2 * through2);
+    if (tilting_) turned += 0.5 * per * tilt_rate_radps() * std::sqrt(through2);
     for (int i = 0; i < p_.count; ++i) {
         const double change = (std::fabs(rate_[i] * lag_[i]) + turned) * longest_s;
         // Without descent the nearest singularity is at least |O| away; in it, a tenth of that.
@@ -97,7 +109,7 @@ double BladeRotors::longest_step(const double *s, const double *wind_W, double l
     for (int i = 0; i < p_.count; ++i) {
         const double *n = p_.axis[i];
         double hub[3];
-        point_velocity(air, s + kW, p_.position_m[i], hub);
+        hub_velocity(i, air, s + kW, hub);
         const double along = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
         const double all2 = (hub[0] * hub[0] + hub[1] * hub[1]) + hub[2] * hub[2];
         const double rest = all2 - along * along, across2 = rest > 0.0 ? rest : 0.0;

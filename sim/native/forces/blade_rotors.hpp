@@ -56,6 +56,7 @@ class BladeRotors : public FlowRotors {
 
     void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm) override;
 
+    void turn(int rotor, const RotorPose &pose) override;
     void prepare(const StepTimes &times, const Inertia &inertia) override;
     double damping_per_s(double airspeed_mps) const override { return damping_per_s_ + edge_per_m_ * airspeed_mps; }
     double longest_step(const double *s, const double *wind_W, double longest_s) const override;

@@ -16,12 +16,15 @@
 //   begin_tick     reads the own states
 //   step_rate, damping_per_s, longest_step   bound the steps
 //   for each step: at (each stage), set_integrated, add, rates; then end_step, set_integrated
+//   longest_step_by_rates  between the first stage of a step and the others
 //   end_tick       writes the own states
 // A contact sub-step: at_contact, add, end_contact.
 //
 // Determinism: + - * / sqrt and detmath.hpp only, fixed order. No allocation after `prepare`. An object belongs to one
 // body and holds what `at` computed until the next `at`.
 #pragma once
+
+#include <cmath>
 
 #include "step_times.hpp"
 
@@ -30,7 +33,8 @@ namespace hil::sim {
 inline constexpr int kPoseVelocity = 13;  // p_WB[3], q_WB[4], v_WB_W[3], w_WB_B[3]: the states of the body
 inline constexpr int kP = 0, kQ = 3, kV = 7, kW = 10;
 
-inline constexpr int kMostIntegrals = 17;  // of all forces of a body: speeds and angles of 8 rotors, and their charge
+// Of all forces of a body: speeds and angles of 8 rotors, and the charge of each of up to 8 sets of them.
+inline constexpr int kMostIntegrals = 24;
 
 struct Jet;
 struct Slipstreams;
@@ -80,6 +84,13 @@ inline void point_velocity(const double air[3], const double *w, const double *r
     u[2] = air[2] + (w[0] * r[1] - w[1] * r[0]);
 }
 
+// Rate at which the flow turns in a body that turns with w, in steady flight: that part of w which is across the flow [rad/s].
+// A roll about the flow turns nothing. V = |air| > 0.
+inline double turn_across(const double *w, const double air[3], double V) {
+    const double x = w[1] * air[2] - w[2] * air[1], y = w[2] * air[0] - w[0] * air[2], z = w[0] * air[1] - w[1] * air[0];
+    return std::sqrt((x * x + y * y) + z * z) / V;
+}
+
 class Force {
   public:
     virtual ~Force() = default;
@@ -118,6 +129,16 @@ class Force {
         return longest_s;
     }
 
+    // Longest step by the rates of p, q, v, w at its start, where the forces were added just now. Asked of bodies with
+    // slipstreams only, and not for the classical method.
+    virtual double longest_step_by_rates(const double * /*s*/, const double * /*ds*/, double longest_s) const {
+        return longest_s;
+    }
+
+    // Time from these own states to the next corner of their motion under the latched commands, where its slope or that of its
+    // rate jumps [s]; 0: none. A tick ends a part there. Not asked for by the classical method.
+    virtual double corner_s(const double * /*own*/) const { return 0.0; }
+
     // Own states `t_s` after the start of the step, which is a node of steps of this level.
     virtual void at(int /*level*/, int /*node*/, double /*t_s*/) {}
     // Adds the wrench that the own states of the last `at` or `at_contact` make.
@@ -129,6 +150,8 @@ class Force {
     virtual void end_contact(double * /*own*/, bool /*hard*/) {}
     // Own states with their rates at one instant.
     virtual void at_instant(const double * /*own*/) {}
+    // Puts what this force moves of others where these own states have it, at rest: before power_w and jet.
+    virtual void pose(const double * /*own*/) {}
 
     // Mechanical power now [W], and work over a tick that began at these own states [J]: what a battery must deliver.
     virtual double power_w(const Instant &, const double * /*own*/) { return 0.0; }

@@ -52,7 +52,7 @@ double coefficient(const LiftingLine &at, const double *p, const LiftingLine &of
     for (int j = 0; j < 3; ++j) width[j] = of.left_m[j] - of.right_m[j];
     const double behind = 0.5 * (of.left_m[0] + of.right_m[0]) - p[0], width2 = dot(width, width), behind2 = behind * behind;
     double core2 = 0.0;
-    if (at.wing != of.wing && behind > 0.0) core2 = 0.25 * width2 * behind2 / (behind2 + 4.0 * width2);
+    if (at.sheet != of.sheet && behind > 0.0) core2 = 0.25 * width2 * behind2 / (behind2 + 4.0 * width2);
     double v[3] = {0.0, 0.0, 0.0};
     add_trail(of.left_m, -1.0, p, core2, v);
     if (bound) add_segment(of.left_m, of.right_m, p, core2, v);

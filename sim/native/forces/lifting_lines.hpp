@@ -16,7 +16,7 @@
 // panels has the lift and the induced drag of the finest within 1 % (Lan, J. Aircraft 11, 1974, on the same choice of points).
 //
 // Behind another wing its sheet is not concentrated in lines: its vortices have the core e = (d / 2) x / sqrt(x^2 + 4 d^2),
-// d the width of the panel, x the distance behind it; in the plane of a tail's own fin none. Without wake
+// d the width of the panel, x the distance behind it; wings that meet, a tailplane and its fin, have none for each other. Without wake
 // roll-up and at the angle of attack 0 of the vehicle: the wake leaves along the body.
 //
 // Deterministic: + - * / sqrt, fixed order; Gauss's elimination with pivots of columns.
@@ -31,7 +31,8 @@ struct LiftingLine {
     double quarter_m[3], seen_m[3];  // points of the panel at one and three quarters of the chord
     double normal[3];
     double chord_m, slope_per_rad;
-    int wing;  // panels of the same number have no cores for each other
+    int wing;
+    int sheet;  // panels of the same number have no cores for each other
 };
 
 // Writes W and W', row by row [n][n]. Throws std::invalid_argument if panels coincide.

@@ -25,9 +25,9 @@ struct alignas(32) PanelLanes {
     double influence[kLiftingLanes][kLiftingLanes], tilting[kLiftingLanes][kLiftingLanes];
     double ground_per_m = 0.0, ground_fade_per_m2 = 0.0;  // 16 / b, 1 / (4 b)^2; 0: no ground effect
 
-    // At an instant: changes of the angle of zero lift and of C_m by the surfaces, velocity of the body through the air, its
-    // rate, z of W in B, height, half the density.
-    Lane bend, flap_moment;
+    // By the surfaces: sine and cosine of t, change of C_m.
+    Lane shift_sine, shift_cosine, flap_moment;
+    // At an instant: velocity of the body through the air, its rate, z of W in B, height, half the density.
     double air_B[3], w[3], up_B[3], height_m, half_density;
     bool near_ground;
     const Slipstreams *slipstreams;
@@ -41,7 +41,7 @@ struct alignas(32) PanelLanes {
     Lane force[3], torque[3];
     double all_force[3], all_torque[3];
     // Velocities in the panel's axes, and of the lifting panels what they pass to the others and what comes back.
-    Lane along, across, through, passed, induced, tilted, shift_sine, shift_cosine;
+    Lane along, across, through, passed, induced, tilted;
 };
 
 struct PanelKernel {

@@ -77,11 +77,7 @@ HIL_QUAD void flow(PanelLanes &l, int at, bool lifting) {
     store(l.across + at, dot(ux, uy, uz, load<N>(l.y[0] + at), load<N>(l.y[1] + at), load<N>(l.y[2] + at)));
     store(l.through + at, v);
     if (!lifting) return;
-    const Quads<N> t = 0.5 * (load<N>(l.bend + at) - load<N>(l.zero_lift + at)), t2 = t * t;
-    const Quads<N> inverse = splat<N>(1.0) / (splat<N>(1.0) + t2);
-    const Quads<N> sine = (t + t) * inverse, cosine = (splat<N>(1.0) - t2) * inverse;
-    store(l.shift_sine + at, sine);
-    store(l.shift_cosine + at, cosine);
+    const Quads<N> sine = load<N>(l.shift_sine + at), cosine = load<N>(l.shift_cosine + at);
     const Quads<N> S = v * cosine + u * sine, C = u * cosine - v * sine;
     const Quads<N> V2 = (u * u + v * v) + splat<N>(kCalm2);
     const Share<N> f = attached<N>(l, at, sqrt(V2), V2, load<N>(l.reduced + at) * S, C);

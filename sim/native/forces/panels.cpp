@@ -19,6 +19,7 @@ namespace {
 constexpr double kHalfDensity = 0.5 * 1.225;  // kg/m3
 constexpr double kGroundReachSpans = 4.0;     // height of the end of the ground effect
 constexpr double kTurnPerStep = 0.05;           // rad of the flow at a panel
+constexpr double kTurnByRates = 0.04;           // the same by the rates at the start of a step
 constexpr double kSpeedUp_mps2 = 20.0, kCalm2 = 0.09, kEndless = 1e300;
 constexpr double kSlipstream_mps = 30.0;      // that the bound of the damping allows for
 
@@ -37,7 +38,7 @@ void set(PanelLanes::Lane (&lanes)[3], int at, const double *value) {
 // A lane without a panel.
 void clear(PanelLanes &l, int at) {
     l.x[0][at] = l.y[1][at] = l.z[2][at] = 1.0;
-    l.stall_width8[at] = 1.0;
+    l.stall_width8[at] = l.shift_cosine[at] = 1.0;
 }
 
 }  // namespace
@@ -90,6 +91,7 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
         set(l.ahead, at, p.ahead_m);
         l.slope[at] = p.lift_slope_per_rad;
         l.zero_lift[at] = p.zero_lift_rad;
+        shift(at, 0.0);
         l.stall_middle[at] = p.stall_middle;
         const double h2 = p.stall_half_width * p.stall_half_width, h4 = h2 * h2;
         l.stall_width8[at] = h4 * h4;
@@ -106,6 +108,7 @@ Panels::Panels(const std::vector<PanelParams> &panels, const std::vector<ServoPa
         line.chord_m = chord;
         line.slope_per_rad = p.lift_slope_per_rad;
         line.wing = p.wing;
+        line.sheet = p.sheet;
         lines.push_back(line);
     }
     std::vector<double> w, tilting;
@@ -139,6 +142,7 @@ void Panels::prepare(const StepTimes &times, const Inertia &inertia) {
     for (int at : lane_) {
         const double r[3] = {lanes_.middle[0][at], lanes_.middle[1][at], lanes_.middle[2][at]};
         const double slope = lanes_.slope[at] + 2.0 * lanes_.plate[at] + lanes_.drag[at];
+        arm_m_[at] = std::sqrt(dot(r, r));
         damping_per_m_ += kHalfDensity * lanes_.area[at] * slope * (1.0 / inertia.mass_kg + dot(r, r) / least);
     }
 }
@@ -168,14 +172,42 @@ double Panels::longest_step(const double *s, const double *wind_W, double longes
     return limit < step ? limit : step;
 }
 
-void Panels::deflect(const double *angle, bool healthy) const {
-    PanelLanes &l = lanes_;
-    for (const Flap &flap : flaps_) l.bend[flap.lane] = l.flap_moment[flap.lane] = 0.0;
-    for (const Flap &flap : flaps_) {
-        const double d = healthy ? angle[flap.surface] : servos_.effect(flap.surface) * angle[flap.surface];
-        l.bend[flap.lane] += flap.angle * d;
-        l.flap_moment[flap.lane] += flap.moment * d;
+double Panels::longest_step_by_rates(const double *s, const double *ds, double longest_s) const {
+    const PanelLanes &l = lanes_;
+    const double turn = std::sqrt(dot(s + kW, s + kW));
+    const double speed_up = std::sqrt(dot(ds + kV, ds + kV)) + 2.0 * wash_rate_mps2_, spin_up = std::sqrt(dot(ds + kW, ds + kW));
+    for (int at : lane_) {
+        const double along = l.along[at], through = l.through[at];
+        const double speed = std::sqrt(along * along + through * through + kCalm2);
+        const double rate = turn + (speed_up + spin_up * arm_m_[at]) / speed;
+        if (longest_s * rate > kTurnByRates) longest_s = kTurnByRates / rate;
     }
+    return longest_s;
+}
+
+// Sine and cosine of t by its half angle, where the surfaces turn the zero-lift line by `bend`.
+void Panels::shift(int lane, double bend) const {
+    const double half = 0.5 * (bend - lanes_.zero_lift[lane]), half2 = half * half, inverse = 1.0 / (1.0 + half2);
+    lanes_.shift_sine[lane] = (half + half) * inverse;
+    lanes_.shift_cosine[lane] = (1.0 - half2) * inverse;
+}
+
+void Panels::deflect(const double *angle, bool healthy) const {
+    bool moved = false;
+    for (int i = 0; i < servos_.count(); ++i) {
+        const double d = healthy ? angle[i] : servos_.effect(i) * angle[i];
+        moved = moved || d != seen_rad_[i];
+        seen_rad_[i] = d;
+    }
+    if (!moved) return;
+    double bend[kLiftingLanes] = {};
+    for (const Flap &flap : flaps_) lanes_.flap_moment[flap.lane] = 0.0;
+    for (const Flap &flap : flaps_) {
+        const double d = seen_rad_[flap.surface];
+        bend[flap.lane] += flap.angle * d;
+        lanes_.flap_moment[flap.lane] += flap.moment * d;
+    }
+    for (const Flap &flap : flaps_) shift(flap.lane, bend[flap.lane]);
 }
 
 void Panels::add(const Instant &now, Wrench &out) const {
@@ -190,6 +222,13 @@ void Panels::add(const Instant &now, Wrench &out) const {
     l.near_ground = l.ground_per_m > 0.0 && l.height_m < ground_reach_m_;
     l.half_density = kHalfDensity * now.density_ratio;
     l.slipstreams = now.slipstreams;
+    wash_rate_mps2_ = 0.0;
+    if (now.slipstreams) {
+        for (int i = 0; i < now.slipstreams->count; ++i) {
+            const double rate = now.slipstreams->of[i].rate_mps2;
+            if (rate > wash_rate_mps2_) wash_rate_mps2_ = rate;
+        }
+    }
     kernel_.loads(l);
     for (int j = 0; j < 3; ++j) {
         out.force_B[j] += l.all_force[j];
@@ -242,7 +281,7 @@ const ForceBinding binding{[](nb::module_ &m) {
         .def(
             "__init__",
             [](PanelParams *self, const ::Vec3 &left_m, const ::Vec3 &right_m, const ::Vec3 &quarter_m,
-               const ::Vec3 &ahead_m, int wing,
+               const ::Vec3 &ahead_m, int wing, int sheet,
                double lift_slope_per_rad, double zero_lift_rad, double stall_middle, double stall_half_width, double drag,
                double drag_of_lift, double moment, double plate,
                const std::vector<std::tuple<int, double, double>> &flaps) {
@@ -255,6 +294,7 @@ const ForceBinding binding{[](nb::module_ &m) {
                 copy(quarter_m, p.quarter_m);
                 copy(ahead_m, p.ahead_m);
                 p.wing = wing;
+                p.sheet = sheet < 0 ? wing : sheet;
                 p.lift_slope_per_rad = lift_slope_per_rad;
                 p.zero_lift_rad = zero_lift_rad;
                 p.stall_middle = stall_middle;
@@ -266,7 +306,7 @@ const ForceBinding binding{[](nb::module_ &m) {
                 for (const auto &[surface, angle, change] : flaps) p.flaps.push_back({surface, angle, change});
                 new (self) PanelParams(p);
             },
-            nb::kw_only(), "left_m"_a, "right_m"_a, "quarter_m"_a, "ahead_m"_a, "wing"_a, "lift_slope_per_rad"_a = 0.0,
+            nb::kw_only(), "left_m"_a, "right_m"_a, "quarter_m"_a, "ahead_m"_a, "wing"_a, "sheet"_a = -1, "lift_slope_per_rad"_a = 0.0,
             "zero_lift_rad"_a = 0.0, "stall_middle"_a = 0.0, "stall_half_width"_a = 1.0, "drag"_a = 0.0,
             "drag_of_lift"_a = 0.0, "moment"_a = 0.0, "plate"_a = 0.0,
             "flaps"_a = std::vector<std::tuple<int, double, double>>{},

@@ -40,6 +40,8 @@
 //
 // Limits of a step, besides those of servos.hpp: the flow at a panel turns by at most 0.05 rad,
 //   (|w| + A / V) h <= 0.05,  V the least speed of a panel across its span, A = 20 m/s2: gravity, and as much again
+// and, by what is known at the start of the step, for each panel with its own V, slipstreams included:
+//   (|w| + A / V) h <= 0.04,  A = |dv/dt| + |dw/dt| |r| + 2 max |dv_i/dt|, v_i the velocity induced at a rotor
 #pragma once
 
 #include <vector>
@@ -60,6 +62,7 @@ struct PanelParams {
     double quarter_m[3];           // point of that line for which the panel stands
     double ahead_m[3];             // a quarter of the chord, along it
     int wing;                      // index; -1: a plate of a body
+    int sheet;                     // of vortices: the same for wings that meet
     double lift_slope_per_rad, zero_lift_rad, stall_middle, stall_half_width;  // a, alpha_0, m, h
     double drag, drag_of_lift, moment, plate;                                  // C_d0, k, C_m0, C_90
     std::vector<PanelFlap> flaps;
@@ -74,6 +77,7 @@ class Panels : public SurfacedForce {
     void prepare(const StepTimes &times, const Inertia &inertia) override;
     double damping_per_s(double airspeed_mps) const override;
     double longest_step(const double *s, const double *wind_W, double longest_s) const override;
+    double longest_step_by_rates(const double *s, const double *ds, double longest_s) const override;
     void add(const Instant &now, Wrench &out) const override;
 
     int count() const { return static_cast<int>(lane_.size()); }
@@ -86,6 +90,7 @@ class Panels : public SurfacedForce {
 
   private:
     void deflect(const double *angle, bool healthy) const;
+    void shift(int lane, double bend) const;
 
     const PanelKernel &kernel_;
     struct Flap {
@@ -95,8 +100,11 @@ class Panels : public SurfacedForce {
 
     std::vector<int> lane_;
     std::vector<Flap> flaps_;
+    mutable double seen_rad_[kMaxSurfaces] = {};  // deflections for which the lanes are shifted
     double damping_per_m_ = 0.0, ground_reach_m_ = 0.0, reach_m_ = 0.0;
     mutable PanelLanes lanes_{};
+    double arm_m_[kPanelLanes] = {};        // of each panel from the centre of mass
+    mutable double wash_rate_mps2_ = 0.0;  // greatest |dv_i/dt|
 };
 
 }  // namespace hil::sim

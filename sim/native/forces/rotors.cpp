@@ -55,17 +55,66 @@ void Rotors::set_rotor(int rotor, double thrust_left, double forced_speed_radps,
     for (int i = 0; i < p_.count; ++i) imbalanced_ = imbalanced_ || imbalance_kgm_[i] > 0.0;
 }
 
+RotorPose Rotors::let_tilt(int rotor, double reach_m) {
+    if (!tilting_) {
+        for (int i = 0; i < p_.count; ++i) {
+            const double *r = p_.position_m[i];
+            reach_m_[i] = std::sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]);
+        }
+    }
+    tilting_ = true;
+    upright_ = false;
+    reach_m_[rotor] = reach_m;
+    RotorPose pose{};
+    for (int j = 0; j < 3; ++j) {
+        pose.place_m[j] = p_.position_m[rotor][j];
+        pose.axis[j] = p_.axis[rotor][j];
+        for (int k = 0; k < 2; ++k) pose.plane[k][j] = plane_[rotor][k][j];
+    }
+    return pose;
+}
+
+void Rotors::turn(int rotor, const RotorPose &pose) {
+    tilt_rate_[rotor] = pose.tilt_rate_radps;
+    for (int j = 0; j < 3; ++j) {
+        p_.position_m[rotor][j] = pose.place_m[j];
+        p_.axis[rotor][j] = pose.axis[j];
+        place_rate_[rotor][j] = pose.place_rate_mps[j];
+        axis_rate_[rotor][j] = pose.axis_rate_per_s[j];
+        for (int k = 0; k < 2; ++k) plane_[rotor][k][j] = pose.plane[k][j];
+    }
+}
+
+double Rotors::tilt_rate_radps() const {
+    double most = 0.0;
+    for (int i = 0; i < p_.count; ++i) {
+        const double rate = std::fabs(tilt_rate_[i]);
+        if (rate > most) most = rate;
+    }
+    return most;
+}
+
 double Rotors::mobility_per_kg(const Inertia &inertia) const {
     double reach2 = 0.0;
     for (int i = 0; i < p_.count; ++i) {
         const double *r = p_.position_m[i];
-        reach2 += r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+        reach2 += tilting_ ? reach_m_[i] * reach_m_[i] : r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
     }
     return p_.count / inertia.mass_kg + reach2 / inertia.least_kgm2();
 }
 
 Rotors::Decay Rotors::decay_over(double dt_s) const {
-    return {det::exp(-dt_s / p_.time_constant_up_s), det::exp(-dt_s / p_.time_constant_down_s)};
+    const double up = det::exp(-dt_s / p_.time_constant_up_s);
+    const bool same = p_.time_constant_down_s == p_.time_constant_up_s;
+    return {up, same ? up : det::exp(-dt_s / p_.time_constant_down_s)};
+}
+
+const Rotors::Decay &Rotors::decay_at(int level, int node) {
+    if (!filled_[level]) [[unlikely]] {
+        filled_[level] = true;
+        for (int n = 0; n < nodes_; ++n) node_[level][n] = decay_over(times_.node(n) * times_.step_s(level));
+    }
+    return node_[level][node];
 }
 
 void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
@@ -74,9 +123,8 @@ void Rotors::prepare(const StepTimes &times, const Inertia &inertia) {
                      p_.count * p_.inertia_kgm2 * p_.max_speed_radps / inertia.least_kgm2();
     lag_rate_per_s_ = 1.0 / (kLagsPerStep * std::fmin(p_.time_constant_up_s, p_.time_constant_down_s));
     nodes_ = times.nodes();
-    for (int level = 0; level < kLevels; ++level) {
-        for (int n = 0; n < nodes_; ++n) node_[level][n] = decay_over(times.node(n) * times.step_s(level));
-    }
+    times_ = times;
+    for (bool &filled : filled_) filled = false;
     for (int hard = 0; hard < kContactKinds; ++hard) {
         contact_s_[hard] = times.contact_s(hard);
         contact_[hard] = decay_over(contact_s_[hard]);
@@ -144,7 +192,7 @@ double Rotors::longest_step(const double *s, const double *wind_W, double longes
     double step = longest_s;
     for (int i = 0; i < p_.count; ++i) {
         double hub[3];
-        point_velocity(air, s + kW, p_.position_m[i], hub);
+        hub_velocity(i, air, s + kW, hub);
         if (!upright_) {  // into the axes e1, e2, n
             const double *rows[3] = {plane_[i][0], plane_[i][1], p_.axis[i]};
             const double b[3] = {hub[0], hub[1], hub[2]};
@@ -164,7 +212,7 @@ double Rotors::longest_step(const double *s, const double *wind_W, double longes
 }
 
 void Rotors::at(int level, int node, double t_s) {
-    const Decay d = node_[level][node];
+    const Decay d = decay_at(level, node);
     for (int i = 0; i < p_.count; ++i) {
         const double lag_now = lag_[i] * (up_[i] ? d.up : d.down);
         speed_[i] = command_[i] + lag_now;
@@ -189,7 +237,7 @@ double Rotors::phase_at(int i, double t_s, double lag_now) const {
 }
 
 void Rotors::end_step(int level, double h_s) {
-    const Decay d = node_[level][nodes_ - 1];
+    const Decay d = decay_at(level, nodes_ - 1);
     for (int i = 0; i < p_.count; ++i) {
         const double lag_now = lag_[i] * (up_[i] ? d.up : d.down);
         if (imbalanced_) {
@@ -222,13 +270,14 @@ void Rotors::publish(int i, double induced_mps, const Instant &now) const {
     Slipstream &out = now.slipstreams->of[now.slipstreams->count++];
     const double *n = p_.axis[i];
     double hub[3];
-    point_velocity(now.air_B, now.s + kW, p_.position_m[i], hub);
+    hub_velocity(i, now.air_B, now.s + kW, hub);
     for (int j = 0; j < 3; ++j) {
         out.place_m[j] = p_.position_m[i][j];
         out.axis[j] = n[j];
     }
     out.radius_m = p_.air.radius_m;
     out.induced_mps = induced_mps;
+    out.rate_mps2 = std::fabs(accel_[i]) * std::sqrt(p_.air.kappa_m2);
     out.axial_mps = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
     const double across2 = ((hub[0] * hub[0] + hub[1] * hub[1]) + hub[2] * hub[2]) - out.axial_mps * out.axial_mps;
     out.across2 = across2 > 0.0 ? across2 : 0.0;
@@ -295,7 +344,7 @@ void Rotors::add_tilted(const Instant &now, Wrench &out) const {
         const double speed = speed_[i];
         const double k = p_.thrust_coefficient_n_per_radps2 * thrust_left_[i];
         double hub[3], across[3];
-        point_velocity(now.air_B, w, r, hub);
+        hub_velocity(i, now.air_B, w, hub);
         const double axial = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
         for (int j = 0; j < 3; ++j) across[j] = hub[j] - axial * n[j];
         double thrust = k * speed * (speed - p_.coaxial_loss[i] * speed_[p_.above[i]]);
@@ -321,6 +370,7 @@ void Rotors::add_tilted(const Instant &now, Wrench &out) const {
             force[j] += f[j];
             torque[j] -= (reaction + momentum_rate) * n[j];
             h[j] += momentum * n[j];
+            if (tilting_) torque[j] -= momentum * axis_rate_[i][j];
         }
         torque[0] += r[1] * f[2] - r[2] * f[1];
         torque[1] += r[2] * f[0] - r[0] * f[2];
@@ -352,6 +402,7 @@ void Rotors::add_gyroscopic(const double *w, Wrench &out) const {
         for (int j = 0; j < 3; ++j) {
             h[j] += along * speed_[i] * p_.axis[i][j];
             rate[j] += along * accel_[i] * p_.axis[i][j];
+            if (tilting_) rate[j] += along * speed_[i] * axis_rate_[i][j];
         }
     }
     out.torque_B[0] -= (w[1] * h[2] - w[2] * h[1]) + rate[0];

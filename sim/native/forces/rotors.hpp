@@ -20,6 +20,8 @@
 // element theory the thrust that it loses is proportional to its own speed and to that velocity, as with k_z. At equal
 // speeds its thrust is the share 1 - c_i of that alone; c_i = 0 for any other rotor.
 // Rotors that all have n_i = (0, 0, 1) and c_i = 0 take a shorter branch, `upright`.
+// A rotor that a tilt turns with the rate t' about the axis a through the hinge c (tilts.hpp):
+//   dn_i/dt = t' a x n_i,  u_i has t' a x (r_i - c) besides,  dh/dt has s_i J O_i dn_i/dt besides
 // A rotor's reaction on the body is opposite to its spin: counter-clockwise rotors turn the body clockwise. Its torque
 // m_i O_i^2 depends on its speed alone: the ground effect changes the thrust at a speed, not the power.
 //
@@ -55,9 +57,21 @@ struct RotorsParams {
     RotorAir air;
 };
 
+// Where a tilt has a rotor, in B.
+struct RotorPose {
+    double place_m[3], axis[3], plane[2][3];   // r, n, e1 and e2
+    double place_rate_mps[3], axis_rate_per_s[3];
+    double tilt_rate_radps;  // t'
+};
+
 class Rotors : public Force {
   public:
     explicit Rotors(const RotorsParams &params);
+
+    // A tilt turns this rotor; its place is up to `reach_m` from the centre of mass. Before `prepare`. Returns its pose now.
+    RotorPose let_tilt(int rotor, double reach_m);
+    // Pose of such a rotor from here on.
+    virtual void turn(int rotor, const RotorPose &pose);
 
     // State of a rotor from the next tick on; with a forced speed < 0 it follows its command.
     virtual void set_rotor(int rotor, double thrust_left, double forced_speed_radps, double imbalance_kgm);
@@ -101,6 +115,8 @@ class Rotors : public Force {
         double up, down;
     };
     Decay decay_over(double dt_s) const;
+    // That of a node; a level is filled where it is first used.
+    const Decay &decay_at(int level, int node);
     // Acceleration of the hubs along their axes, all together, over a force of 1 N at each: a bound of it [1/kg].
     double mobility_per_kg(const Inertia &inertia) const;
     double tau_s(bool up) const { return up ? p_.time_constant_up_s : p_.time_constant_down_s; }
@@ -118,10 +134,23 @@ class Rotors : public Force {
     // Adds the torque of the rotors' own spin: -w x h - dh/dt.
     void add_gyroscopic(const double *w, Wrench &out) const;
 
+    // Velocity of the hub of rotor `i` through the air.
+    void hub_velocity(int i, const double air[3], const double *w, double u[3]) const {
+        point_velocity(air, w, p_.position_m[i], u);
+        if (!tilting_) return;
+        for (int j = 0; j < 3; ++j) u[j] += place_rate_[i][j];
+    }
+    // Greatest rate of a tilt [rad/s].
+    double tilt_rate_radps() const;
+
     RotorsParams p_;
-    bool upright_ = true;
+    bool upright_ = true, tilting_ = false;
+    double reach_m_[kMaxRotors] = {};  // read if tilting
+    double tilt_rate_[kMaxRotors] = {}, place_rate_[kMaxRotors][3] = {}, axis_rate_[kMaxRotors][3] = {};
     double plane_[kMaxRotors][2][3];  // e1_i, e2_i
     Decay node_[kLevels][StepTimes::kMaxNodes], contact_[kContactKinds], tick_;
+    StepTimes times_{};
+    bool filled_[kLevels] = {};
     double tick_s_ = 0.0, contact_s_[kContactKinds] = {};
     double damping_per_s_ = 0.0, lag_rate_per_s_ = 0.0;
     int nodes_ = 0;

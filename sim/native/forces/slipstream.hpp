@@ -27,6 +27,7 @@ struct Slipstream {
     double induced_mps;  // v
     double axial_mps;    // u_n
     double across2;      // V^2
+    double rate_mps2;    // |dv/dt| by the speed of the rotor
 };
 
 struct Slipstreams {

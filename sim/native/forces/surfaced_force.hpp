@@ -24,9 +24,7 @@ class SurfacedForce : public Force {
     void begin_tick(const double *own) override { servos_.begin_tick(own); }
     void end_tick(double *own) override { servos_.end_tick(own); }
     double step_rate_per_s(bool classical) const override { return servos_.step_rate_per_s(classical); }
-    double longest_step(const double *, const double *, double longest_s) const override {
-        return servos_.longest_step(longest_s);
-    }
+    double corner_s(const double *own) const override { return servos_.corner_s(own); }
     void at(int level, int node, double t_s) override { servos_.at(level, node, t_s); }
     void end_step(int level, double h_s) override { servos_.end_step(level, h_s); }
     void at_contact(const double *own, bool) override { servos_.at_contact(own); }

@@ -40,7 +40,8 @@ double TunnelRotors::longest_step(const double *s, const double *wind_W, double 
         through2 += through * through;
     }
     for (int i = 1; i < p_.count; ++i) slowest = std::fmin(slowest, command_[i] + lag_[i]);
-    const double rate = std::sqrt(turning2 * through2) + kFall_mps2;
+    double rate = std::sqrt(turning2 * through2) + kFall_mps2;
+    if (tilting_) rate += tilt_rate_radps() * std::sqrt(through2);
     const double soft = kSoft * p_.air.radius_m / det::kPi;
     if (step * rate <= kBendPerStep * soft * slowest) return step;
     double R[9], air[3];
@@ -49,7 +50,7 @@ double TunnelRotors::longest_step(const double *s, const double *wind_W, double 
     for (int i = 0; i < p_.count; ++i) {
         const double *n = p_.axis[i];
         double hub[3];
-        point_velocity(air, s + kW, p_.position_m[i], hub);
+        hub_velocity(i, air, s + kW, hub);
         const double along = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2], width = soft * (command_[i] + lag_[i]);
         const double distance = std::sqrt(along * along + width * width);
         if (step * rate > kBendPerStep * distance) step = kBendPerStep * distance / rate;
@@ -65,7 +66,7 @@ void TunnelRotors::evaluate(const Instant &now) const {
         const double *r = p_.position_m[i], *n = p_.axis[i];
         const double speed = speed_[i], k = ratio * thrust_left_[i] * p_.thrust_coefficient_n_per_radps2;
         double hub[3], across[3];
-        point_velocity(now.air_B, w, r, hub);
+        hub_velocity(i, now.air_B, w, hub);
         const double along = (hub[0] * n[0] + hub[1] * n[1]) + hub[2] * n[2];
         for (int j = 0; j < 3; ++j) across[j] = hub[j] - along * n[j];
         double still = speed * (speed - p_.coaxial_loss[i] * speed_[p_.above[i]]);

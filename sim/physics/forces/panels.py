@@ -1,7 +1,9 @@
 """Aircraft by its geometry: wings, tails and bodies in panels. Equations: sim/native/forces/panels.hpp.
 
 Points are in B (FLU, origin at the centre of mass). A half of a wing is cut into n panels at the shares sin(pi k / 2 n)
-of its length, closer at the tip, where the lift falls. A surface acts on a panel by the share of its width it takes.
+of its length, closer at the tip, where the lift falls; where wings meet, at (1 - cos(pi k / n)) / 2, closer at both
+ends, because the lift of one runs over to the other there. A surface acts on a panel by the share of its width that it
+takes.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from sim.physics.forces.surface import Surface, check_names
 from sim.physics.forces.wing import Corners, Sphere, WingParameters, spindle, tapered
 
 MOST_LIFTING, MOST_PLATES = 40, 24  # panels that the kernel holds
+_MEETING = 0.05  # distance of the roots of wings that meet, over the shorter half
 _Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 _Length = Annotated[float, Field(gt=1e-3, le=50.0)]
 _Share = Annotated[float, Field(ge=0.0, le=1.0)]
@@ -150,7 +153,7 @@ class Panels(WingParameters):
         for index, wing in enumerate(self.wings):
             on_wing = [(i, s) for i, s in enumerate(self.surfaces) if s.wing == wing.name]
             for half in range(2 if wing.symmetric else 1):
-                places += _half_wing(index, wing, half, on_wing)
+                places += _half_wing(index, wing, half, on_wing, sheet=self._sheet(wing))
         for body in self.bodies:
             places += _plates(body)
         return places
@@ -160,6 +163,17 @@ class Panels(WingParameters):
         halves = [(wing, half) for wing in self.wings for half in range(2 if wing.symmetric else 1)]
         wings = [tapered(_station(wing, half, 0.0), _station(wing, half, 1.0)) for wing, half in halves]
         return wings + [spindle(body.nose_m, body.tail_m, body.width_m, body.height_m) for body in self.bodies]
+
+    def _sheet(self, wing: Wing) -> int | None:
+        """Return the first of the wings with roots at that of `wing`, as a fin and a tailplane; None if it is alone."""
+        x, y, z = wing.root_m
+        meeting = []
+        for index, other in enumerate(self.wings):
+            along, near_m = 0.5 * (wing.root_chord_m + other.root_chord_m), _MEETING * min(wing.half_m, other.half_m)
+            ox, oy, oz = other.root_m
+            if other is wing or (abs(ox - x) < along and math.hypot(oy - y, oz - z) < near_m):
+                meeting.append(index)
+        return meeting[0] if len(meeting) > 1 else None
 
     def make(self, effects: Effects) -> _kernels.Panels:
         return _kernels.Panels(
@@ -195,6 +209,7 @@ class Panels(WingParameters):
             quarter_m=place.quarter_m,
             ahead_m=place.ahead_m,
             wing=place.wing,
+            sheet=place.wing if place.sheet is None else place.sheet,
             lift_slope_per_rad=section.lift_slope_per_rad,
             zero_lift_rad=math.radians(section.zero_lift_deg),
             stall_middle=stall.middle,
@@ -217,6 +232,7 @@ class PanelPlace(NamedTuple):
     wing: int  # index; -1 of a body
     flaps: tuple[tuple[int, float], ...] = ()  # surface, and its deflection here over its own, for the whole width
     body: PlateBody | None = None
+    sheet: int | None = None  # wing whose vortices go on in those of this one; None: its own alone
 
 
 def _station(wing: Wing, half: int, share: float) -> tuple[Vec3, Vec3]:
@@ -232,11 +248,18 @@ def _station(wing: Wing, half: int, share: float) -> tuple[Vec3, Vec3]:
     return quarter, (0.25 * chord * det_cos(angle), -mirror * rise * up, rise * out)
 
 
-def _half_wing(index: int, wing: Wing, half: int, surfaces: Sequence[tuple[int, WingSurface]]) -> list[PanelPlace]:
-    nodes = [det_sin(0.5 * math.pi * k / wing.panels) for k in range(wing.panels + 1)]
+def _half_wing(
+    index: int, wing: Wing, half: int, surfaces: Sequence[tuple[int, WingSurface]], *, sheet: int | None
+) -> list[PanelPlace]:
+    def share(k: float) -> float:
+        if sheet is not None:
+            return 0.5 * (1.0 - det_cos(math.pi * k / wing.panels))
+        return det_sin(0.5 * math.pi * k / wing.panels)
+
+    nodes = [share(k) for k in range(wing.panels + 1)]
     places = []
     for k, (inner, outer) in enumerate(itertools.pairwise(nodes)):
-        middle = det_sin(0.5 * math.pi * (k + 0.5) / wing.panels)  # forces/lifting_lines.hpp says why
+        middle = share(k + 0.5)  # forces/lifting_lines.hpp says why
         quarter, ahead = _station(wing, half, middle)
         flaps = []
         for i, surface in surfaces:
@@ -245,7 +268,7 @@ def _half_wing(index: int, wing: Wing, half: int, surfaces: Sequence[tuple[int, 
                 flaps.append((i, covered * surface.gearing(half)))
         inside, outside = _station(wing, half, inner)[0], _station(wing, half, outer)[0]
         ends = (outside, inside) if half == 0 else (inside, outside)
-        places.append(PanelPlace(*ends, quarter, ahead, index, tuple(flaps)))
+        places.append(PanelPlace(*ends, quarter, ahead, index, tuple(flaps), None, sheet))
     return places
 
 

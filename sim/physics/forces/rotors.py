@@ -5,15 +5,17 @@ All vectors are in B (FLU, origin at the centre of mass, axes principal), SI uni
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal, NamedTuple
 
 import pydantic
 from pydantic import Field
 
 from signals.documents.validate import StrictModel
+from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.forces.blade_element import BladeElement, lumps_of
 from sim.physics.forces.force import Effects, Point
@@ -42,6 +44,14 @@ _COAXIAL_OFFSET_M = 0.01  # greatest distance of a lower rotor from the axis of 
 Component = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
 
+def unit_vector(axis: tuple[float, float, float], usual: str) -> tuple[float, float, float]:
+    """Return a vector of length 1. Raises ValueError for one of length 0."""
+    length = math.hypot(*axis)
+    if length < 1e-6:
+        raise ValueError(f"{list(axis)} has no direction: {usual}")
+    return (axis[0] / length, axis[1] / length, axis[2] / length)
+
+
 class Rotor(StrictModel):
     """One rotor; its index in the list is its number in the autopilot's control order."""
 
@@ -49,14 +59,12 @@ class Rotor(StrictModel):
     spin: Spin  # seen against the axis: from above for an upright rotor
     axis: tuple[Component, Component, Component] = (0.0, 0.0, 1.0)  # direction of the thrust, normalised when read
     coaxial_below: Annotated[int, Field(ge=0, le=7)] | None = None  # index of the upper rotor of its coaxial pair
+    set: str | None = None  # name in `rotor_sets`; null: the vehicle's own `rotor_constants`
 
     @pydantic.field_validator("axis")
     @classmethod
     def _unit_vector(cls, axis: tuple[float, float, float]) -> tuple[float, float, float]:
-        length = math.hypot(*axis)
-        if length < 1e-6:
-            raise ValueError(f"{list(axis)} has no direction: an upright rotor has [0, 0, 1]")
-        unit = (axis[0] / length, axis[1] / length, axis[2] / length)
+        unit = unit_vector(axis, "an upright rotor has [0, 0, 1]")
         if unit[2] < _LEAST_AHEAD:
             raise ValueError(
                 f"{list(axis)} does not point up or ahead: a rotor may tilt by up to 96 degrees from [0, 0, 1]"
@@ -65,7 +73,7 @@ class Rotor(StrictModel):
 
 
 class RotorConstants(StrictModel):
-    """Constants that all rotors of a vehicle share.
+    """Constants that the rotors of a set share.
 
     Thrust T = k O^2, torque on the body m_ratio T against the spin, in-plane drag k_d O v. The speed O follows the
     command with the time constant for up or down. The lower rotor of a coaxial pair has the thrust
@@ -116,6 +124,105 @@ class RotorConstants(StrictModel):
         return self
 
 
+RotorModel = Literal["blade_element", "quadratic", "wind_tunnel"]
+
+
+class RotorSet(StrictModel):
+    """Constants of the rotors that name this set: another propeller, motor or model than `rotor_constants`."""
+
+    rotor_model: RotorModel = "quadratic"
+    rotor_constants: RotorConstants
+
+
+class RotorGroup(NamedTuple):
+    """Rotors with the same constants, which follow each other in the file: one force of the body."""
+
+    key: str  # of its constants in the vehicle's file
+    first: int  # index of its first rotor
+    rotors: tuple[Rotor, ...]
+    model: RotorModel
+    constants: RotorConstants
+    up: Vec3  # direction in B that points up in hover
+
+    @property
+    def blades(self) -> BladeElement | WindTunnel | None:
+        """Parameters of the rotor model; None for the quadratic one."""
+        c = self.constants
+        return {"blade_element": c.blade_element, "wind_tunnel": c.wind_tunnel, "quadratic": None}[self.model]
+
+    @property
+    def indices(self) -> range:
+        """Indices of its rotors in the vehicle."""
+        return range(self.first, self.first + len(self.rotors))
+
+    @property
+    def thrust_shares(self) -> tuple[float, ...]:
+        """Thrust of each rotor over that of a rotor alone, for small changes of speed about equal speeds.
+
+        Both rotors of a coaxial pair have the same share: the lower rotor's thrust k O_i (O_i - c O_j) changes with
+        the speed of either. Their sum at equal speeds is exact.
+        """
+        paired = {rotor.coaxial_below for rotor in self.rotors} - {None}
+        shared = 0.5 * (1.0 + self.constants.coaxial_thrust_ratio)
+        return tuple(
+            shared if i in paired or rotor.coaxial_below is not None else 1.0
+            for i, rotor in zip(self.indices, self.rotors, strict=True)
+        )
+
+    @property
+    def lift(self) -> float:
+        """Vertical part of the axes in hover, summed with the shares: the lift of the group over k O^2 of a rotor."""
+        x, y, z = self.up
+        return sum(
+            share * (x * rotor.axis[0] + y * rotor.axis[1] + z * rotor.axis[2])
+            for share, rotor in zip(self.thrust_shares, self.rotors, strict=True)
+        )
+
+    def force(self, effects: Effects) -> _kernels.Rotors:
+        """Return the force of these rotors."""
+        return rotors_force(self.rotors, self.constants, effects, blades=self.blades, first=self.first)
+
+
+def rotor_groups(
+    rotors: Sequence[Rotor],
+    model: RotorModel,
+    constants: RotorConstants,
+    sets: Mapping[str, RotorSet],
+    up: Vec3 = (0.0, 0.0, 1.0),
+) -> tuple[RotorGroup, ...]:
+    """Return the groups of a vehicle's rotors, in their order."""
+    groups, first = [], 0
+    for name, members in itertools.groupby(rotors, key=lambda rotor: rotor.set):
+        own = tuple(members)
+        if name is None:
+            groups.append(RotorGroup("rotor_constants", first, own, model, constants, up))
+        else:
+            of = sets[name]
+            key = f"rotor_sets.{name}.rotor_constants"
+            groups.append(RotorGroup(key, first, own, of.rotor_model, of.rotor_constants, up))
+        first += len(own)
+    return tuple(groups)
+
+
+def check_sets(rotors: Sequence[Rotor], sets: Mapping[str, RotorSet]) -> None:
+    """Raise ValueError unless each rotor's set exists, each set has rotors, and they follow each other."""
+    known = f"it has {', '.join(sets)}" if sets else "the file has none"
+    for i, rotor in enumerate(rotors):
+        if rotor.set is not None and rotor.set not in sets:
+            raise ValueError(f"set of rotor {i} is {rotor.set!r}, which is no set of rotor_sets: {known}")
+    names = [name for name, _ in itertools.groupby(rotor.set for rotor in rotors)]
+    if unused := [name for name in sets if name not in names]:
+        raise ValueError(f"rotor_sets.{unused[0]} has no rotors: a rotor names it with `set: {unused[0]}`")
+    if len(set(names)) != len(names):
+        again = next(name for name in names if names.count(name) > 1)
+        which = "without a set" if again is None else f"of the set {again!r}"
+        raise ValueError(f"rotors {which} are apart: those of a set must follow each other in the list")
+    for i, rotor in enumerate(rotors):
+        above = rotor.coaxial_below
+        if above is not None and above < len(rotors) and rotors[above].set != rotor.set:
+            raise ValueError(f"coaxial_below of rotor {i} is {above}, a rotor of another set")
+
+
 def check_coaxial_pairs(rotors: Sequence[Rotor]) -> None:
     """Raise ValueError unless every `coaxial_below` names a rotor above on the same axis, of this pair only."""
     pairs = {i: rotor.coaxial_below for i, rotor in enumerate(rotors) if rotor.coaxial_below is not None}
@@ -150,13 +257,19 @@ def no_rotors() -> RotorConstants:
 
 
 def rotors_force(
-    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, *, blades: BladeElement | WindTunnel | None = None
+    rotors: Sequence[Rotor],
+    c: RotorConstants,
+    effects: Effects,
+    *,
+    blades: BladeElement | WindTunnel | None = None,
+    first: int = 0,
 ) -> _kernels.Rotors:
     """Return the force of these rotors; its commands and own states (speeds) are in their order.
 
-    With `blades` it is that of blade-element momentum theory, or of a wind tunnel's coefficients.
+    With `blades` it is that of blade-element momentum theory, or of a wind tunnel's coefficients. `first`: index of the
+    first of them in the vehicle.
     """
-    loads = _loads_force(rotors, c, effects, blades)
+    loads = _loads_force(rotors, c, effects, blades, first)
     if c.motor is None:
         return loads
     driven = {
@@ -175,13 +288,13 @@ def rotors_force(
 
 
 def _loads_force(
-    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, blades: BladeElement | WindTunnel | None
+    rotors: Sequence[Rotor], c: RotorConstants, effects: Effects, blades: BladeElement | WindTunnel | None, first: int
 ) -> _kernels.Rotors:
     quadratic = _kernels.Rotors(
         position_m=[rotor.position_m for rotor in rotors],
         spin=[rotor.spin.sign for rotor in rotors],
         axis=[rotor.axis for rotor in rotors],
-        above=[-1 if rotor.coaxial_below is None else rotor.coaxial_below for rotor in rotors],
+        above=[-1 if rotor.coaxial_below is None else rotor.coaxial_below - first for rotor in rotors],
         coaxial_loss=1.0 - c.coaxial_thrust_ratio,
         thrust_coefficient_n_per_radps2=c.thrust_coefficient_n_per_radps2,
         moment_ratio_m=c.moment_ratio_m,

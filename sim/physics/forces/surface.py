@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import pydantic
 from pydantic import Field
@@ -43,9 +43,16 @@ class Surface(StrictModel):
         return command * most if command >= 0.0 else -command * least
 
 
-def check_names(surfaces: Sequence[Surface]) -> None:
-    """Raise ValueError if two surfaces have the same name."""
-    names = [surface.name for surface in surfaces]
+class Named(Protocol):
+    """Anything with a name."""
+
+    @property
+    def name(self) -> str: ...
+
+
+def check_names(named: Sequence[Named]) -> None:
+    """Raise ValueError if two of what servos move have the same name."""
+    names = [of.name for of in named]
     twins = sorted({name for name in names if names.count(name) > 1})
     if twins:
-        raise ValueError(f"surfaces must have different names: {', '.join(twins)} is there twice")
+        raise ValueError(f"surfaces and tilts must have different names: {', '.join(twins)} is there twice")

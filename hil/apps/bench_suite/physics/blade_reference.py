@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.physics.forces.blade_element import inflow_thrust_kg_per_rad
+from sim.physics.forces.rotors import RotorConstants
 from sim.physics.vehicle import Vehicle
 from sim.scene.atmosphere import EXPONENT, LAPSE_K_PER_M, SEA_LEVEL_K
 from sim.scene.scene import Site
@@ -46,11 +47,11 @@ class Hub:
 class BladeRotor:
     """Equations of rotor `index` of a vehicle; `left` is the share of its blades' forces that a fault leaves."""
 
-    def __init__(self, vehicle: Vehicle, index: int, left: Any, *, ground: bool) -> None:
-        c, rotor = vehicle.rotor_constants, vehicle.rotors[index]
+    def __init__(self, vehicle: Vehicle, index: int, left: Any, *, ground: bool, axis: ca.SX | None = None) -> None:
+        c, rotor = vehicle.constants_of_rotors[index], vehicle.rotors[index]
         assert c.blade_element is not None
         self._c, self._b = c, c.blade_element
-        self.axis = ca.DM(rotor.axis)
+        self.axis = ca.DM(rotor.axis) if axis is None else axis  # of a rotor that tilts, an expression
         self.spin = rotor.spin.sign
         self.above = rotor.coaxial_below
         self._ground = ground
@@ -62,7 +63,7 @@ class BladeRotor:
         given = self._b.translational_thrust_kg_per_m
         self._edge = 1.5 * self._pitch / c.radius_m**2 if given is None else left * given
         self._profile = self._k * (c.moment_ratio_m - self._b.induced_power_factor * self._hover)
-        self.wake = _wake(vehicle) if self.above is not None else 0.0
+        self.wake = _wake(c) if self.above is not None else 0.0
 
     def _across(self, hub: Hub) -> ca.SX:
         return hub.velocity - ca.dot(hub.velocity, self.axis) * self.axis
@@ -122,9 +123,8 @@ class BladeRotor:
         return _SEA_LEVEL_KGPM3 / self._b.air_density_kgpm3
 
 
-def _wake(vehicle: Vehicle) -> float:
+def _wake(c: RotorConstants) -> float:
     """Return chi from the static thrust of a lower rotor at equal speeds, found by Brent's method."""
-    c = vehicle.rotor_constants
     assert c.blade_element is not None
     k, slope = c.thrust_coefficient_n_per_radps2, inflow_thrust_kg_per_rad(c, c.blade_element)
     disc = 2 * c.blade_element.air_density_kgpm3 * np.pi * c.radius_m**2

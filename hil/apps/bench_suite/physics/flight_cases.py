@@ -83,7 +83,7 @@ class Flight:
     @property
     def site(self) -> Site | None:
         """Site whose air the vehicle flies in; None for that of sea level."""
-        return self.scene.site if self.effects.air_density and self.vehicle.blades is not None else None
+        return self.scene.site if self.effects.air_density and self.vehicle.rotor_model != "quadratic" else None
 
     @property
     def duration_s(self) -> float:

@@ -26,10 +26,10 @@ _AHEAD = np.array([1.0, 0.0, 0.0])
 
 @dataclass
 class Stream:
-    """A propeller and its flow: expressions, but for place, axis and radius."""
+    """A propeller and its flow: expressions; place and axis are those of a tilt, or constants."""
 
-    place: Float64
-    axis: Float64
+    place: ca.SX | ca.DM
+    axis: ca.SX | ca.DM
     radius_m: float
     velocity: ca.SX  # of its hub through the air
     induced: ca.SX  # at the disc
@@ -120,7 +120,7 @@ def influence(part: Panels) -> tuple[Float64, Float64]:
                 p: Float64,
                 middle: Float64 = (left + right) / 2,
                 width: float = frames[j].width,
-                other: bool = places[i].wing != places[j].wing,
+                other: bool = _sheet(places[i]) != _sheet(places[j]),
             ) -> float:
                 behind = max(0.0, float(middle[0] - p[0])) if other else 0.0
                 return width / 2 * behind / math.hypot(behind, 2 * width)
@@ -136,6 +136,10 @@ def influence(part: Panels) -> tuple[Float64, Float64]:
     section = normal + np.diag(2 / (slopes * chords) - 1 / (np.pi * chords))
     circulation = np.linalg.solve(section, np.eye(n))
     return np.eye(n) - (2 / (slopes * chords))[:, None] * circulation, beside @ circulation
+
+
+def _sheet(place: PanelPlace) -> int:
+    return place.wing if place.sheet is None else place.sheet
 
 
 def _vortex(a: Float64, b: Float64, p: Float64, core: float) -> Float64:
@@ -172,17 +176,17 @@ def _flow(frame: _Frame, flight: Flight) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return the velocity through the air along x and y, and against z, where the panel sees it."""
     velocity = flight.air + ca.cross(flight.w, ca.DM(frame.seen))
     for stream in flight.streams:
-        offset = frame.seen - stream.place
-        behind = -float(offset @ stream.axis)
-        across2 = float(offset @ offset) - behind**2
-        axial = ca.dot(stream.velocity, ca.DM(stream.axis))
-        beside2 = ca.sumsqr(stream.velocity - axial * ca.DM(stream.axis))
+        offset = ca.DM(frame.seen) - stream.place
+        behind = -ca.dot(offset, stream.axis)
+        across2 = ca.sumsqr(offset) - behind**2
+        axial = ca.dot(stream.velocity, stream.axis)
+        beside2 = ca.sumsqr(stream.velocity - axial * stream.axis)
         v = stream.induced
-        grown = 1 + behind / math.hypot(behind, stream.radius_m)
+        grown = 1 + behind / ca.sqrt(behind**2 + stream.radius_m**2)
         E = axial**2 + beside2 + _SLACK2
         radius2 = stream.radius_m**2 * (E + v**2) / (E + grown * v**2)
         skew = (axial + v) ** 2 / ((axial + v) ** 2 + beside2 + _SLACK2)
-        velocity += v * skew * grown / (1 + (across2 / radius2) ** 4) * ca.DM(stream.axis)
+        velocity += v * skew * grown / (1 + (across2 / radius2) ** 4) * stream.axis
     return ca.dot(velocity, ca.DM(frame.x)), ca.dot(velocity, ca.DM(frame.y)), -ca.dot(velocity, ca.DM(frame.z))
 
 

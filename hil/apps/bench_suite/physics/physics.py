@@ -49,6 +49,7 @@ from hil.apps.bench_suite.physics.flight_cases import (
 from hil.apps.bench_suite.physics.landing_checks import landing_checks
 from hil.apps.bench_suite.physics.plane_cases import plane_rows
 from hil.apps.bench_suite.physics.vehicle_groups import group_rows
+from hil.apps.bench_suite.physics.vtol_cases import vtol_rows
 from hil.apps.bench_suite.result import BenchmarkResult, Check, Row, ShowStatus
 from hil.apps.bench_suite.timing import best_times
 from sim.physics.vehicle import load_vehicle
@@ -107,6 +108,8 @@ def measure(*, quick: bool, status: ShowStatus) -> BenchmarkResult:
     result.rows += rows
     result.checks += checks
     rows, checks = plane_rows(status, quick=quick)
+    more_rows, more_checks = vtol_rows(status, quick=quick)
+    rows, checks = [*rows, *more_rows], [*checks, *more_checks]
     result.rows += rows
     result.checks += checks
     return result

@@ -174,7 +174,7 @@ def plane_rows(status: ShowStatus, *, quick: bool) -> tuple[list[Row], list[Chec
     status("cost of a plane's tick")
     costs = [
         Check(f"{name}: processor time of a tick over a quadrotor's", _cost(name, quick=quick), "<=", 2.0, "x", "speed")
-        for name in ("skywalker_x8", "trainer")
+        for name in _PLANES
     ]
     return rows, [Check("planes, random commands, gusts, stall, spin: position error", worst, "<=", 1e-6, "m"), *costs]
 

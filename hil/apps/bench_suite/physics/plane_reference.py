@@ -23,14 +23,15 @@ from numpy.typing import NDArray
 from hil.apps.bench_suite.physics.blade_reference import BladeRotor, Hub, InflowRoots, relative_density, with_inflow
 from hil.apps.bench_suite.physics.multirotor_reference import (
     TOLERANCE,
-    commanded_speeds,
     matrix_of_quaternion,
     quaternion_like,
 )
 from hil.apps.bench_suite.physics.panels_reference import Flight, Stream, panels
 from sim.physics.forces.aero_table import AeroTable, Lateral
 from sim.physics.forces.panels import Panels
+from sim.physics.forces.rotors import RotorConstants
 from sim.physics.forces.surface import Surface
+from sim.physics.forces.tilt import Tilt
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Site
 
@@ -51,7 +52,7 @@ class PlaneInputs:
 def fly(vehicle: Vehicle, start: Float64, inputs: PlaneInputs, *, tick_s: float, gravity_mps2: float) -> Float64:
     """Return p, q, v, w, propeller speeds and deflections per tick from `start`: [ticks + 1, 13 + own states]."""
     n = len(vehicle.rotors)
-    servos = [_Servo(surface) for surface in vehicle.surfaces]
+    servos = [_Servo(servo) for servo in vehicle.servos]
     problem, roots = _equations(vehicle, gravity_mps2, inputs.site)
     options: dict[str, Any] = {
         "abstol": TOLERANCE,
@@ -63,17 +64,21 @@ def fly(vehicle: Vehicle, start: Float64, inputs: PlaneInputs, *, tick_s: float,
     solver = ca.integrator("reference", "cvodes", problem, 0.0, 1.0, options)
     inertia = vehicle.inertia_tensor_kgm2
     R = matrix_of_quaternion(start[3:7])
-    momentum = R @ (inertia @ start[10:13] + _spin_momentum(vehicle, start[13 : 13 + n]))
+    momentum = R @ (inertia @ start[10:13] + _spin_momentum(vehicle, start[13 : 13 + n], start[13 + n :]))
     x = np.concatenate([start[:3], R.ravel(order="F"), start[7:10], momentum, start[13:]])
     moving = len(x)
     x = np.concatenate([x, np.full(n, 5.0)])
     states = np.empty((len(inputs.commands) + 1, len(start)))
     states[0], q = start, start[3:7]
-    targets = commanded_speeds(vehicle, inputs.commands[:, :n])
-    c = vehicle.rotor_constants
+    targets = np.column_stack(
+        [_commanded_speeds(c, inputs.commands[:, i]) for i, c in enumerate(vehicle.constants_of_rotors)]
+    )
+    ups, downs = (
+        np.array([getattr(c, f"time_constant_{way}_s") for c in vehicle.constants_of_rotors]) for way in ("up", "down")
+    )
     for k, commands in enumerate(inputs.commands):
         deflections, speeds = states[k, 13 + n :], states[k, 13 : 13 + n]
-        lags = np.where(targets[k] > speeds, c.time_constant_up_s, c.time_constant_down_s)
+        lags = np.where(targets[k] > speeds, ups, downs)
         slope = (inputs.wind_W[k + 1] - inputs.wind_W[k]) / tick_s
         aims = [servo.target(u) for servo, u in zip(servos, commands[n:], strict=True)]
         for t, length, rates, held in _pieces(servos, aims, deflections, tick_s):
@@ -83,22 +88,29 @@ def fly(vehicle: Vehicle, start: Float64, inputs: PlaneInputs, *, tick_s: float,
             x = np.array(solver(x0=x, u=control)["xf"]).ravel()
         R = x[3:12].reshape(3, 3, order="F")
         speeds = x[18 : 18 + n]
-        w = np.linalg.solve(inertia, R.T @ x[15:18] - _spin_momentum(vehicle, speeds))
+        w = np.linalg.solve(inertia, R.T @ x[15:18] - _spin_momentum(vehicle, speeds, x[18 + n : moving]))
         q = quaternion_like(R, q)
         states[k + 1] = np.concatenate([x[:3], q, x[12:15], w, x[18:moving]])
     return states
 
 
-class _Servo:
-    """Motion of one surface: at its rate limit until it is near enough, then exponential."""
+def _commanded_speeds(c: RotorConstants, commands: Float64) -> Float64:
+    u = np.clip(commands, 0.0, 1.0)
+    return np.asarray(c.max_speed_radps * np.sqrt(u * (1.0 + c.thrust_model_factor * (u - 1.0))))
 
-    def __init__(self, surface: Surface) -> None:
+
+class _Servo:
+    """Motion of one surface or tilt: at its rate limit until it is near enough, then exponential."""
+
+    def __init__(self, surface: Surface | Tilt) -> None:
         self._surface = surface
         self.tau_s = surface.time_constant_s
         self._rate = math.inf if surface.rate_degps is None else math.radians(surface.rate_degps)
 
     def target(self, command: float) -> float:
         u = max(-1.0, min(1.0, float(command)))
+        if isinstance(self._surface, Tilt):
+            return math.radians(float(np.interp(u, (-1.0, 1.0), (self._surface.min_deg, self._surface.max_deg))))
         return math.radians(max(u, 0.0) * self._surface.max_deg + max(-u, 0.0) * self._surface.min_deg)
 
     def limited_s(self, error: float) -> float:
@@ -123,8 +135,8 @@ def _pieces(
 
 
 def _equations(vehicle: Vehicle, g: float, site: Site | None) -> tuple[dict[str, ca.SX], InflowRoots | None]:
-    c, n, m = vehicle.rotor_constants, len(vehicle.rotors), len(vehicle.surfaces)
-    assert vehicle.rotor_model == "blade_element"
+    n, m = len(vehicle.rotors), len(vehicle.servos)
+    assert all(group.model == "blade_element" for group in vehicle.rotor_groups)
     share = ca.SX.sym("share")  # of the piece
     p, R, v, L = ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("v", 3), ca.SX.sym("L", 3)
     speed, angle, induced = ca.SX.sym("speed", n), ca.SX.sym("angle", m), ca.SX.sym("induced", n)
@@ -132,25 +144,30 @@ def _equations(vehicle: Vehicle, g: float, site: Site | None) -> tuple[dict[str,
     aim, rate, held = ca.SX.sym("aim", m), ca.SX.sym("rate", m), ca.SX.sym("held", m)
     wind0, slope, begin, length = ca.SX.sym("wind", 3), ca.SX.sym("slope", 3), ca.SX.sym("t0"), ca.SX.sym("length")
     inertia = ca.DM(vehicle.inertia_tensor_kgm2)
-    spins = ca.DM([rotor.spin.sign for rotor in vehicle.rotors])
-    axes = ca.DM(np.array([rotor.axis for rotor in vehicle.rotors]).T)
-    w = ca.solve(inertia, R.T @ L - c.inertia_kgm2 * (axes @ (spins * speed)))
+    tau = ca.DM([servo.time_constant_s for servo in vehicle.servos])
+    turning = held * rate + (1 - held) * (aim - angle) / tau
+    places, axes = _poses(vehicle, angle)
+    spin_momentum = ca.SX.zeros(3)
+    for i, (rotor, of) in enumerate(zip(vehicle.rotors, vehicle.constants_of_rotors, strict=True)):
+        spin_momentum += of.inertia_kgm2 * rotor.spin.sign * speed[i] * axes[i]
+    w = ca.solve(inertia, R.T @ L - spin_momentum)
     air = R.T @ (v - (wind0 + (begin + length * share) * slope))
     density = relative_density(p[2], site) if site is not None else 1.0
     force = -ca.DM(vehicle.body_drag_linear_n_per_mps) * air * density
     force -= ca.DM(vehicle.body_drag_quadratic_n_per_m2ps2) * ca.sqrt(ca.sumsqr(air) + 1e-24) * air * density
     torque = ca.SX.zeros(3)
-    blades = [BladeRotor(vehicle, i, 1.0, ground=False) for i in range(n)]
+    blades = [BladeRotor(vehicle, i, 1.0, ground=False, axis=axes[i]) for i in range(n)]
     gaps, streams = [], []
-    for i, rotor in enumerate(vehicle.rotors):
-        place, axis = ca.DM(rotor.position_m), ca.DM(rotor.axis)
-        seen = Hub(air + ca.cross(w, place), (p + R @ place)[2], (R @ axis)[2])
+    for i, of in enumerate(vehicle.constants_of_rotors):
+        place, axis = places[i], axes[i]
+        moved = ca.jtimes(place, angle, turning) if vehicle.tilts else ca.SX.zeros(3)
+        seen = Hub(air + ca.cross(w, place) + moved, (p + R @ place)[2], (R @ axis)[2])
         pull, moment = blades[i].force_and_moment(seen, speed[i], induced[i], 0.0)
         gaps.append(blades[i].gap(seen, speed[i], induced[i], 0.0))
-        streams.append(Stream(np.array(rotor.position_m), np.array(rotor.axis), c.radius_m, seen.velocity, induced[i]))
+        streams.append(Stream(place, axis, of.radius_m, seen.velocity, induced[i]))
         force += density * blades[i].relative * pull
         torque += density * blades[i].relative * (ca.cross(place, pull) + moment)
-    first = 0
+    first = len(vehicle.tilts)
     for part in vehicle.forces:
         assert isinstance(part, AeroTable | Panels)
         count = len(part.surfaces)
@@ -159,8 +176,6 @@ def _equations(vehicle: Vehicle, g: float, site: Site | None) -> tuple[dict[str,
         else:
             f, about = aero_table(part, air, w, angle[first : first + count])
         force, torque, first = force + density * f, torque + density * about, first + count
-    tau = ca.DM([surface.time_constant_s for surface in vehicle.surfaces])
-    turning = held * rate + (1 - held) * (aim - angle) / tau
     rates = [
         v,
         ca.vec(R @ ca.skew(w)),
@@ -235,7 +250,25 @@ def _window(x: ca.SX, border_deg: float, sharpness: float) -> ca.SX:
     return inside / (1 - math.exp(-2 * sharpness * border))
 
 
-def _spin_momentum(vehicle: Vehicle, speeds: Float64) -> Float64:
-    spins = np.array([rotor.spin.sign for rotor in vehicle.rotors])
-    axes = np.array([rotor.axis for rotor in vehicle.rotors])
-    return vehicle.rotor_constants.inertia_kgm2 * np.asarray((spins * speeds) @ axes)
+def _poses(vehicle: Vehicle, angle: Any) -> tuple[list[Any], list[Any]]:
+    """Return place and axis in B of each rotor for these angles of the servos, the tilts' first.
+
+    A turn by the angle t about the unit vector a is the matrix I + sin t [a]x + (1 - cos t) [a]x^2.
+    """
+    places = [ca.DM(rotor.position_m) for rotor in vehicle.rotors]
+    axes = [ca.DM(rotor.axis) for rotor in vehicle.rotors]
+    for k, tilt in enumerate(vehicle.tilts):
+        across = ca.skew(ca.DM(tilt.axis))
+        turn = ca.DM.eye(3) + ca.sin(angle[k]) * across + (1 - ca.cos(angle[k])) * (across @ across)
+        for i in tilt.rotors:
+            hinge = places[i] if tilt.hinge_m is None else ca.DM(tilt.hinge_m)
+            places[i], axes[i] = hinge + turn @ (places[i] - hinge), turn @ axes[i]
+    return places, axes
+
+
+def _spin_momentum(vehicle: Vehicle, speeds: Float64, angles: Float64) -> Float64:
+    _, axes = _poses(vehicle, angles)
+    total = np.zeros(3)
+    for rotor, of, axis, speed in zip(vehicle.rotors, vehicle.constants_of_rotors, axes, speeds, strict=True):
+        total += of.inertia_kgm2 * rotor.spin.sign * speed * np.array(axis).ravel()
+    return total

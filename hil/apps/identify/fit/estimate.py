@@ -49,15 +49,15 @@ _FINE_STEP_S, _FINE_BELOW_S = 0.004, 0.006
 
 def windows_of(
     log: FlightLog, number: int, step_s: float, *, parts: Callable[[float], bool], nominal_v: float,
-    motors: Motors | None = None, window_s: float, motor_delay_s: float = 0.0,
+    motors: Motors | None = None, window_s: float,
 ) -> Windows:  # fmt: skip
     """Return the windows of a log whose start and end, as shares of the log, `parts` accepts.
 
-    Commands that come once a step change between two steps, not within one, at this delay of the motors: a change
-    within a step would be seen as a slope, and a lag upwards and one downwards would mix.
+    Commands that come once a step change between two steps, not within one: a change within a step would be seen as a
+    slope, and a lag upwards and one downwards would mix.
     """
     steps = round(window_s / step_s)
-    first_s = log.start_s + (float(log.motors.t_s[0]) - motor_delay_s - log.start_s) % step_s
+    first_s = log.start_s + (float(log.motors.t_s[0]) - log.start_s) % step_s
     starts = np.arange(first_s, log.end_s - (steps + 1) * step_s, steps * step_s)
     first = (starts - log.start_s) / max(log.duration_s, 1e-9)
     last = first + window_s / max(log.duration_s, 1e-9)
@@ -71,12 +71,11 @@ def steady_speed(vehicle: Vehicle, unknowns: Sequence[at.Unknown]) -> Callable[[
     def speeds(group: Group, s: Array) -> Array:
         w = group.windows
         f, e, tau = (unknowns[i].value(s[i]) for i in (at.SHAPE, at.VOLTAGE, at.TAU_UP))
-        delay = s[at.VEHICLE_COUNT + at.MOTOR_DELAY]
         c_max = vehicle.rotor_constants.max_speed_radps
         total = np.zeros((len(vehicle.rotors), w.count))
         weight = 0.0
         for back in np.arange(1, 13):  # the lag's memory
-            t = w.starts_s - back * w.step_s + delay
+            t = w.starts_s - back * w.step_s
             u = np.clip(w.motors.inputs(t, w.step_s)[: len(vehicle.rotors)], 1e-6, 1.0)
             share = float(np.exp(-(back - 0.5) * w.step_s / tau))
             total += share * c_max * np.sqrt(np.maximum(f * u * u + (1 - f) * u, 1e-9))
@@ -167,7 +166,6 @@ def fit_windows(
                 nominal_v=nominal_v,
                 motors=motors[i],
                 window_s=window_s,
-                motor_delay_s=float(start[at.VEHICLE_COUNT + i * at.LOG_COUNT + at.MOTOR_DELAY]),
             )
             for i, log in enumerate(flights)
         ]
@@ -175,7 +173,8 @@ def fit_windows(
         groups = []
         for number, w in enumerate(whole):
             chosen = np.unique(np.floor(np.arange(0.0, w.count, skip)).astype(int))
-            group = first_states(model, replace(w, starts_s=w.starts_s[chosen]))
+            delay_s = float(start[at.VEHICLE_COUNT + number * at.LOG_COUNT + at.MOTOR_DELAY])
+            group = first_states(model, replace(w, starts_s=w.starts_s[chosen]), delay_s)
             if sigma is not None:
                 group.sigma = np.maximum(sigma[number], START_SIGMA) if window_s > last_s else sigma[number].copy()
             groups.append(group)
@@ -213,8 +212,7 @@ def _part_of(progress: Callable[[float, str], None], share: tuple[float, float])
 def _add_resolution(unknowns: Sequence[at.Unknown], solution: Solution, step_s: float) -> None:
     """Add to the variances of lags and delays what the step leaves open.
 
-    Within a step commands are a straight line. What they do faster than that moves a lag against the delay. A reading
-    is compared with the state moved along its slope by up to half a step, without its bend.
+    Within a step commands are a straight line. What they do faster than that moves a lag against the delay.
     """
     diagonal = np.einsum("ii->i", solution.covariance)
     resolution_s = _RESOLUTION * step_s

@@ -7,8 +7,8 @@ the model does not explain, constant within a window.
     logged commands   dO = (c(t + d) - O) / tau, tau up or down
                       c = O_max (1 + e (V / V_nom - 1)) sqrt(f u^2 + (1 - f) u)
 A step is one of the classical Runge-Kutta method; `halving_error` says what that costs.
-Delays are differentiable: motors are given with their slope, and a sensor's reading is that of the state moved by its
-distance in time from the grid.
+The filter's model has the motors' delay d as an unknown, by their slope. The fit's has none: it lives on the motors'
+clock, where commands change between steps, and d moves the times at which the sensors are read (integration.py).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from sim.physics.vehicle import Vehicle
 P, Q, V, W, O = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13), 13  # noqa: E741
 RATE, ACCEL, POSITION, ATTITUDE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)
 OUTPUTS = 15
-SERIES = 3  # distance in time of rate, accel, and pose with velocity from the grid
+SERIES = 4  # with times of their own: rate, accel, pose, velocity
 
 
 @dataclass(frozen=True)
@@ -51,19 +51,29 @@ class Differentiated:
 
 
 @dataclass(frozen=True)
+class Reading:
+    """What a sensor reads, `y(z, theta, u, q_measured)` with its Jacobians: rate; specific force, of the motors at the
+    start of u; position and rotation vector of q_measured^-1 q, which is to be zero; or velocity."""
+
+    function: Differentiated
+    outputs: slice
+    states: slice  # which it depends on
+    series: int  # of `SERIES`
+
+
+@dataclass(frozen=True)
 class FlightModel:
     """Functions of casadi, one instant each.
 
     `rates[stage](z, theta, u) -> dz/dt` at the start, middle and end of a step, with Jacobians; `step(z, theta, u)`;
-    `read(z, theta, u, q_measured, dt) -> y` with Jacobians; theta = [vehicle's unknowns s, log's unknowns s];
+    theta = [vehicle's unknowns s, log's unknowns s];
     u = 3 instants x (motor signals, slopes, curvatures), V / V_nom, and the ground's height.
-    y = [rate, specific force, position, rotation vector of q_measured^-1 q, velocity], where that rotation vector is to
-    be zero.
+    `readings` are of a state at their own instant; when that is, and the delays, is the caller's.
     """
 
     rates: list[Differentiated]
     step: Any
-    read: Differentiated
+    readings: tuple[Reading, ...]
     forces: Any
     states: int
     inputs: int
@@ -92,9 +102,13 @@ def _conjugate(q: Any) -> Any:
 
 
 def make_model(
-    vehicle: Vehicle, unknowns: list[at.Unknown], *, kind: Literal["speed_radps", "command"], step_s: float
-) -> FlightModel:
-    """Return the model of a vehicle about its `unknowns` (`vehicle_unknowns`), for a grid of `step_s`."""
+    vehicle: Vehicle, unknowns: list[at.Unknown], *, kind: Literal["speed_radps", "command"], step_s: float,
+    delayed: bool = False,
+) -> FlightModel:  # fmt: skip
+    """Return the model of a vehicle about its `unknowns` (`vehicle_unknowns`), for a grid of `step_s`.
+
+    Without `delayed` the motors' delay moves no state: the caller moves the readings, whose motors have their slope.
+    """
     n = len(vehicle.rotors)
     states = 19 + (n if kind == "command" else 0)
     z, s, inputs = ca.SX.sym("z", states), ca.SX.sym("s", at.VEHICLE_COUNT + at.LOG_COUNT), 9 * n + 2
@@ -111,7 +125,7 @@ def make_model(
     gravity = ca.DM([0.0, 0.0, -STANDARD_GRAVITY_MPS2])
     c = vehicle.rotor_constants
 
-    def motors(x: Any, stage: int) -> tuple[Any, Any]:
+    def motors(x: Any, stage: int, delay: Any) -> tuple[Any, Any]:
         """Rotor speeds and their slopes at stage 0 (start), 1 (middle) or 2 (end) of the step."""
         signal, slope, bend = (u[9 * 0 + stage * 3 * n + i * n : stage * 3 * n + (i + 1) * n] for i in range(3))
         if kind == "speed_radps":
@@ -126,10 +140,10 @@ def make_model(
         speed = x[O : O + n]
         return speed, (target - speed) / ca.if_else(target > speed, p[at.TAU_UP], p[at.TAU_DOWN])
 
-    def force_and_moment(x: Any, stage: int, *, exact: bool = False) -> tuple[Any, Any, Any, Inflow]:
+    def force_and_moment(x: Any, stage: int, delay: Any, *, exact: bool = False) -> tuple[Any, Any, Any, Inflow]:
         back = _conjugate(x[Q])
         air_B = _cross_matrix_rotate(back, x[V] - wind)
-        speed, slope = motors(x, stage)
+        speed, slope = motors(x, stage, delay)
         force = -p[at.LINEAR_DRAG : at.LINEAR_DRAG + 3] * air_B
         force -= p[at.QUADRATIC_DRAG : at.QUADRATIC_DRAG + 3] * ca.sqrt(ca.dot(air_B, air_B) + 1e-6) * air_B
         k = p[at.AIR_MOMENT : at.AIR_MOMENT + 2]  # the hull's place, and flapping blades: back against the flow
@@ -139,7 +153,7 @@ def make_model(
         return force + f, moment + m, slope, inflow
 
     def derivative(x: Any, stage: int, *, exact: bool = False) -> tuple[Any, Inflow]:
-        force, moment, slope, inflow = force_and_moment(x, stage, exact=exact)
+        force, moment, slope, inflow = force_and_moment(x, stage, delay if delayed else 0.0, exact=exact)
         dq = 0.5 * _product(x[Q], ca.vertcat(0, x[W]))
         dv = _cross_matrix_rotate(x[Q], force) / vehicle.mass_kg + gravity + x[states - 6 : states - 3]
         dw = (moment - ca.cross(x[W], inertia * x[W])) / inertia + x[states - 3 :]
@@ -158,32 +172,29 @@ def make_model(
     end[Q] = end[Q] / ca.norm_2(end[Q])
     step = ca.Function("step", [z, s, u], ca.cse([end]))
 
-    slope_z, inflow_z = derivative(z, 0, exact=True)
-    dt, q_seen = ca.SX.sym("dt", SERIES), ca.SX.sym("q", 4)
-
-    def moved(by_s: Any) -> Any:
-        return z + by_s * slope_z
-
-    at_rate, at_accel, at_pose = moved(dt[0]), moved(dt[1]), moved(dt[2] - of_log[at.POSE_DELAY])
-    force, _, _, inflow = force_and_moment(at_accel, 0, exact=True)
-    specific = force / vehicle.mass_kg + _cross_matrix_rotate(
-        _conjugate(at_accel[Q]), at_accel[states - 6 : states - 3]
-    )
-    q = at_pose[Q] / ca.norm_2(at_pose[Q])
+    q_seen = ca.SX.sym("q", 4)
+    rate = z[W] + of_log[at.GYRO_BIAS : at.GYRO_BIAS + 3]
+    force, _, _, inflow = force_and_moment(z, 0, delay, exact=True)
+    specific = force / vehicle.mass_kg + _cross_matrix_rotate(_conjugate(z[Q]), z[states - 6 : states - 3])
+    specific += of_log[at.ACCEL_BIAS : at.ACCEL_BIAS + 3]
     half = 0.5 * of_log[at.MISALIGNMENT : at.MISALIGNMENT + 3]
-    turned = _product(q, ca.vertcat(1, half))
+    turned = _product(z[Q] / ca.norm_2(z[Q]), ca.vertcat(1, half))
     off = _product(_conjugate(q_seen), turned)
-    y = ca.vertcat(
-        at_rate[W] + of_log[at.GYRO_BIAS : at.GYRO_BIAS + 3],
-        specific + of_log[at.ACCEL_BIAS : at.ACCEL_BIAS + 3],
-        at_pose[P],
-        2 * off[1:4] / ca.fmax(ca.fabs(off[0]), 1e-3) * ca.sign(off[0]),
-        at_pose[V],
+    angle = 2 * off[1:4] / ca.fmax(ca.fabs(off[0]), 1e-3) * ca.sign(off[0])
+
+    def reading(name: str, y: Any, of: Inflow, outputs: slice, states: slice, series: int) -> Reading:
+        return Reading(_with_jacobians(name, z, s, [u, q_seen], y, of), outputs, states, series)
+
+    pose = ca.vertcat(z[P], angle)
+    readings = (
+        reading("rate", rate, Inflow.none(), RATE, W, 0),
+        reading("accel", specific, inflow, ACCEL, slice(0, states - 3), 1),
+        reading("pose", pose, Inflow.none(), slice(POSITION.start, ATTITUDE.stop), slice(0, Q.stop), 2),
+        reading("velocity", z[V], Inflow.none(), VELOCITY, V, 3),
     )
-    read = _with_jacobians("read", z, s, [u, q_seen, dt], y, inflow_z.then(inflow))
-    now, turn, _, _ = force_and_moment(z, 0)
+    now, turn, _, _ = force_and_moment(z, 0, delay)
     forces = ca.Function("forces", [z, s, u], [now / vehicle.mass_kg, turn / inertia])
-    return FlightModel(rates, step, read, forces, states, inputs, n, kind, step_s)
+    return FlightModel(rates, step, readings, forces, states, inputs, n, kind, step_s)
 
 
 def halving_error(model: FlightModel, half: FlightModel, z: np.ndarray, s: np.ndarray, u: np.ndarray) -> float:
@@ -203,5 +214,5 @@ def _with_jacobians(name: str, z: Any, s: Any, others: list[Any], y: Any, inflow
     out = ca.cse(put_in([y, ca.vertcat(*jz.nonzeros()), ca.vertcat(*js.nonzeros())], inflow))
     f = ca.Function(name, [z, s, *others], out)
     (row_z, col_z), (row_s, col_s) = (j.sparsity().get_triplet() for j in (jz, js))
-    at_z, at_s = (np.array(row_z), np.array(col_z)), (np.array(row_s), np.array(col_s))
+    at_z, at_s = ((np.array(x, np.int64), np.array(y, np.int64)) for x, y in ((row_z, col_z), (row_s, col_s)))
     return Differentiated(f, at_z, at_s, (y.shape[0], z.shape[0], s.shape[0]))

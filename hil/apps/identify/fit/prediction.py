@@ -98,7 +98,8 @@ class Predictor:
         s: Array | None = None,
     ) -> None:  # fmt: skip
         unknowns = at.vehicle_unknowns(vehicle)
-        self.model: FlightModel = make_model(vehicle, unknowns, kind=kind, step_s=step_s)  # type: ignore[arg-type]
+        # `delayed`: the filter learns the delay.
+        self.model: FlightModel = make_model(vehicle, unknowns, kind=kind, step_s=step_s, delayed=True)  # type: ignore[arg-type]
         self.noise = noise or FilterNoise()
         self.nominal_v = vehicle.battery.nominal_voltage_v if vehicle.battery else 1.0
         self._s = np.zeros(at.VEHICLE_COUNT + at.LOG_COUNT)

@@ -47,17 +47,17 @@ class Flow:
 class Inflow:
     """Induced velocities of the rotors: symbols, their values by Newton's method, and g of each, in the rotors' order.
 
-    Values may depend on symbols: of upper rotors, or of an earlier instant. Empty for a model without inflow.
+    Values may depend on symbols: those of upper rotors. Empty for a model without inflow.
     """
 
     symbols: Any
     values: Any
     balances: Any
 
-    def then(self, later: Inflow) -> Inflow:
-        """Return both, of which the later may depend on this one."""
-        pairs = ((self.symbols, later.symbols), (self.values, later.values), (self.balances, later.balances))
-        return Inflow(*(ca.vertcat(*pair) for pair in pairs))
+    @staticmethod
+    def none() -> Inflow:
+        """Return that of a function without rotors."""
+        return Inflow(ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1))
 
 
 def wrench(

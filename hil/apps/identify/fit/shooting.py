@@ -26,7 +26,8 @@ from scipy.special import stdtrit
 
 from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
-from hil.apps.identify.fit.flight_model import Differentiated, FlightModel
+from hil.apps.identify.fit.flight_model import FlightModel
+from hil.apps.identify.fit.integration import Step, between, rates
 from hil.apps.identify.fit.windows import Windows
 
 Array = NDArray[np.float64]
@@ -39,6 +40,7 @@ _LEAST_UNEXPLAINED = np.array([0.003, 0.003, 0.003, 0.01, 0.01, 0.01])
 _CLUSTERS, _LEAST_CLUSTERS = (4, 8, 16, 32), 8
 _WITHIN_3_SIGMA = 0.5 * (1.0 + 0.9973002)  # quantile at 3 sigma
 _CHUNK = 32  # windows that one thread takes at a time
+_POSE_SERIES = 2  # and the later ones share the delay of the pose
 _SETTLED = 0.05  # a step below this share of every deviation ends the iteration
 
 
@@ -51,44 +53,6 @@ class Group:
     prior_mean: Array
     prior_weight: Array  # diagonal of M [states, W]
     sigma: Array = field(default_factory=lambda: START_SIGMA.copy())
-
-
-def rates(f: Differentiated, *args: Array) -> tuple[Array, Array, Array]:
-    """Return value [W, n], Jacobian to z [W, n, nz] and to s [W, n, ns] for columns of arguments [rows, W].
-
-    An argument may be [rows, 1]: the same for all.
-    """
-    (n, nz, ns), W = f.shape, args[0].shape[1]
-    value, A, B = np.zeros((W, n)), np.zeros((W, n * nz)), np.zeros((W, n * ns))
-    f.program.evaluate([np.ascontiguousarray(x, np.float64) for x in args], [value, A, B])
-    return value, A.reshape(W, n, nz), B.reshape(W, n, ns)
-
-
-class _Step:
-    """The Runge-Kutta step of `W` windows, differentiated; keeps its arrays from step to step."""
-
-    def __init__(self, model: FlightModel, W: int) -> None:
-        n, nz, ns = model.rates[0].shape
-        self._model = model
-        self._flat = [(np.zeros((W, n)), np.zeros((W, n * nz)), np.zeros((W, n * ns))) for _ in range(4)]
-        self._stages = [(k, A.reshape(W, n, nz), B.reshape(W, n, ns)) for k, A, B in self._flat]
-
-    def __call__(self, z: Array, s: Array, u: Array) -> tuple[Array, Array, Array]:
-        """Return the state [nz, W] one step on and its Jacobians to z and s [W, nz, ...]."""
-        h, (first, middle, end) = self._model.step_s, self._model.rates
-        k, A, B = self._stages[0]
-        first.program.evaluate([z, s, u], list(self._flat[0]))
-        sum_k, sum_A, sum_B = k.copy(), A.copy(), B.copy()
-        for stage, (f, part, weight) in enumerate(((middle, 0.5 * h, 2.0), (middle, 0.5 * h, 2.0), (end, h, 1.0)), 1):
-            f.program.evaluate([z + part * np.ascontiguousarray(k.T), s, u], list(self._flat[stage]))
-            k, a, b = self._stages[stage]
-            A, B = a + part * (a @ A), b + part * (a @ B)
-            sum_k += weight * k
-            sum_A += weight * A
-            sum_B += weight * B
-        F = (h / 6.0) * sum_A
-        F[:, np.arange(len(z)), np.arange(len(z))] += 1.0
-        return np.ascontiguousarray(z + (h / 6.0) * sum_k.T), F, (h / 6.0) * sum_B
 
 
 @dataclass
@@ -119,24 +83,22 @@ def sums(model: FlightModel, group: Group, s: Array, workers: Executor | None = 
     The windows are split into chunks, which `workers` share. A window's numbers are the same in any chunk and thread.
     """
     w = group.windows
-    u = w.inputs(s[at.VEHICLE_COUNT + at.MOTOR_DELAY])
-    readings = w.readings(s[at.VEHICLE_COUNT + at.POSE_DELAY])
-    shifted = s.copy()
-    shifted[at.VEHICLE_COUNT + at.MOTOR_DELAY] = shifted[at.VEHICLE_COUNT + at.POSE_DELAY] = 0.0
+    u, readings = w.inputs(), w.readings(*s[at.VEHICLE_COUNT + np.array([at.MOTOR_DELAY, at.POSE_DELAY])])
     chunks = [slice(first, first + _CHUNK) for first in range(0, w.count, _CHUNK)]
 
     def part(chunk: slice) -> Sums:
-        y, q, dt = (np.ascontiguousarray(x[:, :, chunk]) for x in readings)
-        return _sums(model, group, chunk, shifted, u=np.ascontiguousarray(u[:, :, chunk]), y=y, q=q, dt=dt)
+        y, q, share = (np.ascontiguousarray(x[:, :, chunk]) for x in readings)
+        return _sums(model, group, chunk, s, u=np.ascontiguousarray(u[:, :, chunk]), y=y, q=q, share=share)
 
     return Sums.of(list(workers.map(part, chunks) if workers is not None else map(part, chunks)))
 
 
 def _sums(
-    model: FlightModel, group: Group, chunk: slice, s: Array, *, u: Array, y: Array, q: Array, dt: Array
+    model: FlightModel, group: Group, chunk: slice, s: Array, *, u: Array, y: Array, q: Array, share: Array
 ) -> Sums:  # fmt: skip
-    """`y`, `q`, `dt`, `u` as of the chunk [steps, rows, W]."""
+    """`y`, `q`, `share`, `u` as of the chunk [steps, rows, W]."""
     nz, ns, theta = model.states, len(s), s[:, None].copy()
+    theta[at.VEHICLE_COUNT + at.MOTOR_DELAY] = 0.0  # it is in the times of the readings
     z = np.ascontiguousarray(group.z0[:, chunk])
     W = z.shape[1]
     S = np.zeros((W, nz, nz + ns))  # of the state to the window's start and to s, side by side
@@ -150,32 +112,43 @@ def _sums(
     H[:, fm.Q, fm.Q] += 1e4 * q0[:, :, None] * q0[:, None, :]
     squares, counts = np.zeros((W, fm.OUTPUTS)), np.zeros((W, fm.OUTPUTS))
     log_sigma = np.log(group.sigma)
-    step = _Step(model, W)
+    step = Step(model, W)
+    motor_delay, pose_delay = nz + at.VEHICLE_COUNT + at.MOTOR_DELAY, nz + at.VEHICLE_COUNT + at.POSE_DELAY
     for k in range(len(u)):
-        known = np.isfinite(y[k].T)
-        seen = known.any(axis=1)
-        if seen.any():
-            value, gz, gs = rates(model.read, z, theta, u[k], q[k], dt[k])
-            r = np.where(known, value - np.nan_to_num(y[k].T), 0.0) / group.sigma
-            G = gz @ S
-            G[:, :, nz:] += gs
-            G *= (known / group.sigma)[:, :, None]
+        step.start(z, theta, u[k])
+        for reading in model.readings:
+            outputs = reading.outputs
+            known = np.isfinite(y[k, outputs].T)
+            if not known.any():
+                continue
+            there = step.within(share[k, reading.series], reading.states)
+            motors = between(u[k], share[k, reading.series], model.rotors, model.step_s)
+            value, gz, gs = rates(reading.function, there.z, theta, motors, q[k])
+            r = np.where(known, value - np.nan_to_num(y[k, outputs].T), 0.0) / group.sigma[outputs]
+            gz = gz[:, :, reading.states]
+            G = (gz @ there.F) @ S
+            G[:, :, nz:] += gs + gz @ there.B
+            by_time = (gz @ there.slope[:, :, None])[:, :, 0]
+            G[:, :, motor_delay] += by_time
+            if reading.series >= _POSE_SERIES:
+                G[:, :, pose_delay] -= by_time
+            G *= (known / group.sigma[outputs])[:, :, None]
             GT = G.transpose(0, 2, 1)
-            costs += 0.5 * (r * r).sum(axis=1) + known @ log_sigma
+            costs += 0.5 * (r * r).sum(axis=1) + known @ log_sigma[outputs]
             H += GT @ G
             g += (GT @ r[:, :, None])[:, :, 0]
-            squares += (r * r) * group.sigma**2
-            counts += known
+            squares[:, outputs] += (r * r) * group.sigma[outputs] ** 2
+            counts[:, outputs] += known
         if k + 1 < len(u):
-            z, F, B = step(z, theta, u[k])
+            z, F, B = step.end()
             S = F @ S
             S[:, :, nz:] += B
     return Sums(costs, H[:, :nz, :nz], H[:, :nz, nz:], H[:, nz:, nz:], g[:, :nz], g[:, nz:], squares, counts)
 
 
-def first_states(model: FlightModel, windows: Windows) -> Group:
+def first_states(model: FlightModel, windows: Windows, motor_delay_s: float = 0.0) -> Group:
     """Return the windows with their states at the start as measured."""
-    log, t = windows.log, windows.starts_s
+    log, t = windows.log, windows.starts_s - motor_delay_s
     if log.pose is None:
         raise ValueError(f"{log.name}: a fit needs poses")
     z = np.zeros((model.states, windows.count))

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from hil.apps.identify.fit import flight_model as fm
 from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.flight_model import FlightModel
-from hil.apps.identify.fit.shooting import rates
+from hil.apps.identify.fit.integration import rates
 
 Array = NDArray[np.float64]
 

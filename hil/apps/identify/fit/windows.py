@@ -1,6 +1,6 @@
 """Logs cut into short windows on a grid: what the motors did, and which reading of a sensor belongs to which instant.
 
-Every sensor reading is used at most once, at the nearest instant of the grid and at its own time; nothing measured is
+Every sensor reading is used at most once, in the step that it lies in and at its own time; nothing measured is
 interpolated, because the slope of a noisy series would pull a delay towards half a sample. Only motors are
 interpolated: logged speeds as smoothed cubic splines, commands as the mean of what was held during a step.
 """
@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from hil.apps.identify.fit.flight_model import OUTPUTS
+from hil.apps.identify.fit.flight_model import ACCEL, ATTITUDE, OUTPUTS, POSITION, RATE, SERIES, VELOCITY
 from hil.apps.identify.fit.motor_telemetry import smoothed
 from hil.run.flight_logs.flight_log import FlightLog, Series
 
 Array = NDArray[np.float64]
+_EARLY = 0.01
 
 
 @dataclass(frozen=True)
@@ -82,36 +83,19 @@ class Motors:
         return self.moment[i] + (between * (t_s - self.t_s[i]))[:, None] * self.held[i]
 
 
-@dataclass
-class Readings:
-    """One series on a grid: index of the reading of each instant, or -1, and its own time."""
+def within_steps(t_s: Array, grid_s: Array, step_s: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the index of the first reading in the step from each instant, and which steps have one.
 
-    index: NDArray[np.int64]
-    series: Series
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        return self.index >= 0
-
-
-def nearest(series: Series | None, grid_s: Array, step_s: float, delay_s: float) -> Readings | None:
-    """Return which reading, moved back by its delay, is nearest to each instant and within half a step of it."""
-    if series is None:
-        return None
-    t = series.t_s - delay_s
-    right = np.clip(np.searchsorted(t, grid_s), 0, len(t) - 1)
-    left = np.maximum(right - 1, 0)
-    best = np.where(np.abs(t[left] - grid_s) < np.abs(t[right] - grid_s), left, right)
-    near = np.abs(t[best] - grid_s) <= 0.5 * step_s * (1 + 1e-9)
-    index = np.where(near, best, -1)
-    again = np.flatnonzero((index[1:] == index[:-1]) & (index[1:] >= 0)) + 1
-    index[again] = -1
-    return Readings(index, series)
+    Stamps are rounded to microseconds: a reading may lie `_EARLY` steps before its instant.
+    """
+    from_s = grid_s - _EARLY * step_s
+    index = np.minimum(np.searchsorted(t_s, from_s), len(t_s) - 1)
+    return index, (t_s[index] >= from_s) & (t_s[index] < from_s + step_s)
 
 
 @dataclass
 class Windows:
-    """Windows of one log on its grid: `starts` [W] and `steps` instants each, `step_s` apart."""
+    """Windows of one log on a grid of the motors' clock: `starts` [W] and `steps` each, `step_s` long."""
 
     log: FlightLog
     number: int  # of the log
@@ -129,41 +113,44 @@ class Windows:
         """[steps, W]"""
         return np.arange(self.steps)[:, None] * self.step_s + self.starts_s[None, :]
 
-    def inputs(self, motor_delay_s: float) -> Array:
-        """[steps, inputs, W] of the model at the given delay of the motors."""
+    def inputs(self) -> Array:
+        """[steps, inputs, W] of the model."""
         t = self.instants()
-        flat = self.motors.inputs(t.ravel() + motor_delay_s, self.step_s)
+        flat = self.motors.inputs(t.ravel(), self.step_s)
         volts = np.ones(t.size)
         if self.log.voltage is not None:
             volts = np.interp(t.ravel(), self.log.voltage.t_s, self.log.voltage.values[:, 0]) / self.nominal_v
         flat = np.vstack([flat, volts, np.full(t.size, self.log.ground_or_far_below_m)])
         return flat.reshape(len(flat), *t.shape).transpose(1, 0, 2)
 
-    def readings(self, pose_delay_s: float) -> tuple[Array, Array, Array]:
-        """Return y [steps, OUTPUTS, W] with NaN where nothing was read, q_measured [steps, 4, W], and dt [steps, 3, W].
+    def readings(self, motor_delay_s: float, pose_delay_s: float) -> tuple[Array, Array, Array]:
+        """Return y [steps, OUTPUTS, W] with NaN where nothing was read, q_measured [steps, 4, W], and the readings'
+        shares of their steps [steps, SERIES, W]. A reading of the clock of the gyro is `motor_delay_s` later here.
 
         The rotation vector's reading is 0 where the attitude was measured.
         """
-        t = self.instants()
-        y = np.full((OUTPUTS, t.size), np.nan)
-        q = np.zeros((4, t.size))
+        grid_s = self.instants()
+        flat = grid_s.ravel()
+        y, q, share = np.full((OUTPUTS, flat.size), np.nan), np.zeros((4, flat.size)), np.zeros((SERIES, flat.size))
         q[0] = 1.0
-        dt = np.zeros((3, t.size))
-        flat = t.ravel()
-        for row, series in ((0, self.log.rate), (1, self.log.accel)):
-            if (found := nearest(series, flat, self.step_s, 0.0)) is not None:
-                known, i = found.known, found.index
-                y[3 * row : 3 * row + 3, known] = found.series.values[i[known]].T
-                dt[row, known] = found.series.t_s[i[known]] - flat[known]
-        for rows, series in ((slice(6, 9), self.log.pose), (slice(12, 15), self.log.velocity)):
-            if (found := nearest(series, flat, self.step_s, pose_delay_s)) is None:
+        log, late_s = self.log, (-motor_delay_s, pose_delay_s - motor_delay_s)
+        pose = None if log.pose is None else Series(log.pose.t_s, log.pose.values[:, :3])
+        sensors = (
+            (log.rate, RATE, late_s[0]),
+            (log.accel, ACCEL, late_s[0]),
+            (pose, POSITION, late_s[1]),
+            (log.velocity, VELOCITY, late_s[1]),
+        )
+        for row, (series, outputs, delay_s) in enumerate(sensors):
+            if series is None:
                 continue
-            known, i = found.known, found.index
-            y[rows, known] = found.series.values[i[known], :3].T
-            dt[2, known] = found.series.t_s[i[known]] - pose_delay_s - flat[known]
-            if series is self.log.pose:
-                y[9:12, known] = 0.0
-                q[:, known] = found.series.values[i[known], 3:7].T
-        shape = (-1, *t.shape)
-        y, q, dt = (x.reshape(shape).transpose(1, 0, 2) for x in (y, q, dt))
-        return y, q, dt
+            t_s = series.t_s - delay_s
+            i, known = within_steps(t_s, flat, self.step_s)
+            i = i[known]
+            y[outputs, known] = series.values[i].T
+            share[row, known] = (t_s[i] - flat[known]) / self.step_s
+            if outputs == POSITION and log.pose is not None:
+                y[ATTITUDE, known] = 0.0
+                q[:, known] = log.pose.values[i, 3:7].T
+        y, q, share = (x.reshape(-1, *grid_s.shape).transpose(1, 0, 2) for x in (y, q, share))
+        return y, q, share

@@ -2,7 +2,8 @@
 
     motors      ESC (rpm) if every motor reports, else RCOU (us) by the outputs' functions and MOT_PWM_MIN and _MAX,
                 made faster by RATE (ardupilot_mixing.py)
-    rate, accel IMU, first instance, without INS_GYRO_FILTER and INS_ACCEL_FILTER (unfiltered.py)
+    rate, accel IMU, first instance, without INS_GYRO_FILTER and INS_ACCEL_FILTER, in one band with the commands
+                (unfiltered.py)
     pose        attitude of XKQ, else XKF1, else ATT; position and velocity of XKF1, else POS and GPS
     voltage     BAT, first instance
     set-points  PSCN, PSCE, PSCD, ATT.DesYaw (dataflash_set_points.py), wind the estimator's
@@ -31,7 +32,7 @@ from hil.run.flight_logs.dataflash_set_points import dataflash_other_vehicle, da
 from hil.run.flight_logs.flight_log import FlightLog, MotorsKind, Series
 from hil.run.flight_logs.log_format import Format, LogFile
 from hil.run.flight_logs.ned import enu_from_ned, flu_from_frd, q_WB_from_q_NF, quaternion_of_euler
-from hil.run.flight_logs.unfiltered import unfiltered
+from hil.run.flight_logs.unfiltered import LowPass, band_of, within_band
 
 _HEAD = b"\xa3\x95"
 _HEAD_BYTES = 3
@@ -47,6 +48,9 @@ _RADPS_PER_RPM = 2.0 * math.pi / 60.0
 _MOST_OUTPUTS = 14
 _EARTH_RADIUS_M = 6378137.0
 _MOTORS_HINT = "set LOG_BITMASK with RCOUT (bit 10), fast attitude (bit 0) and fast IMU (bit 18), and fly again"
+_SITL_ACCEL_HZ = 1000.0  # INS_SITL_SENSOR_A
+_FAST_HZ = 8000.0  # of a sensor whose rate is not logged: the filter is then as good as continuous
+_MOST_CUTOFF = 0.4  # of the rate, DigitalBiquadFilter::compute_params
 _LEAST_MOTOR_HZ = 45.0  # below it a motor's lag, typically 0.02 to 0.05 s, hides between two samples
 
 
@@ -116,8 +120,11 @@ def _read(file: LogFile) -> FlightLog:
         t_s = imu["TimeUS"] * _US
         rate = series_of(t_s, flu_from_frd(_stack(imu, "GyrX", "GyrY", "GyrZ")))
         accel = series_of(t_s, flu_from_frd(_stack(imu, "AccX", "AccY", "AccZ")))
-        rate = unfiltered(rate, parameters.get("INS_GYRO_FILTER", 0.0))
-        accel = unfiltered(accel, parameters.get("INS_ACCEL_FILTER", 0.0))
+        gyro_filter, accel_filter = _low_passes(imu, parameters)
+        band_hz = band_of([x for x in (gyro_filter, accel_filter) if x is not None], float(np.median(np.diff(t_s))))
+        rate, accel = within_band(rate, band_hz, gyro_filter), within_band(accel, band_hz, accel_filter)
+        if kind == "command" and _rate_hz(motors) > 2.0 * band_hz:
+            motors = _in_band(motors, band_hz)
     attitude = _attitude(messages)
     position, velocity = _motion(messages)
     battery = messages("BAT", 0)
@@ -140,6 +147,34 @@ def _read(file: LogFile) -> FlightLog:
         set_points=dataflash_set_points(messages),
         wind=dataflash_wind(messages),
     )
+
+
+def _low_passes(
+    imu: Mapping[str, NDArray[Any]], parameters: Mapping[str, float]
+) -> tuple[LowPass | None, LowPass | None]:
+    """Return the filters of gyro and accelerometer.
+
+    ArduPilot computes the gyro's coefficients again while it measures the sensor's rate, for 30 s, and the
+    accelerometer's once, at start, for the rate that the driver states (update_gyro_filters, update_accel_filters in
+    AP_InertialSensor_Backend.cpp). Drivers of chips state what they deliver; SITL's states 1000 Hz and delivers
+    SIM_RATE_HZ, so that at 400 Hz its accelerometer's 20 Hz are 8 Hz.
+    """
+    found: list[LowPass | None] = []
+    for name, column in (("INS_GYRO_FILTER", "GHz"), ("INS_ACCEL_FILTER", "AHz")):
+        cutoff_hz = parameters.get(name, 0.0)
+        rate_hz = float(np.median(imu[column])) if column in imu else 0.0
+        rate_hz = rate_hz if rate_hz > 0.0 else _FAST_HZ
+        simulated = column == "AHz" and "SIM_RATE_HZ" in parameters
+        designed_hz = max(_SITL_ACCEL_HZ, rate_hz) if simulated else rate_hz
+        cutoff_hz = min(cutoff_hz, _MOST_CUTOFF * designed_hz)
+        found.append(LowPass(cutoff_hz, designed_hz, rate_hz) if cutoff_hz > 0.0 else None)
+    return found[0], found[1]
+
+
+def _in_band(commands: Series, band_hz: float) -> Series:
+    found = within_band(commands, band_hz)
+    assert found is not None
+    return Series(found.t_s, np.clip(found.values, 0.0, 1.0))
 
 
 def _stack(columns: Mapping[str, NDArray[Any]], *names: str) -> NDArray[np.float64]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from hil.config import Bench
 from hil.config.fixed_wing_facts import fixed_wing_facts, turn_radius_m
-from hil.config.missions.path import LegKind, plan_points, planned_path
+from hil.config.missions.path import Leg, LegKind, plan_points, planned_path
 from hil.run.part import Part, RunContext
 from hil.run.parts.links.failsafe import cause_of
 from hil.run.recorder.recorder import Tap
@@ -19,6 +19,7 @@ from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import Verdict
+from signals.mission import MissionItem
 from signals.samples import AirSample, TruthState, Vec3
 from signals.time import NS_PER_S
 from sim.physics.fixed_wing import Airframe
@@ -41,7 +42,7 @@ class PlaneFlightPart(Part):
         self._wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0)  # until `open`
         self._track = PlaneTrack(
             facts.stall_mps,
-            bench.vehicle.surfaces,
+            bench.vehicle.servos,
             bench.config.tick_ns,
             wind_at=lambda: self._wind_at(),
             commands=self._commands,
@@ -53,17 +54,22 @@ class PlaneFlightPart(Part):
             x, y, z = run.physics.state[:3].tolist()
             run.legs = planned_path(mission, run.bench.scene, home_W=(x, y, z))
         run.route = plan_points(run.legs)
+        physics = run.physics
+        self._run, self._wind_at = run, lambda: physics.wind_W_mps
+        self._measured = self._measurement(run.legs, () if mission is None else mission.items, run)
+
+    def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
         facts, physics = self._facts, run.physics
         runway = run.bench.scene.runway if facts.wheels else None
         rolls = None
         if runway is not None:
-            x, y, z = run.physics.state[:3].tolist()
-            end = run.legs[-1] if run.legs else None
+            x, y, z = physics.state[:3].tolist()
+            end = legs[-1] if legs else None
             lands = end is not None and end.kind is LegKind.DESCENT and runway.contains(end.end_W)
             rolls = RunwayRolls(runway, start_W=(x, y, z), lands=lands)
-        self._measured = PlaneMeasurement(
-            run.legs,
-            stops_of(run.legs, mission.items) if mission is not None else [],
+        return PlaneMeasurement(
+            legs,
+            stops_of(legs, items),
             self._config.plane_limits,
             radius_m=turn_radius_m(facts.cruise_mps),
             stall_mps=facts.stall_mps,
@@ -72,7 +78,6 @@ class PlaneFlightPart(Part):
             wind_at=lambda: physics.wind_W_mps,
             rolls=rolls,
         )
-        self._run, self._wind_at = run, lambda: physics.wind_W_mps
 
     def observers(self) -> list[Callable[[TruthState], None]]:
         return [self._measured.add, self._track.add, self._record_air]
@@ -83,7 +88,7 @@ class PlaneFlightPart(Part):
     def _commands(self) -> list[float]:
         assert self._run is not None
         controls, commands = self._run.scheduler.actuators.controls, self._bench.vehicle.commands
-        names = {surface.name for surface in self._bench.vehicle.surfaces}
+        names = {servo.name for servo in self._bench.vehicle.servos}
         return [u for u, command in zip(controls, commands, strict=False) if command.name in names]
 
     def _record_air(self, truth: TruthState) -> None:
@@ -96,10 +101,12 @@ class PlaneFlightPart(Part):
         return self._measured.counts
 
     def verdict(self) -> Verdict:
-        verdict = judge_plane(self._measured, self._config.plane_limits, outcome=self._outcome)
-        run = self._run
+        verdict, run = self._judged(), self._run
         cause = cause_of(run.now_ns(), run.recorder.events) if verdict.reasons and run is not None else ""
         return replace(verdict, reasons=(*verdict.reasons, cause)) if cause else verdict
+
+    def _judged(self) -> Verdict:
+        return judge_plane(self._measured, self._config.plane_limits, outcome=self._outcome)
 
     def run_keys(self) -> dict[str, Any]:
         measured = self._measured
@@ -115,7 +122,7 @@ class PlaneFlightPart(Part):
 
         title = f"{run.bench.scene.name} on rig {self._config.rig}, seed {self._config.seed}"
         pictures = flight_pictures(run.out, run.recorder.track.arrays(), run.route, title)
-        names = [surface.name for surface in self._bench.vehicle.surfaces]
+        names = [servo.name for servo in self._bench.vehicle.servos]
         return Report(pictures + plane_pictures(run.out, self._track.arrays(), names))
 
 

@@ -22,7 +22,9 @@ from hil.run.part import Part, RunContext
 from hil.run.report.page import Report
 from hil.run.report.quantiles import quantiles_us
 
-_LINK_KEYS = ("tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls")
+_LINK_KEYS = (
+    "tx_bytes", "rx_bytes", "bad_crc", "garbage_bytes", "lost_frames", "bad_controls", "unanswered", "repeated"
+)  # fmt: skip
 _CLOCK_S = 1.0  # by which the time of a file may be behind
 _BUSY_WAIT_NS = 300_000  # PX4 answers within about 60 us
 

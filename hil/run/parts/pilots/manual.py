@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from firmware_bridge.ground_station.modes import mode_params
 from firmware_bridge.manual.hid_gamepad import HidGamepad, open_gamepad
 from firmware_bridge.manual.keyboard import KeyboardSticks, Terminal
 from firmware_bridge.manual.manual_control import (
@@ -14,7 +13,7 @@ from firmware_bridge.manual.manual_control import (
     buttons_of,
 )
 from firmware_bridge.manual.sticks import StickLost
-from hil.config import Bench, BenchConfig
+from hil.config import Bench
 from hil.run.part import Part, RunContext
 from signals.samples import TruthState
 
@@ -56,28 +55,30 @@ class ManualPart(Part):
             self._source.close()
 
 
-def manual_settings(config: BenchConfig) -> dict[str, Any]:
+def manual_settings(bench: Bench) -> dict[str, Any]:
     """Return the settings that every source of MANUAL_CONTROL takes from a bench."""
+    config = bench.config
     return {
-        "modes": config.autopilot.profile.firmware.manual_modes,
+        "modes": bench.firmware.manual_modes,
         "rate_hz": config.manual.rate_hz,
         "neutral_s": config.manual.neutral_s,
         "target_sysid": None,
     }
 
 
-def mission_mode(config: BenchConfig) -> tuple[float, float]:
+def mission_mode(bench: Bench) -> tuple[float, float]:
     """Return the main and sub mode that hand the vehicle back to its mission."""
-    _, main, sub = mode_params(config.autopilot.profile.firmware.mav_autopilot, "MISSION")
-    return main, sub
+    number = bench.firmware.modes["MISSION"]
+    return float(number.main), float(number.sub)
 
 
-def _open_device(config: BenchConfig) -> ManualControlSource:
+def _open_device(bench: Bench) -> ManualControlSource:
     """Open the device that the bench names. Without a gamepad the run starts, and opens one when it is plugged in.
 
     Raises ManualControlError if stdin is not a terminal, or the gamepad lacks axes or buttons that are needed.
     """
-    settings = manual_settings(config)
+    config = bench.config
+    settings = manual_settings(bench)
     if config.manual.device == "keyboard":
         return ManualControlSource(KeyboardSticks(Terminal()), **settings)
 
@@ -92,4 +93,4 @@ def _open_device(config: BenchConfig) -> ManualControlSource:
 
 
 def make(bench: Bench) -> Part:
-    return ManualPart(lambda: _open_device(bench.config))
+    return ManualPart(lambda: _open_device(bench))

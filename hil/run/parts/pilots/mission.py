@@ -47,17 +47,26 @@ def record_texts(recorder: Recorder, texts: list[tuple[int, int, str]]) -> None:
         recorder.event(t_ns, "error" if severity <= 3 else "warning" if severity == 4 else "status", text)
 
 
+def _expecting(bench: Bench, station: GroundStation) -> GroundStation:
+    """Have the station refuse a program that flies other vehicles than that of the bench."""
+    station.expected = bench.firmware
+    return station
+
+
 def make(bench: Bench) -> Part:
     autopilot = bench.config.autopilot
     profile = autopilot.profile
     if bench.mission is not None:
         station = GroundStation(
-            bench.mission.items, target_sysid=None, grid_ns=grid_ns(bench), needs_estimator=profile.needs_estimator
+            bench.mission.items,
+            target_sysid=None,
+            grid_ns=grid_ns(bench),
+            needs_estimator=profile.needs_estimator,
         )
-        return MissionPart(station, flies=True)
+        return MissionPart(_expecting(bench, station), flies=True)
     if bench.script is not None:
         # The script arms and flies; the station uploads nothing, but follows the flight until the vehicle disarms.
-        return MissionPart(GroundStation((), target_sysid=None, fly=False), flies=True)
+        return MissionPart(_expecting(bench, GroundStation((), target_sysid=None, fly=False)), flies=True)
     if not profile.expects_station or autopilot.on_restart != "error" or autopilot.mavlink_port == "none":
         return MissionPart(None, flies=False)
     # Real firmware expects the heartbeat of a ground station once a second.

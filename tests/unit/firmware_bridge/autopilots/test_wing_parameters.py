@@ -1,5 +1,6 @@
 """PX4's parameters for a plane, by its surfaces."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from hil.run.loop.restartable_physics import make_physics
 
 RIGS = Path(__file__).parents[4] / "rigs"
 
-PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0)
+PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0, 0.02)
 # Torques in B (FLU) of trailing edges down: left aileron rolls right, elevator pitches down (+y), rudder yaws left.
 ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), 0.0), Surface("elevon_right", (-6.0, 2.0, -0.1), 0.0)]
 CONVENTIONAL = [
@@ -89,12 +90,49 @@ def test_sitl_takes_back_what_the_airframe_sets_for_its_own_aircraft():
     assert params["FW_LND_ABORT"] == 0  # no range finder on board
 
 
-def test_px4_climbs_off_faster_than_its_slowest_and_turns_before_a_waypoint():
+def test_px4_climbs_off_faster_than_its_slowest_and_leaves_thrust_for_airspeed():
     p = px4_parameters(plane(ELEVONS))
     assert p["FW_TKO_AIRSPD"] == pytest.approx(15.0)  # 1.5 times the stall, above the best glide
     assert px4_parameters(plane(ELEVONS, glide_mps=15.5, cruise_mps=18.0))["FW_TKO_AIRSPD"] == pytest.approx(15.5)
     assert px4_parameters(plane(ELEVONS, cruise_mps=12.0))["FW_TKO_AIRSPD"] == pytest.approx(12.0)  # of cruise at most
-    assert p["NAV_ACC_RAD"] == pytest.approx(0.32 * 15.0 * 7.0)  # NPFG's: cruise times period times damping
+    assert p["FW_T_CLMB_MAX"] == pytest.approx(0.6 * 5.0)
+
+
+def test_px4s_airspeeds_are_calibrated():
+    """V_c = V sqrt(rho / rho0); in thin air PX4 multiplies throttle and sink of level flight by sqrt(rho0 / rho)."""
+    sea, high = px4_parameters(plane(ELEVONS)), px4_parameters(plane(ELEVONS, density_kgpm3=1.225 * 0.81))
+    for name in ("STALL", "MIN", "TRIM", "MAX"):
+        assert high[f"FW_AIRSPD_{name}"] == pytest.approx(0.9 * sea[f"FW_AIRSPD_{name}"])
+    for name in ("FW_TKO_AIRSPD", "FW_LND_AIRSPD", "FW_THR_TRIM", "FW_T_SINK_MIN"):
+        assert high[name] == pytest.approx(0.9 * sea[name])
+    dense = px4_parameters(plane(ELEVONS, density_kgpm3=1.225 * 1.21))
+    assert dense["FW_THR_TRIM"] == sea["FW_THR_TRIM"]  # the factor is 1 at least
+
+
+def test_px4_begins_a_corner_early_enough_for_a_wind_from_behind():
+    """Half of cruise as wind: the turn at 50 degrees of bank, the drift in a quarter of it, and the roll into it."""
+    p = px4_parameters(plane(ELEVONS, cruise_mps=20.0))
+    a = 9.80665 * math.tan(math.radians(50.0))
+    ahead_m = 400.0 / a + 10.0 * (math.pi / 2) * 20.0 / a + 30.0 * (0.4 + 50.0 / 70.0)
+    assert p["NPFG_SW_DST_MLT"] * 30.0 * 7.0 == pytest.approx(ahead_m, rel=1e-3)  # NPFG's bound: speed, period, damping
+    assert p["NAV_ACC_RAD"] == pytest.approx(ahead_m, rel=1e-3)
+
+
+def test_px4_flares_high_enough_to_stop_its_sink():
+    p = px4_parameters(plane(ELEVONS))
+    sink = 13.0 * math.sin(math.radians(5.0)) + 0.5
+    assert p["FW_LND_AIRSPD"] == pytest.approx(1.3 * 10.0)
+    assert p["FW_LND_FLALT"] == pytest.approx(sink * (4 / 3 * 0.5 + 0.4) + sink**2 / (0.6 * 9.80665), rel=1e-3)
+
+
+def test_the_mock_keeps_its_own():
+    assert not set(plane_parameters(plane(ELEVONS))) & {
+        "NAV_ACC_RAD",
+        "NPFG_SW_DST_MLT",
+        "FW_LND_FLALT",
+        "FW_TKO_AIRSPD",
+    }
+    assert plane_parameters(plane(ELEVONS, density_kgpm3=1.0))["FW_AIRSPD_TRIM"] == 15.0
 
 
 def test_a_steered_wheel_is_px4s_landing_gear_wheel_and_the_mocks_surface_without_torque():

@@ -77,6 +77,15 @@ def test_every_mode_has_the_numbers_of_its_autopilot() -> None:
         "POSITION": 16,
     }
     assert {word: mode_params(ARDUPILOT, word) for word in wanted} == {w: (1.0, n, 0.0) for w, n in wanted.items()}
+    plane = {"MISSION": 10, "RTL": 11, "HOLD": 12, "TAKEOFF": 13, "GUIDED": 15, "LAND": 26, "STABILIZED": 5}
+    for kind in (1, 19, 20, 22):  # MAV_TYPE of a plane, of tailsitters and of another VTOL
+        assert {word: mode_params(ARDUPILOT, word, kind) for word in plane} == {
+            w: (1.0, n, 0.0) for w, n in plane.items()
+        }
+        assert [mode_word(ARDUPILOT, number, kind) for number in (1, 10, 17, 20)] == [
+            "CIRCLE", "MISSION", "QSTABILIZE", "QLAND"
+        ]  # fmt: skip
+    assert mode_params(PX4, "MISSION", 1) == mode_params(PX4, "MISSION")
     for word, number in firmware_of(PX4).modes.items():
         mode = mode_from_px4(number.main, number.sub)
         assert mode is not None

@@ -132,3 +132,15 @@ def test_geometry_without_authority_is_refused():
     with pytest.raises(ValueError, match="cannot produce roll"):
         core.set_param(index, 3.0)  # three rotors cannot control roll, pitch, yaw and thrust independently
     assert core.get_param(index) == 4.0
+
+
+def test_a_rotor_that_points_ahead_is_left_out():
+    pusher = {"CA_ROTOR4_PX": -0.2, "CA_ROTOR4_PZ": 0.1, "CA_ROTOR4_AX": 1.0, "CA_ROTOR4_AZ": 0.0, "CA_ROTOR4_KM": 0.05}
+    alone = frame_parameters(X500)
+    beside = frame_parameters(X500, **pusher)
+    beside[list(_native.PARAM_NAMES).index("CA_ROTOR_COUNT")] = 5.0
+    for demand in ((0.1, -0.05, 0.1, 0.5), (0.6, 0.6, 0.5, 0.9), (0.0, 0.4, 0.0, 0.05)):
+        expected, found = _native.allocate(alone, *demand), _native.allocate(beside, *demand)
+        assert found[1:] == expected[1:]
+        assert list(found[0][:4]) == list(expected[0][:4])
+        assert found[0][4] == 0.0

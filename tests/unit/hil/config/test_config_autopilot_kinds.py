@@ -71,7 +71,7 @@ OTHER = "(leave it out or choose another rig)"
         ("mock_hitl", "  env: {A: b}", f"autopilot.env has no meaning for mock_hitl {OTHER}"),
         ("mock_hitl", "  start: false", "autopilot.start is false, but autopilot.port is not set"),
         ("mock_hitl", "  airframe: x499",
-         "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: iris, plane, x500)"),
+         "autopilot.airframe is unknown to the mock autopilot: 'x499' (known: iris, plane, standard_vtol, x500)"),
         ("mock_hitl", "  params: {MPC_XY_PP: 1}",
          "autopilot.params.MPC_XY_PP is unknown to the mock autopilot (did you mean 'MPC_XY_P'?)"),
         ("mock_hitl", "  transport: loopback",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from firmware_bridge.autopilots.catalog import PROFILES
 from hil.config import load_bench
 from signals.errors import ConfigError
 
@@ -52,9 +54,45 @@ def test_items_of_a_plane_on_a_copter(tmp_path: Path) -> None:
     assert "the vehicle 'x500' is a multirotor" in told
 
 
-def test_an_autopilot_that_flies_no_planes(tmp_path: Path) -> None:
-    told = problems(tmp_path, PLANE.replace("rig: mock", "rig: ardupilot_sitl"))
-    assert "'skywalker_x8' is a plane, which an autopilot of kind 'ardupilot_sitl' cannot fly here" in told
+def test_an_autopilot_that_flies_no_planes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PROFILES, "ardupilot_eahrs", replace(PROFILES["ardupilot_eahrs"], flies_planes=False))
+    told = problems(tmp_path, PLANE.replace("rig: mock", "rig: ardupilot_eahrs"))
+    assert "'skywalker_x8' is a plane, which an autopilot of kind 'ardupilot_eahrs' cannot fly here" in told
+
+
+def test_the_other_program_of_ardupilot_is_told_by_its_name(tmp_path: Path) -> None:
+    copter, plane = tmp_path / "arducopter", tmp_path / "arduplane"
+    copter.write_bytes(b"program: ArduCopter V4.7.0-dev")
+    plane.write_bytes(b"program: ArduPlane V4.7.0-dev, ArduCopter")
+    for program in (copter, plane):
+        program.chmod(0o755)
+    flown = PLANE.replace("rig: mock", "rig: ardupilot_sitl\nautopilot: {binary: PROGRAM}")
+    told = problems(tmp_path, flown.replace("PROGRAM", str(copter)))
+    assert "autopilot.binary names ArduCopter, and this vehicle needs ArduPlane" in told
+    assert "./waf plane" in told
+    told = problems(tmp_path, f"rig: ardupilot_sitl\nautopilot: {{binary: {plane}}}\n")
+    assert "autopilot.binary names ArduPlane, and this vehicle needs ArduCopter" in told
+    (tmp_path / "bench.yaml").write_text(flown.replace("PROGRAM", str(plane)))
+    assert load_bench(tmp_path / "bench.yaml").firmware.program == "ArduPlane"
+
+
+def test_set_points_that_arduplane_does_not_take(tmp_path: Path) -> None:
+    text = PLANE.replace(
+        "rig: mock", "rig: ardupilot_sitl\nautopilot: {start: false}\ncompanion: {control: true, clients: 1}"
+    )
+    told = problems(tmp_path, text.replace("mission: rigs/missions/circuit.waypoints", "mission: null"))
+    assert "companion.control flies by set-points, which ArduPlane does not take" in told
+
+
+def test_a_script_with_the_modes_of_arduplane(tmp_path: Path) -> None:
+    """ArduCopter has no mode TAKEOFF."""
+    script = tmp_path / "script.yaml"
+    script.write_text("actions:\n  - {at_s: 1, set_mode: TAKEOFF}\n")
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(f"rig: ardupilot_sitl\nautopilot: {{start: false}}\nmission: {script}\nvehicle: skywalker_x8\n")
+    assert load_bench(bench).script is not None
+    told = problems(tmp_path, bench.read_text().replace("skywalker_x8", "x500"))
+    assert "names the mode TAKEOFF, which ArduPilot does not have" in told
 
 
 def test_parameters_of_a_plane_on_a_copter(tmp_path: Path) -> None:

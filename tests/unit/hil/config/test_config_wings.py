@@ -1,4 +1,4 @@
-"""Planes that cannot fly, with file, line and the figure, and autopilots that fly none."""
+"""Planes that cannot fly, with file, line and the figure."""
 
 from __future__ import annotations
 
@@ -63,12 +63,6 @@ def test_no_engine() -> None:
     """A lifting rotor alone makes neither a plane nor a multirotor."""
     write_plane("axis: [1.0, 0.0, 0.0]", "axis: [0.2, 0.0, 0.3]")
     assert any("holds 1 rotors" in text and "at least 3" in text for text in refused("vehicle: mine.yaml\n"))
-
-
-def test_an_autopilot_that_flies_no_planes_refuses_one() -> None:
-    """ArduCopter over serial flies multirotors only."""
-    told = refused("rig: ardupilot_eahrs\nvehicle: skywalker_x8\nautopilot: {port: /dev/ttyACM0}\n")
-    assert any("'skywalker_x8' is a plane, which an autopilot of kind 'ardupilot_eahrs' cannot fly" in t for t in told)
 
 
 def test_a_fault_of_a_surface_that_is_not_there() -> None:

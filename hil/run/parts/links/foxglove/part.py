@@ -64,8 +64,10 @@ class FollowedVehicle(HandledVehicle):
         self.feed.attach(run)
         vehicle = run.bench.vehicle
         path = [run.legs[0].start_W, *(leg.end_W for leg in run.legs)] if run.legs else []
-        radius = vehicle.rotor_constants.radius_m
-        self.drone = Drone(self.name, [(rotor.position_m, radius) for rotor in vehicle.rotors], path)
+        radii_m = [constants.radius_m for constants in vehicle.constants_of_rotors]
+        self.drone = Drone(
+            self.name, [(r.position_m, radius_m) for r, radius_m in zip(vehicle.rotors, radii_m, strict=True)], path
+        )
 
 
 class FoxgloveServer:

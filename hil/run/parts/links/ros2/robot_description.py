@@ -14,7 +14,7 @@ from hil.run.recorder.mcap.topics import BODY
 from signals.samples import Quat, Vec3
 from sim.physics.vehicle import Vehicle
 
-_ROTOR_M = (0.1, 0.01)  # drawn radius and thickness where the vehicle's file has no radius
+_ROTOR_M = 0.01  # drawn thickness
 
 
 def robot_description(
@@ -31,10 +31,9 @@ def robot_description(
         for kind in ("visual", "collision"):
             shape = _shape(body, kind, sphere.position_m)
             SubElement(shape, "sphere", radius=_text(sphere.radius_m))
-    radius_m = getattr(vehicle.rotor_constants, "radius_m", None) or _ROTOR_M[0]
-    for rotor in vehicle.rotors:
+    for rotor, constants in zip(vehicle.rotors, vehicle.constants_of_rotors, strict=True):
         shape = _shape(body, "visual", rotor.position_m)
-        SubElement(shape, "cylinder", radius=_text(radius_m), length=_text(_ROTOR_M[1]))
+        SubElement(shape, "cylinder", radius=_text(constants.radius_m), length=_text(_ROTOR_M))
     for description in descriptions.values():
         name = frame(description.frame_id)
         SubElement(robot, "link", name=name)

@@ -13,10 +13,11 @@ from hil.apps.identify.fit import parameters as at
 from hil.apps.identify.fit.estimate import step_of, windows_of
 from hil.apps.identify.fit.fitted_vehicle import fitted_vehicle
 from hil.apps.identify.fit.flight_model import halving_error, make_model
+from hil.apps.identify.fit.integration import Step
 from hil.apps.identify.fit.motor_telemetry import smoothed, without_spikes
 from hil.apps.identify.fit.prediction import Grid, Predictor
 from hil.apps.identify.fit.shooting import first_states, sums
-from hil.apps.identify.fit.windows import Motors, Windows
+from hil.apps.identify.fit.windows import Motors, Windows, within_steps
 from hil.run.flight_logs.flight_log import FlightLog, Series
 from signals.errors import ConfigError
 from sim.physics.vehicle import load_vehicle
@@ -49,8 +50,8 @@ def test_gradient_is_that_of_the_cost(kind: str, log: FlightLog) -> None:
     s = np.array([0.02 * u.prior for u in unknowns])
     found = sums(model, group, s)
     for i, unknown in enumerate(unknowns):
-        if i in (at.VEHICLE_COUNT + at.MOTOR_DELAY, at.VEHICLE_COUNT + at.POSE_DELAY, at.VOLTAGE):
-            continue  # delays choose other readings when they move; no voltage is logged
+        if i == at.VOLTAGE:
+            continue  # no voltage is logged
         step = 1e-5 * unknown.prior
         costs = [sums(model, group, s + sign * step * np.eye(len(s))[i]).cost for sign in (1.0, -1.0)]
         slope = (costs[0] - costs[1]) / (2.0 * step)
@@ -73,13 +74,58 @@ def test_steps_begin_where_fast_commands_change(log: FlightLog, period_s: float,
     t = 0.0013 + np.arange(0.0, 6.0, period_s)
     held = replace(log, motors=Series(t, np.full((len(t), 4), 0.5)))
     assert step_of([held]) == pytest.approx(step_s, abs=1e-9)
-    windows = windows_of(
-        held, 0, step_s, parts=lambda share: True, nominal_v=1.0, window_s=0.5, motor_delay_s=-0.0071
-    )  # fmt: skip
+    windows = windows_of(held, 0, step_s, parts=lambda share: True, nominal_v=1.0, window_s=0.5)
     if period_s <= step_s:
-        phase = ((windows.instants() - 0.0071 - t[0]) / period_s + 0.5) % 1.0 - 0.5
+        phase = ((windows.instants() - t[0]) / period_s + 0.5) % 1.0 - 0.5
         assert np.abs(phase).max() < 1e-6
     assert windows.starts_s[0] >= held.start_s
+
+
+def test_the_state_within_a_step_is_that_of_a_shorter_step(log: FlightLog) -> None:
+    """Of third order: where the step is halved the difference is a tenth of what it was, or less."""
+    vehicle = nominal_vehicle()
+    unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
+    command, share = np.array([0.45, 0.62, 0.5, 0.7]), 0.3
+    u = np.r_[np.tile(np.r_[command, np.zeros(8)], 3), 1.0, -1e4][:, None]
+    off = []
+    for h in (0.008, 0.004):
+        whole, part = (make_model(vehicle, unknowns, kind="command", step_s=x) for x in (h, share * h))
+        z = np.zeros((whole.states, 1))
+        z[3], z[7:13, 0], z[13:17] = 1.0, (3.0, -2.0, 1.0, 2.0, -3.0, 1.0), 650.0
+        step = Step(whole, 1)
+        step.start(z, np.zeros((len(unknowns), 1)), u)
+        there = step.within(np.array([share]), slice(10, 17))
+        off.append(np.abs(there.z - part.step(z, np.zeros(len(unknowns)), u[:, 0]).full())[10:17].max())
+        end, F, B = step.end()
+        last = step.within(np.ones(1), slice(0, whole.states))
+        np.testing.assert_allclose(last.z, end, rtol=1e-14)
+        np.testing.assert_allclose(last.F, F, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(last.B, B, rtol=0.0, atol=1e-12)
+    assert off[0] < 0.5  # rad/s, of speeds that change by 40
+    assert off[1] < 0.1 * off[0]
+
+
+def test_every_reading_is_used_once_in_its_own_step() -> None:
+    h, n = 0.004, 400
+    grid_s = 0.1 + h * np.arange(n)
+    random = np.random.default_rng(4)
+    for t_s in (grid_s[3:-3], grid_s[3:-3] + 0.5 * h, grid_s[3:-3] + 0.2 * h + 0.3 * h * random.random(n - 6)):
+        index, known = within_steps(t_s, grid_s, h)
+        assert known.sum() == len(t_s)
+        np.testing.assert_array_equal(index[known], np.arange(len(t_s)))
+        assert np.all(np.abs(t_s - grid_s[known] - 0.5 * h) <= 0.5 * h)
+    index, known = within_steps(np.arange(0.0, 2.0, 0.25 * h) + 1e-5, grid_s, h)  # several in a step: the first
+    assert known.all()
+    assert np.unique(index).size == n
+
+
+def test_a_delay_moves_the_readings_and_not_the_commands(log: FlightLog) -> None:
+    windows = Windows(log, 0, np.array([2.0, 3.1]), 12, 0.004, Motors.of(log), 1.0)
+    (y, _, share), (moved, _, later) = windows.readings(0.0, 0.0), windows.readings(0.001, 0.0)
+    np.testing.assert_allclose(later[:, 0], share[:, 0] + 0.25, atol=1e-9)
+    np.testing.assert_array_equal(moved[:, :3], y[:, :3])
+    _, _, pose = windows.readings(0.001, 0.001)
+    np.testing.assert_array_equal(pose[:, 2:], share[:, 2:])
 
 
 def test_spikes_of_telemetry_are_taken_out_by_the_past_alone() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 from scipy.spatial.transform import Rotation
 
 from hil.run.flight_logs.flight_log import FlightLog, Series
@@ -215,3 +216,26 @@ def test_controllers_outputs_give_ardupilots_motors_their_rate(tmp_path: Path) -
     file = LogFile(mixed_dataflash(tmp_path / "b.bin", limited=True)[0], X500)
     assert len(read_log(file).motors) == 100
     assert "RCOU: has 10 values per second" in str(file.notes[0])
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_ardupilots_filters_are_those_that_it_runs(tmp_path: Path, simulated: bool) -> None:
+    """Gyro and accelerometer at 400 Hz, logged at 200; SITL has the accelerometer's coefficients for 1000 Hz."""
+    parameters = {"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0, "INS_GYRO_FILTER": 20.0, "INS_ACCEL_FILTER": 20.0}
+    log = DataFlashFile(parameters | ({"SIM_RATE_HZ": 400.0} if simulated else {}))
+    log.message("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4")
+    log.message("IMU", "QBffffffHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GHz,AHz")
+    t = np.arange(0.0, 6.0, 0.0025)
+    motion = np.sin(2 * np.pi * 7.0 * t)
+    gyro = lfilter(*butter(2, 20.0, fs=400.0), motion)
+    accel = lfilter(*butter(2, 20.0, fs=1000.0 if simulated else 400.0), motion)
+    for i in range(0, len(t), 2):
+        log.add("RCOU", round(t[i] * 1e6), *(round(1500 + 300 * motion[i]),) * 4)
+        log.add("IMU", round(t[i] * 1e6), 0, gyro[i], 0.0, 0.0, accel[i], 0.0, -9.8, 400, 400)
+    found = read_log(LogFile(log.write(tmp_path / "a.bin"), X500))
+    assert found.rate is not None
+    assert found.accel is not None
+    inside = slice(200, -200)
+    for series in (found.rate, found.accel):
+        np.testing.assert_allclose(series.values[inside, 0], motion[::2][inside], atol=2e-3)
+    np.testing.assert_allclose(found.motors.values[inside, 0], 0.5 + 0.3 * motion[::2][inside], atol=1e-3)

@@ -102,7 +102,7 @@ def test_derivatives_of_the_implicit_inflow_are_exact(name: str) -> None:
     u = np.r_[control, 1.0, 0.0]
     for f, more in (
         (model.rates[0], []),
-        (model.read, [np.array([1.0, 0.0, 0.0, 0.0]), np.array([1e-3, -2e-3, 1e-3])]),
+        *((reading.function, [np.array([1.0, 0.0, 0.0, 0.0])]) for reading in model.readings),
     ):
         for at_z in (True, False):
             rows, columns = f.by_z if at_z else f.by_s

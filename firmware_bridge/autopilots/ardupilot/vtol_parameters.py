@@ -1,0 +1,68 @@
+"""ArduPlane's parameters for a standard VTOL, its QuadPlane: lifters as a copter's frame, transitions, and the plane's.
+
+Rate loops of the hover (AC_AttitudeControl): an output of 1 about an axis takes half of each lifter's range, so that
+its torque is M = sum |effect of a lifter| / 2 at full thrust, times the share of thrust within the spin range. With
+inertia I a gain P = w I / M makes I p' = M P e a loop of bandwidth w. The other gains keep ArduPilot's ratios to P.
+
+Transition (ArduPlane/transition): the lifters give way for Q_TRANSITION_MS from AIRSPEED_MIN on, 1.2 times the stall
+here, and help again below Q_ASSIST_SPEED.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from firmware_bridge.autopilots.ardupilot.copter import frame_for
+from firmware_bridge.autopilots.ardupilot.wing_parameters import (
+    flight_parameters,
+    output_parameters,
+    rate_parameters,
+    rounded,
+)
+from firmware_bridge.autopilots.installation import Vtol
+from firmware_bridge.links.ardupilot.frames import FIRST_MOTOR_FUNCTION
+from firmware_bridge.links.ardupilot.sitl import SPIN_MAX, SPIN_MIN, thrust_parameters
+from signals.errors import LinkError
+
+_AXES = (("RLL", 0, 15.0, 1.0), ("PIT", 1, 15.0, 1.0), ("YAW", 2, 4.0, 0.1))  # axis, bandwidth [1/s], I / P
+_DAMPING = 0.0036 / 0.135  # ArduPilot's default D / P of roll and pitch
+_ASSIST = 1.05  # over the stall
+
+
+def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
+    """Return the parameters that make ArduPlane's QuadPlane this vehicle. LinkError if it has no frame for it."""
+    frame = frame_for(vehicle.hover)
+    if frame is None:
+        raise LinkError("ardupilot", f"has no frame with the lifters of the vehicle {vehicle.name!r}")
+    outputs = output_parameters(vehicle.wing, vehicle.pushers, len(vehicle.lifters) + len(vehicle.pushers))
+    for motor, lifter in enumerate(frame.rotors):
+        n = vehicle.lifters[lifter] + 1
+        outputs |= {f"SERVO{n}_FUNCTION": FIRST_MOTOR_FUNCTION + motor, f"SERVO{n}_MIN": 1000, f"SERVO{n}_MAX": 2000}
+    fixed = {"Q_ENABLE": 1, "Q_FRAME_CLASS": frame.frame_class, "Q_FRAME_TYPE": frame.frame_type}
+    computed = flight_parameters(vehicle.wing) | rate_parameters(vehicle.wing) | hover_parameters(vehicle)
+    return fixed | outputs | rounded(computed)
+
+
+def hover_parameters(vehicle: Vtol) -> dict[str, float]:
+    """Return Q_*: thrust curve and rate loops of the lifters, and the transition."""
+    hover = vehicle.hover
+    thrust = thrust_parameters(hover.hover_control, hover.thrust_model_factor)
+    values = {f"Q_M_{name.removeprefix('MOT_')}": value for name, value in thrust.items()}
+    values |= {
+        "Q_M_PWM_MIN": 1000,
+        "Q_M_PWM_MAX": 2000,
+        "Q_M_SPIN_ARM": 0.1,
+        "Q_M_SPIN_MIN": SPIN_MIN,
+        "Q_M_SPIN_MAX": SPIN_MAX,
+        "Q_M_BAT_VOLT_MIN": 0,
+        "Q_M_BAT_VOLT_MAX": 0,
+        "Q_TRANSITION_MS": 3000,
+        "Q_ASSIST_SPEED": _ASSIST * vehicle.wing.stall_mps,
+    }
+    share = SPIN_MAX**2 - SPIN_MIN**2
+    for name, axis, bandwidth, integral in _AXES:
+        torque = 0.5 * share * float(np.sum(np.abs(hover.full_effect[axis])))
+        gain = min(max(bandwidth * hover.inertia_kgm2[axis] / torque, 0.01), 2.0)
+        values |= {f"Q_A_RAT_{name}_P": gain, f"Q_A_RAT_{name}_I": integral * gain}
+        values[f"Q_A_RAT_{name}_D"] = _DAMPING * gain if name != "YAW" else 0.0
+    return values

@@ -1,0 +1,68 @@
+"""The flight of a VTOL: as `plane_flight`, with the limits of hover, of flight and of the transitions between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from hil.config import Bench
+from hil.config.fixed_wing_facts import turn_radius_m
+from hil.config.missions.path import Leg
+from hil.config.missions.regimes import on_wings
+from hil.run.part import Part, RunContext
+from hil.run.parts.judges.plane_flight import PlaneFlightPart
+from hil.run.verdict.flyable_path import stops_of
+from hil.run.verdict.plane_flight import PlaneMeasurement, judge_by
+from hil.run.verdict.verdict import Verdict
+from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement, flown_items
+from signals.mission import MissionItem
+from sim.physics import vtol
+from sim.physics.fixed_wing import Airframe
+from sim.physics.vehicle import Vehicle
+
+
+class VtolFlightPart(PlaneFlightPart):
+    name = "vtol_flight"
+
+    def _measurement(self, legs: Sequence[Leg], items: Sequence[MissionItem], run: RunContext) -> PlaneMeasurement:
+        facts, physics, params = self._facts, run.physics, self._config.autopilot.params
+        return VtolMeasurement(
+            legs,
+            stops_of(legs, flown_items(items, params)),
+            (self._config.plane_limits, self._config.limits),
+            rotors_of(self._bench.vehicle),
+            wings={item.seq for item, wings in zip(items, on_wings(items, params), strict=True) if wings},
+            radius_m=turn_radius_m(facts.cruise_mps),
+            stall_mps=facts.stall_mps,
+            stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
+            wind_at=lambda: physics.wind_W_mps,
+        )
+
+    def _judged(self) -> Verdict:
+        config = self._config
+        own = dict(config.vtol_limits) | {
+            "hover_cross_track_m": config.limits.max_cross_track_m,
+            "final_error_m": config.limits.final_error_m,
+        }
+        limits = dict(config.limits) | dict(config.plane_limits) | own
+        return judge_by(self._measured, limits, outcome=self._outcome)
+
+    def run_keys(self) -> dict[str, Any]:
+        measured = self._measured
+        reached, waypoints = measured.counts
+        keys: dict[str, Any] = {"completed": measured.completed, "waypoints": waypoints, "reached": reached}
+        return {
+            "mission": {**keys, **measured.values(), "landed": measured.landed, "file": self._config.mission},
+        }
+
+
+def rotors_of(vehicle: Vehicle) -> Rotors:
+    """Return what tells from the speeds of a VTOL's rotors what carries it."""
+    lifters, pushers = vtol.lifters(vehicle), vtol.pushers(vehicle)
+    full = [c.max_speed_radps for c in vehicle.constants_of_rotors]
+    speeds = vehicle.hover_speeds_radps()
+    return Rotors(lifters, pushers, [speeds[i] for i in lifters], [full[i] for i in pushers])
+
+
+def make(bench: Bench) -> Part:
+    return VtolFlightPart(bench)

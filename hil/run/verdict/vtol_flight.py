@@ -1,0 +1,202 @@
+"""Judges the flight of a VTOL, from ground truth: as a plane while its wings carry it, as a multirotor in hover.
+
+What carries it is taken from the true speeds of its rotors. Share: the sum of k O^2 of the lifters over that in hover.
+
+on the wings    the share is below 0.1
+transition      to the wings from the moment at which the pusher turns at a tenth of its full speed, until 5 s after
+                the wings have taken over; back from the moment at which the share rises over 0.1, until the vehicle is
+                slower than 5 m/s over ground, or for 10 s
+hover           all other time in the air
+
+As of a plane (`plane_limits`): waypoints flown to on the wings, max_cross_track_m, altitude_error_m and loiter_error_m,
+of which errors count on the wings alone, airspeed_margin and max_bank_deg. As of a multirotor (`limits`): waypoints in
+hover, final_error_m, landing_speed_mps and landed_tilt_deg. Its own:
+
+transition_loss_m    greatest height lost since the beginning of a transition (`vtol_limits`)
+hover_cross_track_m  in hover (`limits.max_cross_track_m`): greatest horizontal distance from the start before the first
+                     transition, and from the straight legs to waypoints in hover, from where a waypoint counts as
+                     reached; the first leg after a transition is left out
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from hil.config.missions.path import Leg
+from hil.config.missions.regimes import on_wings
+from hil.config.schema import Limits, PlaneLimits
+from hil.run.verdict.flyable_path import Stop
+from hil.run.verdict.plane_flight import PlaneMeasurement
+from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m
+from signals.mission import MissionItem
+from signals.samples import TruthState, Vec3
+from signals.time import NS_PER_S
+
+_ON_WINGS, _TURNS = 0.1, 0.1  # share of the lift in hover; share of the pusher's full speed
+_AFTER_FRONT_NS, _BACK_NS = 5 * NS_PER_S, 10 * NS_PER_S
+_SLOW_MPS = 5.0
+_OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
+_OF_HOVER = ("final_error_m", "landing_speed_mps", "landed_tilt_deg")
+_LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
+
+
+@dataclass(frozen=True)
+class Rotors:
+    """What tells from the speeds of the rotors what carries the vehicle."""
+
+    lifters: Sequence[int]
+    pushers: Sequence[int]
+    hover_radps: Sequence[float]  # of each lifter
+    full_radps: Sequence[float]  # of each pusher
+
+    def share(self, speeds_radps: Sequence[float]) -> float:
+        """Return the mean of (O / O_hover)^2 of the lifters."""
+        squares = [(speeds_radps[i] / hover) ** 2 for i, hover in zip(self.lifters, self.hover_radps, strict=True)]
+        return sum(squares) / len(squares)
+
+    def pushes(self, speeds_radps: Sequence[float]) -> bool:
+        """Return True if a pusher turns."""
+        pairs = zip(self.pushers, self.full_radps, strict=True)
+        return any(speeds_radps[i] > _TURNS * full for i, full in pairs)
+
+
+class _Phase(Enum):
+    HOVER = auto()
+    FRONT = auto()
+    WINGS = auto()
+    BACK = auto()
+
+
+def flown_items(items: Sequence[MissionItem], params: Mapping[str, float]) -> list[MissionItem]:
+    """Return the items with loiters in hover as waypoints: there is no circle about them."""
+    return [
+        item._replace(command=_WAYPOINT) if item.command in _LOITERS and not wings else item
+        for item, wings in zip(items, on_wings(items, params), strict=True)
+    ]
+
+
+class VtolMeasurement(PlaneMeasurement):
+    """Measures the flight of a VTOL tick by tick."""
+
+    def __init__(
+        self,
+        legs: Sequence[Leg],
+        stops: Sequence[Stop],
+        limits: tuple[PlaneLimits, Limits],
+        rotors: Rotors,
+        *,
+        wings: Set[int],
+        radius_m: float,
+        stall_mps: float,
+        stall_attack_rad: float = math.inf,
+        wind_at: Callable[[], Vec3],
+    ) -> None:
+        """`wings`: numbers of the items that are flown on the wings."""
+        super().__init__(
+            legs,
+            stops,
+            limits[0],
+            radius_m=radius_m,
+            stall_mps=stall_mps,
+            stall_attack_rad=stall_attack_rad,
+            wind_at=wind_at,
+        )
+        self._landing = FlightMeasurement(legs[-1:], limits[1])
+        self._rotors, self._wings = rotors, wings
+        self._phase = _Phase.HOVER
+        self._phase_ns = 0
+        self._transited = False
+        self._from_m = 0.0  # height at the beginning of the transition
+        self._wings_ns: int | None = None
+        self._start: tuple[float, float] | None = None
+        self._in_hover = True  # the newest waypoint was reached in hover, or none yet
+
+    def add(self, truth: TruthState) -> None:
+        self._landing.add(truth)
+        super().add(truth)
+
+    def _on_wings(self, truth: TruthState) -> bool:
+        """Follow the phases, at every measured tick above 5 m."""
+        share, pushes = self._rotors.share(truth.rotor_speed_radps), self._rotors.pushes(truth.rotor_speed_radps)
+        up = truth.p_WB[2]
+        wings = share < _ON_WINGS
+        if self._phase is _Phase.HOVER and pushes:
+            self._begin(_Phase.FRONT, truth)
+            self._wings_ns = None
+        elif self._phase is _Phase.FRONT:
+            self._front(truth, wings=wings, pushes=pushes)
+        elif self._phase is _Phase.WINGS and not wings:
+            self._begin(_Phase.BACK, truth)
+        elif self._phase is _Phase.BACK:
+            slow = math.hypot(truth.v_WB_W[0], truth.v_WB_W[1]) < _SLOW_MPS
+            if (slow and not wings) or truth.t_ns - self._phase_ns > _BACK_NS:
+                self._phase = _Phase.WINGS if wings else _Phase.HOVER
+        if self._phase in (_Phase.FRONT, _Phase.BACK):
+            self._most("transition_loss_m", max(self._from_m - up, 0.0))
+        if self._phase is _Phase.HOVER:
+            self._hover(truth)
+        return wings
+
+    def _begin(self, phase: _Phase, truth: TruthState) -> None:
+        self._phase, self._phase_ns, self._from_m = phase, truth.t_ns, truth.p_WB[2]
+        self._transited, self._in_hover = True, False
+
+    def _front(self, truth: TruthState, *, wings: bool, pushes: bool) -> None:
+        if wings and self._wings_ns is None:
+            self._wings_ns = truth.t_ns
+        if self._wings_ns is None:
+            if not pushes:
+                self._phase = _Phase.HOVER  # given up
+        elif not wings:
+            self._begin(_Phase.BACK, truth)
+        elif truth.t_ns - self._wings_ns > _AFTER_FRONT_NS:
+            self._phase = _Phase.WINGS
+
+    def _hover(self, truth: TruthState) -> None:
+        place = (truth.p_WB[0], truth.p_WB[1])
+        self._start = self._start or place
+        target = self._reached
+        if target >= len(self._targets):
+            return
+        leg = self._stops[self._targets[target]].leg
+        assert leg is not None
+        if target == 0 and not self._transited and leg.seq in self._wings:
+            self._most("hover_cross_track_m", math.dist(place, self._start))
+        elif self._in_hover:
+            # The count is ahead of the vehicle by the distance at which a waypoint counts as reached.
+            corner_m = leg.acceptance_radius_m + REACH_MARGIN_M
+            if math.dist(place, leg.start_W[:2]) > corner_m:
+                self._most("hover_cross_track_m", horizontal_distance_m(truth.p_WB, leg))
+
+    def _follow(self, p: Vec3, seconds: float) -> None:
+        before = self._reached
+        super()._follow(p, seconds)
+        if self._reached != before:
+            self._in_hover = self._phase is _Phase.HOVER
+
+    def _near(self, stop: Stop, leg: Leg, distance: float, along: float) -> bool:
+        if leg.seq in self._wings:
+            return super()._near(stop, leg, distance, along)
+        return distance <= leg.acceptance_radius_m + REACH_MARGIN_M
+
+    def _error(self, target: int, place: tuple[float, float]) -> None:
+        if self._phase is _Phase.WINGS:
+            super()._error(target, place)
+
+    # -- after the flight ---------------------------------------------------------------------------------------
+
+    def values(self) -> dict[str, float | None]:
+        found = super().values()
+        landing = self._landing.result()
+        of_hover = {name: getattr(landing, name) for name in _OF_HOVER}
+        own = {name: self._values.get(name) for name in ("transition_loss_m", "hover_cross_track_m")}
+        return {name: found[name] for name in _OF_PLANE} | of_hover | own
+
+    def called_for(self) -> frozenset[str]:
+        names = set(super().called_for()) & set(_OF_PLANE) if self._wings else set()
+        if self._wings:
+            names.add("transition_loss_m")
+        return frozenset(names | (self._landing.result().called_for & set(_OF_HOVER)))

@@ -1,0 +1,84 @@
+"""PX4's parameters for a standard VTOL, by the airframe that they replace."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.autopilots.px4 import px4_sitl
+from firmware_bridge.autopilots.px4.vtol_parameters import px4_vtol_parameters, vtol_parameters
+from hil.config import load_bench
+from hil.config.airframe_facts import vtol_facts
+from hil.run.autopilot import installation_of
+from hil.run.loop.restartable_physics import make_physics
+
+PLANE_MODULES = ["px4-fw_att_control", "px4-fw_rate_control", "px4-fw_mode_manager", "px4-airspeed_selector"]
+RIGS = Path(__file__).parents[4] / "rigs"
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return load_bench(RIGS / "vtol.yaml", rig="px4_sitl", settings=["autopilot.start=false"])
+
+
+@pytest.fixture(scope="module")
+def facts(bench):
+    return vtol_facts(bench.vehicle, bench.scene.site)
+
+
+def test_outputs_are_lifters_pusher_and_surfaces_in_the_order_of_the_commands(bench):
+    airframe, params = px4_sitl.airframe_and_params(installation_of(bench, make_physics(bench).state))
+    assert airframe == "gazebo-classic_standard_vtol"
+    assert [params[f"PWM_MAIN_FUNC{n}"] for n in range(1, 17)] == [101, 102, 103, 104, 105, 201, 202] + 9 * [0]
+    assert (params["CA_AIRFRAME"], params["VT_TYPE"], params["MAV_TYPE"]) == (2, 2, 22)
+    assert [params[f"CA_ROTOR{n}_AX"] for n in range(5)] == [0, 0, 0, 0, 1]
+    assert [params[f"CA_ROTOR{n}_AZ"] for n in range(5)] == [-1, -1, -1, -1, 0]
+
+
+def test_what_the_airframe_sets_for_its_own_aircraft_is_taken_back(bench):
+    _, params = px4_sitl.airframe_and_params(installation_of(bench, make_physics(bench).state))
+    assert (params["FW_THR_MAX"], params["FW_THR_ASPD_MAX"], params["NPFG_PERIOD"]) == (1.0, 0.0, 10.0)
+    assert (params["VT_F_TRANS_THR"], params["VT_FWD_THRUST_EN"]) == (1.0, 0.0)
+    assert "SYS_AUTOSTART" not in params  # PX4's start script has it from the environment
+
+
+@pytest.mark.parametrize(
+    ("modules", "lacking"),
+    [
+        (["px4-commander"], "fw_att_control, fw_rate_control, fw_mode_manager, airspeed_selector, vtol_att_control"),
+        (PLANE_MODULES, "vtol_att_control"),
+        ([*PLANE_MODULES, "px4-vtol_att_control"], None),
+        ([], None),  # not a build tree: nothing is known
+    ],
+)
+def test_a_build_without_the_controllers_of_a_vtol_is_refused(bench, facts, tmp_path, modules, lacking):
+    for name in modules:
+        (tmp_path / name).write_text("")
+    settings = bench.config.autopilot.model_copy(update={"binary": str(tmp_path / "px4")})
+    found = px4_sitl.vehicle_misfits(settings, facts)
+    assert [misfit.place for misfit in found] == ([("autopilot", "binary")] if lacking else [])
+    if lacking:
+        assert found[0].message == f"this PX4 cannot fly 'quadplane': it was built without {lacking}"
+
+
+def test_more_surfaces_than_px4_has_are_refused(bench, facts):
+    wing = dataclasses.replace(facts.wing, surfaces=[facts.wing.surfaces[0]] * 9)
+    (found,) = px4_sitl.vehicle_misfits(bench.config.autopilot, dataclasses.replace(facts, wing=wing))
+    assert "has 9 control surfaces, and PX4 takes 8" in found.message
+
+
+def test_the_throttles_of_the_wings_are_shares_of_the_thrust(facts):
+    """PX4 turns a share into a command by THR_MDL_FAC f, of which f u^2 + (1 - f) u is the share; here f is 1."""
+    px4, calibration = px4_vtol_parameters(facts), (facts.wing.density_kgpm3 / 1.225) ** 0.5
+    assert px4["THR_MDL_FAC"] == 1.0
+    assert px4["FW_THR_TRIM"] == pytest.approx((facts.wing.throttle * calibration) ** 2, rel=1e-3)
+
+
+def test_the_airspeeds_of_a_transition_are_calibrated(facts):
+    own, px4 = vtol_parameters(facts), px4_vtol_parameters(facts)
+    calibration = (facts.wing.density_kgpm3 / 1.225) ** 0.5
+    assert calibration < 0.98
+    for name in ("VT_ARSP_TRANS", "VT_ARSP_BLEND", "FW_AIRSPD_TRIM"):
+        assert px4[name] == pytest.approx(own[name] * calibration, rel=1e-3)
+    assert px4["VT_ARSP_BLEND"] == pytest.approx(px4["FW_AIRSPD_STALL"], rel=1e-3)
+    assert px4["VT_ARSP_BLEND"] < px4["VT_ARSP_TRANS"] <= px4["FW_AIRSPD_TRIM"]

@@ -1,0 +1,104 @@
+"""Verdicts on flights of VTOLs whose phases and errors are known in closed form."""
+
+from __future__ import annotations
+
+from hil.config.missions.path import Leg, LegKind
+from hil.config.missions.regimes import on_wings
+from hil.config.schema import Limits, PlaneLimits
+from hil.run.verdict.flyable_path import stops_of
+from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement
+from signals.mission import MissionItem
+from signals.samples import TruthState, Vec3
+
+STEP_NS = 100_000_000
+ROTORS = Rotors((0, 1), (2,), (800.0, 800.0), (1000.0,))
+LEGS = [
+    Leg(LegKind.CLIMB, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 30.0)),
+    Leg(LegKind.FLY, 1, (0.0, 0.0, 30.0), (400.0, 0.0, 30.0)),
+    Leg(LegKind.APPROACH, 2, (400.0, 0.0, 30.0), (800.0, 0.0, 30.0)),
+    Leg(LegKind.DESCENT, 2, (800.0, 0.0, 30.0), (800.0, 0.0, 0.0)),
+]
+
+
+def item(seq: int, command: int, param1: float = 0.0) -> MissionItem:
+    return MissionItem(seq, 3, command, 0, 1, param1, 0.0, 0.0, 0.0, 0, 0, 30.0)
+
+
+ITEMS = [item(0, 84), item(1, 16), item(2, 85)]
+
+
+class Flight:
+    """A flight in steps of 0.1 s."""
+
+    def __init__(self) -> None:
+        self.measured = VtolMeasurement(
+            LEGS,
+            stops_of(LEGS, ITEMS),
+            (PlaneLimits(), Limits()),
+            ROTORS,
+            wings={1, 2},
+            radius_m=48.0,
+            stall_mps=10.0,
+            wind_at=lambda: (0.0, 0.0, 0.0),
+        )
+        self.tick, self.p = 0, (0.0, 0.0, 0.0)
+
+    def go(self, steps: int, v: Vec3, rotors: tuple[float, float, float]) -> None:
+        x, y, z = self.p
+        for _ in range(steps):
+            x, y, z = x + 0.1 * v[0], y + 0.1 * v[1], max(z + 0.1 * v[2], 0.0)
+            still = (0.0, 0.0, 0.0)
+            contact = z == 0.0
+            t_ns, level = self.tick * STEP_NS, (1.0, 0.0, 0.0, 0.0)
+            moves = still if contact else v
+            self.measured.add(
+                TruthState(10 * self.tick, t_ns, (x, y, z), level, moves, still, still, still, rotors, contact)
+            )
+            self.tick += 1
+        self.p = (x, y, z)
+
+
+HOVER, BOTH, WINGS = (800.0, 800.0, 0.0), (600.0, 600.0, 900.0), (0.0, 0.0, 700.0)
+
+
+def flown(*, drift_mps: float = 0.0, loss_mps: float = 0.0, speed_mps: float = 15.0) -> dict[str, float | None]:
+    flight = Flight()
+    flight.go(5, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    flight.go(100, (0.0, drift_mps, 3.0), HOVER)
+    flight.go(50, (8.0, 0.0, -loss_mps), BOTH)
+    flight.go(60, (speed_mps, 0.0, 0.0), WINGS)
+    flight.go(10, (12.0, 0.0, 0.0), WINGS)
+    flight.go(400, (15.0, 0.0, 0.0), WINGS)
+    flight.go(40, (8.0, 0.0, 0.0), (500.0, 500.0, 0.0))
+    flight.go(10, (1.0, 0.0, 0.0), HOVER)
+    flight.go(400, (0.0, 0.0, -1.0), HOVER)
+    return flight.measured.values()
+
+
+def test_airspeed_counts_while_the_wings_carry_and_height_in_the_transition() -> None:
+    values = flown()
+    assert values["airspeed_margin"] == 1.2  # 12 m/s over 10, not the 8 m/s of the transitions
+    assert values["transition_loss_m"] == 0.0
+    assert values["hover_cross_track_m"] == 0.0
+    assert values["landing_speed_mps"] == 1.0
+
+
+def test_height_lost_in_the_transition() -> None:
+    values = flown(loss_mps=0.5)
+    assert abs((values["transition_loss_m"] or 0.0) - 2.45) < 0.06  # 4.9 s of the transition after its first tick
+
+
+def test_drift_in_the_climb_counts_from_the_start() -> None:
+    values = flown(drift_mps=0.2)
+    # From the first judged height, 5 m, on: 8.3 of 10 s.
+    assert abs((values["hover_cross_track_m"] or 0.0) - 1.66) < 0.1
+
+
+def test_slow_on_the_wings() -> None:
+    assert flown(speed_mps=9.0)["airspeed_margin"] == 0.9
+
+
+def test_the_regime_of_the_items_of_a_plan() -> None:
+    plan = [item(0, 22), item(1, 16), item(2, 3000, 3.0), item(3, 16), item(4, 3000, 4.0), item(5, 16), item(6, 85)]
+    assert on_wings(plan, {}) == [False, True, True, False, False, True, True]
+    assert on_wings(plan, {"NAV_FORCE_VT": 0})[:2] == [False, False]
