@@ -22,7 +22,13 @@ from math import degrees, sin
 
 from firmware_bridge.autopilots.installation import Vtol
 from firmware_bridge.autopilots.px4.rotor_parameters import geometry_parameters, mock_parameters, yaw_rate_gains
-from firmware_bridge.autopilots.px4.wing_parameters import calibration, plane_parameters, px4_parameters
+from firmware_bridge.autopilots.px4.wing_parameters import (
+    calibration,
+    full_torques_nm,
+    plane_parameters,
+    px4_parameters,
+    rate_gains,
+)
 from signals.units import STANDARD_GRAVITY_MPS2
 
 # MAV_TYPE_VTOL_FIXEDROTOR and _TILTROTOR
@@ -31,6 +37,7 @@ _KINDS = {
     "tiltrotor": {"CA_AIRFRAME": 3, "MAV_TYPE": 21, "VT_TYPE": 1},
 }
 MOST_TILTS = 4  # CA_SV_TL_COUNT
+_PITCH_BANDWIDTH = 15.0  # of a tiltrotor's elevators [1/s]
 _ASIDE_M = 0.01  # PX4's margin (ActuatorEffectivenessTilts)
 _SAME = 1e-3  # commands of tilts that turn together
 _FIRST_SERVO = 201
@@ -111,6 +118,7 @@ def tilt_parameters(vehicle: Vtol) -> dict[str, float]:
         "VT_TILT_TRANS": 0.5 * (hover + ahead),
         "VT_TILT_FW": ahead,
     }
+    values |= _pitch_gain(vehicle)
     steers = _steers(vehicle)
     if steers:
         values |= _yaw_gains(vehicle)
@@ -137,6 +145,20 @@ def _steers(vehicle: Vtol) -> bool:
     left = [all(y > _ASIDE_M for y in tilt) for tilt in _sides_m(vehicle)]
     right = [all(y < -_ASIDE_M for y in tilt) for tilt in _sides_m(vehicle)]
     return any(left) and any(right) and all(a or b for a, b in zip(left, right, strict=True))
+
+
+def _pitch_gain(vehicle: Vtol) -> dict[str, float]:
+    """Return FW_PR_P as `wing_parameters` has it, with a loop twice as fast.
+
+    In the first half second of a back-transition PX4 lets all rotors turn while the tilts are still ahead: those behind
+    lift, and push the nose down. With the plane's own gain it fell to -35 degrees.
+    """
+    wing = vehicle.wing
+    torque_nm = full_torques_nm(wing)[1]
+    if torque_nm <= 0.0:
+        return {}
+    gain = (_PITCH_BANDWIDTH * wing.inertia_kgm2[1] + min(wing.damping_nms[1], 0.0)) / torque_nm
+    return {"FW_PR_P": max(min(gain, 2.0), rate_gains(wing)["FW_PR_P"])}
 
 
 def _yaw_gains(vehicle: Vtol) -> dict[str, float]:

@@ -124,6 +124,15 @@ def test_the_time_of_a_transition_with_tilts(tiltrotor):
         assert params[name] == pytest.approx(times * least_s, rel=1e-3)
 
 
+def test_the_elevators_of_a_tiltrotor_are_twice_as_fast(tiltrotor):
+    """A loop of 15 1/s about the damped pitch: M P = 15 I + L."""
+    wing = tiltrotor.wing
+    torque_nm = sum(abs(surface.torque_nm[1]) for surface in wing.surfaces)
+    gain = vehicle_parameters(tiltrotor)["FW_PR_P"]
+    assert gain * torque_nm == pytest.approx(15.0 * 0.160447 + wing.damping_nms[1], rel=1e-3)
+    assert gain > 2.0 * vehicle_parameters(tiltrotor.wing)["FW_PR_P"]
+
+
 def test_a_tilt_in_the_middle_does_not_steer(tiltrotor):
     middle = [dataclasses.replace(rotor, position_m=(0.3, 0.0, 0.0)) for rotor in tiltrotor.hover.rotors]
     facts = dataclasses.replace(tiltrotor, hover=dataclasses.replace(tiltrotor.hover, rotors=middle))
