@@ -33,7 +33,7 @@ def vehicle_functions(vehicle: Aircraft, outputs: str) -> dict[str, float]:
 
 
 def command_count(vehicle: Aircraft) -> int:
-    """Return the number of commands: of motors, then of surfaces."""
+    """Return the number of commands: of motors, tilts, surfaces."""
     if isinstance(vehicle, Vtol):
         return len(vehicle.lifters) + len(vehicle.pushers) + len(vehicle.tilts) + len(vehicle.wing.surfaces)
     return len(vehicle.rotors) + (len(vehicle.surfaces) if isinstance(vehicle, FixedWing) else 0)
