@@ -4,6 +4,11 @@ Rate loops of the hover (AC_AttitudeControl): an output of 1 about an axis takes
 its torque is M = sum |effect of a lifter| / 2 at full thrust, times the share of thrust within the spin range. With
 inertia I a gain P = w I / M makes I p' = M P e a loop of bandwidth w. The other gains keep ArduPilot's ratios to P.
 
+Loops of the position (AC_PosControl): attitude, velocity and position lie around the rates, and each is slower than the
+one in it by ArduCopter's ratios, 4.5 : 2 : 1 [1/s] around rates of 15 /s. A lasting disturbance a [m/s2] moves the
+vehicle by at most a / (position P * velocity P) before the integral answers. ArduPlane's own 0.5 and 0.7, for heavy
+VTOLs whose attitude is slow, make this 2.9 m per m/s2 in place of 0.5.
+
 Transition (ArduPlane/transition): the lifters give way for Q_TRANSITION_MS from AIRSPEED_MIN on, 1.2 times the stall
 here, and help again below Q_ASSIST_SPEED.
 """
@@ -25,6 +30,9 @@ from firmware_bridge.links.ardupilot.sitl import SPIN_MAX, SPIN_MIN, thrust_para
 from signals.errors import LinkError
 
 _AXES = (("RLL", 0, 15.0, 1.0), ("PIT", 1, 15.0, 1.0), ("YAW", 2, 4.0, 0.1))  # axis, bandwidth [1/s], I / P
+_POSITION_P, _VELOCITY_P = 1.0, 2.0  # [1/s]
+_VELOCITY_I, _VELOCITY_D = 0.5, 0.125  # over P: ArduCopter's ratios
+_JERK_MPS3 = 5.0  # ArduCopter's: the attitude follows at its bandwidth
 _DAMPING = 0.0036 / 0.135  # ArduPilot's default D / P of roll and pitch
 _ASSIST = 1.05  # over the stall
 
@@ -58,6 +66,13 @@ def hover_parameters(vehicle: Vtol) -> dict[str, float]:
         "Q_M_BAT_VOLT_MAX": 0,
         "Q_TRANSITION_MS": 3000,
         "Q_ASSIST_SPEED": _ASSIST * vehicle.wing.stall_mps,
+    }
+    values |= {
+        "Q_P_POSXY_P": _POSITION_P,
+        "Q_P_VELXY_P": _VELOCITY_P,
+        "Q_P_VELXY_I": _VELOCITY_I * _VELOCITY_P,
+        "Q_P_VELXY_D": _VELOCITY_D * _VELOCITY_P,
+        "Q_P_JERK_XY": _JERK_MPS3,
     }
     share = SPIN_MAX**2 - SPIN_MIN**2
     for name, axis, bandwidth, integral in _AXES:
