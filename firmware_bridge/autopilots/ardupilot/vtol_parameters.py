@@ -10,7 +10,11 @@ vehicle by at most a / (position P * velocity P) before the integral answers. Ar
 VTOLs whose attitude is slow, make this 2.9 m per m/s2 in place of 0.5.
 
 Transition (ArduPlane/transition): the lifters give way for Q_TRANSITION_MS from AIRSPEED_MIN on, 1.2 times the stall
-here, and help again below Q_ASSIST_SPEED.
+here, and help again below Q_ASSIST_SPEED. Back: as long as the airspeed is over Q_ASSIST_SPEED (or AIRSPEED_MIN - 2
+m/s) ArduPlane brakes on its wings; from there, V1, it raises the nose to brake by Q_TRANS_DECEL, a, and Q_BACKTRANS_MS, T,
+limits how fast. The wing's lift stays below the weight, and the lifters carry the rest, while the angle of attack is at
+most its first value times (V1 / (V1 - a t))^2. T = V1 / a, the time to stop, does that; in ArduPlane's 3 s the nose rose
+faster, and the wing alone carried the vehicle down to 0.8 times the stall, with idle lifters.
 """
 
 from __future__ import annotations
@@ -34,7 +38,8 @@ _POSITION_P, _VELOCITY_P = 1.0, 2.0  # [1/s]
 _VELOCITY_I, _VELOCITY_D = 0.5, 0.125  # over P: ArduCopter's ratios
 _JERK_MPS3 = 5.0  # ArduCopter's: the attitude follows at its bandwidth
 _DAMPING = 0.0036 / 0.135  # ArduPilot's default D / P of roll and pitch
-_ASSIST = 1.05  # over the stall
+_ASSIST = 1.15  # over the stall: between AIRSPEED_MIN's 1.2 and the 1.1 below which no plane should fly on its wings
+_DECELERATION_MPS2 = 2.0  # ArduPlane's
 
 
 def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -54,6 +59,7 @@ def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
 def hover_parameters(vehicle: Vtol) -> dict[str, float]:
     """Return Q_*: thrust curve and rate loops of the lifters, and the transition."""
     hover = vehicle.hover
+    assist_mps = _ASSIST * vehicle.wing.stall_mps
     thrust = thrust_parameters(hover.hover_control, hover.thrust_model_factor)
     values = {f"Q_M_{name.removeprefix('MOT_')}": value for name, value in thrust.items()}
     values |= {
@@ -65,7 +71,9 @@ def hover_parameters(vehicle: Vtol) -> dict[str, float]:
         "Q_M_BAT_VOLT_MIN": 0,
         "Q_M_BAT_VOLT_MAX": 0,
         "Q_TRANSITION_MS": 3000,
-        "Q_ASSIST_SPEED": _ASSIST * vehicle.wing.stall_mps,
+        "Q_ASSIST_SPEED": assist_mps,
+        "Q_TRANS_DECEL": _DECELERATION_MPS2,
+        "Q_BACKTRANS_MS": round(1000.0 * assist_mps / _DECELERATION_MPS2),
     }
     values |= {
         "Q_P_POSXY_P": _POSITION_P,
