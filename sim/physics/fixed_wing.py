@@ -121,7 +121,7 @@ def unfit(vehicle: Vehicle) -> tuple[str, str] | None:
         return "rotors", "holds no engine: a rotor with the axis [1, 0, 0]"
     if not vehicle.surfaces:
         return "forces", "holds no control surfaces"
-    after = vehicle.commands[len(vehicle.rotors) :]
+    after = vehicle.commands[len(vehicle.rotors) + len(vehicle.tilts) :]
     if [command.name for command in after[: len(vehicle.surfaces)]] != [surface.name for surface in vehicle.surfaces]:
         return "forces", "holds wheels before the control surfaces: put what has the surfaces first"
     return None
