@@ -12,6 +12,7 @@ from firmware_bridge.autopilots.px4.firmware import PX4
 from firmware_bridge.autopilots.px4.rotor_parameters import matching_airframe
 from firmware_bridge.autopilots.px4.sensors import SENSORS
 from firmware_bridge.autopilots.px4.vehicle_parameters import PWM_OUTPUTS, command_count, vehicle_parameters
+from firmware_bridge.autopilots.px4.vtol_parameters import tilt_problem
 from firmware_bridge.autopilots.settings import AutopilotSettings
 from firmware_bridge.links.autopilot_link import AutopilotLink
 from firmware_bridge.links.px4.sitl import airframe_problem, px4_hand_start, px4_sitl_link, px4_sitl_process
@@ -103,6 +104,9 @@ def vehicle_misfits(settings: AutopilotSettings, vehicle: Aircraft) -> Sequence[
     if command_count(vehicle) > _OUTPUTS:
         message = f"{vehicle.name!r} has {command_count(vehicle)} commands, and PX4 SITL has {_OUTPUTS} outputs"
         found.append(Misfit(("vehicle",), message))
+    unfit = tilt_problem(vehicle) if isinstance(vehicle, Vtol) else None
+    if unfit is not None:
+        found.append(Misfit(("vehicle",), *unfit))
     lacking = [] if settings.binary is None else _lacking_modules(Path(settings.binary).expanduser(), vehicle)
     if lacking:
         message = f"this PX4 cannot fly {vehicle.name!r}: it was built without {', '.join(lacking)}"
@@ -136,4 +140,5 @@ PROFILE = Profile(
     start_command=start_command,
     flies_planes=True,
     flies_vtols=True,
+    vtol_kinds=frozenset({"standard", "tiltrotor"}),
 )

@@ -58,8 +58,7 @@ def geometry_parameters(vehicle: Multirotor) -> dict[str, float]:
 def hover_and_gains(vehicle: Multirotor) -> dict[str, float]:
     """Return thrust curve, hover thrust, and the gains of the rate and attitude loops."""
     full = authority(vehicle)
-    rate = min(23.0, 0.9 / vehicle.time_constant_s)
-    yaw_rate = min(5.0, 0.25 * rate)
+    rate, yaw_rate = _bandwidths(vehicle)
     attitude = min(6.5, rate / 2.9)
     values = {
         "THR_MDL_FAC": vehicle.thrust_model_factor,
@@ -75,9 +74,20 @@ def hover_and_gains(vehicle: Multirotor) -> dict[str, float]:
             f"MC_{axis}RATE_I": _INTEGRAL_PER_S * gain,
             f"MC_{axis}RATE_D": min(_LEAD_S * gain, 0.01),
         }
-    gain = min(yaw_rate * vehicle.inertia_kgm2[2] / full.yaw_nm, 1.5)
-    values |= {"MC_YAWRATE_P": gain, "MC_YAWRATE_I": min(_YAW_INTEGRAL_PER_S * gain, 1.0)}
+    values["MC_YAWRATE_P"], values["MC_YAWRATE_I"] = yaw_rate_gains(vehicle, full.yaw_nm)
     return {name: float(f"{value:.4g}") for name, value in values.items()}
+
+
+def yaw_rate_gains(vehicle: Multirotor, full_nm: float) -> tuple[float, float]:
+    """Return MC_YAWRATE_P and _I, for the torque of a full demand."""
+    gain = min(_bandwidths(vehicle)[1] * vehicle.inertia_kgm2[2] / full_nm, 1.5)
+    return gain, min(_YAW_INTEGRAL_PER_S * gain, 1.0)
+
+
+def _bandwidths(vehicle: Multirotor) -> tuple[float, float]:
+    """Return those of the rate loops of roll and pitch, and of yaw [1/s]."""
+    rate = min(23.0, 0.9 / vehicle.time_constant_s)
+    return rate, min(5.0, 0.25 * rate)
 
 
 def mock_parameters(vehicle: Multirotor) -> dict[str, float]:

@@ -1,37 +1,52 @@
-"""PX4's parameters for a standard VTOL, for PX4 and for the mock: of its rotors, of its wings, of the transitions.
+"""PX4's parameters for a VTOL: of its rotors, its wings and its transitions. The mock takes those of a standard VTOL.
 
 The rotors keep the order of the vehicle's file: CA_ROTORn are lifters and pushers as they come, with their axes, as
 PX4's standard VTOL has them (ActuatorEffectivenessStandardVTOL: those that point ahead do not lift).
 
 Transition: the wings can carry the vehicle alone from VT_ARSP_TRANS on, 1.3 times the stall but not over cruise;
 the lifters give way from VT_ARSP_BLEND on, the stall. A back-transition ends at MPC_XY_CRUISE over ground.
+
+Tilts: PX4 has one command VT_TILT_* for all, 0 at the servos' minimum and 1 at their maximum. In the transition they
+wait for the airspeed halfway: PX4's allocation follows the axes to there (ActuatorEffectivenessTiltrotorVTOL).
+
+Tilts on both sides steer the yaw in hover (CA_SV_TLn_CT 1), and PX4's rotors then do not: the yaw that a rotor with
+the thrust T at y, tilted ahead by t, gives, T (|y| sin t -+ k cos t), passes those of the other rotors on the way, and
+there roll and yaw have one and the same command. From upright a tilt turns ahead only: half of them act on a demand.
+
+    yaw of a full demand = sum of T |y| (max - min) / 2 / 2, and MC_YAWRATE_P as of a multirotor's rotors
 """
 
 from __future__ import annotations
 
+from math import degrees, sin
+
 from firmware_bridge.autopilots.installation import Vtol
-from firmware_bridge.autopilots.px4.rotor_parameters import geometry_parameters, mock_parameters
+from firmware_bridge.autopilots.px4.rotor_parameters import geometry_parameters, mock_parameters, yaw_rate_gains
 from firmware_bridge.autopilots.px4.wing_parameters import calibration, plane_parameters, px4_parameters
 from signals.units import STANDARD_GRAVITY_MPS2
 
-STANDARD_VTOL = 2  # CA_AIRFRAME
-_MAV_TYPE = 22  # MAV_TYPE_VTOL_FIXEDROTOR
-_VT_STANDARD = 2  # VT_TYPE
+# MAV_TYPE_VTOL_FIXEDROTOR and _TILTROTOR
+_KINDS = {
+    "standard": {"CA_AIRFRAME": 2, "MAV_TYPE": 22, "VT_TYPE": 2},
+    "tiltrotor": {"CA_AIRFRAME": 3, "MAV_TYPE": 21, "VT_TYPE": 1},
+}
+MOST_TILTS = 4  # CA_SV_TL_COUNT
+_ASIDE_M = 0.01  # PX4's margin (ActuatorEffectivenessTilts)
+_SAME = 1e-3  # commands of tilts that turn together
 _FIRST_SERVO = 201
 _TRANSITION, _BLEND = 1.3, 1.0  # over the stall
 _RAMP_S = 3.0  # 1 / VT_PSHER_SLEW
+_TILTING_S = 5.0  # VT_F_TRANS_DUR, PX4's default: until the tilts are halfway
 # PX4's own defaults, where its airframe has those of its aircraft: full throttle, and no pusher in hover.
 _PX4_TRANSITION = {"VT_F_TRANS_THR": 1.0, "VT_FWD_THRUST_EN": 0.0}
 
 
 def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
-    """Return the parameters that make the mock's standard VTOL this vehicle."""
+    """Return the parameters that make a VTOL of PX4's kind, or the mock's standard VTOL, this vehicle."""
     values = plane_parameters(vehicle.wing) | _hover_parameters(vehicle)
     values |= {
         "SYS_AUTOSTART": 0,
-        "CA_AIRFRAME": STANDARD_VTOL,
-        "MAV_TYPE": _MAV_TYPE,
-        "VT_TYPE": _VT_STANDARD,
+        **_KINDS[vehicle.kind],
         "RWTO_TKOFF": 0.0,
         **{name: float(f"{value:.4g}") for name, value in transition_parameters(vehicle).items()},
     }
@@ -39,12 +54,12 @@ def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
 
 
 def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
-    """Return the parameters that make PX4's standard VTOL this vehicle.
+    """Return the parameters that make PX4's VTOL this vehicle.
 
-    PX4 takes the thrust curve THR_MDL_FAC for the pusher, too: throttles are shares of the thrust, f u^2 + (1 - f) u of
-    a command u. Airspeeds are calibrated.
+    PX4 takes the thrust curve THR_MDL_FAC for the engines, too: throttles are shares of the thrust, f u^2 + (1 - f) u
+    of a command u. Airspeeds are calibrated.
     """
-    values = vtol_parameters(vehicle) | px4_parameters(vehicle.wing) | _PX4_TRANSITION
+    values = vtol_parameters(vehicle) | px4_parameters(vehicle.wing) | _PX4_TRANSITION | tilt_parameters(vehicle)
     del values["SYS_AUTOSTART"]
     curve = values["THR_MDL_FAC"]
     values["FW_THR_TRIM"] *= curve * values["FW_THR_TRIM"] + 1.0 - curve
@@ -54,18 +69,106 @@ def px4_vtol_parameters(vehicle: Vtol) -> dict[str, float]:
 
 
 def transition_parameters(vehicle: Vtol) -> dict[str, float]:
-    """Return VT_ARSP_* and the times within which the pusher must reach them."""
+    """Return VT_ARSP_* and the times within which pushers or tilts must reach them."""
     wing = vehicle.wing
     trans_mps = min(_TRANSITION * wing.stall_mps, wing.cruise_mps)
     blend_mps = min(_BLEND * wing.stall_mps, 0.9 * trans_mps)
+    airspeeds = {"VT_ARSP_TRANS": trans_mps, "VT_ARSP_BLEND": blend_mps}
+    if vehicle.tilts:
+        return airspeeds | {
+            "VT_F_TRANS_DUR": _TILTING_S,
+            "VT_F_TR_OL_TM": min(2.0 * _tilting_s(vehicle, blend_mps), 30.0),
+            "VT_TRANS_TIMEOUT": min(3.0 * _tilting_s(vehicle, trans_mps), 30.0),
+        }
     # The thrust beyond the drag of cruise is the least that there is on the way.
     least_mps2 = max(STANDARD_GRAVITY_MPS2 * wing.climb_mps / wing.cruise_mps, 0.1)
-    return {
-        "VT_ARSP_TRANS": trans_mps,
-        "VT_ARSP_BLEND": blend_mps,
+    return airspeeds | {
         "VT_F_TR_OL_TM": min(max(_RAMP_S + blend_mps / (1.5 * least_mps2), 6.0), 30.0),
         "VT_TRANS_TIMEOUT": min(max(_RAMP_S + trans_mps / least_mps2, 15.0), 30.0),
     }
+
+
+def _tilting_s(vehicle: Vtol, airspeed_mps: float) -> float:
+    """Return the time to an airspeed without drag: tilts go halfway at a steady rate, then wait.
+
+    The rotors on tilts keep their thrust of hover; halfway they give the acceleration a = g share sin(half).
+    """
+    share = sum(len(sides) for sides in _sides_m(vehicle)) / len(vehicle.lifters)
+    halfway_mps2 = STANDARD_GRAVITY_MPS2 * share * abs(sin(0.5 * vehicle.tilts[0].ahead_rad))
+    ramped_mps = 0.5 * _TILTING_S * halfway_mps2
+    return _TILTING_S + max(airspeed_mps - ramped_mps, 0.0) / max(halfway_mps2, 0.1)
+
+
+def tilt_parameters(vehicle: Vtol) -> dict[str, float]:
+    """Return CA_SV_TL* and CA_ROTORn_TILT, and VT_TILT_* of all tilts; nothing without tilts."""
+    if not vehicle.tilts:
+        return {}
+    first = vehicle.tilts[0]
+    hover, ahead = 0.5 * (first.hover_command + 1.0), 0.5 * (first.ahead_command + 1.0)
+    values: dict[str, float] = {
+        "CA_SV_TL_COUNT": len(vehicle.tilts),
+        "VT_TILT_MC": hover,
+        "VT_TILT_TRANS": 0.5 * (hover + ahead),
+        "VT_TILT_FW": ahead,
+    }
+    steers = _steers(vehicle)
+    if steers:
+        values |= _yaw_gains(vehicle)
+    for n, tilt in enumerate(vehicle.tilts):
+        to_front = 1.0 if tilt.ahead_rad >= 0.0 else -1.0
+        values |= {
+            f"CA_SV_TL{n}_CT": float(steers),
+            f"CA_SV_TL{n}_TD": 0.0,  # towards the front
+            f"CA_SV_TL{n}_MINA": to_front * degrees(tilt.min_rad) + 0.0,
+            f"CA_SV_TL{n}_MAXA": to_front * degrees(tilt.max_rad) + 0.0,
+        }
+        values |= {f"CA_ROTOR{rotor}_TILT": n + 1 for rotor in tilt.rotors}
+    return values
+
+
+def _sides_m(vehicle: Vtol) -> list[list[float]]:
+    """Return for each tilt how far to the left its rotors are that lift."""
+    y_m = {rotor: facts.position_m[1] for rotor, facts in zip(vehicle.lifters, vehicle.hover.rotors, strict=True)}
+    return [[y_m[rotor] for rotor in tilt.rotors if rotor in y_m] for tilt in vehicle.tilts]
+
+
+def _steers(vehicle: Vtol) -> bool:
+    """Return True if every tilt is on one side, some left and some right."""
+    left = [all(y > _ASIDE_M for y in tilt) for tilt in _sides_m(vehicle)]
+    right = [all(y < -_ASIDE_M for y in tilt) for tilt in _sides_m(vehicle)]
+    return any(left) and any(right) and all(a or b for a, b in zip(left, right, strict=True))
+
+
+def _yaw_gains(vehicle: Vtol) -> dict[str, float]:
+    """Return MC_YAWRATE_P and _I for tilts that steer."""
+    hover = vehicle.hover
+    thrust_n = hover.mass_kg * STANDARD_GRAVITY_MPS2 / len(hover.rotors)
+    torque_nm = sum(
+        0.25 * thrust_n * sum(abs(y) for y in sides) * abs(tilt.max_rad - tilt.min_rad)
+        for sides, tilt in zip(_sides_m(vehicle), vehicle.tilts, strict=True)
+    )
+    gain, integral = yaw_rate_gains(hover, torque_nm)
+    return {"MC_YAWRATE_P": float(f"{gain:.4g}"), "MC_YAWRATE_I": float(f"{integral:.4g}")}
+
+
+def tilt_problem(vehicle: Vtol) -> tuple[str, str] | None:
+    """Return why PX4 cannot turn these tilts, and the remedy; None if it can."""
+    tilts = vehicle.tilts
+    if len(tilts) > MOST_TILTS:
+        return (
+            f"{vehicle.name!r} has {len(tilts)} tilts, and PX4 takes {MOST_TILTS}",
+            "let one tilt turn several rotors",
+        )
+    for tilt in tilts:
+        if tilt.ahead_command <= tilt.hover_command:
+            hint = "turn the sign of its axis, and swap and negate min_deg and max_deg"
+            return f"PX4 turns tilts ahead with a rising command, and {tilt.name!r} turns with a falling one", hint
+        first = tilts[0]
+        apart = abs(tilt.hover_command - first.hover_command), abs(tilt.ahead_command - first.ahead_command)
+        if max(apart) > _SAME:
+            hint = "give both the same min_deg and max_deg"
+            return f"PX4 has one command for all tilts, and {first.name!r} and {tilt.name!r} have other ranges", hint
+    return None
 
 
 def rotor_geometry(vehicle: Vtol) -> dict[str, float]:
@@ -79,7 +182,9 @@ def rotor_geometry(vehicle: Vtol) -> dict[str, float]:
             for name, value in hover.items()
             if name.startswith(f"CA_ROTOR{n}_")
         }
-    for rotor, pusher in zip(vehicle.pushers, vehicle.wing.rotors, strict=True):
+    engines = dict(zip(vehicle.engines, vehicle.wing.rotors, strict=True))
+    for rotor in vehicle.pushers:
+        pusher = engines[rotor]
         (x, y, z), (ax, ay, az) = pusher.position_m, pusher.axis
         # A pusher's own torque is left out, as PX4 does for pushers.
         place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": 6.5, "KM": 0.0}
@@ -98,7 +203,15 @@ def _hover_parameters(vehicle: Vtol) -> dict[str, float]:
 
 
 def vtol_functions(vehicle: Vtol, outputs: str) -> dict[str, float]:
-    """Return the functions of the outputs in the order of the vehicle's commands: motors, then surfaces."""
-    rotors = len(vehicle.lifters) + len(vehicle.pushers)
+    """Return the functions of the outputs in the order of the vehicle's commands: motors, tilts, surfaces.
+
+    PX4 numbers the servos of the surfaces first.
+    """
+    rotors, tilts, surfaces = (
+        len(vehicle.lifters) + len(vehicle.pushers),
+        len(vehicle.tilts),
+        len(vehicle.wing.surfaces),
+    )
     motors: dict[str, float] = {f"{outputs}{n}": 100 + n for n in range(1, rotors + 1)}
-    return motors | {f"{outputs}{rotors + 1 + i}": _FIRST_SERVO + i for i in range(len(vehicle.wing.surfaces))}
+    servos = [*range(surfaces, surfaces + tilts), *range(surfaces)]
+    return motors | {f"{outputs}{rotors + 1 + i}": _FIRST_SERVO + servo for i, servo in enumerate(servos)}

@@ -1,11 +1,12 @@
 """Judges the flight of a VTOL, from ground truth: as a plane while its wings carry it, as a multirotor in hover.
 
-What carries it is taken from the true speeds of its rotors. Share: the sum of k O^2 of the lifters over that in hover.
+What carries it is taken from the true speeds of its rotors and the true angles of its tilts. Share: the sum of
+k O^2 cos(tilt) of the lifters over that in hover; a lifter that a tilt has turned by 90 degrees lifts nothing.
 
 on the wings    the share is below 0.1
-transition      to the wings from the moment at which the pusher turns at a tenth of its full speed, until 5 s after
-                the wings have taken over; back from the moment at which the share rises over 0.1, until the vehicle is
-                slower than 5 m/s over ground, or for 10 s
+transition      to the wings from the moment at which the pusher turns at a tenth of its full speed, or all tilts have
+                gone a tenth of their way ahead, until 5 s after the wings have taken over; back from the moment at
+                which the share rises over 0.1, until the vehicle is slower than 5 m/s over ground, or for 10 s
 hover           all other time in the air
 
 As of a plane (`plane_limits`): waypoints flown to on the wings, max_cross_track_m, altitude_error_m and loiter_error_m,
@@ -35,7 +36,8 @@ from signals.mission import MissionItem
 from signals.samples import TruthState, Vec3
 from signals.time import NS_PER_S
 
-_ON_WINGS, _TURNS = 0.1, 0.1  # share of the lift in hover; share of the pusher's full speed
+_ON_WINGS = 0.1  # share of the lift in hover
+_TURNS = 0.1  # share of the pusher's full speed, or of a tilt's way ahead
 _AFTER_FRONT_NS, _BACK_NS = 5 * NS_PER_S, 10 * NS_PER_S
 _SLOW_MPS = 5.0
 _OF_PLANE = ("max_cross_track_m", "altitude_error_m", "airspeed_margin", "stalled_s", "max_bank_deg", "loiter_error_m")
@@ -45,22 +47,31 @@ _LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
 
 @dataclass(frozen=True)
 class Rotors:
-    """What tells from the speeds of the rotors what carries the vehicle."""
+    """What tells from the speeds of the rotors and the angles of the tilts what carries the vehicle."""
 
     lifters: Sequence[int]
     pushers: Sequence[int]
     hover_radps: Sequence[float]  # of each lifter
     full_radps: Sequence[float]  # of each pusher
+    ahead_rad: Sequence[float] = ()  # of each tilt, where its rotors point most ahead; the tilts lead the servos
+    tilt_of: Sequence[int | None] = ()  # of each lifter, the tilt that turns it; without tilts empty
 
-    def share(self, speeds_radps: Sequence[float]) -> float:
-        """Return the mean of (O / O_hover)^2 of the lifters."""
-        squares = [(speeds_radps[i] / hover) ** 2 for i, hover in zip(self.lifters, self.hover_radps, strict=True)]
-        return sum(squares) / len(squares)
+    def share(self, truth: TruthState) -> float:
+        """Return the mean of (O / O_hover)^2 of the lifters, of what still points up."""
+        speeds_radps, tilt_of = truth.rotor_speed_radps, self.tilt_of or [None] * len(self.lifters)
+        lifts = [
+            (speeds_radps[i] / hover) ** 2 * (1.0 if tilt is None else max(math.cos(truth.surface_rad[tilt]), 0.0))
+            for i, hover, tilt in zip(self.lifters, self.hover_radps, tilt_of, strict=True)
+        ]
+        return sum(lifts) / len(lifts)
 
-    def pushes(self, speeds_radps: Sequence[float]) -> bool:
-        """Return True if a pusher turns."""
+    def pushes(self, truth: TruthState) -> bool:
+        """Return True if a pusher turns, or all tilts are on their way: one alone may steer."""
         pairs = zip(self.pushers, self.full_radps, strict=True)
-        return any(speeds_radps[i] > _TURNS * full for i, full in pairs)
+        if any(truth.rotor_speed_radps[i] > _TURNS * full for i, full in pairs):
+            return True
+        angles = zip(truth.surface_rad, self.ahead_rad, strict=False)
+        return bool(self.ahead_rad) and all(angle / ahead > _TURNS for angle, ahead in angles)
 
 
 class _Phase(Enum):
@@ -120,7 +131,7 @@ class VtolMeasurement(PlaneMeasurement):
 
     def _on_wings(self, truth: TruthState) -> bool:
         """Follow the phases, at every measured tick above 5 m."""
-        share, pushes = self._rotors.share(truth.rotor_speed_radps), self._rotors.pushes(truth.rotor_speed_radps)
+        share, pushes = self._rotors.share(truth), self._rotors.pushes(truth)
         up = truth.p_WB[2]
         wings = share < _ON_WINGS
         if self._phase is _Phase.HOVER and pushes:

@@ -57,11 +57,19 @@ class VtolFlightPart(PlaneFlightPart):
 
 
 def rotors_of(vehicle: Vehicle) -> Rotors:
-    """Return what tells from the speeds of a VTOL's rotors what carries it."""
+    """Return what tells from a VTOL's rotors and tilts what carries it."""
     lifters, pushers = vtol.lifters(vehicle), vtol.pushers(vehicle)
     full = [c.max_speed_radps for c in vehicle.constants_of_rotors]
     speeds = vehicle.hover_speeds_radps()
-    return Rotors(lifters, pushers, [speeds[i] for i in lifters], [full[i] for i in pushers])
+    turned_by = {rotor: k for k, tilt in enumerate(vehicle.tilts) for rotor in tilt.rotors}
+    return Rotors(
+        lifters,
+        pushers,
+        [speeds[i] for i in lifters],
+        [full[i] for i in pushers],
+        ahead_rad=[tilt.ahead_rad(vehicle.rotors) for tilt in vehicle.tilts],
+        tilt_of=[turned_by.get(i) for i in lifters],
+    )
 
 
 def make(bench: Bench) -> Part:

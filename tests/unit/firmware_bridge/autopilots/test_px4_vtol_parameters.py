@@ -1,12 +1,19 @@
-"""PX4's parameters for a standard VTOL, by the airframe that they replace."""
+"""PX4's parameters for a standard VTOL and a tiltrotor, by the airframe that they replace."""
 
 import dataclasses
+import math
 from pathlib import Path
 
 import pytest
 
 from firmware_bridge.autopilots.px4 import px4_sitl
-from firmware_bridge.autopilots.px4.vtol_parameters import px4_vtol_parameters, vtol_parameters
+from firmware_bridge.autopilots.px4.vehicle_parameters import vehicle_parameters
+from firmware_bridge.autopilots.px4.vtol_parameters import (
+    px4_vtol_parameters,
+    tilt_parameters,
+    tilt_problem,
+    vtol_parameters,
+)
 from hil.config import load_bench
 from hil.config.airframe_facts import vtol_facts
 from hil.run.autopilot import installation_of
@@ -82,3 +89,74 @@ def test_the_airspeeds_of_a_transition_are_calibrated(facts):
         assert px4[name] == pytest.approx(own[name] * calibration, rel=1e-3)
     assert px4["VT_ARSP_BLEND"] == pytest.approx(px4["FW_AIRSPD_STALL"], rel=1e-3)
     assert px4["VT_ARSP_BLEND"] < px4["VT_ARSP_TRANS"] <= px4["FW_AIRSPD_TRIM"]
+
+
+@pytest.fixture(scope="module")
+def tiltrotor():
+    bench = load_bench(RIGS / "vtol.yaml", rig="px4_sitl", settings=["autopilot.start=false", "vehicle=tiltrotor"])
+    return vtol_facts(bench.vehicle, bench.scene.site)
+
+
+def test_a_tiltrotor_has_its_tilts_between_motors_and_surfaces(tiltrotor):
+    params = vehicle_parameters(tiltrotor)
+    assert (params["CA_AIRFRAME"], params["VT_TYPE"], params["MAV_TYPE"]) == (3, 1, 21)
+    # PX4 numbers the servos of the surfaces, 201 and 202, before those of the tilts.
+    assert [params[f"PWM_MAIN_FUNC{n}"] for n in range(1, 9)] == [101, 102, 103, 104, 203, 204, 201, 202]
+    assert [params.get(f"CA_ROTOR{n}_TILT") for n in range(4)] == [1, None, 2, None]
+    assert params["CA_SV_TL_COUNT"] == 2
+    for n in range(2):
+        assert [params[f"CA_SV_TL{n}_{key}"] for key in ("CT", "TD", "MINA", "MAXA")] == [1, 0, 0, 90]
+    assert [params[f"VT_TILT_{key}"] for key in ("MC", "TRANS", "FW")] == [0.0, 0.5, 1.0]
+
+
+def test_the_yaw_of_a_tiltrotor_is_that_of_one_tilt_ahead(tiltrotor):
+    """One front rotor with a quarter of the weight, 0.35 m aside, turned by 45 degrees per unit of command."""
+    full_nm = 5.12 * 9.80665 / 4 * 0.35 * math.radians(45)
+    assert vehicle_parameters(tiltrotor)["MC_YAWRATE_P"] == pytest.approx(5.0 * 0.176856 / full_nm, rel=1e-3)
+
+
+def test_the_time_of_a_transition_with_tilts(tiltrotor):
+    """Half of the lifters at 45 degrees pull with g / 2 sin 45; on the way there, 5 s, with half of that on average."""
+    params = vtol_parameters(tiltrotor)
+    halfway_mps2 = 0.5 * 9.80665 * math.sin(math.radians(45))
+    for name, airspeed, times in (("VT_F_TR_OL_TM", "VT_ARSP_BLEND", 2), ("VT_TRANS_TIMEOUT", "VT_ARSP_TRANS", 3)):
+        least_s = 2.5 + params[airspeed] / halfway_mps2
+        assert params[name] == pytest.approx(times * least_s, rel=1e-3)
+
+
+def test_a_tilt_in_the_middle_does_not_steer(tiltrotor):
+    middle = [dataclasses.replace(rotor, position_m=(0.3, 0.0, 0.0)) for rotor in tiltrotor.hover.rotors]
+    facts = dataclasses.replace(tiltrotor, hover=dataclasses.replace(tiltrotor.hover, rotors=middle))
+    values = tilt_parameters(facts)
+    assert (values["CA_SV_TL0_CT"], values["CA_SV_TL1_CT"]) == (0, 0)
+    assert "MC_YAWRATE_P" not in values
+
+
+def test_a_hinge_to_the_right_has_the_same_angles_to_the_front(tiltrotor):
+    reversed_axis = [
+        dataclasses.replace(tilt, axis=(0.0, -1.0, 0.0), min_rad=0.0, max_rad=-tilt.max_rad, ahead_rad=-tilt.ahead_rad)
+        for tilt in tiltrotor.tilts
+    ]
+    facts = dataclasses.replace(tiltrotor, tilts=reversed_axis)
+    assert tilt_problem(facts) is None
+    assert tilt_parameters(facts) == tilt_parameters(tiltrotor)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"hover_command": 1.0, "ahead_command": -1.0}, "'tilt_left' turns with a falling one"),
+        ({"hover_command": -0.5}, "'tilt_right' and 'tilt_left' have other ranges"),
+    ],
+)
+def test_tilts_that_px4_cannot_turn_together_are_refused(bench, tiltrotor, change, told):
+    right, left = tiltrotor.tilts
+    facts = dataclasses.replace(tiltrotor, tilts=[right, dataclasses.replace(left, **change)])
+    (found,) = px4_sitl.vehicle_misfits(bench.config.autopilot, facts)
+    assert told in found.message
+
+
+def test_more_tilts_than_px4_has_are_refused(bench, tiltrotor):
+    facts = dataclasses.replace(tiltrotor, tilts=[tiltrotor.tilts[0]] * 5)
+    (found,) = px4_sitl.vehicle_misfits(bench.config.autopilot, facts)
+    assert "has 5 tilts, and PX4 takes 4" in found.message

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
@@ -30,12 +32,12 @@ ITEMS = [item(0, 84), item(1, 16), item(2, 85)]
 class Flight:
     """A flight in steps of 0.1 s."""
 
-    def __init__(self) -> None:
+    def __init__(self, rotors: Rotors = ROTORS) -> None:
         self.measured = VtolMeasurement(
             LEGS,
             stops_of(LEGS, ITEMS),
             (PlaneLimits(), Limits()),
-            ROTORS,
+            rotors,
             wings={1, 2},
             radius_m=48.0,
             stall_mps=10.0,
@@ -43,7 +45,8 @@ class Flight:
         )
         self.tick, self.p = 0, (0.0, 0.0, 0.0)
 
-    def go(self, steps: int, v: Vec3, rotors: tuple[float, float, float]) -> None:
+    def go(self, steps: int, v: Vec3, rotors: tuple[float, ...], tilts_deg: tuple[float, ...] = ()) -> None:
+        angles = tuple(math.radians(angle) for angle in tilts_deg)
         x, y, z = self.p
         for _ in range(steps):
             x, y, z = x + 0.1 * v[0], y + 0.1 * v[1], max(z + 0.1 * v[2], 0.0)
@@ -52,7 +55,7 @@ class Flight:
             t_ns, level = self.tick * STEP_NS, (1.0, 0.0, 0.0, 0.0)
             moves = still if contact else v
             self.measured.add(
-                TruthState(10 * self.tick, t_ns, (x, y, z), level, moves, still, still, still, rotors, contact)
+                TruthState(10 * self.tick, t_ns, (x, y, z), level, moves, still, still, still, rotors, contact, angles)
             )
             self.tick += 1
         self.p = (x, y, z)
@@ -102,3 +105,41 @@ def test_the_regime_of_the_items_of_a_plan() -> None:
     plan = [item(0, 22), item(1, 16), item(2, 3000, 3.0), item(3, 16), item(4, 3000, 4.0), item(5, 16), item(6, 85)]
     assert on_wings(plan, {}) == [False, True, True, False, False, True, True]
     assert on_wings(plan, {"NAV_FORCE_VT": 0})[:2] == [False, False]
+
+
+# Two rotors in front on tilts, two behind that stop on the wings.
+TILTING = Rotors((0, 1, 2, 3), (), (800.0,) * 4, (), ahead_rad=(0.5 * math.pi,) * 2, tilt_of=(0, None, 1, None))
+
+
+def tilted(*, steering_deg: float = 0.0, on_the_way_deg: float = 45.0, rear_radps: float = 0.0) -> VtolMeasurement:
+    """Fly as `flown`, with a transition that loses 2.45 m, on rotors that tilt."""
+    flight, all_four = Flight(TILTING), (800.0,) * 4
+    ahead, wings = (90.0, 90.0, 5.0), (700.0, rear_radps, 700.0, rear_radps)
+    flight.go(5, (0.0, 0.0, 0.0), (0.0,) * 4, (0.0, 0.0, 0.0))
+    flight.go(100, (0.0, 0.0, 3.0), all_four, (0.0, steering_deg, 0.0))
+    flight.go(50, (8.0, 0.0, -0.5), all_four, (on_the_way_deg, on_the_way_deg, 0.0))
+    flight.go(60, (15.0, 0.0, 0.0), wings, ahead)
+    flight.go(410, (13.0, 0.0, 0.0), wings, ahead)
+    flight.go(40, (8.0, 0.0, 0.0), all_four, (0.0, 0.0, 0.0))
+    flight.go(10, (1.0, 0.0, 0.0), all_four, (0.0, 0.0, 0.0))
+    flight.go(400, (0.0, 0.0, -1.0), all_four, (0.0, 0.0, 0.0))
+    return flight.measured
+
+
+def test_rotors_that_tilts_have_turned_ahead_do_not_lift() -> None:
+    values = tilted().values()
+    assert values["airspeed_margin"] == 1.3  # 13 m/s over 10 at full lift of none: the front rotors turn on the wings
+    assert abs((values["transition_loss_m"] or 0.0) - 2.45) < 0.06
+    assert values["hover_cross_track_m"] == 0.0
+
+
+def test_rotors_that_lift_in_flight_are_no_flight_on_the_wings() -> None:
+    assert tilted(rear_radps=600.0).values()["airspeed_margin"] is None
+
+
+def test_one_tilt_that_steers_is_no_transition() -> None:
+    assert tilted(steering_deg=30.0).values() == tilted().values()
+
+
+def test_tilts_within_a_tenth_of_their_way_hover() -> None:
+    assert (tilted(on_the_way_deg=8.0).values()["hover_cross_track_m"] or 0.0) > 39.0
