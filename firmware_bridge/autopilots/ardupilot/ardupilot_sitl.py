@@ -107,7 +107,6 @@ PROFILE = Profile(
     program=PROGRAM,
     flies_planes=True,
     flies_vtols=True,
-    vtol_kinds=frozenset({"standard", "tiltrotor"}),
     plane_program=plane.PROGRAM,
     vehicle_misfits=lambda settings, vehicle: frame_misfits(vehicle),  # noqa: ARG005
     wall_clock_telemetry=True,

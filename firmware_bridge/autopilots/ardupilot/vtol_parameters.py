@@ -41,6 +41,7 @@ _MOTOR_TILT, _CONTINUOUS = 41, 0  # SERVOn_FUNCTION; Q_TILT_TYPE
 _DAMPING = 0.0036 / 0.135  # ArduPilot's default D / P of roll and pitch
 _ASSIST = 1.15  # over the stall: between AIRSPEED_MIN's 1.2 and the 1.1 below which no plane should fly on its wings
 _DECELERATION_MPS2 = 2.0  # ArduPlane's
+_BRAKE_S = 1.0  # ArduPlane brakes so long with lifters that idle, whatever the airspeed
 
 
 def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -93,6 +94,7 @@ def hover_parameters(vehicle: Vtol) -> dict[str, float]:
         "Q_TRANSITION_MS": 3000,
         "Q_ASSIST_SPEED": assist_mps,
         "Q_TRANS_DECEL": _DECELERATION_MPS2,
+        "TECS_LAND_ARSPD": vehicle.wing.least_mps + _DECELERATION_MPS2 * _BRAKE_S,
         "Q_BACKTRANS_MS": round(1000.0 * assist_mps / _DECELERATION_MPS2),
     }
     values |= {
