@@ -4,8 +4,17 @@ Rate loops of the hover (AC_AttitudeControl): an output of 1 about an axis takes
 its torque is M = sum |effect of a lifter| / 2 at full thrust, times the share of thrust within the spin range. With
 inertia I a gain P = w I / M makes I p' = M P e a loop of bandwidth w. The other gains keep ArduPilot's ratios to P.
 
+Loops of the position (AC_PosControl): attitude, velocity and position lie around the rates, and each is slower than the
+one in it by ArduCopter's ratios, 4.5 : 2 : 1 [1/s] around rates of 15 /s. A lasting disturbance a [m/s2] moves the
+vehicle by at most a / (position P * velocity P) before the integral answers. ArduPlane's own 0.5 and 0.7, for heavy
+VTOLs whose attitude is slow, make this 2.9 m per m/s2 in place of 0.5.
+
 Transition (ArduPlane/transition): the lifters give way for Q_TRANSITION_MS from AIRSPEED_MIN on, 1.2 times the stall
-here, and help again below Q_ASSIST_SPEED.
+here, and help again below Q_ASSIST_SPEED. Back: ArduPlane brakes on its wings down to Q_ASSIST_SPEED, or AIRSPEED_MIN
+less 2 m/s. From there, V1, it raises the nose to brake by Q_TRANS_DECEL, a, at most as fast as Q_BACKTRANS_MS, T, says.
+The wing's lift stays below the weight, and the lifters carry the rest, while the angle of attack is at most its first
+value times (V1 / (V1 - a t))^2. T = V1 / a, the time to stop, does that; in ArduPlane's 3 s the nose rose faster, and
+the wing alone carried the vehicle down to 0.8 times the stall, with idle lifters.
 """
 
 from __future__ import annotations
@@ -19,14 +28,20 @@ from firmware_bridge.autopilots.ardupilot.wing_parameters import (
     rate_parameters,
     rounded,
 )
-from firmware_bridge.autopilots.installation import Vtol
+from firmware_bridge.autopilots.installation import Tilt, Vtol
 from firmware_bridge.links.ardupilot.frames import FIRST_MOTOR_FUNCTION
 from firmware_bridge.links.ardupilot.sitl import SPIN_MAX, SPIN_MIN, thrust_parameters
 from signals.errors import LinkError
 
 _AXES = (("RLL", 0, 15.0, 1.0), ("PIT", 1, 15.0, 1.0), ("YAW", 2, 4.0, 0.1))  # axis, bandwidth [1/s], I / P
+_POSITION_P, _VELOCITY_P = 1.0, 2.0  # [1/s]
+_VELOCITY_I, _VELOCITY_D = 0.5, 0.125  # over P: ArduCopter's ratios
+_JERK_MPS3 = 5.0  # ArduCopter's: the attitude follows at its bandwidth
+_MOTOR_TILT, _CONTINUOUS = 41, 0  # SERVOn_FUNCTION; Q_TILT_TYPE
 _DAMPING = 0.0036 / 0.135  # ArduPilot's default D / P of roll and pitch
-_ASSIST = 1.05  # over the stall
+_ASSIST = 1.15  # over the stall: between AIRSPEED_MIN's 1.2 and the 1.1 below which no plane should fly on its wings
+_DECELERATION_MPS2 = 2.0  # ArduPlane's
+_BRAKE_S = 1.0  # ArduPlane brakes so long with lifters that idle, whatever the airspeed
 
 
 def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
@@ -34,18 +49,38 @@ def vtol_parameters(vehicle: Vtol) -> dict[str, float]:
     frame = frame_for(vehicle.hover)
     if frame is None:
         raise LinkError("ardupilot", f"has no frame with the lifters of the vehicle {vehicle.name!r}")
-    outputs = output_parameters(vehicle.wing, vehicle.pushers, len(vehicle.lifters) + len(vehicle.pushers))
+    rotors = len(vehicle.lifters) + len(vehicle.pushers)
+    outputs = output_parameters(vehicle.wing, vehicle.pushers, rotors + len(vehicle.tilts))
     for motor, lifter in enumerate(frame.rotors):
         n = vehicle.lifters[lifter] + 1
         outputs |= {f"SERVO{n}_FUNCTION": FIRST_MOTOR_FUNCTION + motor, f"SERVO{n}_MIN": 1000, f"SERVO{n}_MAX": 2000}
+    if vehicle.tilts:
+        tilting = {rotor for tilt in vehicle.tilts for rotor in tilt.rotors}
+        mask = sum(1 << motor for motor, lifter in enumerate(frame.rotors) if vehicle.lifters[lifter] in tilting)
+        outputs |= {"Q_TILT_ENABLE": 1, "Q_TILT_MASK": mask, "Q_TILT_TYPE": _CONTINUOUS}
+        for i, tilt in enumerate(vehicle.tilts):
+            outputs |= tilt_output(rotors + 1 + i, tilt)
     fixed = {"Q_ENABLE": 1, "Q_FRAME_CLASS": frame.frame_class, "Q_FRAME_TYPE": frame.frame_type}
     computed = flight_parameters(vehicle.wing) | rate_parameters(vehicle.wing) | hover_parameters(vehicle)
     return fixed | outputs | rounded(computed)
 
 
+def tilt_output(n: int, tilt: Tilt) -> dict[str, float]:
+    """Return SERVOn_* of a hinge: ArduPlane's tilt of 0 is hover, that of 1 is flight."""
+    ends_us = sorted(round(1500.0 + 500.0 * command) for command in (tilt.hover_command, tilt.ahead_command))
+    return {
+        f"SERVO{n}_FUNCTION": _MOTOR_TILT,
+        f"SERVO{n}_REVERSED": int(tilt.ahead_command < tilt.hover_command),
+        f"SERVO{n}_MIN": ends_us[0],
+        f"SERVO{n}_MAX": ends_us[1],
+        f"SERVO{n}_TRIM": ends_us[0],
+    }
+
+
 def hover_parameters(vehicle: Vtol) -> dict[str, float]:
     """Return Q_*: thrust curve and rate loops of the lifters, and the transition."""
     hover = vehicle.hover
+    assist_mps = _ASSIST * vehicle.wing.stall_mps
     thrust = thrust_parameters(hover.hover_control, hover.thrust_model_factor)
     values = {f"Q_M_{name.removeprefix('MOT_')}": value for name, value in thrust.items()}
     values |= {
@@ -57,7 +92,17 @@ def hover_parameters(vehicle: Vtol) -> dict[str, float]:
         "Q_M_BAT_VOLT_MIN": 0,
         "Q_M_BAT_VOLT_MAX": 0,
         "Q_TRANSITION_MS": 3000,
-        "Q_ASSIST_SPEED": _ASSIST * vehicle.wing.stall_mps,
+        "Q_ASSIST_SPEED": assist_mps,
+        "Q_TRANS_DECEL": _DECELERATION_MPS2,
+        "TECS_LAND_ARSPD": vehicle.wing.least_mps + _DECELERATION_MPS2 * _BRAKE_S,
+        "Q_BACKTRANS_MS": round(1000.0 * assist_mps / _DECELERATION_MPS2),
+    }
+    values |= {
+        "Q_P_POSXY_P": _POSITION_P,
+        "Q_P_VELXY_P": _VELOCITY_P,
+        "Q_P_VELXY_I": _VELOCITY_I * _VELOCITY_P,
+        "Q_P_VELXY_D": _VELOCITY_D * _VELOCITY_P,
+        "Q_P_JERK_XY": _JERK_MPS3,
     }
     share = SPIN_MAX**2 - SPIN_MIN**2
     for name, axis, bandwidth, integral in _AXES:

@@ -238,6 +238,7 @@ def test_a_tiltrotor_has_its_engines_in_flight() -> None:
     assert fixed_wing.engines(vehicle) == [0, 2]
     assert vtol.pushers(vehicle) == []
     assert [vehicle.rotors_ahead[i].axis[0] for i in (0, 2)] == pytest.approx([1.0, 1.0])
+    assert fixed_wing.unfit(vehicle) is None  # its tilts, before the surfaces, are no wheels
     assert multirotor.unfit(vehicle) is not None  # a multirotor's controller would not move its tilts
     assert multirotor.unfit(vtol.hovering(vehicle)) is None
     airframe = fixed_wing.Airframe(vehicle)
