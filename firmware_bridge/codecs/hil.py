@@ -115,12 +115,11 @@ def hil_sensor_payload(
     mag: MagSample | None,
     baro: BaroSample | None,
     pitot: DifferentialPressureSample | None = None,
-    air_degc: float | None = None,
 ) -> bytes:
     """Return the payload of HIL_SENSOR, id 0, at `t_ns`. `fields_updated` has the groups of the given samples.
 
     Accel and gyro [m/s2, rad/s] and field [T -> gauss] from B (FLU) to F (FRD); pressures Pa -> hPa. The temperature is
-    `air_degc`, or the barometer's; it belongs to the group of the barometer.
+    the barometer's.
     """
     if imu is not None:
         ax, ay, az = imu[3]
@@ -135,7 +134,7 @@ def hil_sensor_payload(
     else:
         mx = my = mz = 0.0
     if baro is not None:
-        pressure, altitude, temperature = baro[3], baro[4], baro[5] if air_degc is None else air_degc
+        pressure, altitude, temperature = baro[3], baro[4], baro[5]
         fields |= FIELDS_BARO
     else:
         pressure = altitude = temperature = 0.0
@@ -146,7 +145,7 @@ def hil_sensor_payload(
     # x - x is 0 for every finite x and NaN for NaN and infinity: one test for all thirteen.
     total = ax + ay + az + gx + gy + gz + mx + my + mz + pressure + altitude + temperature + difference
     if total - total != 0.0:
-        raise CodecError(_not_finite(imu, mag, baro, pitot, air_degc))
+        raise CodecError(_not_finite(imu, mag, baro, pitot))
     try:
         return _pack_sensor(
             t_ns // 1000,
@@ -171,11 +170,7 @@ def hil_sensor_payload(
 
 
 def _not_finite(
-    imu: ImuSample | None,
-    mag: MagSample | None,
-    baro: BaroSample | None,
-    pitot: DifferentialPressureSample | None,
-    air_degc: float | None,
+    imu: ImuSample | None, mag: MagSample | None, baro: BaroSample | None, pitot: DifferentialPressureSample | None
 ) -> str:
     """Name the sensor values that are NaN or infinite."""
     values: list[tuple[str, float]] = []
@@ -188,8 +183,6 @@ def _not_finite(
         values += [(f"baro.{name}", getattr(baro, name)) for name in BaroSample._fields[3:]]
     if pitot is not None:
         values.append(("pitot.differential_pressure_pa", pitot.differential_pressure_pa))
-    if air_degc is not None:
-        values.append(("pitot.temperature_degc", air_degc))
     bad = [f"{name} = {value!r}" for name, value in values if not isfinite(value)]
     return f"HIL_SENSOR: {', '.join(bad) or 'the values overflow'}: not a finite number, so not sent"
 

@@ -74,7 +74,7 @@ class Trim:
 
 
 class _Root(NamedTuple):
-    """Where the equations of a trim were left."""
+    """Place at which the equations of a trim were left."""
 
     airspeed_mps: float
     x: Float64  # unknowns

@@ -121,6 +121,10 @@ class Vehicle(StrictModel):
                 )
         return self
 
+    def __hash__(self) -> int:
+        values = (tuple(v.items()) if isinstance(v, dict) else v for v in self.__dict__.values())
+        return hash((type(self), *values))
+
     @pydantic.model_validator(mode="after")
     def _commands_fit(self) -> Vehicle:
         check_names(self.servos)

@@ -149,9 +149,9 @@ def flights(
     return begins, wire.sent, result
 
 
-def sound(folder: Path, wire: Wire, cells: list[SensorCell]) -> dict[float, Any]:
-    """Return what the mock gets of the same vehicle at rest without faults: every HIL link sends the same."""
-    bench = load(folder, "mock", duration_s=schedule(cells)[2], autopilot={"transport": "loopback"})
+def sound(folder: Path, wire: Wire, cells: list[SensorCell], rig: str = "mock") -> dict[float, Any]:
+    """Return what the autopilot gets of the same vehicle at rest without faults."""
+    bench = load(folder, rig, duration_s=schedule(cells)[2], autopilot=started(rig, folder))
     fly(bench, folder / "sound", wire)
     return wire.sent
 
@@ -191,7 +191,7 @@ def test_every_fault_of_a_sensor_is_seen_by_px4(tmp_path: Path, wire: Wire) -> N
     cells = list(accepted_cells("px4_sitl"))
     begins, faulty, result = flights(tmp_path, wire, "px4_sitl", cells, autopilot=started("px4_sitl", tmp_path))
     assert result.run["error"] is None
-    check_seen(begins, faulty, sound(tmp_path, wire, cells))
+    check_seen(begins, faulty, sound(tmp_path, wire, cells, "px4_sitl"))
 
 
 def test_every_fault_of_a_sensor_is_seen_by_ardupilot(tmp_path: Path, wire: Wire) -> None:

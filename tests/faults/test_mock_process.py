@@ -178,7 +178,7 @@ def test_it_ends_with_its_parent():
     [
         (["--port", "/dev/no-such-port"], 3, "cannot open /dev/no-such-port"),
         (["--port", "/dev/null"], 3, "cannot open /dev/null"),
-        (["--port", "x", "--airframe", "zeppelin"], 2, "there are: iris, plane, x500"),
+        (["--port", "x", "--airframe", "zeppelin"], 2, "there are: iris, plane, standard_vtol, x500"),
         (["--port", "x", "--param", "MPC_XY_CRUSE=3"], 2, "did you mean MPC_XY_CRUISE"),
         (["--port", "x", "--param", "MPC_XY_CRUISE"], 2, "not NAME=NUMBER"),
         (["--port", "x", "--fault", "explode@3"], 2, "KIND@SECONDS"),

@@ -11,7 +11,7 @@ from firmware_bridge.autopilots.intake import Intake, Samples
 SENSORS: dict[str, Intake] = {
     "imu": Samples(("accel_mps2", "gyro_radps")),
     "magnetometer": Samples(("field_tesla",)),
-    "barometer": Samples(("pressure_pa", "temperature_degc")),
+    "barometer": Samples(("pressure_pa", "temperature_degc"), replaced={"temperature_degc": "pitot"}),
     "gps": Samples(("altitude_m", "latitude_deg", "longitude_deg", "v_W")),
     "range_finder": Samples(("distance_m",)),
     "optical_flow": Samples(("flow_rad", "gyro_rad", "distance_m")),

@@ -115,8 +115,8 @@ class FreeRunningLink(RealtimeLink):
         """Pass the tick's bytes to the sender and return them. CodecError if a sample is not a number."""
         stats = self._stats
         request = self.timesync.request(self._deadline_ns)
-        air_degc = self._air.take(ranging)
-        data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, request=request, air_degc=air_degc)
+        baro = self._air.put(baro, ranging)
+        data = tick_messages(self._encoder, t_ns, imu, mag, baro, gps, ranging, request=request)
         # Commands must arrive; a stale sample is dropped rather than sent late.
         if extra:
             self._push(extra, keep=True)

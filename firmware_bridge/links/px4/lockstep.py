@@ -95,7 +95,7 @@ _TIMEOUTS = LinkTimeouts()
 
 
 class AirTemperature:
-    """Temperature of the air for HIL_SENSOR: the pitot's newest.
+    """Temperature of the air in HIL_SENSOR: the pitot's newest, in place of the barometer's.
 
     PX4 takes the temperature of HIL_SENSOR for that of its differential pressure sensor, and this one for the air's:
     from it and the static pressure come the density and the true airspeed. With a barometer that its board has warmed
@@ -104,15 +104,15 @@ class AirTemperature:
 
     def __init__(self, caps: LinkCaps) -> None:
         self._wanted = caps.air_temperature
-        self.degc: float | None = None  # None: as the barometer measures it
+        self._degc: float | None = None  # None: as the barometer measures it
 
-    def take(self, samples: Sequence[Sample]) -> float | None:
-        """Return the temperature [degC] for a tick with these samples."""
+    def put(self, baro: BaroSample | None, samples: Sequence[Sample]) -> BaroSample | None:
+        """Return the barometer's sample with the temperature of the air, in a tick with these samples."""
         if self._wanted:
             for sample in samples:
                 if isinstance(sample, DifferentialPressureSample):
-                    self.degc = sample.temperature_degc
-        return self.degc
+                    self._degc = sample.temperature_degc
+        return baro if baro is None or self._degc is None else baro._replace(temperature_degc=self._degc)
 
 
 def tick_messages(
@@ -125,12 +125,10 @@ def tick_messages(
     ranging: Sequence[Sample],
     *,
     request: bytes | None = None,
-    air_degc: float | None = None,
 ) -> bytes:
     """Return [range, flow, vision][TIMESYNC if there is a `request`][HIL_GPS if given][HIL_SENSOR id 0].
 
-    HIL_SENSOR has the newest differential pressure of `ranging`, and the temperature `air_degc` or the barometer's; no
-    message has the angles of vanes.
+    HIL_SENSOR has the newest differential pressure of `ranging`; no message has the angles of vanes.
     CodecError if a sample is not a number.
     """
     data = b""
@@ -144,7 +142,7 @@ def tick_messages(
         data += encoder.frame(TIMESYNC, request)
     if gps is not None:
         data += encoder.frame(HIL_GPS, hil_gps_payload(t_ns, gps))
-    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot, air_degc))
+    data += encoder.frame(HIL_SENSOR, hil_sensor_payload(t_ns, imu, mag, baro, pitot))
     return data
 
 
@@ -253,7 +251,8 @@ class LockstepLink(AutopilotLink):
                 data = extra
             else:
                 self._ground.write(extra)
-        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging, air_degc=self._air.take(ranging))
+        baro = self._air.put(baro, ranging)
+        data += tick_messages(encoder, t_ns, imu, mag, baro, gps, ranging)
         self._imu_sent = imu is not None
         self._imu, self._mag, self._baro = imu or self._imu, mag or self._mag, baro or self._baro
         try:
@@ -440,7 +439,7 @@ class LockstepLink(AutopilotLink):
             # The last values again, at later times: an autopilot that only missed one message answers the next one, and
             # one that no longer answers still sends its state. (PX4 does not answer without an IMU, and ends the flight
             # when its sensors fall silent.)
-            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro, air_degc=self._air.degc)
+            payload = hil_sensor_payload(t_ns, self._imu, self._mag, self._baro)
             try:
                 self._transport.write(self._encoder.frame(HIL_SENSOR, payload))
             except LinkClosed as error:

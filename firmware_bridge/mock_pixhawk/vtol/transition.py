@@ -30,7 +30,7 @@ _FAST_MPS = 8.0  # over ground, above which a quad-chute first brakes as a back-
 
 
 class Regime(Enum):
-    """What carries the vehicle. The values are those of MAV_VTOL_STATE."""
+    """Carrier of the vehicle: rotors, wings, or one after the other. The values are those of MAV_VTOL_STATE."""
 
     FRONT = 1
     BACK = 2
@@ -39,7 +39,7 @@ class Regime(Enum):
 
 
 class Motion(NamedTuple):
-    """What the transitions look at."""
+    """Quantities that the transitions look at."""
 
     airspeed_mps: float  # calibrated
     ahead_mps: float  # over ground, along the nose

@@ -56,7 +56,7 @@ class VtolPilot:
 
     @property
     def regime(self) -> Regime:
-        """What carries the vehicle."""
+        """Carrier of the vehicle now."""
         return self.transition.regime
 
     @property

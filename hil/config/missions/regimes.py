@@ -1,4 +1,4 @@
-"""Which items of a plan a VTOL flies on its wings: after a VTOL take-off or a transition to the wings."""
+"""Items of a plan that a VTOL flies on its wings: after a VTOL take-off or a transition to the wings."""
 
 from __future__ import annotations
 

@@ -32,6 +32,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.script import Outcome
@@ -58,6 +59,13 @@ _LEAST_FLOW_MPS = 3.0
 _MINIMA = frozenset({"airspeed_margin"})
 
 
+class Stall(NamedTuple):
+    """Least airspeed of level flight, and the angle of attack beyond which the wing has stalled."""
+
+    speed_mps: float
+    attack_rad: float = math.inf
+
+
 class PlaneMeasurement:
     """Measures the flight of a plane tick by tick."""
 
@@ -68,8 +76,7 @@ class PlaneMeasurement:
         limits: PlaneLimits,
         *,
         radius_m: float,
-        stall_mps: float,
-        stall_attack_rad: float = math.inf,
+        stall: Stall,
         launched: bool = False,
         wind_at: Callable[[], Vec3],
         rolls: RunwayRolls | None = None,
@@ -85,7 +92,7 @@ class PlaneMeasurement:
         self._targets = [i for i, stop in enumerate(self._stops) if stop.leg is not None]
         self._reach_m = radius_m + _REACH_EXTRA_M
         self._height_m = max(_REACH_HEIGHT_M, limits.altitude_error_m or 0.0)
-        self._stall_mps, self._stall_attack_rad, self._wind_at = stall_mps, stall_attack_rad, wind_at
+        self._stall, self._wind_at = stall, wind_at
         self._last_leg = legs[-1] if legs else None
         self._lands = self._last_leg is not None and self._last_leg.kind is LegKind.DESCENT
         # A return lands on a line of the autopilot's own choice.
@@ -157,9 +164,9 @@ class PlaneMeasurement:
     def _measure_flow(self, truth: TruthState, seconds: float) -> None:
         air = air_data(truth, self._wind_at())
         bank = bank_rad(truth)
-        self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall_mps, bank))
+        self._least("airspeed_margin", air.airspeed_mps / stall_at(self._stall.speed_mps, bank))
         self._most("max_bank_deg", abs(math.degrees(bank)))
-        stalled = air.airspeed_mps >= _LEAST_FLOW_MPS and not abs(air.attack_rad) <= self._stall_attack_rad
+        stalled = air.airspeed_mps >= _LEAST_FLOW_MPS and not abs(air.attack_rad) <= self._stall.attack_rad
         self._values["stalled_s"] = self._values.get("stalled_s", 0.0) + (seconds if stalled else 0.0)
 
     def _on_wings(self, truth: TruthState) -> bool:  # noqa: ARG002 (a VTOL asks)

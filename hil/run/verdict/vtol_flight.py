@@ -30,7 +30,7 @@ from hil.config.missions.path import Leg
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import Stop
-from hil.run.verdict.plane_flight import PlaneMeasurement
+from hil.run.verdict.plane_flight import PlaneMeasurement, Stall
 from hil.run.verdict.verdict import REACH_MARGIN_M, FlightMeasurement, horizontal_distance_m
 from signals.mission import MissionItem
 from signals.samples import TruthState, Vec3
@@ -47,7 +47,7 @@ _LOITERS, _WAYPOINT = frozenset((17, 18, 19, 31)), 16
 
 @dataclass(frozen=True)
 class Rotors:
-    """What tells from the speeds of the rotors and the angles of the tilts what carries the vehicle."""
+    """Speeds of rotors and angles of tilts that tell what carries the vehicle."""
 
     lifters: Sequence[int]
     pushers: Sequence[int]
@@ -101,8 +101,7 @@ class VtolMeasurement(PlaneMeasurement):
         *,
         wings: Set[int],
         radius_m: float,
-        stall_mps: float,
-        stall_attack_rad: float = math.inf,
+        stall: Stall,
         wind_at: Callable[[], Vec3],
     ) -> None:
         """`wings`: numbers of the items that are flown on the wings."""
@@ -111,8 +110,7 @@ class VtolMeasurement(PlaneMeasurement):
             stops,
             limits[0],
             radius_m=radius_m,
-            stall_mps=stall_mps,
-            stall_attack_rad=stall_attack_rad,
+            stall=stall,
             wind_at=wind_at,
         )
         self._landing = FlightMeasurement(legs[-1:], limits[1])

@@ -52,8 +52,11 @@ class Differentiated:
 
 @dataclass(frozen=True)
 class Reading:
-    """What a sensor reads, `y(z, theta, u, q_measured)` with its Jacobians: rate; specific force, of the motors at the
-    start of u; position and rotation vector of q_measured^-1 q, which is to be zero; or velocity."""
+    """Measurement of a sensor, `y(z, theta, u, q_measured)` with its Jacobians.
+
+    Rate; specific force, of the motors at the start of u; position and rotation vector of q_measured^-1 q, which is to
+    be zero; or velocity.
+    """
 
     function: Differentiated
     outputs: slice

@@ -15,7 +15,7 @@ from hil.run.recorder.recorder import Tap
 from hil.run.report.page import Report
 from hil.run.verdict.air_data import air_data
 from hil.run.verdict.flyable_path import stops_of
-from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
+from hil.run.verdict.plane_flight import PlaneMeasurement, Stall, judge_plane
 from hil.run.verdict.plane_track import PlaneTrack
 from hil.run.verdict.runway_rolls import RunwayRolls
 from hil.run.verdict.verdict import Verdict
@@ -37,7 +37,12 @@ class PlaneFlightPart(Part):
         self._air_stride = max(1, NS_PER_S // _AIR_HZ // bench.config.tick_ns)
         self._facts = facts = fixed_wing_facts(bench.vehicle, bench.scene.site)
         self._measured = PlaneMeasurement(
-            (), (), bench.config.plane_limits, radius_m=1.0, stall_mps=facts.stall_mps, wind_at=lambda: (0.0, 0.0, 0.0)
+            (),
+            (),
+            bench.config.plane_limits,
+            radius_m=1.0,
+            stall=Stall(facts.stall_mps),
+            wind_at=lambda: (0.0, 0.0, 0.0),
         )
         self._wind_at: Callable[[], Vec3] = lambda: (0.0, 0.0, 0.0)  # until `open`
         self._track = PlaneTrack(
@@ -72,8 +77,7 @@ class PlaneFlightPart(Part):
             stops_of(legs, items),
             self._config.plane_limits,
             radius_m=turn_radius_m(facts.cruise_mps),
-            stall_mps=facts.stall_mps,
-            stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
+            stall=Stall(facts.stall_mps, Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad),
             launched=self._config.start.launch is not None,
             wind_at=lambda: physics.wind_W_mps,
             rolls=rolls,

@@ -12,7 +12,7 @@ from hil.config.missions.regimes import on_wings
 from hil.run.part import Part, RunContext
 from hil.run.parts.judges.plane_flight import PlaneFlightPart
 from hil.run.verdict.flyable_path import stops_of
-from hil.run.verdict.plane_flight import PlaneMeasurement, judge_by
+from hil.run.verdict.plane_flight import PlaneMeasurement, Stall, judge_by
 from hil.run.verdict.verdict import Verdict
 from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement, flown_items
 from signals.mission import MissionItem
@@ -33,8 +33,7 @@ class VtolFlightPart(PlaneFlightPart):
             rotors_of(self._bench.vehicle),
             wings={item.seq for item, wings in zip(items, on_wings(items, params), strict=True) if wings},
             radius_m=turn_radius_m(facts.cruise_mps),
-            stall_mps=facts.stall_mps,
-            stall_attack_rad=Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad,
+            stall=Stall(facts.stall_mps, Airframe(run.bench.vehicle, run.bench.scene.site).stall_alpha_rad),
             wind_at=lambda: physics.wind_W_mps,
         )
 

@@ -57,14 +57,6 @@ def test_sensor_turns_flu_into_frd_and_si_into_mavlink():
     assert m.id == 0
 
 
-def test_the_temperature_of_the_air_replaces_the_barometers_and_goes_with_its_group():
-    m = decoded(hil.HIL_SENSOR, hil.hil_sensor_payload(T_NS, IMU, MAG, BARO, PITOT, -3.5))
-    assert m.temperature == -3.5
-    assert decoded(hil.HIL_SENSOR, hil.hil_sensor_payload(T_NS, IMU, MAG, None, PITOT, -3.5)).temperature == 0.0
-    with pytest.raises(CodecError, match=r"pitot\.temperature_degc = inf"):
-        hil.hil_sensor_payload(0, IMU, MAG, BARO, PITOT, math.inf)
-
-
 @pytest.mark.parametrize("imu", [IMU, None])
 @pytest.mark.parametrize("mag", [MAG, None])
 @pytest.mark.parametrize("baro", [BARO, None])

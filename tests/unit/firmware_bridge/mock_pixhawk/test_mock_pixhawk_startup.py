@@ -234,7 +234,7 @@ def test_wrong_parameters_and_airframes_are_all_reported():
         MockPixhawk(params=["MPC_XY_CRUSE=3", "MPC_XY_CRUISE=500", "NAV_ACC_RAD=wide"])
     assert len(caught.value.problems) == 3
     assert "MPC_XY_CRUISE" in str(caught.value.problems[0])  # the nearest legal name
-    with pytest.raises(ConfigError, match="iris, plane, x500"):
+    with pytest.raises(ConfigError, match="iris, plane, standard_vtol, x500"):
         MockPixhawk(airframe="x5000")
     with pytest.raises(ConfigError, match="CA_ROTOR"):
         MockPixhawk(params=["CA_ROTOR_COUNT=3"])  # in range, but it makes no vehicle

@@ -82,7 +82,7 @@ def test_steps_begin_where_fast_commands_change(log: FlightLog, period_s: float,
 
 
 def test_the_state_within_a_step_is_that_of_a_shorter_step(log: FlightLog) -> None:
-    """Of third order: where the step is halved the difference is a tenth of what it was, or less."""
+    """Third order: where the step is halved the difference is a tenth of what it was, or less."""
     vehicle = nominal_vehicle()
     unknowns = at.vehicle_unknowns(vehicle) + at.log_unknowns("a", calm=False)
     command, share = np.array([0.45, 0.62, 0.5, 0.7]), 0.3

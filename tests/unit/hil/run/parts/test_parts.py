@@ -30,6 +30,7 @@ BENCHES = {
     "explore": [],
     "people_search": [],
     "plane": [],
+    "vtol": [],
     "script": ["mission=rigs/missions/rectangle_gust.yaml"],
     "suite": ["parts.test_suite.command=[suite.py]"],
     "vibration": ["vibration=estimated"],
@@ -53,7 +54,7 @@ def parts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Part]:
     found: dict[str, Part] = {}
     for name, texts in BENCHES.items():
         settings = [text.format(folder=folder) for text in texts]
-        rig = name if name in ("explore", "people_search", "plane") else None
+        rig = name if name in ("explore", "people_search", "plane", "vtol") else None
         for part in parts_of(load_bench(ROOT / "rigs" / f"{rig}.yaml" if rig else None, settings=settings)):
             found.setdefault(part.name, part)
     return found

@@ -11,7 +11,7 @@ import pytest
 from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import PlaneLimits
 from hil.run.verdict.flyable_path import stops_of
-from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
+from hil.run.verdict.plane_flight import PlaneMeasurement, Stall, judge_plane
 from hil.run.verdict.verdict import Verdict
 from signals.mission import MissionItem
 from signals.samples import TruthState, Vec3
@@ -60,7 +60,7 @@ def judged(
     """Return the verdict on a flight through points; between two x it has another pitch."""
     limits = PlaneLimits(touchdown_sink_mps=2.5)
     measured = PlaneMeasurement(
-        legs, stops_of(legs, items), limits, radius_m=48.0, stall_mps=10.0, stall_attack_rad=math.radians(15.0),
+        legs, stops_of(legs, items), limits, radius_m=48.0, stall=Stall(10.0, math.radians(15.0)),
         launched=launched, wind_at=lambda: (0.0, 0.0, 0.0),
     )  # fmt: skip
     flight = [*along(points), *([(points[-1], (0.0, 0.0, 0.0))] * 30 if rests else [])]

@@ -9,7 +9,7 @@ import pytest
 from hil.config.missions.path import Leg, LegKind
 from hil.config.schema import PlaneLimits
 from hil.run.verdict.flyable_path import Stop
-from hil.run.verdict.plane_flight import PlaneMeasurement, judge_plane
+from hil.run.verdict.plane_flight import PlaneMeasurement, Stall, judge_plane
 from hil.run.verdict.verdict import Verdict
 from signals.samples import TruthState, Vec3
 
@@ -48,7 +48,9 @@ def flown(
     nan_at_m: float = math.inf,
 ) -> Verdict:
     """Fly along x, `aside_m` beside it, land `long_m` beyond the place; one velocity, at `nan_at_m`, is no number."""
-    measured = PlaneMeasurement(LEGS, STOPS, PlaneLimits(), radius_m=48.0, stall_mps=STALL_MPS, wind_at=lambda: wind_W)
+    measured = PlaneMeasurement(
+        LEGS, STOPS, PlaneLimits(), radius_m=48.0, stall=Stall(STALL_MPS), wind_at=lambda: wind_W
+    )
     end, dt_s = TOUCH[0] + long_m, STEP_NS * 1e-9
     x, tick, rest, broken = 0.0, 0, 0, False
     while rest < 30:
@@ -107,7 +109,7 @@ def test_what_breaks_a_limit_fails_and_is_named(fault: dict[str, float], name: s
 
 def test_a_flight_that_turns_home_early_says_how_far_it_came() -> None:
     measured = PlaneMeasurement(
-        LEGS, STOPS, PlaneLimits(), radius_m=48.0, stall_mps=STALL_MPS, wind_at=lambda: (0.0, 0.0, 0.0)
+        LEGS, STOPS, PlaneLimits(), radius_m=48.0, stall=Stall(STALL_MPS), wind_at=lambda: (0.0, 0.0, 0.0)
     )
     verdict = judge_plane(measured, PlaneLimits(), outcome="complete")
     assert verdict.status == "FAIL"

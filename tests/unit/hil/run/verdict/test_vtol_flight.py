@@ -8,6 +8,7 @@ from hil.config.missions.path import Leg, LegKind
 from hil.config.missions.regimes import on_wings
 from hil.config.schema import Limits, PlaneLimits
 from hil.run.verdict.flyable_path import stops_of
+from hil.run.verdict.plane_flight import Stall
 from hil.run.verdict.vtol_flight import Rotors, VtolMeasurement
 from signals.mission import MissionItem
 from signals.samples import TruthState, Vec3
@@ -40,7 +41,7 @@ class Flight:
             rotors,
             wings={1, 2},
             radius_m=48.0,
-            stall_mps=10.0,
+            stall=Stall(10.0),
             wind_at=lambda: (0.0, 0.0, 0.0),
         )
         self.tick, self.p = 0, (0.0, 0.0, 0.0)
