@@ -28,7 +28,7 @@ def vtol_mission_problems(config: BenchConfig, vehicle: Vehicle, mission: Missio
     height = 0.0
 
     def report(seq: int, message: str, hint: str) -> None:
-        problems.append(Problem(f"{mission.path}", f"item {seq + 1} {message}", hint))
+        problems.append(mission.problem(seq, message, hint))
 
     wings_at = on_wings(mission.items, params)
     for item, wings in zip(mission.items, wings_at, strict=True):

@@ -56,7 +56,8 @@ def test_an_autopilot_that_flies_no_vtol(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_transition_too_near_to_the_ground() -> None:
     items: list[Item] = [(84, FLAT, (0.0, 0.0), 6.0), (16, FLAT, (300.0, 0.0), 40.0), (85, FLAT, (0.0, 0.0), 0.0)]
     assert any(
-        "flown.waypoints: item 1 (VTOL take-off) begins a transition at 6 m over the start, and one needs 10 m" in text
+        "flown.waypoints:3: item 1 (VTOL take-off) begins a transition at 6 m over the start, and one needs 10 m"
+        in text
         for text in told(items)
     )
     items[0] = (84, FLAT, (0.0, 0.0), 20.0)
