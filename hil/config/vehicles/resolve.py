@@ -21,8 +21,8 @@ from signals.samples import Vec3
 # Keys that one vehicle may have; all others belong to the world, or to all vehicles together.
 VEHICLE_KEYS = frozenset({
     "rig", "description", "vehicle", "mission", "mission_offset_m", "start", "autopilot", "router", "companion",
-    "sensors", "quality", "faults", "limits", "plane_limits", "crash", "goal", "search", "manual", "parts", "ros2",
-    "follow",
+    "sensors", "quality", "faults", "limits", "plane_limits", "vtol_limits", "crash", "goal", "search", "manual",
+    "parts", "ros2", "follow",
 })  # fmt: skip
 _WORLD_KEYS = ("map_seed", "weather", "randomize")  # like the scene, which is compared by its file
 # Ports that differ by the vehicle's number, unless it sets its own. PX4 numbers the ports of SDKs so.
