@@ -121,7 +121,7 @@ class Vehicle(StrictModel):
                 )
         return self
 
-    def __hash__(self) -> int:
+    def __hash__(self) -> int:  # pydantic's own takes no dict, as `rotor_sets` is
         values = (tuple(v.items()) if isinstance(v, dict) else v for v in self.__dict__.values())
         return hash((type(self), *values))
 

@@ -14,6 +14,14 @@ from signals.documents.validate import StrictModel
 _Degrees = Annotated[float, Field(ge=-90.0, le=90.0)]
 
 
+def kernel_servo(
+    max_deg: float, min_deg: float, rate_degps: float | None, time_constant_s: float
+) -> tuple[float, float, float, float]:
+    """Return angle at command 1 and -1 [rad], rate [rad/s] or 0, time constant [s], as the kernels take a servo."""
+    rate = 0.0 if rate_degps is None else math.radians(rate_degps)
+    return math.radians(max_deg), math.radians(min_deg), rate, time_constant_s
+
+
 class Surface(StrictModel):
     """One surface with its servo. A positive deflection moves the trailing edge down, of a rudder to the left."""
 
@@ -33,9 +41,8 @@ class Surface(StrictModel):
 
     @property
     def servo(self) -> tuple[float, float, float, float]:
-        """Deflection at command 1 and -1 [rad], rate [rad/s] or 0, time constant [s], as the kernel takes them."""
-        rate = 0.0 if self.rate_degps is None else math.radians(self.rate_degps)
-        return math.radians(self.max_deg), math.radians(self.min_deg), rate, self.time_constant_s
+        """Its servo as the kernel takes it (`kernel_servo`)."""
+        return kernel_servo(self.max_deg, self.min_deg, self.rate_degps, self.time_constant_s)
 
     def deflection_rad(self, command: float) -> float:
         """Return the deflection at which the surface rests under a command of -1..1."""

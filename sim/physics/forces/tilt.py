@@ -17,6 +17,7 @@ from signals.samples import Vec3
 from sim import _kernels
 from sim.physics.forces.force import Point
 from sim.physics.forces.rotors import Component, Rotor, RotorGroup, unit_vector
+from sim.physics.forces.surface import kernel_servo
 
 _Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 
@@ -51,9 +52,8 @@ class Tilt(StrictModel):
 
     @property
     def servo(self) -> tuple[float, float, float, float]:
-        """Angle at command 1 and -1 [rad], rate [rad/s] or 0, time constant [s], as the kernel takes them."""
-        rate = 0.0 if self.rate_degps is None else math.radians(self.rate_degps)
-        return math.radians(self.max_deg), math.radians(self.min_deg), rate, self.time_constant_s
+        """Its servo as the kernel takes it (`kernel_servo`)."""
+        return kernel_servo(self.max_deg, self.min_deg, self.rate_degps, self.time_constant_s)
 
     def deflection_rad(self, command: float) -> float:
         """Return the angle at which the tilt rests under a command of -1..1."""

@@ -26,6 +26,7 @@ from pydantic import Field
 from signals.documents.validate import StrictModel
 from sim import _kernels
 from sim.physics.forces.force import Command, Effects, ForceParameters, Point
+from sim.physics.forces.surface import kernel_servo
 
 _Degrees = Annotated[float, Field(ge=-85.0, le=85.0)]
 
@@ -139,8 +140,7 @@ class Wheels(ForceParameters):
         steering = []
         if self.steering is not None:
             s = self.steering
-            rate = 0.0 if s.rate_degps is None else math.radians(s.rate_degps)
-            steering.append((math.radians(s.max_deg), math.radians(s.min_deg), rate, s.time_constant_s))
+            steering.append(kernel_servo(s.max_deg, s.min_deg, s.rate_degps, s.time_constant_s))
         return _kernels.Wheels(
             wheels=[
                 (
