@@ -147,16 +147,15 @@ class SensorIntake:
         """Doubt an accelerometer that clips. `index`, `noise()`: of EKF_ACC_NOISE, which is the noise otherwise."""
         self._noise = (index, noise)
 
-    def _watch_clipping(self, t_us: int, force_mps2: tuple[float, float, float]) -> None:
-        if self._noise is None:
-            return
+    def _watch_clipping(
+        self, t_us: int, force_mps2: tuple[float, float, float], index: int, noise: Callable[[], float]
+    ) -> None:
         x, y, z = force_mps2
         if abs(x) >= CLIPS_MPS2 or abs(y) >= CLIPS_MPS2 or abs(z) >= CLIPS_MPS2:
             self._clipped_until_us = t_us + CLIPPED_US
         doubts = t_us < self._clipped_until_us
         if doubts != self._doubts:
             self._doubts = doubts
-            index, noise = self._noise
             self._estimator.set_param(index, CLIPPED_NOISE if doubts else noise())
 
     def stale(self, sensor: int) -> bool:
@@ -203,7 +202,8 @@ class SensorIntake:
                 self._last[GYRO] = payload[20:32]
                 self._same[GYRO] = 0
             self.last_us[ACCEL] = self.last_us[GYRO] = t_us
-            self._watch_clipping(t_us, (ax, ay, az))
+            if self._noise is not None:
+                self._watch_clipping(t_us, (ax, ay, az), *self._noise)
             stepped = self._estimator.step_fifo(t_us, gx, gy, gz, ax, ay, az)
             self.not_finite += not stepped
             if self.vibration is not None and stepped:

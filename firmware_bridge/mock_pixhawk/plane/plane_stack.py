@@ -110,22 +110,13 @@ class PlaneFailsafe(Failsafe):
         return super()._position(now_us)
 
     def _engine(self, now_us: int) -> Action | None:
-        stack, vehicle = self._stack, self._vehicle
+        stack = self._stack
         if stack.rolls:
             if not stack.engine.roll_step(now_us, ground_mps=stack.pilot.ground_speed_mps):
                 return None
             self._say(Severity.EMERGENCY, "Failsafe activated: engine failed, takeoff aborted")
             return Action.LAND
-        if vehicle.landed or stack.landing.flaring:
-            return None
-        air = stack.air
-        if not stack.engine.step(
-            now_us,
-            climb_mps=-vehicle.v_d,
-            true_airspeed_mps=air.true_mps,
-            airspeed_rate_mps2=air.rate_mps2,
-            throttle=stack.pilot.throttle,
-        ):
+        if self._vehicle.landed or stack.landing.flaring or not stack.engine_failed(now_us):
             return None
         self._say(Severity.EMERGENCY, "Failsafe activated: engine failure, gliding")
         stack.landing.engine_lost()
@@ -209,6 +200,16 @@ class PlaneStack:
     def rolls(self) -> bool:
         """True during a take-off roll."""
         return self._vehicle.armed and self._vehicle.mode in (Mode.TAKEOFF, Mode.MISSION) and self._takeoff.rolling
+
+    def engine_failed(self, now_us: int) -> bool:
+        """Watch the engine in flight. Return True at the moment in which it is found to have failed."""
+        return self.engine.step(
+            now_us,
+            climb_mps=-self._vehicle.v_d,
+            true_airspeed_mps=self.air.true_mps,
+            airspeed_rate_mps2=self.air.rate_mps2,
+            throttle=self.pilot.throttle,
+        )
 
     def observe(self, now_us: int) -> None:
         """Update air data and land detector from the estimate."""

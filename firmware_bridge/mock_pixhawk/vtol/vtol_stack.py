@@ -159,14 +159,7 @@ class VtolStack:
 
     def pusher_failed(self, now_us: int) -> bool:
         """Return True at the moment in which the pusher is found to have failed on the wings."""
-        vehicle, air = self._vehicle, self.wing.air
-        return self.pilot.flies and self.wing.engine.step(
-            now_us,
-            climb_mps=-vehicle.v_d,
-            true_airspeed_mps=air.true_mps,
-            airspeed_rate_mps2=air.rate_mps2,
-            throttle=self.wing.pilot.throttle,
-        )
+        return self.pilot.flies and self.wing.engine_failed(now_us)
 
     def failsafe(self, sensors: SensorIntake, say: Say, *, hitl: bool) -> Failsafe:
         """Make the failsafes."""
