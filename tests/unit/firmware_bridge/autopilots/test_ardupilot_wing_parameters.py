@@ -4,48 +4,31 @@ from __future__ import annotations
 
 from math import degrees, pi
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from firmware_bridge.autopilots.ardupilot import ardupilot_sitl
 from firmware_bridge.autopilots.ardupilot.vtol_parameters import tilt_output, vtol_parameters
 from firmware_bridge.autopilots.ardupilot.wing_parameters import plane_parameters
-from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface, Tilt, Vtol
+from firmware_bridge.autopilots.installation import Surface, Tilt, Vtol
 from firmware_bridge.autopilots.px4.wing_parameters import full_torques_nm, rate_gains
 from firmware_bridge.links.ardupilot.sitl import PLANE_DEFAULTS_PATH
 from hil.config import load_bench
 from hil.run.autopilot import installation_of
 from hil.run.loop.restartable_physics import make_physics
+from tests.worlds.winged import CONVENTIONAL, PUSHER, plane
 
 VTOL = ("autopilot.start=false", "vehicle=quadplane", "mission=null", "start={}")
 RIGS = Path(__file__).parents[4] / "rigs"
-PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0, 0.02)
 # Torques in B (FLU) of trailing edges down: a left aileron rolls to the right, an elevator pitches down (+y), a rudder
 # whose trailing edge goes to the left yaws to the left (+z).
 ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), -0.1), Surface("elevon_right", (-6.0, 2.0, -0.1), -0.1)]
-CONVENTIONAL = [
-    Surface("aileron_left", (5.0, 0.1, 0.2), 0.0),
-    Surface("aileron_right", (-5.0, 0.1, -0.2), 0.0),
-    Surface("elevator", (0.0, 8.0, 0.0), -0.1),
-    Surface("rudder", (0.2, 0.0, 4.0), 0.0),
-]
 V_TAIL = [
     Surface("aileron", (10.0, 0.0, 0.1), 0.0),
     Surface("tail_left", (0.0, 4.0, -2.0), 0.0),
     Surface("tail_right", (0.0, 4.0, 2.0), 0.0),
 ]
 FLAP = Surface("flap", (0.0, 0.0, 0.0), 0.0)
-
-
-def plane(surfaces: list[Surface], **changes: Any) -> FixedWing:
-    values: dict[str, Any] = {
-        "name": "test", "mass_kg": 3.0, "inertia_kgm2": (0.3, 0.15, 0.4), "rotors": [PUSHER], "surfaces": surfaces,
-        "stall_mps": 10.0, "cruise_mps": 15.0, "fastest_mps": 25.0, "glide_mps": 13.0, "glide_sink_mps": 1.0,
-        "idle_sink_mps": 1.3, "climb_mps": 5.0, "pitch_rad": 0.05, "throttle": 0.5, "damping_nms": (-6.0, -0.6, -1.0),
-        "pull_up": 0.4, "wheels": False,
-    }  # fmt: skip
-    return FixedWing(**(values | changes))
 
 
 def mixed(parameters: dict[str, float], roll: float, pitch: float, yaw: float, n: int) -> float:

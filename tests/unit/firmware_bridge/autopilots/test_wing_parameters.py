@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
+from firmware_bridge.autopilots.installation import Surface
 from firmware_bridge.autopilots.mock.wheel_parameters import wheel_parameters
 from firmware_bridge.autopilots.px4 import px4_sitl
 from firmware_bridge.autopilots.px4.wing_parameters import output_functions, plane_parameters, px4_parameters
@@ -13,28 +13,12 @@ from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from hil.config import load_bench
 from hil.run.autopilot import installation_of
 from hil.run.loop.restartable_physics import make_physics
+from tests.worlds.winged import CONVENTIONAL, plane
 
 RIGS = Path(__file__).parents[4] / "rigs"
 
-PUSHER = Rotor((-0.3, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0, 1.0, 0.02)
 # Torques in B (FLU) of trailing edges down: left aileron rolls right, elevator pitches down (+y), rudder yaws left.
 ELEVONS = [Surface("elevon_left", (6.0, 2.0, 0.1), 0.0), Surface("elevon_right", (-6.0, 2.0, -0.1), 0.0)]
-CONVENTIONAL = [
-    Surface("aileron_left", (5.0, 0.1, 0.2), 0.0),
-    Surface("aileron_right", (-5.0, 0.1, -0.2), 0.0),
-    Surface("elevator", (0.0, 8.0, 0.0), -0.1),
-    Surface("rudder", (0.2, 0.0, 4.0), 0.0),
-]
-
-
-def plane(surfaces, **changes):
-    values = {
-        "name": "test", "mass_kg": 3.0, "inertia_kgm2": (0.3, 0.15, 0.4), "rotors": [PUSHER], "surfaces": surfaces,
-        "stall_mps": 10.0, "cruise_mps": 15.0, "fastest_mps": 25.0, "glide_mps": 13.0, "glide_sink_mps": 1.0,
-        "idle_sink_mps": 1.3, "climb_mps": 5.0, "pitch_rad": 0.05, "throttle": 0.5, "damping_nms": (-6.0, -0.6, -1.0),
-        "pull_up": 0.4, "wheels": False,
-    }  # fmt: skip
-    return FixedWing(**(values | changes))
 
 
 def test_elevons_share_roll_and_pitch_and_leave_yaw():
