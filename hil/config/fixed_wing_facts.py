@@ -11,11 +11,10 @@ from firmware_bridge.autopilots.installation import FixedWing, Rotor, Surface
 from signals.units import STANDARD_GRAVITY_MPS2
 from sim.physics.fixed_wing import Airframe, NoTrimError, Trim
 from sim.physics.vehicle import Vehicle
-from sim.scene.atmosphere import density_kgpm3
+from sim.scene.atmosphere import SEA_LEVEL_KGPM3, density_kgpm3
 from sim.scene.scene import Site
 
 _BANK_RAD = math.radians(35.0)  # of the turns that a plan may expect
-_SEA_LEVEL_KGPM3 = 1.225
 _MOST_KNOWN = 16
 _KNOWN: dict[str, FixedWing] = {}  # by vehicle and site
 
@@ -82,7 +81,7 @@ def _computed(vehicle: Vehicle, site: Site | None) -> FixedWing:
         ground_pitch_rad=vehicle.standing_pitch_rad,
         steering=_command(vehicle, "steering"),
         brake=_command(vehicle, "brake"),
-        density_kgpm3=_SEA_LEVEL_KGPM3 if site is None else density_kgpm3(site.altitude_m, site.warmer_k),
+        density_kgpm3=SEA_LEVEL_KGPM3 if site is None else density_kgpm3(site.altitude_m, site.warmer_k),
     )
 
 

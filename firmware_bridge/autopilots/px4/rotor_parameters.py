@@ -21,7 +21,7 @@ from signals.units import STANDARD_GRAVITY_MPS2
 
 BASE_AIRFRAME = "x500"  # of the mock, where the parameters below replace its rotors and gains
 _MAV_TYPE = {3: 15, 4: 2, 6: 13, 8: 14}  # tricopter, quadrotor, hexarotor, octorotor
-_CT = 6.5  # PX4's default thrust coefficient
+THRUST_CT = 6.5  # PX4's default thrust coefficient
 _INTEGRAL_PER_S, _LEAD_S, _YAW_INTEGRAL_PER_S = 1.54, 0.0154, 0.5  # over P; the x500's
 _GEOMETRY = ("PX", "PY", "AX", "AY", "AZ", "CT", "KM")
 _SAME = 2e-3  # m, and relative
@@ -50,7 +50,7 @@ def geometry_parameters(vehicle: Multirotor) -> dict[str, float]:
     for i, rotor in enumerate(vehicle.rotors):
         (x, y, z), (ax, ay, az), share = rotor.position_m, rotor.axis, rotor.thrust_share
         km = rotor.spin * rotor.moment_ratio_m / share
-        place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": _CT * share, "KM": km}
+        place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": THRUST_CT * share, "KM": km}
         values |= {f"CA_ROTOR{i}_{key}": round(value, 6) + 0.0 for key, value in place.items()}
     return values
 

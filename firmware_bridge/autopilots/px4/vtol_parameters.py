@@ -21,7 +21,12 @@ from __future__ import annotations
 from math import degrees, sin
 
 from firmware_bridge.autopilots.installation import Vtol
-from firmware_bridge.autopilots.px4.rotor_parameters import geometry_parameters, mock_parameters, yaw_rate_gains
+from firmware_bridge.autopilots.px4.rotor_parameters import (
+    THRUST_CT,
+    geometry_parameters,
+    mock_parameters,
+    yaw_rate_gains,
+)
 from firmware_bridge.autopilots.px4.wing_parameters import (
     calibration,
     full_torques_nm,
@@ -209,7 +214,7 @@ def rotor_geometry(vehicle: Vtol) -> dict[str, float]:
         pusher = engines[rotor]
         (x, y, z), (ax, ay, az) = pusher.position_m, pusher.axis
         # A pusher's own torque is left out, as PX4 does for pushers.
-        place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": 6.5, "KM": 0.0}
+        place = {"PX": x, "PY": -y, "PZ": -z, "AX": ax, "AY": -ay, "AZ": -az, "CT": THRUST_CT, "KM": 0.0}
         values |= {f"CA_ROTOR{rotor}_{key}": round(value, 6) + 0.0 for key, value in place.items()}
     return values
 

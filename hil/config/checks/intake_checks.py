@@ -103,10 +103,10 @@ def refusal(config: BenchConfig, fault: Any) -> tuple[str, str, str] | None:
         own = f", which simulates its {sensor.kind} itself" if isinstance(intake, Simulated) else ""
         return key, f"cannot be {what}: it would not reach {autopilot.kind}{own}", hint
     source = intake.replaced.get(field or "") if isinstance(intake, Samples) else None
-    for name, present in config.sensors.items():
-        if source is not None and present.kind == source and present.autopilot:
-            message = f"cannot be {what}: {autopilot.kind} gets the {field} of {name!r} in its place"
-            return key, message, f"declare it of {name!r}"
+    instead = [name for name, present in config.sensors.items() if present.autopilot and present.kind == source]
+    if instead:
+        message = f"cannot be {what}: {autopilot.kind} gets the {field} of {instead[0]!r} in its place"
+        return key, message, f"declare it of {instead[0]!r}"
     if isinstance(intake, Simulated) and autopilot.mavlink_port == _NO_MAVLINK:
         message = (
             f"cannot be {what}: {autopilot.kind} simulates its {sensor.kind}, so the fault is made by parameters of "
