@@ -33,7 +33,7 @@ from hil.config.missions.script_file import (
     with_gusts,
 )
 from hil.config.params_file import read_params_file
-from hil.config.scenes import read_scene, world_problems
+from hil.config.scenes import on_free_ground, read_scene, world_problems
 from hil.config.schema import STANDARD_SENSORS, Autopilot, BenchConfig, Start
 from hil.config.sensors import radar_checks
 from hil.config.sensors.noise import noise_problems
@@ -45,7 +45,7 @@ from signals.documents.yaml_lines import read_yaml
 from signals.errors import ConfigError, Problem
 from sim.physics.vehicle import Vehicle
 from sim.randomize.variant import in_weather, randomized
-from sim.scene.scene import Scene, has_own_site
+from sim.scene.scene import Scene, has_own_site, is_map_file
 
 
 class BenchLoading:
@@ -193,6 +193,9 @@ class BenchLoading:
             return self._shared_scene
         try:
             scene, problems = read_scene(path)
+            starts_at_origin = config is None or config.start.p_W == Start().p_W
+            if scene is not None and is_map_file(path) and vehicle is not None and starts_at_origin:
+                scene = on_free_ground(scene, vehicle)
         except ConfigError as error:
             self.problems += error.problems
             self.files.pop("scene", None)

@@ -9,10 +9,10 @@ from signals.documents.document import shown_path
 from signals.documents.validate import Located, at, validate
 from signals.documents.yaml_lines import dump_yaml, read_yaml
 from signals.errors import ConfigError, Problem
-from sim.physics.take_off import take_off_problem
+from sim.physics.take_off import free_place, take_off_problem
 from sim.physics.vehicle import Vehicle
 from sim.scene.map_file import read_map_file
-from sim.scene.map_section import MjcfMap
+from sim.scene.map_section import GltfMap, MjcfMap
 from sim.scene.maps.imported.sources import files_root, import_source, named_file
 from sim.scene.scene import Scene, is_map_file, scene_of_map
 from sim.scene.scene_file import SceneFile
@@ -34,6 +34,19 @@ def read_scene(path: Path) -> tuple[Scene | None, list[Problem]]:
     if scene is not None:
         scene = scene.from_file(SceneFile(path, document))
     return scene, problems
+
+
+def on_free_ground(scene: Scene, vehicle: Vehicle) -> Scene:
+    """Return the scene of a glTF file, moved so that its origin is free ground near it if nothing can take off there.
+
+    Such a file says nothing of a take-off place: its origin may be inside a house. Raises ConfigError for a wrong map.
+    """
+    if not isinstance(scene.map, GltfMap) or take_off_problem(scene, vehicle) is None:
+        return scene
+    place = free_place(scene, vehicle)
+    if place is None:
+        return scene
+    return scene.model_copy(update={"map": scene.map.model_copy(update={"origin_m": place})})
 
 
 def world_problems(scene: Scene, vehicle: Vehicle | None, start: Start, located: Located) -> list[Problem]:

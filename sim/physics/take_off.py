@@ -1,23 +1,37 @@
-"""Check of the take-off place: solid ground under the vehicle, and no obstacle where it stands."""
+"""Check of the take-off place: solid ground under the vehicle that it stands on, and no obstacle there.
+
+Where that fails, a place nearby is looked for that passes the same check.
+"""
 
 from __future__ import annotations
+
+import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
+from signals.samples import Vec3
+from signals.units import DEG_PER_RAD, RAD_PER_DEG
 from sim.physics.contact_model import build_model
 from sim.physics.flight_start import FlightStart
+from sim.physics.footing import INSIDE_M, OVER_GROUND_M, Footing, find_footing, steepest_slope
 from sim.physics.vehicle import Vehicle
 from sim.scene.scene import Scene
 from sim.scene.solids import solid_geoms
 from sim.scene.world import World
 from sim.world_loader import load_world
 
-# Standing feet sink about 10 um into the ground, and the terrain under them may be uneven.
-INSIDE_M = 0.02  # greatest depth of a contact sphere in an object
-OVER_GROUND_M = 0.05  # greatest height of the feet over the ground
 _CONTACT_STEP_S = 0.001
 _TOP_M = 10_000.0  # above every map
+_DOWN = np.array([[0.0], [0.0], [-1.0]])
+_SEARCH_M = (0.0, 2.0, 4.0, 6.0, 9.0, 12.0, 16.0, 22.0, 30.0, 40.0, 55.0, 75.0, 100.0, 140.0, 200.0)
+_BEARINGS = 24
+_EASY_RAD = 5.0 * RAD_PER_DEG  # slope of a place that is proposed
+_ROOM_M, _UNEVEN_M = 1.2, 0.3  # nothing within this distance of it is higher or lower than this
+# A place is a roof if what is at this distance lies a storey below it in as many of 8 directions.
+_NEIGHBOURS_M, _STOREY_M, _ROOF_SIDES = 8.0, 1.5, 2
+_AROUND_RAD = [0.25 * math.pi * i for i in range(8)]
 
 
 def take_off_problem(
@@ -31,34 +45,90 @@ def take_off_problem(
     data = mujoco.MjData(model)
     _pose_actors(world, model, data)
     x, y, z = start.ground_W
-    at_origin = start.ground_W == (0.0, 0.0, 0.0)
-    where = "the origin" if at_origin else f"({x:g}, {y:g}, {z:g})"
-    contacts = _contacts(model, data, start, vehicle, vehicle.standing_height_m)
-    deepest = min(contacts, default=(0.0, -1))
+    where = "the origin" if start.ground_W == (0.0, 0.0, 0.0) else f"({x:g}, {y:g}, {z:g})"
+    footing = find_footing(model, data, vehicle, start)
+    deepest = min(_contacts(model, data, footing), default=(0.0, -1))
     if deepest[0] < -INSIDE_M:
         what = _name(world, model, deepest[1])
         message = f"leaves no room to take off: the vehicle at {where} would stand {-deepest[0]:.2f} m inside {what}"
-        hint = "move the map so that free ground is there, or set start.p_W to a place on free ground"
-        return message, hint if at_origin else _surface_hint(model, data, x, y)
-    if not _contacts(model, data, start, vehicle, vehicle.lying_height_m - OVER_GROUND_M):
+        return message, _hint(model, data, vehicle, start, friction=scene.ground_friction, otherwise="move the map")
+    lowered_m = OVER_GROUND_M + vehicle.standing_height_m - vehicle.lying_height_m
+    if not _contacts(model, data, footing, lowered_m):
         message = f"has no ground to take off from: nothing solid is under {where}"
-        hint = (
-            "flights start at x = y = z = 0 unless start.p_W names another place: set it, move the map, make its "
-            "ground solid, or set map.ground: true"
+        make = "move the map, make its ground solid, or set map.ground: true"
+        return message, _hint(model, data, vehicle, start, friction=scene.ground_friction, otherwise=make)
+    steepest_rad, does = steepest_slope(vehicle, scene.ground_friction)
+    if footing.slope_rad > steepest_rad:
+        message = (
+            f"slopes by {footing.slope_rad * DEG_PER_RAD:.1f} degrees at {where}: the vehicle {does} on slopes above "
+            f"{steepest_rad * DEG_PER_RAD:.1f} degrees"
         )
-        return message, hint if at_origin else _surface_hint(model, data, x, y)
+        return message, _hint(model, data, vehicle, start, friction=scene.ground_friction, otherwise="move the map")
     return None
 
 
-def _surface_hint(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> str:
-    """Return what is there: the height of the topmost solid surface."""
+def free_place(scene: Scene, vehicle: Vehicle) -> Vec3 | None:
+    """Return a place near the origin where the vehicle can take off, or None. Raises ConfigError for a wrong scene."""
+    model = build_model(scene, vehicle, contact_step_s=_CONTACT_STEP_S)
+    data = mujoco.MjData(model)
+    _pose_actors(load_world(scene), model, data)
+    mujoco.mj_kinematics(model, data)
+    return _nearest_place(model, data, vehicle, FlightStart(), friction=scene.ground_friction)
+
+
+def _hint(
+    model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, start: FlightStart, *, friction: float, otherwise: str
+) -> str:
+    x, y, z = start.ground_W
+    top_m = _top_m(model, data, x, y) if start.ground_W != (0.0, 0.0, 0.0) else None
+    there = "" if top_m is None else f"the topmost solid surface there is at z = {top_m:.2f} m; "
+    place = _nearest_place(model, data, vehicle, start, friction=friction)
+    if place is None:
+        return f"{there}no free, level ground was found within {_SEARCH_M[-1]:g} m: {otherwise}, or set start.p_W"
+    x, y, z = place
+    return f"{there}set start.p_W: [{x:.2f}, {y:.2f}, {z:.2f}], the nearest free ground that was found, or {otherwise}"
+
+
+def _nearest_place(
+    model: mujoco.MjModel, data: mujoco.MjData, vehicle: Vehicle, start: FlightStart, *, friction: float
+) -> Vec3 | None:
+    """Return the nearest place on rings round a start where the vehicle stands in the open; ground before roofs."""
+    x0, y0, _ = start.ground_W
+    steepest_rad = min(steepest_slope(vehicle, friction)[0], _EASY_RAD)
+    on_top: Vec3 | None = None
+    for radius_m in _SEARCH_M:
+        for i in range(_BEARINGS):
+            angle = 2.0 * math.pi * i / _BEARINGS
+            x, y = round(x0 + radius_m * math.cos(angle), 2), round(y0 + radius_m * math.sin(angle), 2)
+            z = _top_m(model, data, x, y)
+            if z is None:
+                continue
+            place = (x, y, round(z, 3))
+            around = [
+                [_top_m(model, data, x + r * math.cos(a), y + r * math.sin(a)) for a in _AROUND_RAD]
+                for r in (_ROOM_M, _NEIGHBOURS_M)
+            ]
+            if any(h is None or abs(h - z) > _UNEVEN_M for h in around[0]):
+                continue
+            footing = find_footing(model, data, vehicle, replace(start, ground_W=place))
+            if footing.slope_rad > steepest_rad:
+                continue
+            if min(_contacts(model, data, footing), default=(0.0, -1))[0] < -INSIDE_M:
+                continue
+            lower = sum(h is None or h < z - _STOREY_M for h in around[1])
+            if lower < _ROOF_SIDES:
+                return place
+            on_top = on_top or place
+    return on_top
+
+
+def _top_m(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> float | None:
+    """Return the height of the topmost solid surface; None: there is none."""
     geom = np.full((1, 1), -1, dtype=np.int32)
     top = np.array([[x], [y], [_TOP_M]])
     body = int(model.jnt_bodyid[0])
-    distance_m = mujoco.mj_ray(model, data, top, np.array([[0.0], [0.0], [-1.0]]), None, 1, body, geom)
-    if distance_m < 0.0:
-        return "nothing solid is there at any height: choose another x and y"
-    return f"the topmost solid surface there is at z = {_TOP_M - distance_m:.2f} m: choose that height or another place"
+    distance_m: float = mujoco.mj_ray(model, data, top, _DOWN, None, 1, body, geom)
+    return None if distance_m < 0.0 else _TOP_M - distance_m
 
 
 def _pose_actors(world: World, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -74,11 +144,11 @@ def _pose_actors(world: World, model: mujoco.MjModel, data: mujoco.MjData) -> No
 
 
 def _contacts(
-    model: mujoco.MjModel, data: mujoco.MjData, start: FlightStart, vehicle: Vehicle, height_m: float
+    model: mujoco.MjModel, data: mujoco.MjData, footing: Footing, lowered_m: float = 0.0
 ) -> list[tuple[float, int]]:
-    """Return distance (negative: depth) and geom of the scene for each contact at that height above the start."""
-    x, y, z = start.ground_W
-    data.qpos[:] = (x, y, z + height_m, *vehicle.standing_quat(start.yaw_rad))
+    """Return distance (negative: depth) and geom of the scene for each contact, as the vehicle stands or lower."""
+    x, y, z = footing.p_WB
+    data.qpos[:] = (x, y, z - lowered_m, *footing.q_WB)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_collision(model, data)
     vehicle_body = int(model.jnt_bodyid[0])

@@ -45,6 +45,7 @@ from sim.physics.contact_model import build_model, set_inertia, soften_contact
 from sim.physics.disturbances import Disturbances
 from sim.physics.faults import HEALTHY, RotorFault, check_faults
 from sim.physics.flight_start import FlightStart
+from sim.physics.footing import find_footing
 from sim.physics.forces.force import Effects
 from sim.physics.integration import Integration
 from sim.physics.launch import LaunchRail
@@ -193,8 +194,10 @@ class VehiclePhysics:
         if self._rail is not None:
             state[_P], state[_Q] = self._rail.p_WB, self._rail.q_WB
         elif start.p_WB is None:
-            x, y, z = start.ground_W
-            state[_P] = (x, y, z + vehicle.standing_height_m)
+            if self._actors is not None:
+                self._actors.pose_all(self.start_ns)
+            footing = find_footing(self._model, self._data, vehicle, start)
+            state[_P], state[_Q] = footing.p_WB, footing.q_WB
             self._settle()
         else:
             state[_P] = start.p_WB
@@ -820,8 +823,6 @@ class VehiclePhysics:
     def _settle(self) -> None:
         """Let the feet settle to their depth (about 10 um) with rotors stopped, so that the flight starts at rest."""
         self.body.command(self._rest)
-        if self._actors is not None:
-            self._actors.pose_all(self.start_ns)
         settle_ns = _SETTLE_ON_WHEELS_NS if self._wheels else _SETTLE_NS
         for _ in range(-(-settle_ns // self.tick_ns)):
             self._contact_steps()
