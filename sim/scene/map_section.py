@@ -1,4 +1,4 @@
-"""Section `map` of a scene: a generator with its parameters, or a file: MJCF, glTF or OpenStreetMap."""
+"""Section `map` of a scene: a generator with its parameters, or a file: MJCF, glTF, OpenStreetMap or GeoTIFF."""
 
 from __future__ import annotations
 
@@ -119,6 +119,34 @@ class OsmMap(StrictModel):
         return _without(self, "osm", ("generator", "mjcf", "gltf"))
 
 
+class ElevationMap(StrictModel):
+    """Bare ground with the heights of a GeoTIFF (a DEM), round the scene's site."""
+
+    elevation: Annotated[str, Field(min_length=1)]  # path, relative to the scene's file
+    radius_m: Annotated[float, Field(ge=20.0, le=3000.0)] = 500.0  # half the edge of the square that is built
+    ground: Literal["grass", "paving", "gravel", "soil", "asphalt", "sand"] = "grass"
+
+    generator: Any = Field(default=None, exclude=True)
+    mjcf: Any = Field(default=None, exclude=True)
+    gltf: Any = Field(default=None, exclude=True)
+
+    @property
+    def classes(self) -> dict[str, tuple[Glob, ...]]:
+        return {}
+
+    @property
+    def new_classes(self) -> tuple[ClassName, ...]:
+        return ()
+
+    @property
+    def surfaces(self) -> dict[str, SurfaceChoice]:
+        return {}
+
+    @pydantic.model_validator(mode="after")
+    def _one_source(self) -> ElevationMap:
+        return _without(self, "elevation", ("generator", "mjcf", "gltf"))
+
+
 T = TypeVar("T", bound=StrictModel)
 
 
@@ -137,11 +165,13 @@ def _map_source(section: Any) -> str:
     return "from a generator"
 
 
-_FILES: dict[str, type[StrictModel]] = {"mjcf": MjcfMap, "gltf": GltfMap, "osm": OsmMap}
+# The last key is one of an OpenStreetMap section too.
+_FILES: dict[str, type[StrictModel]] = {"mjcf": MjcfMap, "gltf": GltfMap, "osm": OsmMap, "elevation": ElevationMap}
 MapSection = Annotated[
     Annotated[GeneratedMap, Tag("from a generator")]
     | Annotated[MjcfMap, Tag("from mjcf")]
     | Annotated[GltfMap, Tag("from gltf")]
-    | Annotated[OsmMap, Tag("from osm")],
+    | Annotated[OsmMap, Tag("from osm")]
+    | Annotated[ElevationMap, Tag("from elevation")],
     Discriminator(_map_source),
 ]

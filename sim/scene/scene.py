@@ -21,7 +21,7 @@ from sim.scene.atmosphere import SEA_LEVEL_KGPM3, ZERO_DEGC_K, density_kgpm3, ge
 from sim.scene.budget import Budget
 from sim.scene.light import Light, time_of
 from sim.scene.limited_process import limited
-from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
+from sim.scene.map_section import ElevationMap, GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.runway import Runway
 from sim.scene.scene_file import SceneFile
 from sim.scene.sun_position import sun_position_deg
@@ -166,24 +166,26 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def is_map_file(path: Path) -> bool:
-    """Return True if the suffix is that of a map: MJCF, glTF or OpenStreetMap."""
+    """Return True if the suffix is that of a map: MJCF, glTF, OpenStreetMap or GeoTIFF."""
     return path.name.lower().endswith(tuple(_MAP_SUFFIXES))
 
 
 def has_own_site(path: Path) -> bool:
-    """Return True for a map's file that states its place on Earth: an OpenStreetMap extract."""
-    return any(path.name.lower().endswith(end) and kind == "osm" for end, kind in _MAP_SUFFIXES.items())
+    """Return True for a map's file that states its place on Earth: an OpenStreetMap extract or a GeoTIFF."""
+    return any(path.name.lower().endswith(end) and kind in ("osm", "elevation") for end, kind in _MAP_SUFFIXES.items())
 
 
 _MAP_SUFFIXES = {
     ".xml": "mjcf", ".mjcf": "mjcf", ".glb": "gltf", ".gltf": "gltf", ".osm": "osm", ".osm.xml": "osm", ".pbf": "osm",
+    ".tif": "elevation", ".tiff": "elevation",
 }  # fmt: skip
 
 
 def scene_of_map(path: Path) -> Scene:
     """Return a map's file as a scene, with the default site and friction, which such a file does not hold.
 
-    The site of an OpenStreetMap extract is free ground close to its middle. Raises ConfigError if it cannot be read.
+    The site of an OpenStreetMap extract is free ground close to its middle, that of a GeoTIFF its middle. Raises
+    ConfigError if it cannot be read.
     """
     suffix = max((end for end in _MAP_SUFFIXES if path.name.lower().endswith(end)), key=len)
     kind = _MAP_SUFFIXES[suffix]
@@ -201,6 +203,14 @@ def scene_of_map(path: Path) -> Scene:
         )
         latitude_deg, longitude_deg = place
         site = Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=0.0)
+    elif kind == "elevation":
+        section = ElevationMap(elevation=path.name)
+        budget = Budget(file.document.source)
+        finder = "sim.scene.maps.imported.elevation_import:middle"
+        latitude_deg, longitude_deg, altitude_m = limited(
+            finder, path, budget, budget=budget, what="finding its middle"
+        )
+        site = Site(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=altitude_m)
     return Scene(
         name=name if name[:1].isalpha() else f"map_{name}",
         description=f"Map {path.name}",

@@ -28,7 +28,7 @@ from sim.scene.classes import MAX_CLASSES, class_table
 from sim.scene.compile_process import compile_mjcf
 from sim.scene.map_file import MapFile, read_map_file
 from sim.scene.map_limits import size_problems
-from sim.scene.map_section import GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
+from sim.scene.map_section import ElevationMap, GeneratedMap, GltfMap, MapSection, MjcfMap, OsmMap
 from sim.scene.maps.imported.sources import ImportSource, files_root, import_source, named_file
 from sim.scene.scene import Box, Scene
 from sim.scene.scene_map import SceneMap, Surface
@@ -139,7 +139,7 @@ def _from_file(scene: Scene, section: MjcfMap, file: MapFile, budget: Budget | N
     return compile_map(scene, scene_map, class_colours, file, budget)
 
 
-def _imported(scene: Scene, section: GltfMap | OsmMap, source: ImportSource) -> World:
+def _imported(scene: Scene, section: GltfMap | OsmMap | ElevationMap, source: ImportSource) -> World:
     class_colours, surfaces, problems = _names(scene, section)
     if problems:
         raise ConfigError(problems)
@@ -159,7 +159,7 @@ def _imported(scene: Scene, section: GltfMap | OsmMap, source: ImportSource) -> 
 
 
 def _names(
-    scene: Scene, section: MjcfMap | GltfMap | OsmMap
+    scene: Scene, section: MjcfMap | GltfMap | OsmMap | ElevationMap
 ) -> tuple[dict[str, tuple[int, int, int]], dict[str, Surface], list[Problem]]:
     """Return the table of classes, the surfaces by material, and what is wrong with these names."""
     problems: list[Problem] = []

@@ -7,6 +7,7 @@ Journal of Geodesy 85, 2011). Heights are relative to that at the take-off place
 from __future__ import annotations
 
 import contextlib
+import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,6 +80,29 @@ class GeoTiff:
         h = self.heights
         z = (h[i, j] * (1 - u) + h[i, j1] * u) * (1 - v) + (h[i1, j] * (1 - u) + h[i1, j1] * u) * v
         return np.where(inside, z, np.nan)
+
+    def middle(self) -> tuple[float, float, float]:
+        """Return latitude, longitude and height of the known height nearest to the middle. Raises ConfigError."""
+        rows, columns = self.heights.shape
+        known = np.argwhere(np.isfinite(self.heights))
+        if not len(known):
+            raise ConfigError([Problem(self.source, "holds no known height")])
+        row, column = known[np.abs(known - (0.5 * (rows - 1), 0.5 * (columns - 1))).sum(axis=1).argmin()].tolist()
+        x, y = self.origin[0] + column * self.step[0], self.origin[1] + row * self.step[1]
+        latitude_deg, longitude_deg = (y, x) if self.epsg in _GEOGRAPHIC else self._geodetic(x, y)
+        return round(latitude_deg, 7), round(longitude_deg, 7), round(float(self.heights[row, column]), 2)
+
+    def _geodetic(self, x: float, y: float) -> tuple[float, float]:
+        """Return latitude and longitude of a UTM place, by steps along the meridian and the parallel."""
+        zone, south = self.epsg % 100, self.epsg // 100 == 327
+        latitude_deg, longitude_deg = (y - (1e7 if south else 0.0)) / 111_000.0, 6.0 * zone - 183.0
+        for _ in range(20):
+            at_x, at_y = (
+                float(v[0]) for v in utm(np.array([latitude_deg]), np.array([longitude_deg]), zone, south=south)
+            )
+            latitude_deg += (y - at_y) / 111_000.0
+            longitude_deg += (x - at_x) / (111_320.0 * math.cos(math.radians(latitude_deg)))
+        return latitude_deg, longitude_deg
 
 
 _GEOGRAPHIC = (4326, 4258, 4979, 4269)

@@ -30,6 +30,7 @@ from sim.scene.imports.shapes import need_shapely, parts, rounded, shapely, tria
 from sim.scene.maps import textures
 from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.maps.imported.osm_buildings import BuildingMaker, Footprint, footprint_of
+from sim.scene.maps.imported.terrain import add_terrain
 from sim.scene.maps.map_builder import Body, MapBuilder, yaw_quat
 from sim.scene.maps.plants import add_bush, add_tree, plant_materials
 from sim.scene.maps.street_furniture import add_bench, add_bin, add_lamp, furniture_materials
@@ -245,12 +246,7 @@ class _District:
         if self._terrain is None:
             self._builder.ground("plane", (0.0, 0.0, 1.0), material=material)
             return
-        t = self._terrain
-        low, high = float(t.heights.min()), float(t.heights.max())
-        rise = max(high - low, 0.01)
-        half = 0.5 * t.cell_m * (len(t.heights) - 1)
-        self._builder.hfield("terrain", (t.heights - low) / rise, (half, half, rise, 5.0))
-        self._builder.ground_hfield("terrain", material=material, pos=(t.low[0] + half, t.low[1] + half, low))
+        add_terrain(self._builder, self._terrain, material=material)
 
     def _surfaces(self) -> None:
         """Add areas, water, paths and roads, each cut out of those below it."""

@@ -16,13 +16,14 @@ from signals.documents.document import shown_path
 from signals.errors import ConfigError, Problem
 from sim.scene.budget import Budget
 from sim.scene.limited_process import limited
-from sim.scene.map_section import GltfMap, OsmMap
+from sim.scene.map_section import ElevationMap, GltfMap, OsmMap
 from sim.scene.maps.imported.imported_map import ImportedMap
 from sim.scene.scene import Scene, Site
 from sim.scene.scene_map import Surface
 
 # Modules with what is done in the process; the bench itself does not import the readers.
 _GLTF, _OSM = "sim.scene.maps.imported.gltf_import", "sim.scene.maps.imported.osm_import"
+_ELEVATION = "sim.scene.maps.imported.elevation_import"
 
 
 class ImportSource(Protocol):
@@ -100,6 +101,27 @@ class OsmSource:
         return names
 
 
+@dataclass(frozen=True)
+class ElevationSource:
+    """A GeoTIFF of heights."""
+
+    path: Path
+    section: ElevationMap
+    site: Site
+    budget: Budget
+
+    def key(self) -> str:
+        return hashlib.sha256(self.site.model_dump_json().encode() + _digest(self.path)).hexdigest()
+
+    def make(self, surfaces: dict[str, Surface]) -> ImportedMap:  # noqa: ARG002
+        arguments = (self.path, self.section, self.site, self.budget)
+        return limited(f"{_ELEVATION}:made", *arguments, budget=self.budget, what="making its map")
+
+    def save(self, folder: Path) -> dict[str, Any]:
+        shutil.copyfile(self.path, folder / "elevation.tif")
+        return {"elevation": "elevation.tif"}
+
+
 def _digest(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
@@ -120,6 +142,9 @@ def import_source(scene: Scene) -> ImportSource | None:
         if section.elevation is not None:
             elevation = named_file(scene, "elevation", section.elevation)
         return OsmSource(path, elevation, section, scene.site, Budget(shown_path(path)))
+    if isinstance(section, ElevationMap):
+        path = named_file(scene, "elevation", section.elevation)
+        return ElevationSource(path, section, scene.site, Budget(shown_path(path)))
     return None
 
 

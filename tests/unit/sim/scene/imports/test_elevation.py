@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from hil.config import load_bench
 from signals.errors import ConfigError
 from sim.scene.imports.elevation import make_terrain, read_geotiff, utm
 from sim.scene.scene import Site, load_scene
@@ -129,3 +130,43 @@ def test_bad_files_have_named_errors(data: bytes, message: str, tmp_path: Path) 
     with pytest.raises(ConfigError, match=r"dem\.tif") as caught:
         make_terrain(read_geotiff(tmp_path / "dem.tif"), SITE, 100.0)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("epsg", [4326, 32632])
+def test_a_geotiff_is_a_scene_of_its_own(epsg: int, tmp_path: Path) -> None:
+    """Its middle is the site: the pyramid's height and place there are those of the file."""
+    n, step = 40, (0.0002, 0.0001) if epsg == 4326 else (10.0, 10.0)
+    row, column = np.mgrid[0:n, 0:n]
+    heights = 700.0 + 0.5 * row + column
+    heights[:10] = np.nan  # unknown in the north
+    origin = (8.5, 47.4) if epsg == 4326 else (500_000.0, 5_150_000.0)
+    (tmp_path / "hills.tif").write_bytes(geotiff(heights, origin, step, epsg))
+    scene = load_scene(tmp_path / "hills.tif")
+    at = read_geotiff(tmp_path / "hills.tif").at(
+        np.array([scene.site.latitude_deg]), np.array([scene.site.longitude_deg])
+    )
+    assert scene.site.altitude_m == pytest.approx(at[0], abs=0.02)
+    assert scene.site.altitude_m == pytest.approx(700.0 + 19.0 + 0.5 * 19.0, abs=1.01)
+    bench = load_bench(scene=str(tmp_path / "hills.tif"))
+    world = load_world(bench.scene)
+    data = mujoco.MjData(world.model)
+    mujoco.mj_forward(world.model, data)
+    assert world.model.ngeom == 1
+    assert world.map.classes == {"ground": ("ground",)}
+    rise = [top_m(world.model, data, x, 0.0) for x in (-60.0, 60.0)]
+    per_m = 1.0 / (0.0002 * 75_450.0 if epsg == 4326 else 10.0)
+    assert (rise[1] - rise[0]) / 120.0 == pytest.approx(per_m, rel=0.02)
+
+
+def top_m(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float) -> float:
+    geom = np.full((1, 1), -1, dtype=np.int32)
+    return 500.0 - mujoco.mj_ray(
+        model, data, np.array([[x], [y], [500.0]]), np.array([[0.0], [0.0], [-1.0]]), None, 1, -1, geom
+    )
+
+
+def test_a_geotiff_without_a_known_height_is_refused(tmp_path: Path) -> None:
+    heights = np.full((4, 4), np.nan)
+    (tmp_path / "sea.tif").write_bytes(geotiff(heights, (8.5, 47.4), (0.0002, 0.0001), 4326))
+    with pytest.raises(ConfigError, match="holds no known height"):
+        load_scene(tmp_path / "sea.tif")
