@@ -86,7 +86,7 @@ def make_folder(folder: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"\x7fELF" + bytes(14) + struct.pack("<H", 62) + marker)
         path.chmod(0o755)
-    for name in ("yard.glb", "quarter.osm"):
+    for name in ("yard.glb", "quarter.osm", "alp.tif"):
         (folder / name).symlink_to(ROOT / "docs/examples/places" / name)
     (folder / "yard").mkdir()
     for name, text in _FILES.items():

@@ -1,6 +1,7 @@
-"""The example places of docs/examples/places: a yard as glTF and a quarter as an OpenStreetMap extract.
+"""The example places of docs/examples/places: a yard as glTF, a quarter as an OpenStreetMap extract, an alp as
+a GeoTIFF.
 
-`python -m tests.worlds.example_places FOLDER` writes both.
+`python -m tests.worlds.example_places FOLDER` writes them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.scene.random_generator import RandomGenerator
+from tests.worlds.geotiff_file import geotiff
 from tests.worlds.glb_file import GlbFile, box, joined
 
 LATITUDE_DEG, LONGITUDE_DEG = 47.397742, 8.545594
@@ -209,8 +211,18 @@ def quarter_osm(rows: int = 4, columns: int = 4) -> str:
     return out.xml()
 
 
+def alp_tif() -> bytes:
+    """Return heights of a spur over a valley, 1.2 km wide, in steps of 20 m."""
+    n, step_deg = 60, (0.00026, 0.00018)
+    row, column = np.mgrid[0:n, 0:n] / n
+    heights = 1560.0 + 130.0 * np.exp(-8.0 * (column - 0.6) ** 2) * (1.0 - row) - 60.0 * column
+    heights += 9.0 * np.sin(11.0 * row + 7.0 * column) * np.cos(13.0 * column)
+    return geotiff(heights, (8.545594 - 0.5 * n * step_deg[0], 47.397742 + 0.5 * n * step_deg[1]), step_deg, 4326)
+
+
 def main() -> None:
     folder = Path(sys.argv[1])
+    (folder / "alp.tif").write_bytes(alp_tif())
     (folder / "yard.glb").write_bytes(yard_glb())
     (folder / "quarter.osm").write_text(quarter_osm(), encoding="utf-8")
 

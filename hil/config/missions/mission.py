@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -120,8 +120,12 @@ def problems_of(
         message = f"has {len(items)} items, more than the {MAX_ITEMS} that are accepted"
         return [Problem(source, message, "split the mission")]
     problems: list[Problem] = []
+    far: list[Problem] = []
     for raw in items:
-        problems += _item_problems(raw, len(items), site)
+        problems += _item_problems(raw, len(items), site, far)
+    if far:  # a mission of another place: said once
+        others = f", and so are {len(far) - 1} items more" if len(far) > 1 else ""
+        problems.append(replace(far[0], message=far[0].message + others))
     if complete and not problems:
         problems += _pure_loops(items)
     if complete and not any(raw.command in PLACE_COMMANDS for raw in items):
@@ -158,7 +162,8 @@ def on_globe(point: Geopoint) -> bool:
     return abs(point.latitude_deg) <= 90.0 and abs(point.longitude_deg) <= 180.0
 
 
-def _item_problems(raw: RawItem, count: int, site: Geopoint | None) -> list[Problem]:
+def _item_problems(raw: RawItem, count: int, site: Geopoint | None, far: list[Problem]) -> list[Problem]:
+    """Return what is wrong with an item, but for a place too far from the site, which is added to `far`."""
     problems: list[Problem] = []
 
     def report(index: int | None, message: str, hint: str = "") -> None:
@@ -188,10 +193,10 @@ def _item_problems(raw: RawItem, count: int, site: Geopoint | None) -> list[Prob
     if raw.frame == FRAME_MISSION:
         report(None, f"({command_name}) has the frame 2, which carries no position", "use 3: altitude above home")
         return problems
-    return problems + _place_problems(raw, command_name, site)
+    return problems + _place_problems(raw, command_name, site, far)
 
 
-def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None) -> list[Problem]:
+def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None, far: list[Problem]) -> list[Problem]:
     problems: list[Problem] = []
     latitude, longitude, altitude = raw.params[4:]
 
@@ -211,12 +216,11 @@ def _place_problems(raw: RawItem, command_name: str, site: Geopoint | None) -> l
         if on_earth and site is not None:
             distance_m = math.hypot(*LocalFrame(site).enu_from_geodetic(latitude, longitude, site.altitude_m))
             if distance_m > MAX_DISTANCE_M:
-                report(
-                    4,
-                    f"is {distance_m / 1000:.0f} km from the scene's site at {site.latitude_deg:.5f}, "
-                    f"{site.longitude_deg:.5f}; at most {MAX_DISTANCE_M / 1000:g} km are accepted",
-                    "is it the mission for this scene?",
+                message = (
+                    f"{raw.name} ({command_name}) is {distance_m / 1000:.0f} km from the scene's site at "
+                    f"{site.latitude_deg:.5f}, {site.longitude_deg:.5f}; at most {MAX_DISTANCE_M / 1000:g} km are accepted"
                 )
+                far.append(Problem(raw.where(4), message, "is it the mission for this scene?"))
     if math.isnan(altitude):
         if raw.command not in LAND_COMMANDS:
             report(6, "has no altitude")
