@@ -3,7 +3,8 @@
 MuJoCo collides a mesh as its convex hull, which closes courtyards, doors and valleys. Here a mesh becomes pieces that
 cover every triangle and reach at most `error_m` E beyond the surface:
 
-1. A closed convex part (every vertex within E/20 of the inside of every face) is one hull.
+1. A closed convex part (every vertex within E/20 of the inside of every face) is one hull; so is one that is open at
+   its foot only, as houses of city models are.
 2. Triangles that share an edge are merged into flat convex slabs as long as their vertices stay within E/4 of a plane
    and the hull of the slab has at most (E/2)^2 more area than its triangles, so that no gap of a radius above 0.4 E is
    closed. A slab reaches E/2 behind the surface.
@@ -62,7 +63,7 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
     pieces = Pieces(error_m)
     rest = []
     for part in _parts(corners):
-        hull = _convex(part, error_m / 20.0)
+        hull = _convex(part, error_m / 20.0, up)
         if hull is not None:
             pieces.hulls.append(hull)
         else:
@@ -88,6 +89,8 @@ def contact_pieces(corners: Float64, *, error_m: float, max_pieces: int, up: Flo
             continue
         slabs, small = _slabs(left[merged], E, budget)
         small = np.concatenate([small, left[~merged]])
+        if not last and _expected_boxes(small, E) > 2.0 * budget:
+            continue
         boxes = _grid_boxes(small, E / sqrt(3.0)) if len(small) else []
         if len(slabs) + len(boxes) <= budget:
             break
@@ -132,15 +135,20 @@ def _parts(corners: Float64) -> list[Float64]:
     return [corners[part] for part in np.split(order, cuts) if len(part)]
 
 
-def _convex(corners: Float64, slack_m: float) -> Float64 | None:
-    """Return the corners of the hull of a closed convex surface; None if it is not one."""
+def _convex(corners: Float64, slack_m: float, up: Float64) -> Float64 | None:
+    """Return the corners of the hull of a convex surface that is closed, or open at its foot; None if it is not one."""
     if len(corners) < 4:
         return None
     index, points = _welded(corners, 1e-5)
     edges = np.concatenate([index[:, [0, 1]], index[:, [1, 2]], index[:, [2, 0]]])
-    keys, counts = np.unique(edges, axis=0, return_counts=True)
-    if np.any(counts != 1) or len(np.unique(np.sort(keys, axis=1), axis=0)) * 2 != len(keys):
-        return None  # an edge without its opposite: the surface is open
+    keys = edges[:, 0] * len(points) + edges[:, 1]
+    if len(np.unique(keys)) != len(keys):
+        return None
+    rim = edges[~np.isin(keys, edges[:, 1] * len(points) + edges[:, 0])]  # edges without their opposite
+    if len(rim):
+        height = points @ up
+        if height[rim].max() > height.min() + slack_m or height.max() <= height.min() + slack_m:
+            return None
     try:
         hull = points[scipy.spatial.ConvexHull(points).vertices]
     except (scipy.spatial.QhullError, ValueError):

@@ -120,3 +120,35 @@ def test_terrain_becomes_a_height_field() -> None:
     at_y = np.linspace(field.centre[1] - field.half[1], field.centre[1] + field.half[1], rows)
     gx, gy = np.meshgrid(at_x, at_y)
     assert np.abs(field.heights - 4.0 * np.sin(gx / 15.0) * np.cos(gy / 12.0)).max() < 0.12  # the mesh's own error
+
+
+def test_a_house_without_a_floor_is_one_hull() -> None:
+    """Houses of city models end at the ground; the grid over the walls of thousands of them took minutes."""
+    closed = triangles_of(box((-4, -3, 0), (4, 3, 6)))
+    corners = closed[~(closed[:, :, 2] == 0.0).all(axis=1)]
+    assert len(corners) == 10
+    pieces = contact_pieces(corners, error_m=0.2, max_pieces=100, up=UP)
+    assert (len(pieces.hulls), pieces.error_m) == (1, 0.2)
+    assert (pieces.hulls[0].min(axis=0).tolist(), pieces.hulls[0].max(axis=0).tolist()) == ([-4, -3, 0], [4, 3, 6])
+    check(corners, pieces, hollow=False)
+
+
+@pytest.mark.parametrize("side", ["wall", "roof"])
+def test_a_house_that_is_open_elsewhere_stays_open(side: str) -> None:
+    closed = triangles_of(box((-4, -3, 0), (4, 3, 6)))
+    missing = closed[:, :, 0] == 4.0 if side == "wall" else closed[:, :, 2] == 6.0
+    pieces = contact_pieces(closed[~missing.all(axis=1)], error_m=0.2, max_pieces=100, up=UP)
+    assert pieces.count == 5
+    check(closed[~missing.all(axis=1)], pieces)
+
+
+def test_walls_beyond_the_budget_are_covered_by_a_coarser_grid() -> None:
+    """A bent wall of 1,400 square metres: at the stated error half a million boxes would be made first."""
+    x = np.linspace(0.0, 160.0, 81)
+    y = 3.0 * np.sin(0.9 * np.arange(81))
+    low, high = np.column_stack([x, y, 0 * x]), np.column_stack([x, y, 0 * x + 6.0])
+    corners = np.concatenate([np.stack([low[:-1], low[1:], high[:-1]], 1), np.stack([high[:-1], low[1:], high[1:]], 1)])
+    pieces = contact_pieces(corners, error_m=0.05, max_pieces=30, up=np.array([0.0, 1.0, 0.0]))
+    assert pieces.error_m > 0.05
+    seen, hulls = samples(corners[::5], 0.5), hulls_of(pieces)
+    assert all(any(((p >= h.min(axis=0) - 1e-6) & (p <= h.max(axis=0) + 1e-6)).all() for h in hulls) for p in seen)
