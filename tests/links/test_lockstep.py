@@ -174,7 +174,7 @@ def test_a_second_answer_ends_the_next_tick(scripted):
 
 @pytest.fixture
 def hold_after_s(monkeypatch):
-    """Return a function that sets how long a link waits before it holds a command. At first this is longer than a test."""
+    """Return a function that sets how long a link waits before it holds a command; at first it does not hold any."""
 
     def hold(limit_s):
         monkeypatch.setattr(lockstep, "_HOLD_S", limit_s)
