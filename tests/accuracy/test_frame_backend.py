@@ -22,6 +22,7 @@ from sim.frame.scenery import open_texels
 from sim.frame.source import SharedFrames, channel_array
 from sim.scene.scene import load_scene
 from sim.world_loader import load_world
+from tests.worlds.patience import PATIENCE_S
 
 CAMERA = CameraModel.from_fov(160, 120, 90.0)
 
@@ -102,7 +103,7 @@ def test_the_renderer_is_found_for_every_mujoco_gl_at_import(said: str) -> None:
         env=os.environ | {"MUJOCO_GL": said, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         check=True,
     )
     assert child.stdout.strip() == ""

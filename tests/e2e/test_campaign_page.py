@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,24 +20,22 @@ from hil.apps.campaign.results.answers import write_results
 from hil.apps.campaign.results.summary import MOST_BROKEN, MOST_LISTED
 from hil.apps.campaign.store import Store
 from tests.worlds.bench_process import Hil
+from tests.worlds.chromium import chromium, needs_chromium, open_dashboard, patient
 from tests.worlds.synthetic_campaign import campaign_file, fill
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (Debian: apt install chromium)")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = needs_chromium
 
 
 @pytest.fixture
 def tab() -> Iterator[Any]:
     """A page that fails the test if the browser complains."""
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, headless=True, args=["--no-sandbox"])
-        opened = chromium.new_page(viewport={"width": 1280, "height": 900})
+    with chromium() as browser:
+        opened = patient(browser.new_context(viewport={"width": 1280, "height": 900})).new_page()
         wrong: list[str] = []
         opened.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
         opened.on("pageerror", lambda error: wrong.append(str(error)))
         yield opened
-        chromium.close()
         assert wrong == []
 
 
@@ -113,8 +110,7 @@ def test_the_dashboard_lists_campaigns_and_serves_their_pages(tab: Any, tmp_path
     write(7)
     hil = Hil(tmp_path, "dash", "--port", "0")
     try:
-        tab.goto(hil.address)
-        tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=60_000)
+        open_dashboard(tab, hil.address)
         tab.click("#tab-runs")
         tab.wait_for_selector("tr[data-campaign=live] >> text=flights: 7 of 5,000")
         write(8)

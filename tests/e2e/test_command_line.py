@@ -15,6 +15,7 @@ import pytest
 
 from hil.cli.app import run_command_line
 from tests.worlds.bench_process import hil
+from tests.worlds.patience import PATIENCE_S
 from tests.worlds.run_json_schema import problems_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,7 +29,7 @@ def status_of(out: Path) -> str:
 
 
 def wait_for(what: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + PATIENCE_S
     while not what() and time.monotonic() < deadline:
         time.sleep(0.02)
 
@@ -44,7 +45,7 @@ def test_a_signal_ends_a_run_as_error_and_leaves_no_old_result(name: str, tmp_pa
         assert status_of(tmp_path) == "ERROR"  # from the start on, in case of kill -9
         wait_for(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))  # it flies
         bench.send_signal(getattr(signal, name))
-        _, errors = bench.communicate(timeout=60)
+        _, errors = bench.communicate(timeout=PATIENCE_S)
     finally:
         bench.kill()
     assert bench.returncode == 3
@@ -75,7 +76,7 @@ def test_a_signal_before_the_work_is_one_line_and_the_status_of_an_error(
         "main()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert (done.returncode, done.stderr) == (3, f"error: stopped by {name}\n")
 
@@ -93,7 +94,7 @@ def test_a_signal_within_the_import_of_an_extension_is_no_defect() -> None:
         "entry.main()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50, check=False
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert (done.returncode, done.stderr) == (3, "error: stopped by SIGINT\n")
 
@@ -111,7 +112,7 @@ def test_a_defect_after_a_signal_is_told() -> None:
         "entry.main()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50, check=False
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert done.returncode == 3
     assert done.stderr.startswith("error: KeyError: 'the end of a run' (a defect of the bench")
@@ -153,7 +154,7 @@ def test_a_run_that_flies_nothing_of_its_own_ends_at_a_signal_as_at_its_end(name
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as bench:
         wait_for(lambda: any(file.stat().st_size for file in tmp_path.glob("flight.tlog")))
         bench.send_signal(getattr(signal, name))
-        assert bench.wait(60) == 0
+        assert bench.wait(PATIENCE_S) == 0
     assert status_of(tmp_path) == "PASS"
 
 
@@ -173,7 +174,7 @@ def test_a_signal_within_a_callback_whose_exceptions_are_dropped_still_ends_the_
         "entry.main()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=50, check=False
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert (done.returncode, done.stderr) == (3, "error: stopped by SIGTERM\n")
 
@@ -204,7 +205,7 @@ def test_an_output_that_nobody_receives_changes_no_status(
     program = [sys.executable, "-m", "hil.cli.entry", *arguments]
     done = subprocess.run(
         ["bash", "-c", shell[broken], "hil", *program],
-        cwd=ROOT, capture_output=True, text=True, timeout=120, check=False,
+        cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (status, "")
     if arguments[0] == "run":
@@ -218,7 +219,7 @@ def test_a_command_that_only_prints_ends_with_its_reader() -> None:
             assert watching.stdout is not None
             assert watching.stdout.readline().startswith("{")
             watching.stdout.close()
-            assert watching.wait(60) == 0
+            assert watching.wait(PATIENCE_S) == 0
         finally:
             watching.kill()
 
@@ -283,7 +284,9 @@ def test_a_renderer_named_in_the_environment_is_ignored() -> None:
 
 def test_an_internal_defect_is_an_error_with_a_message() -> None:
     script = "import hil.cli.app, hil.cli.entry; hil.cli.app.run_command_line = lambda a: 1 / 0; hil.cli.entry.main()"
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
     assert ended.returncode == 3
     assert ended.stderr.startswith("error: ZeroDivisionError")
     assert "Traceback" not in ended.stderr

@@ -16,6 +16,7 @@ from hil.config.companion.clients import CLIENT_PATH
 from hil.config.schema import Companion
 from hil.run.bench_run import run_bench
 from hil.run.companion.files import COLUMNS, TIMING_NAME, read_timing
+from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 DOC = (ROOT / "docs" / "companion.md").read_text()
@@ -34,7 +35,7 @@ def test_the_example_flies(tmp_path: Path) -> None:
     )
     try:
         result = run_bench(bench, tmp_path, quiet=True)
-        assert client.wait(10.0) == 0
+        assert client.wait(PATIENCE_S) == 0
     finally:
         client.kill()
         client.wait()

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -18,22 +17,12 @@ from typing import Any
 import pytest
 
 from tests.worlds.bench_process import Hil
+from tests.worlds.chromium import chromium, needs_chromium, open_dashboard, patient
+from tests.worlds.patience import PATIENCE_S
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (Debian: apt install chromium)")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = needs_chromium
 
-FLAGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-angle=swiftshader",  # WebGL without a graphics card
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-]
 SENSORS = """
 sensors:
   imu: {preset: icm20689}
@@ -82,11 +71,11 @@ SIZES = {"desktop": (1280, 800), "tablet": (820, 1180)}
 PHONE = (390, 844)
 
 
-def until(holds: Callable[[], Any], limit_s: float = 60.0, *, page: Any = None) -> None:
-    end = time.monotonic() + limit_s
+def until(holds: Callable[[], Any], *, page: Any) -> None:
+    end = time.monotonic() + 5 * PATIENCE_S  # a flight, which shares the processor with a browser
     while not holds():
-        assert time.monotonic() < end, "" if page is None else page.inner_text("body")
-        page.wait_for_timeout(60) if page is not None else time.sleep(0.05)
+        assert time.monotonic() < end, page.inner_text("body")
+        page.wait_for_timeout(60)
 
 
 @pytest.fixture
@@ -97,17 +86,16 @@ def address(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
     hil.end()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, headless=True, args=FLAGS)
-        yield chromium
-        chromium.close()
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture
 def page(browser: Any, address: str) -> Iterator[Any]:
-    tab = browser.new_page(viewport=dict(zip(("width", "height"), SIZES["desktop"], strict=True)))
+    context = patient(browser.new_context(viewport=dict(zip(("width", "height"), SIZES["desktop"], strict=True))))
+    tab = context.new_page()
     wrong: list[str] = []
     tab.on("console", lambda message: wrong.append(message.text) if message.type in ("error", "warning") else None)
     tab.on("pageerror", lambda error: wrong.append(str(error)))
@@ -117,10 +105,9 @@ def page(browser: Any, address: str) -> Iterator[Any]:
         "window.sockets = []; const Socket = WebSocket;"
         "window.WebSocket = class extends Socket { constructor(url) { super(url); window.sockets.push(this); } };"
     )
-    tab.goto(address)
-    tab.wait_for_selector("html[data-ready=yes]", state="attached", timeout=60_000)
+    open_dashboard(tab, address)
     yield tab
-    tab.close()
+    context.close()
     # Drivers warn when a canvas is read back, which only this test does; a refused mission is told on the page, too.
     assert [text for text in wrong if not re.search("GPU stall|readback|status of 422", text)] == []
 
@@ -173,16 +160,19 @@ def east_m(page: Any) -> float:
 
 
 def start_and_watch(page: Any) -> None:
-    page.select_option("#f-pace", "1")  # time enough for a slow browser on a busy machine to draw
+    page.select_option("#f-pace", "1")
     page.fill("#f-seed", "4")
     page.click("#start")
     page.wait_for_selector("#start:disabled")
+    until(lambda: "Takeoff detected" in page.inner_text("#log"), page=page)
+    pause(page)  # else a slow browser on a busy machine might draw nothing before the flight is over
     page.click("[data-stream='front/rgb']")
     until(lambda: colours_in(page, "[data-stream='front/rgb'] canvas") > 20, page=page)  # the run's own camera
     until(
         lambda: colours_in(page, "[data-stream='companion/mapper/map'] canvas") > 6, page=page
     )  # opened automatically
-    page.select_option("#f-pace", "")  # a flight without a pace may be over before a slow browser has drawn anything
+    page.select_option("#f-pace", "")
+    page.click("#resume")
     until(lambda: page.inner_text("#status") in ("PASS", "FAIL", "ERROR"), page=page)
     assert page.inner_text("#status") == "PASS"
     log = page.inner_text("#log")
@@ -195,9 +185,14 @@ def start_and_watch(page: Any) -> None:
     picture(page, "watched")
 
 
+def pause(page: Any) -> None:
+    page.click("#pause")
+    until(lambda: page.inner_text("#status").startswith("paused at tick"), page=page)
+
+
 def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     until(lambda: page.is_enabled("#start"), page=page)
-    page.select_option("#f-pace", "2")  # time enough for a slow browser on a busy machine to draw
+    page.select_option("#f-pace", "1")  # time enough for a slow browser on a busy machine to follow
     page.click("#start")
     page.wait_for_selector("#start:disabled")  # until then the log shows the previous run
     until(lambda: "Takeoff detected" in page.inner_text("#log"), page=page)
@@ -224,8 +219,7 @@ def fly_by_hand_and_break_a_sensor(page: Any) -> None:
     page.click("#inject-sensor")
     until(lambda: "gps: dropout began" in page.inner_text("#log"), page=page)
     break_links(page)
-    page.click("#pause")
-    until(lambda: page.inner_text("#status").startswith("paused at tick"), page=page)
+    pause(page)
     tick = int(page.inner_text("#status").split()[-1])
     page.click("#step")
     until(lambda: page.inner_text("#status").split()[-1] == str(tick + 1), page=page)
@@ -371,16 +365,31 @@ def test_the_form_follows_the_chosen_bench(page: Any) -> None:
     assert page.input_value("#f-seed") == ""
 
 
-def test_a_phone_flies_with_two_thumbs(browser: Any, address: str) -> None:
-    context = browser.new_context(
-        viewport=dict(zip(("width", "height"), PHONE, strict=True)),
-        has_touch=True,
-        is_mobile=True,
-        device_scale_factor=2,
-    )
+def test_lists_that_did_not_come_are_asked_for_again(browser: Any, address: str) -> None:
+    """The first request fails on the way, the second on the server."""
+    context = patient(browser.new_context())
     page = context.new_page()
-    page.goto(address)
-    page.wait_for_selector("html[data-ready=yes]", state="attached", timeout=60_000)
+    failures = [lambda route: route.abort(), lambda route: route.fulfill(status=500)]
+    said: list[str] = []
+
+    def answer(route: Any) -> None:
+        said.append(page.inner_text("#message"))
+        failures.pop(0)(route) if failures else route.continue_()
+
+    page.route("**/api/choices", answer)
+    open_dashboard(page, address)
+    assert "did not come (Failed to fetch); asking again" in said[1]
+    assert "did not come (status 500); asking again" in said[2]
+    assert page.locator("#f-scene option").first.inner_text() == "airfield (the bench's)"
+    assert not page.is_visible("#message")
+    context.close()
+
+
+def test_a_phone_flies_with_two_thumbs(browser: Any, address: str) -> None:
+    viewport = dict(zip(("width", "height"), PHONE, strict=True))
+    context = patient(browser.new_context(viewport=viewport, has_touch=True, is_mobile=True, device_scale_factor=2))
+    page = context.new_page()
+    open_dashboard(page, address)
     screenshot(page, "phone")
     for selector in ("#start-top", "#stick-left", "#stick-right", "#hold", "#view"):
         assert inside(page, selector), selector

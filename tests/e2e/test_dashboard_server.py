@@ -18,6 +18,7 @@ from websockets.sync.client import connect
 
 from hil.apps.dash.server.app import PAGE_FOLDER
 from tests.worlds.bench_process import Hil
+from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -45,7 +46,7 @@ def test_requests_of_other_sites_are_refused(dash: Hil) -> None:
     assert dash.get("/api/runs", Origin="http://evil.example").status == 403
     assert dash.get("/", Host="evil.example").status == 403
     with pytest.raises(InvalidStatus):
-        connect(f"ws://{dash.host}/live", origin="http://evil.example").__enter__()  # type: ignore[arg-type]
+        connect(f"ws://{dash.host}/live", open_timeout=PATIENCE_S, origin="http://evil.example").__enter__()  # type: ignore[arg-type]
 
 
 def test_invalid_messages_do_not_stop_the_server(dash: Hil) -> None:
@@ -58,23 +59,23 @@ def test_invalid_messages_do_not_stop_the_server(dash: Hil) -> None:
         '{"kind": "streams", "streams": "view/camera/rgb"}',
         "x" * 20_000,
     ]
-    with connect(f"ws://{dash.host}/live") as page:
+    with connect(f"ws://{dash.host}/live", open_timeout=PATIENCE_S) as page:
         for word in nonsense:
             page.send(word)
         page.send('{"kind": "next"}')
-        assert b'"kind":"update"' in page.recv(10.0)  # type: ignore[operator]
-    with connect(f"ws://{dash.host}/live") as page:
+        assert b'"kind":"update"' in page.recv(PATIENCE_S)  # type: ignore[operator]
+    with connect(f"ws://{dash.host}/live", open_timeout=PATIENCE_S) as page:
         page.send(b"\x00\x01")
     assert dash.get("/").status == 200
 
 
 def test_a_run_is_started_stepped_reset_and_stopped(dash: Hil) -> None:
-    with connect(f"ws://{dash.host}/live") as page:
+    with connect(f"ws://{dash.host}/live", open_timeout=PATIENCE_S) as page:
 
         def until(holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
             for _ in range(2000):
                 page.send('{"kind": "next"}')
-                data = page.recv(30.0)
+                data = page.recv(PATIENCE_S)
                 assert isinstance(data, bytes)
                 update: dict[str, Any] = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
                 if holds(update):
@@ -104,10 +105,10 @@ def test_a_page_follows_a_run(tmp_path: Path) -> None:
     ended = threading.Event()
 
     def follow() -> None:
-        with connect(f"ws://{hil.host}/live") as page:
+        with connect(f"ws://{hil.host}/live", open_timeout=PATIENCE_S) as page:
             page.send('{"kind": "next"}')
             while True:
-                data = page.recv(30.0)
+                data = page.recv(PATIENCE_S)
                 assert isinstance(data, bytes)
                 update = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
                 if update["result"] is not None:
@@ -118,8 +119,8 @@ def test_a_page_follows_a_run(tmp_path: Path) -> None:
 
     watcher = threading.Thread(target=follow, daemon=True)
     watcher.start()
-    out, error = hil.process.communicate(timeout=60.0)
-    watcher.join(5.0)
+    out, error = hil.process.communicate(timeout=PATIENCE_S)
+    watcher.join(PATIENCE_S)
     assert ended.is_set()
     assert hil.process.returncode == 0, error
     assert "PASS" in out
@@ -143,7 +144,7 @@ def test_other_machines_need_the_token(tmp_path: Path) -> None:
         cookie = moved.getheader("set-cookie", "").partition(";")[0]
         assert hil.get("/", Cookie=cookie).status == 200
         with pytest.raises(InvalidStatus):
-            connect(f"ws://{hil.host}/live").__enter__()
+            connect(f"ws://{hil.host}/live", open_timeout=PATIENCE_S).__enter__()
     finally:
         hil.end()
 
@@ -158,7 +159,7 @@ def test_a_busy_port_is_a_plain_error(tmp_path: Path) -> None:
             env=os.environ | {"PYTHONPATH": str(ROOT)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE_S,
             check=False,
         )
     assert ended.returncode == 2

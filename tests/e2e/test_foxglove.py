@@ -30,6 +30,7 @@ from hil.run.recorder.reading import Recording
 from tests.worlds.bench_process import ROOT, free_port
 from tests.worlds.dashboard_page import PageThread
 from tests.worlds.foxglove_client import FoxgloveClient, wire_fields
+from tests.worlds.patience import PATIENCE_S
 
 pytest.importorskip("foxglove", reason="needs Foxglove's SDK: pip install 'hil-bench[foxglove]'")
 
@@ -71,7 +72,7 @@ def flown(
     port = free_port()
 
     def follow(act: Script) -> None:
-        end_s = time.monotonic() + 60.0
+        end_s = time.monotonic() + PATIENCE_S
         while not clients and time.monotonic() < end_s:
             try:
                 clients.append(FoxgloveClient(port, *(() if wanted is None else (wanted,))))
@@ -92,7 +93,7 @@ def flown(
         thread.start()
     run = run_bench(load_bench(file, settings=[*live, *settings]), folder / "out", quiet=quiet).run
     if thread is not None:
-        thread.join(30.0)
+        thread.join(PATIENCE_S)
         assert clients[0].join()
     if failures:
         raise failures[0]
@@ -382,7 +383,7 @@ def command(folder: Path, *settings: str) -> list[str]:
 def failed(folder: Path, status: int, *settings: str) -> str:
     """Return what a run that ends with this status says on standard error."""
     words = command(folder, *settings)
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == status, done.stderr
     assert "Traceback" not in done.stderr
     return done.stderr
@@ -411,7 +412,7 @@ def test_an_interrupt_ends_a_paused_run_and_frees_the_port(tmp_path: Path) -> No
     port = free_port()
     words = command(tmp_path, f"foxglove.port={port}", "foxglove.paused=true")
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=os.environ)
-    end_s = time.monotonic() + 60.0
+    end_s = time.monotonic() + PATIENCE_S
     client = None
     while client is None and time.monotonic() < end_s:
         try:
@@ -421,7 +422,7 @@ def test_an_interrupt_ends_a_paused_run_and_frees_the_port(tmp_path: Path) -> No
     assert client is not None
     assert client.until(lambda: "/truth/pose" in client.channels)
     process.send_signal(signal.SIGINT)
-    process.wait(30.0)
+    process.wait(PATIENCE_S)
     assert client.join()
     run = json.loads((tmp_path / "run.json").read_text())
     assert run["error"]["type"] == "Interrupted"
@@ -437,4 +438,4 @@ def test_a_run_without_the_section_imports_nothing_of_it(tmp_path: Path) -> None
         f"run_bench(bench, Path({str(tmp_path)!r}), quiet=True); "
         "assert not [name for name in sys.modules if 'foxglove' in name], sys.modules"
     )
-    subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True, timeout=PATIENCE_S)

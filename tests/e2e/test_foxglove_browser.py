@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from hil.run.parts.links.foxglove.gate import Gate, inner_addresses
-from tests.e2e.test_dashboard_browser import CHROMIUM, FLAGS
 from tests.worlds.bench_process import free_port
+from tests.worlds.chromium import chromium, needs_chromium, patient
 from tests.worlds.foxglove_client import PROTOCOL, FoxgloveClient
 
 foxglove = pytest.importorskip("foxglove", reason="needs Foxglove's SDK: pip install 'hil-bench[foxglove]'")
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine (Debian: apt install chromium)")
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = needs_chromium
 
 TRY = """([address, protocol]) => new Promise(done => {
     let socket;
@@ -39,12 +39,10 @@ def page() -> Iterator[Any]:
 
     site = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     threading.Thread(target=site.serve_forever, daemon=True).start()
-    with playwright.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page()
+    with chromium() as browser:
+        page = patient(browser.new_context()).new_page()
         page.goto(f"http://127.0.0.1:{site.server_address[1]}/")
         yield page
-        browser.close()
     site.shutdown()
 
 

@@ -18,6 +18,7 @@ from hil.run.bench_run import RunResult, run_bench
 from hil.run.recorder.reading import read_messages
 from tests.worlds.bench_process import ROOT, free_port
 from tests.worlds.hop_flights import HOP
+from tests.worlds.patience import PATIENCE_S
 
 LIMITS = "limits: {max_cross_track_m: null, final_error_m: null, altitude_error_m: null}\n"
 
@@ -258,7 +259,7 @@ def test_one_program_commands_two_vehicles(tmp_path):
         text = "companion: {clients: 1, control: true, arrangement: one_port}\nduration_s: 40\n"
         text += f"vehicles: {{{', '.join(own)}}}\nformation: {{shape: line, spacing_m: 6, max_error_m: null}}\n"
         result = fly(tmp_path, text, settings=("mission=null",))
-        assert client.wait(30) == 0
+        assert client.wait(PATIENCE_S) == 0
     finally:
         client.kill()
         client.wait()

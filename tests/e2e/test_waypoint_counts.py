@@ -17,6 +17,7 @@ from hil.config.missions.path import plan_points, planned_path
 from hil.run.recorder.track import Track
 from hil.run.report.figures import draw_path
 from tests.worlds.bench_process import Hil
+from tests.worlds.patience import PATIENCE_S
 
 BENCH = """tick_hz: 100
 autopilot: {transport: loopback}
@@ -27,10 +28,10 @@ record: {mcap: false, tlog: false, report: true}
 def states_of(host: str) -> list[dict[str, Any]]:
     """Return the state of every update that a page gets, up to the end of the run."""
     states = []
-    with connect(f"ws://{host}/live") as page:
+    with connect(f"ws://{host}/live", open_timeout=PATIENCE_S) as page:
         while True:
             page.send('{"kind": "next"}')
-            data = page.recv(60.0)
+            data = page.recv(PATIENCE_S)
             assert isinstance(data, bytes)
             update = json.loads(data[4 : 4 + int.from_bytes(data[:4], "little")])
             if "waypoints" in update["state"]:
@@ -52,7 +53,7 @@ def test_every_place_shows_the_same_count(
 ) -> None:
     run = Hil(tmp_path, "run", "--dash", "--dash-port", "0", bench=BENCH + settings)
     states = states_of(run.host)
-    console, errors = run.process.communicate(timeout=60.0)
+    console, errors = run.process.communicate(timeout=PATIENCE_S)
     assert run.process.returncode == (0 if end[0] == end[1] else 1), errors
     folder = tmp_path / "runs" / "latest"
     mission = json.loads((folder / "run.json").read_text())["mission"]

@@ -70,6 +70,7 @@ from tests.worlds.declared_effects import (
     sensor_cells,
     sensor_table,
 )
+from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 FAKE_PX4 = ROOT / "tests/worlds/fake_px4_sitl.py"
@@ -389,7 +390,7 @@ def test_every_fault_of_the_link_changes_what_the_mock_gets(
     def flown(*faults: dict[str, Any]) -> tuple[bytes, RunResult]:
         got.clear()
         at_ns.clear()
-        settings = {"autopilot": {"transport": "loopback", "reply_timeout_s": 2.0}, "duration_s": 2.0}
+        settings = {"autopilot": {"transport": "loopback", "reply_timeout_s": PATIENCE_S}, "duration_s": 2.0}
         result = fly(load(tmp_path, "mock", faults={"links": list(faults)}, **settings), tmp_path / "out")
         return b"".join(got), result
 
@@ -453,7 +454,7 @@ def test_messages_that_the_line_does_not_carry_are_refused(tmp_path: Path, direc
 
 @pytest.mark.parametrize("name", OWN_FAULTS)
 def test_every_fault_of_the_mock_itself_is_seen(tmp_path: Path, name: str) -> None:
-    autopilot = {"transport": "loopback", "faults": {name: 1.0}, "reply_timeout_s": 0.3}
+    autopilot = {"transport": "loopback", "faults": {name: 1.0}, "reply_timeout_s": PATIENCE_S}
     run = fly(load(tmp_path, "mock", autopilot=autopilot, duration_s=2.0), tmp_path / "out").run
     if name == "noise_at_s":
         assert run["error"] is None
@@ -469,7 +470,7 @@ def test_every_fault_of_the_free_running_mock_is_seen_or_refused(tmp_path: Path,
     if refused("mock_hitl", autopilot={"faults": {name: 1.0}}):
         assert name == "wrong_time_at_s"
         return
-    bench = load(tmp_path, "mock_hitl", autopilot={"faults": {name: 1.5}, "reply_timeout_s": 1.0}, duration_s=4.0)
+    bench = load(tmp_path, "mock_hitl", autopilot={"faults": {name: 1.5}, "reply_timeout_s": 1.5}, duration_s=4.0)
     run = fly(bench, tmp_path / "out").run
     garbage = run["autopilot"]["link"]["garbage_bytes"] > 1000
     silent = any("the actuator commands stopped" in row["text"] for row in run["warnings"])

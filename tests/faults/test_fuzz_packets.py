@@ -25,7 +25,7 @@ from firmware_bridge.codecs.hil import HIL_ACTUATOR_CONTROLS, actuator_frame
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameEncoder, FrameParser, FrameSplitter
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.ground_station.station import GroundStation
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.transports.loopback import LoopbackTransport
@@ -33,6 +33,7 @@ from hil.config import load_bench
 from signals.errors import HandshakeError, LockstepLost
 from signals.samples import ImuSample
 from tests.worlds.ardupilot_json_sitl import encode_servos
+from tests.worlds.patience import PATIENT
 
 BATCH = 20_000
 WIDTH = 320  # longest packet; a signed frame with 255 bytes of payload has 280
@@ -238,7 +239,7 @@ def test_the_lockstep_link_raises_named_errors_only() -> None:
     imu = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
     ends: dict[str, int] = {}
     for _ in range(400):
-        link = LockstepLink(LoopbackTransport(NoisyAutopilot(noise)), caps, timeouts=LinkTimeouts(reply_s=0.1))
+        link = LockstepLink(LoopbackTransport(NoisyAutopilot(noise)), caps, timeouts=PATIENT)
         link.open()
         try:
             for tick in range(40):

@@ -32,6 +32,7 @@ from sim.physics.vehicle_physics import VehiclePhysics
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
 from tests.worlds.hop_flights import HOP
+from tests.worlds.patience import PATIENCE_S, expect_silence
 
 BOOT = 20
 CAPS = LinkCaps("mock", lockstep=True, deterministic=True, boot_sensors=BOOT)
@@ -67,14 +68,15 @@ class Flight:
         *,
         seed: int = 1,
         process: bool = False,
-        reply_limit_s: float = 0.3,
+        silent_from_ns: int | None = None,
         mission: Path | None = None,
     ) -> None:
-        """`mission`: another than the default one."""
+        """`silent_from_ns`: tick from which no answer is awaited. `mission`: another than the default one."""
         self.bench = bench(mission)
         config = self.bench.config
         self.recorder = NoRecorder()
         self.scheduler: Scheduler | None = None
+        self.silent_from_ns = silent_from_ns
         pty = PtyTransport()
         inner: Transport = pty if process else LoopbackTransport(MockPixhawk(boot_sensors=BOOT))
         self.wire = FaultyTransport(inner, faults, seed, self.now_ns, self.recorder.event)
@@ -82,7 +84,7 @@ class Flight:
             self.wire,
             CAPS,
             start_process=(lambda: ChildProcess(mock_command(pty.far_path, boot_sensors=BOOT))) if process else None,
-            timeouts=LinkTimeouts(reply_limit_s, connect_s=10.0 if process else 1.0),
+            timeouts=LinkTimeouts(PATIENCE_S, connect_s=PATIENCE_S if process else 1.0),
         )
         self.physics = VehiclePhysics(self.bench.vehicle, self.bench.scene, TICK_NS)
         x, y, z = self.physics.state[:3].tolist()
@@ -120,6 +122,8 @@ class Flight:
             )
             self.scheduler = Scheduler(wiring, tick_ns=TICK_NS)
             while self.scheduler.t_ns < limit_s * NS_PER_S and self.station.phase is not Phase.DONE:
+                if self.scheduler.t_ns == self.silent_from_ns:
+                    expect_silence(self.link)
                 self.scheduler.step()
         finally:
             self.link.close()
@@ -181,7 +185,7 @@ def test_faults_fatal_to_lockstep_end_as_lockstep_lost(kind: str, direction: str
 @DIRECTIONS
 def test_delays_below_the_reply_limit_change_nothing(direction: str, held: dict[str, Any], undisturbed: Flight) -> None:
     fault = LinkFault(direction=direction, at_s=START_S, **held)  # type: ignore[arg-type]
-    flight = Flight([fault], reply_limit_s=60.0)
+    flight = Flight([fault])
     flight.fly(END_S)
     assert flight.wire.hits()[0] >= 1
     assert flight.state == undisturbed.state  # simulated time stood still meanwhile
@@ -191,7 +195,7 @@ def test_delays_below_the_reply_limit_change_nothing(direction: str, held: dict[
 @DIRECTIONS
 def test_reordered_messages_are_flown_through(direction: str, rate: float) -> None:
     fault = LinkFault(kind="reorder", direction=direction, at_s=START_S, rate=rate, delay_s=0.0002)  # type: ignore[arg-type]
-    flight = Flight([fault], reply_limit_s=60.0)
+    flight = Flight([fault])
     flight.fly(END_S)
     assert flight.wire.hits()[0] >= 1
     assert flight.now_ns() == END_S * NS_PER_S
@@ -236,7 +240,8 @@ def test_no_heartbeat_is_named(kind: str) -> None:
 
 @DIRECTIONS
 def test_a_stall_beyond_the_reply_limit_is_named(direction: str) -> None:
-    flight = Flight([LinkFault(kind="stall", direction=direction, at_s=START_S)], reply_limit_s=0.1)  # type: ignore[arg-type]
+    stall = LinkFault(kind="stall", direction=direction, at_s=START_S)  # type: ignore[arg-type]
+    flight = Flight([stall], silent_from_ns=int(START_S * NS_PER_S))
     with pytest.raises(LockstepLost):
         flight.fly(END_S)
     assert flight.now_ns() == START_S * NS_PER_S
@@ -279,10 +284,10 @@ def test_the_same_seed_hits_the_same_messages() -> None:
 @pytest.mark.parametrize("kind", ["corrupt", *(pytest.param(k, marks=pytest.mark.slow) for k in ("drop", "duplicate"))])
 def test_over_a_serial_line_the_same_hits_and_errors_as_in_memory(kind: str) -> None:
     fault = LinkFault(kind=kind, at_s=START_S, rate=0.001)  # type: ignore[arg-type]
-    ends = []
+    ends: list[Any] = []
     for process in (False, True):
-        # Over a pty a dropped message is found by this time-out; a loaded machine must not reach it earlier.
-        flight = Flight([fault], process=process, reply_limit_s=3.0)
+        # Over a pty only a time-out finds the lost message; a slow answer before it must not reach that.
+        flight = Flight([fault], process=process, silent_from_ns=ends[0][0] if ends else None)
         with pytest.raises(LockstepLost):
             flight.fly(END_S)
         # The link's queries after the loss, for its cause, depend on the clock and may be hit as well.

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -15,6 +14,7 @@ from firmware_bridge.links.px4.lockstep import LinkCaps, LockstepLink
 from firmware_bridge.transports.pty import PtyTransport
 from signals.errors import HandshakeError, LinkClosed, LockstepLost, PortNotFound
 from signals.samples import ImuSample
+from tests.worlds.patience import PATIENT, SILENCE_S, expect_silence, let_arrive, until
 
 FAKE_PATH = Path(__file__).parents[1] / "worlds" / "scripted_autopilot.py"
 TICK_NS = 4_000_000
@@ -26,16 +26,14 @@ IMU = ImuSample(0, 0, 0, (0.0, 0.0, 9.81), (0.0, 0.0, 0.0), 25.0)
 def make_link():
     links = []
 
-    def make(*arguments, argv=None, reply_limit_s=0.3, heartbeat_limit_s=10.0, stderr_path=None):
+    def make(*arguments, argv=None, timeouts=PATIENT, stderr_path=None):
         transport = PtyTransport()
 
         def start():
             command = argv or [sys.executable, str(FAKE_PATH), "--port", transport.far_path, *arguments]
             return ChildProcess(command, stderr_path=stderr_path)
 
-        link = LockstepLink(
-            transport, CAPS, start_process=start, timeouts=LinkTimeouts(reply_limit_s, heartbeat_limit_s)
-        )
+        link = LockstepLink(transport, CAPS, start_process=start, timeouts=timeouts)
         links.append(link)
         return link
 
@@ -44,8 +42,8 @@ def make_link():
         link.close()
 
 
-def fly(link, ticks, extra=b""):
-    for tick in range(ticks):
+def fly(link, ticks, *, first=0, extra=b""):
+    for tick in range(first, first + ticks):
         link.send(tick, tick * TICK_NS, IMU, None, None, None, extra)
         link.wait(tick, tick * TICK_NS)
 
@@ -79,19 +77,20 @@ def test_alive_but_hung_is_lost_lockstep_and_is_ended_by_close(make_link):
     link = make_link("--fault", "hang")
     link.open()
     pid = link._process.pid
+    fly(link, 7)  # three of its boot, four with an answer
+    expect_silence(link)
     with pytest.raises(LockstepLost, match="no bytes came; its process still runs"):
-        fly(link, 20)
+        fly(link, 1, first=7)
     link.close()
     assert gone(pid)
 
 
-def test_a_process_that_ignores_sigterm_is_killed():
-    child = ChildProcess(
-        [sys.executable, "-c", "import signal,time; signal.signal(15, signal.SIG_IGN); print(1); time.sleep(60)"]
-    )
+def test_a_process_that_ignores_sigterm_is_killed(tmp_path):
+    code = "import signal,sys,time; signal.signal(15, signal.SIG_IGN); open(sys.argv[1], 'w'); time.sleep(3600)"
+    child = ChildProcess([sys.executable, "-c", code, str(tmp_path / "ignores")])
     child.start()
     pid = child.pid
-    time.sleep(0.2)
+    until((tmp_path / "ignores").exists, "the program's first line")
     child.close()
     assert gone(pid)
 
@@ -108,27 +107,33 @@ def test_a_program_that_ends_at_once_is_named(make_link):
 
 
 def test_a_silent_program_is_named(make_link):
-    link = make_link("--mute", heartbeat_limit_s=0.6)
+    link = make_link("--mute", timeouts=LinkTimeouts(connect_s=SILENCE_S))
     with pytest.raises(HandshakeError, match="no bytes came at all"):
         link.open()
     assert link._process is None
 
 
 def test_a_program_with_another_protocol_is_named(make_link):
-    code = "import sys,time; f=open(sys.argv[1],'wb',0); f.write(b'NuttShell (NSH)\\n'*20); time.sleep(60)"
+    code = "import sys,time; f=open(sys.argv[1],'wb',0); f.write(b'NuttShell (NSH)\\n'*20); time.sleep(3600)"
     transport = PtyTransport()
+
+    class Started(ChildProcess):
+        def start(self):
+            super().start()
+            let_arrive(link)  # the program's start does not count
+
     link = LockstepLink(
         transport,
         CAPS,
-        start_process=lambda: ChildProcess([sys.executable, "-c", code, transport.far_path]),
-        timeouts=LinkTimeouts(connect_s=0.6),
+        start_process=lambda: Started([sys.executable, "-c", code, transport.far_path]),
+        timeouts=LinkTimeouts(connect_s=SILENCE_S),
     )
     with pytest.raises(HandshakeError, match="none of them a MAVLink message"):
         link.open()
 
 
 def test_large_writes_arrive_whole(make_link):
-    link = make_link(reply_limit_s=5.0)
+    link = make_link()
     link.open()
     fly(link, 6, extra=bytes(30_000))
     assert link.stats.garbage_bytes == 0
@@ -136,7 +141,7 @@ def test_large_writes_arrive_whole(make_link):
 
 def test_recovery_after_every_kind_of_death(make_link):
     """The same link object is opened and flown again after its process was lost."""
-    link = make_link(reply_limit_s=2.0)
+    link = make_link()
     link.open()
     fly(link, 10)
     os.kill(link._process.pid, signal.SIGKILL)
@@ -151,8 +156,8 @@ def test_recovery_after_every_kind_of_death(make_link):
 def test_child_dies_with_its_parent(tmp_path):
     code = (
         "import sys,time; from firmware_bridge.links.child_process import ChildProcess\n"
-        "c = ChildProcess([sys.executable, '-c', 'import time; time.sleep(60)']); c.start()\n"
-        "print(c.pid, flush=True); time.sleep(60)"
+        "c = ChildProcess([sys.executable, '-c', 'import time; time.sleep(3600)']); c.start()\n"
+        "print(c.pid, flush=True); time.sleep(3600)"
     )
     root = str(Path(__file__).parents[2])
     with subprocess.Popen(
@@ -162,10 +167,7 @@ def test_child_dies_with_its_parent(tmp_path):
         assert not gone(pid)
         parent.kill()
         parent.wait()
-    deadline = time.monotonic() + 5.0
-    while not orphan_ended(pid) and time.monotonic() < deadline:
-        time.sleep(0.02)
-    assert orphan_ended(pid)
+    until(lambda: orphan_ended(pid), "the end of the child")
 
 
 def orphan_ended(pid):

@@ -15,8 +15,9 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack, unpack
 from firmware_bridge.mock_pixhawk.line import SendBuffer
 from tests.worlds.mock_pixhawk_world import World
+from tests.worlds.patience import PATIENCE_S
 
-LIMIT_S = 20.0
+LIMIT_S = PATIENCE_S
 
 
 class Process:

@@ -29,6 +29,7 @@ from tests.worlds.ardupilot_json_sitl import (
     truth,
     value,
 )
+from tests.worlds.patience import PATIENT, expect_silence
 from tests.worlds.resting_vehicle import IMU
 
 
@@ -149,7 +150,7 @@ def test_motors_that_turn_are_armed_before_the_next_heartbeat(make, sitl):
 
 def test_telemetry_is_read_while_waiting(make, sitl):
     """The link reads before the answer arrives: over TCP an unread SITL blocks, over UDP messages would be lost."""
-    link = make(timeouts=LinkTimeouts(60.0, connect_s=5.0))
+    link = make()
     fly(link, sitl, 1)
     send(link, 1)
 
@@ -172,9 +173,7 @@ def test_messages_over_tcp_and_again_after_a_reboot(sitl):
     """As SITL does by default: it listens, and sends no packet before a client connects."""
     listener = socket.create_server((LOOPBACK, 0))
     inbox, side = UdpInbox(0), MavlinkChannel(TcpClient(listener.getsockname()[1]))
-    link = ArduPilotJsonLink(
-        inbox, side, start_process=sitl.attach(inbox, side), on_restart="reset", timeouts=LinkTimeouts(connect_s=5.0)
-    )
+    link = ArduPilotJsonLink(inbox, side, start_process=sitl.attach(inbox, side), on_restart="reset", timeouts=PATIENT)
     asked = sitl.ask
     connections = []
 
@@ -236,8 +235,9 @@ def test_another_client_of_the_tcp_port_is_named(sitl, tmp_path):
 
 
 def test_a_silence_error_names_the_messages_still_received(make, sitl):
-    link = make(timeouts=LinkTimeouts(0.6, connect_s=5.0))
+    link = make()
     fly(link, sitl, 2)
+    expect_silence(link)
     sitl.say(StatusText(2, b"EKF variance", 0, 0))
     send(link, 2)
     sitl.ask()  # does not take the answer
@@ -251,7 +251,7 @@ def test_a_silence_error_names_the_messages_still_received(make, sitl):
 
 
 def test_an_ended_process_is_reported_with_its_status(make, sitl):
-    link = make(timeouts=LinkTimeouts(30.0, connect_s=5.0))
+    link = make()
     fly(link, sitl, 2)
     send(link, 2)
     link._process.alive = False

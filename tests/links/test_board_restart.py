@@ -20,6 +20,7 @@ from firmware_bridge.transports.serial import SerialTransport
 from hil.apps.devices.timing_test import check_timing
 from signals.errors import HandshakeError
 from tests.worlds.hitl_board import HitlBoard
+from tests.worlds.patience import PATIENT
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
 
@@ -35,7 +36,7 @@ def open_link(far: HitlBoard) -> list[tuple[str, str]]:
         CAPS,
         motors=4,
         period_ns=4_000_000,
-        timeouts=LinkTimeouts(reply_s=30.0),
+        timeouts=PATIENT,
         say=lambda kind, text: said.append((kind, text)),
     )
     try:

@@ -38,8 +38,10 @@ from tests.worlds.companion_server import (
     join,
     serving,
     step,
+    told,
     until,
 )
+from tests.worlds.patience import PATIENCE_S
 
 
 def test_welcome_tells_the_session() -> None:
@@ -224,8 +226,7 @@ def test_ping_is_answered_with_the_benchs_clock() -> None:
     with serving() as server, RawClient(server.endpoint) as client:
         join(server, client)
         client.say("ping", id=4, t_client_ns=123)
-        server.poll(0.2)
-        pong = client.expect("pong")
+        pong = told(server, client, "pong")
         assert (pong["id"], pong["t_client_ns"]) == (4, 123)
         assert 0 < pong["t_bench_received_ns"] <= pong["t_bench_sent_ns"]
 
@@ -280,10 +281,10 @@ def test_waiting_names_what_is_missing() -> None:
         client.hello(topics=["sonar"])
         calls: list[int] = []
         with pytest.raises(HandshakeError, match=r"0 of 2 clients.*no topic matches 'sonar'.*baro"):
-            server.wait_for_clients(2, 0.2, lambda: calls.append(1))
+            server.wait_for_clients(2, 1.0, lambda: calls.append(1))
         assert calls
         client.hello()
-        assert [c.name for c in server.wait_for_clients(1, 5.0)] == ["cut"]
+        assert [c.name for c in server.wait_for_clients(1, PATIENCE_S)] == ["cut"]
 
 
 def test_after_limit_topics_a_later_client_gets_no_other_topics() -> None:
@@ -291,8 +292,7 @@ def test_after_limit_topics_a_later_client_gets_no_other_topics() -> None:
         join(server, first, topics=["imu", "baro"])
         server.limit_topics(server.topics)
         late.hello("late", topics=["imu", "front/rgb"])
-        server.poll(0.2)
-        refused = late.expect("refused")
+        refused = told(server, late, "refused")
         assert refused["code"] == "topic"
         assert "front/rgb" in refused["text"]
         join(server, late, "late", topics=["imu"])

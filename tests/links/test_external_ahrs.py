@@ -37,6 +37,7 @@ from tests.worlds.external_ahrs_board import (
     geodetic,
     truth,
 )
+from tests.worlds.patience import PATIENT, expect_silence
 from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG, Process
 
 
@@ -263,15 +264,16 @@ def test_missing_mavlink_is_named(board):
 
 
 def test_mavlink_that_falls_silent_is_named(board):
-    bench = Bench(board, timeouts=LinkTimeouts(reply_s=0.1))
+    bench = Bench(board, timeouts=PATIENT)
     board.beat()
     bench.run(2)
     board.talks = False
+    expect_silence(bench.link)
     assert silent(bench).cause == "silent"
 
 
 def test_mavlink_without_outputs_is_named(board):
-    bench = Bench(board, timeouts=LinkTimeouts(reply_s=0.2))
+    bench = Bench(board, timeouts=PATIENT)
     run = bench.link.begin
 
     def begin(tick):
@@ -279,6 +281,9 @@ def test_mavlink_without_outputs_is_named(board):
         return run(tick)
 
     bench.link.begin = begin
+    while not board.streaming:
+        bench.run()
+    expect_silence(bench.link)
     error = silent(bench)
     assert error.cause == "no_controls"
     assert "SERVO_OUTPUT_RAW" in str(error)
@@ -330,7 +335,7 @@ def test_two_pseudo_terminals_and_the_real_time_sender():
         period_ns=TICK_NS,
         geodetic=geodetic,
         start_process=lambda: Process(connect),
-        timeouts=LinkTimeouts(reply_s=60.0),
+        timeouts=PATIENT,
     )
     board = Board(asks=())
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import sys
@@ -29,6 +30,7 @@ from hil.run.bench_run import RunResult, run_bench
 from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError
 from signals.samples import RangeSample
 from tests.worlds.hitl_board import HitlBoard
+from tests.worlds.patience import PATIENCE_S, PATIENT, expect_silence
 from tests.worlds.resting_vehicle import GPS, IMU, Drive
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo-terminals")
@@ -49,7 +51,7 @@ class HitlDrive(Drive):
         self.events: list[tuple[str, str]] = []
         settings = {
             "period_ns": TICK_NS,
-            "timeouts": LinkTimeouts(reply_s=30.0),
+            "timeouts": PATIENT,
             "on_event": lambda kind, text: self.events.append((kind, text)),
         } | settings
         super().__init__(FreeRunningLink(transport, CAPS, motors=4 if checked else None, **settings), TICK_NS)
@@ -151,7 +153,7 @@ def test_unplugged_and_back_by_a_declared_fault(board: Boards, drive: Drives) ->
         lambda: driven.now_ns(),
         lambda t_ns, kind, text: told.append((t_ns, kind, text)),
     )
-    driven = drive(wire, opened=False, own_sender=False, timeouts=LinkTimeouts(reply_s=30.0, reconnect_s=60.0))
+    driven = drive(wire, opened=False, own_sender=False)
     driven.link.open()
     driven.run(100)
     assert {kind for kind, _ in driven.events} <= {"slip"}
@@ -173,7 +175,7 @@ def test_a_board_that_is_really_unplugged_and_put_back(board: Boards, drive: Dri
     first = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(first.port)
-    driven = drive(SerialTransport(str(port)), timeouts=LinkTimeouts(reply_s=30.0, reconnect_s=60.0))
+    driven = drive(SerialTransport(str(port)))
     driven.run(50)
     before = driven.link.send_stats().sent
     first.unplug()
@@ -194,7 +196,7 @@ def test_a_board_that_stays_unplugged_is_named(
     far = board()
     port = tmp_path / "ttyACM0"
     port.symlink_to(far.port)
-    driven = drive(SerialTransport(str(port)), timeouts=LinkTimeouts(reply_s=30.0, reconnect_s=reconnect_s))
+    driven = drive(SerialTransport(str(port)), timeouts=dataclasses.replace(PATIENT, reconnect_s=reconnect_s))
     driven.run(20)
     far.unplug()
     port.unlink()
@@ -212,18 +214,19 @@ def test_a_board_that_stays_unplugged_is_named(
 
 def test_a_board_that_falls_silent_is_named(board: Boards, drive: Drives) -> None:
     far = board()
-    driven = drive(far, timeouts=LinkTimeouts(reply_s=1.0))
+    driven = drive(far)
     driven.run(50)
     far.tap.mute.add("all")
-    with pytest.raises(LinkError, match=r"no message has come for 1\.\d s") as caught:
+    expect_silence(driven.link, 1.0)
+    with pytest.raises(LinkError, match=r"no message has come for \d+\.\d s") as caught:
         driven.run(5000)
     assert caught.value.cause == "silent"
 
 
 def test_a_board_that_sends_no_commands_is_named(board: Boards, drive: Drives) -> None:
     far = board(mute=["HIL_ACTUATOR_CONTROLS"])
-    driven = drive(far, timeouts=LinkTimeouts(reply_s=1.5))
-    with pytest.raises(HandshakeError, match=r"no HIL_ACTUATOR_CONTROLS for 1\.5 s: is SYS_HITL 1") as caught:
+    driven = drive(far, timeouts=LinkTimeouts(reply_s=3.0))
+    with pytest.raises(HandshakeError, match=r"no HIL_ACTUATOR_CONTROLS for 3 s: is SYS_HITL 1") as caught:
         driven.run(5000)
     assert caught.value.cause == "no_controls"
     assert driven.seen == []
@@ -247,8 +250,8 @@ def test_repeated_invalid_commands_end_the_run(board: Boards, drive: Drives) -> 
 
 def test_a_missing_heartbeat_is_named(board: Boards, drive: Drives) -> None:
     far = board(mute=["HEARTBEAT"])
-    driven = drive(far, timeouts=LinkTimeouts(connect_s=0.5), opened=False)
-    with pytest.raises(HandshakeError, match=r"no heartbeat within 0.5 s of wall clock; [1-9]\d* other messages"):
+    driven = drive(far, timeouts=LinkTimeouts(connect_s=3.0), opened=False)
+    with pytest.raises(HandshakeError, match=r"no heartbeat within 3 s of wall clock; [1-9]\d* other messages"):
         driven.link.open()
     assert driven.link.send_stats() is None
 
@@ -289,9 +292,9 @@ def test_parameters_are_set_in_their_own_type(setup: Setup) -> None:
 
 
 def test_refused_and_unknown_parameters_are_named(setup: Setup, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hitl_setup, "_TRY_S", 0.3)
     _, asked = setup()
     assert asked.problems() == []
+    monkeypatch.setattr(hitl_setup, "_TRY_S", 0.5)
     with pytest.raises(ConfigError) as caught:
         asked.set({"HIL_ACT_FUNC1": 5000.0, "MPC_XY_CRUSE": 1.0, "COM_RC_IN_MODE": 1.5})
     told = str(caught.value).splitlines()
@@ -348,6 +351,7 @@ def test_a_board_without_parameters_that_sends_commands_is_accepted(
     setup: Setup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hitl_setup, "_TRY_S", 0.05)
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", PATIENCE_S)
     _, asked = setup(mute=["PARAM_VALUE"])
     asked.require()
 
@@ -359,7 +363,7 @@ def check(port: str, *, fix: bool = False) -> tuple[bool, str]:
 
 
 def test_a_board_is_checked_and_configured(board: Boards, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", PATIENCE_S)
     far = board(params=["SYS_HITL=0", "HIL_ACT_FUNC4=0"])
     ready, text = check(far.port)
     assert not ready
@@ -386,7 +390,7 @@ def test_a_board_that_has_not_been_restarted(board: Boards, monkeypatch: pytest.
     assert "it was not restarted yet, or the connection is too slow" in text
     assert not check(far.port, fix=True)[0]
     assert far.wait_for(lambda: far.mock.boots == 2)
-    monkeypatch.setattr(hitl_setup, "_LISTEN_S", 30.0)
+    monkeypatch.setattr(hitl_setup, "_LISTEN_S", PATIENCE_S)
     assert check(far.port)[0]
 
 
@@ -415,16 +419,16 @@ def test_the_rig_without_a_mission(fly: Flights) -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "kind", "cause", "says"),
+    ("settings", "kind", "cause", "says"),
     [
         ("autopilot.faults.die_at_s=1.5", "LinkClosed", "crashed", "exit status 70"),
         # Well after the begin of the flight, which takes seconds of the wall clock on a busy machine.
-        ("autopilot.faults.stall_at_s=6", "LinkError", "silent", "its process still runs"),
+        ("autopilot.faults.stall_at_s=6 autopilot.reply_timeout_s=5", "LinkError", "silent", "its process still runs"),
         ("autopilot.params.SYS_HITL=0", "HandshakeError", "setup", "--fix"),
     ],
 )
-def test_how_the_rig_ends(fly: Flights, setting: str, kind: str, cause: str, says: str) -> None:
-    result = fly("duration_s=60", "autopilot.reply_timeout_s=1.5", setting)
+def test_how_the_rig_ends(fly: Flights, settings: str, kind: str, cause: str, says: str) -> None:
+    result = fly("duration_s=60", *settings.split())
     error = result.run["error"]
     assert (result.status, error["type"], error["cause"]) == ("ERROR", kind, cause)
     assert says in json.dumps(error)

@@ -10,14 +10,16 @@ from pymavlink.dialects.v20 import common
 from firmware_bridge.codecs.errors import CodecError
 from firmware_bridge.codecs.mavlink_frame import MAX_FRAME_LENGTH, FrameParser
 from firmware_bridge.codecs.messages import MSGID
-from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps, LinkTimeouts
+from firmware_bridge.links.autopilot_link import InvalidControls, LinkCaps
 from firmware_bridge.links.child_process import ChildProcess
+from firmware_bridge.links.px4 import lockstep
 from firmware_bridge.links.px4.lockstep import LockstepLink
 from firmware_bridge.transports.loopback import LoopbackTransport
 from firmware_bridge.transports.pty import PtyTransport
 from signals.errors import HandshakeError, LockstepLost
 from signals.samples import DifferentialPressureSample
 from tests.worlds import scripted_autopilot as fake
+from tests.worlds.patience import PATIENCE_S, PATIENT, SILENCE_S, expect_silence, let_arrive
 from tests.worlds.resting_vehicle import BARO, GPS, IMU, MAG
 
 TICK_NS = 4_000_000
@@ -26,22 +28,18 @@ CAPS = LinkCaps("fake", lockstep=True, deterministic=True, boot_sensors=BOOT)
 ACTUATORS = MSGID["HIL_ACTUATOR_CONTROLS"]
 
 
-def in_memory(*, reply_limit_s=0.3, **script):
-    return LockstepLink(
-        LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT, **script)),
-        CAPS,
-        timeouts=LinkTimeouts(reply_s=reply_limit_s),
-    )
+def in_memory(**script):
+    return LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=BOOT, **script)), CAPS, timeouts=PATIENT)
 
 
-def over_pty(*arguments, reply_limit_s=0.3, heartbeat_limit_s=10.0):
+def over_pty(*arguments):
     transport = PtyTransport()
 
     def start():
         argv = [sys.executable, fake.__file__, "--port", transport.far_path, "--boot-sensors", str(BOOT), *arguments]
         return ChildProcess(argv)
 
-    return LockstepLink(transport, CAPS, start_process=start, timeouts=LinkTimeouts(reply_limit_s, heartbeat_limit_s))
+    return LockstepLink(transport, CAPS, start_process=start, timeouts=PATIENT)
 
 
 @pytest.fixture(params=["memory", "pty"])
@@ -49,11 +47,11 @@ def scripted(request):
     """Yield a function that opens a link to an autopilot with the given fault; close it at the end."""
     links = []
 
-    def make(fault="", at=5, **limits):
+    def make(fault="", at=5):
         if request.param == "memory":
-            link = in_memory(fault=fault, at=at, **limits)
+            link = in_memory(fault=fault, at=at)
         else:
-            link = over_pty("--fault", fault, "--at", str(at), **limits)
+            link = over_pty("--fault", fault, "--at", str(at))
         links.append(link)
         link.open()
         return link
@@ -158,8 +156,13 @@ def test_bytes_that_are_no_answer_do_not_end_a_run(scripted, fault):
 def test_errors_that_end_a_run_name_the_cause(scripted, fault, error, says):
     link = scripted(fault)
     fly(link, BOOT + 4)
+    tick = BOOT + 4
+    link.send(tick, tick * TICK_NS, IMU, MAG, BARO, None, b"")
+    if fault != "silent":
+        let_arrive(link)
+    expect_silence(link)
     with pytest.raises(error, match=says):
-        fly(link, 1, first=BOOT + 4)
+        link.wait(tick, tick * TICK_NS)
 
 
 def test_a_second_answer_ends_the_next_tick(scripted):
@@ -170,7 +173,18 @@ def test_a_second_answer_ends_the_next_tick(scripted):
 
 
 @pytest.fixture
-def uneven():
+def hold_after_s(monkeypatch):
+    """Return a function that sets how long a link waits before it holds a command; at first it does not hold any."""
+
+    def hold(limit_s):
+        monkeypatch.setattr(lockstep, "_HOLD_S", limit_s)
+
+    hold(PATIENCE_S)
+    return hold
+
+
+@pytest.fixture
+def uneven(hold_after_s):
     """Yield a function that opens a link to one that may answer a tick twice or not at all, as PX4's VTOLs do."""
     links = []
 
@@ -182,7 +196,7 @@ def uneven():
             return ChildProcess([sys.executable, fake.__file__, "--port", transport.far_path, *options])
 
         caps = dataclasses.replace(CAPS, uneven_answers=True)
-        links.append(LockstepLink(transport, caps, start_process=start, timeouts=LinkTimeouts(reply_s=3.0)))
+        links.append(LockstepLink(transport, caps, start_process=start, timeouts=PATIENT))
         links[0].open()
         return links[0]
 
@@ -197,29 +211,35 @@ def test_a_second_answer_is_left_out_where_the_autopilot_may_give_one(uneven):
 
 
 @pytest.mark.parametrize("fault", ["damaged", "silent"])
-def test_a_tick_without_an_answer_holds_the_command_where_the_autopilot_may_leave_one_out(uneven, fault):
+def test_a_tick_without_an_answer_holds_the_command_where_the_autopilot_may_leave_one_out(uneven, hold_after_s, fault):
     link = uneven(fault)
-    answers = [answer for _, answer, _ in fly(link, 30)[BOOT:]]
+    log = fly(link, BOOT + 4)
+    hold_after_s(SILENCE_S)
+    log += fly(link, 1, first=BOOT + 4)
+    hold_after_s(PATIENCE_S)
+    log += fly(link, 25 - BOOT, first=BOOT + 5)
+    answers = [answer for _, answer, _ in log[BOOT:]]
     assert answers[4].controls == answers[3].controls
     assert answers[4].tick == answers[3].tick + 1
     assert (link.stats.repeated, link.stats.unanswered) == (0, 1)
 
 
-def test_an_autopilot_that_leaves_out_more_than_single_ticks_is_lost(uneven):
+def test_an_autopilot_that_leaves_out_more_than_single_ticks_is_lost(uneven, hold_after_s):
     link = uneven("hang")
+    fly(link, BOOT + 4)
+    hold_after_s(SILENCE_S)
+    expect_silence(link, 2 * SILENCE_S)
     with pytest.raises(LockstepLost, match="no bytes came"):
-        fly(link, 30)
+        fly(link, 30, first=BOOT + 4)
     assert link.stats.unanswered == 3
 
 
 def test_a_wrong_boot_length_in_the_rig_is_named():
-    early = LockstepLink(
-        LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, timeouts=LinkTimeouts(reply_s=0.1)
-    )
+    early = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=1)), CAPS, timeouts=PATIENT)
     early.open()
     with pytest.raises(LockstepLost, match="boot_sensors"):
         fly(early, 10)
-    late = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=9)), CAPS, timeouts=LinkTimeouts(reply_s=0.1))
+    late = LockstepLink(LoopbackTransport(fake.FakeAutopilot(boot_sensors=9)), CAPS, timeouts=PATIENT)
     late.open()
     with pytest.raises(LockstepLost, match="boot_sensors"):
         fly(late, 10)
@@ -265,7 +285,7 @@ def test_fifty_thousand_invalid_packets_between_answers():
                 [rng.randbytes(rng.randrange(40)), bytes(damaged), b"\xfd\xff\x00\x00\x07\x01\x01\x1e\0\0"]
             )
 
-    link = LockstepLink(LoopbackTransport(Noisy(boot_sensors=BOOT)), CAPS, timeouts=LinkTimeouts(reply_s=1.0))
+    link = LockstepLink(LoopbackTransport(Noisy(boot_sensors=BOOT)), CAPS, timeouts=PATIENT)
     link.open()
     ticks = 5_000
     for tick in range(ticks):

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.worlds.bench_process import BenchProcess, free_port, until
+from tests.worlds.bench_process import BenchProcess, free_port
+from tests.worlds.patience import until
 
 
 @contextmanager

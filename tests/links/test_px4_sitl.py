@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import socket
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ from hil.run.bench_run import RunResult, run_bench
 from signals.errors import ConfigError, HandshakeError, LinkClosed, LinkError, LockstepLost, PortNotFound
 from tests.worlds.bench_process import free_instance
 from tests.worlds.fake_px4_sitl import FakePx4
+from tests.worlds.patience import PATIENCE_S, PATIENT, expect_silence, until
 from tests.worlds.resting_vehicle import Drive
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="PX4 SITL does not run there")
@@ -88,17 +87,17 @@ def fly(tmp_path: Path, build: Path, instance: int) -> Flights:
     return run
 
 
+def state(pid: int | None) -> str:
+    """Return the state of a process as /proc names it; Z, a zombie, if there is none."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (ProcessLookupError, FileNotFoundError):
+        return "Z"
+
+
 def gone(pid: int) -> bool:
-    """Return True if no running process is left of it."""
-    for _ in range(200):
-        try:
-            os.kill(pid, 0)
-            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
-                return True
-        except (ProcessLookupError, FileNotFoundError):
-            return True
-        time.sleep(0.05)
-    return False
+    """Return True once no running process is left of it."""
+    return bool(until(lambda: state(pid) == "Z", "the end of the process"))
 
 
 # -- started by the bench -------------------------------------------------------------------------------------------
@@ -195,7 +194,7 @@ def test_a_px4_that_the_user_starts(fly: Flights, instance: int, tmp_path: Path)
     thread.start()
     result = fly("autopilot.start=false", "duration_s=3", mission=None)
     assert (result.run["error"], result.run["sim_s"]) == (None, 3.0)
-    assert px4.ended.wait(10.0)
+    assert px4.ended.wait(PATIENCE_S)
     assert not (tmp_path / "out/autopilot.log").exists()
     times = [time_us for what, time_us in px4.order if what == "sensor"]
     assert times == [tick * 4000 for tick in range(750)]
@@ -284,18 +283,34 @@ def test_a_port_that_is_taken_is_named(fly: Flights, instance: int) -> None:
 class Px4Drive(Drive):
     """A link to a stand-in in this process."""
 
-    def __init__(self, instance: int, *, script: str = "", start: Any = None, reply_limit_s: float = 0.7) -> None:
+    def __init__(self, instance: int, *, script: str = "", start: Any = None) -> None:
         self.px4 = None
         if start is None:
             self.px4 = FakePx4(instance, script=script)
             threading.Thread(target=self.px4.serve, daemon=True).start()
-        super().__init__(
-            px4_sitl_link(instance, start_process=start, timeouts=LinkTimeouts(reply_s=reply_limit_s)), TICK_NS
-        )
+        super().__init__(px4_sitl_link(instance, start_process=start, timeouts=PATIENT), TICK_NS)
         self.link.open()
 
     def step(self, extra: bytes = b"") -> bytes:
         return super().step(extra + (self.words("HEARTBEAT", 6, 8, 0, 0, 4, 3) if self.tick == 0 else b""))
+
+    def handled(self) -> bool:
+        """Return True if the stand-in has done all that it does with the newest sensor message."""
+        return self.px4 is not None and self.px4.handled > self.tick
+
+    def lose(self, extra: bytes = b"", *, after: Callable[[], bool] | None = None) -> LinkError:
+        """Do a tick to which no answer comes in time and return the error. It is awaited only `after` this is true."""
+        wait = self.link.wait
+
+        def wait_in_vain(tick: int, t_ns: int) -> None:
+            until(after or self.handled, "what the far side does at this tick")
+            expect_silence(self.link)
+            wait(tick, t_ns)
+
+        self.link.wait = wait_in_vain
+        with pytest.raises(LinkError) as caught:
+            self.step(extra)
+        return caught.value
 
 
 @pytest.fixture
@@ -303,7 +318,7 @@ def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drives]:
     made: list[Px4Drive] = []
     monkeypatch.setattr(lockstep, "_LINGER_S", 0.2)
     # The far side reads in the end, even on a busy machine.
-    monkeypatch.setattr(ground_channel, "_READ_LIMIT_S", 30.0)
+    monkeypatch.setattr(ground_channel, "_READ_LIMIT_S", PATIENCE_S)
 
     def make(**settings: Any) -> Px4Drive:
         made.append(Px4Drive(instance, **settings))
@@ -312,11 +327,11 @@ def drive(instance: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Drives]:
     yield make
     for one in made:
         one.link.close()
-        assert one.px4 is None or one.px4.ended.wait(30.0)
+        assert one.px4 is None or one.px4.ended.wait(PATIENCE_S)
 
 
 def test_the_boot_is_detected_and_then_each_sensor_message_is_answered(drive: Drives) -> None:
-    driven = drive(reply_limit_s=30.0)
+    driven = drive()
     driven.run(200)
     assert 1 <= len(driven.seen) <= 200 - 17
     answered = len(driven.seen)
@@ -327,7 +342,7 @@ def test_the_boot_is_detected_and_then_each_sensor_message_is_answered(drive: Dr
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="the system does not tell what has been read")
 def test_commands_reach_it_before_the_sensor_of_their_tick(drive: Drives) -> None:
-    driven = drive(reply_limit_s=30.0)
+    driven = drive()
     driven.run(60)
     for number in range(40):
         driven.run(1)
@@ -339,10 +354,7 @@ def test_commands_reach_it_before_the_sensor_of_their_tick(drive: Drives) -> Non
         assert order[order.index(("command", 1000 + number)) + 1] == ("sensor", tick * 4000)
 
 
-def lost(driven: Px4Drive, ticks: int = 400) -> LinkError:
-    with pytest.raises(LinkError) as caught:
-        driven.run(ticks)
-    return caught.value
+SCRIPTED = 99  # the tick of a script's "@100"
 
 
 @pytest.mark.parametrize(
@@ -355,8 +367,16 @@ def lost(driven: Px4Drive, ticks: int = 400) -> LinkError:
         ("silent@100", "silent", "no answer to time_usec 396000"),
     ],
 )
-def test_the_cause_of_silence_is_named(drive: Drives, script: str, cause: str, says: str) -> None:
-    error = lost(drive(script=script))
+def test_the_cause_of_silence_is_named(
+    drive: Drives, monkeypatch: pytest.MonkeyPatch, script: str, cause: str, says: str
+) -> None:
+    if cause == "lost":
+        monkeypatch.setattr(lockstep, "_PROBE_WAIT_S", PATIENCE_S)  # the first is answered
+    elif script.startswith("late"):
+        monkeypatch.setattr(lockstep, "_PROBE_WAIT_S", 0.02)  # it takes 250 probes until it says something
+    driven = drive(script=script)
+    driven.run(SCRIPTED)
+    error = driven.lose()
     assert isinstance(error, LockstepLost)
     assert error.cause == cause
     assert "396000" in str(error)
@@ -366,18 +386,18 @@ def test_the_cause_of_silence_is_named(drive: Drives, script: str, cause: str, s
 def test_silent_after_it_was_told_to_terminate(drive: Drives) -> None:
     driven = drive()
     driven.run(60)
-    with pytest.raises(LockstepLost) as caught:
-        driven.step(driven.command(TERMINATE, 1.0))
-    assert caught.value.cause == "terminated"
+    error = driven.lose(driven.command(TERMINATE, 1.0))
+    assert isinstance(error, LockstepLost)
+    assert error.cause == "terminated"
 
 
 def test_silent_in_offboard_without_set_points(drive: Drives) -> None:
     driven = drive()
     driven.run(60)
-    with pytest.raises(LockstepLost) as caught:
-        driven.step(driven.command(SET_MODE, 1.0, OFFBOARD))
-    assert caught.value.cause == "offboard_without_setpoints"
-    assert "send set-points first" in str(caught.value)
+    error = driven.lose(driven.command(SET_MODE, 1.0, OFFBOARD))
+    assert isinstance(error, LockstepLost)
+    assert error.cause == "offboard_without_setpoints"
+    assert "send set-points first" in str(error)
 
 
 def test_offboard_that_has_been_left_is_not_named_as_the_cause(drive: Drives) -> None:
@@ -385,12 +405,15 @@ def test_offboard_that_has_been_left_is_not_named_as_the_cause(drive: Drives) ->
     driven = drive(script="silent@100")
     driven.run(60)
     driven.link._vehicle.sent(driven.command(SET_MODE, 1.0, OFFBOARD) + driven.command(SET_MODE, 1.0, 4.0, 6.0))
-    assert lost(driven).cause == "silent"
+    driven.run(SCRIPTED - driven.tick)
+    assert driven.lose().cause == "silent"
 
 
 def test_slow_is_distinguished_from_silent(drive: Drives, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lockstep, "_LINGER_S", 60.0)
-    error = lost(drive(script="slow@100"))
+    monkeypatch.setattr(lockstep, "_LINGER_S", PATIENCE_S)
+    driven = drive(script="slow@100")
+    driven.run(SCRIPTED)
+    error = driven.lose(after=lambda: True)
     assert error.cause == "slow"
     assert "reply_timeout_s" in str(error)
 
@@ -401,8 +424,9 @@ def test_a_stopped_process_is_reported_and_ended(
 ) -> None:
     monkeypatch.setattr(child_process, "_TERMINATE_S", 0.2)  # a stopped process does not handle SIGTERM
     child = process(build, tmp_path / "w", env={"FAKE_PX4": "stop@100"}, instance=instance)
-    driven = drive(start=lambda: child, reply_limit_s=2.0)
-    error = lost(driven)
+    driven = drive(start=lambda: child)
+    driven.run(SCRIPTED)
+    error = driven.lose(after=lambda: state(child.pid) == "T")
     assert error.cause == "stopped"
     pid = child.pid
     driven.link.close()
@@ -410,7 +434,7 @@ def test_a_stopped_process_is_reported_and_ended(
 
 
 def test_a_wire_that_hangs_up_is_a_crash(drive: Drives) -> None:
-    driven = drive(script="hang_up@100", reply_limit_s=30.0)
+    driven = drive(script="hang_up@100")
     with pytest.raises(LinkClosed) as caught:
         driven.run(200)
     assert caught.value.cause == "crashed"
@@ -420,7 +444,7 @@ def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int)
     other = FakePx4(instance)
     threading.Thread(target=other.serve, daemon=True).start()
     ended = child_process.ChildProcess(["/bin/sh", "-c", "echo port is taken >&2; exit 3"])
-    link = px4_sitl_link(instance, start_process=lambda: ended, timeouts=LinkTimeouts(reply_s=30.0))
+    link = px4_sitl_link(instance, start_process=lambda: ended, timeouts=PATIENT)
 
     def fly() -> None:
         link.open()
@@ -432,7 +456,7 @@ def test_another_px4_answers_in_place_of_the_one_that_was_started(instance: int)
         fly()
     link.close()
     assert caught.value.cause == "second_autopilot"
-    assert other.ended.wait(30.0)
+    assert other.ended.wait(PATIENCE_S)
 
 
 @pytest.mark.skipif(not Path("/proc/net/udp").exists(), reason="the system does not tell who listens")

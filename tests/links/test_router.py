@@ -9,6 +9,7 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder
 from firmware_bridge.codecs.messages import NAME
 from firmware_bridge.router.router import Endpoint, Router
 from signals.errors import PortBusy, PortNotFound
+from tests.worlds.patience import PATIENCE_S
 from tests.worlds.router_clients import UdpClient, address_of, command, framed, heartbeat, raw, until
 
 VEHICLE = FrameEncoder(1, 1)
@@ -31,7 +32,7 @@ def client():
 
 def hears(client, count):
     """Return the names of messages since the last call, once there are `count`, or after a time-out."""
-    deadline = time.monotonic() + (5.0 if count else 0.02)
+    deadline = time.monotonic() + (PATIENCE_S if count else 0.02)
     while len(client.hear()) < max(count, 1) and time.monotonic() < deadline:
         time.sleep(0.001)
     heard, client.heard = client.heard, []

@@ -11,7 +11,8 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink
 
 from hil.run.recorder.recorder import TLOG_NAME
-from tests.worlds.bench_process import BenchProcess, free_port, until
+from tests.worlds.bench_process import BenchProcess, free_port
+from tests.worlds.patience import PATIENCE_S, until
 
 LATITUDE, LONGITUDE = 473977420, 85455940
 
@@ -32,14 +33,14 @@ class Peer:
     def say_hello(self) -> None:
         self.link.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4)
 
-    def ask(self, question: Callable[[], None], *kinds: str, limit_s: float = 60.0) -> Any:
+    def ask(self, question: Callable[[], None], *kinds: str) -> Any:
         """Repeat the request until an answer of one of these kinds arrives, as clients do."""
 
         def answered() -> Any:
             question()
             return self.link.recv_match(type=list(kinds), blocking=True, timeout=2.0)
 
-        return until(answered, " or ".join(kinds), limit_s)
+        return until(answered, " or ".join(kinds))
 
     def command(self, number: int, *params: float) -> int:
         """Send a command and return the result in its acknowledgement."""
@@ -73,7 +74,7 @@ def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -
     first = Peer(f"udpin:127.0.0.1:{listens}", 245)
     closing.append(first)
     with BenchProcess(tmp_path, *settings) as bench:
-        heartbeat = first.link.wait_heartbeat(timeout=60)
+        heartbeat = first.link.wait_heartbeat(timeout=PATIENCE_S)
         assert heartbeat is not None
         assert heartbeat.autopilot == mavlink.MAV_AUTOPILOT_PX4
         second, third = Peer(f"udpout:127.0.0.1:{comes}", 246), Peer(f"tcp:127.0.0.1:{connects}", 247)
@@ -90,7 +91,7 @@ def test_pymavlink_clients_work_unchanged(tmp_path: Path, closing: list[Peer]) -
         names = {value.param_id}
 
         def all_named() -> bool:
-            message = first.link.recv_match(type="PARAM_VALUE", blocking=True, timeout=5)
+            message = first.link.recv_match(type="PARAM_VALUE", blocking=True, timeout=PATIENCE_S)
             if message is None:
                 first.link.param_fetch_all()  # something was lost
             else:

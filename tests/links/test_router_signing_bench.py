@@ -11,7 +11,8 @@ from pymavlink import mavutil
 from firmware_bridge.codecs.mavlink_frame import FrameParser
 from firmware_bridge.codecs.signing import SigningKey, is_signed, matches
 from hil.run.recorder.recorder import TLOG_NAME
-from tests.worlds.bench_process import BenchProcess, free_port, until
+from tests.worlds.bench_process import BenchProcess, free_port
+from tests.worlds.patience import until
 
 PHRASE = "correct horse"
 KEY = hashlib.sha256(PHRASE.encode()).digest()

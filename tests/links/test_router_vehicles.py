@@ -12,7 +12,8 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import all as mavlink
 
-from tests.worlds.bench_process import BenchProcess, free_port, until
+from tests.worlds.bench_process import BenchProcess, free_port
+from tests.worlds.patience import until
 
 IDS = [1, 2, 3]
 

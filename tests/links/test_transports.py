@@ -13,6 +13,7 @@ from firmware_bridge.transports.serial import SerialTransport, check_port
 from firmware_bridge.transports.tcp import TcpClient, TcpServer
 from firmware_bridge.transports.udp import UdpTransport
 from signals.errors import LinkClosed, LinkError, PortBusy, PortNotFound
+from tests.worlds.patience import PATIENCE_S
 
 EVERY_BYTE = bytes(range(256))
 
@@ -39,7 +40,7 @@ def tcp_pair():
     server.close()
 
 
-def read_exactly(transport, count, limit_s=5.0):
+def read_exactly(transport, count, limit_s=PATIENCE_S):
     data = b""
     deadline = time.monotonic() + limit_s
     while len(data) < count and time.monotonic() < deadline:
@@ -78,7 +79,7 @@ def test_two_long_writers_do_not_deadlock(pair):
     thread.start()
     near.write(blob)
     got["near"] = read_exactly(near, size)
-    thread.join(10.0)
+    thread.join(PATIENCE_S)
     assert not thread.is_alive()
     assert got["near"] == got["far"] == blob
 
@@ -187,9 +188,9 @@ def test_udp_answers_the_last_sender():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
         with pytest.raises(LinkClosed, match="no datagram has come"):
             server.write(b"x")
-        client.settimeout(5.0)
+        client.settimeout(PATIENCE_S)
         client.sendto(b"hello", ("127.0.0.1", server.port))
-        assert server.read(1.0) == b"hello"
+        assert server.read(PATIENCE_S) == b"hello"
         assert server.read(0.0) == b""
         server.write(b"you too")
         assert client.recv(100) == b"you too"

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from tests.worlds.airsim_clients import PYTHONS, client_python, package_of
-from tests.worlds.bench_process import ROOT, until
+from tests.worlds.bench_process import ROOT
+from tests.worlds.patience import PATIENCE_S, until
 
 SCRIPTS = Path(__file__).with_name("airsim_scripts")
 _ADDRESS = re.compile(r"airsim: 127\.0\.0\.1:(\d+)")
@@ -58,7 +59,7 @@ class AirSimProcess:
     def finish(self) -> dict[str, Any]:
         """End the server and return its airsim.json."""
         self.process.send_signal(signal.SIGINT)
-        assert self.process.wait(60.0) == 0, self.log()
+        assert self.process.wait(PATIENCE_S) == 0, self.log()
         return json.loads((self._out / "run" / "airsim.json").read_text())
 
 
@@ -68,7 +69,7 @@ def run_script(
     server: AirSimProcess,
     *arguments: str,
     python: str = PYTHONS[-1],
-    limit_s: float = 120.0,
+    limit_s: float = PATIENCE_S,
 ) -> str:
     """Run a script of `airsim_scripts` with a real client to its end and return what it printed."""
     script = str(SCRIPTS / f"{name}.py")

@@ -17,6 +17,7 @@ from hil.apps.airsim.command import Choice, TruthDigest, make_simulation
 from hil.apps.airsim.rpc.server import RpcServer
 from hil.apps.airsim.settings.settings import read_settings
 from hil.apps.airsim.simulation import Simulation
+from tests.worlds.patience import PATIENCE_S
 
 
 def vector(x: float, y: float, z: float) -> dict[str, float]:
@@ -44,7 +45,7 @@ class RpcFailed(Exception):
 class Client:
     """Client of a server; messages are sent and read one by one."""
 
-    def __init__(self, port: int, timeout_s: float = 20.0) -> None:
+    def __init__(self, port: int, timeout_s: float = PATIENCE_S) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), timeout=timeout_s)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._unpacker = msgpack.Unpacker(raw=False, strict_map_key=False)
@@ -141,13 +142,13 @@ def served(settings: str = "{}", *, clock: str = "calls", scene: str = "airfield
     thread = threading.Thread(target=run)
     thread.start()
     try:
-        assert ready.wait(60.0)
+        assert ready.wait(PATIENCE_S)
         if not errors:
             yield world
     finally:
         loop.call_soon_threadsafe(stop.set)
         world.close()
-        thread.join(60.0)
+        thread.join(PATIENCE_S)
         loop.close()
     if errors:
         raise errors[0]

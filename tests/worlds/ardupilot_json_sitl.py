@@ -11,8 +11,8 @@ from firmware_bridge.codecs.mavlink_frame import FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import MSGID, message_class, pack
 from firmware_bridge.links.ardupilot.json_link import ArduPilotJsonLink
 from firmware_bridge.links.ardupilot.mavlink_channel import MavlinkChannel
-from firmware_bridge.links.autopilot_link import LinkTimeouts
 from firmware_bridge.transports.udp import UdpInbox, UdpTransport
+from tests.worlds.patience import PATIENCE_S, PATIENT
 from tests.worlds.resting_vehicle import IMU, Process, truth_at
 
 TICK_NS = 2_500_000
@@ -45,7 +45,7 @@ class Sitl:
     def __init__(self, *, frame_rate=1200, first=0):
         self.servo = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.servo.bind((LOOPBACK, 0))
-        self.servo.settimeout(10.0)
+        self.servo.settimeout(PATIENCE_S)
         self.mavlink = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.mavlink.bind((LOOPBACK, 0))
         self.mavlink.setblocking(False)
@@ -88,7 +88,7 @@ class Sitl:
         except BlockingIOError:
             return found
         finally:
-            self.servo.settimeout(10.0)
+            self.servo.settimeout(PATIENCE_S)
 
     def reboot(self):
         """Return a new instance on a new port, whose frame count begins at 0."""
@@ -126,7 +126,7 @@ def make(sitl):
     links = []
 
     def build(*, far=sitl, mavlink=True, home=None, **settings):
-        settings = {"timeouts": LinkTimeouts(5.0, 5.0)} | settings
+        settings = {"timeouts": PATIENT} | settings
         side = MavlinkChannel(UdpTransport(0)) if mavlink else None
         inbox, events = UdpInbox(0), []
         link = ArduPilotJsonLink(

@@ -11,14 +11,13 @@ import signal
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 from tests.worlds.hop_flights import HOP
+from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 BENCH = "mission: hop.waypoints\nautopilot: {transport: loopback}\nrecord: {mcap: false, tlog: false, report: false}\n"
@@ -28,7 +27,7 @@ def hil(*arguments: str, cwd: Path = ROOT, **kwargs: object) -> subprocess.Compl
     """Run the command to its end."""
     command = [sys.executable, "-m", "hil.cli.entry", *arguments]
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | kwargs.pop("env", {})  # type: ignore[operator, arg-type]
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "timeout": 120} | kwargs
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "timeout": 2 * PATIENCE_S} | kwargs
     return subprocess.run(command, cwd=cwd, check=False, env=environment, **options)  # type: ignore[call-overload]
 
 
@@ -51,20 +50,11 @@ class BenchProcess:
         self._process.kill()
         self._process.wait()
 
-    def finish(self, limit_s: float = 60.0) -> dict[str, Any]:
+    def finish(self, limit_s: float = PATIENCE_S) -> dict[str, Any]:
         """Wait for its end and return its run.json."""
         self._process.wait(limit_s)
         assert (self.out / "run.json").exists(), (self.out / "stderr.txt").read_text()
         return json.loads((self.out / "run.json").read_text())
-
-
-def until(condition: Callable[[], Any], what: str, limit_s: float = 60.0) -> Any:
-    """Wait for `condition` and return its first true value."""
-    deadline = time.monotonic() + limit_s
-    while not (found := condition()):
-        assert time.monotonic() < deadline, f"{what} did not come within {limit_s} s"
-        time.sleep(0.02)
-    return found
 
 
 def _worker() -> int:
@@ -131,16 +121,16 @@ class Hil:
         )
         assert self.process.stdout is not None
         found = re.search(r"http://\S+", self.process.stdout.readline())
-        assert found, self.process.communicate(timeout=10)
+        assert found, self.process.communicate(timeout=PATIENCE_S)
         self.address = found[0]
         self.host = urlsplit(self.address).netloc
 
     def get(self, path: str, **headers: str) -> http.client.HTTPResponse:
-        link = http.client.HTTPConnection(self.host, timeout=20.0)
+        link = http.client.HTTPConnection(self.host, timeout=PATIENCE_S)
         link.request("GET", path, headers={"Host": self.host} | headers)
         return link.getresponse()
 
     def end(self) -> None:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-        self.process.communicate(timeout=20.0)
+        self.process.communicate(timeout=PATIENCE_S)

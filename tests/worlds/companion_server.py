@@ -18,8 +18,9 @@ from firmware_bridge.companion.frames import CompanionFrame, CompanionSample, Re
 from firmware_bridge.companion.server import CompanionServer
 from firmware_bridge.companion.settings import CompanionSettings
 from signals.samples import BaroSample, ImageSample, ImuSample
+from tests.worlds.patience import PATIENCE_S
 
-WAIT_S = 10.0  # limit for events that must happen; only a failing test waits so long
+WAIT_S = PATIENCE_S
 TOPICS = {
     "front/rgb": topic_schema(ImageSample, "rgb"),
     "front/depth": topic_schema(ImageSample, "depth"),
@@ -133,6 +134,12 @@ def until(server: CompanionServer, what: Callable[[], bool], limit_s: float = WA
         assert time.monotonic() < end_s, "it did not happen"
         replies += server.poll(0.005)
     return replies
+
+
+def told(server: CompanionServer, client: RawClient, kind: str) -> dict[str, Any]:
+    """Serve until a client has received a message, which must be of this kind; return its header."""
+    until(server, lambda: not client.silent(0.0))
+    return client.expect(kind)
 
 
 def answered(server: CompanionServer, count: int = 1) -> list[Reply]:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from numpy._core import _multiarray_umath as numpy_cpu
 
+from tests.worlds.patience import PATIENCE_S
+
 ROOT = Path(__file__).resolve().parents[2]
 
 GLIBC = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX512VL,-AVX,-FMA4,-SSE4_2,-ERMS,-BMI2"}
@@ -27,7 +29,7 @@ def output_of(script: str, environment: dict[str, str] | None = None) -> str:
         env=os.environ | (environment or {}),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert result.returncode == 0, result.stderr

@@ -10,6 +10,7 @@ from typing import Any
 
 from hil.run.feed.live_run import LiveRun
 from hil.run.feed.messages import Unpacker, packed
+from tests.worlds.patience import PATIENCE_S
 
 Script = Callable[["PageThread", dict[str, Any]], None]
 
@@ -36,7 +37,7 @@ class PageThread:
             self._ours.sendall(packed(message))
 
     def join(self) -> None:
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive()
 
     def _read(self) -> None:

@@ -32,7 +32,7 @@ HIL_SENSOR = MSGID["HIL_SENSOR"]
 HIL_ACTUATOR_CONTROLS = MSGID["HIL_ACTUATOR_CONTROLS"]
 COMMAND_LONG = MSGID["COMMAND_LONG"]
 TERMINATE = 185
-CONNECT_LIMIT_S = 60.0
+CONNECT_LIMIT_S = 120.0
 SLOW_S = 2.0
 
 
@@ -60,6 +60,7 @@ class FakePx4:
         self.silent = False
         self.say_at_us: int | None = None
         self.order: list[tuple[str, int]] = []
+        self.handled = 0  # sensor messages, with whatever was sent because of them
         self.tcp_port = 4560 + instance
         self.udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.udp.bind(("127.0.0.1", 18570 + instance))
@@ -96,6 +97,7 @@ class FakePx4:
                     answers = b"".join(self.on_tcp(unit) for unit in splitter.feed(data))
                     if answers:
                         tcp.sendall(answers)
+                    self.handled = self.sensors
                 elif self.udp in ready:
                     data, self.ground = self.udp.recvfrom(65536)
                     self.on_udp(data)

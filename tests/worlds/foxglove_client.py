@@ -17,6 +17,8 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
+from tests.worlds.patience import PATIENCE_S
+
 PROTOCOL = "foxglove.sdk.v1"
 PARAMETERS = ["pace", "paused", "wind.steady_mps", "wind.turbulence_mps"]
 _MESSAGE, _TIME, _SERVICE = 1, 2, 3
@@ -62,6 +64,7 @@ class FoxgloveClient:
                 max_size=None,
                 compression=None,
                 proxy=None,
+                open_timeout=PATIENCE_S,
                 origin=None if origin is None else Origin(origin),
                 sock=socket.create_connection((at, port)),
             )
@@ -79,7 +82,7 @@ class FoxgloveClient:
     def ask_parameters(self) -> None:
         self.say(op="getParameters", parameterNames=[], id="get")
 
-    def call(self, service: str, request: Any = None, limit_s: float = 20.0) -> Any:
+    def call(self, service: str, request: Any = None, limit_s: float = PATIENCE_S) -> Any:
         """Call a service; return its answer, or the text of its failure."""
         self._calls += 1
         number, payload = self._calls, json.dumps(request if request is not None else {}).encode()
@@ -93,7 +96,7 @@ class FoxgloveClient:
         request = b"r1"
         self._socket.send(struct.pack("<BBfBQI", _PLAYBACK_REQUEST, command, speed, 0, 0, len(request)) + request)
 
-    def until(self, met: Callable[[], Any], limit_s: float = 20.0) -> bool:
+    def until(self, met: Callable[[], Any], limit_s: float = PATIENCE_S) -> bool:
         """Wait for a condition; return False after the limit."""
         end_s = time.monotonic() + limit_s
         while not met():
@@ -105,9 +108,9 @@ class FoxgloveClient:
     def close(self) -> None:
         with contextlib.suppress(ConnectionClosed, OSError):
             self._stack.close()
-        self._thread.join(5.0)
+        self._thread.join(PATIENCE_S)
 
-    def join(self, limit_s: float = 30.0) -> bool:
+    def join(self, limit_s: float = PATIENCE_S) -> bool:
         """Wait until the server has closed the connection."""
         self._thread.join(limit_s)
         return not self._thread.is_alive()

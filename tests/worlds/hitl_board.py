@@ -21,6 +21,7 @@ from firmware_bridge.codecs.messages import MSGID
 from firmware_bridge.mock_pixhawk.autopilot import MockPixhawk
 from firmware_bridge.mock_pixhawk.hitl import DEFAULT_BAUD, Board
 from firmware_bridge.mock_pixhawk.line import serve
+from tests.worlds.patience import PATIENCE_S, until
 
 
 class Tap:
@@ -86,18 +87,13 @@ class HitlBoard:
     def _run(self) -> None:
         serve(self.tap, self._near)  # type: ignore[arg-type]
 
-    def wait_for(self, what: Callable[[], bool], limit_s: float = 30.0) -> bool:
-        done = threading.Event()
-        for _ in range(int(limit_s / 0.02)):
-            if what():
-                return True
-            done.wait(0.02)
-        return False
+    def wait_for(self, what: Callable[[], bool]) -> bool:
+        return bool(until(what))
 
     def unplug(self) -> None:
         """Hang up for good, as seen by every process that has the port open."""
         self.tap.gone = True
-        self._thread.join(30.0)
+        self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive()
         for fd in (self._far, self._near):
             if fd >= 0:

@@ -8,6 +8,7 @@ from typing import Any
 
 from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
+from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 RECTANGLE = ROOT / "rigs" / "missions" / "rectangle.plan"
@@ -34,6 +35,8 @@ def write_bench(folder: Path, companion: str, more: str = "", *, mission: Path |
     hop = folder / "hop.waypoints"
     hop.write_text(HOP)
     file = folder / "b.yaml"
+    for limit in ("connect_timeout_s", "reply_timeout_s"):
+        companion += "" if limit in companion else f", {limit}: {PATIENCE_S}"
     record = "" if "record:" in more else "record: {mcap: false, report: false, tlog: false}\n"
     file.write_text(
         f"mission: {mission or hop}\nautopilot: {{transport: loopback}}\n{record}"

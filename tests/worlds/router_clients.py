@@ -10,6 +10,7 @@ from typing import Any
 from firmware_bridge.codecs.mavlink_frame import Frame, FrameEncoder, FrameParser
 from firmware_bridge.codecs.messages import message_class, pack
 from firmware_bridge.router.router import Router
+from tests.worlds.patience import PATIENCE_S
 
 
 def raw(encoder: FrameEncoder, name: str, *values: Any) -> bytes:
@@ -99,7 +100,7 @@ class Clock:
         return self.ns
 
 
-def until(router: Router, done: Callable[[bytes], bool], t_ns: int = 0, limit_s: float = 10.0) -> bytes:
+def until(router: Router, done: Callable[[bytes], bool], t_ns: int = 0, limit_s: float = PATIENCE_S) -> bytes:
     """Collect until `done` is true of everything collected: loopback takes a moment."""
     data = b""
     deadline = time.monotonic() + limit_s

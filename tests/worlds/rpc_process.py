@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.worlds.patience import PATIENCE_S
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -46,7 +48,7 @@ class RpcProcess:
     def end(self) -> str:
         """End the process and return all that it has printed."""
         self._process.terminate()
-        text, _ = self._process.communicate(timeout=30)
+        text, _ = self._process.communicate(timeout=PATIENCE_S)
         return text
 
 

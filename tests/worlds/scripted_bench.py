@@ -21,7 +21,9 @@ if str(CLIENT) not in sys.path:
 
 from hil_companion import Client  # noqa: E402
 
-LIMIT_S = 10.0  # a script that waits longer for its client fails
+from tests.worlds.patience import PATIENCE_S  # noqa: E402
+
+LIMIT_S = PATIENCE_S  # a script that waits longer for its client fails
 SESSION = "0123456789abcdef"
 END = {"k": "end", "status": "PASS", "text": "over"}
 RGB = np.arange(36, dtype="<u1").reshape(3, 4, 3)
@@ -135,7 +137,7 @@ class Bench:
 
 
 def connect(bench: Bench, **options: Any) -> Client:
-    return Client.connect(bench.address, **{"name": "test", "wait_s": 5.0, **options})
+    return Client.connect(bench.address, **{"name": "test", "wait_s": PATIENCE_S, **options})
 
 
 @contextmanager

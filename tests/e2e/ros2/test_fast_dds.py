@@ -23,6 +23,7 @@ from hil.config import load_bench
 from hil.run.bench_run import RunResult, run_bench
 from hil.run.parts.links.ros2.dds_ports import free_domain
 from hil.run.recorder.mcap.cdr import decode
+from tests.worlds.patience import PATIENCE_S
 
 pytest.importorskip("cyclonedds", reason="needs CycloneDDS: pip install 'hil-bench[ros2]'")
 pytestmark = [
@@ -102,7 +103,7 @@ def listen(
         try:
             result = run_bench(load_bench(path), tmp_path / "run", quiet=True)
             assert result.run["error"] is None, result.run["error"]
-            output, _ = process.communicate(timeout=30)
+            output, _ = process.communicate(timeout=PATIENCE_S)
         finally:
             process.kill()
     rows = [line.split() for line in output.splitlines() if line.startswith("/")]
@@ -179,7 +180,7 @@ def test_a_subscriber_that_is_killed_while_it_is_waited_for_ends_the_run(listene
             # "ready" is too early: the bench may not yet have discovered what has discovered it.
             assert [process.stdout.readline() for _ in range(2)] == ["ready\n", "receiving\n"]
             process.send_signal(signal.SIGKILL)
-            output, _ = bench.communicate(timeout=60)
+            output, _ = bench.communicate(timeout=PATIENCE_S)
     assert bench.returncode == 3
     assert "the subscriber of /imu" in output
 

@@ -15,6 +15,7 @@ import pytest
 import zmq
 from zmq.auth.thread import ThreadAuthenticator
 
+from tests.worlds.patience import PATIENCE_S
 from tests.worlds.scripted_bench import (
     DEPTH,
     END,
@@ -85,12 +86,12 @@ def test_an_answer_carries_what_is_desired_and_a_frame_is_answered_once() -> Non
         bench.send(client, END)
 
     with running(script) as bench, connect(bench, control=True) as client:
-        first = client.receive(5.0)
+        first = client.receive(PATIENCE_S)
         assert first is not None
         client.done(first, Desired(p_W=np.array([1, 2, 3.0]), yaw_rad=0.5), t2_ns=77, finished=True)
         with pytest.raises(CompanionError, match="answered before"):
             client.done(first)
-        assert client.receive(5.0) is None
+        assert client.receive(PATIENCE_S) is None
         assert client.clock.bench_minus_client_ns == pytest.approx(7e9, abs=1e9)
     (done,) = bench.of_kind("done")
     assert done["desired"] == {"p_W": [1.0, 2.0, 3.0], "yaw_rad": 0.5}
@@ -103,7 +104,7 @@ def test_a_client_without_control_cannot_command() -> None:
         bench.receive("bye")
 
     with running(script) as bench, connect(bench) as client:
-        first = client.receive(5.0)
+        first = client.receive(PATIENCE_S)
         assert first is not None
         with pytest.raises(CutError, match="without control"):
             client.done(first, Desired(land=True))
@@ -178,7 +179,7 @@ def test_arrays_in_shared_memory_are_read_in_place_and_the_memory_outlives_the_c
             bench.send(client, END)
 
         with running(script) as bench, connect(bench) as client:
-            first = client.receive(5.0)
+            first = client.receive(PATIENCE_S)
             assert first is not None
             assert first.frame == 1
             assert client.malformed == 2
@@ -190,7 +191,7 @@ def test_arrays_in_shared_memory_are_read_in_place_and_the_memory_outlives_the_c
             assert not view.flags.writeable
             assert not kept.flags.writeable
             client.done(first)
-            assert client.receive(5.0) is None
+            assert client.receive(PATIENCE_S) is None
             assert client.end is not None
         assert Path("/dev/shm", memory.name.lstrip("/")).exists()
         del view, slot
@@ -378,7 +379,7 @@ def test_curve_admits_valid_keys_and_names_the_error_otherwise(tmp_path: Path) -
         address = f"tcp://127.0.0.1:{socket.bind_to_random_port('tcp://127.0.0.1')}"
         for wrong, words in ((unknown, "does not allow"), (other_bench, "public key"), ({}, "requires keys")):
             with pytest.raises(WrongKeys, match=words):
-                Client.connect(address, name="x", wait_s=5.0, **wrong)
+                Client.connect(address, name="x", wait_s=PATIENCE_S, **wrong)
 
         def answer() -> None:
             identity, _ = socket.recv_multipart()
@@ -387,9 +388,9 @@ def test_curve_admits_valid_keys_and_names_the_error_otherwise(tmp_path: Path) -
         thread = threading.Thread(target=answer, daemon=True)
         thread.start()
         try:
-            Client.connect(address, name="x", wait_s=5.0, **good).close()
+            Client.connect(address, name="x", wait_s=PATIENCE_S, **good).close()
         finally:
-            thread.join(10)
+            thread.join(PATIENCE_S)
     finally:
         guard.stop()
         context.destroy(linger=0)

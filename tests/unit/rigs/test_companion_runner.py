@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from tests.worlds.patience import PATIENCE_S
 from tests.worlds.scripted_bench import (
     CLIENT,
     END,
@@ -82,7 +83,7 @@ def test_the_runner_comes_back_after_a_loss_and_starts_a_cut_once_a_session(tmp_
         pass
     assert {h["schema"] for h in bench.of_kind("hello")} == {"a" * 16}
     with running(serve([3], last=True, session="f" * 16), address) as bench:
-        thread.join(10)
+        thread.join(PATIENCE_S)
     assert bench.of_kind("done")[-1]["finished"] is True
     status, said = result[0]
     assert status == END_STATUS
@@ -150,7 +151,7 @@ def test_the_command_ends_with_a_bye_when_it_is_told_to() -> None:
         environment = {**os.environ, "PYTHONPATH": str(CLIENT)}
         command = [sys.executable, "-m", "hil_companion", "echo", "--connect", bench.address]
         process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-        assert process.wait(10) == END_STATUS
+        assert process.wait(PATIENCE_S) == END_STATUS
         assert process.stderr is not None
         assert "stopped after" in process.stderr.read()
 

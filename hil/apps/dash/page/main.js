@@ -9,7 +9,9 @@ import { attitude } from "./panes/matrices.js";
 import { Missions } from "./missions.js";
 import { Panes } from "./panes/panes.js";
 import { Replay } from "./replay.js";
+import { answered } from "./requests.js";
 import { Campaigns } from "./campaigns.js";
+import { Choices } from "./choices.js";
 import { Runs, json } from "./runs.js";
 import { Sticks } from "./sticks.js";
 import { base, bytes, number, options, reachedOf, sensorRows, table } from "./panes/tables.js";
@@ -67,7 +69,9 @@ function update(head, frames) {
   // Between two trails from the run, updates extend the trail.
   if (state.p && !(state.t_ns / NS <= trail.at(-1)?.[0])) trail.push([state.t_ns / NS, ...state.p]);
   const error = head.result?.error;
-  showMessage(head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""));
+  showMessage(
+    choices.trouble || head.message || (error && error.type !== "Interrupted" ? `${error.type}: ${error.message}` : ""),
+  );
   if (!running) stopping = false;
   buttons();
   drawn = frames.find((frame) => frame.as === "drawings") ?? drawn;
@@ -173,9 +177,12 @@ function offerPanes() {
 async function loadScene(folder) {
   if (sceneOf === folder) return;
   sceneOf = folder;
-  const answer = await fetch("/api/scene");
+  const answer = await answered("/api/scene", (reason) => {
+    $("view-note").textContent = `the scene did not come (${reason}); asking again`;
+  });
+  if (sceneOf !== folder) return; // another run has begun meanwhile
+  if (view.gl) $("view-note").textContent = answer.ok ? "" : await answer.text();
   if (answer.ok) view.setScene(await answer.arrayBuffer());
-  else $("view-note").textContent = await answer.text();
 }
 
 function showState() {
@@ -404,6 +411,8 @@ $("f-pace").onchange = () => {
   if (running) live.send({ kind: "pace", pace: $("f-pace").value === "" ? null : Number($("f-pace").value) });
 };
 
+const choices = new Choices((name) => $(`f-${name}`), showMessage);
+
 const missions = new Missions({
   view,
   follow: $("v-follow"),
@@ -423,7 +432,7 @@ const missions = new Missions({
   home: () => about.home ?? [0, 0, 0],
   message: showMessage,
   onMission: async (path) => {
-    await offerChoices();
+    await choices.offer();
     $("f-mission").value = path;
   },
 });
@@ -635,19 +644,6 @@ $("theme").onclick = () => {
   theme(next);
 };
 
-// Fill the lists of the form, with the values of the chosen bench as the first entries.
-async function offerChoices() {
-  const bench = $("f-bench").value;
-  const lists = await json(`/api/choices${bench ? `?bench=${encodeURIComponent(bench)}` : ""}`);
-  if (!lists) return;
-  const own = lists.defaults;
-  for (const name of ["bench", "rig", "scene", "mission"])
-    options($(`f-${name}`), lists[name], {
-      none: name === "bench" ? null : own[name] ? `${base(own[name])} (the bench's)` : "the bench's (none)",
-    });
-  $("f-seed").placeholder = own.seed ?? "the bench's";
-}
-
 async function start() {
   buttons();
   view.setVehicle([
@@ -660,9 +656,9 @@ async function start() {
   $("f-bench").onchange = async () => {
     for (const name of ["rig", "scene", "mission"]) $(`f-${name}`).value = ""; // the bench's own
     $("f-seed").value = "";
-    await offerChoices();
+    await choices.offer();
   };
-  await offerChoices();
+  await choices.offer();
   document.documentElement.dataset.ready = "yes";
 }
 start();

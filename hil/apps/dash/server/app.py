@@ -81,10 +81,10 @@ class Dashboard:
         return self._config or dashboard_bench()
 
     def _load_modules(self) -> None:
-        """Import the bench's modules after the page is loaded, because that takes a second."""
+        """Import the bench's modules after the page is loaded, because that takes a second: the form's first."""
+        import hil.apps.dash.server.choices  # isort: split
         import cv2
 
-        import hil.apps.dash.server.choices
         import hil.apps.dash.views.preview_sensors  # noqa: F401
 
         # For small pictures more threads save no time, and they would take processor time from the run.

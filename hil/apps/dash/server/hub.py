@@ -11,10 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import socket
-import sys
-import threading
 from collections import deque
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -31,7 +28,6 @@ if TYPE_CHECKING:  # imported later at run time: OpenCV and the scene take half 
     from signals.geodesy import Site
     from signals.samples import Vec3
 
-_NICE = 10  # of the threads that render and encode, so that the run has priority
 _EVENTS = 300
 _READ = 1 << 18
 _MAX_STREAMS = 16  # of one page
@@ -82,11 +78,14 @@ class Hub:
         self._frames: dict[str, tuple[int, StreamFrame]] = {}
         self._events: deque[tuple[Any, ...]] = deque(maxlen=_EVENTS)
         self._event_count = 0
-        self._threads = ThreadPoolExecutor(2, "page", initializer=_lower_priority)
+        # Not of a lower priority than the event loop's: a thread that waits for a processor with the lock of the
+        # interpreter, or of an import, holds up every page, on a busy machine for a minute.
+        self._threads = ThreadPoolExecutor(2, "page")
         self._slow: dict[str, dict[str, Any]] = {}  # by vehicle; "" in a run of one
         self._slow_version = 0
         self._run_link: asyncio.StreamWriter | None = None
         self._requested = False  # an update is under way
+        self._preview_sensors: type[PreviewSensors] | None = None  # None until it is imported
         self._previews: PreviewSensors | None = None
         self._previews_of: Path | None = None
         self._rendering: asyncio.Task[None] | None = None
@@ -151,7 +150,7 @@ class Hub:
         self.request_update()
 
     async def _encode_frames(self, payloads: dict[str, Any]) -> None:
-        previews = self._current_previews()
+        previews = await self._current_previews()
         classes = None if previews is None else previews.classes
         self._store(await asyncio.get_running_loop().run_in_executor(self._threads, _encoded, payloads, classes))
 
@@ -317,19 +316,20 @@ class Hub:
         out = self.about.get("out")
         return Path(out) / "bench.yaml" if out else self._bench_file()
 
-    def _current_previews(self) -> PreviewSensors | None:
+    async def _current_previews(self) -> PreviewSensors | None:
+        if self._preview_sensors is None:
+            loop = asyncio.get_running_loop()
+            self._preview_sensors = await loop.run_in_executor(self._threads, _preview_sensors)
         file = self.bench_file()
         if file is None:
             return None
         if file != self._previews_of:
-            from hil.apps.dash.views.preview_sensors import PreviewSensors
-
-            self._previews, self._previews_of = PreviewSensors(file), file
+            self._previews, self._previews_of = self._preview_sensors(file), file
         return self._previews
 
     async def scene(self) -> bytes:
         """Return the triangles of the scene. Raises HilError if it cannot be loaded."""
-        previews = self._current_previews()
+        previews = await self._current_previews()
         if previews is None:
             return UINT32.pack(0)
         return await asyncio.get_running_loop().run_in_executor(self._threads, previews.triangles)
@@ -339,7 +339,7 @@ class Hub:
 
         Raises HilError if the scene cannot be loaded.
         """
-        previews = self._current_previews()
+        previews = await self._current_previews()
         if previews is None:
             return None
         return await asyncio.get_running_loop().run_in_executor(self._threads, previews.site_and_start)
@@ -367,7 +367,8 @@ class Hub:
         loop = asyncio.get_running_loop()
         rendered: tuple[Any, ...] = ()  # streams, run and time of the last rendering
         while True:
-            wanted, previews, state = self._open_previews(), self._current_previews(), self._seen_from()
+            previews = await self._current_previews()
+            wanted, state = self._open_previews(), self._seen_from()
             due = (*wanted, self._run, state.get("t_ns"))
             if not wanted or previews is None or not state or due == rendered:
                 return
@@ -404,14 +405,15 @@ def _is_stream(name: Any) -> bool:
     return isinstance(name, str) and name.isprintable() and len(name) <= _MAX_STREAM_CHARS
 
 
+def _preview_sensors() -> type[PreviewSensors]:
+    """Import what the scene and the previews need: a second of work, so not for the event loop."""
+    import hil.config.files  # noqa: F401 (for `bench_file`)
+    from hil.apps.dash.views.preview_sensors import PreviewSensors
+
+    return PreviewSensors
+
+
 def _encoded(payloads: dict[str, Any], classes: Classes | None) -> dict[str, StreamFrame]:
     from hil.apps.dash.views.pictures import encoded_frame
 
     return {stream: encoded_frame(stream, payload, classes or Classes()) for stream, payload in payloads.items()}
-
-
-def _lower_priority() -> None:
-    """Lower this thread's priority (Linux only, where runs that this process starts do not inherit it)."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)

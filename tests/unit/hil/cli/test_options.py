@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from hil.cli.app import run_command_line
 from hil.cli.options import QuietOption, takes
+from tests.worlds.patience import PATIENCE_S
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def test_help_loads_nothing_heavy(command: str) -> None:
         f"assert run_command_line({command.split()!r}) == 0\n"
         f"print([name for name in {heavy!r} if name in sys.modules], file=sys.stderr)\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE_S, check=True)
     assert done.stderr == "[]\n"
 
 

@@ -16,10 +16,10 @@ import pytest
 
 from firmware_bridge.links.realtime.sender import RealtimeSender, SendStats, denied
 from firmware_bridge.links.realtime.sender_process import ISOLATED, MEMORY, SLACK, isolated_processors
+from tests.worlds.patience import PATIENCE_S
 
 PERIOD_NS = 4_000_000
 HOUR_NS = 3_600 * 10**9
-PATIENCE_S = 60.0  # limit for a loaded machine; an idle one is faster
 
 
 def until(condition: Callable[[], object]) -> None:

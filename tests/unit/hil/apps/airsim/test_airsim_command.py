@@ -18,6 +18,7 @@ from hil.apps.airsim.command import printable
 from hil.cli.app import run_command_line
 from tests.worlds.airsim_process import AirSimProcess
 from tests.worlds.airsim_server import Client
+from tests.worlds.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[5]
 
@@ -53,7 +54,7 @@ def test_a_signal_ends_it_and_the_report_is_written(tmp_path: Path, number: int)
         client.call("simPlotPoints", [{"x_val": 1.0, "y_val": 0.0, "z_val": 0.0}])
         running = client.send("moveToPosition", 1000.0, 0.0, -5.0, 1.0)
         process.send_signal(number)
-        rest, _ = process.communicate(timeout=30)
+        rest, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 0, rest
         assert running
     assert any("scene airfield, vehicles SimpleFlight, clock calls" in line for line in lines)
@@ -75,7 +76,7 @@ def test_it_serves_on_when_nobody_reads_its_lines(tmp_path: Path) -> None:
             client.call("simPrintLogMessage", "a line", "", 0)
         assert client.call("ping") is True
         process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE_S) == 0
     assert json.loads((tmp_path / "airsim.json").read_text())["calls"]["ping"] == 1
 
 
@@ -111,14 +112,14 @@ def test_texts_of_clients_cannot_move_the_cursor(text: str, shown: str) -> None:
 def test_a_host_beyond_loopback_is_warned_about(tmp_path: Path) -> None:
     with command("--host", "0.0.0.0", "--out", str(tmp_path)) as (process, _, lines):
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=30)
+        process.communicate(timeout=PATIENCE_S)
     assert any("everybody who reaches 0.0.0.0" in line for line in lines)
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "hil.cli", "airsim", *arguments],
-        cwd=ROOT, capture_output=True, text=True, timeout=120, check=False,
+        cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ from hil.run.feed.messages import packed
 from signals.time import NS_PER_S
 from tests.worlds.airsim_process import AirSimProcess
 from tests.worlds.airsim_server import Client, pose, served, vector
+from tests.worlds.patience import PATIENCE_S
 
 RED = (1.0, 0.0, 0.0, 1.0)
 
@@ -170,7 +171,7 @@ def test_a_page_changes_no_digest(tmp_path: Path) -> None:
 def see(host: str) -> None:
     """Look at the page until it has shown the drawings and a picture of the first camera."""
     streams = {"kind": "streams", "streams": ["drawings", "front_center/rgb", "no camera/rgb", "view/camera/rgb"]}
-    with connect(f"ws://{host}/live", max_size=None) as page:
+    with connect(f"ws://{host}/live", open_timeout=PATIENCE_S, max_size=None) as page:
         page.send(json.dumps(streams))
         page.send('{"kind": "wind", "velocity_W_mps": [9, 0, 0]}')
         page.send('{"kind": "stop"}')
@@ -178,7 +179,7 @@ def see(host: str) -> None:
         vehicles: set[str] = set()
         while set(shown) != {"drawings", "front_center/rgb"} or "Second" not in vehicles:
             page.send('{"kind": "next"}')
-            data = page.recv(20.0)
+            data = page.recv(PATIENCE_S)
             assert isinstance(data, bytes)
             start = 4 + int.from_bytes(data[:4], "little")
             head = json.loads(data[4:start])
@@ -200,7 +201,7 @@ def test_a_defect_of_the_page_ends_the_page_alone(tmp_path: Path) -> None:
         page = ServedPage(world.simulation, LiveRun(theirs), tmp_path)
         ours.sendall(packed({"kind": "next", "streams": ["SimpleFlight/drawings"]}))
         world.simulation.drawings.present = lambda: 1 / 0  # type: ignore[method-assign, assignment, return-value]
-        asyncio.run(asyncio.wait_for(page.run(), 10.0))
+        asyncio.run(asyncio.wait_for(page.run(), PATIENCE_S))
         assert "the page ends: ZeroDivisionError" in world.log[-1]
         assert world.client().call("ping") is True
         ours.close()

@@ -18,7 +18,7 @@ from hil.apps.airsim.rpc.framing import MOST_BYTES, MOST_ITEMS
 from hil.apps.airsim.rpc.methods import MethodTable, Parameter, method
 from hil.apps.airsim.rpc.server import MOST_CLIENTS, RpcServer
 from tests.worlds.airsim_server import Client, RpcFailed
-from tests.worlds.bench_process import until
+from tests.worlds.patience import PATIENCE_S, until
 from tests.worlds.rpc_process import RpcProcess
 
 MIB = 1 << 20
@@ -109,12 +109,12 @@ def serving() -> Iterator[tuple[RpcServer, int, list[str]]]:
     stop = asyncio.Event()
     thread = threading.Thread(target=lambda: loop.run_until_complete(serve()))
     thread.start()
-    assert ready.wait(20.0)
+    assert ready.wait(PATIENCE_S)
     try:
         yield server, ports[0], log
     finally:
         loop.call_soon_threadsafe(stop.set)
-        thread.join(20.0)
+        thread.join(PATIENCE_S)
         loop.close()
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from hil.apps.airsim.rpc.methods import RpcError
 from tests.worlds.airsim_server import Client, RpcFailed, Served, pose, served, vector
+from tests.worlds.patience import PATIENCE_S
 
 GRID = ("simCreateVoxelGrid", vector(0.0, 0.0, 0.0), 2, 2, 2, 1.0, "unused.binvox")
 
@@ -23,7 +24,7 @@ def held(world: Served, work: Callable[[], Any]) -> Iterator[threading.Event]:
     before, go = table["simCreateVoxelGrid"], threading.Event()
 
     def long_call(*_: Any) -> Any:
-        assert go.wait(20.0)
+        assert go.wait(PATIENCE_S)
         return work()
 
     table["simCreateVoxelGrid"] = before._replace(call=long_call)
@@ -39,7 +40,7 @@ def is_silent(client: Client) -> bool:
     except TimeoutError:
         return True
     finally:
-        client.socket.settimeout(20.0)
+        client.socket.settimeout(PATIENCE_S)
     return False
 
 

@@ -36,6 +36,7 @@ from hil.apps.campaign.engines.local import LocalEngine
 from hil.apps.campaign.flight import Job, Outcome
 from hil.apps.campaign.store import Store
 from signals.errors import ConfigError, OutOfFiles, RecordingError
+from tests.worlds.patience import PATIENCE_S
 
 HEAD = """
 settings: {mission: rigs/missions/short.waypoints, autopilot: {transport: loopback}, wind: {steady_W_mps: [0, 0, 0]}}
@@ -444,7 +445,7 @@ def test_a_campaign_that_is_killed_leaves_no_process_and_is_resumed(tmp_path: Pa
     children = _children(process.pid)
     assert children
     process.send_signal(number)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=PATIENCE_S)
     if number == signal.SIGTERM:
         assert (process.returncode, said.splitlines()) == (3, ["error: stopped by SIGTERM"])
         assert json.loads((out / "campaign.json").read_text())["cases"] >= 1

@@ -21,6 +21,7 @@ from hil.config.files import dashboard_bench
 from hil.run.feed.messages import packed
 from hil.run.feed.payloads import array_payload
 from signals.errors import RecordingError
+from tests.worlds.patience import PATIENCE_S
 
 
 def head_of(data: bytes) -> dict[str, Any]:
@@ -60,6 +61,12 @@ def state(k: int, *, pictures: bool = True, trail: int = 1500) -> dict[str, Any]
         "frames": {"front/depth": picture} if pictures else {},
         "speed": float("nan"),
     }
+
+
+async def connected(hub: Hub) -> None:
+    """Wait until a hub that has begun to follow a run can send to it."""
+    while not hub.running:
+        await asyncio.sleep(0)
 
 
 def test_a_slow_page_gets_the_newest_and_no_queue() -> None:
@@ -108,7 +115,7 @@ def test_the_run_is_asked_only_for_what_open_panes_show() -> None:
         ours, theirs = socket.socketpair()
         theirs.setblocking(False)
         following = asyncio.create_task(hub.follow(ours))
-        await asyncio.sleep(0.05)
+        await connected(hub)
         assert nothing(theirs)
         hub.pages.add(page.page)
         hub.receive(page.page, {"kind": "streams", "streams": ["front/rgb", "view/camera/rgb"]})
@@ -136,7 +143,7 @@ def test_a_page_that_never_reads_delays_no_other_page_and_is_disconnected(monkey
         ours, theirs = socket.socketpair()
         theirs.setblocking(False)
         following = asyncio.create_task(hub.follow(ours))
-        await asyncio.sleep(0.02)
+        await connected(hub)
         hub.pages |= {deaf, page.page}
         hub.receive(deaf, {"kind": "next"})
         for k in range(3):
@@ -144,7 +151,7 @@ def test_a_page_that_never_reads_delays_no_other_page_and_is_disconnected(monkey
             await request_update(hub, page.page)
         assert head_of(page.got[-1])["state"]["tick"] == 2
         hub.receive(page.page, {"kind": "stop"})
-        await asyncio.wait_for(deaf.lost.wait(), 5.0)
+        await asyncio.wait_for(deaf.lost.wait(), PATIENCE_S)
         assert b"stop" in theirs.recv(4096)
         theirs.close()
         await following
@@ -166,7 +173,7 @@ def test_messages_that_cannot_be_encoded_do_not_end_the_updates(message: dict[st
         ours, theirs = socket.socketpair()
         theirs.setblocking(False)
         following = asyncio.create_task(hub.follow(ours))
-        await asyncio.sleep(0.02)
+        await connected(hub)
         hub.pages.add(page.page)
         hub.receive(page.page, message)
         assert page.page.streams == ()
@@ -184,7 +191,7 @@ def test_a_stop_is_passed_on_whatever_else_fills_the_buffer() -> None:
         hub, page = Hub(), Collecting()
         ours, theirs = socket.socketpair()
         following = asyncio.create_task(hub.follow(ours))
-        await asyncio.sleep(0.02)
+        await connected(hub)
         for _ in range(1000):
             hub.receive(page.page, {"kind": "inject", "fault": "x" * 10_000})
         assert hub._run_link is not None
@@ -326,7 +333,7 @@ def test_panes_show_the_scene_before_the_first_run() -> None:
         hub, one = Hub(dashboard_bench), Collecting()
         hub.pages.add(one.page)
         hub.receive(one.page, {"kind": "streams", "streams": streams})
-        for _ in range(600):
+        for _ in range(2400):
             if len(one.page.frames) == len(streams):
                 break
             hub.receive(one.page, {"kind": "next"})

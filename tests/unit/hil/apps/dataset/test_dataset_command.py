@@ -39,6 +39,7 @@ from signals.errors import ConfigError, RecordingError
 from signals.samples import TruthState
 from sim.sensors.catalog import make_sensor
 from sim.sensors.sensor import Installation
+from tests.worlds.patience import PATIENCE_S
 from tests.worlds.small_dataset import BENCH, Crash, Inline, inline, journal_of, tiny_plan, tree_of
 
 FRAMES = 23  # two whole batches and a part
@@ -115,7 +116,7 @@ def test_kill_and_resume(plan: DatasetPlan, whole: Path, tmp_path: Path) -> None
     bench.write_text(BENCH)
     arguments = [str(bench), "--frames", str(FRAMES), "--workers", "2", "--out", str(root), "-q"]
     process = subprocess.Popen([sys.executable, "-m", "hil.cli", "dataset", *arguments])
-    limit_s = time.monotonic() + 60
+    limit_s = time.monotonic() + PATIENCE_S
     while process.poll() is None and time.monotonic() < limit_s:
         if wal.is_file() and wal.stat().st_size > EMPTY_JOURNAL_BYTES:
             break

@@ -14,7 +14,7 @@ from hil.config import load_bench
 from hil.run.parts.links.foxglove import gate as gates
 from hil.run.parts.links.foxglove.gate import Gate, inner_addresses
 from signals.errors import ConfigError, PortBusy, PortNotFound
-from tests.worlds.bench_process import until
+from tests.worlds.patience import PATIENCE_S, until
 
 APP = "https://app.foxglove.dev"
 
@@ -62,7 +62,7 @@ def request(*lines: str) -> bytes:
 
 def answer(gate: Gate, data: bytes) -> bytes:
     """Send a request and nothing more; return all that comes."""
-    with socket.create_connection(("127.0.0.1", gate.port), timeout=20.0) as client:
+    with socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S) as client:
         client.sendall(data)
         with suppress(OSError):
             client.shutdown(socket.SHUT_WR)
@@ -135,7 +135,7 @@ def test_what_is_no_request_reaches_nobody(gate: Gate, echo: Echo, data: bytes) 
 
 def test_a_slow_request_is_given_up(gate: Gate, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gates, "_HEAD_S", 0.05)
-    with socket.create_connection(("127.0.0.1", gate.port), timeout=20.0) as client:
+    with socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S) as client:
         client.sendall(b"GET / HT")
         assert client.recv(1) == b""
 
@@ -143,7 +143,7 @@ def test_a_slow_request_is_given_up(gate: Gate, monkeypatch: pytest.MonkeyPatch)
 def test_there_is_a_limit_of_clients(gate: Gate, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gates, "_MOST_CLIENTS", 3)
     data = request("Host: 127.0.0.1")
-    clients = [socket.create_connection(("127.0.0.1", gate.port), timeout=20.0) for _ in range(3)]
+    clients = [socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S) for _ in range(3)]
     for client in clients:
         client.sendall(data)
         assert client.recv(len(data)) == data
@@ -156,13 +156,13 @@ def test_there_is_a_limit_of_clients(gate: Gate, monkeypatch: pytest.MonkeyPatch
 
 def test_the_end_of_the_server_ends_its_clients(gate: Gate, echo: Echo) -> None:
     data = request("Host: 127.0.0.1")
-    with socket.create_connection(("127.0.0.1", gate.port), timeout=20.0) as client:
+    with socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S) as client:
         client.sendall(data)
         assert client.recv(len(data)) == data
         gate.close(0.01)
         assert client.recv(1) == b""
     with pytest.raises(OSError):  # noqa: PT011 (refused, or reset)
-        socket.create_connection(("127.0.0.1", gate.port), timeout=20.0)
+        socket.create_connection(("127.0.0.1", gate.port), timeout=PATIENCE_S)
 
 
 def test_ports_that_cannot_be_had_are_named() -> None:

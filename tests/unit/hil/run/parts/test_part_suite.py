@@ -31,7 +31,7 @@ for count in range(100):
         except TimeoutError:
             if count:
                 raise
-    link.settimeout(120.0)
+    link.settimeout(PATIENCE_S)
 print("the last words")
 sys.exit(int(sys.argv[1]))
 """

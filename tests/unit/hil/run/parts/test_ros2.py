@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -28,6 +29,7 @@ from hil.run.replay import fly_and_compare
 from signals.errors import ConfigError
 from signals.samples import TruthState
 from tests.worlds.bench_process import ROOT
+from tests.worlds.patience import PATIENCE_S, until
 
 pytest.importorskip("cyclonedds", reason="needs CycloneDDS: pip install 'hil-bench[ros2]'")
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'hil-bench[ros2]'")
@@ -197,7 +199,12 @@ def test_another_machine_reaches_no_port_of_a_node_on_loopback(
     if able.returncode:
         pytest.skip(f"this user cannot make a network namespace: {able.stderr.decode()}")
     done = subprocess.run(
-        ["unshare", "-rn", "bash", "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        ["unshare", "-rn", "bash", "-c", script],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == reached
@@ -258,7 +265,8 @@ def test_a_subscriber_gets_every_message_and_changes_nothing(tmp_path: Path, oth
         for name, reader in subscriptions.items():
             got[name] += _valid(reader.take(N=1000))
 
-    with _meanwhile(take):
+    counts = {"/imu": 250, "/truth/odometry": 250, "/front/rgb": 10}
+    with _meanwhile(take, lambda: all(len(got[name]) >= count for name, count in counts.items())):
         watched = run(tmp_path, f"{{domain: {domain}, wait_for: [/imu, /front/rgb, /truth/odometry]}}", "watched")
     assert watched.run["error"] is None
     assert watched.run["digest"] == plain.run["digest"]
@@ -290,7 +298,7 @@ def test_vehicles_have_names_of_their_own_and_one_clock(tmp_path: Path, other: r
         f"  blue: {{start: {{p_W: [3, 0, 0]}}, ros2: {{domain: {domain}, control: true, wait_for: [/blue/imu]}}}}\n"
     )
     path.write_text(BENCH.format(ros2="{}", duration=0.4) + vehicles)
-    with _meanwhile(take):
+    with _meanwhile(take, lambda: len(got["/red/imu"]) >= 100 <= len(got["/blue/imu"])):
         result = run_bench(load_bench(path), tmp_path / "run", quiet=True)
     assert result.run["error"] is None
     assert len(got["/red/imu"]) == len(got["/blue/imu"]) == 100
@@ -303,7 +311,7 @@ def test_vehicles_have_names_of_their_own_and_one_clock(tmp_path: Path, other: r
 def test_a_replay_waits_for_nobody(tmp_path: Path, other: ros2.Node, domain: int) -> None:
     reader = _keep_all(other, "/imu", "sensor_msgs/Imu")
     with _meanwhile(lambda: reader.take(N=1000)):
-        result = run(tmp_path, f"{{domain: {domain}, wait_for: [/imu], wait_timeout_s: 2}}", duration=0.4)
+        result = run(tmp_path, f"{{domain: {domain}, wait_for: [/imu], wait_timeout_s: {PATIENCE_S}}}", duration=0.4)
     assert result.run["error"] is None
     other.close()
     replayed = fly_and_compare(tmp_path / "run", None, Console(stderr=True))
@@ -404,7 +412,7 @@ def test_a_subscriber_that_leaves_while_it_is_waited_for_is_an_error(tmp_path: P
             other.close()
 
     with _meanwhile(leave):
-        result = run(tmp_path, f"{{domain: {domain}, wait_for: [/imu], wait_timeout_s: 2}}", duration=30.0)
+        result = run(tmp_path, f"{{domain: {domain}, wait_for: [/imu], wait_timeout_s: 20}}", duration=30.0)
     other.close()
     assert result.status == "ERROR"
     assert "the subscriber of /imu is gone" in result.run["error"]["message"]
@@ -677,10 +685,10 @@ def test_a_run_without_ros2_does_not_load_it(tmp_path: Path) -> None:
 
 
 class _meanwhile:
-    """Calls a function again and again in a thread."""
+    """Calls a function again and again in a thread, at the end until `done`: what was sent takes a while to arrive."""
 
-    def __init__(self, function: Callable[[], None]) -> None:
-        self._function = function
+    def __init__(self, function: Callable[[], None], done: Callable[[], bool] = lambda: True) -> None:
+        self._function, self._done = function, done
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
 
@@ -693,6 +701,8 @@ class _meanwhile:
         self._thread.start()
 
     def __exit__(self, *_: object) -> None:
+        with suppress(AssertionError):  # the test says what is missing
+            until(self._done)
         time.sleep(0.1)
         self._stop.set()
         self._thread.join()

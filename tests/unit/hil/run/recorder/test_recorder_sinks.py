@@ -26,6 +26,7 @@ from hil.run.recorder.tlog_sink import EPOCH_US
 from hil.run.recorder.track import Track
 from signals.errors import RecordingError
 from signals.samples import TruthState
+from tests.worlds.patience import PATIENCE_S
 from tests.worlds.synthetic_flight import TICK_NS, Tick, fly, make_flight
 
 
@@ -204,7 +205,7 @@ def test_killed_process_leaves_both_files_readable(tmp_path: Path) -> None:
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     root = Path(__file__).parents[5]
-    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=root, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], cwd=root, timeout=PATIENCE_S)
     assert done.returncode == -signal.SIGKILL
     poses = [m for m in read_messages(tmp_path / "run.mcap") if m.topic == "/truth/pose"]
     assert len(poses) == 500
