@@ -113,8 +113,7 @@ class _Case:
         self, result: BenchmarkResult, tolerances: tuple[float, ...], *, repeats: int
     ) -> dict[float, tuple[float, float]]:
         """Add a row for the exact sum and one per tolerance; return time [s] and error by tolerance."""
-        c = self._p.chirp
-        shape = (len(self._p.antenna.rx_positions_m), c.chirps, c.samples)
+        shape = self._p.raw_shape
         exact, out = np.empty(shape), np.empty(shape)
         direct = synthesizer(self._p, "direct", 1e-3)
         run = partial(direct.synthesize, self._echoes, exact)
@@ -144,7 +143,7 @@ def _direct_error(p: RadarParameters, echoes: Echoes) -> float:
         "hp_cutoff_hz": p.receiver.hp_cutoff_hz,
         "aaf_cutoff_hz": p.receiver.aaf_cutoff_hz,
     }
-    exact = reference(p.chirp, p.antenna.rx_positions_m, subset, **cutoffs)
+    exact = reference(p.chirp, p.antenna.array, subset, **cutoffs)
     out = np.empty(exact.shape)
     synthesizer(p, "direct", p.tolerance).synthesize(subset, out)
     return _error(out, exact.astype(np.float64))
@@ -155,7 +154,7 @@ def _city_park(result: BenchmarkResult, *, views: int) -> None:
     parameters, tolerance = radar_parameters(), 1e-3
     case = scene_case("city_park", views=views, seed=1)
     radar = radar_view(case.world, parameters)
-    shape = (len(parameters.antenna.rx_positions_m), parameters.chirp.chirps, parameters.chirp.samples)
+    shape = parameters.raw_shape
     exact, out = np.empty(shape), np.empty(shape)
     transform, direct = synthesizer(parameters, "nufft", tolerance), synthesizer(parameters, "direct", tolerance)
     times_s = [np.inf] * len(case.views)
