@@ -20,6 +20,7 @@ from sim.radar.chirp import Chirp
 
 _Frequency = Annotated[float, Field(gt=0.0, le=1e12)]
 _Seconds = Annotated[float, Field(ge=0.0, le=1e-3)]
+_Number = Annotated[int, Field(ge=1, le=12)]
 _SLACK = 1.0 + 1e-9
 
 
@@ -35,7 +36,13 @@ class Board(StrictModel):
     min_idle_s: _Seconds
     max_chirps: Annotated[int, Field(ge=2, le=1 << 20)]  # of a frame
     max_capture_bps: Annotated[float, Field(gt=0.0, le=1e12)]  # samples of 16 bits from the capture card
+    tx_numbers: Annotated[tuple[_Number, ...], Field(min_length=1)] = tuple(range(1, 13))  # as they transmit, by name
     lvds_lanes: Literal[2, 4] = 2  # to the capture card, which orders its samples by them (sim/radar/dca1000.py)
+
+    def tx_mask(self, turn: int, transmitters: int, turns: int) -> int:
+        """Return the transmitters of a chirp as bits, bit 0 for TX1. `turn`: of the `turns` chirps of a loop."""
+        numbers = self.tx_numbers[:transmitters] if turns == 1 else self.tx_numbers[turn : turn + 1]
+        return sum(1 << (number - 1) for number in numbers)
 
     @model_validator(mode="after")
     def _band_rises(self) -> Board:
